@@ -18,7 +18,7 @@ from supersampler_bench.fsr2 import inverse_tonemap, lerp, saturate, shifted
 EASU, EASU_RCAS = "easu", "easu-rcas"
 """Names of the methods in `bench quality`: edge-adaptive upsampling alone, and with sharpening after it."""
 SHARPNESS = 0.2
-"""Of RCAS, stops: 0 is the sharpest. The default of AMD's sample."""
+"""Sharpness of RCAS in stops below the sharpest, 0; the default of AMD's sample."""
 _RCAS_LIMIT = 0.25 - 1.0 / 16.0  # FSR_RCAS_LIMIT
 _TAPS = ((0, -1), (1, -1), (-1, 0), (0, 0), (1, 0), (2, 0), (-1, 1), (0, 1), (1, 1), (2, 1), (0, 2), (1, 2))
 """The 12 texels (x, y) around a position whose upper left neighbour is (0, 0)."""

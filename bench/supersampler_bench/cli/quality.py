@@ -109,7 +109,7 @@ def extrapolation(
     shot: SHOT,
     methods: METHODS = "classifier,taau",
     models: Annotated[
-        str, typer.Option(help="That extrapolate: shipped models or model folders, likewise.")
+        str, typer.Option(help="Extrapolation models, shipped ones or model folders, with commas between.")
     ] = "guided-warp",
     alternation: Annotated[
         str, typer.Option(help="Unshaded frames to a shaded one, with commas between.")

@@ -91,8 +91,8 @@ class Rendered:
         jitter: (x, y) render pixels, in [-0.5, 0.5].
         reset: True on the first frame after a cut.
         exposure: factor of the colour before the tone curve.
-        samples_truth: of the samples of `color`: 0 or 1, but for the light; None if it was not asked for.
-        truth: of the reference; None likewise.
+        samples_truth: truth of the samples of `color`, 0 or 1 but for the light; None unless requested.
+        truth: truth of the reference's pixels; None unless requested.
     """
 
     color: Float16

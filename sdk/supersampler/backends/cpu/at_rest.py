@@ -74,13 +74,13 @@ def next_generation() -> int:
 
 @dataclass
 class RestState:
-    """The history of what stands still. Arrays but the mean are never written again: histories share them.
+    """The history of static blocks. Arrays other than the mean are never written again: histories share them.
 
     Attributes:
         display, render: sizes of the image and of the frame.
         ages: (down, across) frames since a block changed, negative where it is frozen.
-        tests: (3, down, across) see `RestHistory` of the torch module.
-        phases: (phases, 4) likewise.
+        tests: (3, down, across) sums of three tests; see `RestHistory` of the torch module.
+        phases: (phases, 4) the table of jitters; see `RestHistory`.
         signatures: of each phase, (4, down, across); None where there is none.
         mean: (H, W, 4); None before the first samples. Where a block's age is 0, it means nothing.
         generations: (rows, columns) of tiles; in two histories equal ones mean an equal mean.
@@ -163,13 +163,13 @@ class _Seen(NamedTuple):
     dark: float  # linear light below which differences do not show
 
 
-class Stillness(NamedTuple):
+class StaticBlocks(NamedTuple):
     """Masks and values of each block of a frame, (down, across); same as `StaticBlocks` in ops/at_rest.py."""
 
     cycle: Cycle
     noisy: bool
     known: Bool
-    stands: Bool
+    static: Bool
     moves: Bool
     verifies: Bool
     adds: Bool
@@ -183,7 +183,7 @@ class Stillness(NamedTuple):
     @classmethod
     def of_all(
         cls, cycle: Cycle, noisy: bool, history: RestState, following: RestState, *, moves: bool
-    ) -> "Stillness":
+    ) -> "StaticBlocks":
         """Write the next history but for its mean where every block moves, or else every one stays frozen."""
         shape, blank = history.ages.shape, np.zeros_like(history.tests)
         all_of_them, none = np.ones(shape, bool), np.zeros(shape, bool)
@@ -197,11 +197,11 @@ class Stillness(NamedTuple):
             cycle, noisy, staying, staying, moving, none, none, staying, ages, blank, shares, staying, none
         )
 
-    def write(self, history: RestState, following: RestState, signature: Float32) -> "Stillness":
+    def write(self, history: RestState, following: RestState, signature: Float32) -> "StaticBlocks":
         """Write the next history but for its mean; return what is shown and frozen, too."""
         cycle = self.cycle
         periods = self.ages / max(cycle.period, 1.0) * (cycle.period > 0.0)
-        steady = (self.tests.max(axis=0) <= 0.0) & self.stands
+        steady = (self.tests.max(axis=0) <= 0.0) & self.static
         fade = np.clip((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM), 0.0, 1.0) * (steady & ~self.adds)
         shares = np.where(self.ages > 0.0, -1.0, 0.0) if self.noisy else np.where(self.stays, 2.0, fade)
         due = self.verifies & (periods >= 2.0)
@@ -213,7 +213,7 @@ class Stillness(NamedTuple):
         following.tests = np.where(due, np.float32(0.0), self.tests).astype(np.float32)
         following.render, following.phases = history.render, cycle.phases
         following.signatures = list(history.signatures)
-        kept, reference = self.known & self.stands, history.signatures[cycle.slot]
+        kept, reference = self.known & self.static, history.signatures[cycle.slot]
         if cycle.counts and not (kept | self.moves).all():
             following.signatures[cycle.slot] = (
                 signature if reference is None else np.where(kept, reference, signature)
@@ -290,7 +290,7 @@ class AtRest:
 
     def compare(
         self, frame: Frame, inputs: FrameInputs, history: RestState, following: RestState, adds_samples: float
-    ) -> Stillness:
+    ) -> StaticBlocks:
         """Compare each block with its signature of this phase; write the next history but for its mean.
 
         Args:
@@ -307,7 +307,7 @@ class AtRest:
         cycle = follow_jitter(frame.jitter, history.phases, sampled=sampled, noisy=noisy)
         moving, signature = self._signatures(frame, inputs)
         if moving.all():
-            return Stillness.of_all(cycle, noisy, history, following, moves=True)
+            return StaticBlocks.of_all(cycle, noisy, history, following, moves=True)
         seen = _Seen(frame, inputs, cycle, sampled, noisy, moving, signature, DARK / inputs.exposure)
         age, was_frozen = np.abs(history.ages), history.ages < 0.0
         known = (age >= cycle.age) & (cycle.age > 0.0 and sampled and not noisy)
@@ -315,23 +315,23 @@ class AtRest:
         if sampled:
             changed = changed | (was_frozen & ~known)
         if was_frozen.all() and not (changed.any() or moving.any()):
-            return Stillness.of_all(cycle, noisy, history, following, moves=False)
+            return StaticBlocks.of_all(cycle, noisy, history, following, moves=False)
         restarts, moves = (dilated(mask, 1) if mask.any() else mask for mask in (changed, moving))
-        stands = ~(moves | restarts)
-        verifies = known & stands & ~was_frozen & cycle.counts
-        still = Stillness(
+        static = ~(moves | restarts)
+        verifies = known & static & ~was_frozen & cycle.counts
+        blocks = StaticBlocks(
             cycle=cycle,
             noisy=noisy,
             known=known,
-            stands=stands,
+            static=static,
             moves=moves,
             verifies=verifies,
             adds=~moves & (restarts | ~known) & cycle.counts,
-            stays=was_frozen & stands,
-            ages=np.minimum((age * stands + cycle.counts) * ~moves, OLDEST).astype(np.float32),
-            tests=self._tests(seen, history, verifies, np.where(stands, drift, np.float32(0.0))),
+            stays=was_frozen & static,
+            ages=np.minimum((age * static + cycle.counts) * ~moves, OLDEST).astype(np.float32),
+            tests=self._tests(seen, history, verifies, np.where(static, drift, np.float32(0.0))),
         )
-        return still.write(history, following, signature)
+        return blocks.write(history, following, signature)
 
     def _changed(self, seen: "_Seen", history: RestState, known: Bool) -> tuple[Bool, Float32]:
         """Return the blocks that changed, and the mean residuals of noisy samples, or else the tests."""
@@ -409,7 +409,7 @@ class AtRest:
         inputs: FrameInputs,
         history: RestState,
         following: RestState,
-        still: Stillness,
+        blocks: StaticBlocks,
         image: Float32,
         generation: int,
         held: NDArray[np.int64],
@@ -421,33 +421,33 @@ class AtRest:
             inputs: its arrays.
             history: of the previous frame.
             following: the next history.
-            still: from `compare`.
+            blocks: from `compare`.
             image: (H, W, 3) the method's own.
             generation: of the tiles that are written.
             held: generations of the tiles of the mean that `following` holds.
         """
-        if not still.active:
+        if not blocks.active:
             following.generations = held
             return
-        generations = self._add_samples(frame, inputs, history, following, still, generation, held)
-        self._show_mean(frame, following, still, image)
+        generations = self._add_samples(frame, inputs, history, following, blocks, generation, held)
+        self._show_mean(frame, following, blocks, image)
         following.generations = generations
 
-    def _show_mean(self, frame: Frame, following: RestState, still: Stillness, image: Float32) -> None:
+    def _show_mean(self, frame: Frame, following: RestState, blocks: StaticBlocks, image: Float32) -> None:
         """Fade the image to the mean, and write what freezes to the mean."""
         display, render = following.display, frame.size
-        shown = still.shares != 0.0
+        shown = blocks.shares != 0.0
         if not shown.any():
             return
-        at, complete = blocks_at(display, render), still.complete.astype(np.float32)
-        cycle = still.cycle if ((still.shares > 0.0) & (still.shares <= 1.0)).any() else None
+        at, complete = blocks_at(display, render), blocks.complete.astype(np.float32)
+        cycle = blocks.cycle if ((blocks.shares > 0.0) & (blocks.shares <= 1.0)).any() else None
         across, row_moments = (moments_of(cycle, axis, display[axis], render[axis]) for axis in (0, 1))
         pitch = up_to(display[0], LANES)
         column_moments = aligned((len(across), 2, pitch))
         column_moments[..., : display[0]] = across.transpose(0, 2, 1)
         packed = pack(
             ShownMean(
-                following.allocated_mean(), image, still.shares, complete, at.rows, at.columns,
+                following.allocated_mean(), image, blocks.shares, complete, at.rows, at.columns,
                 row_moments, column_moments, len(row_moments), pitch, complete.shape[1], *display,
                 NOISE_WEIGHT,
             )
@@ -457,8 +457,8 @@ class AtRest:
         self._pool.run_rects(
             "rest", boxes, lambda box, worker: self._show(packed, address(scratch[worker]), *box)
         )
-        if still.freezes.any():
-            frozen, tiles = still.freezes.astype(np.uint8), any_in_tiles(still.freezes, display, render)
+        if blocks.freezes.any():
+            frozen, tiles = blocks.freezes.astype(np.uint8), any_in_tiles(blocks.freezes, display, render)
             boxes = scaled(runs_of(tiles), TILE, display)
             self._pool.run_rects("rest", boxes, lambda box, _: self._freeze(packed, address(frozen), *box))
 
@@ -468,19 +468,19 @@ class AtRest:
         inputs: FrameInputs,
         history: RestState,
         following: RestState,
-        still: Stillness,
+        blocks: StaticBlocks,
         generation: int,
         held: NDArray[np.int64],
     ) -> NDArray[np.int64]:
         """Write the next mean but for what freezes; return the generations of its tiles."""
         display, render = following.display, frame.size
         same = history.render == render
-        if not (still.adds.any() or still.freezes.any()) and np.array_equal(held, history.generations):
+        if not (blocks.adds.any() or blocks.freezes.any()) and np.array_equal(held, history.generations):
             return held
-        before = np.abs(history.ages) > 0.0 if same else np.zeros(still.ages.shape, bool)
-        begins = still.adds & ~(still.stands & before)
-        modes = np.where(still.adds, np.where(begins, RESTARTS, ADDS), np.where(still.ages > 0.0, KEEPS, 0))
-        written = any_in_tiles(still.adds | still.freezes, display, render)
+        before = np.abs(history.ages) > 0.0 if same else np.zeros(blocks.ages.shape, bool)
+        begins = blocks.adds & ~(blocks.static & before)
+        modes = np.where(blocks.adds, np.where(begins, RESTARTS, ADDS), np.where(blocks.ages > 0.0, KEEPS, 0))
+        written = any_in_tiles(blocks.adds | blocks.freezes, display, render)
         stale = any_in_tiles(modes != 0, display, render) & (held != history.generations)
         generations = np.where(written, generation, np.where(stale, history.generations, held))
         tiles, packed_modes = written | stale, modes.astype(np.uint8)
@@ -493,7 +493,7 @@ class AtRest:
         packed = pack(
             AddedSamples(
                 inputs.color, history.allocated_mean(), following.allocated_mean(), rows, row_weights,
-                columns, column_weights, at.rows, at.columns, packed_modes, render[0], still.ages.shape[1],
+                columns, column_weights, at.rows, at.columns, packed_modes, render[0], blocks.ages.shape[1],
                 display[0],
             )
         )  # fmt: skip

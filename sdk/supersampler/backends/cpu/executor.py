@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import StepReport
-from supersampler.backends.cpu.at_rest import AT_REST_KERNELS, AtRest, Stillness, next_generation
+from supersampler.backends.cpu.at_rest import AT_REST_KERNELS, AtRest, StaticBlocks, next_generation
 from supersampler.backends.cpu.frame_preprocess import (
     MEASURE,
     AuxOutputs,
@@ -49,7 +49,7 @@ class Step(NamedTuple):
         output: the other outputs.
         tiles: the tiles to compute.
         resting: (rows, columns) tiles whose history is kept, whether they are computed or not.
-        still: what stands still; None where the method does not ask.
+        blocks: static blocks of the frame; None for methods without convergence.
     """
 
     frame: Frame
@@ -59,7 +59,7 @@ class Step(NamedTuple):
     output: Output
     tiles: Tiles
     resting: Bool
-    still: Stillness | None
+    blocks: StaticBlocks | None
 
     @property
     def display(self) -> Size:
@@ -124,13 +124,13 @@ class CpuExecutor(ABC, Generic[Space]):
         inputs, own, aux = frame_inputs(frame), self.own_size(display), AuxOutputs(aux_outputs, display)
         exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
         inputs = with_exposure(inputs, abs(exposure))
-        still, generation = (
+        blocks, generation = (
             self._compare(frame, inputs, history, next_history, adds_samples),
             next_generation(),
         )
         resting = np.zeros(next_history.generations.shape, bool)
-        if still is not None and still.stays.any():
-            resting = still.resting(own, frame.size)
+        if blocks is not None and blocks.stays.any():
+            resting = blocks.resting(own, frame.size)
         held = next_history.begin_step()
         leaves_out = skip and "weight" not in aux_outputs  # AOVs may change where no colour does
         tiles = Tiles(~resting if leaves_out else np.ones_like(resting))
@@ -145,15 +145,15 @@ class CpuExecutor(ABC, Generic[Space]):
                 aux,
                 tiles=tiles,
                 resting=resting,
-                still=still,
+                blocks=blocks,
                 display=display,
             )
             next_history.frame_generation = generation
         self._keep(history, next_history, tiles, resting, generation, held)
-        if still is not None and history.rest is not None and next_history.rest is not None:
-            rested = history.rest, next_history.rest, still
+        if blocks is not None and history.rest is not None and next_history.rest is not None:
+            rested = history.rest, next_history.rest, blocks
             self._rest.show(frame, inputs, *rested, image, generation, held.mean)
-            aux.fill("converged", still.frozen, frame.size)
+            aux.fill("converged", blocks.frozen, frame.size)
         if frame.pre_exposure != 1.0:
             self._multiply(image, frame.pre_exposure)
         return StepReport(aux.results(), dict(stages))
@@ -164,7 +164,7 @@ class CpuExecutor(ABC, Generic[Space]):
 
     def _compare(
         self, frame: Frame, inputs: FrameInputs, history: CpuHistory, next_history: CpuHistory, adds: float
-    ) -> Stillness | None:
+    ) -> StaticBlocks | None:
         if history.rest is None or next_history.rest is None:
             return None
         return self._rest.compare(frame, inputs, history.rest, next_history.rest, adds)
@@ -180,13 +180,13 @@ class CpuExecutor(ABC, Generic[Space]):
         *,
         tiles: Tiles,
         resting: Bool,
-        still: Stillness | None,
+        blocks: StaticBlocks | None,
         display: Size,
     ) -> None:
         """Compute tiles of the method's own image and next history."""
         output = aux.output(next_history.tiled()[0][1], image)
         with self._spaces.borrow(frame.size, display) as space:
-            step = Step(frame, inputs, history, next_history, output, tiles, resting, still)
+            step = Step(frame, inputs, history, next_history, output, tiles, resting, blocks)
             self._compute_tiles(step, space)
 
     def _keep(

@@ -210,7 +210,8 @@ class BlockSums(NamedTuple):
         color: (height, width, 3) linear RGB.
         mean: (display height, display width, 4).
         rows, row_weights: (height, 2) rows of the display around each row of samples, and their weights.
-        columns, column_weights: (width, 2) likewise.
+        columns, column_weights: (width, 2) columns of the display around each column of samples, and their
+            weights.
         row_blocks, column_blocks: block of each row and column of the display.
         ages: (down, across) of blocks before this frame; where 0, there is no mean.
         wanted: (down, across) 1 for blocks to sum.
@@ -244,8 +245,9 @@ class AddedSamples(NamedTuple):
     Attributes:
         color: (h, samples_across, 3) linear RGB.
         before, after: (height, width, 4) the mean before this frame, and after it.
-        rows, row_weights: (height, 2) samples around each row of the display, and their weights.
-        columns, column_weights: (width, 2) likewise.
+        rows, row_weights: (height, 2) rows of samples around each row of the display, and their weights.
+        columns, column_weights: (width, 2) columns of samples around each column of the display, and their
+            weights.
         row_blocks, column_blocks: see `BlockSums`.
         modes: (down, across) of KEEPS, ADDS, RESTARTS, or 0.
         samples_across: width of the frame.
@@ -278,7 +280,7 @@ class ShownMean(NamedTuple):
         row_blocks, column_blocks: see `BlockSums`.
         row_moments: (phases, height, 2) weight of the samples near each row in each phase, and this times
             their offset.
-        column_moments: (phases, 2, pitch) likewise.
+        column_moments: (phases, 2, pitch) the same moments of the samples near each column.
         phases: of the jitter's period.
         pitch: width, rounded up to whole vectors.
         across: blocks of a row.

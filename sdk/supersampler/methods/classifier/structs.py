@@ -123,7 +123,7 @@ class Guide(NamedTuple):
         base_color, normal: (height, width, 3) of the display.
         depth: (height, PAD + pitch + PAD) of the display, -1 where it is unusable.
         before: (height, width, 4) reflectance of the history; 255 is one.
-        next: likewise, as words, written to.
+        next: (height, width) reflectance of the next history, four bytes a word; written to.
         normal_scale, color_scale: of features; their squared distance is an exponent.
         depth_scale: of the squared relative difference of depth.
         min_reflectance: see GuidedConfig.

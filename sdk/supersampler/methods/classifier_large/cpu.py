@@ -1,6 +1,6 @@
 """CPU backend of `classifier-large`: that of `classifier` on a larger display, and a filter."""
 
-from supersampler.backends.cpu.at_rest import Stillness
+from supersampler.backends.cpu.at_rest import StaticBlocks
 from supersampler.backends.cpu.frame_preprocess import AuxOutputs
 from supersampler.backends.cpu.history import CpuHistory
 from supersampler.backends.cpu.kernel_loader import load_kernels
@@ -42,7 +42,7 @@ class LargeCpu(ClassifierCpu):
         *,
         tiles: Tiles,
         resting: Bool,
-        still: Stillness | None,
+        blocks: StaticBlocks | None,
         display: Size,
     ) -> None:
         """See `CpuExecutor`."""
@@ -58,7 +58,7 @@ class LargeCpu(ClassifierCpu):
                 own,
                 tiles=tiles,
                 resting=resting,
-                still=still,
+                blocks=blocks,
                 display=large,
             )
             self._downsample(tables, exposure, image)

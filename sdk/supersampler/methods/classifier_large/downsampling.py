@@ -67,11 +67,11 @@ class Downsampling(NamedTuple):
 
     Attributes:
         image: (large height, large_width, 3) linear RGB.
-        output: (height, width, 3) likewise, written to.
+        output: (height, width, 3) linear RGB; written to.
         rows: (height, TAPS) rows of the image that a row of the display reads.
-        row_weights: (height, TAPS).
-        columns: (TAPS, pitch) likewise for columns.
-        column_weights: (TAPS, pitch).
+        row_weights: (height, TAPS) weights of these rows.
+        columns: (TAPS, pitch) columns of the image that a column of the display reads.
+        column_weights: (TAPS, pitch) weights of these columns.
         width: of the display.
         pitch: width, rounded up to whole vectors.
         large_width, large_height: of the image.

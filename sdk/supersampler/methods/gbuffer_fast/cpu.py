@@ -28,8 +28,8 @@ class GuidedFrame(ResampledFrame):
     """A resampled frame, and buffers for its surfaces.
 
     Attributes:
-        surfaces: (render height, SURFACE_PLANES, padded width); see `Guide`.
-        depth: (display height, PAD + pitch + PAD) likewise.
+        surfaces: (render height, SURFACE_PLANES, padded width) the samples; see `Guide`.
+        depth: (display height, PAD + pitch + PAD) depth of the display's pixels; see `Guide`.
     """
 
     def __init__(

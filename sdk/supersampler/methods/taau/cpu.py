@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.at_rest import (
-    Stillness,
+    StaticBlocks,
     blocks_at,
     nearest_pixels,
     spread,
@@ -93,21 +93,22 @@ class TaauScratch(NamedTuple):
     out: Floats
 
 
-def compared(still: Stillness) -> Bool:
+def compared_blocks(blocks: StaticBlocks) -> Bool:
     """Return the blocks that are compared with the history, (down, across)."""
-    return ~still.moves & ~still.stays
+    return ~blocks.moves & ~blocks.stays
 
 
-def samples_kept(sums: Float32, still: Stillness, config: Mapping[str, float]) -> Float32 | None:
+def samples_kept(sums: Float32, blocks: StaticBlocks, config: Mapping[str, float]) -> Float32 | None:
     """Return the number of samples of the history that are kept, (down, across) blocks; None if all are.
 
     Args:
         sums: (6, down, across) by the kernel `compare_with_history`.
-        still: what stands still.
+        blocks: static blocks of the frame.
         config: constants of the model.
     """
-    rows, columns = windows_around(compared(still))
-    free, side = compared(still)[rows, columns], WINDOWS[1]
+    free, side = compared_blocks(blocks), WINDOWS[1]
+    rows, columns = windows_around(free)
+    free = free[rows, columns]
     sums = sums[:, rows, columns]
     difference, level = sums.reshape(2, 3, *free.shape) / np.float32((BLOCK // LAG_STEP) ** 2)
     values = np.concatenate([difference, np.square(difference), level, free[None]]) * free
@@ -122,7 +123,7 @@ def samples_kept(sums: Float32, still: Stillness, config: Mapping[str, float]) -
     least = config["lag_samples"] / MOST_SAMPLES
     limited = (count >= LEAST_BLOCKS * side * side) & (excess > least)
     kept = np.where(limited, config["lag_samples"] / np.maximum(excess, least), MOST_SAMPLES)
-    whole = np.full(still.stays.shape, MOST_SAMPLES, np.float32)
+    whole = np.full(blocks.stays.shape, MOST_SAMPLES, np.float32)
     whole[rows, columns] = np.where(free, spread(kept, side, free.shape), MOST_SAMPLES)
     return whole if (whole < MOST_SAMPLES).any() else None
 
@@ -233,8 +234,8 @@ class TaauCpu(CpuExecutor[_Space]):
     def _kept(self, step: Step, space: _Space) -> tuple[Float32, NDArray[np.int32], int, int]:
         """Return the last members of `TaauHistoryInput`."""
         at, kept = blocks_at(step.display, step.frame.size), None
-        if step.still is not None and (blocks := compared(step.still)).any():
-            kept = samples_kept(self._difference(step, space, blocks), step.still, self._config)
+        if step.blocks is not None and (compared := compared_blocks(step.blocks)).any():
+            kept = samples_kept(self._difference(step, space, compared), step.blocks, self._config)
         if kept is None:
             return NO_MASK, at.rows, 0, 0
         across = aligned((len(kept), up_to(step.display[0], LANES)))
