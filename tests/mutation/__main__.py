@@ -1,24 +1,20 @@
 """Mutate a random sample of places and print the changes that no test notices.
 
 MUTATIONS=300 places, run from the FIRST=1 on, at most MINUTES=60 minutes, SEED=0, ONLY=part of a path.
-Results are kept in out/mutation: the same mutant is not run again while its file and tests are the same.
+The map of lines that tests run is kept in out/mutation.
 """
 
-import hashlib
-import json
 import os
 import sys
 import time
 import tomllib
 from collections import Counter
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from mutation.coverage_map import CoverageMap, files_of, hash_of, record, targets_of
+from mutation.coverage_map import CoverageMap, record, targets_of
 from mutation.mutants import Mutant, mutants_of, sample
 from mutation.session import Outcome, copy_tree, in_child, preload, run_tests
-from mutation.targets import EXCLUDED, TESTS
 
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "out" / "mutation"
@@ -28,61 +24,11 @@ BUDGET = 15.0
 KILLED, SURVIVED, UNREACHED = "killed", "survived", "no test runs it"
 
 
-@dataclass(frozen=True)
-class StepResult:
-    """Result of a mutant.
-
-    Attributes:
-        outcome: KILLED, SURVIVED or UNREACHED.
-        by: the test that noticed.
-        after: hash of what the outcome depends on beside the mutated file.
-    """
-
-    outcome: str
-    by: str
-    after: str
-
-
-class Results:
-    """Results of earlier runs, by mutant, in a file that is added to line by line."""
-
-    def __init__(self, file: Path) -> None:
-        self.file = file
-        self.all_tests = hash_of(*(TREE / path for path in files_of(TREE, TESTS, EXCLUDED)))
-        self.known: dict[str, StepResult] = {}
-        for line in file.read_text().splitlines() if file.exists() else ():
-            entry = json.loads(line)
-            mutant = entry.pop("mutant")
-            self.known[mutant] = StepResult(**entry)
-
-    def find(self, mutant: str) -> StepResult | None:
-        """Return a result that still holds: the killing test is as it was, or all tests are."""
-        result = self.known.get(mutant)
-        return result if result and result.after == self._state(result) else None
-
-    def add(self, mutant: str, outcome: str, by: str) -> StepResult:
-        """Keep a result."""
-        result = StepResult(outcome, by, self._state(StepResult(outcome, by, "")))
-        self.known[mutant] = result
-        with self.file.open("a") as file:
-            file.write(json.dumps({"mutant": mutant, **vars(result)}) + "\n")
-        return result
-
-    def _state(self, result: StepResult) -> str:
-        test = TREE / result.by.split("::")[0].removesuffix(" (import)")
-        return hash_of(test) if result.outcome == KILLED and test.is_file() else self.all_tests
-
-
-def key_of(mutant: Mutant) -> str:
-    """Name of a mutant: the text of the file with it."""
-    return hashlib.sha256(mutant.applied((TREE / mutant.path).read_bytes())).hexdigest()[:24]
-
-
-def examine(mutant: Mutant, tests: CoverageMap, importers: dict[str, list[str]]) -> tuple[str, str]:
+def examine(mutant: Mutant, tests: CoverageMap) -> tuple[str, str]:
     """Return the outcome of a mutant, and the test that noticed it or what was left out."""
     chosen: list[str] = []
     total = 0.0
-    for test in (found := tests.tests_for(mutant, importers[mutant.path])):
+    for test in (found := tests.tests_for(mutant)):
         total += tests.seconds[test]
         if chosen and total > BUDGET:
             break
@@ -93,30 +39,17 @@ def examine(mutant: Mutant, tests: CoverageMap, importers: dict[str, list[str]])
     source = file.read_bytes()
     try:
         file.write_bytes(mutant.applied(source))
-        limit = 30.0 + 4.0 * min(total, BUDGET)
-        outcome = in_child(partial(_tested, chosen), limit, LOG)
+        outcome = in_child(partial(_tested, chosen), 30.0 + 4.0 * min(total, BUDGET), LOG)
     finally:
         file.write_bytes(source)
+    if outcome.failed:
+        return KILLED, outcome.failed
     left_out = len(found) - len(chosen)
-    return (
-        (KILLED, outcome.failed)
-        if outcome.failed
-        else (SURVIVED, f"{left_out} slow tests left out" * bool(left_out))
-    )
+    return SURVIVED, f"{left_out} slow tests left out" * bool(left_out)
 
 
 def _tested(tests: list[str]) -> Outcome:
     return run_tests(TREE, ["-x", *tests], [])
-
-
-def importers_of(targets: list[str]) -> dict[str, list[str]]:
-    """Return, for each target, those that import it."""
-    texts = {path: (TREE / path).read_text(encoding="utf-8") for path in targets}
-    names = {path: ".".join(Path(path).with_suffix("").parts[1:]) for path in targets}
-    return {
-        path: [other for other, text in texts.items() if f"from {name} import" in text]
-        for path, name in names.items()
-    }
 
 
 def equivalents() -> set[tuple[str, ...]]:
@@ -151,37 +84,23 @@ def main() -> None:
     copy_tree(ROOT, TREE)
     preload()
     tests = record(TREE, OUT / "coverage.json", LOG)
-    targets = [path for path in targets_of(TREE) if settings("ONLY", "") in path]
-    importers, results = importers_of(targets_of(TREE)), Results(OUT / "results.jsonl")
-    mutants = chosen_mutants(targets, count, seed)
-    done: list[tuple[Mutant, StepResult]] = []
-    for i, mutant in list(enumerate(mutants, 1))[first - 1 :]:
-        started, key = time.monotonic(), key_of(mutant)
-        if started > end:
-            print("out of time; the same command goes on from here")
+    mutants = chosen_mutants([path for path in targets_of(TREE) if settings("ONLY", "") in path], count, seed)
+    survivors: list[str] = []
+    counts = Counter[str]()
+    for number, mutant in list(enumerate(mutants, 1))[first - 1 :]:
+        if (started := time.monotonic()) > end:
+            print(f"out of time; FIRST={number} goes on from here")
             break
-        result = results.find(key) or results.add(key, *examine(mutant, tests, importers))
-        done.append((mutant, result))
-        seconds = f"{time.monotonic() - started:5.1f} s"
-        print(
-            f"[{i:3}/{len(mutants)}] {seconds} {result.outcome:8} {_said(mutant)}  ({result.by})", flush=True
-        )
-    _report(done)
-
-
-def _said(mutant: Mutant) -> str:
-    return f"{mutant.path}:{mutant.line} {mutant.where}: {mutant.before}  ->  {mutant.after}"
-
-
-def _report(done: list[tuple[Mutant, StepResult]]) -> None:
-    counts = Counter(result.outcome for _, result in done)
-    survivors = [(mutant, result) for mutant, result in done if result.outcome != KILLED]
-    print("\nsurvivors:" if survivors else "\nno survivors")
-    for mutant, result in sorted(survivors, key=lambda s: (s[0].path, s[0].line)):
-        print(f"  {_said(mutant)}  ({result.by or result.outcome})")
-    if done:
-        share = 100.0 * len(survivors) / len(done)
-        print(f"{len(survivors)} of {len(done)} mutants survive ({share:.1f} %): {dict(counts)}")
+        outcome, note = examine(mutant, tests)
+        counts[outcome] += 1
+        said = f"{mutant.path}:{mutant.line} {mutant.where}: {mutant.before}  ->  {mutant.after}  ({note})"
+        survivors += [said] if outcome != KILLED else []
+        seconds = time.monotonic() - started
+        print(f"[{number:3}/{len(mutants)}] {seconds:5.1f} s {outcome:8} {said}", flush=True)
+    print("\nsurvivors:", *sorted(survivors), sep="\n  ")
+    if done := counts.total():
+        share = 100.0 * len(survivors) / done
+        print(f"{len(survivors)} of {done} mutants survive ({share:.1f} %): {dict(counts)}")
 
 
 if __name__ == "__main__":

@@ -89,20 +89,18 @@ class CoverageMap:
     seconds: dict[str, float]
     lines: dict[str, dict[int, set[str]]]
 
-    def tests_for(self, mutant: Mutant, importers: Iterable[str]) -> list[str]:
-        """Return the tests for a change, the most promising first: those that run its line, quick ones first.
+    def tests_for(self, mutant: Mutant) -> list[str]:
+        """Return the tests for a change, quick ones first: those that run its line.
 
-        What runs on import may be noticed by whatever runs the module or one that imports it: first by those
-        that run most of it for their time.
+        A change that runs on import may be noticed by any test that runs its module; those that run more of
+        it come first.
         """
         here, (first, last) = self.lines.get(mutant.path, {}), mutant.lines
         if not mutant.on_import:
             tests = {test for line in range(first, last + 1) for test in here.get(line, ())}
             return sorted(tests, key=lambda test: (self.seconds[test], test))
         run = Counter(test for found in here.values() for test in found)
-        beside = [self.lines.get(module, {}) for module in importers]
-        tests = {*run, *(test for lines in beside for found in lines.values() for test in found)}
-        return sorted(tests, key=lambda test: ((0.1 + self.seconds[test]) / (1 + run[test]), test))
+        return sorted(run, key=lambda test: ((0.1 + self.seconds[test]) / run[test], test))
 
 
 def record(tree: Path, kept: Path, log: Path) -> CoverageMap:
