@@ -172,23 +172,6 @@ def test_an_image_is_not_written_over_what_the_step_reads() -> None:
     np.testing.assert_array_equal(apart, Upscaler(upscaler.model, display_size=SIZE).step(GOOD))
 
 
-def test_tensors_that_cannot_be_a_frame_are_refused_and_the_history_stays() -> None:
-    model = shared_model("taau", executor="onnx")
-    disturbed, innocent = (Upscaler(model, display_size=SIZE, validate="off") for _ in range(2))
-    for upscaler in (disturbed, innocent):
-        upscaler.step_tensors(TENSORS, jitter=GOOD.jitter)
-    color = TENSORS["color"]
-    hostile: list[dict[str, Any]] = [
-        {"color": color[:, :, :0]}, {"color": color[0]}, {"depth": color}, {"motion": None},
-    ]  # fmt: skip
-    for spoilt in hostile:
-        with pytest.raises(FrameError, match=f"frame.{next(iter(spoilt))} is"):
-            disturbed.step_tensors({**TENSORS, **spoilt}, jitter=GOOD.jitter)
-    with pytest.raises(ArgumentError, match="out is memory of the frame"):
-        disturbed.step_tensors(TENSORS, jitter=GOOD.jitter, out=color)
-    np.testing.assert_array_equal(disturbed.step(GOOD), innocent.step(GOOD))
-
-
 def test_a_history_of_another_model_or_size_is_refused() -> None:
     """Kernels read of it what their own histories have."""
     taau, taa = shared_model("taau"), shared_model("taa")

@@ -1,6 +1,5 @@
 """A model that looks at two shaded frames, driven by its model.json alone."""
 
-import json
 from collections.abc import Callable
 from typing import Any
 
@@ -85,17 +84,6 @@ def test_light_that_moves_is_extrapolated_better_than_by_guided_warp() -> None:
     )
     truth = Upscaler("bilinear", display_size=DISPLAY).step(frame(3))
     assert np.square(flow - truth).mean() < np.square(plain - truth).mean()
-
-
-def test_the_folder_says_what_it_is() -> None:
-    described = json.loads((FOLDER / "model.json").read_text())
-    assert described["method"] == "guided-flow"
-    assert described["network"]["multiply_adds"] > 0
-    assert described["image"]["shape"] == [1, 3, "render_height", "render_width"]
-    assert "network.onnx" in described["files"]
-    assert "aovs.onnx" not in described["files"]
-    assert all(size["difference"] <= 1e-4 for size in described["parity"]["sizes"])
-    assert "at render size, for an upscaler to step on" in (FOLDER / "MODEL_CARD.md").read_text()
 
 
 def test_an_upscaler_steps_on_colors_extrapolated_from_two_shaded_frames(make: Any) -> None:

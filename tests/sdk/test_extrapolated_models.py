@@ -83,11 +83,6 @@ def test_each_kind_of_frame_has_its_graph_and_both_have_one_history(
         np.testing.assert_array_equal(array, b[name])
 
 
-def test_a_model_without_one_steps_on_extrapolated_frames_itself(classifier: Model) -> None:
-    assert classifier.on_extrapolated is classifier
-    assert classifier.info.extrapolated is None
-
-
 def test_both_graphs_run_alike(folder: Path, joint: Model) -> None:
     assert joint.on_extrapolated is not joint
     assert joint.executor == joint.on_extrapolated.executor == "onnx"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gbuffer_method import DARK, RATIO, WANTED, exported, gbuffers, lit
 from noise import noise
-from supersampler import ArgumentError, Conventions, Frame, FrameError, Model, RawFrame, Upscaler
+from supersampler import Conventions, Frame, FrameError, Model, RawFrame, Upscaler
 from supersampler.backends.onnx.session import image_of, planes_of
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.errors import FrameWarning
@@ -34,11 +34,6 @@ def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def model(gbuffer_model: Path) -> Model:
     return Model.load(gbuffer_model, threads=1)
-
-
-@pytest.fixture(scope="module")
-def capturing(gbuffer_model: Path) -> Model:
-    return Model.load(gbuffer_model, providers="cpu", threads=1, executor="onnx")
 
 
 def upscaler(model: Model, **options: Any) -> Upscaler:
@@ -186,22 +181,16 @@ def test_buffers_that_a_method_does_not_use_are_neither_asked_for_nor_looked_at(
 # --- tensors ---
 
 
-def test_tensors_draw_what_arrays_draw_captured_or_not(model: Model, capturing: Model) -> None:
-    one, other, fixed = upscaler(model), upscaler(model), upscaler(capturing)
-    fixed.warm_up(RENDER)
+def test_tensors_give_the_image_that_arrays_give(model: Model) -> None:
+    one, other = upscaler(model), upscaler(model)
     for seed in (1, 2, 0, 3):
         frame = lit(seed)
-        expected = one.step(frame).transpose(2, 0, 1)[None]
-        np.testing.assert_array_equal(stepped(other, frame), expected)
-        np.testing.assert_array_equal(stepped(fixed, frame), expected)
+        np.testing.assert_array_equal(stepped(other, frame), one.step(frame).transpose(2, 0, 1)[None])
 
 
-@pytest.mark.parametrize("capture", [False, True])
 @pytest.mark.parametrize("tensor", [None, torch.zeros(1, 3, 18, 32), torch.zeros(1, 3, 36, 64).double()])
-def test_a_tensor_that_is_missing_or_does_not_fit_is_named(
-    model: Model, capturing: Model, tensor: Any, capture: bool
-) -> None:
-    one, other = upscaler(model), upscaler(capturing if capture else model)
+def test_a_tensor_that_is_missing_or_does_not_fit_is_named(model: Model, tensor: Any) -> None:
+    one, other = upscaler(model), upscaler(model)
     for u in (one, other):
         stepped(u, lit(1))
     tensors = {**tensors_of(lit(2)), "gbuffer_display_normal": tensor}
@@ -237,20 +226,11 @@ def test_one_ratio_is_exact_and_the_sizes_that_would_do_are_said(
         model.plan(render, display)
 
 
-def test_a_range_of_ratios_keeps_its_slack_for_rounded_sizes() -> None:
-    assert Upscaler("bilinear", display_size=(33, 19)).step(noise(1, (33, 20))).shape == (19, 33, 3)
-
-
 @pytest.mark.parametrize("render", [(1, 1), (1, 9), (33, 17)])
 def test_odd_and_tiny_sizes_are_rendered(model: Model, render: Size) -> None:
     frame, previous = lit(1, render), np.zeros((2 * render[1], 2 * render[0], 3), np.float32)
     image = upscaler(model, display_size=None, scale=2.0).step(frame)
     np.testing.assert_allclose(image, by_hand(frame, previous)[0], rtol=1e-4, atol=1e-5)
-
-
-def test_a_display_size_or_a_scale_is_asked_for_as_of_any_method(model: Model) -> None:
-    with pytest.raises(ArgumentError, match="display_size or scale is neither"):
-        Upscaler(model)
 
 
 # --- recordings ---
@@ -335,17 +315,9 @@ def one_bad(value: float) -> Any:
 MISTAKES = [
     ("gbuffer_base_color", one_bad(np.nan), r"NaN or Inf in 1 pixels, first at \(x=5, y=3\)"),
     ("gbuffer_display_metallic", one_bad(np.inf), "NaN or Inf"),
-    ("gbuffer_display_base_color", lambda a: np.rint(255 * a), "bytes"),
-    ("gbuffer_specular", lambda a: 3.0 * a, r"outside \[0, 1\]"),
-    ("gbuffer_roughness", lambda a: a - 0.5, r"outside \[0, 1\]"),
     ("gbuffer_normal", lambda a: 0.5 * a + 0.5, r"encoded: it fits n \* 0\.5 \+ 0\.5.*2 \* normal - 1"),
-    ("gbuffer_normal", lambda a: np.full_like(a, 0.5), "neither 1 nor 0 in 100%"),
-    ("gbuffer_display_normal", lambda a: 0.7 * a, "neither 1 nor 0"),
     ("gbuffer_display_depth", lambda a: 0.03 / a, "NaN or Inf.*is 0"),
-    ("gbuffer_display_depth", lambda a: np.minimum(0.03 / a, 1e10), "a distance: it grows"),
-    ("gbuffer_display_depth", lambda a: 4.0 * a, "4 times frame.depth"),
     ("gbuffer_display_depth", lambda a: 1.0 - a, "times frame.depth"),
-    ("gbuffer_display_depth", lambda a: -a, "negative"),
 ]
 
 

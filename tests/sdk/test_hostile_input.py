@@ -158,28 +158,6 @@ def test_a_lamp_that_stays_out_of_range_is_shown_and_not_black(
             assert off.max() < 0.03, index
 
 
-def test_a_bad_color_pixel_is_filled_from_the_history(models: dict[str, Model]) -> None:
-    upscaler = make(models["taau"])
-    flat = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)
-    for seed in range(8):
-        upscaler.step(still(seed, color=flat))
-    color = flat.copy()
-    color[9, 12] = np.nan
-    np.testing.assert_allclose(upscaler.step(still(8, color=color)), 0.5, rtol=1e-3)
-    np.testing.assert_allclose(upscaler.step(still(9, color=np.full_like(flat, np.nan))), 0.5, rtol=1e-3)
-
-
-@pytest.mark.parametrize("bad", [(9, 12), (0, 0), (17, 31)])
-def test_a_bad_pixel_without_a_history_is_filled_from_around_it(
-    models: dict[str, Model], bad: tuple[int, int]
-) -> None:
-    color = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)
-    color[bad] = np.nan
-    for index in range(8):  # eight places in the pixel
-        image = make(models["taau"]).step(still(index, color=color, reset=True))
-        np.testing.assert_allclose(image, 0.5, rtol=1e-3)
-
-
 def test_a_bad_pixel_does_not_spread(models: dict[str, Model]) -> None:
     upscaler, innocent = make(models["taau"]), make(models["taau"])
     for seed in range(6):
@@ -223,18 +201,3 @@ def test_a_frame_7680_wide_is_upscaled(models: dict[str, Model]) -> None:
         image = upscaler.step(noise(seed, (3840, 2)))
     assert image.shape == (4, 7680, 3)
     assert np.isfinite(image).all()
-
-
-def test_a_spike_of_light_fades(models: dict[str, Model]) -> None:
-    upscaler, innocent = make(models["taau"]), make(models["taau"])
-    off = []
-    for index in range(30 + BAD + 96):
-        color = np.array(still(index).color)
-        if index == 30:
-            color[5:7, 5:7] = 65504
-        image, expected = upscaler.step(still(index, color=color)), innocent.step(still(index))
-        off.append(np.abs(display_transform(image) - display_transform(expected)))
-    assert off[30].max() > 0.5
-    assert off[31].max() < 0.5 * off[30].max()
-    assert off[-1].max() < 0.1
-    assert off[-1].mean() < 2e-4

@@ -3,15 +3,12 @@
 import contextlib
 import warnings
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from supersampler import Conventions, Frame, Shot, Upscaler, halton_jitter, upscale_sequence
-from supersampler.cli import app
 from supersampler.conventions import camera_motion
 from supersampler.errors import FrameWarning, SupersamplerError
 from supersampler.io.display import ExposureMeter, display_transform, to_uint8
@@ -138,24 +135,3 @@ def test_calls_on_images_raise_nothing(index: int) -> None:
         warnings.simplefilter("ignore", FrameWarning)
         with np.errstate(all="raise"):
             list(calls())[index]()
-
-
-COMMANDS = {
-    "check": ["check", "plaza", "--frames", "4"],
-    "upscale": ["upscale", "plaza", "-o", "out", "--frames", "0-2", "--format", "png", "--method", "taau"],
-    "tiff": ["upscale", "plaza", "-o", "out", "--frames", "0-1", "--format", "tif", "--method", "bicubic"],
-    "import": ["import", "plaza", "-o", "copied"],
-    "replay": ["upscale", "plaza", "-o", "out", "--frames", "0-2", "--record", "rec", "--method", "taau"],
-    "info": ["info", "plaza"],
-}
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_commands_end_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    monkeypatch.chdir(tmp_path)
-    with np.errstate(all="raise"):
-        done = CliRunner().invoke(app, COMMANDS[name], catch_exceptions=False)
-        assert done.exit_code == 0, done.output
-        if name == "replay":
-            done = CliRunner().invoke(app, ["replay", "rec"], catch_exceptions=False)
-            assert done.exit_code == 0, done.output
