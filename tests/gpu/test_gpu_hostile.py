@@ -20,7 +20,6 @@ from gpu_steps import (
 )
 from method_lists import WITH_SHADERS
 from supersampler import Frame
-from supersampler.errors import FrameError
 
 Spoil = Callable[[Frame], Frame]
 VALUES = [np.nan, np.inf, -np.inf, -1.0, -0.0, 65504.0, 1e38, 1e-42]
@@ -68,17 +67,6 @@ def test_after_a_bad_frame_the_images_return_to_those_of_good_ones(method: str, 
         assert np.isfinite(image).all()
         off, cpu_off = distance(image, wanted), distance(cpu.step(bad), wanted)
     assert off <= cpu_off + TOLERANCES[method]
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_refused_frame_leaves_the_history_as_it_was(method: str) -> None:
-    ours, other = make(method), make(method)
-    for index in range(3):
-        ours.step(moving(index))
-        other.step(moving(index))
-    with pytest.raises(FrameError):
-        ours.step(replace(moving(3), depth=np.zeros((3, 3), np.float32)))
-    np.testing.assert_array_equal(ours.step(moving(3)), other.step(moving(3)))
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -21,7 +21,7 @@ from gpu_steps import (
 )
 from method_lists import WITH_SHADERS
 from noise import Size, noise
-from supersampler import Frame, Upscaler, halton_jitter
+from supersampler import Frame
 from supersampler_bench.parity import stepper_of_torch
 
 
@@ -50,8 +50,6 @@ SIZES_OF_LARGE = [
 """`classifier-large` has ratios to 2."""
 FOUR_TIMES = ((9, 5), (36, 20))
 FRAMES = 200
-INVERTED = (36, 140, 141)
-"""Frames whose still pattern is inverted: before it has been confirmed for a period, and long after."""
 LEARNED_FRAMES = 25  # of a network in torch and ONNX Runtime, which are slow; `bench parity` compares more
 
 
@@ -117,47 +115,6 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
     dark = [replace(frame, color=np.asarray(frame.color) * 1e-3) for frame in frames[:4]]
     sudden = [replace(frame, exposure=None, reset=False) for frame in (*dark, *frames[:4])]
     assert_alike(method, [*frames, *sudden])
-
-
-def waves(index: int, jitter: tuple[float, float]) -> Frame:
-    """A still pattern of 2.5 samples, that is inverted before it is confirmed and after it is frozen."""
-    width, height = RENDER
-    wave = np.cos(2.0 * np.pi * (np.arange(width) + 0.5 + jitter[0]) / 2.5)
-    row = 0.5 + (-0.3 if index in INVERTED else 0.3) * wave
-    return replace(
-        moving(0),
-        color=np.broadcast_to(row[None, :, None], (height, width, 3)).astype(np.float32),
-        depth=np.ones((height, width), np.float32),
-        motion=np.zeros((height, width, 2), np.float32),
-        jitter=jitter,
-        exposure=1.0,
-        reset=index == 0,
-    )
-
-
-@pytest.mark.parametrize("repeated", [(), (INVERTED[0], INVERTED[-1])])
-@pytest.mark.parametrize("method", ["taau", "classifier-small"])
-def test_a_still_pattern_that_is_replaced_restarts_its_mean_as_on_the_cpu(
-    method: str, repeated: tuple[int, ...]
-) -> None:
-    ours, theirs = make(method), make(method, "cpu")
-    for index in range(INVERTED[-1] + 4):
-        frame = waves(index, halton_jitter(index - (index in repeated), 2.0))
-        one, other = (upscaler.step(frame, outputs=("converged",)) for upscaler in (ours, theirs))
-        assert distance(one.image, other.image, frame.exposure) <= TOLERANCES[method], f"frame {index}"
-        assert one.converged is not None
-        assert other.converged is not None
-        np.testing.assert_array_equal(one.converged, other.converged, f"frame {index}")
-        np.testing.assert_array_equal(_ages(ours), _ages(theirs), f"frame {index}")
-        if index in (INVERTED[-2] - 1, INVERTED[-2]):
-            assert one.converged.mean() == (index < INVERTED[-2]), f"frame {index}"
-
-
-def _ages(upscaler: Upscaler) -> Any:
-    """Return the frames since each block last changed, negative where it is frozen."""
-    history = upscaler.save_state().history
-    assert history is not None
-    return history["history.static_blocks"][0, 0]
 
 
 @pytest.mark.parametrize("method", WITH_SHADERS)

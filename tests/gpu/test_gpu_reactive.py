@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import device_or_skip, make, moving
+from gpu_steps import device_or_skip, make
 from method_lists import WITH_SHADERS
 from noise import Size, noise
-from supersampler import Frame, halton_jitter
+from supersampler import Frame
 from supersampler.io.display import display_transform
 
 SIZES: list[tuple[Size, Size]] = [((17, 9), (33, 18)), ((21, 13), (21, 13)), ((3, 9), (5, 17))]
@@ -67,21 +67,3 @@ def test_a_missing_sample_shows_the_history_whatever_the_mask_says(method: str) 
     missing = noise(3, (20, 12), exposure=1.0, color=np.full((12, 20, 3), np.nan, np.float32))
     everywhere = replace(missing, reactive=np.ones((12, 20), np.float32))
     np.testing.assert_array_equal(full.step(everywhere), plain.step(missing))
-
-
-@pytest.mark.parametrize("method", ["taau", "classifier-small"])
-def test_any_value_over_zero_ends_what_is_frozen_as_on_the_cpu_backend(method: str) -> None:
-    ours, theirs, mask = make(method), make(method, "cpu"), np.zeros((12, 20), np.float32)
-    mask[0, 0] = 1e-3
-    frame = replace(moving(0), motion=np.zeros((12, 20, 2), np.float32), exposure=1.0)
-    frame = replace(frame, color=np.full((12, 20, 3), 0.5, np.float32), depth=np.ones((12, 20), np.float32))
-    for index in range(66):
-        frame = replace(frame, jitter=halton_jitter(index, 2.0), reset=index == 0)
-        masked = replace(frame, reactive=mask if index == 65 else None)
-        found, expected = (each.step(masked, outputs=("converged",)).converged for each in (ours, theirs))
-        assert found is not None
-        assert expected is not None
-        np.testing.assert_array_equal(found, expected)
-        if index >= 64:
-            assert found.max() == 1.0
-            assert found.min() == float(index == 64)
