@@ -13,7 +13,7 @@ from supersampler.frame import Float32, Size
 from supersampler.history import State
 from supersampler_bench.cli import app
 from supersampler_bench.record import read_record
-from supersampler_bench.stress.compare import ImageDifference, contraction, recovery
+from supersampler_bench.stress.compare import VisibleDifference, contraction, recovery
 from supersampler_bench.stress.hostile import MIN_BOUND, hostile_bound
 from supersampler_bench.stress.runner import (
     ScenarioOutcome,
@@ -272,7 +272,11 @@ def test_where_every_second_frame_is_shaded_its_shaded_frames_have_all_phases_of
 
 
 def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
-    clean, mean, spot = ImageDifference(0.0, 0.0), ImageDifference(0.01, 0.01), ImageDifference(0.0, 0.2)
+    clean, mean, spot = (
+        VisibleDifference(0.0, 0.0),
+        VisibleDifference(0.01, 0.01),
+        VisibleDifference(0.0, 0.2),
+    )
     assert recovery([mean, clean, spot, clean, clean]) == 3
     assert recovery([clean, clean]) == 0
     assert recovery([clean, mean]) == 2
@@ -281,16 +285,16 @@ def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
 def test_the_largest_error_after_a_reset_is_the_bound_and_measuring_stops_once_it_is_reached() -> None:
     measured = []
 
-    def after_resets() -> Iterator[ImageDifference]:
+    def after_resets() -> Iterator[VisibleDifference]:
         for most in (0.02, 0.05, 0.03, 0.09):
             measured.append(most)
-            yield ImageDifference(0.0, most)
+            yield VisibleDifference(0.0, most)
 
-    bound = hostile_bound(ImageDifference(0.0, 0.04), after_resets())
-    assert bound == ImageDifference(MIN_BOUND.mean, 0.05 + ROUNDING)
+    bound = hostile_bound(VisibleDifference(0.0, 0.04), after_resets())
+    assert bound == VisibleDifference(MIN_BOUND.mean, 0.05 + ROUNDING)
     assert measured == [0.02, 0.05]
-    assert hostile_bound(ImageDifference(0.0, 0.5), after_resets()).p999 == 0.09 + ROUNDING
-    assert hostile_bound(ImageDifference(0.0, 0.0), after_resets()).p999 == 0.02 + ROUNDING
+    assert hostile_bound(VisibleDifference(0.0, 0.5), after_resets()).p999 == 0.09 + ROUNDING
+    assert hostile_bound(VisibleDifference(0.0, 0.0), after_resets()).p999 == 0.02 + ROUNDING
 
 
 def test_a_nan_is_within_no_bound() -> None:

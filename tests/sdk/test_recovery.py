@@ -14,7 +14,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.gbuffers import grouped
-from supersampler_bench.stress.compare import ImageDifference, difference
+from supersampler_bench.stress.compare import VisibleDifference, difference
 from supersampler_bench.stress.runner import chosen
 from supersampler_bench.stress.scenario import Figure, Session, Subject, Trial
 from supersampler_bench.stress.scenes import STILL
@@ -70,7 +70,7 @@ def begun(method: str, executor: Any, *, dressed: bool = False, at_rest: bool = 
     return replace(run, calm=run.after())
 
 
-def left(run: Run, **changes: Any) -> ImageDifference:
+def left(run: Run, **changes: Any) -> VisibleDifference:
     """Difference of the last image."""
     return difference(run.after(**changes)[-1], run.calm[-1])
 

@@ -19,7 +19,7 @@ OUTLIER = 0.1
 
 
 @dataclass(frozen=True)
-class ImageDifference:
+class VisibleDifference:
     """Absolute difference of two images after the display transform, [0, 1]: mean and 99.9th percentile."""
 
     mean: float
@@ -31,10 +31,10 @@ class ImageDifference:
         return self.mean <= STEP and self.p999 <= OUTLIER
 
 
-def difference(one: Float32, other: Float32, exposure: float = 1.0) -> ImageDifference:
+def difference(one: Float32, other: Float32, exposure: float = 1.0) -> VisibleDifference:
     """Compare two images."""
     apart = np.abs(display_transform(one, exposure) - display_transform(other, exposure))
-    return ImageDifference(float(apart.mean()), float(np.quantile(apart, 0.999)))
+    return VisibleDifference(float(apart.mean()), float(np.quantile(apart, 0.999)))
 
 
 class Disturbance:
@@ -49,17 +49,17 @@ class Disturbance:
         self._trial, self.frames = trial, cycle(frames)
         self.disturbed, self.baseline = trial.begin_own(), trial.begin_own()
 
-    def step(self, pairs: Iterable[tuple[Frame, Frame]], exposure: float = 1.0) -> list[ImageDifference]:
+    def step(self, pairs: Iterable[tuple[Frame, Frame]], exposure: float = 1.0) -> list[VisibleDifference]:
         """Step both sessions, each with its own frame of the pairs."""
         return [
             difference(self.disturbed.step(one), self.baseline.step(other), exposure) for one, other in pairs
         ]
 
-    def step_same(self, count: int) -> list[ImageDifference]:
+    def step_same(self, count: int) -> list[VisibleDifference]:
         """Step both sessions with the next frames."""
         return self.step((frame, frame) for frame in islice(self.frames, count))
 
-    def measured(self, after: Sequence[ImageDifference] | None = None, more: int = 0) -> Figures:
+    def measured(self, after: Sequence[VisibleDifference] | None = None, more: int = 0) -> Figures:
         """Return for how many frames a disturbance was visible after its end.
 
         Args:
@@ -70,7 +70,7 @@ class Disturbance:
         return [Figure("frames until clean", recovery(after), self._trial.subject.recovery + more)]
 
 
-def recovery(after: Sequence[ImageDifference]) -> float:
+def recovery(after: Sequence[VisibleDifference]) -> float:
     """Return the number of frames until no difference is visible any more; all if the last one is."""
     visible = [index + 1 for index, one in enumerate(after) if not one.invisible]
     return float(visible[-1] if visible else 0)

@@ -14,7 +14,7 @@ from supersampler.frame import Float32, Size
 from supersampler.history import State
 from supersampler.io.display import display_transform
 from supersampler_bench.quality.metrics import psnr
-from supersampler_bench.stress.compare import Disturbance, ImageDifference, difference, recovery
+from supersampler_bench.stress.compare import Disturbance, VisibleDifference, difference, recovery
 from supersampler_bench.stress.scenario import (
     LARGEST,
     RECOVERY,
@@ -224,7 +224,7 @@ def extreme_depth(trial: Trial) -> Figures:
 
 CLEAN = 30
 """Number of clean frames after the hostile one."""
-MIN_BOUND = ImageDifference(mean=0.1 / 255.0, p999=4.0 / 255.0)
+MIN_BOUND = VisibleDifference(mean=0.1 / 255.0, p999=4.0 / 255.0)
 """Smallest bound of the difference in the last clean frame: 0.1 steps of an 8-bit image in the mean, and 4 at
 99.9 % of the values."""
 RESETS = (0, -2, 2, -4, 4)
@@ -274,7 +274,7 @@ class _Start:
     state: State
     frames: Sequence[Frame]
 
-    def error_after(self, first: Frame) -> ImageDifference:
+    def error_after(self, first: Frame) -> VisibleDifference:
         """Return the difference of the last clean frame's image when `first` replaces the first frame."""
         return difference(self._last_image(first), self._baseline)
 
@@ -288,14 +288,14 @@ class _Start:
         return [self.session.step(later) for later in self.frames[1:]][-1]
 
 
-def hostile_bound(error: ImageDifference, after_resets: Iterable[ImageDifference]) -> ImageDifference:
+def hostile_bound(error: VisibleDifference, after_resets: Iterable[VisibleDifference]) -> VisibleDifference:
     """Return the bound of an error: MIN_BOUND, or the largest error after a reset if that is larger.
 
     Resets are measured only until the bound reaches `error`: further ones would not change the verdict.
     """
     bound = MIN_BOUND
     for other in after_resets:
-        bound = ImageDifference(
+        bound = VisibleDifference(
             max(bound.mean, other.mean + ROUNDING), max(bound.p999, other.p999 + ROUNDING)
         )
         if error.mean <= bound.mean and error.p999 <= bound.p999:

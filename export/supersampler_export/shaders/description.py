@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from supersampler import __version__
 from supersampler.backends.gpu.device import LIMITS
-from supersampler.backends.gpu.memory import DISPLAY, RENDER, Extent, PixelBuffer, PixelMemory
+from supersampler.backends.gpu.memory import DISPLAY, RENDER, PixelBuffer, PixelMemory, SizeRule
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.methods.model_info import ModelInfo
@@ -133,7 +133,7 @@ def _pass(one: ExportedPass) -> dict[str, Any]:
     }
 
 
-def _size(extent: Extent) -> dict[str, Any]:
+def _size(extent: SizeRule) -> dict[str, Any]:
     """Return the rule of a size. That of the larger display gives a size at least as large as it needs."""
     of, divide, (across, down) = extent
     if of == "large":  # 7/5 of the display, rounded up

@@ -70,7 +70,7 @@ def train(
     from supersampler_model.methods.base import load_trained, shipped_weights
     from supersampler_model.training.datasets import dataset_of_shots
     from supersampler_model.training.tasks import start_task
-    from supersampler_model.training.trainer import Plan, Trainer
+    from supersampler_model.training.trainer import Trainer, TrainingPlan
     from supersampler_model.training.validation import validate, validation_entries
 
     torch.manual_seed(seed)
@@ -88,7 +88,7 @@ def train(
     learned = task.method.provenance
     begun = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     named = [] if attributions is None else _lines(attributions)
-    plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
+    plan = TrainingPlan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output)
     entries = validation_entries(trainer.datasets, task.ratios)
     baseline = validate(task.baseline.eval(), entries, task.runner) if entries else None

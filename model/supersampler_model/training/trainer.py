@@ -37,7 +37,7 @@ VERSION = 5
 
 
 @dataclass(frozen=True)
-class Plan:
+class TrainingPlan:
     """Settings of a run.
 
     Attributes:
@@ -84,7 +84,7 @@ class Trainer:
             another method, other weights of the loss or another plan.
     """
 
-    def __init__(self, task: Task, datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
+    def __init__(self, task: Task, datasets: Sequence[Dataset], plan: TrainingPlan, folder: Path) -> None:
         self.task, self.plan, self.folder = task, plan, folder
         self.device = torch.device("cuda", torch.cuda.current_device()) if torch.cuda.is_available() else CPU
         mean = partial(_running_mean, plan.average)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from supersampler.arguments import as_number, checked_choice, ieee_arithmetic
 from supersampler.backends.cpu.kernel_loader import kernel_if_possible
 from supersampler.backends.cpu.structs import Floats, pack
-from supersampler.conventions.jitter import checked_jitter, checked_matrix
+from supersampler.conventions.jitter import checked_matrix, finite_jitter
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Array, Float32, as_array
 
@@ -93,7 +93,7 @@ def camera_motion(
         current[2] = (current[2] + current[3]) / 2.0  # as the depth buffer has it; X, Y and W are the same
     to_clip, far_depth = _to_clip_space(current, near)
     to_clip[2, 3] += to_clip[2, 2] * far_depth  # depth counts from there: far away none of it is rounded
-    tables = _tables(buffer, previous @ _inverse(current) @ to_clip, checked_jitter(jitter), far_depth)
+    tables = _tables(buffer, previous @ _inverse(current) @ to_clip, finite_jitter(jitter), far_depth)
     kernel = kernel_if_possible("conventions.kernels.write_motion") if tables.width >= _LANES else None
     if kernel is None:
         write_motion_numpy(tables)

@@ -172,7 +172,7 @@ def jittered_projection(
     """
     projection = checked_matrix("matrix", matrix)
     width, height = checked_size("render_size", render_size)
-    x, y = checked_jitter(jitter)
+    x, y = finite_jitter(jitter)
     translation = np.eye(4)
     translation[0, 3] = -2.0 * x / width
     translation[1, 3] = 2.0 * y / height  # clip y points up, jitter y down
@@ -214,8 +214,8 @@ def checked_matrix(name: str, matrix: ArrayLike) -> NDArray[Any]:
     return array
 
 
-def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
-    """Return a jitter as two floats.
+def finite_jitter(jitter: Sequence[float]) -> tuple[float, float]:
+    """Return a jitter of any length as two floats.
 
     Raises:
         ArgumentError: it is not two finite numbers.

@@ -56,6 +56,13 @@ def read_typed(path: Path, kind: type[_Value], hint: str = _HINT, limit: int = J
     return decoded(path, text, kind, hint)
 
 
+def check_version(path: Path, known: int, hint: str, key: str = "version") -> None:
+    """Raise ShotError unless a JSON file has the version, under `key`, that this package reads."""
+    found = getattr(read_typed(path, msgspec.defstruct("Version", [(key, int)]), hint), key)
+    if found != known:
+        raise ShotError(path, f"is of {key} {found}; this package reads {known}", hint)
+
+
 def decoded(path: Path, text: bytes | str, kind: type[_Value], hint: str = _HINT) -> _Value:
     """Return JSON text converted to a type; ShotError, which names the file, where it is not of it."""
     try:

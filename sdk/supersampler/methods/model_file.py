@@ -159,7 +159,7 @@ def _described_in(folder: Path) -> ModelInfo:
     """Read and check model.json alone, without the files that it names."""
     path = folder / "model.json"
     try:
-        contract = read_typed(path, _Version, _HINT, MAX_DESCRIPTION).contract
+        contract = read_typed(path, _Contract, _HINT, MAX_DESCRIPTION).contract
         if contract != CONTRACT:
             raise ModelError(
                 f"{path}: model contract is {contract}; this runtime drives {CONTRACT}. "
@@ -172,7 +172,7 @@ def _described_in(folder: Path) -> ModelInfo:
     return info
 
 
-class _Version(msgspec.Struct):
+class _Contract(msgspec.Struct):
     contract: int
 
 

@@ -21,7 +21,7 @@ from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Frame, Size
 from supersampler.history import State
 from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular
-from supersampler.io.json_files import decoded, read_typed
+from supersampler.io.json_files import check_version, decoded, read_typed
 from supersampler.io.machine import installed_versions
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler.methods.gbuffers import frame_of
@@ -108,11 +108,6 @@ class Setup(RecordedModel, frozen=True, kw_only=True):
     validate: Literal["off", "warn", "strict"]
     versions: dict[str, str]
     machine: dict[str, Any]
-
-
-class _Version(msgspec.Struct):
-    format: int
-    contract: int = 0
 
 
 class StepRecord(msgspec.Struct, tag="step", tag_field="call", forbid_unknown_fields=True, kw_only=True):
@@ -280,12 +275,11 @@ def open_recording(path: Path | str) -> Recording:
         raise RecordingError(folder, "there is no such folder", NOT_FOUND)
     if not is_regular(file):
         raise RecordingError(folder, "is not a recording", "`supersampler upscale --record` writes them.")
-    with _errors_as_recording_error(folder, "No Upscaler writes this."):
-        version = read_typed(file, _Version)
+    hint = "Replay it with the version of supersampler that wrote it."
+    with _errors_as_recording_error(folder, hint):
         for name, known in (("format", FORMAT), ("contract", CONTRACT)):
-            if (found := getattr(version, name)) != known:
-                hint = "Replay it with the version of supersampler that wrote it."
-                raise RecordingError(file, f"is of {name} {found}; this package reads {known}", hint)
+            check_version(file, known, hint, name)
+    with _errors_as_recording_error(folder, "No Upscaler writes this."):
         setup = read_typed(file, Setup)
         if setup.display_size is not None:
             checked_size("display_size", setup.display_size)

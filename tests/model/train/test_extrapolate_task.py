@@ -27,11 +27,11 @@ from supersampler_model.training.crops import CropFrame, CropRegion, StreamPosit
 from supersampler_model.training.datasets import unshaded_set
 from supersampler_model.training.task import State, Stepped
 from supersampler_model.training.tasks import start_task
-from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.trainer import Trainer, TrainingPlan
 from supersampler_model.training.validation import SequenceRunner, validate, validation_entries
 
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
-SIZE, PLAN = 32, Plan(steps=8, batch=2, frames=2, size=32, average=4, settle=0.0)
+SIZE, PLAN = 32, TrainingPlan(steps=8, batch=2, frames=2, size=32, average=4, settle=0.0)
 
 
 @pytest.fixture(scope="module")

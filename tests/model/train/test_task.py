@@ -29,10 +29,10 @@ from supersampler_model.training.gbuffer_task import GBufferTask
 from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task
 from supersampler_model.training.tasks import start_task
-from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.trainer import Trainer, TrainingPlan
 from supersampler_model.training.validation import validate, validation_entries
 
-PLAN = Plan(steps=24, batch=2, frames=2, size=24, rate=8e-2, average=4)
+PLAN = TrainingPlan(steps=24, batch=2, frames=2, size=24, rate=8e-2, average=4)
 
 
 class Mixture(Method):
@@ -179,7 +179,7 @@ def test_a_run_changes_all_weights_and_another_begins_with_them(
     torch.manual_seed(0)
     task = start_task(name)
     before = [p.clone() for p in task.method.parameters()]
-    run = Trainer(task, [dataset], Plan(steps=2, batch=1, frames=2, size=24), tmp_path)
+    run = Trainer(task, [dataset], TrainingPlan(steps=2, batch=1, frames=2, size=24), tmp_path)
     run.run()
     assert not any(torch.equal(a, b) for a, b in zip(before, run.method.parameters(), strict=True))
     assert start_task(name, run.trained({})).method.provenance["steps"] == 2

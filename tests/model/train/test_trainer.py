@@ -29,11 +29,11 @@ from supersampler_model.training.datasets import UNKNOWN, dataset_of_shots
 from supersampler_model.training.losses import ClassifierWeights
 from supersampler_model.training.optimizer import Muon, is_matrix, orthogonalised
 from supersampler_model.training.run_log import write_log
-from supersampler_model.training.trainer import CHECKPOINT, Plan, Trainer, Update, load_checkpoint
+from supersampler_model.training.trainer import CHECKPOINT, Trainer, TrainingPlan, Update, load_checkpoint
 from supersampler_model.training.validation import validate
 
 DISPLAY, RENDER = (64, 48), (32, 24)
-PLAN = Plan(steps=6, batch=2, frames=2, size=32, average=4, settle=0.0)
+PLAN = TrainingPlan(steps=6, batch=2, frames=2, size=32, average=4, settle=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return made
 
 
-def trainer(dataset: Dataset, folder: Path, plan: Plan = PLAN) -> Trainer:
+def trainer(dataset: Dataset, folder: Path, plan: TrainingPlan = PLAN) -> Trainer:
     folder.mkdir(exist_ok=True)
     torch.manual_seed(0)
     return Trainer(ClassifierTask(Classifier()), [dataset], plan, folder)
@@ -104,7 +104,7 @@ def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
 
 def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
     losses: list[float] = []
-    plan = Plan(steps=48, batch=2, frames=2, size=48, rate=2e-2)
+    plan = TrainingPlan(steps=48, batch=2, frames=2, size=48, rate=2e-2)
     trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(sum(u.losses.values())))
     assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
 
@@ -138,7 +138,9 @@ def test_a_run_is_not_gone_on_with_by_another_loss(dataset: Dataset, tmp_path: P
     ("plan", "name"),
     [(dataclasses.replace(PLAN, size=56), "size"), (dataclasses.replace(PLAN, batch=0), "batch")],
 )
-def test_a_plan_that_cannot_be_is_refused(dataset: Dataset, tmp_path: Path, plan: Plan, name: str) -> None:
+def test_a_plan_that_cannot_be_is_refused(
+    dataset: Dataset, tmp_path: Path, plan: TrainingPlan, name: str
+) -> None:
     with pytest.raises(ArgumentError, match=name):
         trainer(dataset, tmp_path, plan)
 
@@ -174,7 +176,7 @@ def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path
     sequence = [(dataset, dataset.entries("train")[0])]
     losses: list[float] = []
     torch.manual_seed(0)
-    plan = Plan(steps=40, batch=2, frames=2, size=48, rate=2e-2, average=8)
+    plan = TrainingPlan(steps=40, batch=2, frames=2, size=48, rate=2e-2, average=8)
     trainer = Trainer(ClassifierTask(Classifier()), [dataset], plan, tmp_path)
     before = validate(trainer.average.eval(), sequence).psnr
     trainer.run(on_update=lambda update: losses.append(update.losses["image"]))

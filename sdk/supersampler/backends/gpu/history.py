@@ -13,12 +13,12 @@ from supersampler.backends.gpu.memory import (
     LARGE,
     LARGE_HALF,
     PHASES,
-    Extent,
     Memory,
     MemorySpec,
     PixelBuffer,
     PixelMemory,
     PixelTexture,
+    SizeRule,
     allocate,
     read_back,
     write_to,
@@ -52,7 +52,7 @@ class Codec(NamedTuple):
     pack: Callable[[Float32], Packed]
 
 
-class Plane(NamedTuple):
+class HistoryPlane(NamedTuple):
     """A plane of a history.
 
     Attributes:
@@ -67,7 +67,7 @@ class Plane(NamedTuple):
     texture: str | None = "rgba32float"
     codec: Codec | None = None
 
-    def memory(self, extent: Extent) -> PixelMemory:
+    def memory(self, extent: SizeRule) -> PixelMemory:
         """Return the memory that it needs."""
         if self.texture is not None:
             return PixelTexture(extent, self.texture)
@@ -98,23 +98,23 @@ class HistoryLayout:
     """
 
     spec: MethodSpec
-    planes: Mapping[str, Plane]
+    planes: Mapping[str, HistoryPlane]
     channels: Mapping[str, tuple[tuple[str, int], ...]]
 
-    def extent(self, plane: str, frame: Literal["previous", "render"]) -> Extent:
+    def extent(self, plane: str, frame: Literal["previous", "render"]) -> SizeRule:
         """Return the size of a plane after the previous frame, or after this one."""
         tensor = self.planes[plane].tensor
         if tensor == PHASE_TABLE:
             return PHASES
         if tensor == SIGNATURES:
-            return Extent("previous_signatures" if frame == "previous" else "signatures")
-        extents: dict[object, Extent] = {
+            return SizeRule("previous_signatures" if frame == "previous" else "signatures")
+        extents: dict[object, SizeRule] = {
             DISPLAY_SHAPE: DISPLAY,
             HALF_SHAPE: HALF,
             LARGE_SHAPE: LARGE,
             LARGE_HALF_SHAPE: LARGE_HALF,
-            PREVIOUS: Extent(frame),
-            BLOCKS_SHAPE: Extent(frame, BLOCK),
+            PREVIOUS: SizeRule(frame),
+            BLOCKS_SHAPE: SizeRule(frame, BLOCK),
         }
         return extents[self.spec.history[tensor][2:]]
 

@@ -155,7 +155,7 @@ MAX_PHASES = PHASES_PER_SAMPLE * 4 * 4 + SPARE_PHASES
 """Phases of the largest ratio."""
 
 
-class Extent(NamedTuple):
+class SizeRule(NamedTuple):
     """A size in pixels: `of` / `divide`, rounded up, times `multiply`.
 
     Attributes:
@@ -176,7 +176,7 @@ class Extent(NamedTuple):
         return -(-width // self.divide) * self.multiply[0], -(-height // self.divide) * self.multiply[1]
 
     @property
-    def enlarged(self) -> "Extent":
+    def enlarged(self) -> "SizeRule":
         """This rule on the larger display; unchanged where it does not depend on the display."""
         return self._replace(of="large") if self.of == "display" else self
 
@@ -190,19 +190,24 @@ def _size_of(base: Base, render: Size, display: Size) -> Size:
     return {"one": (1, 1), "display": display}.get(base, render)
 
 
-ONE, RENDER, PREVIOUS, DISPLAY = Extent("one"), Extent("render"), Extent("previous"), Extent("display")
-HALF, LARGE, LARGE_HALF = Extent("display", 2), Extent("large"), Extent("large", 2)
-BLOCKS, PHASES = Extent("render", BLOCK), Extent("one", multiply=(MAX_PHASES, 1))
+ONE, RENDER, PREVIOUS, DISPLAY = (
+    SizeRule("one"),
+    SizeRule("render"),
+    SizeRule("previous"),
+    SizeRule("display"),
+)
+HALF, LARGE, LARGE_HALF = SizeRule("display", 2), SizeRule("large"), SizeRule("large", 2)
+BLOCKS, PHASES = SizeRule("render", BLOCK), SizeRule("one", multiply=(MAX_PHASES, 1))
 
 
 class PixelBuffer(NamedTuple):
     """A storage buffer of `bytes` for each pixel of an extent."""
 
     bytes: int
-    extent: Extent = ONE
+    extent: SizeRule = ONE
 
     def spec(self, render: Size, display: Size) -> MemorySpec:
-        """Return the memory at these sizes; see `Extent.size`."""
+        """Return the memory at these sizes; see `SizeRule.size`."""
         width, height = self.extent.size(render, display)
         return BufferSpec(self.bytes * width * height)
 
@@ -210,11 +215,11 @@ class PixelBuffer(NamedTuple):
 class PixelTexture(NamedTuple):
     """A texture of an extent, of a format in TEXELS."""
 
-    extent: Extent
+    extent: SizeRule
     format: str = "rgba32float"
 
     def spec(self, render: Size, display: Size) -> MemorySpec:
-        """Return the memory at these sizes; see `Extent.size`."""
+        """Return the memory at these sizes; see `SizeRule.size`."""
         return TextureSpec(self.extent.size(render, display), self.format)
 
 

@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from supersampler.backends.gpu.frame import frame_buffers
-from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
+from supersampler.backends.gpu.history import HistoryLayout, HistoryPlane, of_plane
 from supersampler.backends.gpu.memory import (
     BLOCKS,
     DISPLAY,
     ONE,
     RENDER,
-    Extent,
     MemorySpec,
     PixelBuffer,
     PixelMemory,
+    SizeRule,
 )
 from supersampler.backends.gpu.memory import PixelTexture as Texture
 from supersampler.backends.gpu.shader import Constants, Shader, load_shader
@@ -45,7 +45,7 @@ class PassSpec(NamedTuple):
     """
 
     shader: str
-    extent: Extent = DISPLAY
+    extent: SizeRule = DISPLAY
     tile: tuple[int, int] = (16, 16)
     constants: Constants = MappingProxyType({})
     names: Mapping[str, str] = MappingProxyType({})
@@ -53,7 +53,7 @@ class PassSpec(NamedTuple):
 
 
 EXPOSURE_PASSES = (
-    PassSpec("measure", Extent("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS}),
+    PassSpec("measure", SizeRule("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS}),
     PassSpec("follow_exposure", ONE, (1, 1), {"parts": PARTS}),
 )
 """The first passes of every method."""
@@ -125,13 +125,13 @@ BLOCK_PASSES = (
     PassSpec("decide_blocks", BLOCKS, (8, 8)),
 )
 """Passes that find static blocks. They read the frame, the exposure and the history, nothing else."""
-TILES = Extent("display", at_rest.TILE)
+TILES = SizeRule("display", at_rest.TILE)
 TILE_PASS = PassSpec("rest_tiles", TILES, (8, 8))
 REST_PLANES = {
-    "mean": Plane("static_mean"),
-    "blocks": Plane("static_blocks"),
-    "signatures": Plane("signatures", 4, None),
-    "phases": Plane("phases"),
+    "mean": HistoryPlane("static_mean"),
+    "blocks": HistoryPlane("static_blocks"),
+    "signatures": HistoryPlane("signatures", 4, None),
+    "phases": HistoryPlane("phases"),
 }
 REST_CHANNELS = {
     "static_mean": of_plane("mean", 0, 1, 2, 3),
@@ -149,7 +149,7 @@ TILE_MEMORY: Mapping[str, PixelMemory] = {"tiles": PixelBuffer(8, TILES)}
 SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
     "samples": Texture(RENDER, "rgba16float"),
     "dilated": Texture(RENDER),
-    "light": PixelBuffer(8, Extent("render", SIDE)),
+    "light": PixelBuffer(8, SizeRule("render", SIDE)),
 }
 """Memory that `preprocess` writes for later passes, beside the history."""
 

@@ -14,7 +14,7 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.files import SHOT_FRAMES, write_text
 from supersampler.io.images import read_exr, read_header
-from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
+from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
 from supersampler.io.shot.named_channels import blended_and_ignored
@@ -121,16 +121,10 @@ class RenderRecord(msgspec.Struct, frozen=True, kw_only=True):
         write_text(folder / RENDER_FILE, f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n')
 
 
-class _Version(msgspec.Struct):
-    version: int
-
-
 def read_render_record(folder: Path) -> RenderRecord:
     """Read render.json of a folder; ShotError where it is missing, damaged or of another version."""
     path, hint = folder / RENDER_FILE, "Render it again, or update supersampler."
-    version = read_typed(path, _Version, hint).version
-    if version != _VERSION:
-        raise ShotError(path, f"is of version {version}; this package reads {_VERSION}", hint)
+    check_version(path, _VERSION, hint)
     return read_typed(path, RenderRecord, hint)
 
 

@@ -18,7 +18,7 @@ from supersampler.frame import Array, Float32, Size
 from supersampler.io.display_transforms import REC709
 from supersampler.io.files import IMAGE_CHANNELS, SHOT_FRAMES
 from supersampler.io.images import Channel, Metadata, read_exr, read_header, read_image, write_exr
-from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
+from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
@@ -128,10 +128,7 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     Raises:
         ShotError: it is missing, not JSON, of another version, or an entry is missing, wrong or repeated.
     """
-    version = read_typed(path, _Version, _HINT).version
-    if version != FORMAT_VERSION:
-        hint = "Write it again, or update supersampler."
-        raise ShotError(path, f"is of version {version}; this package reads {FORMAT_VERSION}", hint)
+    check_version(path, FORMAT_VERSION, "Write it again, or update supersampler.")
     content = read_typed(path, _ShotFile, _HINT)
     try:
         conventions = Conventions.from_json(content.conventions)
@@ -170,10 +167,6 @@ def entry_json(entry: FrameEntry) -> dict[str, object]:
     if not entry.shaded:
         item["shaded"] = False
     return item
-
-
-class _Version(msgspec.Struct):
-    version: int
 
 
 def _check_names(path: Path, info: ShotInfo) -> None:

@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from supersampler.backends.gpu.history import Codec, HistoryLayout, Packed, Plane, of_plane
+from supersampler.backends.gpu.history import Codec, HistoryLayout, HistoryPlane, Packed, of_plane
 from supersampler.backends.gpu.memory import (
     DISPLAY,
     HALF,
     ONE,
     RENDER,
-    Extent,
     PixelBuffer,
     PixelMemory,
     PixelTexture,
+    SizeRule,
 )
 from supersampler.backends.gpu.program import (
     BLOCK_PASSES,
@@ -74,10 +74,10 @@ def _pack_classes(pixels: Float32) -> Packed:
 LAYOUT = HistoryLayout(
     CLASSIFIER,
     {
-        "pixels": Plane("color"),
-        "ranges": Plane("state", 1, "r32uint", Codec(_unpack_ranges, _pack_ranges)),
-        "classes": Plane("classes", 2, None, Codec(_unpack_classes, _pack_classes)),
-        "surface": Plane("depth", 2, "rg32float"),
+        "pixels": HistoryPlane("color"),
+        "ranges": HistoryPlane("state", 1, "r32uint", Codec(_unpack_ranges, _pack_ranges)),
+        "classes": HistoryPlane("classes", 2, None, Codec(_unpack_classes, _pack_classes)),
+        "surface": HistoryPlane("depth", 2, "rg32float"),
         **REST_PLANES,
     },
     {
@@ -125,10 +125,10 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     return GpuProgram(LAYOUT, packages, constants, passes, memory, {"network": network.words}, "int8")
 
 
-def _level_extent(level: int, across: int = 1, down: int = 1) -> Extent:
+def _level_extent(level: int, across: int = 1, down: int = 1) -> SizeRule:
     """Return the size of a level of the encoder, times (across, down)."""
     side = ALIGNED >> level
-    return Extent("display", 2 * ALIGNED, (side * across, side * down))
+    return SizeRule("display", 2 * ALIGNED, (side * across, side * down))
 
 
 def _level_pass(constants: Constants, tile: tuple[int, int]) -> PassSpec:

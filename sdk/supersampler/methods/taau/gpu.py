@@ -1,6 +1,6 @@
 """Shaders of `taau`."""
 
-from supersampler.backends.gpu.history import HistoryLayout, Plane, of_plane
+from supersampler.backends.gpu.history import HistoryLayout, HistoryPlane, of_plane
 from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
 from supersampler.backends.gpu.program import (
     BLOCK_PASSES,
@@ -22,9 +22,9 @@ from supersampler.methods.taau.spec import TAAU
 LAYOUT = HistoryLayout(
     TAAU,
     {
-        "pixels": Plane("color"),
-        "power": Plane("samples", 1, None),
-        "surface": Plane("surface"),
+        "pixels": HistoryPlane("color"),
+        "power": HistoryPlane("samples", 1, None),
+        "surface": HistoryPlane("surface"),
         **REST_PLANES,
     },
     {
