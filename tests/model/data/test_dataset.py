@@ -205,7 +205,7 @@ def test_damage_is_named(tmp_path: Path, small_renderer: Renderer) -> None:
     with pytest.raises(DatasetError, match=r"0000\.safetensors: not a whole training frame"):
         read_training_frame(path)
     (tmp_path / "dataset.json").write_text("{}")
-    with pytest.raises(DatasetError, match="not a description"):
+    with pytest.raises(DatasetError, match="missing required field `version`"):
         open_dataset(tmp_path)
 
 

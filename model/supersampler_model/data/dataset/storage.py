@@ -17,7 +17,7 @@ from safetensors.numpy import save
 from supersampler import Frame
 from supersampler.errors import ShotError
 from supersampler.io.files import is_there, replacing
-from supersampler.io.json_files import read_json
+from supersampler.io.json_files import check_version, read_typed
 from supersampler.io.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.rendered import UNIT_BUFFERS
@@ -251,14 +251,6 @@ class Description:
         """Plain data."""
         return {"version": VERSION, **asdict(self)}
 
-    @classmethod
-    def from_json(cls, content: Mapping[str, Any]) -> "Description":
-        """Inverse of `to_json`; raises KeyError or TypeError on other data."""
-        entries = (SequenceEntry(**{**e, "spec": SequenceSpec(**e["spec"])}) for e in content["sequences"])
-        width, height = content["display_size"]
-        others = {name: content[name] for name in ("samples", "gbuffers", "seed")}
-        return cls(display_size=(width, height), sequences=tuple(entries), **others)
-
 
 class Dataset:
     """A training set on disk, as far as it is rendered.
@@ -342,17 +334,13 @@ def open_dataset(folder: Path) -> Dataset:
     Raises:
         DatasetError: there is none, or its description is damaged or of another version.
     """
-    path = folder / FILE_NAME
+    path, hint = folder / FILE_NAME, "`supersampler render` makes training sets."
     try:
-        content = read_json(path)
-        if content["version"] != VERSION:
-            raise DatasetError(path, f"version {content['version']}, this code reads {VERSION}")
-        return Dataset(folder, Description.from_json(content))
+        check_version(path, VERSION, hint)
+        return Dataset(folder, read_typed(path, Description, hint))
     except ShotError as error:
         problem = error.problem if is_there(path) else "is not there"
-        raise DatasetError(path, problem, "`supersampler render` makes training sets.") from error
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
-        raise DatasetError(path, f"not a description ({type(error).__name__}: {error})") from error
+        raise DatasetError(path, problem, hint) from error
 
 
 def _check_same(path: Path, existing: Description, requested: Description) -> None:
