@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -226,7 +227,7 @@ def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:
         splits = {e.split for e in drawn.sequences if e.spec.family == family}
         assert splits == ({"train", "validation"} if family in TRAIN_FAMILIES else {"test"})
     assert {e.ratio for e in drawn.sequences} == {1.0, 1.5, 2.0, 3.0, 4.0}
-    assert Description.from_json(drawn.to_json()) == drawn
+    assert msgspec.convert(drawn.to_json(), Description) == drawn
     with pytest.raises(ArgumentError, match="families is 'none'"):
         plan_sequences(RenderPlan(families=("none",)))
 
@@ -260,7 +261,9 @@ def files(tmp_path: Path) -> Path:
 def test_a_share_of_the_sequences_is_composed_of_files_and_recorded(files: Path) -> None:
     plan = RenderPlan(sequences=30, gltf=files, gltf_fraction=0.4)
     drawn = plan_sequences(plan)
-    assert drawn == plan_sequences(plan) == Description.from_json(json.loads(json.dumps(drawn.to_json())))
+    assert (
+        drawn == plan_sequences(plan) == msgspec.convert(json.loads(json.dumps(drawn.to_json())), Description)
+    )
     composed = [e for e in drawn.sequences if e.spec.family == "gltf"]
     assert len(composed) == 12
     assert {e.spec.family for e in drawn.sequences} == {"gltf", *TRAIN_FAMILIES}
