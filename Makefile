@@ -93,7 +93,7 @@ web:
 	test -d $(NODE)/three || npm install --silent --no-save --prefix .node $$(.venv-web/bin/python -c \
 	    'from supersampler.integrations.web import PACKAGES; print(*map("@".join, PACKAGES.items()))') || true
 	test ! -d $(NODE)/three || export SUPERSAMPLER_NODE_MODULES=$(CURDIR)/$(NODE); \
-	    .venv-web/bin/pytest -q -rsP --timeout=1800 tests/integrations/test_web_page_in_chromium.py tests/integrations/test_web_own_shots.py tests/integrations/test_docs_site.py
+	    .venv-web/bin/pytest -q -rsP --timeout=1800 tests/integrations/test_web_page_in_chromium.py tests/integrations/test_docs_site.py
 
 # Needs CMake and a C++ compiler. Afterwards `make test` runs these tests, too, on fewer frames.
 cpp: $(DEVELOPMENT)

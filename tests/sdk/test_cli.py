@@ -1,17 +1,28 @@
 """Tests of the `supersampler` command: resuming, complete output files, one-line errors, fast `--help`."""
 
+import ast
 import json
 import os
 import re
 import subprocess
 import sys
+import tomllib
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
+from typer.testing import CliRunner
 
+from noise import noise
 from supersampler import Frame
+from supersampler.cli import app
+from supersampler.cli.app import EXTRAS, TOOLS
+from supersampler.cli.results import DEMO, SOURCE, read_run_record
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter
@@ -297,3 +308,286 @@ def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -
     done = run("check", tmp_path)
     assert done.exit_code == 1
     assert done.stdout.endswith("Write: Conventions()\n")
+
+
+# --- damaged or strange input files give one line of error, never a traceback ---
+
+
+DEEP = "[" * 100_000
+CHANNELS = {"color": ["R", "G", "B"], "depth": "Z", "motion": ["U", "V"]}
+
+
+def file(name: str, content: bytes = b"") -> Callable[[Path], str]:
+    def made(folder: Path) -> str:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+        return str(folder / name)
+
+    return made
+
+
+def pipe(folder: Path) -> str:
+    (folder / "shot").mkdir()
+    os.mkfifo(folder / "shot" / "shot.json")
+    return str(folder / "shot")
+
+
+def inside(name: str, content: bytes) -> Callable[[Path], str]:
+    """A folder that holds one file."""
+    return lambda folder: os.path.dirname(file(f"in/{name}", content)(folder))  # noqa: PTH120
+
+
+PATHS: dict[str, Callable[[Path], str]] = {
+    "nothing": lambda folder: str(folder / "none"),
+    "a long name": lambda folder: str(folder / ("a" * 300)),
+    "a long path": lambda folder: str(folder / ("a/" * 3000)),
+    "a name alone": lambda _: "b" * 5000,
+    "below a file": lambda folder: file("plain")(folder) + "/shot.json",
+    "a folder of nothing": lambda folder: str(folder),
+    "a folder called as a file": lambda folder: os.path.dirname(file("a.json/x")(folder)),  # noqa: PTH120
+    "an empty file": file("a.safetensors"),
+    "no text": file("a.json", b"\xff\xfe\0"),
+    "deep JSON": file("a.json", DEEP.encode()),
+    "other JSON": file("a.json", b"[1, 2]"),
+    "a pipe": pipe,
+    "a broken EXR": inside("0000.exr", b"v/1\x01\2\0\0\0"),
+    "another image as an EXR": inside("0000.exr", b"\x89PNG\r\n\x1a\n"),
+    "a broken channels.json": inside("channels.json", b"{"),
+    "no frames": inside("shot.json", b'{"version": 1}'),
+    "a training set": inside("dataset.json", DEEP.encode()),
+    "a training set of words": inside("dataset.json", b'{"version": 1, "sequences": "x"}'),
+}
+
+
+@pytest.mark.parametrize("command", ["info", "check", "upscale", "import", "replay"])
+@pytest.mark.parametrize("path", PATHS)
+def test_a_path_of_any_kind_is_one_line_of_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, path: str
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    given = PATHS[path](tmp_path / "here")
+    output = ("-o", str(tmp_path / "out")) if command in ("upscale", "import", "replay") else ()
+    done = CliRunner().invoke(app, [command, given, *output])
+    assert isinstance(done.exception, SystemExit), repr(done.exception)
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith("error: ")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture
+def one_frame(tmp_path: Path) -> Path:
+    with ShotWriter(tmp_path / "shot", name="tiny", display_size=(64, 36), frame_rate=30) as writer:
+        writer.write(noise(0))
+    return tmp_path / "shot"
+
+
+@pytest.mark.parametrize("output", ["plain", "plain/out", "a" * 300, "x/" * 3000, "/proc/none"])
+@pytest.mark.parametrize("command", ["upscale", "import", "demo"])
+def test_an_output_that_cannot_be_made_is_one_line_of_error(
+    one_frame: Path, tmp_path: Path, command: str, output: str
+) -> None:
+    (tmp_path / "plain").write_text("kept")
+    source = () if command == "demo" else (str(one_frame),)
+    options = ("--method", "bilinear") if command != "import" else ()
+    done = CliRunner().invoke(app, [command, *source, "-o", str(tmp_path / output), *options])
+    assert isinstance(done.exception, SystemExit), repr(done.exception)
+    assert (done.exit_code, done.stderr.splitlines()[-1][:7]) == (1, "error: ")
+    assert (tmp_path / "plain").read_text() == "kept"
+
+
+@pytest.mark.parametrize("option", ["--jitter", "--channels", "--conventions"])
+@pytest.mark.parametrize("content", [b"\xff\xfe", b"", DEEP.encode(), b"[1]", b'{"a": 1e999}', b"3"])
+def test_any_file_of_an_option_is_one_line_of_error(tmp_path: Path, option: str, content: bytes) -> None:
+    grey = np.full((6, 8), 0.5, np.float32)
+    write_exr(tmp_path / "in" / "0000.exr", dict.fromkeys(("R", "G", "B", "Z", "U", "V"), grey))
+    (tmp_path / "map.json").write_text(json.dumps(CHANNELS))
+    (tmp_path / "given").write_bytes(content)
+    options = {"--channels": tmp_path / "map.json", "--conventions": "unreal", option: tmp_path / "given"}
+    listed = [str(part) for pair in options.items() for part in pair]
+    done = CliRunner().invoke(app, ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), *listed])
+    assert isinstance(done.exception, SystemExit), repr(done.exception)
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    assert not (tmp_path / "out").exists()
+
+
+def test_names_in_a_file_have_no_say_over_the_terminal(one_frame: Path) -> None:
+    content = (one_frame / "shot.json").read_text().replace('"tiny"', '"\\u001b[2J\\nwhat"')
+    (one_frame / "shot.json").write_text(content)
+    done = CliRunner().invoke(app, ["info", str(one_frame)])
+    assert (done.exit_code, "?[2J" in done.stdout) == (0, True)
+    (one_frame / "0000.exr").write_bytes(b"")
+    done = CliRunner().invoke(app, ["info", str(one_frame)])
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+
+
+# --- option names: messages name only options that exist; one thing has one name ---
+
+
+ROOT = Path(__file__).parents[2]
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]+")
+CALL = re.compile(r"`supersampler (\w+)([^`]*)")
+OTHERS = {"--help", "--version", "--debug"} | {
+    "--abbrev", "--always", "--dirty",  # git
+    "--background", "--python", "--python-exit-code",  # Blender
+    "--collect-all",  # PyInstaller
+}  # fmt: skip
+"""Options of the whole command, and of other programs."""
+
+
+@cache
+def commands() -> dict[str, frozenset[str]]:
+    """Options of all commands; those of groups are called "bench quality"."""
+    found = {}
+    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+        each = typer.main.get_command(import_module(TOOLS[name][0]).app) if name in TOOLS else command
+        for sub, one in getattr(each, "commands", {"": each}).items():
+            options = (text for p in one.params for text in (*p.opts, *p.secondary_opts))
+            found[f"{name} {sub}".strip()] = frozenset(options)
+    return found
+
+
+def messages(file: Path) -> Iterator[str]:
+    """Yield the texts of a module that name options; those of f-strings have NAME for each field."""
+    tree = ast.parse(file.read_text("utf-8"))
+    nodes = list(ast.walk(tree))
+    skipped = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in nodes:
+        if isinstance(node, ast.JoinedStr):
+            yield "".join(str(p.value) if isinstance(p, ast.Constant) else "NAME" for p in node.values)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in skipped:
+            yield node.value
+
+
+@pytest.mark.parametrize("folder", ["sdk", "model", "export", "bench/supersampler_bench"])
+def test_messages_name_only_options_that_exist(folder: str) -> None:
+    known = frozenset().union(OTHERS, *commands().values())
+    wrong = []
+    for file in sorted((ROOT / folder).rglob("*.py")):
+        for text in messages(file):
+            wrong += [f"{file.name}: {option}" for option in OPTION.findall(text) if option not in known]
+            for name, rest in CALL.findall(text):
+                own = frozenset().union(*(o for c, o in commands().items() if c.split()[0] == name))
+                wrong += [f"{file.name}: {name} {o}" for o in OPTION.findall(rest) if o not in own | OTHERS]
+    assert not wrong, wrong
+
+
+@pytest.mark.parametrize("option", ["--size", "--sizes", "--ratios", "--provider", "--extrapolation"])
+def test_options_have_one_name_in_all_commands(option: str) -> None:
+    """Other names are in use: --display-size, --render-size, --ratio, --providers, --extrapolate."""
+    others = {"--size": {"train"}}  # of crops
+    assert {name for name, options in commands().items() if option in options} == others.get(option, set())
+
+
+# --- what is printed where an extra is missing or the reader of a pipe has gone: a line, or nothing ---
+
+
+IMPORTED_AS = {"flip-evaluator": "flip_evaluator"}
+NOT_COMMANDS = {"docs", "dev"}
+CLOSED = """
+import os, sys
+out, pipe = os.pipe()
+os.close(out)
+os.dup2(pipe, 1)
+from supersampler.cli import main
+main()
+"""
+
+
+def test_every_package_of_an_extra_is_known_to_the_error_message() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for extra, packages in extras.items():
+        for package in packages if extra not in NOT_COMMANDS else ():
+            name = package.partition(">")[0].partition("=")[0]
+            found = EXTRAS[IMPORTED_AS.get(name, name)]
+            assert any(each.startswith(name) for each in extras[found])
+
+
+@pytest.mark.parametrize(
+    ("missing", "words", "extra"),
+    [
+        ("matplotlib", ["bench", "quality", "plaza", "--methods", "bilinear", "-o", "x"], "bench"),
+        ("onnx", ["bench", "cost"], "train"),
+        ("torch", ["bench", "parity"], "train"),
+        ("moderngl", ["bench", "parity", "--methods", "bilinear", "--frames", "10"], "render"),
+        ("torch", ["train", "classifier", "-o", "x"], "train"),
+        ("torch", ["export", "taau", "-o", "x"], "train"),
+        ("av", ["upscale", "plaza", "-o", "x", "--format", "mp4", "--method", "bilinear"], "video"),
+    ],
+)
+def test_a_missing_extra_is_one_line_that_names_it(
+    missing: str, words: list[str], extra: str, tmp_path: Path
+) -> None:
+    code = f"import sys; sys.modules.update({missing}=None); from supersampler.cli import main; main()"
+    command = [sys.executable, "-c", code, *words]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 1
+    last = done.stderr.strip().splitlines()[-1]
+    assert f"needs {missing}" in last
+    assert last.endswith(f'pip install "supersampler[{extra}]"')
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--help"], ["bench", "--help"], ["bench", "latency", "--help"], ["train", "--help"], ["info", "plaza"]],
+)
+def test_output_that_nobody_reads_ends_without_a_word(words: list[str]) -> None:
+    done = subprocess.run([sys.executable, "-c", CLOSED, *words], capture_output=True, text=True)
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("words", [["bench"], ["bench", "cost"], ["render"], ["train"], ["export"]])
+def test_help_of_all_tools_is_in_one_style(words: list[str]) -> None:
+    said = CliRunner().invoke(app, [*words, "--help"], prog_name="supersampler").output
+    assert "--install-completion" not in said
+    assert said.startswith("Usage: supersampler")
+    assert "╭" not in said
+
+
+# --- `supersampler demo` in a folder that is not empty ---
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Demos of two frames."""
+    whole = Shot.open
+    monkeypatch.setattr(Shot, "open", lambda path: whole(path).cropped(0, 1))
+
+
+def images(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*.png"))}
+
+
+@pytest.mark.usefixtures("short")
+def test_a_demo_of_another_method_replaces_the_earlier_one_and_leaves_other_files(tmp_path: Path) -> None:
+    assert run("demo", "-o", tmp_path, "--method", "bilinear").exit_code == 0
+    first = images(tmp_path)
+    (tmp_path / "exr" / "mine.exr").write_bytes(b"mine")
+    assert run("demo", "-o", tmp_path, "--method", "taa").exit_code == 0
+    second = images(tmp_path)
+    assert first.keys() == second.keys()
+    assert first["png/0001.png"] != second["png/0001.png"]
+    assert (tmp_path / "exr" / "mine.exr").read_bytes() == b"mine"
+
+
+@pytest.mark.usefixtures("short")
+def test_the_same_demo_again_keeps_its_images(tmp_path: Path) -> None:
+    run("demo", "-o", tmp_path, "--method", "bilinear")
+    again = run("demo", "-o", tmp_path, "--method", "bilinear")
+    assert again.exit_code == 0
+    assert "are there already" in again.stderr
+
+
+@pytest.mark.usefixtures("short")
+def test_a_demo_replaces_the_results_of_another_command_only_when_told(tmp_path: Path) -> None:
+    run("upscale", "plaza", "-o", tmp_path, "--method", "bilinear", "--format", "exr", "--format", "png")
+    upscaled = images(tmp_path)
+    refused = run("demo", "-o", tmp_path, "--method", "taa")
+    assert refused.exit_code == 1
+    assert "or --overwrite to start over" in refused.stderr
+    assert images(tmp_path) == upscaled
+    assert run("demo", "-o", tmp_path, "--method", "taa", "--overwrite").exit_code == 0
+    record = read_run_record(tmp_path)
+    assert record is not None
+    assert record.settings[SOURCE] == DEMO

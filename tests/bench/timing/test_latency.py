@@ -1,14 +1,23 @@
 """`bench latency` times settings in turns beside `taa`, and lists only those that a method has."""
 
+import shutil
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from gpu_steps import device_or_skip
+from supersampler import ArgumentError
+from supersampler.methods.model_file import find_model
 from supersampler_bench.cli import app
 from supersampler_bench.timing import latency
+from supersampler_bench.timing.against import FirstFrame, StartupRecord, measure_startup
+from supersampler_bench.timing.cost import CostRecord, cost_of
 from supersampler_bench.timing.latency import frames_of, measure_latency
+from supersampler_bench.timing.skip import MOVES, SkipRecord, frame_count, measure_skipping
+from supersampler_model.methods.classifier import SmallClassifier
 
 
 def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
@@ -50,3 +59,88 @@ def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "| 32x18 | 1 | taa | cpu, fp32 |" in result.output
     assert '"processor"' in (tmp_path / "latency.json").read_text()
+
+
+# --- `bench skip` measures time, tiles at rest and error of static and of moving scenes ---
+
+
+RATIO = 1.0  # of the shortest jitter sequence, so of the fewest frames
+
+
+def test_a_scene_in_which_nothing_moves_is_frozen() -> None:
+    frames = []
+    results = measure_skipping(
+        ["machine_hall"], ["taau"], (96, 64), ratio=RATIO, samples=4, on_frame=lambda: frames.append(1)
+    )
+    assert len(frames) == len(MOVES) * frame_count(RATIO)
+    still, objects, camera = results
+    assert [each.moves for each in results] == ["nothing", "objects", "camera"]
+    assert still.converged == 1.0
+    assert 1.0 > objects.converged >= camera.converged == 0.0
+    assert still.psnr > camera.psnr
+    table = SkipRecord((96, 64), RATIO, results, frame_count(RATIO)).table()
+    assert f"| machine_hall | nothing | taau | {still.milliseconds:.1f} | {still.first:.2f} |" in table
+    assert f"{frame_count(RATIO)} frames of test shots" in table
+
+
+# --- first-frame time with an empty and with a full kernel cache ---
+
+
+@pytest.mark.long  # in new processes
+def test_kernels_are_compiled_in_the_fresh_process_and_kept_for_the_later() -> None:
+    started: list[int] = []
+    (result,) = measure_startup(["taa"], (64, 36), cold=1, warm=2, on_process=lambda: started.append(1))
+    assert result.method == "taa"
+    assert len(started) == 3
+    assert result.cache_bytes > 10_000
+    assert 0.0 < result.warm_seconds < result.cold_seconds
+
+
+@pytest.mark.long  # in new processes
+def test_a_program_on_the_gpu_is_timed_from_its_start_too() -> None:
+    device_or_skip()
+    (result,) = measure_startup(["taa:gpu"], (64, 36), cold=1, warm=1)
+    assert result.method == "taa:gpu"
+    assert result.warm_seconds > 0.0
+
+
+def test_the_table_has_a_row_for_each_method() -> None:
+    record = StartupRecord((480, 270), 2.0, [FirstFrame("taa", 2.04, 0.214, 4096)])
+    table = record.table()
+    assert "| taa | 2.0 | 0.21 | 4 |" in table
+    assert "480x270" in table
+
+
+# --- counted multiply-adds of a network equal those computed by hand from its layers ---
+
+
+def by_hand() -> float:
+    """Multiply-adds a display pixel, of sizes that all levels divide."""
+    config = SmallClassifier().config
+    network, packed = config.network, 4 * config.planes
+    channels, total, seen = packed + config.half_inputs, 0.0, 0.0
+    for level, width in enumerate(network.levels):
+        total += (channels * width + 9 * width + width * width) / 4**level
+        kept = width if level == 3 else width // 2
+        seen, channels = seen + kept / 4**level, width // 2
+    total += seen * network.decoder + (network.decoder_layers - 1) * network.decoder**2
+    total += network.decoder * 6
+    total += (packed + network.decoder) * network.hidden
+    return (total + network.hidden * 4 * (config.candidates + sum(config.filters))) / 4.0
+
+
+def test_the_count_is_that_of_the_layers_and_within_the_budget(tmp_path: Path) -> None:
+    cost = cost_of(str(shutil.copytree(find_model("classifier-small"), tmp_path / "small")))
+    assert cost.multiply_adds == pytest.approx(by_hand())
+    assert cost.multiply_adds <= 2000.0
+    assert cost.method == "small"
+    assert f"{cost.multiply_adds:,.0f}" in CostRecord([cost]).table()
+
+
+def test_a_method_without_a_network_is_named() -> None:
+    with pytest.raises(ArgumentError, match="taau"):
+        cost_of("taau")
+
+
+def test_the_config_of_a_small_one_says_so() -> None:
+    assert asdict(SmallClassifier().config)["network"]["hidden"] == 26

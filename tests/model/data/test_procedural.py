@@ -1,22 +1,58 @@
 """Procedural families: pure functions of their spec; exposure is usable, things move, lights change."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from gl_scenes import Yard, bending_tube, box, moved, sky
+from label_samples import label_inputs, samples
+from more_scenes import Cut, Floor, ShadingStep, dots, near, ripples, thin_lines
 from supersampler import Frame, halton_jitter
+from supersampler.conventions import camera_motion
 from supersampler.io.display import display_transform
 from supersampler.validation import FrameChecker
+from supersampler_bench.quality.metrics import psnr
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.product_shot import Plaza
 from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.analytic import (
+    FAR,
+    NEAR,
+    AnalyticScene,
+    DiscOverPlane,
+    Mask,
+    Pattern,
+    Plane,
+    WiresOverPlane,
+    checker,
+    places,
+    plain,
+    still_scene,
+    still_scene_with_mover,
+    zone_plate,
+)
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.stage import CASTERS, Stage, caster
-from supersampler_model.data.scenes.scene import Camera, Mesh, Scene
+from supersampler_model.data.scenes.scene import (
+    Camera,
+    Environment,
+    Instance,
+    Material,
+    Mesh,
+    Particles,
+    PointLight,
+    Scene,
+    Skin,
+    Spot,
+    Sun,
+    Texture,
+    tangents_of,
+)
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
 from supersampler_model.data.specs import Sequence, SequenceSpec
 
@@ -322,3 +358,262 @@ def test_signs_reflect_and_screens_shine() -> None:
     assert lit.emissive == (2.0,) * 3
     assert page.emissive_texture is not None
     assert page.emissive_texture.pixels.std() > 20.0  # not one colour
+
+
+# --- errors of invalid scenes name the field that is wrong ---
+
+
+WHITE = np.full((2, 2, 3), 255, np.uint8)
+PAINT = Texture(pixels=WHITE)
+ROWS = np.ones((2, 4), np.float32)
+HERE = moved(0, 0, 0)
+LAMP = PointLight(position=(0.0, 1.0, 0.0), color=(1.0, 1.0, 1.0))
+WIDER = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0), near=0.2)
+
+
+def scene(**changes: object) -> Scene:
+    return replace(Yard().scene(0), **changes)  # type: ignore[arg-type]
+
+
+def tube(**changes: object) -> Instance:
+    pose = np.stack([HERE, HERE])
+    fields = {"mesh": bending_tube(), "material": Material(), "model": HERE, "palette": pose, **changes}
+    return Instance(**fields)  # type: ignore[arg-type]
+
+
+def mesh(**changes: object) -> Mesh:
+    return replace(box(), **changes)  # type: ignore[arg-type]
+
+
+BAD: list[tuple[Callable[[], object], str]] = [
+    (lambda: mesh(indices=np.zeros((0, 3), np.uint32)), r"mesh\.indices is \(0, 3\) uint32; want \(n, 3\)"),
+    (lambda: mesh(positions=np.zeros((0, 3), np.float32)), r"mesh\.positions is \(0, 3\)"),
+    (lambda: mesh(indices=np.full((1, 3), 99, np.uint32)), r"mesh\.indices is 99; want vertices below 24"),
+    (lambda: mesh(normals=np.full((24, 3), np.nan, np.float32)), r"mesh\.normals is NaN"),
+    (lambda: mesh(skin=bending_tube().skin), r"mesh\.skin is \d+ vertices; want 24"),
+    (lambda: Skin(joints=np.zeros((3, 4), np.uint16), weights=np.ones((3, 4), np.float32)), r"skin\.weights"),
+    (lambda: Texture(pixels=WHITE.astype(np.float32)), r"texture\.pixels is .* float32; want .* uint8"),
+    (lambda: Texture(pixels=np.zeros((0, 4, 3), np.uint8)), r"texture\.pixels is \(0, 4, 3\)"),
+    (lambda: Material(alpha_cutoff=0.5), r"material\.base_color_texture is missing; want an RGBA"),
+    (lambda: Material(alpha_cutoff=0.5, base_color_texture=PAINT), r"base_color_texture is without opacity"),
+    (lambda: Material(normal_texture=PAINT), r"material\.normal_texture\.srgb is True; want False"),
+    (lambda: Material(base_color_texture="paint.png"), r"base_color_texture is str; want a Texture"),  # type: ignore[arg-type]
+    (lambda: Material(base_color=(2.0, 0.0, 0.0)), r"material\.base_color is 2\.0; want .* <= 1"),
+    (lambda: Material(roughness=float("nan")), r"material\.roughness is nan"),
+    (lambda: tube(palette=None), r"instance\.palette is None; want a pose"),
+    (lambda: tube(mesh=box()), r"instance\.palette is given; want None"),
+    (lambda: tube(palette=np.eye(4)[None]), r"instance\.palette is 1 joints; want 2 to 128"),
+    (lambda: tube(palette=np.tile(np.eye(4), (200, 1, 1))), r"instance\.palette is 200 joints"),
+    (lambda: tube(model=moved(1, 2, 3).T), r"instance\.model.* Matrices act on column vectors"),
+    (lambda: tube(emission=-1.0), r"instance\.emission is -1\.0"),
+    (lambda: Environment(pixels=np.ones((32, 32, 3), np.float32)), r"environment\.pixels is \(32, 32, 3\)"),
+    (lambda: Environment(pixels=-sky().pixels), r"environment\.pixels is negative"),
+    (lambda: Camera(position=(0, 0, 0), target=(0, 0, 0)), r"camera\.target .* some distance"),
+    (lambda: Camera(position=(0, 0, 0), target=(0, 0, 1), near=0.0), r"camera\.near is 0\.0; want .* > 0"),
+    (lambda: Sun(direction=(0, 0, 0), color=(1, 1, 1)), r"sun\.direction is \(0, 0, 0\); want a direction"),
+    (lambda: Spot(position=(0, 0, 0), target=(1, 0, 0), color=(1, 1, 1), outer=95.0), r"spot\.outer is 95"),
+    (lambda: PointLight(position=(0, 0, 0), color=(1, -1, 1)), r"point\.color is -1"),
+    (lambda: scene(points=(LAMP,) * 17), r"scene\.points is 17 lights; .* 16"),
+    (lambda: scene(camera_before=WIDER), r"camera_before\.near"),
+    (
+        lambda: Particles(centers=ROWS[:, :3], radii=ROWS[0, :3], colors=ROWS),
+        r"radii is \(3,\) float32; want \(2\)",
+    ),
+]
+
+
+@pytest.mark.parametrize(("make", "message"), BAD, ids=[message[:40] for _, message in BAD])
+def test_a_bad_scene_is_named(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        make()
+
+
+def test_what_stood_still_need_not_say_so() -> None:
+    instance = tube()
+    assert instance.model_before is instance.model
+    assert instance.palette_before is instance.palette
+
+
+def test_tangents_follow_u_and_stand_on_the_normal() -> None:
+    shape = bending_tube()
+    derived = tangents_of(shape.positions, shape.normals, shape.uv, shape.indices)
+    around = np.cross((0.0, 1.0, 0.0), shape.normals)  # u runs around the tube
+    np.testing.assert_allclose((derived[:, :3] * around).sum(axis=1), 1.0, atol=0.02)
+    np.testing.assert_allclose((derived[:, :3] * shape.normals).sum(axis=1), 0.0, atol=1e-5)
+    flat = np.zeros_like(shape.uv)  # no u at all: any direction along the surface
+    derived = tangents_of(shape.positions, shape.normals, flat, shape.indices)
+    np.testing.assert_allclose(np.linalg.norm(derived[:, :3], axis=1), 1.0, atol=1e-5)
+
+
+# --- analytic scenes: sampling, jitter, motion, depth and reference are consistent ---
+
+
+RENDER, DISPLAY = (64, 36), (128, 72)
+PATTERNS = pytest.mark.parametrize("pattern", [zone_plate, thin_lines, dots, checker])
+
+
+def accumulated(scene: AnalyticScene, count: int, sign: float) -> NDArray[np.float32]:
+    """Put the samples of `count` jittered frames where they fell at twice the size, and average.
+
+    `sign` -1 reads the jitter the wrong way round.
+    """
+    total, hits = np.zeros((72, 128, 3)), np.zeros((72, 128, 1))
+    for jitter in (halton_jitter(index, 16.0) for index in range(count)):
+        frame = scene.frame(0, RENDER, jitter)
+        right, down = (int(sign * offset >= 0) for offset in jitter)  # which half of the pixel was hit
+        total[down::2, right::2] += np.asarray(frame.color)
+        hits[down::2, right::2] += 1
+    return (total / hits).astype(np.float32)
+
+
+@PATTERNS
+def test_many_jittered_frames_average_to_the_truth_and_only_with_the_right_sign(pattern: Pattern) -> None:
+    scene = Plane(pattern)
+    truth = scene.truth(0, DISPLAY)
+    right = psnr(accumulated(scene, 1024, sign=1), truth)
+    assert right > 40
+    assert psnr(accumulated(scene, 1024, sign=-1), truth) < right - 10
+
+
+@PATTERNS
+def test_one_frame_alone_is_aliased(pattern: Pattern) -> None:
+    scene = Plane(pattern)
+    assert psnr(np.asarray(scene.frame(0, RENDER).color), scene.truth(0, RENDER)) < 25
+
+
+def test_the_truth_is_the_same_scene_at_every_size() -> None:
+    scene = DiscOverPlane()
+    large, small = scene.truth(3, (256, 144), samples=8), scene.truth(3, (128, 72), samples=16)
+    np.testing.assert_allclose(large.reshape(72, 2, 128, 2, 3).mean(axis=(1, 3)), small, atol=1e-6)
+
+
+def followed(scene: AnalyticScene, index: int, sign: float = 1.0) -> tuple[float, Mask]:
+    """PSNR of the last truth, moved along whole-pixel motion, and where that is fair to ask."""
+    motion = sign * scene.frame(index, DISPLAY).motion
+    rows, columns = np.indices((72, 128))
+    x, y = (np.rint(v).astype(int) for v in (columns + motion[..., 0], rows + motion[..., 1]))
+    past = scene.truth(index - 1, DISPLAY)[np.clip(y, 0, 71), np.clip(x, 0, 127)]
+    depth = scene.frame(index, DISPLAY).depth
+    edge = near(depth == np.float32(NEAR)) & near(depth == np.float32(FAR))
+    fair = ~(edge | near(scene.disoccluded(index, DISPLAY)))
+    return psnr(past, scene.truth(index, DISPLAY), fair), fair
+
+
+@pytest.mark.parametrize("scene", [Plane(checker, (1.5, -1.0)), Plane(dots, (-0.5, 2.0)), DiscOverPlane()])
+def test_the_truth_moves_by_the_motion_away_from_disocclusion(scene: AnalyticScene) -> None:
+    score, fair = followed(scene, 4)
+    assert fair.mean() > 0.7
+    assert score > 60
+    assert followed(scene, 4, sign=-1)[0] < score - 30
+
+
+def test_motion_is_in_pixels_of_the_image_rendered() -> None:
+    scene = Plane(checker, (1.5, -1.0))
+    np.testing.assert_allclose(scene.frame(2, (64, 36)).motion[0, 0], (-1.5, 1.0))
+    np.testing.assert_allclose(scene.frame(2, (128, 18)).motion[0, 0], (-3.0, 0.5))
+
+
+def test_the_disc_is_near_and_reveals_the_background_behind_it_only() -> None:
+    scene = DiscOverPlane(velocity=(3.0, 0.0), background_velocity=(0.0, 0.0))
+    frame, revealed = scene.frame(5, DISPLAY), scene.disoccluded(5, DISPLAY)
+    assert set(np.unique(frame.depth)) == {np.float32(FAR), np.float32(NEAR)}
+    assert revealed.any()
+    assert (frame.depth[revealed] == np.float32(FAR)).all()
+    assert np.nonzero(revealed)[1].max() < 2 * (20 + 5 * 3)  # left of its middle, as it moves right
+    crescent = 2 * 3 * 2 * 8 * 2  # about velocity times diameter, in display pixels
+    assert 0.85 * crescent < revealed.sum() < 1.05 * crescent
+
+
+def test_what_pans_in_from_off_screen_is_disoccluded() -> None:
+    revealed = Plane(checker, (2.0, 0.0)).disoccluded(1, DISPLAY)
+    assert revealed[:, :4].all()
+    assert not revealed[:, 4:].any()
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        Plane(zone_plate, (0.7, -0.3), bumps=ripples),
+        Floor(checker, 3.0),
+        Floor(checker, -2.0),
+        WiresOverPlane(),
+        DiscOverPlane(),
+        ShadingStep(Floor(checker, 3.0), at=9),
+        Cut(Plane(dots), Floor(checker, 3.0), at=4),
+    ],
+)
+def test_what_is_seen_was_where_its_motion_says_at_the_depth_it_says(scene: AnalyticScene) -> None:
+    x, y = places(DISPLAY)
+    now, seen = scene.surface(5, x, y), scene.visible_before(5, x, y)
+    assert seen.mean() > 0.5
+    before = scene.surface(4, x + now.motion[..., 0], y + now.motion[..., 1])
+    np.testing.assert_allclose(before.depth[seen], now.depth_before[seen], rtol=1e-9)
+    for a, b in ((before.color, now.color), (before.normal, now.normal)):
+        assert (np.abs(a - b).max(axis=-1) < 1e-6)[seen].mean() > 0.999  # rounding decides on edges
+    np.testing.assert_allclose(before.normal_mapped[seen], now.normal_mapped[seen], atol=1e-6)
+
+
+def test_evidence_holds_the_ranges_and_the_mean_of_the_samples() -> None:
+    scene = DiscOverPlane()
+    drawn = label_inputs(scene, 3, RENDER, count=4)
+    np.testing.assert_array_equal(drawn.pixels.color, scene.truth(3, RENDER, samples=4))
+    np.testing.assert_array_equal(drawn.motion, scene.frame(3, RENDER).motion)
+    np.testing.assert_array_equal(drawn.depth_before, scene.frame(3, RENDER).depth)  # nothing comes closer
+    depths = np.array([sample.depth for sample in samples(scene, 3, RENDER, 4)], np.float32)
+    np.testing.assert_array_equal(drawn.pixels.depth_min, depths.min(axis=0))
+    np.testing.assert_array_equal(drawn.pixels.depth_max, depths.max(axis=0))
+    assert [label_inputs(scene, i, RENDER, count=1).cut for i in (0, 1)] == [True, False]
+
+
+def test_a_normal_map_changes_nothing_but_the_mapped_normals() -> None:
+    flat, bumpy = (
+        label_inputs(Plane(plain, bumps=bumps), 0, RENDER) for bumps in (Plane(plain).bumps, ripples)
+    )
+    assert bumpy.pixels.normal_mapped_spread.min() > 0.3
+    assert not flat.pixels.normal_mapped_spread.any()
+    assert not bumpy.pixels.normal_spread.any()
+    normals = Plane(plain, bumps=ripples).surface(0, *places(RENDER)).normal_mapped
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0)
+
+
+def test_camera_motion_is_that_of_a_plane_that_an_analytic_camera_passes() -> None:
+    """A camera that moves along a plane sees it pan; depth is 1 / distance."""
+    velocity, jitter, (width, height) = (0.75, -0.5), (0.25, -0.375), RENDER
+    frame = Plane(zone_plate, velocity).frame(4, RENDER, jitter)
+    projection = np.diag([2.0, 2.0 * width / height, 0.0, 0.0])
+    projection[2, 3], projection[3, 2] = 1.0, -1.0  # reversed, infinite far
+    pan = np.array([-2.0 / width, 2.0 / height]) * frame.motion[0, 0]  # of one frame, in clip space
+    cameras = [np.eye(4), np.eye(4)]
+    for index, camera in enumerate(cameras):
+        camera[:2, 3] = (3 + index) * pan / FAR / np.diag(projection)[:2]
+    motion = camera_motion(frame.depth, projection @ cameras[1], projection @ cameras[0], jitter=jitter)
+    np.testing.assert_allclose(motion, frame.motion, atol=1e-3)
+    assert np.abs(frame.motion).min() > 0.1
+
+
+# --- the static scene of `bench still` ---
+
+
+def test_nothing_moves_but_the_disc() -> None:
+    size = (64, 36)
+    frame = still_scene().frame(5, size)
+    assert not np.asarray(frame.motion).any()
+    with_mover = still_scene_with_mover()
+    near = np.asarray(with_mover.frame(40, size).depth) > 0.05
+    moves = np.asarray(with_mover.frame(40, size).motion)[..., 0] != 0
+    assert near.any()
+    np.testing.assert_array_equal(near, moves)
+
+
+def test_a_frame_depends_on_its_jitter_alone() -> None:
+    scene, jitter = still_scene(), halton_jitter(3, 2.0)
+    one, later = (scene.frame(index, (80, 45), jitter) for index in (3, 35))
+    np.testing.assert_array_equal(one.color, later.color)
+
+
+def test_colors_are_in_range_and_the_disc_leaves_the_lower_half_alone() -> None:
+    still, moving = (scene.truth(40, (64, 36), 4) for scene in (still_scene(), still_scene_with_mover()))
+    assert still.min() >= 0.0
+    assert still.max() <= 1.0
+    np.testing.assert_array_equal(still[18:], moving[18:])
+    assert np.abs(still[:18] - moving[:18]).max() > 0.1
