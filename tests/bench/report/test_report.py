@@ -151,7 +151,7 @@ def test_records_of_quality_hold_summaries_and_no_single_frames(root: Path, tmp_
 
 
 def test_the_list_measures_nothing(root: Path) -> None:
-    result = CliRunner().invoke(app, ["bench", "records", "--list", "--root", str(root)])
+    result = CliRunner().invoke(app, ["records", "--list", "--root", str(root)])
     assert result.exit_code == 0, result.output
     assert "second: was never measured" in result.output
     assert "first" not in result.output
