@@ -85,8 +85,8 @@ def render_test_shots(
         DataError: a worker failed; complete frames stay, and the next run continues.
     """
     families = list(shots.seeds)
-    shares = [families[k::workers] for k in range(min(workers, len(families)))]
-    run_parts([partial(_render, cache, shots, share) for share in shares], on_frame=on_frame)
+    parts = [families[k::workers] for k in range(min(workers, len(families)))]
+    run_parts([partial(_render, cache, shots, part) for part in parts], on_frame=on_frame)
 
 
 def render_test_shot(

@@ -21,7 +21,10 @@ SPATIAL = ("bilinear", "bicubic")
 PRESET_RATIO = 2.0
 PRESET_RATIOS = 1.0, 3.0
 """Smallest and largest ratio that a method of a preset must serve."""
-MIN_GAIN, NEGLIGIBLE_GAIN = 1.0, 0.05  # dB: of a preset over no history; not worth any time
+MIN_GAIN = 1.0
+"""Minimum PSNR gain of a preset over images without a history, in dB."""
+NEGLIGIBLE_GAIN = 0.05
+"""PSNR gain that is not worth any time, in dB."""
 
 
 @dataclass(frozen=True)
@@ -57,18 +60,18 @@ def measure_pareto(
     on_left_out: Callable[[str], None] = lambda _: None,
     on_round: Callable[[], None] = lambda: None,
 ) -> list[ParetoPoint]:
-    """Time all settings that quality records have scores of, on this machine.
+    """Time all settings that quality records score, on this machine.
 
     Args:
         records: records of the same shots.
         display: (width, height) of the images that are timed.
         threads: threads on the CPU.
-        steps: steps that count, of each setting.
+        steps: measured steps of each setting.
         on_left_out: called with the reason why a method is left out: no such model, or another ratio.
         on_round: called 2 x `steps` times for each ratio of `scores_of`.
 
     Raises:
-        ArgumentError: a record has no scores of shots, or is of other shots than the first.
+        ArgumentError: a record has no scores of shots, or scores other shots than the first.
     """
     points, scored = [], scores_of(records)
     missing = dict(_missing(spec.model for scores in scored.values() for spec in scores))
@@ -81,10 +84,10 @@ def measure_pareto(
             if spec.model not in missing
         }
         settings = list(dict.fromkeys(setting_of.values()))
-        found = measure_settings(
+        latencies = measure_settings(
             settings, ratio=ratio, steps=steps, on_left_out=on_left_out, on_round=on_round
         )
-        timed = {t.setting: t for t in found}
+        timed = {t.setting: t for t in latencies}
         for spec in scores:
             if (setting := setting_of.get(spec)) is not None and (t := timed.get(setting)) is not None:
                 runs = f"{t.executor}, {t.precision}"
@@ -93,7 +96,7 @@ def measure_pareto(
 
 
 def _missing(models: Iterable[str]) -> Iterator[tuple[str, ModelError]]:
-    """Yield the models that are not there, each once, and why: a record may be of a model folder."""
+    """Yield the models that are missing, each once, and why: a record may name a model folder."""
     for model in dict.fromkeys(models):
         try:
             find_model(model)
@@ -107,7 +110,7 @@ def scores_of(
     """Return scores by ratio and setting, without warm-up and border: means, or those of the only shot.
 
     Raises:
-        ArgumentError: a record has no scores of shots, or is of other shots than the first.
+        ArgumentError: a record has no scores of shots, or scores other shots than the first.
     """
     found: dict[float, dict[Spec, dict[str, float]]] = {}
     for record in records:
@@ -117,7 +120,7 @@ def scores_of(
             want = "of `bench quality test-shots --json` or `bench pareto --json`, all of the same shots"
             raise ArgumentError("record", got=got, want=want)
         for ratio, spec, known in scores:
-            if spec.passes > 1:  # which are no step
+            if spec.passes > 1:  # two passes over a shot are no real-time step
                 continue
             names = (c.name for c in CLIP_COLUMNS if c.name in known)
             found.setdefault(ratio, {})[spec] = {name: known[name] for name in names}
@@ -147,11 +150,11 @@ def frontier(points: Sequence[ParetoPoint], metric: Column) -> list[ParetoPoint]
 def presets(points: Sequence[ParetoPoint]) -> dict[str, str]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
-    fast: the fastest that is better by `MIN_GAIN` than images without a history.
+    fast: the fastest that beats images without a history by `MIN_GAIN`.
     high: the fastest within `NEGLIGIBLE_GAIN` of the best.
-    balanced: of those between, the one that gains most over fast per additional millisecond; else high.
+    balanced: of those between, the one with the largest gain over fast per extra millisecond, or high.
 
-    Only settings with the default `at_rest` compete, because shots in motion do not show what it gains.
+    Only settings with the default `at_rest` compete, because moving shots do not show its gain.
     Methods that read G-buffers are left out, because not all frames have them, and those that do not serve
     PRESET_RATIOS, because a preset is for any ratio.
     """

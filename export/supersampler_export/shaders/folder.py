@@ -57,7 +57,7 @@ def shader_files(model: str | Path, *, images: Images = "textures") -> dict[str,
     program = gpu_program(info)
     if program is None:
         want = f"one with shaders: {', '.join(with_shaders())}"
-        hint = "Without --target it is written for ONNX Runtime."
+        hint = "Without --target, the method is exported for ONNX Runtime."
         raise ArgumentError("METHOD", got=repr(info.method), want=want, hint=hint)
     passes = exported_passes(program, images)
     content = {one.file: one.shader.code.encode() for one in passes}

@@ -41,20 +41,20 @@ def train(
         list[Path] | None, typer.Option(help="Shot to measure on; any number.")
     ] = None,
     steps: Annotated[int, typer.Option(help="Updates of the weights.")] = 12000,
-    size: Annotated[int, typer.Option(help="Of the crops, display pixels.")] = 128,
-    batch: Annotated[int, typer.Option(help="Crops in an update.")] = 8,
-    frames: Annotated[int, typer.Option(help="That an update looks back on.")] = 4,
-    rate: Annotated[float, typer.Option(help="Highest learning rate.")] = 6e-3,
+    size: Annotated[int, typer.Option(help="Width and height of the crops in display pixels.")] = 128,
+    batch: Annotated[int, typer.Option(help="Crops per update.")] = 8,
+    frames: Annotated[int, typer.Option(help="Consecutive frames in a crop.")] = 4,
+    rate: Annotated[float, typer.Option(help="Peak learning rate.")] = 6e-3,
     every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
-    seed: Annotated[int, typer.Option(help="Of weights and crops.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of weights and crops.")] = 0,
     attributions: Annotated[
-        Path | None, typer.Option(help="Text file: a line for each author to be named for the data's files.")
+        Path | None, typer.Option(help="Text file: the attributions that the data requires, one per line.")
     ] = None,
     init: Annotated[
         str | None, typer.Option(help="Weights to begin with: a file of another run, or `shipped`.")
     ] = None,
 ) -> None:
-    """Train a method that learns; a run that was stopped goes on when the same command is given again.
+    """Train a method that learns; the same command resumes a run that was stopped.
 
     \b
     Examples:
@@ -83,11 +83,11 @@ def train(
             datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
-    begin = shipped_weights(name) if init == "shipped" else init and Path(init)
-    task = start_task(name, load_trained(begin) if begin else None)
+    start = shipped_weights(name) if init == "shipped" else init and Path(init)
+    task = start_task(name, load_trained(start) if start else None)
     learned = task.method.provenance
-    begun = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
-    named = [] if attributions is None else _lines(attributions)
+    initial = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
+    authors = [] if attributions is None else _lines(attributions)
     plan = TrainingPlan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output)
     entries = validation_entries(trainer.datasets, task.ratios)
@@ -96,15 +96,15 @@ def train(
     while trainer.done < plan.steps:
         update_and_save(trainer, min((trainer.done // every + 1) * every, plan.steps), updates)
         found = validate(trainer.average.eval(), entries, task.runner) if entries else None
-        _report(trainer, output, updates, found, baseline, {"attributions": named, "init": begun})
+        _report(trainer, output, updates, found, baseline, {"attributions": authors, "init": initial})
         updates.clear()
 
 
 def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None:
-    """Update and save; on a terminal with a progress bar. Adds to `updates`.
+    """Train up to `until` updates in total, save, and append to `updates`; on a terminal with a progress bar.
 
     Raises:
-        typer.Exit: Ctrl-C, after the update in progress.
+        typer.Exit: after Ctrl-C, once the update in progress is saved.
     """
     with _progress(trainer) as advance:
 
@@ -116,17 +116,17 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
             trainer.run(until, on_update=count, stops=lambda: stop.requested)
         trainer.save()
     if stop.requested and trainer.done < trainer.plan.steps:
-        _CONSOLE.print(f"Stopped after {trainer.done} updates. The same command, given again, goes on.")
+        _CONSOLE.print(f"Stopped after {trainer.done} updates. Run the same command to resume.")
         raise typer.Exit(130)
 
 
 class StopRequest:
     """Context manager that records the first SIGINT or SIGTERM; the second one raises KeyboardInterrupt.
 
-    The update in progress is finished and saved first: nothing is lost.
+    The trainer finishes and saves the update in progress.
 
     Attributes:
-        requested: whether one came.
+        requested: whether a signal was received.
     """
 
     def __init__(self) -> None:
@@ -143,14 +143,14 @@ class StopRequest:
 
     def _stop(self, _number: int, _frame: FrameType | None) -> None:
         self.requested = True
-        for one in _SIGNALS:
-            signal.signal(one, signal.default_int_handler)
-        _CONSOLE.print("Stopping after this update; Ctrl-C again stops at once and loses the last ones.")
+        for number in _SIGNALS:
+            signal.signal(number, signal.default_int_handler)
+        _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")
 
 
 @contextmanager
 def _progress(trainer: Trainer) -> Iterator[Callable[[], None]]:
-    """Show the updates done on a terminal; yield what to call after each."""
+    """Show progress on a terminal; yield a function to call after each update."""
     columns = (TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=_CONSOLE, transient=True, disable=not _CONSOLE.is_terminal) as progress:
         task = progress.add_task("", total=trainer.plan.steps, completed=trainer.done)
@@ -165,7 +165,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _check_free(output: Path) -> None:
-    """Raise where a folder without a run's checkpoint has files that a run writes: somebody else's.
+    """Raise if files that a run writes are in the folder already, without a checkpoint.
 
     Raises:
         ShotError: names the file.
@@ -173,7 +173,7 @@ def _check_free(output: Path) -> None:
     from supersampler_model.training.run_log import FILES as LOG_FILES
     from supersampler_model.training.trainer import CHECKPOINT
 
-    if not (output / CHECKPOINT).exists():  # which is written before all others, and checked when read
+    if not (output / CHECKPOINT).exists():  # the checkpoint is written first, and checked when it is read
         for name in ("weights.safetensors", *LOG_FILES):
             check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
 
@@ -186,7 +186,7 @@ def _report(
     baseline: Validated | None,
     facts: dict[str, Any],
 ) -> None:
-    """Write the weights and the log, and say how it goes."""
+    """Write the weights and the log; print the scores."""
     from supersampler_model.methods.base import save_trained
     from supersampler_model.training.run_log import write_log
 
@@ -201,4 +201,4 @@ def _report(
     write_log(output, trainer.done, {**means, **scores, **baselines}, image)
     line = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **baselines}.items())
     seconds = mean(update.seconds for update in updates)
-    _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {line}")
+    _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s per update: {line}")

@@ -36,22 +36,22 @@ ERROR_SCALE = 0.25
 
 PSNR = "PSNR (dB)"
 MEANINGS: Mapping[str, str] = {
-    "input": "The frame as it was rendered, with its jitter, at its own size.",
+    "input": "The frame as rendered, jittered, at render size.",
     "bicubic": "This frame alone, its jitter removed, enlarged by Catmull-Rom interpolation.",
-    "output": "The image that the method made of this frame and those before it.",
-    "reference": "The ideal image, rendered at display size with many samples of each pixel.",
+    "output": "The method's output, from this frame and those before it.",
+    "reference": "The reference, rendered at display size with many samples per pixel.",
     "error": "Mean over r, g and b of the absolute difference between output and reference.",
-    "classes": "Class of each pixel: disoccluded, changed in light, aliased, or none of these.",
-    "weight": "Share of the history in each pixel of the output.",
+    "classes": "Class of each pixel: disocclusion, shading change, aliasing, or none of them.",
+    "weight": "Weight of the history in each output pixel, in [0, 1].",
     "count": "Number of samples that each pixel of the history has accumulated.",
-    "converged": "Where the output is frozen: the mean of accumulated samples, because nothing changes.",
+    "converged": "Where the output is frozen: the mean of accumulated samples, because the scene is static.",
     PSNR: "Peak signal-to-noise ratio of output and reference as they are shown; higher is better.",
     "method": "Name of the method that made the output.",
     "size": "Width and height of the input, and of the output.",
     "runs on": "ONNX Runtime provider, backend and precision of the network.",
     "frames": "Number of frames in the shot; the page has the last of them.",
 }
-"""One sentence on each usual layer, number and fact; a page shows it while the pointer is over the name."""
+"""Tooltips of the usual layers, numbers and facts."""
 
 _JPEG_QUALITY = 92
 _PNG_PIXELS = 65536  # up to this many, PNG costs little and shows pixels as they are

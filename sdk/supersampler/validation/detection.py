@@ -34,7 +34,7 @@ from supersampler.validation.temporal import FramesSeen
 if TYPE_CHECKING:  # which loads OpenImageIO
     from supersampler.io.shot import Shot
 
-_OF_VERDICTS = {
+_VERDICT_KINDS = {
     mistake.kind
     for mistake in (DEPTH_NOT_REVERSED, JITTER_CONSTANT, JITTER_MISREAD, JITTER_TOO_SMALL, MOTION_MISREAD)
 }
@@ -113,7 +113,7 @@ def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
         seen = FramesSeen() if frame.reset else seen
         seen = seen.after(evidence, frame.size)
         mistakes |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
-    return [str(mistake.error()) for kind, mistake in mistakes.items() if kind not in _OF_VERDICTS]
+    return [str(mistake.error()) for kind, mistake in mistakes.items() if kind not in _VERDICT_KINDS]
 
 
 def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:

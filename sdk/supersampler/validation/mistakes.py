@@ -170,7 +170,7 @@ GBUFFER_DEPTH_NOT_FINITE = replace(
 GBUFFER_OUT_OF_RANGE = Mistake(
     "{place} out of range", "{place}",
     "outside [0, 1] in {share:.0%} of its values, from {low:.3g} to {high:.3g}", "linear, in [0, 1]",
-    "It is a share of light or a parameter of the material, without lighting or exposure.")
+    "It is a fraction of reflected light or a parameter of the material, without lighting or exposure.")
 GBUFFER_BYTES = replace(
     GBUFFER_OUT_OF_RANGE,
     hint="Are these bytes? Divide by 255; a base colour in sRGB is to be made linear, too.")

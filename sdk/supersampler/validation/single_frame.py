@@ -21,13 +21,13 @@ _MIN_DEPTHS = 100  # minimum number of distinct depths
 _MIN_SURFACE = 1000  # minimum number of pixels that are not sky
 _MAX_CHANGE = 0.5  # of the deviation: mean change from pixel to pixel
 _MIN_LEVELS = 16  # minimum number of distinct values
-# Of edges of depth, where colour is mixed by a wide pixel filter.
+# Depth edges, across which a wide pixel filter mixes colours.
 _MIN_EDGES = 60  # minimum number of edges to judge by: of 31, point samples had 65 % mixed ones by chance
 _MIN_CONTRAST = 0.15  # of tone-mapped luminance
 _FLAT = 0.04  # of the contrast: change on either side of an edge
 _MIXED = 0.12  # of the contrast: a pixel that is neither of the sides
 _DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # of depths across an edge, and along a side
-# Of few, evenly spaced values: stored in eight bits, or in half floats around an offset.
+# Buffers with few, evenly spaced values: stored in 8 bits, or in half floats around an offset.
 _MIN_VALUES, _MAX_VALUES = 6, 300  # distinct values of such a buffer
 _PIXELS_EACH = 8  # minimum mean number of pixels with one value
 _UNEVEN = 0.1  # of a step

@@ -42,7 +42,7 @@ _MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, ji
 _MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
-# Of the jitter's amplitude in the image.
+# Amplitude of the jitter, as the image shows it.
 _MIN_PAIRS = 2
 _MIN_GAIN = 0.04  # of the error: that of the best factors is lower by it
 _MIN_GAIN_OF_AN_AXIS = 0.08  # where the other axis is right; 0.06 of correct frames
@@ -50,7 +50,7 @@ _RIGHT = 0.15  # off by less than this, an axis is right
 _MAX_ERROR = 0.7  # of the variance: a frame that continues the previous one
 _PLAUSIBLE = (0.65, 1.5)  # either axis; correct frames were estimated at 0.71 to 1.34
 _PLAUSIBLE_MEAN = (0.75, 1.4)  # of both; 0.82 to 1.25
-# Of the motion to the next frame: factors of x and y, and the reading's name.
+# Motion to the next frame: factors of x and y, and the reading's name.
 _NEXT_READINGS: Mapping[tuple[int, int], str] = {
     (1, 1): "",
     (-1, -1): "current minus next",

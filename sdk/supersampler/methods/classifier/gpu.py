@@ -62,8 +62,8 @@ def _pack_ranges(pixels: Float32) -> Packed:
 
 
 def _unpack_classes(words: Packed) -> Float32:
-    shares: Float32 = np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
-    return shares
+    unpacked: Float32 = np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
+    return unpacked
 
 
 def _pack_classes(pixels: Float32) -> Packed:
@@ -125,7 +125,7 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     return GpuProgram(LAYOUT, packages, constants, passes, memory, {"network": network.words}, "int8")
 
 
-def _level_extent(level: int, across: int = 1, down: int = 1) -> SizeRule:
+def _level_size(level: int, across: int = 1, down: int = 1) -> SizeRule:
     """Return the size of a level of the encoder, times (across, down)."""
     side = ALIGNED >> level
     return SizeRule("display", 2 * ALIGNED, (side * across, side * down))
@@ -135,7 +135,7 @@ def _level_pass(constants: Constants, tile: tuple[int, int]) -> PassSpec:
     level, kept = int(constants["level"]), int(constants["kept"])
     return PassSpec(
         "encode_pooled" if level else "encode_inputs",
-        _level_extent(level),
+        _level_size(level),
         tile,
         {**constants, "kept_across": TEXELS_ACROSS[kept], "tile_x": tile[0], "tile_y": tile[1]},
         {"kept": f"kept{level}", "pooled": f"pooled{level}", "pooled_above": f"pooled{level - 1}"},
@@ -146,8 +146,8 @@ def _level_memory(constants: Constants) -> dict[str, PixelMemory]:
     """Return the memory that a level of the encoder writes."""
     level, kept, pooled = (int(constants[name]) for name in ("level", "kept", "pooled"))
     across = TEXELS_ACROSS[kept]
-    below = _level_extent(level + 1) if pooled else ONE  # the deepest level pools nothing
+    below = _level_size(level + 1) if pooled else ONE  # the deepest level pools nothing
     return {
-        f"kept{level}": PixelTexture(_level_extent(level, across, kept // across), "rgba32uint"),
+        f"kept{level}": PixelTexture(_level_size(level, across, kept // across), "rgba32uint"),
         f"pooled{level}": PixelBuffer(CHUNK * pooled, below),
     }

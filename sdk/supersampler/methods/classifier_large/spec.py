@@ -9,18 +9,18 @@ from supersampler.methods.registry import register
 from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, Flag, Shape
 
 SHARPNESS = 1.15
-"""The Lanczos filter to the display is narrower than usual by this, as its input blurs a little, too."""
+"""Factor by which the Lanczos filter to the display is narrowed, because its input is blurred already."""
 REACH = 3
-"""Pixels of the history on either side that the filter reads; its support is 2 / SHARPNESS display pixels."""
+"""Radius of the filter in history pixels; its support is 2 / SHARPNESS display pixels."""
 LANCZOS_SCALE, LANCZOS_SLOPE = 25.0 / 16.0, 0.4
-"""Coefficients of the polynomial that FSR uses in place of the sines of a Lanczos filter of two lobes."""
+"""Coefficients of the polynomial with which FSR approximates a two-lobe Lanczos filter."""
 _LARGER: Mapping[Shape, Shape] = {DISPLAY: LARGE, HALF: LARGE_HALF}
 _HISTORY = {name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, shape in BASE.history.items()}
 
 
 @dataclass(frozen=True)
 class LargeConfig(ClassifierConfig):
-    """Without the clipped history among the blended colours: it gains too little for its time."""
+    """`ClassifierConfig` without the clipped history as a blended colour, which gains too little."""
 
     rectified: Flag = False
 
@@ -30,7 +30,10 @@ CLASSIFIER_LARGE = register(
         CLASSIFIER,
         name="classifier-large",
         config=LargeConfig,
-        ratios=(1.0, 2.0),  # the history of `classifier` is up to three times the frame, this one 2.8 times
+        ratios=(
+            1.0,
+            2.0,
+        ),  # the history of `classifier` is up to three times the frame, this one up to 2.8 times
         history={**_HISTORY, **AT_REST_HISTORY},
         torch="supersampler_model.methods.classifier:LargeClassifier",
         task="supersampler_model.training.classifier_tasks:LargeTask",
