@@ -25,7 +25,7 @@ EPSILON = 1e-3  # FSR2_EPSILON
 _CELL = 32  # pixels a side of mip 4 of half the render size, FFX_FSR2_SHADING_CHANGE_MIP_LEVEL
 BILINEAR_THRESHOLD = 0.01  # fReconstructedDepthBilinearWeightThreshold: smaller weights count as untouched
 UPSAMPLE_WEIGHT_SCALE = 1.0 / 12.0  # fUpsampleLanczosWeightScale
-_AVERAGE_WEIGHT = 0.74 * UPSAMPLE_WEIGHT_SCALE  # that one frame adds to a pixel
+_AVERAGE_WEIGHT = 0.74 * UPSAMPLE_WEIGHT_SCALE  # added to a pixel per frame
 _DILATE_MIN_SPEED, _CLIP_MIN_SPEED = 0.1, 0.01  # display pixels; less motion counts as none
 _FIELD_OF_VIEW = math.radians(60.0)  # vertical: an input of FSR2 that frames here do not have
 _SEPARATION = 1.37e-5
@@ -306,7 +306,7 @@ def _disoccluded(dilated: Dilated, sizes: FrameSizes) -> Array:
 
 
 def _is_surface(previous: Array) -> Array:
-    """Return 0 where the depth of the previous frame falls by a hundredth twice downwards, else 1."""
+    """Return 0 where the previous distance falls by 1 % per row over three rows, top to bottom; else 1."""
     padded = np.pad(previous, ((1, 1), (0, 0)))
     above, here, below = (_distance(padded[row : row + len(previous)]) for row in range(3))
     slope = (above - here > here * 0.01) & (here - below > below * 0.01)

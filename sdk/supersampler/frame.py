@@ -137,11 +137,11 @@ def checked_frame(frame: Frame) -> Frame:
 
 
 def _frame_hint(value: object) -> str:
-    """Return advice for what is often handed in instead of a Frame."""
+    """Return advice for what is often passed instead of a Frame."""
     if isinstance(getattr(value, "frame", None), Frame):
-        return f"It holds one: hand in the `frame` of the {type(value).__name__}."
+        return f"It holds one: pass the `frame` of the {type(value).__name__}."
     if isinstance(value, list | tuple):
-        return "Hand in one frame a call, in order."
+        return "Pass one frame per call, in order."
     if hasattr(value, "shape"):
         return "Frame(color=, depth=, motion=, jitter=) takes the arrays."
     return "`Conventions.converter` makes one of a RawFrame."
@@ -231,7 +231,7 @@ def _plain_array(name: str, value: object, error: type[FrameError] | type[Argume
         try:
             return np.from_dlpack(value, device="cpu")
         except Exception as problem:  # each library raises its own types
-            hint = "Hand in a tensor on the CPU that needs no gradient."
+            hint = "Pass a tensor on the CPU that needs no gradient."
             got = f"{type(value).__name__} ({' '.join(str(problem).split())})"
             raise error(name, got=got, want="an array", hint=hint) from problem
     kind = None if value is None else type(value).__name__
@@ -258,7 +258,7 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
         return "Convert it: array.astype(np.float32)."
     if len(shape) == 3 and array.shape[1:] == shape[:2]:
         rest = "[..., :3]" if shape[2] == 3 and array.shape[0] == 4 else ""
-        return f"It is channels first; hand in array.transpose(1, 2, 0){rest}."
+        return f"It is channels first; pass array.transpose(1, 2, 0){rest}."
     if array.ndim == len(shape) + 1 and array.shape[0] == 1:
         return "Drop the first axis: array[0]."
     if len(array.shape) >= 2 and array.shape[:2] == (shape[1], shape[0]) and shape[0] != shape[1]:

@@ -45,7 +45,7 @@ from supersampler.frame import (
 )
 from supersampler.history import History, StepResult
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
-from supersampler.methods.at_rest import ADDED, check_history, converged_share
+from supersampler.methods.at_rest import ADDED, check_history, converged_fraction
 from supersampler.methods.executors import ExecutorName, Precision, choose_executor
 from supersampler.methods.gbuffers import check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
@@ -396,7 +396,7 @@ class Model:
         if history is None:
             return 0.0
         blocks = self._executor.tensor(history.buffers, "history.static_blocks")
-        return converged_share(blocks, history.display_size, history.render_size)
+        return converged_fraction(blocks, history.display_size, history.render_size)
 
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:
         """Return copies of all history tensors; each executor of the model can load them."""
@@ -430,7 +430,7 @@ class Model:
             self._executor.load(history.buffers, checked)
             history.aovs = checked[AOVS].copy() if AOVS in checked else None
         except MemoryError:
-            raise ArgumentError("state", got=f"at {display}", want="what fits into memory") from None
+            raise ArgumentError("state", got=f"at {display}", want="sizes that fit into memory") from None
         return history
 
     def _check_histories(self, history: History, next_history: History | None) -> None:
@@ -442,7 +442,7 @@ class Model:
                 raise ArgumentError(name, got=shown(given), want="a History of this model", hint=hint)
         if not self._executor.fits(history.buffers, history.display_size, history.render_size):
             got = f"changed: it is not of {history.display_size} and {history.render_size}"
-            raise ArgumentError("history", got=got, want="as it was made")
+            raise ArgumentError("history", got=got, want="unchanged")
         if next_history is not None and next_history.buffers is history.buffers:
             raise ArgumentError("history_out", got="history itself", want="other buffers")
 

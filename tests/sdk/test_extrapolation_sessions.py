@@ -85,7 +85,7 @@ REFUSED: dict[str, tuple[Callable[[Upscaler], object], str]] = {
 
 
 def refused(upscaler: Upscaler, kind: str) -> None:
-    """Hand in a frame that will not do."""
+    """Pass a frame that will not do."""
     call, message = REFUSED[kind]
     with pytest.raises((FrameError, ArgumentError), match=message):
         call(upscaler)

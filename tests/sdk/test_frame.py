@@ -20,7 +20,7 @@ H, W = 18, 32
         ("depth", np.ones((H, W, 1), np.float32), r"want \(18, 32\) float32. Drop the last axis"),
         ("depth", np.ones((H, W), np.float16), r"is \(18, 32\) float16; want .* float32. Convert it"),
         ("motion", np.zeros((H, W, 2)), r"is .* float64; want .* float16 or float32"),
-        ("motion", np.zeros((2, H, W), np.float32), r"channels first; hand in array.transpose\(1, 2, 0\)"),
+        ("motion", np.zeros((2, H, W), np.float32), r"channels first; pass array.transpose\(1, 2, 0\)"),
         ("color", np.zeros((H, W, 4), np.float32), r"want \(18, 32, 3\) .* Keep the first 3 channels"),
         ("color", np.zeros((0, W, 3), np.float32), r"at least one pixel"),
         ("color", np.zeros((H, W, 3), np.uint8), r"uint8; want .* float16 or float32"),
@@ -119,7 +119,7 @@ def test_channels_first_is_said_with_the_call_that_turns_them(channels: int, all
         Frame(color=color, depth=depth, motion=motion, jitter=(0.0, 0.0))
     message = str(caught.value)
     assert f"is ({channels}, {H}, {W}) float32; want ({H}, {W}, 3)" in message
-    turned = eval(message.partition("hand in ")[2].rstrip("."), {"array": color})  # noqa: S307  # the advice
+    turned = eval(message.partition("pass ")[2].rstrip("."), {"array": color})  # noqa: S307  # the advice
     assert turned.shape == (H, W, 3)
 
 
@@ -145,7 +145,7 @@ def test_a_step_of_what_is_no_frame_says_what_to_hand_in_and_shows_no_pixels() -
     item = shot.read(0)
     upscaler = Upscaler("bilinear", display_size=(640, 360))
     for value, advice in (
-        (item, "hand in the `frame` of the ShotFrame"),
+        (item, "pass the `frame` of the ShotFrame"),
         ([item.frame], "one frame a call"),
         (item.frame.color, "Frame(color=, depth=, motion=, jitter=) takes the arrays"),
         (shot.read_raw(0), "`Conventions.converter` makes one of a RawFrame"),

@@ -16,7 +16,7 @@ from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler.history import StepResult
 from supersampler.io.display import display_transform
-from supersampler.methods.at_rest import converged_share
+from supersampler.methods.at_rest import converged_fraction
 
 RENDER, DISPLAY = (54, 38), (81, 57)  # neither whole blocks nor whole tiles
 RATIO = 1.5
@@ -198,9 +198,9 @@ def test_a_method_without_a_mean_says_so(method: str) -> None:
 def test_the_share_weighs_each_block_by_its_pixels() -> None:
     blocks = np.ones((1, 4, 3, 2), np.float32)
     blocks[0, 0, 2, 1] = -5.0
-    assert converged_share(blocks, (16, 24), (8, 12)) == pytest.approx(1.0 / 6.0)
-    assert converged_share(blocks, (10, 18), (5, 9)) == pytest.approx(4.0 / 180.0)
-    assert converged_share(-blocks, (10, 18), (5, 9)) == pytest.approx(1.0 - 4.0 / 180.0)
+    assert converged_fraction(blocks, (16, 24), (8, 12)) == pytest.approx(1.0 / 6.0)
+    assert converged_fraction(blocks, (10, 18), (5, 9)) == pytest.approx(4.0 / 180.0)
+    assert converged_fraction(-blocks, (10, 18), (5, 9)) == pytest.approx(1.0 - 4.0 / 180.0)
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def quality(
 
     PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes from frame to frame; PSNR of
     disoccluded, relit, aliased and moving pixels, and of first images after a cut; predicted against true
-    classes. On thin_movers and moving_shadows also trails, coverage kept of thin things, shadow edges,
+    classes. On thin_movers and moving_shadows also trails, coverage kept of thin objects, shadow edges,
     speckle, and the error by kind of pixel. All after the display transform: exposed, tone mapped, sRGB. For
     the test shots, a table of each and of their mean.
     docs/quality.md describes each metric. Methods that cannot upscale a shot, at its ratio or with its

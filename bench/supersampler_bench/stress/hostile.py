@@ -393,7 +393,7 @@ _two_passes("exposure", hostile_shots, 12 * SPOILED, _other_exposures)
 
 
 def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[AnalyticScene]) -> list[StressShot]:
-    """Return shots of these lengths, of the scenes in turn; frames and jitter go on from shot to shot."""
+    """Return shots of these lengths, cycling through the scenes; indices and jitter continue across shots."""
     shots, first = [], 0
     for length, scene in zip(lengths, cycle(of), strict=False):
         stop = first + length

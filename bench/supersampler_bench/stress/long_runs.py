@@ -31,7 +31,7 @@ from supersampler_model.data.scenes.analytic import (
 SWING = 1.5
 """dB of PSNR by which images of a scene at rest may differ."""
 EMA, EMA_LOOPS = 0.1, 4
-"""New share of the average that methods are compared with, and loops until it has settled."""
+"""Weight of a new frame in the moving average that methods are compared with, and loops until it settles."""
 GROWTH = 1.1
 """Largest ratio of two precisions' difference in the last loop to that in the middle one."""
 SMALL = 1e-4
@@ -55,12 +55,12 @@ def at_rest(trial: Trial) -> Figures:
         figures.append(Figure("PSNR below an average, dB", average - run.psnr, DECAY))
         spatial = Upscaler("bilinear", display_size=trial.display, validate="off", threads=1)
         share = run.flicker / flicker([display_transform(spatial.step(frame)) for frame in frames])
-        figures.append(Figure("flicker, share of bilinear's", share, passed_by_average(EMA, PERIOD)))
+        figures.append(Figure("flicker, fraction of bilinear's", share, passed_by_average(EMA, PERIOD)))
     return figures
 
 
 def passed_by_average(new: float, period: int) -> float:
-    """Return the share of a sine of this period that an average with `new` of each frame passes."""
+    """Return the amplitude gain of a moving average with weight `new` for a sine of this period."""
     return float(new / abs(1.0 - (1.0 - new) * np.exp(-2j * np.pi / period)))
 
 

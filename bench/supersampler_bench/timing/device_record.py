@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import wgpu
 
 MIN_SHARE = 0.05
-"""Passes with a smaller share of the time of every step are not in the table."""
+"""Passes below this fraction of every step's time are omitted from the table."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ INPUTS: dict[str, dict[str, Any]] = {
     "depth": {
         "channels": 1,
         "unit": "near / view distance: reversed, infinite far plane, 0 at the sky; any constant times "
-        "1 / distance serves while it stays the same between resets",
+        "1 / distance works if it is constant between resets",
         "range": [0.0, 1e30],
         "sampling": "where the colour was",
         "invalid": "NaN, Inf and negative values prove no disocclusion and are never the closest",

@@ -94,7 +94,7 @@ def render(
             for turn in turns:
                 render_dataset(dataset, ratio=turn, workers=workers, on_frame=lambda: progress.advance(task))
     except KeyboardInterrupt:
-        console.print("Stopped. The same command, given again, goes on.")
+        console.print("Stopped. Run the same command to resume.")
         raise typer.Exit(130) from None
     if show_labels:
         write_class_maps(dataset, output / "labels")

@@ -55,7 +55,7 @@ def _report(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
         except queue.Empty:
             dead = [p for p in processes if p.exitcode not in (None, 0)]
             if dead:
-                raise DataError(f"a worker ended with code {dead[0].exitcode}; run again to go on") from None
+                raise DataError(f"a worker ended with code {dead[0].exitcode}; run again to resume") from None
             continue
         if kind == "failed":
             raise DataError(text)

@@ -58,8 +58,8 @@ class PixelTruth:
     """Fractions of each pixel's samples, (h, w) each, in [0, 1]: measures of quality take masks from them.
 
     Attributes:
-        thin_still: that hit thin things at rest in the world.
-        thin_moving: that hit thin things that move.
+        thin_still: that hit thin objects at rest in the world.
+        thin_moving: that hit thin objects that move.
         moving: that hit other things that move.
         unshadowed: the mean over the samples of the fraction of sun and spot light that no shadow takes; 1
             where neither would arrive.

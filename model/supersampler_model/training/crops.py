@@ -224,7 +224,7 @@ class PathNoise(NamedTuple):
 
     Attributes:
         samples: number of samples a pixel.
-        certain: certain share of the light of the brightest pixels, [0, 1].
+        certain: certain fraction of the light of the brightest pixels, [0, 1].
         missed: probability that the random part of a sample is zero, [0, 1).
         spread: standard deviation of the logarithm of the random part, > 0.
     """
@@ -250,7 +250,7 @@ class PathNoise(NamedTuple):
         """Return random factors of the pixels' colours, with a mean of 1.
 
         Args:
-            certain: certain share of each pixel's light, [0, 1].
+            certain: certain fraction of each pixel's light, [0, 1].
             random: of this frame.
         """
         shape = self.samples, *certain.shape

@@ -11,10 +11,10 @@ def start_task(name: str, weights: Trained | None = None) -> Task:
 
     Args:
         name: name of the method.
-        weights: to start from: its own, or those of `classifier` where the method extends that; None: random.
+        weights: initial weights of the method, or of `classifier` if the method extends it; None: random.
 
     Raises:
-        ArgumentError: there is no such method, nothing in it is learned, or it cannot start from the weights.
+        ArgumentError: the method does not exist or is not trainable, or the weights do not fit.
     """
     kind = learned_method(name)
     if weights is None:

@@ -108,12 +108,12 @@ class ImageOptions:
     Attributes:
         formats: "exr", "png", "tif", "mp4"; several image formats have subfolders of their names.
         name: name of the images without extension; a run of # is the frame's number.
-        transform: what PNG, TIFF and video show.
+        transform: display transform of PNG, TIFF and video.
         compression: compression of EXR: "zip", "dwaa", "piz" or "none".
         bits: bits of PNG: 8 or 16. TIFF has 16.
         straight_alpha: whether colour is not multiplied by alpha, as in PNG and TIFF; in EXR it is.
-        color_space: colour space of the linear light, which EXR files state. None: unknown, they have what
-            the source says.
+        color_space: linear colour space that EXR files state. None: unknown; they keep the source's
+            entries.
     """
 
     formats: Collection[str] = ("exr",)
@@ -407,7 +407,7 @@ class Results:
     def count_complete(self, frame_count: int) -> int:
         """Return the number of complete frames from the first on; only files of these runs count."""
         patterns = self.options.patterns
-        if not patterns:  # a video alone is whole, or begins anew
+        if not patterns:  # a video alone is complete, or starts again
             is_whole = self._record.files.get(self.video) == frame_count and self.is_newest(self.video)
             return frame_count if is_whole else 0
         count = min([frame_count, *(self._record.files.get(pattern, 0) for pattern in patterns)])
@@ -531,13 +531,13 @@ def _numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
 
 
 def _foreign(path: Path, problem: str = "is there already") -> ShotError:
-    """Return the error for a file that this command did not write."""
+    """Return the error for a file of another program."""
     hint = "Move it away, or choose another folder."
     return ShotError(path, f"{problem}, and {FILE_NAME} does not list it as written by this command", hint)
 
 
 def _check_numbers(path: Path, record: RunRecord) -> None:
-    """Raise ShotError unless the numbers of a record are those of the run that its name says."""
+    """Raise ShotError unless a record's numbers match its name."""
     first, frames = record.settings.get(FIRST, 0), record.settings.get(FRAMES, "0")
     if type(first) is not int or not is_frame_range(first, LARGEST_NUMBER):
         raise ShotError(path, f"says {FIRST!r}: {first!r}, which no run writes", _START_OVER)
@@ -546,4 +546,6 @@ def _check_numbers(path: Path, record: RunRecord) -> None:
     except ArgumentError as error:
         raise ShotError(path, f"says {error}", _START_OVER) from error
     if record.file_name != path.name:
-        raise ShotError(path, f"is the record of other frames, {record.file_name}", _START_OVER)
+        raise ShotError(
+            path, f"is named for other frames than it lists; want {record.file_name}", _START_OVER
+        )

@@ -133,7 +133,7 @@ def _to_clip_space(matrix: Matrix, near: float | None) -> tuple[Matrix, float]:
         raise ArgumentError("near", got=shown(near), want="a distance > 0")
     if squared == 0.0 or np.abs(z[:3] - far * w[:3]).max() > _PARALLEL * np.sqrt(squared):
         want = "None, as the projection is orthographic or has an oblique near plane"
-        hint = "Hand in the depth buffer's own values."
+        hint = "Pass the depth buffer's own values."
         raise ArgumentError("near", got=shown(near), want=want, hint=hint)
     to_clip[2, 2:] = (z[3] - far * w[3]) / distance, far
     return to_clip, 0.0

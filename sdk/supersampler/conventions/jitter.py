@@ -142,7 +142,7 @@ def render_size_for(display_size: Size, mode: str | float) -> Size:
     """
     width, height = checked_size("display_size", display_size)
     if isinstance(mode, str):
-        mode = RATIOS[checked_choice("mode", mode, list(RATIOS), "A ratio >= 1 serves, too.")]
+        mode = RATIOS[checked_choice("mode", mode, list(RATIOS), "A ratio >= 1 works, too.")]
     ratio = as_number(mode)
     if ratio is None or not 1.0 <= ratio < math.inf:
         want, hint = "a ratio display / render >= 1, or a mode's name", "2.0 is half size."
@@ -205,7 +205,7 @@ def checked_matrix(name: str, matrix: ArrayLike) -> NDArray[Any]:
     """
     try:
         array = np.asarray(matrix)
-    except Exception:  # rows of several lengths, or an error of somebody's class
+    except Exception:  # rows of several lengths, or an error of a user's class
         raise ArgumentError(name, got=shown(matrix), want="a 4 x 4 matrix") from None
     if array.shape != (4, 4):
         raise ArgumentError(name, got=f"of shape {array.shape}", want="a 4 x 4 matrix")

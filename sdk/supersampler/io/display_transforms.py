@@ -56,7 +56,7 @@ class OcioView:
     def show(self, light: Float32, color_space: str) -> Float32:
         """Return (h, w, 3) values in [0, 1] of (h, w, 3) linear RGB in a colour space of the configuration.
 
-        OpenImageIO builds the processor anew in each call, which takes much less time than a large image: it
+        OpenImageIO rebuilds the processor in each call, which takes much less time than a large image: it
         keeps processors only for the configuration of the environment.
         """
         result = ImageBufAlgo.ociodisplay(

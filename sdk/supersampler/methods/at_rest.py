@@ -90,7 +90,7 @@ def phase_count(display: Size, render: Size) -> int:
     return PHASES_PER_SAMPLE * display[0] * display[1] // (render[0] * render[1]) + SPARE_PHASES
 
 
-def converged_share(static_blocks: Float32, display: Size, render: Size) -> float:
+def converged_fraction(static_blocks: Float32, display: Size, render: Size) -> float:
     """Return the share of an image's pixels whose block is frozen, [0, 1].
 
     Args:

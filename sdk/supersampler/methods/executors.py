@@ -122,8 +122,8 @@ def _with_kernels(info: ModelInfo, threads: int, *, required: bool) -> Any:
         if not _warned:
             _warned.append(str(error))
             warnings.warn(
-                f"{error}. Steps run in ONNX Runtime instead: same images, several times slower, and tiles "
-                "that stand still are not reused. `pip install numba` brings the kernels back.",
+                f"{error}. Steps run in ONNX Runtime instead: same images, several times slower, and static "
+                "tiles are not reused. `pip install numba` brings the kernels back.",
                 BackendWarning,
                 stacklevel=2,
             )

@@ -34,9 +34,9 @@ HALF = ("half_height", "half_width")
 LARGE = ("large_height", "large_width")
 """1.4 times the display size, rounded up: the history of `classifier-large`."""
 LARGE_HALF = ("large_half_height", "large_half_width")
-"""Half of that, rounded up."""
+"""Half of LARGE, rounded up."""
 BLOCKS = ("previous_blocks_down", "previous_blocks_across")
-"""Blocks of 4x4 samples of the previous frame, at its edges of fewer."""
+"""Blocks of 4x4 samples of the previous frame, including partial ones at the edges."""
 NEXT_BLOCKS = ("blocks_down", "blocks_across")
 """Blocks of this frame."""
 PHASES = "previous_phases"
@@ -54,7 +54,7 @@ INPUTS: Mapping[str, Shape] = {
     "jitter": (1, 2),
     "exposure": (1,),  # 0: the graph measures it
     "pre_exposure": (1,),
-    "adds_samples": (1,),  # 0: the frame adds none to the mean of what stands still
+    "adds_samples": (1,),  # 0: the frame adds none to the mean of static pixels
     "display_size": (2,),  # (width, height)
     **{
         name: (1, place.channels, *(DISPLAY if place.of_display else RENDER))
@@ -65,10 +65,10 @@ INPUTS: Mapping[str, Shape] = {
 FRAME_INPUTS = (
     "color", "depth", "motion", "reactive", "jitter", "exposure", "pre_exposure", "display_size",
 )  # fmt: skip
-"""Inputs of every step with a history of its own surfaces."""
+"""Inputs of every method with a history."""
 WEIGHT: Shape = (1, 1, *DISPLAY)
-"""Shape of the auxiliary outputs "weight" and "converged": weight of the history, or of the mean of what
-stands still, in the image."""
+"""Shape of the auxiliary outputs "weight" and "converged": weight of the history, or of the mean of
+static pixels, in the image."""
 TENSORS: Mapping[str, Shape] = {
     **INPUTS,
     "aovs": (1, CHANNELS, *RENDER),
@@ -115,7 +115,7 @@ Sigma = Annotated[float, Range(1e-3, 1e3)]
 """Standard deviation of a Gaussian."""
 Number = Annotated[float, Range(0.0, 1e6)]
 """A non-negative constant."""
-Share = Annotated[float, Range(0.0, 1.0)]
+UnitFloat = Annotated[float, Range(0.0, 1.0)]
 """A fraction or weight."""
 
 
@@ -188,7 +188,7 @@ class MethodSpec:
 
     @property
     def ships(self) -> bool:
-        """Whether the package has a model of it: no weights are needed, or they are released."""
+        """Whether the package ships a model: it needs no weights, or they are released."""
         return not self.task or bool(self.weights)
 
     @property

@@ -173,7 +173,7 @@ class Replay:
         exposure = self._meter.read(
             frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
         )
-        exposure /= frame.pre_exposure  # of the images
+        exposure /= frame.pre_exposure  # images contain pre-exposure
         if recorded is None:
             return Replayed(call.index, result, exposure)
         if any(recorded.error):
@@ -200,7 +200,7 @@ class Replay:
 
 
 def _compare_errors(call: StepCall, here: StepOutcome) -> Replayed:
-    """Return the comparison of a step that raises in the replay."""
+    """Compare a step that raises in the replay."""
     note = f"raises {_error_text(here)}"
     if call.outcome is None:
         return Replayed(call.index, within=False, note=note)

@@ -97,7 +97,7 @@ class BothWays:
     """Merges a forward and a backward run of a model.
 
     `forward` keeps its history from chunk to chunk; `backward`, with the same model and display size,
-    begins anew with each. Of the auxiliary `outputs` all but "aovs" are those of the forward run.
+    restarts with each. Of the auxiliary `outputs` all but "aovs" are those of the forward run.
     `around` makes a context for each step, from the index of its frame and the direction. Without an
     interpolator, unshaded frames are refused. For `memory` and `scratch` see `FrameStore`.
 

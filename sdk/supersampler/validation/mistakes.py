@@ -136,7 +136,7 @@ JITTER_CONSTANT = Mistake(
     "halton_jitter and jittered_projection make one; without it no detail can be gained.")
 JITTER_HELD = replace(
     JITTER_CONSTANT, got="{jitter} in {frames} frames in which nothing moved", severity="hint",
-    hint="A still image converges by samples at new places: go on with halton_jitter, or stop stepping.")
+    hint="A static image needs samples at new positions: continue halton_jitter, or stop stepping.")
 JITTER_ONE_SIDED = Mistake(
     "jitter one-sided", "jitter", "({x:.2f}, {y:.2f}) on average over {frames} shaded frames",
     "samples on all sides of the pixel's centre: about (0, 0)",
@@ -148,7 +148,7 @@ JITTER_TOO_SMALL = Mistake(
 JITTER_MISREAD = replace(MOTION_MISREAD, kind="jitter misread", field="jitter", want=_JITTER)
 JITTER_NOT_APPLIED = Mistake(
     "jitter amplitude", "jitter", "not in the image, which stays in place", _JITTER,
-    "Jitter the projection of each frame (jittered_projection), or hand in (0, 0).")
+    "Jitter the projection of each frame (jittered_projection), or pass (0, 0).")
 JITTER_AMPLITUDE = Mistake(
     "jitter amplitude", "jitter", "{factor} times as large in the image as stated", _JITTER,
     "Is it computed for another size, such as Blender's without its resolution percentage?")
@@ -156,7 +156,7 @@ RESET_ALWAYS = Mistake(
     "reset always", "reset", "True in {frames} frames in a row, each of which continues the one before",
     "True on the first frame after a cut alone", "Each reset drops the history.")
 JITTER_SWAPPED = Mistake(
-    "jitter swapped", "jitter", "(y, x): frames fit better so", "(x, y)", "Hand in (x, y).")
+    "jitter swapped", "jitter", "(y, x): frames fit better so", "(x, y)", "Pass (x, y).")
 EXPOSURE_OUT_OF_RANGE = Mistake(
     "exposure out of range", "exposure", "{exposure:.3g}",
     f"{MIN_EXPOSURE:.2g} to {MAX_EXPOSURE:.2g}, what brings middle grey to 0.18",

@@ -38,7 +38,7 @@ _MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own
 _MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded pixels
-_MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin things
+_MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin geometry
 _MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)

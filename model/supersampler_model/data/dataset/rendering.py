@@ -46,7 +46,7 @@ class RenderPlan:
 
     Attributes:
         gltf: folder of files to compose sequences of; None: procedural families alone.
-        gltf_fraction: share of sequences composed of them, (0, 1]; the others are of `families`.
+        gltf_fraction: fraction of sequences composed of them, (0, 1]; the others are of `families`.
     """
 
     families: Sequence[str] = TRAIN_FAMILIES

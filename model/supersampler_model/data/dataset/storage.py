@@ -347,7 +347,7 @@ def _check_same(path: Path, existing: Description, requested: Description) -> No
     now, before = _digests(requested), _digests(existing)
     changed = sorted(name for name in now.keys() & before.keys() if now[name] != before[name])
     if changed:
-        hint = "Put back the files that the set was begun with, or begin another set."
+        hint = "Restore the files that the set was started with, or start another set."
         raise DatasetError(path, f"these have changed since the set was begun: {', '.join(changed)}", hint)
     for name, value in asdict(requested).items():
         if asdict(existing)[name] != value:

@@ -458,7 +458,7 @@ class Instance:
         palette_before: the same one frame ago; None: no motion.
         emission: multiplies the material's emissive colour; flickering lights vary it.
         casts_shadow: False keeps it out of the shadow maps.
-        thin: whether its truth counts as that of thin things, see `PixelTruth`.
+        thin: whether it counts as a thin object, see `PixelTruth`.
     """
 
     mesh: Mesh

@@ -21,7 +21,7 @@ _SHAPES = {
     "depth_params": (4,), "jitter": (2, 1, 1),
 }  # fmt: skip
 _TRUTH = "ground_truth_linear"
-_LARGEST_LOGARITHM = 80.0  # of an exposure; float32 ends at 88
+_LARGEST_LOGARITHM = 80.0  # of the exposure; exp overflows float32 at 88
 
 
 def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
@@ -107,14 +107,16 @@ def _check_values(path: Path, tensors: dict[str, NDArray[Any]]) -> None:
             raise ShotError(path, f"tensor {name} {problem}")
     planes = tensors["depth_params"][:, :2].astype(np.float64)
     if not (np.isfinite(planes).all() and (planes != 0).all()):
-        raise ShotError(path, "tensor depth_params holds 0, NaN or an infinity, which tell no distance")
+        raise ShotError(
+            path, "tensor depth_params holds 0, NaN or an infinity; want finite numbers other than 0"
+        )
     exposure = tensors.get("exposure")
     if exposure is not None and not (np.abs(exposure.astype(np.float64)) <= _LARGEST_LOGARITHM).all():
         want = f"natural logarithms from -{_LARGEST_LOGARITHM:g} to {_LARGEST_LOGARITHM:g}"
         raise ShotError(path, f"tensor exposure holds other numbers than {want}")
     rate = tensors.get("EmulatedFramerate")
     if rate is not None and not (rate.size and 0 < float(rate.ravel()[0]) < float("inf")):
-        raise ShotError(path, "tensor EmulatedFramerate is no number > 0")
+        raise ShotError(path, "tensor EmulatedFramerate is not a number > 0")
 
 
 def _entry(path: Path, tensors: dict[str, NDArray[Any]], index: int) -> FrameEntry:

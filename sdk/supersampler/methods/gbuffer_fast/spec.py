@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.classifier.spec import BASE, CLASSIFIER, DEFAULT_INPUTS, ClassifierConfig
 from supersampler.methods.registry import register
-from supersampler.methods.spec import DISPLAY, Flag, MethodSpec, Number, Share, Sigma
+from supersampler.methods.spec import DISPLAY, Flag, MethodSpec, Number, Sigma, UnitFloat
 
 _REPLACED = {
     "min_luma": "relit_to_frame",  # largest difference of a channel of the relit history to this frame
@@ -42,7 +42,7 @@ class GuidedConfig(ClassifierConfig):
     """A sample's weight is exp(-falloff * squared difference), of normals."""
     base_color_falloff: Number = 8.0
     """A sample's weight is exp(-falloff * squared difference), of base colours."""
-    min_reflectance: Share = 0.08
+    min_reflectance: UnitFloat = 0.08
     """Reflectance of black surfaces, about twice that of a dielectric; white ones reflect 1."""
 
 

@@ -5,14 +5,14 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Literal
 
 from supersampler.methods.registry import register
-from supersampler.methods.spec import DISPLAY, MapOf, MethodSpec, Range, Share, constants_of
+from supersampler.methods.spec import DISPLAY, MapOf, MethodSpec, Range, UnitFloat, constants_of
 
 
 @dataclass(frozen=True)
 class TaaConfig:
     """Choices that Salvi names; the defaults are what he uses, but for YCoCg, which he leaves open."""
 
-    alpha: Share = 0.1
+    alpha: UnitFloat = 0.1
     """Weight of the new frame ("typically we blend 10 %")."""
     gamma: Annotated[float | None, Range(0.0, 1e6)] = 1.0
     """Half size of the variance box in standard deviations; None clips to minimum and maximum alone."""

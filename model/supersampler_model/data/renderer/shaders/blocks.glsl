@@ -1,4 +1,4 @@
-// What all stages share. Matrices are column-major here, as GL has them.
+// Declarations shared by all stages. Matrices are column-major, as in GL.
 
 layout(std140) uniform View {
     mat4 world_to_clip;         // now, without jitter

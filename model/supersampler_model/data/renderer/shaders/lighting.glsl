@@ -75,7 +75,7 @@ vec3 reflected(Reflector r, vec3 l) {
     return ((1.0 - f) * r.diffuse + d_g * f) * n_l;
 }
 
-// Share of the light that arrives, by 3 x 3 texels. `bias` is in the map's depth.
+// Fraction of unoccluded light, filtered over 3 x 3 texels. `bias` is in the map's depth.
 float lit(sampler2DShadow map, vec4 clip, float bias) {
     vec3 at = clip.xyz / clip.w;
     if (clip.w <= 0.0 || any(greaterThan(abs(at.xy), vec2(1.0))) || at.z > 1.0) {
@@ -97,7 +97,7 @@ float attenuation(float distance, float reach) {
 
 // A processor runs both sides of a branch, so lights that a scene lacks are left out of its programs.
 #ifdef SUN
-// Share of the sun's light that arrives at a surface that faces it.
+// Fraction of the sun's light that reaches a surface facing it.
 float sun_share(Shaded s) {
     float slope = 1.0 - dot(s.smooth_normal, sun_direction.xyz);
     vec3 beside = s.world + s.smooth_normal * sun_direction.w * (1.0 + 2.0 * slope);
@@ -105,7 +105,7 @@ float sun_share(Shaded s) {
 }
 #endif
 #ifdef SPOT
-// Share of the spot's light that arrives at a surface that faces it, in the direction l at this distance.
+// Fraction of the spot's light that reaches a surface facing it, in direction l at this distance.
 float spot_share(Shaded s, vec3 l, float distance) {
     float slope = 1.0 - dot(s.smooth_normal, l);
     vec3 beside = s.world + s.smooth_normal * spot_axis.w * distance * (1.0 + 2.0 * slope);
@@ -114,7 +114,7 @@ float spot_share(Shaded s, vec3 l, float distance) {
 #endif
 
 #ifdef TRUTH
-// Share of the light of sun and spot that no shadow takes; 1 where neither would arrive.
+// Unshadowed fraction of the light of sun and spot; 1 where neither reaches.
 float unshadowed(Shaded s) {
     float arriving = 0.0, whole = 0.0;
 #ifdef SUN

@@ -107,7 +107,7 @@ def _balls(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values
 
 
 def _runner(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]:
-    """Add an object that moves to and fro and disoccludes the background."""
+    """Add an object that moves back and forth and disoccludes the background."""
     start, end = ground.stretch(rng, focus, 2.0, 1.5, 5.0)
     path = paths.swing(rng, paths.vector(start), paths.vector(end), rng.uniform(1.0, 7.0))
     size = rng.uniform(0.25, 0.6)

@@ -181,7 +181,7 @@ def ping_pong(time: float, duration: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """A path to and fro between two positions (3,), slow at both, of `speed` metres a second on average."""
+    """A path back and forth between two positions (3,), slow at both, at `speed` m/s on average."""
 
     start: Values
     end: Values
@@ -237,7 +237,7 @@ class GltfProp(NamedTuple):
     yaw: float  # about the vertical at time 0, radians
     spin: float  # of the yaw, radians a second
     hop: float  # height of its jumps, one a second, metres
-    clip: int  # index of the animation, which runs to and fro
+    clip: int  # index of the animation, which plays back and forth
     glow: Pulse  # factor of its emission
 
     def instances(self, now: float, before: float) -> tuple[Instance, ...]:
@@ -433,9 +433,7 @@ def _read(spec: SequenceSpec) -> tuple[list[GltfScene], list[GltfScene], Environ
         is_panorama = path.suffix.lower() == PANORAMA
         model = None if is_panorama else GltfScene(path)
         if (_digest(path) if model is None else model.digest) != expected:
-            problem = (
-                "is not the file that this sequence was made with; put that one back, or begin another set"
-            )
+            problem = "is not the file that this sequence was made with; restore it, or start another set"
             raise GltfError(path, "", problem)
         if model is None:
             panorama = read_panorama(path)

@@ -157,7 +157,7 @@ def _samples(triangles: Values, cell: float) -> tuple[Values, NDArray[np.bool_]]
 
 
 def _heights(y: Values, boxes: Integers, levels: Integers) -> Values:
-    """Return the mean height (nx, nz) of the level points in the boxes that somebody stands on."""
+    """Return the mean height (nx, nz) of the level points in the boxes that one can stand on."""
     x, level, z = boxes.T
     on = levels[x, z] == level
     cells = np.ravel_multi_index((x[on], z[on]), levels.shape)
@@ -175,7 +175,7 @@ def _standing(filled: NDArray[np.bool_], level: NDArray[np.bool_]) -> Integers:
 
 
 def _large(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the connected regions of at minimum a tenth of the largest; others are inside of objects."""
+    """Return the connected regions of at least a tenth of the largest's size; others are inside objects."""
     left, regions = set(map(tuple, np.argwhere(free).tolist())), []
     while left:
         region, waiting = [], [left.pop()]

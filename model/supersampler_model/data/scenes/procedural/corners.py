@@ -1,4 +1,4 @@
-"""Families of the test shots of what history is bad at: thin things that move, and shadows that move."""
+"""Test-shot families that are hard for a history: moving thin objects and moving shadows."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from supersampler_model.data.scenes.procedural.stage import WHEEL, Stage, caster
 from supersampler_model.data.scenes.scene import Mesh, Rng, Vector
 
 ROD = 0.008
-"""Radius of most thin things, metres: they are about a display pixel wide in 640x360 at 5 m."""
+"""Radius of most thin objects in metres: about a display pixel wide in 640x360 at 5 m."""
 
 
 def thin_movers(rng: Rng) -> Stage:

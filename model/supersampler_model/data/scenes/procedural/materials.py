@@ -162,8 +162,8 @@ def _glyph(rng: Rng, height: int, width: int) -> Values:
     for index in rng.choice(len(_STROKES), int(rng.integers(3, 6)), replace=False):
         (ax, ay), (bx, by) = (np.array(_POINTS[i]) for i in _STROKES[index])
         along = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2)
-        share = np.clip(along, 0.0, 1.0)
-        away = np.hypot(x - ax - share * (bx - ax), y - ay - share * (by - ay))
+        t = np.clip(along, 0.0, 1.0)
+        away = np.hypot(x - ax - t * (bx - ax), y - ay - t * (by - ay))
         ink = np.maximum(ink, np.clip(0.5 + (0.08 - away) * height, 0.0, 1.0))
     return ink
 

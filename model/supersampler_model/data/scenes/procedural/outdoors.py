@@ -107,7 +107,7 @@ def _cargo(rng: Rng, stage: Stage) -> None:
 
 
 def _cart(rng: Rng, stage: Stage, dark: bool) -> None:
-    """Add a cart that drives to and fro behind the fence, its headlights and the lamp on its roof."""
+    """Add a cart that drives back and forth behind the fence, its headlights and the lamp on its roof."""
     path = paths.swing(rng, (-5.5, 0.0, -2.2), (5.5, 0.0, -2.8), rng.uniform(2.0, 7.0))
     pose = paths.headed(path)
     body, tyres = materials.paint(rng), materials.paint(rng, (0.05, 0.05, 0.05), 0.2)

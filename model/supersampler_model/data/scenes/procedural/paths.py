@@ -77,7 +77,7 @@ def drift(rng: Rng, amount: float, rate: float) -> Place:
 
 
 def swing(rng: Rng, start: Sequence[float], end: Sequence[float], speed: float) -> Place:
-    """Return a motion to and fro between two points, at most `speed` metres a second."""
+    """Return a motion back and forth between two points, at most `speed` metres a second."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
     rate = 2.0 * speed / max(float(np.linalg.norm(b - a)), 1e-6)
     phase = float(rng.uniform(-1.2, 1.2) + rng.choice([0.0, np.pi]))  # often in the fast middle at first

@@ -1,4 +1,4 @@
-"""Family of the test shot of thin things: a ship's rigging, chains, chain-link, power lines."""
+"""Test-shot family of thin objects: a ship's rigging, chains, chain-link, power lines."""
 
 from collections.abc import Iterable
 from itertools import pairwise

@@ -79,7 +79,7 @@ class Run:
             self._process.stdin.close()
 
     def _end_if_late(self) -> None:
-        """Terminate a cancelled command that goes on, and kill it where that does not help, either."""
+        """Terminate a cancelled command that is still running, and kill it if that does not help."""
         waited = 0.0 if self._cancelled is None else time.monotonic() - self._cancelled
         if waited > 2 * _PATIENCE:
             self._process.kill()
