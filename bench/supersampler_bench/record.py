@@ -27,7 +27,7 @@ JsonRecord: TypeAlias = Mapping[str, Any]
 
 SHIPPED_PARETO = Path(__file__).parent / "pareto.json"
 """Times and scores of the shipped methods; presets are chosen from it."""
-_BEGAN = time.monotonic()  # of a command, nearly
+_BEGAN = time.monotonic()  # approximate start of a command
 _IMAGE_FILES = ("step.onnx", "network.npz")
 """Files of a model whose hashes, in model.json, tell whether its images are the same."""
 _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
@@ -39,7 +39,7 @@ class Provenance:
 
     Attributes:
         commit: commit of the repository; None outside a repository.
-        model_digests: see `model_digests`; None in records from before there were any.
+        model_digests: see `model_digests`; None in older records.
         versions: versions of Python and of packages.
         machine: processor, cores and operating system.
         command: command that measured.
@@ -57,7 +57,7 @@ class Provenance:
 
     @classmethod
     def now(cls) -> "Provenance":
-        """Return that of this process."""
+        """Return the provenance of this process."""
         return cls(
             commit=_commit(),
             model_digests=dict(model_digests()),
@@ -191,7 +191,7 @@ def _texts(values: object) -> Iterator[str]:
 
 
 def _commit() -> str | None:
-    """Return the commit of the repository that this package is in; None outside of one."""
+    """Return the commit of the repository that this package is in; None outside a repository."""
     command = ["git", "rev-parse", "HEAD"]
     try:
         found = run(command, seconds=10.0, folder=Path(__file__).parent)
@@ -209,7 +209,7 @@ def read_record(path: Path) -> dict[str, Any]:
     """Return a record that a bench command wrote with `--json`.
 
     Raises:
-        ArgumentError: the file is no such record.
+        ArgumentError: the file is not such a record.
     """
     reason = ""
     try:

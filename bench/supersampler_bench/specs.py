@@ -46,7 +46,7 @@ class Spec:
 def parse_spec(text: str, *, two_passes: bool = False) -> Spec:
     """Parse a model name, then a precision, "off" or "accumulate" for `at_rest`, "gpu" or "x2", after colons.
 
-    A path may contain colons: whatever follows one and is none of these belongs to the model.
+    A path may contain colons: text after a colon that is none of these belongs to the model.
 
     Raises:
         ArgumentError: "x2" is given, and not `two_passes`, where the caller steps frame by frame.
@@ -111,7 +111,7 @@ def incompatibility(model: str, render: Size, display: Size, gbuffers: Collectio
 def compatible(
     models: Sequence[str], render: Size, display: Size, on_left_out: Callable[[str], None]
 ) -> list[str]:
-    """Return those of some methods that run at these sizes; `on_left_out` gets the reason for each other."""
+    """Return the methods that run at these sizes; `on_left_out` gets the reason for each of the others."""
     reasons = {model: incompatibility(model, render, display) for model in models}
     for reason in filter(None, reasons.values()):
         on_left_out(reason)

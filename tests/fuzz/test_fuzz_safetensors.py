@@ -98,7 +98,7 @@ def test_no_safetensors_file_harms_its_reader() -> None:
 CHANGES: dict[str, tuple[str, Any, str]] = {
     "no frames": ("all", 0, "has 0 frames; want 1 to"),
     "no pixels": ("colour_linear", np.zeros((FRAMES, 3, 0, 0), np.float16), "is 0x0"),
-    "a plane at 0": ("depth_params", np.zeros((FRAMES, 4), np.float32), "which tell no distance"),
+    "a plane at 0": ("depth_params", np.zeros((FRAMES, 4), np.float32), "want finite numbers other than 0"),
     "a bright exposure": ("exposure", np.full((FRAMES, 1), 1e5, np.float32), "want|natural logarithms"),
     "too few cuts": ("camera_cut", np.zeros((1, 1), bool), "want a value for each of 2 frames"),
     "truth without sides": ("ground_truth_linear", np.zeros((FRAMES, 3), np.float32), r"want \(2, 3, H, W\)"),

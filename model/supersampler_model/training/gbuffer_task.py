@@ -24,11 +24,11 @@ class GBufferWeights(ImageWeights):
     """Weights of the loss terms; see `ImageWeights`.
 
     Attributes:
-        rms: larger than the default: what G-buffers do not determine is edges, where squared errors lead to
-            the mean, absolute errors to the median.
+        rms: above the default: G-buffers leave mainly edges undetermined, where squared errors lead to the
+            mean, absolute errors to the median.
         reflective: extra weight of the image error on mirror-like surfaces.
         structure: weight of the structural dissimilarity, 1 - SSIM.
-        reflective_structure: as `reflective`, of the dissimilarity.
+        reflective_structure: extra weight of the dissimilarity on mirror-like surfaces.
     """
 
     rms: float = 3.0

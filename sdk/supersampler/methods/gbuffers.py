@@ -49,7 +49,7 @@ GBUFFERS: Mapping[str, BufferField] = {
 
 
 def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, method: str) -> None:
-    """Raise FrameError where a frame lacks a G-buffer, or its size is wrong; see `sampled` for what may lack.
+    """Raise FrameError if a G-buffer is missing or has a wrong size; see `sampled` for what may be missing.
 
     `names` are the inputs of the method; other buffers of the frame are not checked.
     """
@@ -60,7 +60,7 @@ def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, metho
             continue
         if array is None:
             where = "display size, at pixel centres without jitter" if place.of_display else "render size"
-            hint = f"{method!r} reads it: render it at {where}, or take a method that asks for none."
+            hint = f"{method!r} reads it: render it at {where}, or choose a method that needs none."
             raise FrameError(str(place), got=None, want=want, hint=hint)
         if array.shape != want:  # `Frame` has checked those of render size
             hint = f"It does not have the display size, {display_size[0]}x{display_size[1]}: render it so."

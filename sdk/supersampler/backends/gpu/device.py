@@ -24,7 +24,7 @@ LIMITS = {
 }
 """WebGPU's defaults, which every implementation supports, so that the same shaders run in browsers."""
 TEXTURE_SIDE = "max-texture-dimension-2d"
-"""Limit of which the device has all that its adapter has: wide displays need it, and no shader does."""
+"""Limit that is requested at the adapter's maximum: wide displays need it, shaders do not."""
 _lock = ForkSafeLock()
 _devices: list["wgpu.GPUDevice"] = []
 """The device of this process, if there is one."""
@@ -47,7 +47,7 @@ def default_device() -> "wgpu.GPUDevice":
 
 
 def forget_device(device: "wgpu.GPUDevice") -> None:
-    """Open another device the next time: this one is lost."""
+    """Forget a lost device; `default_device` opens another."""
     with _lock.lock:
         if device in _devices:
             _devices.remove(device)
@@ -91,7 +91,7 @@ def _open_device() -> "wgpu.GPUDevice":
         limits = {**LIMITS, TEXTURE_SIDE: adapter.limits.get(TEXTURE_SIDE, LIMITS[TEXTURE_SIDE])}
         return adapter.request_device_sync(label="supersampler", required_limits=limits)
     except Exception as error:
-        raise DeviceError(f"adapter {name_of(adapter)} gives no device: {error}") from error
+        raise DeviceError(f"adapter {name_of(adapter)} cannot create a device: {error}") from error
 
 
 def name_of(adapter: "wgpu.GPUAdapter") -> str:

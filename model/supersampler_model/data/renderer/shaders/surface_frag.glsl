@@ -7,11 +7,11 @@ in vec2 v_uv;
 in vec3 v_clip;
 in vec3 v_clip_before;
 
-const float MOST_STEPS = 4.0;  // of anisotropic filtering
+const float MAX_STEPS = 4.0;  // of anisotropic filtering
 
-// The print of a pixel of the display in a texture, grid.z pixels of this grid wide: cut into steps along its longer
-// axis. A driver's own anisotropy is biased by levels of detail, which do not reach the length of that axis, so that
-// frames of other sizes would not average to the same.
+// Footprint of a display pixel in a texture, grid.z pixels of this grid wide, in steps along its longer axis. A mip
+// bias does not change the length of that axis in a driver's own anisotropic filter, so frames of other sizes would
+// not average to the same image.
 struct Footprint {
     vec2 along;  // one step
     vec2 beside;
@@ -23,7 +23,7 @@ Footprint footprint() {
     bool swap = dot(across, across) < dot(down, down);
     vec2 along = swap ? down : across, beside = swap ? across : down;
     float ratio = sqrt(dot(along, along) / max(dot(beside, beside), 1e-20));
-    float steps = clamp(ceil(ratio - 0.5), 1.0, MOST_STEPS);
+    float steps = clamp(ceil(ratio - 0.5), 1.0, MAX_STEPS);
     return Footprint(along / steps, beside, int(steps));
 }
 

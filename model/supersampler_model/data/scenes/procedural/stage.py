@@ -1,4 +1,4 @@
-"""Stages, and what several families put on them: lamps, fans, skylines, moving shadow casters, particles.
+"""Stages, and objects that several families use: lamps, fans, skylines, moving shadow casters, particles.
 
 A stage holds all objects and lights of a scene as functions of time in seconds. Particles have no motion
 vectors, as in engines.
@@ -126,7 +126,7 @@ Cloud = Callable[[float], Particles]
 
 
 def sparks(rng: Rng, origin: Sequence[float], count: int = 60) -> Cloud:
-    """Return sparks that fly from a point, fall and die, again and again."""
+    """Return sparks that fly from a point, fall and fade, repeatedly."""
     speed = rng.normal((0.0, 2.2, 0.0), 1.3, (count, 3))
     start, life = rng.random(count), rng.uniform(0.5, 1.1, count)
 
@@ -143,7 +143,7 @@ def dust(
     rng: Rng, low: Sequence[float], high: Sequence[float], count: int = 80, *, size: float = 0.012,
     color: Color = (0.9, 0.85, 0.7), opacity: float = 0.5,
 ) -> Cloud:  # fmt: skip
-    """Return motes that drift in a box and come in again on the other side; opacity 0 makes them glow."""
+    """Return motes that drift in a box and wrap around; opacity 0 makes them glow."""
     corner, extent = np.asarray(low, np.float64), np.subtract(high, low)
     start, drift = rng.random((count, 3)), rng.normal((0.25, 0.05, 0.0), 0.35, (count, 3))
     radii = size * rng.uniform(0.5, 1.6, count)
@@ -235,7 +235,7 @@ def _frame(sun: Sun) -> Matrix:
 
 
 def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
-    """The blades of a windmill or a fan before the sun."""
+    """Return the blades of a windmill or a fan in front of the sun."""
     length, count = radius * rng.uniform(0.3, 0.55), int(rng.integers(3, 6))
     blade = shapes.wall(length * rng.uniform(0.16, 0.34), length)
     turns = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
@@ -246,7 +246,7 @@ def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
 
 
 def _train(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
-    """Wagons of an elevated railway with gaps between them, without an end."""
+    """Return an endless train of wagons with gaps between them."""
     period, fraction = rng.uniform(2.5, 6.0), rng.uniform(0.4, 0.75)
     tall, y = radius * rng.uniform(0.2, 0.6), radius * rng.uniform(-0.5, 0.1)
     wagon = shapes.wall(fraction * period, tall)
@@ -311,7 +311,7 @@ def bunting(
     rng: Rng, stage: Stage, left: Point3, right: Point3, *, sag: float, cord: tuple[float, float], flags: int,
     margin: float, gap: float,
 ) -> None:  # fmt: skip
-    """Add flags in the wind on a cord that hangs through by `sag` metres.
+    """Add flags in the wind on a cord that sags by `sag` metres.
 
     `cord` is its radius in metres and its grey, `margin` the fraction without flags at each end, and `gap` is
     the distance from the cord to the middle of a flag, metres.

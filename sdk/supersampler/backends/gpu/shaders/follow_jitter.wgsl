@@ -1,4 +1,4 @@
-// Find the frame's jitter in the table of phases, or give it the row that was not used for longest: one thread.
+// Find the frame's jitter in the table of phases, or replace the least recently used row: one thread.
 // Same as `follow_jitter`.
 // import at_rest
 // import state

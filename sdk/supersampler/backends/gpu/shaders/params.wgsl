@@ -7,11 +7,11 @@ struct Params {
     previous: vec2f,          // render size of the previous frame
     jitter: vec2f,            // of this frame, render pixels
     exposure: f32,            // given by the engine; 0: measure it
-    adds_samples: f32,        // 0 where the colour was not sampled in this frame, NOISY where it is never the same
+    adds_samples: f32,        // 0 for extrapolated frames, NOISY for path-traced samples
     writes_aux: f32,          // 1 where the auxiliary outputs are written
-    pre_exposure: f32,        // what the engine has multiplied the colour by, and the image is
+    pre_exposure: f32,        // factor that the colour contains, and the image gets
     has_reactive: f32,        // 1 where there is a reactive mask, else 0
-    skips: f32,               // 1 where the method may be left out of what is frozen, else 0
+    skips: f32,               // 1 where the method may skip frozen tiles, else 0
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
