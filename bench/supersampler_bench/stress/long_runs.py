@@ -55,7 +55,7 @@ def at_rest(trial: Trial) -> Figures:
         figures.append(Figure("PSNR below an average, dB", average - run.psnr, DECAY))
         spatial = Upscaler("bilinear", display_size=trial.display, validate="off", threads=1)
         share = run.flicker / flicker([display_transform(spatial.step(frame)) for frame in frames])
-        figures.append(Figure("flicker, fraction of bilinear's", share, passed_by_average(EMA, PERIOD)))
+        figures.append(Figure("flicker, share of bilinear's", share, passed_by_average(EMA, PERIOD)))
     return figures
 
 
