@@ -184,6 +184,13 @@ def test_links_lead_to_files_and_headings_that_are_there(page: Path) -> None:
             assert anchor in headings(file), f"{page.name}: {target}#{anchor}"
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_source_files_that_a_page_names_are_there(page: Path) -> None:
+    text = re.sub("```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for name in re.findall(r"`(?:\.\.\./)?([\w/]+/\w+\.(?:py|js|mjs|c|wgsl|yaml))`", text):
+        assert any(ROOT.glob(f"[!.]*/**/{name}")) or (ROOT / name).exists(), f"{page.name}: {name}"
+
+
 def headings(page: Path) -> set[str]:
     lines = re.sub("```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL).splitlines()
     titles = [line.lstrip("#").strip().lower() for line in lines if line.startswith("#")]
