@@ -35,7 +35,7 @@ from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Provenance, r
 
 
 def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) -> None:
-    """Say how many multiply-adds and parameters networks have.
+    """Count the multiply-adds and parameters of networks.
 
     \b
     Example:
@@ -50,10 +50,10 @@ def startup(
     methods: METHODS = "taa,taau,classifier-small,classifier",
     render_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the frame.")] = "480x270",
     cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty kernel cache.")] = 3,
-    warm: Annotated[int, typer.Option(min=1, help="Processes that start with a full one.")] = 5,
+    warm: Annotated[int, typer.Option(min=1, help="Processes that start with a warm one.")] = 5,
     json: JSON = None,
 ) -> None:
-    """Time the first frame of a program: with an empty kernel cache, and with a full one.
+    """Time the first frame of a program: with an empty kernel cache, and with a warm one.
 
     \b
     Example:
@@ -72,18 +72,18 @@ def latency(
     methods: METHODS = "taa,taau,classifier-small,classifier",
     display_size: DISPLAY_SIZES = "1920x1080",
     executors: EXECUTORS = "cpu",
-    providers: Annotated[str, typer.Option(help="Of ONNX Runtime: auto, cpu, cuda, directml, ...")] = "cpu",
+    providers: Annotated[str, typer.Option(help="ONNX Runtime providers: auto, cpu, cuda, ...")] = "cpu",
     threads: THREADS = None,
     precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, with commas between.")] = "auto",
     ratio: ONE_RATIO = 2.0,
-    warm_up: Annotated[int, typer.Option(min=1, help="Steps of each setting that do not count.")] = 20,
+    warm_up: Annotated[int, typer.Option(min=1, help="Warm-up steps of each setting.")] = 20,
     steps: STEPS = 200,
     json: JSON = None,
 ) -> None:
     """Time the steps of methods on this machine: median, p95, p99, stages, CPU time, memory, first image.
 
-    A step is timed from a frame in memory to its image in memory. Settings of one size take turns, beside
-    plain variance clipping (taa). Nothing else should run on the machine.
+    A step is timed from a frame in memory to its image in memory. Settings of one size alternate, together
+    with plain variance clipping (taa). Nothing else should run on the machine.
 
     \b
     Examples:
@@ -148,7 +148,7 @@ def skip(
     samples: SAMPLES = 64,
     json: JSON = None,
 ) -> None:
-    """Measure the time saved where nothing moves, the time of finding that out, and the error.
+    """Measure the time saved where nothing moves, the cost of detecting it, and the error.
 
     Test shots with a fixed camera, static and with moving objects, and with a moving camera, where there
     is nothing to save. Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run
@@ -173,7 +173,7 @@ def pareto(
     quality: Annotated[
         list[Path] | None,
         typer.Argument(
-            help="Records of `bench quality test-shots --json`, of any ratios, or of --json here.",
+            help="Records of `bench quality test-shots --json`, of any ratios, or earlier records of --json.",
             show_default="the scores of the shipped methods",
         ),
     ] = None,
@@ -181,14 +181,14 @@ def pareto(
     threads: Annotated[int, typer.Option(min=1, help="CPU threads.")] = 2,
     steps: STEPS = 20,
     budget_ms: Annotated[
-        float | None, typer.Option(min=0.0, help="Name the best setting whose step takes no longer.")
+        float | None, typer.Option(min=0.0, help="Also print the best setting within this time per step.")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for a figure of each metric.")
     ] = None,
     json: JSON = None,
 ) -> None:
-    """Time every setting that was scored, and plot time against error.
+    """Time all scored settings, and plot time against error.
 
     Nothing else should run on the machine.
 

@@ -107,12 +107,12 @@ class EachDispatch:
         return getattr(self._encoder, name)
 
     def begin_compute_pass(self) -> "_Dispatches":
-        """Begin what becomes a pass for each dispatch."""
+        """Begin a compute pass that becomes one per dispatch."""
         return _Dispatches(self._encoder, self._watch)
 
 
 class _Dispatches:
-    """Calls of a compute pass; those before a dispatch are kept for it."""
+    """A compute pass that becomes one timed pass per dispatch."""
 
     def __init__(self, encoder: "wgpu.GPUCommandEncoder", watch: Stopwatch) -> None:
         self._encoder, self._watch = encoder, watch
@@ -197,16 +197,16 @@ def measure_gpu(
     steps: int = 100,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> Iterator[GpuStep]:
-    """Time methods; those of one size take turns, BURST steps each. Results come size by size.
+    """Time methods; those of one size alternate, BURST steps each. Results come size by size.
 
-    The exposure of the frames is measured, so that all passes do their work.
+    The frames have no exposure, so that all passes run.
 
     Args:
         device: see `device_with_timestamps`.
         methods: names of shipped models, or model folders.
         displays: (width, height) of the images.
         ratios: display over render size; those that a method lacks are left out.
-        steps: steps that count, of each.
+        steps: measured steps of each method.
         on_left_out: called with the reason why a method is left out.
     """
     for display, ratio in itertools.product(displays, ratios):
@@ -224,7 +224,7 @@ def measure_gpu(
 
 
 def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GPUTexture"]:
-    """Return textures of a frame's images, of the formats that engines have."""
+    """Return textures of a frame's images, in formats that engines use."""
     width, height = frame.size
     textures = {}
     for name, (texel, channels) in _CHANNELS.items():

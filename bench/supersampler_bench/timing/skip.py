@@ -1,4 +1,4 @@
-"""Frozen tiles that are left out: time saved in partly static scenes, and error."""
+"""Time saved by skipping frozen tiles in partly static scenes, and error."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -88,14 +88,14 @@ def measure_skipping(
     samples: int = 64,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[RestTimes]:
-    """Step through each scene with and without `skip`, in turns: static, with moving objects, and as it is.
+    """Step through each scene with and without `skip`, alternately: static, with moving objects, and with its moving camera.
 
     Args:
         families: families of the test shots.
         methods: names of models that have kernels.
         display: (width, height) of the images.
         ratio: display over render size.
-        samples: a pixel of the references.
+        samples: samples per reference pixel.
         on_frame: called after each frame of a scene.
     """
     renderer = Renderer(display, samples=samples)
@@ -176,10 +176,10 @@ class SkipRecord(BenchRecord):
         """Return the table as Markdown, with its caption."""
         rows = []
         for r in self.scenes:
-            shares = [f"{share:.2f}" for share in (r.first, r.second, r.last)]
+            ratios = [f"{ratio:.2f}" for ratio in (r.first, r.second, r.last)]
             frozen = f"{100 * r.converged:.0f} %"
             rows.append(
-                [r.scene, r.moves, r.method, f"{r.milliseconds:.1f}", *shares, frozen, f"{r.psnr:.2f}"]
+                [r.scene, r.moves, r.method, f"{r.milliseconds:.1f}", *ratios, frozen, f"{r.psnr:.2f}"]
             )
         caption = (
             f"Images of {size_text(self.display)} at ratio {self.ratio:g}; {self.frames} frames of test "

@@ -16,7 +16,7 @@ Matrix = NDArray[np.float64]
 ClipDepth = Literal["zero_to_one", "minus_one_to_one"]
 
 BEHIND = np.float32(1e-6)
-"""W of the previous clip space over that of this one: what has less was behind the previous camera."""
+"""Minimum ratio of W in the previous and the current clip space; below it, a point was behind the camera."""
 _LANES = 16  # minimum width of the kernel's images
 _PARALLEL = 1e-5  # of the depth row to the w row of a matrix: the rounding of float32 matrices
 
@@ -59,11 +59,11 @@ def camera_motion(
     near: float | None = None,
     clip: ClipDepth = "zero_to_one",
 ) -> Float32:
-    """Return `Frame.motion` of what does not move itself: where the previous camera saw each sample.
+    """Return `Frame.motion` of static geometry: where the previous camera saw each sample.
 
     The depth places each sample in clip space, and previous_view_projection @ inverse(view_projection) takes
-    it to the previous clip space. The sky moves, too: it turns with the camera. Surfaces that move by
-    themselves need motion of their own.
+    it to the previous clip space. The sky moves as the camera turns. Moving objects must
+    write their own motion.
 
     Args:
         depth: (h, w), row 0 on top. Without `near`, the depth buffer's values in [0, 1], as `view_projection`
@@ -72,7 +72,7 @@ def camera_motion(
         view_projection: (4, 4) of this frame, projection @ view, without jitter; row-major, acting on column
             vectors; clip space y points up. Transpose the matrices of an engine with row vectors (Direct3D,
             Unreal); negate row 1 of a Vulkan projection whose y points down.
-        previous_view_projection: the same of the frame before.
+        previous_view_projection: the same for the previous frame.
         jitter: (x right, y down) of this frame, in render pixels.
         near: the distance that `Frame.depth` is relative to, > 0.
         clip: clip space depth / w of what the depth buffer shows as 0 to 1: "zero_to_one" (Direct3D, Vulkan,
@@ -90,7 +90,7 @@ def camera_motion(
     current = checked_matrix("view_projection", view_projection).astype(np.float64)
     previous = checked_matrix("previous_view_projection", previous_view_projection).astype(np.float64)
     if checked_choice("clip", clip, get_args(ClipDepth)) == "minus_one_to_one":
-        current[2] = (current[2] + current[3]) / 2.0  # as the depth buffer has it; X, Y and W are the same
+        current[2] = (current[2] + current[3]) / 2.0  # as in the depth buffer; X, Y and W are unchanged
     to_clip, far_depth = _to_clip_space(current, near)
     to_clip[2, 3] += to_clip[2, 2] * far_depth  # depth counts from there: far away none of it is rounded
     tables = _tables(buffer, previous @ _inverse(current) @ to_clip, finite_jitter(jitter), far_depth)

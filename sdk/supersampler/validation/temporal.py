@@ -60,7 +60,7 @@ _NEXT_READINGS: Mapping[tuple[int, int], str] = {
 _SAME_SURFACE = 0.05  # relative difference of depth
 _MIN_MOVE = 0.5  # pixels: shorter vectors say nothing about their sign
 _MIN_PIXELS = 200
-_MAX_DIFFERENCE, _MAX_SHARE = 0.25, 0.25  # pixels, and of the median vector; beyond both is a mistake
+_MAX_DIFFERENCE, _MAX_FRACTION = 0.25, 0.25  # pixels, and of the median vector; beyond both is a mistake
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,7 +242,7 @@ def _other_order(surfaces: Mapping[DepthOrder, tuple[float, float]]) -> DepthOrd
 
 
 def _planes_are_reversed(frame: FrameProbe | None, kind: DepthOrder) -> bool:
-    """Return whether planes fit reversed depth better than this kind; aliased things mislead the counts."""
+    """Return whether planes fit reversed depth better than this kind; aliasing misleads the counts."""
     if frame is None:
         return False
     return plane_curvature(frame.depth, "reversed") < plane_curvature(frame.depth, kind)
@@ -349,7 +349,7 @@ def motion_next_mistakes(before: FrameProbe, now: FrameProbe) -> Iterator[Mistak
     fitting = {
         reading
         for reading, (off, length) in found.items()
-        if off <= max(_MAX_DIFFERENCE, _MAX_SHARE * length)
+        if off <= max(_MAX_DIFFERENCE, _MAX_FRACTION * length)
     }
     if (1, 1) not in found or (1, 1) in fitting:
         return

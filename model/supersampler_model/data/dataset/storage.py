@@ -225,7 +225,7 @@ class SequenceEntry:
         return ratios[0] - 0.02 <= self.ratio <= ratios[1] + 0.02
 
     def render_size(self, display_size: tuple[int, int]) -> tuple[int, int]:
-        """(width, height) of its frames."""
+        """Return the (width, height) of its frames."""
         return round(display_size[0] / self.ratio), round(display_size[1] / self.ratio)
 
 
@@ -248,12 +248,12 @@ class Description:
     sequences: tuple[SequenceEntry, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data for JSON."""
         return {"version": VERSION, **asdict(self)}
 
 
 class Dataset:
-    """A training set on disk, as far as it is rendered.
+    """A training set on disk, which may be incomplete.
 
     Args:
         folder: folder of the set.
@@ -271,15 +271,15 @@ class Dataset:
         return Dataset(self.folder, replace(self.description, sequences=sequences), own=self)
 
     def path(self, entry: SequenceEntry, index: int) -> Path:
-        """File of one frame, which may not exist."""
+        """Return the file of one frame, which may not exist."""
         return self.folder / entry.folder / f"{index:04d}.safetensors"
 
     def rerendered_path(self, entry: SequenceEntry, index: int) -> Path:
-        """File of a frame's second rendering, at the ratio of `entry`."""
+        """Return the file of a frame's second rendering, at the ratio of `entry`."""
         return self.path(entry, index).with_suffix(f".{entry.ratio:g}x.safetensors")
 
     def complete(self, entry: SequenceEntry) -> int:
-        """Number of existing frames from the first on."""
+        """Return the number of existing frames from the first on."""
         for index in range(entry.spec.frames):
             rerendered = self.own is None or self.rerendered_path(entry, index).exists()
             if not rerendered or not self.path(entry, index).exists():
@@ -287,7 +287,7 @@ class Dataset:
         return entry.spec.frames
 
     def entries(self, split: Split | None = None) -> list[SequenceEntry]:
-        """The sequences of a split, or all."""
+        """Return the sequences of a split, or all."""
         return [e for e in self.description.sequences if split in (None, e.split)]
 
     def read(self, entry: SequenceEntry, index: int) -> TrainingFrame:
@@ -348,11 +348,11 @@ def _check_same(path: Path, existing: Description, requested: Description) -> No
     changed = sorted(name for name in now.keys() & before.keys() if now[name] != before[name])
     if changed:
         hint = "Restore the files that the set was started with, or start another set."
-        raise DatasetError(path, f"these have changed since the set was begun: {', '.join(changed)}", hint)
+        raise DatasetError(path, f"these have changed since the set was started: {', '.join(changed)}", hint)
     for name, value in asdict(requested).items():
         if asdict(existing)[name] != value:
-            hint = "Give the options of the first run, and the same glTF files if any, or another folder."
-            raise DatasetError(path, f"the set that is there has other {name.replace('_', ' ')}", hint)
+            hint = "Use the options of the first run, with the same glTF files if any, or another folder."
+            raise DatasetError(path, f"the existing set has another {name.replace('_', ' ')}", hint)
 
 
 def _digests(description: Description) -> dict[str, str]:

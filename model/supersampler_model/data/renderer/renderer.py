@@ -130,7 +130,7 @@ class Draws:
         self._gl, self._assets = gl, assets
 
         def order(instance: Instance) -> tuple[bool, float]:
-            """Alpha-tested surfaces last, as they delay the depth test; the others front to back."""
+            """Sort alpha-tested surfaces last, as they delay the depth test; the others front to back."""
             center = instance.model @ np.append(instance.mesh.center(), 1.0)
             distance = float(np.linalg.norm(center[:3] - scene.camera.position))
             return instance.material.alpha_cutoff is not None, distance
@@ -188,7 +188,7 @@ class Renderer:
 
         Raises:
             GraphicsError: there is no OpenGL.
-            SceneError: `samples` is no square number, or a size is not positive.
+            SceneError: `samples` is not a square number, or a size is not positive.
         """
         if samples < 1 or isqrt(samples) ** 2 != samples:
             raise SceneError("samples", got=samples, want="a square number, such as 16 or 64")

@@ -114,9 +114,9 @@ class Environment:
             raise SceneError("environment.pixels", got="negative in places", want="radiance >= 0")
 
     def mips(self) -> list[Points]:
-        """Return the panorama at half the size each, down to 4 x 2, blurred for ever rougher mirrors.
+        """Return mip levels of the panorama, down to 4 x 2, prefiltered for increasing roughness.
 
-        Level l is what a mirror of alpha = pi 2^l / h reflects, so that a lobe is about two texels wide.
+        Level l is filtered for alpha = pi 2^l / h, so that a lobe is about two texels wide.
         """
         levels = [self.pixels]
         while levels[-1].shape[0] > 2:
@@ -150,7 +150,7 @@ def directions(height: int) -> Values:
 
 
 def solid_angles(height: int) -> Values:
-    """Return how much of the sphere each texel is: (h, 2 h) steradians that sum to 4 pi."""
+    """Return the solid angle of each texel: (h, 2 h) steradians that sum to 4 pi."""
     edges = np.cos(np.arange(height + 1) * np.pi / height)
     return np.repeat((edges[:-1] - edges[1:])[:, None] * np.pi / height, 2 * height, axis=1)
 
@@ -171,7 +171,7 @@ def halved(pixels: Points) -> Points:
 
 
 def reflected(source: Points, height: int, alpha: float) -> Points:
-    """Return what GGX mirrors of roughness alpha reflect, seen straight on: (height, 2 height, 3).
+    """Convolve a panorama with the GGX lobe of roughness alpha at normal incidence: (height, 2 height, 3).
 
     Weights depend on the two rows and on how far apart the columns are, so each pair of rows is one circular
     correlation: those of the first column's normals, moved along the row in the frequency domain.
@@ -528,7 +528,7 @@ class Scene:
     """The scene of one frame.
 
     Attributes:
-        camera_before: where the camera was one frame ago; on the first frame after a cut, `camera` itself.
+        camera_before: camera of the previous frame; on the first frame after a cut, `camera` itself.
         points: at most `MAX_POINTS`, without shadows. `sun` and `spot` cast them.
     """
 
@@ -543,7 +543,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         if len(self.points) > MAX_POINTS:
-            hint = "Drop those with the shortest reach, per frame if need be."
+            hint = "Drop those with the shortest reach, per frame if necessary."
             raise SceneError(
                 "scene.points", got=f"{len(self.points)} lights", want=f"at most {MAX_POINTS}", hint=hint
             )

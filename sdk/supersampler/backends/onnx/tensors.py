@@ -48,7 +48,7 @@ def ort_value_of(tensor: Tensor, name: str) -> ort.OrtValue:
     try:
         return ort.OrtValue.from_dlpack(tensor)
     except Exception as error:  # each library raises its own types
-        want = "a contiguous tensor that speaks DLPack (detached, if of torch)"
+        want = "a contiguous tensor that supports DLPack (detached, if of torch)"
         got = f"{type(tensor).__name__} ({' '.join(str(error).split())})"
         raise FrameError(name, got=got, want=want) from error
 

@@ -9,11 +9,11 @@ from supersampler.methods.spec import DISPLAY, Flag, MethodSpec, Number, Sigma, 
 
 _REPLACED = {
     "min_luma": "relit_to_frame",  # largest difference of a channel of the relit history to this frame
-    "max_luma": "agreement",  # how well the surfaces of the samples around agree with the pixel's own
+    "max_luma": "agreement",  # agreement of the nearby samples' surfaces with the pixel's own
 }
 GUIDED_INPUTS = tuple(_REPLACED.get(name, name) for name in DEFAULT_INPUTS)
-"""Network inputs per pixel: those of `classifier`, but for these two. `frame` is of the guided colour, `edge`
-of depth in 3x3 display pixels."""
+"""Network inputs per pixel: those of `classifier`, except these two. `frame` is the guided colour, and `edge`
+comes from depth in 3x3 display pixels."""
 GBUFFERS_READ = (
     "gbuffer_base_color",
     "gbuffer_normal",

@@ -132,8 +132,8 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
     let luma = luminance(now.sample);
     let glares = glares_near(samples, nearest(at));
     let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);
-    let share = f32(tiles[0].y) / (display_extent().x * display_extent().y);
-    let rises = share > FLASH_FRACTION && light_rises(luma, before, visibility);
+    let flash_fraction = f32(tiles[0].y) / (display_extent().x * display_extent().y);
+    let rises = flash_fraction > FLASH_FRACTION && light_rises(luma, before, visibility);
     let unconfirmed = (bright || rises) && before.glare < CONFIRMED - 1.0;
     let count = min(min(odds, before.samples), SAMPLES) + now.confidence;
     let glared = select(select(0.0, CONFIRMED, glares), before.glare + 1.0, unconfirmed);

@@ -8,7 +8,7 @@
 // import variance_box
 // import store
 
-const SLACK = 1e-5;   // more than rounding: a box of one colour is a point, where enter and leave are equal but for it
+const SLACK = 1e-5;   // more than rounding: in a box of one colour, enter and leave differ by rounding only
 
 @group(0) @binding(1) var<storage, read> history_state: State;
 @group(0) @binding(2) var<storage, read> next_state: State;
