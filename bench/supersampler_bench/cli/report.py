@@ -30,10 +30,12 @@ def stress(
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
     executors: EXECUTORS = "cpu,onnx",
     only: Annotated[str, typer.Option(help="Scenarios, or families of them, with commas between.")] = "",
-    quick: Annotated[bool, typer.Option("--quick", help="Some of them, with few and small frames.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Run some scenarios, with few and small frames.")
+    ] = False,
     json: JSON = None,
 ) -> None:
-    """Run methods for long and on hostile input, and compare each figure with its bound.
+    """Run methods for a long time and on hostile input, and compare each figure with its bound.
 
     After one hostile frame, the bound is 0.1 steps of an 8-bit image in the mean and 4 at 99.9 % of the
     values, or the largest difference after a reset at one of five frames around it if that is larger.
@@ -65,12 +67,12 @@ def tables(
         Path, typer.Argument(help="The repository: README.md, docs/*.md, bench/results.")
     ] = Path(),
     check: Annotated[
-        bool, typer.Option("--check", help="Write nothing; fail where a table is not what its record says.")
+        bool, typer.Option("--check", help="Write nothing; fail if a table differs from its record.")
     ] = False,
 ) -> None:
     """Rewrite every table of README.md and docs/*.md from the records in bench/results.
 
-    A table whose record is missing, or of another version, is named and left alone.
+    Tables whose record is missing, or of another version, are reported and left unchanged.
 
     \b
     Example:
@@ -96,16 +98,21 @@ def tables(
 
 
 def records(
-    names: Annotated[list[str] | None, typer.Argument(help="Records of bench/results; none are all.")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Records of bench/results; all by default.")
+    ] = None,
     root: Annotated[Path, typer.Option(help="The repository.")] = Path(),
     list_only: Annotated[
-        bool, typer.Option("--list", help="Measure nothing; say what would be, and how long it took last.")
+        bool,
+        typer.Option(
+            "--list", help="Measure nothing; list the records that are due, and their last duration."
+        ),
     ] = False,
 ) -> None:
-    """Measure the records of bench/results again whose models or command have changed since.
+    """Repeat the records of bench/results whose models or command have changed.
 
-    Nothing else should run on the machine. A record is replaced when its command has ended well, so that the
-    same command continues a stopped run. `supersampler bench tables` writes the tables afterwards.
+    Nothing else should run on the machine. A record is replaced when its command succeeds, so that the
+    same command resumes a stopped run. `supersampler bench tables` writes the tables afterwards.
 
     \b
     Examples:

@@ -88,7 +88,7 @@ def measure_skipping(
     samples: int = 64,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[RestTimes]:
-    """Step through each scene with and without `skip`, alternately: static, with moving objects, and with its moving camera.
+    """Step through each scene with and without `skip`, alternately, for each of MOVES.
 
     Args:
         families: families of the test shots.

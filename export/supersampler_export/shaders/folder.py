@@ -16,7 +16,7 @@ from supersampler_export.shaders.description import FORMAT, described, exported_
 Images = Literal["textures", "buffers"]
 DESCRIPTION = "upscaler.json"
 _NAMES = re.compile(r"\d+_\w+\.wgsl|network\.bin")
-"""Names that an export writes: of those that a description lists, no others are removed."""
+"""Names that an export writes; other files that a description lists are never removed."""
 LONGEST_LINE = 140
 """Longest line of upscaler.json that holds a whole list or object."""
 
@@ -26,7 +26,7 @@ def write_shader_folder(model: str | Path, folder: Path, *, images: Images = "te
 
     Args:
         model: a shipped model by name, or a model folder.
-        folder: to write to; files of an earlier export in it are replaced.
+        folder: the folder to write; files of an earlier export are replaced.
         images: whether the shaders take frame and image in textures or in buffers.
 
     Raises:
@@ -47,10 +47,10 @@ def shader_files(model: str | Path, *, images: Images = "textures") -> dict[str,
 
     Args:
         model: see `write_shader_folder`.
-        images: see there.
+        images: see `write_shader_folder`.
 
     Raises:
-        ModelError: there is no such model, or it is damaged.
+        ModelError: the model does not exist or is damaged.
         ArgumentError: the model has no shaders.
     """
     info = read_upscaling_info(model)

@@ -51,7 +51,7 @@ class PixelStatistics:
     normal_mapped_spread: Float32
 
     def __post_init__(self) -> None:
-        size = (*self.depth_min.shape, 0, 0)[:2]  # depth_min leads: the others must agree with it
+        size = (*self.depth_min.shape, 0, 0)[:2]  # depth_min leads: the others must match it
         for field in fields(self):
             _check(field.name, getattr(self, field.name), (*size, 3) if "color" in field.name else size)
 
@@ -207,7 +207,7 @@ def _visibility_ghosting(now: LabelInputs, before: LabelInputs, thresholds: Labe
 
 
 def _dilated(ghosts: Mask, now: LabelInputs, thresholds: LabelThresholds) -> Mask:
-    """Spread to each of 8 neighbours that is behind the labelled pixel and moves otherwise.
+    """Spread to each of 8 neighbours that is behind the labelled pixel and moves differently.
 
     Upscalers dilate motion: such a neighbour reads its history where the labelled surface was.
     """

@@ -35,12 +35,12 @@ class RawFrame:
 
     Attributes:
         depth: (h, w) at render size, of the kind `Conventions.depth`.
-        motion: (h, w, 2), x then y; (H, W, 2) where `Conventions.motion_resolution` is "display".
+        motion: (h, w, 2), x then y; (H, W, 2) if `Conventions.motion_resolution` is "display".
         color: (h, w, 3) at render size, linear or sRGB; None on an unshaded frame.
         jitter: (x, y) in the unit `Conventions.jitter_unit`; None is no jitter.
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies the colour before the tone curve, or None.
-        pre_exposure: what the renderer has multiplied the colour by.
+        pre_exposure: factor by which the renderer has multiplied the colour.
         reactive: (h, w) at render size, in [0, 1], or None.
         gbuffer: G-buffers at render size, with the names of `Frame`.
         gbuffer_display: G-buffers at display size, with the names of `Frame`; its depth is of `depth`'s kind.
@@ -211,7 +211,7 @@ class Converter:
         return pixels
 
     def _vectors_out(self, motion: Array, frame: Frame, factor: _Factor) -> tuple[Array, _Pair]:
-        """Return the vector of each pixel of the buffer, still in render pixels, and the factor to those."""
+        """Return the vector of each pixel of the buffer, in render pixels, and the factor to its unit."""
         size = own_size = frame.size
         if self.conventions.motion_resolution == "display":
             own_size = self._display_size(frame)
@@ -237,7 +237,7 @@ class Converter:
         if raw.motion_next is None:
             return None
         if self.conventions.motion_jittered:
-            hint = "Leave it out, or write vectors without jitter: this one's is the next frame's."
+            hint = "Leave it out, or write vectors without jitter."
             raise FrameError("motion_next", got="given, with jitter in it", want="without jitter", hint=hint)
         return self._vectors_in("motion_next", raw.motion_next, jitter, motion_next_factor, size)
 
@@ -291,7 +291,7 @@ def _checked_motion_size(name: str, motion: NDArray[Any], size: Size, resolution
         name,
         got=f"of shape {motion.shape}",
         want=f"{wanted}, as depth is" if resolution == "render" else f"(H, W, 2) of at least {wanted}",
-        hint="Vectors at display size want Conventions(motion_resolution='display')." if larger else "",
+        hint="Vectors at display size need Conventions(motion_resolution='display')." if larger else "",
     )
 
 

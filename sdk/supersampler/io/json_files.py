@@ -1,4 +1,4 @@
-"""Read JSON files that people hand in: limited in size, and checked against a type by msgspec."""
+"""Read JSON files from users: limited in size, and checked against a type by msgspec."""
 
 import re
 import reprlib
@@ -19,7 +19,7 @@ from supersampler.io.files import (
 
 _Value = TypeVar("_Value")
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=4096)]
-"""Text that a person reads."""
+"""Text for display."""
 Rate: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0)]
 """Frames a second."""
 _Side = Annotated[int, msgspec.Meta(ge=1, le=IMAGE_SIDE)]

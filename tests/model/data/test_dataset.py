@@ -112,7 +112,7 @@ def test_another_ratio_is_not_rendered_for_scenes_that_have_changed(
     dataset, _ = rendered(tmp_path, small_renderer)
     at = dataset.at(4.0)
     monkeypatch.setattr(YardSequence, "scene", lambda _, index: Yard(2).scene(index + 20))
-    with pytest.raises(DatasetError, match="shows something else than is rendered now"):
+    with pytest.raises(DatasetError, match="differs from what is rendered now"):
         render_sequence(at, at.entries()[0], small_renderer)
     assert at.complete(at.entries()[0]) == 0
 
@@ -283,7 +283,9 @@ def test_files_that_have_changed_since_the_set_was_begun_are_named(files: Path, 
     create_dataset(tmp_path / "set", plan_sequences(plan))
     create_dataset(tmp_path / "set", plan_sequences(plan))
     cube(emissiveFactor=[9.0, 0.0, 0.0]).save(files / "cube2.glb")
-    with pytest.raises(DatasetError, match=r"changed since the set was begun: .*files/cube2\.glb\. Put back"):
+    with pytest.raises(
+        DatasetError, match=r"changed since the set was started: .*files/cube2\.glb\. Restore"
+    ):
         create_dataset(tmp_path / "set", plan_sequences(plan))
     strip().save(files / "strip.glb")
     (files / "cube2.glb").unlink()

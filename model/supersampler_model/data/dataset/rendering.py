@@ -35,7 +35,7 @@ from supersampler_model.data.specs import SequenceSpec
 RATIOS = {1.0: 0.1, 1.5: 0.2, 2.0: 0.4, 3.0: 0.2, 4.0: 0.1}
 """Display over render size, and the fraction of the sequences that have it."""
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples fill [0, 1) evenly
-_VALIDATION_EVERY = 8  # one sequence in eight is kept for validation; of other seeds, so of other scenes
+_VALIDATION_EVERY = 8  # one sequence in eight is for validation, with other seeds and so other scenes
 _FRAME_FILE = re.compile(r"\d{4,}(\.[\d.e+]+x)?\.safetensors")
 MAX_DIFFERENCE = 0.01  # relative, of the means of two images of one frame by different drivers
 
@@ -45,7 +45,7 @@ class RenderPlan:
     """Options of the command line; sizes are (width, height).
 
     Attributes:
-        gltf: folder of files to compose sequences of; None: procedural families alone.
+        gltf: folder of files to compose sequences of; None: procedural families only.
         gltf_fraction: fraction of sequences composed of them, (0, 1]; the others are of `families`.
     """
 
@@ -76,7 +76,7 @@ class RenderPlan:
 
 
 def plan_sequences(plan: RenderPlan) -> Description:
-    """Draw the sequences of a set: families take turns; files, ratios and seeds follow from one seed.
+    """Draw the sequences of a set: families alternate; files, ratios and seeds follow from one seed.
 
     Procedural sequences for validation have other seeds than those for training. Composed ones also have
     other files, where there are at least two of a kind (stages, props, panoramas).
@@ -178,7 +178,7 @@ def _rerender(
 ) -> None:
     """Render the sequence a second time at the ratio of `entry`, from the first missing frame on.
 
-    Raises a DatasetError where the first frame that exists shows another image than is rendered now.
+    Raises a DatasetError if the first existing frame differs from what is rendered now.
     """
     sequence, display_size = make_sequence(entry.spec), dataset.description.display_size
     first = next(e for e in own.entries() if e.folder == entry.folder)
@@ -187,7 +187,7 @@ def _rerender(
     now, _ = renderer.frame(sequence.scene(0), size, jitter=jitter)
     if float(np.abs(now - existing).mean()) > MAX_DIFFERENCE * float(existing.mean()):
         hint = "Render a new set: the scenes or the renderer have changed since this one was rendered."
-        raise DatasetError(dataset.path(first, 0), "shows something else than is rendered now", hint)
+        raise DatasetError(dataset.path(first, 0), "differs from what is rendered now", hint)
     for index in range(dataset.complete(entry), entry.spec.frames):
         jitter = halton_jitter(index, entry.ratio)
         color, surfaces = renderer.frame(

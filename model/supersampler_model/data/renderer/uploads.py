@@ -125,7 +125,7 @@ class Assets:
 def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> None:
     """Scale the opacity of each mip so that the same fraction passes the alpha test as in `pixels`.
 
-    Without that, distant fences vanish. Mips too small for it are dropped: there holes alias, as in games.
+    Otherwise distant fences vanish. Mips too small for this are dropped; holes alias there, as in games.
     """
     threshold = 255.0 * cutoff
     covered = float((pixels[..., 3] >= threshold).mean())
@@ -152,7 +152,7 @@ class Raster:
         size: samples (x, y).
         corner, extent: the part, in units of the image: (0, 0) is its top left corner, (1, 1) the other.
         pixels: size of the image in which motion is counted.
-        filter_width: width of the texture filter in samples of this grid: a display pixel's.
+        filter_width: width of the texture filter in samples of this grid: that of a display pixel.
     """
 
     size: Size
@@ -165,7 +165,7 @@ class Raster:
     def of_frame(
         cls, size: Size, jitter: tuple[float, float] = (0.0, 0.0), filter_width: float = 1.0
     ) -> "Raster":
-        """Return a grid of one sample a pixel, at its centre + jitter."""
+        """Return a grid of one sample per pixel, at its centre + jitter."""
         return cls(size, (jitter[0] / size[0], jitter[1] / size[1]), (1.0, 1.0), size, filter_width)
 
     def window(self) -> list[float]:

@@ -183,7 +183,7 @@ _OUTPUTS = [TensorInfo("image", "float32", AOVS.image)]
 def check_aovs(frame: Frame, history: Float32 | None) -> None:
     """Raise FrameError unless the frame has AOVs, with as many channels as `history` (1, k, H, W)."""
     if frame.aovs is None:
-        raise FrameError("aovs", got=None, want="(h, w, k), as it is asked for")
+        raise FrameError("aovs", got=None, want="(h, w, k), because AOVs are requested")
     channels = frame.aovs.shape[2]
     if history is not None and history.shape[1] != channels:
         want = f"{history.shape[1]} channels as before, or a reset"

@@ -239,7 +239,7 @@ class ShotWriter:
         for field in ("name", "display_size", "frame_rate", "conventions", *_NAMING):
             existing, requested = getattr(info, field), getattr(self._info, field)
             if existing != requested:
-                hint = "Resume with what the shot was begun with, or write to another folder."
+                hint = "Resume with the shot's own settings, or write to another folder."
                 raise ShotError(path, f"its {field} is {existing}; this run's is {requested}", hint)
         self._info, self._entries = info, entries
 
@@ -253,7 +253,7 @@ class ShotWriter:
         arrays: dict[str, NDArray[Any] | None] = {"reference": reference, **(frame.gbuffer_display or {})}
         for name, given in (("classes", classes is not None), ("truth", bool(truth))):
             if given and reference is None:
-                raise ArgumentError(name, got="without a reference", want="both: they lie in one file")
+                raise ArgumentError(name, got="without a reference", want="both: they are in one file")
         if classes is not None:
             arrays |= {f"classes.{name}": array for name, array in classes.known().items()}
         arrays |= {f"truth.{name}": array for name, array in truth.items()}
@@ -275,7 +275,7 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
     >>> copy_shot(import_blender("renders/kitchen"), "shots/kitchen")
 
     Args:
-        shot: the source; conventions, pixels and the metadata of EXR files are kept as they are.
+        shot: the source; conventions, pixels and the metadata of EXR files are kept.
         path: the folder to write.
         resume: continue after the frames that an earlier run wrote.
 

@@ -1,4 +1,4 @@
-// The sampling grid (DESIGN: display pixel p looks at (p + 0.5) / r - 0.5 - jitter) and filters.
+// The sampling grid, display pixel p reads (p + 0.5) / r - 0.5 - jitter, and filters.
 // Same as ops/sampling.py.
 // import params
 
