@@ -18,7 +18,7 @@ from supersampler.conventions import jitter_phase_count
 from supersampler.io.display import display_transform
 from supersampler.io.shot import ShotWriter
 from supersampler_model.data.dataset import Description, SequenceEntry, create_dataset, render_sequence
-from supersampler_model.data.rendered import frame_of
+from supersampler_model.data.rendered import input_frame
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 
@@ -107,7 +107,9 @@ def test_the_live_renderer_shows_its_input_beside_the_images_of_upscaler(tmp_pat
         scene, jitter, exposure = sequence.scene(index), halton_jitter(index, 2.0), sequence.exposure(index)
         assert exposure is not None
         color, surfaces = renderer.frame(scene, (64, 36), jitter=jitter)
-        frame = frame_of(color, surfaces, None, jitter=jitter, reset=sequence.cut(index), exposure=exposure)
+        frame = input_frame(
+            color, surfaces, None, jitter=jitter, reset=sequence.cut(index), exposure=exposure
+        )
         shown = read_png(tmp_path / f"{index:04d}.png")
         assert shown.shape == (144, 256, 3)
         squares = display_transform(color, exposure).repeat(2, axis=0).repeat(2, axis=1)

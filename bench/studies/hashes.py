@@ -29,10 +29,10 @@ from supersampler.cli.terminal import Terminal
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.cli.options import JSON, counted, listed, say, warn
+from supersampler_bench.cli.options import JSON, counted, say, split_list, warn
 from supersampler_bench.record import JsonRecord, Provenance, machine_name, read_record, write_json
 from supersampler_bench.specs import incompatibility
-from supersampler_bench.timing.latency import frames_of
+from supersampler_bench.timing.latency import plaza_frames
 
 FRAMES, STILL_FRAMES = 24, 48
 """Frames of a run; frames of a run in which most of the frame is static."""
@@ -177,7 +177,7 @@ def scene(render: Size, display: Size, *, still: bool = False) -> list[Frame]:
 
     Static: `PHASES` frames repeat, and only one corner changes from frame to frame.
     """
-    shot = frames_of(render, 0, FRAMES)
+    shot = plaza_frames(render, 0, FRAMES)
     if still:
         shot = [_still(shot[index % PHASES], index) for index in range(STILL_FRAMES)]
     exposures = (None if render == MEASURED_EXPOSURE else frame.exposure for frame in shot)
@@ -322,7 +322,7 @@ def main(
         raise ArgumentError(
             "--check", got=f"{check}, of `{before['bench']}`", want="a record of this program"
         )
-    chosen = None if methods is None else listed(methods)
+    chosen = None if methods is None else split_list(methods)
     hashed = subjects(chosen)
     with counted("runs", len(SIZES) * len(hashed)) as advance:
         results = measure_hashes(hashed, SIZES, on_run=advance)

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from supersampler.errors import ArgumentError
-from supersampler.frame import Size
 from supersampler.io.files import replacing
 
 
@@ -27,11 +26,6 @@ def table(headings: Sequence[str], rows: Iterable[Iterable[object]], caption: st
 def figure(value: float | None, digits: int, unit: str = "") -> str:
     """Return a number with so many digits after the point; a dash where it is not known."""
     return "–" if value is None or math.isnan(value) else f"{value:.{digits}f}{unit}"
-
-
-def size_text(size: Size | Sequence[int]) -> str:
-    """Return (width, height) as "960x540"."""
-    return f"{size[0]}x{size[1]}"
 
 
 def update_block(path: Path, name: str, text: str) -> None:

@@ -12,6 +12,7 @@ import torch
 
 from supersampler import Frame, Model, Upscaler
 from supersampler.backends.onnx.session import frame_inputs
+from supersampler.cli.arguments import size_text
 from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
@@ -19,7 +20,7 @@ from supersampler.io.display import display_transform
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.registry import methods
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.markdown import size_text, table
+from supersampler_bench.markdown import table
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.rendering import rendered_sequence
 from supersampler_bench.specs import gbuffers_of

@@ -22,7 +22,7 @@ from supersampler_model.data.scenes.analytic import (
     SurfaceSample,
     Values,
     Vector,
-    facing,
+    frontal,
     grey,
     places,
 )
@@ -460,7 +460,12 @@ class Ball(AnalyticScene):
         color = np.where(on[..., None], grey(self.light(index, normal)), 0.3)
         depth = np.where(on, NEAR, 0.5 * NEAR)
         return SurfaceSample(
-            color, depth, np.where(on[..., None], motion, 0.0), depth, facing(x, y), facing(x, y)
+            color,
+            depth,
+            np.where(on[..., None], motion, 0.0),
+            depth,
+            frontal(x, y),
+            frontal(x, y),
         )
 
     def light(self, index: int, normal: Values) -> Values:

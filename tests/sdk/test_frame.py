@@ -140,13 +140,13 @@ def test_other_orders_of_axes_are_said(name: str, shape: tuple[int, ...], hint: 
         Frame(**inputs, jitter=(0.0, 0.0))  # type: ignore[arg-type]
 
 
-def test_a_step_of_what_is_no_frame_says_what_to_hand_in_and_shows_no_pixels() -> None:
+def test_a_step_of_what_is_no_frame_says_what_to_pass_and_shows_no_pixels() -> None:
     shot = Shot.open("plaza")
     item = shot.read(0)
     upscaler = Upscaler("bilinear", display_size=(640, 360))
     for value, advice in (
         (item, "pass the `frame` of the ShotFrame"),
-        ([item.frame], "one frame a call"),
+        ([item.frame], "one frame per call"),
         (item.frame.color, "Frame(color=, depth=, motion=, jitter=) takes the arrays"),
         (shot.read_raw(0), "`Conventions.converter` makes one of a RawFrame"),
         ({"color": item.frame.color}, "want a supersampler.Frame"),

@@ -102,24 +102,24 @@ def counted(text: str, total: int, done: int = 0, *, resumes: bool = False) -> I
             raise
 
 
-def listed(text: str) -> list[str]:
+def split_list(text: str) -> list[str]:
     """Return the parts of a text with commas between."""
     return [part.strip() for part in text.split(",")]
 
 
-def sizes_of(option: str, text: str) -> list[Size]:
+def size_list(option: str, text: str) -> list[Size]:
     """Return the sizes of an option."""
-    return [parse_size(part, option) for part in listed(text)]
+    return [parse_size(part, option) for part in split_list(text)]
 
 
-def numbers_of(option: str, text: str) -> list[float]:
+def number_list(option: str, text: str) -> list[float]:
     """Return the numbers of an option.
 
     Raises:
         ArgumentError: a part is no number.
     """
     try:
-        return [float(part) for part in listed(text)]
+        return [float(part) for part in split_list(text)]
     except ValueError as error:
         raise ArgumentError(option, got=repr(text), want="numbers with commas between: 1.5,2") from error
 
@@ -130,7 +130,7 @@ def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:
     Raises:
         ArgumentError: one of them is not.
     """
-    words = listed(text)
+    words = split_list(text)
     if not set(words) <= set(known):
         want = f"{', '.join(map(str, known))}, or some with commas between"
         raise ArgumentError(option, got=repr(text), want=want)
@@ -172,11 +172,11 @@ def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[t
         ArgumentError: the ratios are no numbers, or there is no such shot.
         ShotError: the test shots are not there.
     """
-    shots = public_shots.named(shot)
+    shots = public_shots.shots_named(shot)
     if shots is None:
         one = open_shot(shot)
         return one.name, [(one, {})]
-    ratios = numbers_of("--ratio", ratio)
+    ratios = number_list("--ratio", ratio)
     folder = cache or public_shots.default_cache()
     found = public_shots.open_test_shots(folder, ratios, shots, public_shots.FROZEN)
     for public in found:

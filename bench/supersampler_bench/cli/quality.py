@@ -22,10 +22,10 @@ from supersampler_bench.cli.options import (
     SHOT,
     counted,
     executors_of,
-    listed,
     opened_shots,
     publish,
     say,
+    split_list,
     warn,
     words_of,
 )
@@ -78,7 +78,7 @@ def quality(
     )
 
     _, opened = opened_shots(shot, cache, ratio)
-    record = QualityRecord.of([_measured(one, origin, listed(methods), output) for one, origin in opened])
+    record = QualityRecord.of([_measured(one, origin, split_list(methods), output) for one, origin in opened])
     console = Terminal()
     for title, rows in [*record.shot_tables(), *record.mean_tables().values()]:
         console.print(rich_table(title, rows))
@@ -132,7 +132,11 @@ def extrapolation(
     from supersampler_bench.quality import extrapolation as bench
 
     name, opened = opened_shots(shot, cache, ratio)
-    upscalers, extrapolators, alternations = listed(methods), listed(models), listed(alternation)
+    upscalers, extrapolators, alternations = (
+        split_list(methods),
+        split_list(models),
+        split_list(alternation),
+    )
     measured = []
     with counted("frames", len(alternations) * sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
@@ -174,7 +178,7 @@ def still(
     from supersampler_bench.quality.still import StillRecord, frame_count, measure_still
 
     chosen, display = _scenes_of(scenes), parse_size(display_size, "--display-size")
-    names, kinds = listed(methods), executors_of(executors)
+    names, kinds = split_list(methods), executors_of(executors)
     with counted("frames", sum(frame_count(ratio) for _, ratio in chosen)) as advance:
         results = measure_still(chosen, names, display, executors=kinds, samples=samples, on_frame=advance)
     record = StillRecord(display, results)
@@ -195,7 +199,7 @@ def _scenes_of(text: str) -> list[tuple[str, float]]:
     from supersampler_bench.quality.still import SCENES
 
     found = []
-    for part in listed(text):
+    for part in split_list(text):
         name, _, ratio = part.partition(":")
         words_of("--scenes", name, SCENES)
         try:
@@ -220,7 +224,7 @@ def parity(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench import parity as bench
 
-    names = listed(methods)
+    names = split_list(methods)
     with counted("frames", len(bench.methods_by_size(names)) * frames) as advance:
         results = bench.measure_parity(names, frames, on_frame=advance)
     publish(bench.ParityRecord(results), "parity", json)

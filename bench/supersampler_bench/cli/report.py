@@ -13,9 +13,9 @@ from supersampler_bench.cli.options import (
     JSON,
     counted,
     executors_of,
-    listed,
     publish,
     say,
+    split_list,
     warn,
 )
 
@@ -48,8 +48,8 @@ def stress(
     from supersampler_bench.stress import runner
     from supersampler_bench.stress.subjects import subjects
 
-    scenarios = runner.chosen(listed(only) if only else [], quick=quick)
-    stressed = subjects(listed(methods), executors_of(executors))
+    scenarios = runner.chosen(split_list(only) if only else [], quick=quick)
+    stressed = subjects(split_list(methods), executors_of(executors))
     for text in runner.left_out(scenarios, stressed):
         warn(text)
     outcomes = []

@@ -23,11 +23,11 @@ from supersampler_bench.cli.options import (
     THREADS,
     counted,
     executors_of,
-    listed,
-    numbers_of,
+    number_list,
     publish,
     say,
-    sizes_of,
+    size_list,
+    split_list,
     warn,
     words_of,
 )
@@ -43,7 +43,7 @@ def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) ->
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import cost as bench
 
-    publish(bench.CostRecord([bench.cost_of(name) for name in listed(methods)]), "cost", json)
+    publish(bench.CostRecord([bench.cost_of(name) for name in split_list(methods)]), "cost", json)
 
 
 def startup(
@@ -62,7 +62,7 @@ def startup(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import against as bench
 
-    names, render = listed(methods), parse_size(render_size, "--render-size")
+    names, render = split_list(methods), parse_size(render_size, "--render-size")
     with counted("programs", len(names) * (cold + warm)) as advance:
         results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
     publish(bench.StartupRecord(render, 2.0, results), "startup", json)
@@ -95,10 +95,10 @@ def latency(
     known: tuple[Precision, ...] = ("auto", "fp32", "fp16", "int8")
     with ERRORS.status("timing"):
         results = bench.measure_latency(
-            listed(methods),
-            sizes_of("--display-size", display_size),
+            split_list(methods),
+            size_list("--display-size", display_size),
             executors_of(executors),
-            [int(text) for text in listed(threads or str(os.cpu_count() or 1))],
+            [int(text) for text in split_list(threads or str(os.cpu_count() or 1))],
             precisions=words_of("--precisions", precisions, known),
             providers=providers,
             ratio=ratio,
@@ -129,7 +129,7 @@ def against(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import against as bench
 
-    names, display = listed(methods), parse_size(display_size, "--display-size")
+    names, display = split_list(methods), parse_size(display_size, "--display-size")
     count = threads or os.cpu_count() or 1
     with counted("rounds", len(names) * rounds) as advance:
         results = bench.measure_against(
@@ -160,7 +160,11 @@ def skip(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import skip as bench
 
-    families, names, size = listed(scenes), listed(methods), parse_size(display_size, "--display-size")
+    families, names, size = (
+        split_list(scenes),
+        split_list(methods),
+        parse_size(display_size, "--display-size"),
+    )
     with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=advance
@@ -208,7 +212,7 @@ def pareto(
         points = bench.measure_pareto(
             scored, size, threads=threads, steps=steps, on_left_out=warn, on_round=advance
         )
-    record = bench.ParetoRecord(bench.shots_of(scored[0]), size, threads, points)
+    record = bench.ParetoRecord(bench.shot_names(scored[0]), size, threads, points)
     publish(record, "pareto", json)
     if output is not None:
         from supersampler_bench.report.figures import draw_pareto  # needs matplotlib
@@ -242,8 +246,8 @@ def device(
     from supersampler_bench.timing.device_gpu import device_with_timestamps, measure_gpu
     from supersampler_bench.timing.device_record import GpuRecord
 
-    names, displays = listed(methods), sizes_of("--display-size", display_size)
-    ratios = numbers_of("--ratio", ratio)
+    names, displays = split_list(methods), size_list("--display-size", display_size)
+    ratios = number_list("--ratio", ratio)
     device, began = device_with_timestamps(), time.perf_counter()
     record = GpuRecord.of(device, names)
     say(record.adapter["device"])

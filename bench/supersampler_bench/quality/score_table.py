@@ -6,7 +6,8 @@ from typing import ClassVar, Self, TypeAlias
 
 from rich.table import Table
 
-from supersampler_bench.markdown import figure, size_text, table
+from supersampler.cli.arguments import size_text
+from supersampler_bench.markdown import figure, table
 from supersampler_bench.quality.corners import KINDS
 from supersampler_bench.quality.scores import (
     BORDER,

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from supersampler import Model, Upscaler, halton_jitter
+from supersampler.cli.arguments import size_text
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName
-from supersampler_bench.markdown import figure, size_text, table
+from supersampler_bench.markdown import figure, table
 from supersampler_bench.quality.metrics import Bool, psnr
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.public_shots import TEST_SHOTS

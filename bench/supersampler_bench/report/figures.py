@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
+from supersampler.cli.arguments import size_text
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32
 from supersampler.io.compare import false_color
 from supersampler.io.files import replacing
-from supersampler_bench.markdown import size_text
 from supersampler_bench.quality.measure import ScoredImage
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, sizes
 from supersampler_bench.quality.scores import WARM_UP_FRAMES, ShotRow

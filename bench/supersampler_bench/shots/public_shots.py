@@ -153,7 +153,7 @@ def shot_folder(cache: Path, family: str) -> Path:
     return cache / NAME / family
 
 
-def named(name: str) -> TestShots | None:
+def shots_named(name: str) -> TestShots | None:
     """Return the test shots of a name: the five, or one apart; None where there are none."""
     if name == NAME:
         return TEST_SHOTS

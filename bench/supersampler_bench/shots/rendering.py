@@ -17,7 +17,7 @@ from supersampler_bench.shots.public_shots import (
     shot_folder,
 )
 from supersampler_model.data.processes import OnFrame, run_parts
-from supersampler_model.data.rendered import frame_of
+from supersampler_model.data.rendered import input_frame
 from supersampler_model.data.renderer.context import Graphics, open_graphics
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Scene
@@ -46,7 +46,7 @@ def rendered_frame(
     """
     color, surfaces = renderer.frame(scene, size, jitter=jitter)
     display = renderer.display(scene) if gbuffers else None
-    return frame_of(color, surfaces, display, jitter=jitter, reset=reset, exposure=scene.camera.exposure)
+    return input_frame(color, surfaces, display, jitter=jitter, reset=reset, exposure=scene.camera.exposure)
 
 
 def rendered_sequence(

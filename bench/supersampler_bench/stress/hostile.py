@@ -28,7 +28,7 @@ from supersampler_bench.stress.scenario import (
     bad_values,
     scenario,
 )
-from supersampler_bench.stress.scenes import PERIOD, STILL, Orbit, frames_of, still, truth
+from supersampler_bench.stress.scenes import PERIOD, STILL, Orbit, scene_frames, still, truth
 from supersampler_model.data.scenes.analytic import AnalyticScene, Plane, zone_plate
 
 FIELDS = ("color", "depth", "motion")
@@ -398,7 +398,7 @@ def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[AnalyticScene]) ->
     for length, scene in zip(lengths, cycle(of), strict=False):
         stop = first + length
         truths = [truth(scene, 0 if scene in STATIC else i, trial.display) for i in range(first, stop)]
-        shots.append(StressShot(frames_of(scene, trial.render, stop)[first:], truths))
+        shots.append(StressShot(scene_frames(scene, trial.render, stop)[first:], truths))
         first = stop
     return shots
 

@@ -22,7 +22,7 @@ from supersampler_bench.stress.scenario import (
     Trial,
     scenario,
 )
-from supersampler_bench.stress.scenes import LAP, PERIOD, STILL, Orbit, frames_of, truth
+from supersampler_bench.stress.scenes import LAP, PERIOD, STILL, Orbit, scene_frames, truth
 from supersampler_model.data.scenes.analytic import (
     Plane,
     zone_plate,
@@ -185,7 +185,7 @@ def cuts(trial: Trial) -> Figures:
 def jump(trial: Trial) -> Figures:
     """The scene is replaced without a reset or motion."""
     run = Disturbance(trial, trial.still)
-    elsewhere = frames_of(Plane(zone_plate), trial.render, PERIOD, trial.subject.every)
+    elsewhere = scene_frames(Plane(zone_plate), trial.render, PERIOD, trial.subject.every)
     for frame in (*trial.moving, *elsewhere):
         run.disturbed.step(frame)
     return run.measured()

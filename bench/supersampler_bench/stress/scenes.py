@@ -19,7 +19,7 @@ from supersampler_model.data.scenes.analytic import (
     Values,
     WiresOverPlane,
     checker,
-    facing,
+    frontal,
     grey,
 )
 
@@ -46,7 +46,7 @@ class Orbit(AnalyticScene):
             inside[..., None], grey(0.5 + 0.5 * np.cos(2.0 * distance)), checker(x - plane[0], y - plane[1])
         )
         motion = np.where(inside[..., None], disc_before - disc, plane_before - plane)
-        return SurfaceSample(color, depth, motion, depth, facing(x, y), facing(x, y))
+        return SurfaceSample(color, depth, motion, depth, frontal(x, y), frontal(x, y))
 
 
 def _swing(index: int) -> Values:
@@ -62,16 +62,16 @@ def _round(index: int) -> Values:
 @cache
 def still(render: Size, every: int = 1) -> Sequence[Frame]:
     """Return one jitter period of the static scene; `every`: see `frames_of`."""
-    return frames_of(STILL, render, PERIOD * every, every)
+    return scene_frames(STILL, render, PERIOD * every, every)
 
 
 @cache
 def moving(render: Size, every: int = 1) -> Sequence[Frame]:
     """Return one loop of the moving scene; `every`: see `frames_of`."""
-    return frames_of(Orbit(), render, lcm(PERIOD * every, LAP), every)
+    return scene_frames(Orbit(), render, lcm(PERIOD * every, LAP), every)
 
 
-def frames_of(scene: AnalyticScene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
+def scene_frames(scene: AnalyticScene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
     """Return frames of a scene, none of which resets.
 
     Args:

@@ -15,7 +15,7 @@ from supersampler.backends.gpu.program import PassSpec
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Size
 from supersampler_bench.specs import compatible
-from supersampler_bench.timing.latency import frames_of, quantiles, take_turns
+from supersampler_bench.timing.latency import plaza_frames, quantiles, take_turns
 from supersampler_model.data.shots import render_size
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ def measure_gpu(
         on_left_out: called with the reason why a method is left out.
     """
     for display, ratio in itertools.product(displays, ratios):
-        frames = [replace(frame, exposure=None) for frame in frames_of(render_size(display, ratio))]
+        frames = [replace(frame, exposure=None) for frame in plaza_frames(render_size(display, ratio))]
         placed = [(frame, frame_textures(device, frame)) for frame in frames]
         runners = []
         for method in compatible(methods, frames[0].size, display, on_left_out):

@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from supersampler.cli.arguments import size_text
 from supersampler.frame import Size
 from supersampler.io.machine import installed_versions
 from supersampler.methods.model_file import find_model, sha256
-from supersampler_bench.markdown import size_text, table
+from supersampler_bench.markdown import table
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.timing.device_gpu import GpuStep
 

@@ -13,10 +13,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from supersampler import Frame, Model, Shot, Upscaler
+from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.markdown import size_text, table
+from supersampler_bench.markdown import table
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import compatible, with_default_gbuffers
 from supersampler_model.data.shots import render_size
@@ -209,7 +210,7 @@ def measure_settings(
         The reference first.
     """
     display, threads = settings[0].display, settings[0].threads
-    frames = frames_of(render_size(display, ratio))
+    frames = plaza_frames(render_size(display, ratio))
     methods = list(dict.fromkeys(s.method for s in settings))
     kept = compatible(methods, frames[0].size, display, on_left_out)
     first = Setting(REFERENCE, display, "cpu", threads)
@@ -235,7 +236,7 @@ def _made(
             on_left_out(f"{setting.method} on {setting.executor} is left out: {error}")
 
 
-def frames_of(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
+def plaza_frames(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
     """Return frames of the shipped shot, tiled to any render size, with its motion and edges."""
     frames = []
     for item in itertools.islice(Shot.open("plaza"), first, first + count):

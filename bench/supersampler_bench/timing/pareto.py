@@ -8,10 +8,11 @@ renderer, not in the upscaler.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, model_names, read_model_info
-from supersampler_bench.markdown import size_text, table
+from supersampler_bench.markdown import table
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, QualityRecord
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import Spec, gbuffers_of, parse_spec
@@ -115,8 +116,8 @@ def scores_of(
     found: dict[float, dict[Spec, dict[str, float]]] = {}
     for record in records:
         scores = list(_scores(record))
-        if not scores or shots_of(record) != shots_of(records[0]):
-            got = f"of bench {record.BENCH!r}, shots {', '.join(shots_of(record)) or 'none'}"
+        if not scores or shot_names(record) != shot_names(records[0]):
+            got = f"of bench {record.BENCH!r}, shots {', '.join(shot_names(record)) or 'none'}"
             want = "of `bench quality test-shots --json` or `bench pareto --json`, all of the same shots"
             raise ArgumentError("record", got=got, want=want)
         for ratio, spec, known in scores:
@@ -207,7 +208,7 @@ def at_ratio(points: Sequence[ParetoPoint], ratio: float) -> list[ParetoPoint]:
     return groups[min(groups, key=lambda known: abs(known - ratio))]
 
 
-def shots_of(record: "QualityRecord | ParetoRecord") -> list[str]:
+def shot_names(record: "QualityRecord | ParetoRecord") -> list[str]:
     """Return the names of a record's shots."""
     if isinstance(record, ParetoRecord):
         return record.shots

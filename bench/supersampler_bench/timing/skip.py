@@ -9,10 +9,11 @@ from typing import Literal
 import numpy as np
 
 from supersampler import Model, Upscaler, halton_jitter
+from supersampler.cli.arguments import size_text
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
-from supersampler_bench.markdown import size_text, table
+from supersampler_bench.markdown import table
 from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.public_shots import TEST_SHOTS

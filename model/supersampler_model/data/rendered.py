@@ -107,7 +107,7 @@ class Rendered:
 
     def frame(self) -> Frame:
         """Return the input of an `Upscaler`."""
-        frame = frame_of(self.color, self.render, self.display, jitter=self.jitter, exposure=self.exposure)
+        frame = input_frame(self.color, self.render, self.display, jitter=self.jitter, exposure=self.exposure)
         return replace(frame, reset=self.reset)
 
     def label_inputs(self, exposure: float | None = None) -> LabelInputs:
@@ -128,7 +128,7 @@ def labels_of(now: Rendered, before: Rendered | None, thresholds: LabelThreshold
     return label(now.label_inputs(now.exposure), previous, thresholds)
 
 
-def frame_of(
+def input_frame(
     color: Float16,
     render: SurfaceBuffers,
     display: SurfaceBuffers | None,

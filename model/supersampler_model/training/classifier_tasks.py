@@ -265,16 +265,16 @@ class ExtrapolateTask(ClassifierTask):
         count, net = len(self.method.history), self.method.net
         made = [self._extrapolated(crop, state[count:]) for crop, state in zip(crops, states, strict=True)]
         frames, histories = [one.frame for one in made], [state[:count] for state in states]
-        gathered, frame_inputs = self.gather_all(frames, histories)
+        gathered, method_inputs = self.gather_all(frames, histories)
         twins = [(i, one.twin) for i, one in enumerate(made) if one.twin is not None]
         with torch.no_grad():
             _, twin_inputs = self.gather_all([twin for _, twin in twins], [histories[i] for i, _ in twins])
-        inputs = [*frame_inputs, *twin_inputs]
+        inputs = [*method_inputs, *twin_inputs]
         surfaces = [_surface(one.frame) if one.unshaded else None for one in made]
         surfaces += [_surface(twin) for _, twin in twins]
         with torch.autocast(crops[0].color.device.type, torch.bfloat16, enabled=self.method.training):
             features = self._features(inputs, surfaces)
-            packed = torch.cat([packed for packed, _ in frame_inputs])
+            packed = torch.cat([packed for packed, _ in method_inputs])
             logits, blend = net.decode(packed, features[: len(made)])
         ghosts = [self.losses.ghost_extrapolated if one.unshaded else self.losses.ghost for one in made]
         weight = torch.tensor(ghosts, device=logits.device)[:, None, None, None]

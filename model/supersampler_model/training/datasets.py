@@ -155,7 +155,7 @@ def assets(datasets: Sequence[Dataset]) -> list[str]:
     return sorted({name for entry in entries for name, _ in entry.spec.files})
 
 
-def frame_inputs(frame: TrainingFrame, names: Sequence[str]) -> dict[str, Tensor]:
+def method_inputs(frame: TrainingFrame, names: Sequence[str]) -> dict[str, Tensor]:
     """Return the inputs of a method from a training frame, by name, in the order of the names.
 
     Raises:

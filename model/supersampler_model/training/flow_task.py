@@ -23,7 +23,7 @@ from supersampler_model.methods.base import Method
 from supersampler_model.methods.guided_flow import LIGHT, Gathered, GuidedFlow, flow_history
 from supersampler_model.methods.guided_warp import GuidedWarp, reflectance, surface_of
 from supersampler_model.training.crops import CropStream, StreamPosition
-from supersampler_model.training.datasets import frame_inputs, gbuffer_set, sequences_of
+from supersampler_model.training.datasets import gbuffer_set, method_inputs, sequences_of
 from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task
 from supersampler_model.training.validation import ExtrapolationRunner, SequenceRunner
@@ -98,7 +98,7 @@ class LightCache:
         count = 0  # frames since a cut
         for frame in frames[first:]:
             count = 0 if frame.reset else count
-            given = frame_inputs(frame, ["color", *method.inputs()])
+            given = method_inputs(frame, ["color", *method.inputs()])
             if count % (unshaded + 1) == 0:
                 state = method.after_shaded(given, state if count else None)
             else:

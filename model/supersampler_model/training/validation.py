@@ -17,7 +17,7 @@ from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.storage import SequenceEntry
 from supersampler_model.methods.base import Method
-from supersampler_model.training.datasets import frame_inputs, gbuffers
+from supersampler_model.training.datasets import gbuffers, method_inputs
 
 WARM_UP = 8
 BORDER = 8
@@ -54,7 +54,7 @@ class SequenceRunner:
 
     def _image(self, frame: TrainingFrame) -> Tensor | None:
         method = self._method
-        image, self.history, _ = method.step(*frame_inputs(frame, method.inputs()).values(), *self.history)
+        image, self.history, _ = method.step(*method_inputs(frame, method.inputs()).values(), *self.history)
         return image
 
 
@@ -75,7 +75,7 @@ class AlternatingRunner(SequenceRunner):
     def _image(self, frame: TrainingFrame) -> Tensor | None:
         history = None if frame.reset else self._extrapolator_history
         self.unshaded = history is not None and not self.unshaded
-        given = frame_inputs(frame, [*FRAME_INPUTS, ADDS_SAMPLES, *gbuffers(frame)])
+        given = method_inputs(frame, [*FRAME_INPUTS, ADDS_SAMPLES, *gbuffers(frame)])
         method = self._method
         if history is not None and self.unshaded:
             inputs = [given[name] for name in self._extrapolator.inputs()]
@@ -99,7 +99,7 @@ class ExtrapolationRunner(SequenceRunner):
         method = self._method
         if self.unshaded:
             return self._image(frame)
-        given = frame_inputs(frame, ["color", *method.inputs()])
+        given = method_inputs(frame, ["color", *method.inputs()])
         self.history = method.after_shaded(given, history)
         return None
 

@@ -1,6 +1,7 @@
 """Command-line options that several commands share, and parsers of their values."""
 
 import re
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -185,7 +186,7 @@ def parse_providers(text: str) -> str | list[str]:
     return names[0] if len(names) == 1 else names
 
 
-def size_text(size: Size | None) -> str:
+def size_text(size: Sequence[int] | None) -> str:
     """Format (1920, 1080) as "1920x1080", and None as "none"."""
     return "none" if size is None else f"{size[0]}x{size[1]}"
 

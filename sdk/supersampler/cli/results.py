@@ -45,7 +45,7 @@ from supersampler.io.images import (
 from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, aov_channels, is_frame_range
 from supersampler.io.shot.numbered import FrameRange
-from supersampler.io.video import check_encoder
+from supersampler.io.video import check_video_encoder
 from supersampler.model import Model
 
 FILE_NAME = "upscale.json"
@@ -394,7 +394,7 @@ class Results:
         single = [record.page] * page + [record.video] * self.options.video
         self._check_free(record, frame_count, single)
         if self.options.video:
-            check_encoder(self.folder / record.video)
+            check_video_encoder(self.folder / record.video)
         if overwrite:
             remove_files(own)
         kept = {} if overwrite else self._record.files

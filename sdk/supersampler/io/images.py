@@ -98,7 +98,7 @@ def read_image(
     """
     wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
-    with opened(path, formats) as (source, kind):
+    with open_image(path, formats) as (source, kind):
         for part, names in enumerate(_part_names(source, path, kind)):
             chosen = frozenset(names if wanted is None else wanted.intersection(names)) - unwanted
             if chosen:
@@ -116,7 +116,7 @@ def last_reason(last_error: Callable[[], str]) -> str:
 
 
 @contextmanager
-def opened(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tuple[ImageInput, str]]:
+def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tuple[ImageInput, str]]:
     """Open a file and return its format, too; errors of the decoder become ShotErrors.
 
     The first bytes are checked before, as OpenImageIO would try all of its other decoders.
@@ -321,7 +321,7 @@ class ImageHeader:
 
 def read_header(path: Path | str) -> ImageHeader:
     """Read the header of an EXR, PNG or TIFF file; see `read_exr` for errors."""
-    with opened(path) as (source, kind):
+    with open_image(path) as (source, kind):
         types: dict[str, str] = {}
         for part, names in enumerate(_part_names(source, path, kind)):
             source.seek_subimage(part, 0)

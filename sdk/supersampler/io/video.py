@@ -83,7 +83,7 @@ def video_writer(
     import av
 
     rate = exact_rate(frame_rate)
-    check_encoder(path)
+    check_video_encoder(path)
     try:
         with (
             replacing(path) as partial,
@@ -105,7 +105,7 @@ def video_writer(
         raise ShotError(path, f"cannot be written ({error.strerror})", NO_ROOM) from error
 
 
-def check_encoder(path: Path | str) -> None:
+def check_video_encoder(path: Path | str) -> None:
     """Check that a video can be encoded.
 
     Raises:

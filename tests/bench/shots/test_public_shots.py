@@ -62,12 +62,12 @@ def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
     assert {name for shots in apart for name in shots.seeds} == set(APART_FAMILIES)
     for name in ("display_size", "samples"):
         assert {getattr(shots, name) for shots in apart} == {getattr(public_shots.TEST_SHOTS, name)}
-    assert public_shots.named("test-shots") == public_shots.TEST_SHOTS
-    assert public_shots.named("rigging") == public_shots.RIGGING_SHOT
-    one = public_shots.named("moving_shadows")
+    assert public_shots.shots_named("test-shots") == public_shots.TEST_SHOTS
+    assert public_shots.shots_named("rigging") == public_shots.RIGGING_SHOT
+    one = public_shots.shots_named("moving_shadows")
     assert one is not None
     assert (list(one.seeds), one.truth) == (["moving_shadows"], True)
-    assert public_shots.named("plaza") is None
+    assert public_shots.shots_named("plaza") is None
 
 
 def test_thin_pixels_are_a_class_of_the_shots_apart_alone(cache: Path, opened: list[PublicShot]) -> None:

@@ -15,7 +15,7 @@ from supersampler_bench.cli import app
 from supersampler_bench.timing import latency
 from supersampler_bench.timing.against import FirstFrame, StartupRecord, measure_startup
 from supersampler_bench.timing.cost import CostRecord, cost_of
-from supersampler_bench.timing.latency import frames_of, measure_latency
+from supersampler_bench.timing.latency import measure_latency, plaza_frames
 from supersampler_bench.timing.skip import MOVES, SkipRecord, frame_count, measure_skipping
 from supersampler_model.methods.classifier import SmallClassifier
 
@@ -46,7 +46,7 @@ def test_slow_settings_take_no_turns_with_fast_ones(monkeypatch: pytest.MonkeyPa
 
 
 def test_frames_of_any_size_show_the_shipped_shot() -> None:
-    large, small = frames_of((700, 400)), frames_of((33, 20))
+    large, small = plaza_frames((700, 400)), plaza_frames((33, 20))
     assert large[0].size == (700, 400)
     assert small[0].size == (33, 20)
     np.testing.assert_array_equal(large[3].depth[:20, :33], small[3].depth)

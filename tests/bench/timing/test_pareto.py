@@ -21,7 +21,7 @@ from supersampler_bench.timing.pareto import (
     measure_pareto,
     presets,
     scores_of,
-    shots_of,
+    shot_names,
 )
 
 PSNR, FLIP = CLIP_COLUMNS[0], CLIP_COLUMNS[2]
@@ -152,7 +152,7 @@ def test_scores_of_one_shot_need_no_means() -> None:
     assert ratio == 1.5
     assert scores[Spec("taau")]["psnr"] == 29.0
     assert "strred" not in scores[Spec("taau")]
-    assert shots_of(record) == ["own"]
+    assert shot_names(record) == ["own"]
 
 
 def test_ratios_come_from_several_records_of_the_same_shots() -> None:

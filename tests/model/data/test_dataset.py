@@ -24,7 +24,7 @@ from supersampler_model.data.dataset import (
     render_sequence,
     rendering,
 )
-from supersampler_model.data.dataset.overview import class_fractions, rows
+from supersampler_model.data.dataset.overview import frequencies, rows
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Camera, Scene
@@ -126,7 +126,7 @@ def test_a_cut_is_visibility_ghosting_everywhere_and_the_frame_between_is_not(
     assert (last.ghost == 1).all()
     assert 0 < (between.ghost == 1).mean() < 0.5
     assert (between.alias > 0).any()
-    fraction = class_fractions(dataset, [entry])["visibility"]  # cuts do not count
+    fraction = frequencies(dataset, [entry])["visibility"]  # cuts do not count
     assert fraction == pytest.approx((between.ghost == 1).mean())
 
 

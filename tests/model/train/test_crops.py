@@ -34,7 +34,7 @@ from supersampler_model.training.crops import (
     StreamPosition,
     with_fireflies,
 )
-from supersampler_model.training.datasets import frame_inputs, gbuffer_set
+from supersampler_model.training.datasets import gbuffer_set, method_inputs
 
 DISPLAY = (96, 64)
 FRAMES = 3
@@ -76,7 +76,7 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     history = method.first_history(ops.Size(*DISPLAY), ops.Size(*sequence[0].depth.shape[::-1]))
     for frame in sequence:
         with torch.no_grad():
-            image, history, _ = method.step(*frame_inputs(frame, method.inputs()).values(), *history)
+            image, history, _ = method.step(*method_inputs(frame, method.inputs()).values(), *history)
     shown: torch.Tensor = image
     return shown
 

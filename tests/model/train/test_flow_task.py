@@ -24,7 +24,7 @@ from supersampler_model.data.dataset.storage import SequenceEntry
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import load_trained
 from supersampler_model.methods.guided_flow import GuidedFlow
-from supersampler_model.training.datasets import frame_inputs
+from supersampler_model.training.datasets import method_inputs
 from supersampler_model.training.flow_task import (
     FULL_CHANNELS,
     HALF_CHANNELS,
@@ -119,7 +119,7 @@ def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
     frames = shadow(5)
     found = found_of(method, frames)
     names = ["color", *method.inputs()]
-    given = [frame_inputs(frame, names) for frame in frames]
+    given = [method_inputs(frame, names) for frame in frames]
     state: list[torch.Tensor] | None = None
     for number in (0, 1, 2):
         if number == 1:

@@ -24,7 +24,7 @@ from supersampler_model.methods.gbuffer import SmallGBuffer
 from supersampler_model.methods.gbuffer_fast import GuidedClassifier
 from supersampler_model.training.classifier_tasks import GuidedTask, LargeTask
 from supersampler_model.training.crops import CropFrame, Stream
-from supersampler_model.training.datasets import frame_inputs, gbuffer_set
+from supersampler_model.training.datasets import gbuffer_set, method_inputs
 from supersampler_model.training.gbuffer_task import GBufferTask
 from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task
@@ -122,7 +122,7 @@ def test_it_learns_and_validation_feeds_it_what_its_step_names(dataset: Dataset,
 def test_a_frame_without_what_a_step_names_is_refused(dataset: Dataset) -> None:
     frame = dataset.read(dataset.entries("validation")[0], 0)
     with pytest.raises(ArgumentError, match="without gbuffer_normal"):
-        frame_inputs(frame, ["color", "gbuffer_normal"])
+        method_inputs(frame, ["color", "gbuffer_normal"])
 
 
 def test_weights_say_what_they_were_made_from(dataset: Dataset, tmp_path: Path) -> None:

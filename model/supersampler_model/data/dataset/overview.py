@@ -114,10 +114,10 @@ def _classes(dataset: Dataset) -> Iterator[str]:
 
 
 def _percentages(dataset: Dataset, entries: list[SequenceEntry]) -> str:
-    return ", ".join(f"{name} {fraction:.2%}" for name, fraction in class_fractions(dataset, entries).items())
+    return ", ".join(f"{name} {fraction:.2%}" for name, fraction in frequencies(dataset, entries).items())
 
 
-def class_fractions(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:
+def frequencies(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:
     """Return the fraction of each class over the pixels of some sequences; NaN without frames.
 
     First frames after cuts are skipped: all of their pixels are disoccluded.

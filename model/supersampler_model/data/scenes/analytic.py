@@ -120,7 +120,7 @@ def checker(x: Values, y: Values) -> Values:
     return np.where(odd[..., None] == 1, (0.9, 0.5, 0.1), (0.05, 0.1, 0.3))
 
 
-def facing(x: Values, y: Values) -> Values:
+def frontal(x: Values, y: Values) -> Values:
     """Normals that face the camera."""
     return np.broadcast_to((0.0, 0.0, 1.0), (*np.broadcast(x, y).shape, 3))
 
@@ -149,14 +149,14 @@ class Plane(AnalyticScene):
 
     pattern: Pattern
     velocity: Vector = (0.0, 0.0)
-    bumps: Pattern = facing
+    bumps: Pattern = frontal
 
     def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
         """Return the pattern, moved."""
         there = x - index * self.velocity[0], y - index * self.velocity[1]
         depth = np.full(x.shape, FAR)
         motion = np.broadcast_to(-np.array(self.velocity), (*x.shape, 2))  # previous minus current
-        return SurfaceSample(self.pattern(*there), depth, motion, depth, facing(x, y), self.bumps(*there))
+        return SurfaceSample(self.pattern(*there), depth, motion, depth, frontal(x, y), self.bumps(*there))
 
 
 @dataclass(frozen=True)

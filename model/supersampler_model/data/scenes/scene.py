@@ -120,7 +120,7 @@ class Environment:
         """
         levels = [self.pixels]
         while levels[-1].shape[0] > 2:
-            levels.append(halved(levels[-1]))
+            levels.append(downsampled(levels[-1]))
         source = next(level for level in levels if level.shape[1] <= 2 * CONVOLVED)
         for index, level in enumerate(levels):
             if level.shape[1] <= CONVOLVED and level is not source:
@@ -162,7 +162,7 @@ def harmonics(normals: Values) -> Values:
     return np.stack(columns, axis=-1)
 
 
-def halved(pixels: Points) -> Points:
+def downsampled(pixels: Points) -> Points:
     """Average 2 x 2 texels, by their solid angle."""
     height, width = pixels.shape[:2]
     weighted = pixels * solid_angles(height)[..., None]

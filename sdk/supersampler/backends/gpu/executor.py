@@ -21,7 +21,7 @@ from supersampler.backends.gpu.frame import (
     frame_buffers,
     is_texture,
     step_params,
-    write_frame,
+    upload_frame,
 )
 from supersampler.backends.gpu.history import SIGNATURES, GpuHistory
 from supersampler.backends.gpu.memory import (
@@ -193,7 +193,7 @@ class GpuExecutor:
         render, names = frame.size, [name for name in AUX if name in aux_outputs]
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
             buffers = self._buffers_for(render, display)
-            write_frame(self.device, buffers.memory, frame, self.program.layout.spec.inputs)
+            upload_frame(self.device, buffers.memory, frame, self.program.layout.spec.inputs)
             params = step_params(
                 frame, history, has_reactive=frame.reactive is not None, adds_samples=adds_samples,
                 writes_aux=bool(names), skip=skip,

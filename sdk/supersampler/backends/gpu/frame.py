@@ -49,7 +49,7 @@ def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:
     }
 
 
-def write_frame(
+def upload_frame(
     device: "wgpu.GPUDevice", memory: Mapping[str, Memory], frame: Frame, names: Collection[str]
 ) -> None:
     """Copy the images of a frame that the method reads to its buffers."""
