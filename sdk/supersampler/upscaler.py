@@ -101,12 +101,12 @@ class Upscaler:
             size before the first frame. Frames may have other sizes.
         providers, threads, precision: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
-        at_rest: "converge": where nothing moves or changes, the image becomes the mean of one jitter period
-            of samples, and is then frozen. "accumulate" is for path tracers: where only noise changes, all
-            samples are averaged without end. "off": images depend on recent frames only, as chunks of a shot
-            need. Methods without a history of this kind do the last.
-        skip: whether tiles whose image is frozen may be left out, as the CPU and the GPU backend do. The
-            images are the same, bit for bit.
+        at_rest: "converge": where nothing moves or changes, the image converges to the mean of one jitter
+            period of samples, and is then frozen. "accumulate", for path tracers: where only noise changes,
+            all samples are averaged without limit. "off": images depend on recent frames only, as chunks of a
+            shot need; methods that do not converge always do so.
+        skip: whether frozen tiles may be skipped, as the CPU and the GPU backend do. The images are the same,
+            bit for bit.
         preset: "fast", "balanced" or "high" in place of `model` and `precision`: Pareto-optimal settings of
             time and error (docs/pareto.md).
         extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",
@@ -243,11 +243,11 @@ class Upscaler:
         """Upscale the next frame.
 
         Args:
-            frame: see `Frame`. Its render size may differ from that of the previous frame; the history stays.
+            frame: see `Frame`. Its render size may differ from the previous frame's; the history is kept.
             out: (H, W, 3) float32 to write the image to.
             outputs: names of further outputs: "aovs", "class_map", "weight", "count", "converged";
-                see `StepResult`. A method may lack some. Others than those named cost nothing. With "aovs"
-                no tile is left out; after a frame without "aovs" it starts without AOV history.
+                see `StepResult`. A method may lack some. Only these are computed. With "aovs"
+                no tile is skipped; after a frame without "aovs" it starts without AOV history.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
@@ -449,7 +449,7 @@ class Upscaler:
         render_size: Size | None = None,
         out: "_DeviceImage | None" = None,
     ) -> "_DeviceImage":
-        """Encode `step_textures` into a command encoder, for engines that submit by themselves.
+        """Encode `step_textures` into a command encoder, for engines that submit their own commands.
 
         The next call continues from this frame: submit frames in order, each once. Call `reset` after an
         encoder that is not submitted. Arguments, result and errors are those of `step_textures`.
@@ -550,7 +550,7 @@ class Upscaler:
 
     def __reduce__(self) -> NoReturn:
         """Refuse copies and pickles: two Upscalers must not share one history."""
-        hint = "Make a new Upscaler, and give it the history: `new.load_state(old.save_state())`."
+        hint = "Make a new Upscaler and load the history: `new.load_state(old.save_state())`."
         raise ArgumentError("upscaler", got="to be copied or pickled", want="one of its own", hint=hint)
 
     def __enter__(self) -> "Upscaler":
@@ -631,7 +631,7 @@ class Upscaler:
 
     def _check_no_extrapolation(self, call: str) -> None:
         if self._extrapolator is not None:
-            hint = "Extrapolation takes arrays alone: use `step`."
+            hint = "Extrapolation takes arrays only: use `step`."
             raise ArgumentError(call, got="called with extrapolation", want="neither", hint=hint)
 
     def _history_of(self, state: State) -> History | None:
@@ -669,5 +669,5 @@ def preset_model(
     checked_choice("preset", preset, get_args(PresetName))
     if model is not None or precision != "auto":
         got = f"{preset!r} beside a model or a precision"
-        raise ArgumentError("preset", got=got, want="it alone, which sets them, or these alone")
+        raise ArgumentError("preset", got=got, want="either a preset, or a model and a precision")
     return PRESETS[preset]

@@ -1,4 +1,4 @@
-"""Step times. Settings take turns in one run, because a machine's speed changes from minute to minute."""
+"""Step times. Settings alternate in one run, because a machine's speed changes from minute to minute."""
 
 import itertools
 import os
@@ -22,9 +22,9 @@ from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import compatible, with_default_gbuffers
 from supersampler_model.data.shots import render_size
 
-WARM_UP = 4  # steps of each setting before any counts
+WARM_UP = 4  # warm-up steps of each setting
 REFERENCE = "taa"  # on the CPU backend; other times are given as multiples of its time
-SLOW = 10.0  # multiple of the reference; slower settings take turns apart, as they leave cold caches
+SLOW = 10.0  # multiple of the reference; slower settings alternate separately, because they leave cold caches
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Timed:
         processor: mean time that all cores together spent on a step.
         multiple: median over that of `taa` on the CPU backend at the same size and threads.
         stages: mean wall time by stage; empty for the ONNX backend.
-        resident: bytes by which the process grew while the setting was loaded and warmed up; 0 where the
-            system does not say.
+        resident: bytes by which the process grew while the setting was loaded and warmed up; 0 if the
+            system does not report it.
         first: milliseconds from a model's name to its first image: loading, kernels, one step.
     """
 
@@ -135,7 +135,7 @@ class Steppable(Protocol):
 def take_turns(
     runners: Sequence[Steppable], steps: int, *, on_round: Callable[[], None] = lambda: None
 ) -> None:
-    """Step all in turn, so many times; call `on_round` after each."""
+    """Step all runners in turn, `steps` times; call `on_round` after each round."""
     for _ in range(steps):
         for runner in runners:
             runner.step()
@@ -143,8 +143,8 @@ def take_turns(
 
 
 def quantiles(milliseconds: Sequence[float]) -> tuple[float, float, float]:
-    """Return the median, and what 95 % and 99 % of the times do not exceed."""
-    p95, p99 = (float(np.quantile(milliseconds, share)) for share in (0.95, 0.99))
+    """Return the median and the 95th and 99th percentiles."""
+    p95, p99 = (float(np.quantile(milliseconds, q)) for q in (0.95, 0.99))
     return statistics.median(milliseconds), p95, p99
 
 
@@ -161,7 +161,7 @@ def measure_latency(
     warm_up: int = WARM_UP,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Timed]:
-    """Time all settings; those of one size and number of threads take turns, step by step.
+    """Time all settings; those of one size and thread count alternate, step by step.
 
     Args:
         methods: names of shipped models, or model folders.
@@ -171,8 +171,8 @@ def measure_latency(
         precisions: those that an executor lacks are left out.
         providers: providers of ONNX Runtime, see `Model.load`.
         ratio: display over render size.
-        steps: steps that count, of each setting.
-        warm_up: steps of each setting before those, the first image's left out.
+        steps: measured steps of each setting.
+        warm_up: warm-up steps of each setting, after the first image.
         on_left_out: called with the reason why a method is left out.
     """
     results = []
@@ -195,14 +195,14 @@ def measure_settings(
     on_left_out: Callable[[str], None],
     on_round: Callable[[], None] = lambda: None,
 ) -> list[Timed]:
-    """Time settings of one size and number of threads, and `REFERENCE`, in turns; the slow after the fast.
+    """Time settings of one size and thread count alternately with `REFERENCE`; the slow ones after the fast.
 
     Args:
         settings: those that a method lacks are left out. Missing G-buffers get default values.
         ratio: display over render size.
-        steps: steps that count, of each.
+        steps: measured steps of each setting.
         providers: providers of ONNX Runtime, see `Model.load`.
-        warm_up: steps of each before those.
+        warm_up: warm-up steps of each setting.
         on_left_out: called with the reason why a method is left out.
         on_round: called 2 x `steps` times: after each turn of the fast, and of the slow.
 
@@ -255,7 +255,7 @@ def _tiled(image: Any, render: Size) -> Float32:
 
 
 def _resident() -> int:
-    """Bytes of this process in memory; 0 where the system does not say."""
+    """Bytes of this process in memory; 0 if unknown."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:

@@ -48,9 +48,9 @@ def upscale_sequence(
     >>> for image in upscale_sequence(Shot.open("plaza"), display_size=(640, 360)):
     ...     show(image)  # (360, 640, 3) float32, linear RGB
 
-    Frames are read once, in order: a generator will do. The frames of a chunk
-    and its backward images are kept in memory up to 1 GiB, and beyond that in a scratch file, which is
-    removed at the end, after an error, and when the iterator is closed or deleted.
+    Frames are read once, in order, so a generator works. The frames of a chunk and its backward images are
+    kept in memory up to 1 GiB, and beyond that in a scratch file, which is removed at the end, after an
+    error, and when the iterator is closed or deleted.
 
     Args:
         frames: a `Shot`, or Frames in order. `reset` marks the first frame after a cut.
@@ -70,7 +70,7 @@ def upscale_sequence(
         extrapolation: model for frames without colour, such as "guided-warp". One pass takes their light from
             the previous shaded frame, as `Upscaler.extrapolate`; two passes from the previous and the next.
         validate: see `Upscaler`.
-        scratch: existing folder for the scratch file; None is the system's place for temporary files.
+        scratch: existing folder for the scratch file; None is the system's temporary folder.
 
     Returns:
         An iterator over the images, (H, W, 3) float32 linear RGB, in order; each may be kept.

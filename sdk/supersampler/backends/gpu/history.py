@@ -231,7 +231,7 @@ class GpuHistory:
         return phase_count(self.display, self.render)
 
     def _has_mean(self) -> Float32:
-        """(H, W) 1 where there is a mean: shaders leave that of other blocks as it was."""
+        """(H, W) 1 where there is a mean: shaders do not update that of other blocks."""
         ages = self.tensor(_BLOCKS)[0, 0]
         rows, columns = (
             np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), count - 1)
@@ -246,6 +246,8 @@ class GpuHistory:
     def _pixels(self, name: str) -> Float32:
         plane = self.layout.planes[name]
         width, height = self.layout.size(name, self.display, self.render)
-        words = self._words(name)[: height * width * plane.words]  # the least buffer is longer than a pixel
+        words = self._words(name)[
+            : height * width * plane.words
+        ]  # the smallest buffer is longer than a pixel
         words = words.reshape(height, width, plane.words)
         return words.view(np.float32) if plane.codec is None else plane.codec.unpack(words)

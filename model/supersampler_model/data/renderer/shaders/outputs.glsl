@@ -1,4 +1,4 @@
-// What a fragment writes: to be chosen by one of COLOR_AND_SURFACES, SURFACES, SAMPLES, TRUTH.
+// Outputs of a fragment, chosen by COLOR_AND_SURFACES, SURFACES, SAMPLES or TRUTH.
 
 const float BRIGHTEST = 60000.0;  // half floats end at 65504
 
@@ -28,7 +28,7 @@ vec2 octahedral(vec3 n) {
     return n.z < 0.0 ? folded : p;
 }
 
-// Pixels from where this is seen to where it was seen; off screen if that was behind the camera.
+// Motion in pixels, previous minus current; off screen if the point was behind the camera.
 vec2 motion_of(vec3 clip, vec3 clip_before) {
     if (clip_before.z <= 0.0) {
         return 2.0 * grid.xy;

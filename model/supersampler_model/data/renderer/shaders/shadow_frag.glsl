@@ -1,4 +1,4 @@
-// Only the depth counts, where there is no hole.
+// Writes depth only; discards holes.
 
 in vec2 v_uv;
 
