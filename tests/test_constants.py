@@ -2,7 +2,6 @@
 
 import ast
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -18,7 +17,6 @@ SDK, MODEL = ROOT / "sdk" / "supersampler", ROOT / "model" / "supersampler_model
 Sources = Mapping[str, str]
 _COMMENT = re.compile(r"//[^\n]*")
 _FLOAT = re.compile(r"(?<![\w.])(?:0x[0-9a-f.]+p[-+]?\d+|\d+\.\d*(?:e[-+]?\d+)?|\d+e[-+]?\d+)")
-_CONST = re.compile(r"^const (\w+)", re.MULTILINE)
 
 
 def texts(files: list[Path]) -> Sources:
@@ -83,29 +81,10 @@ def python_numbers(text: str) -> Iterator[float]:
             yield node.value
 
 
-def named_numbers(text: str) -> Iterator[str]:
-    """Yield the names of a module's upper-case constants that are made of number literals alone."""
-    for node in ast.parse(text).body:
-        if not isinstance(node, ast.Assign):
-            continue
-        parts = list(ast.walk(node.value))
-        if any(isinstance(part, (ast.Name, ast.Call)) for part in parts):
-            continue
-        if any(isinstance(part, ast.Constant) and isinstance(part.value, float) for part in parts):
-            names = (
-                part.id for target in node.targets for part in ast.walk(target) if isinstance(part, ast.Name)
-            )
-            yield from (name for name in names if name.isupper())
-
-
 def is_plain(value: float) -> bool:
     """Return whether a number says little: a small fraction, a tenth or a power of ten."""
     small = abs(value) < 1000.0 and (value * 16.0 % 1.0 == 0.0 or round(value * 10.0, 9) % 1.0 == 0.0)
     return small or f"{abs(value):e}".partition("e")[0].strip("0") == "1."
-
-
-def significant_digits(value: float) -> int:
-    return len(f"{value:.16g}".lower().partition("e")[0].replace(".", "").strip("0"))
 
 
 def numbers(file: str, text: str) -> list[float]:
@@ -130,25 +109,8 @@ def test_no_constant_of_a_spec_is_typed_again(kind: str) -> None:
     assert typed_again(implementations()[kind]) == []
 
 
-def test_no_number_of_three_digits_is_typed_in_two_implementations() -> None:
-    found = Counter[float]()
-    for sources in implementations().values():
-        values = {value for file, text in sources.items() for value in numbers(file, text)}
-        found.update(value for value in values if significant_digits(value) > 2)
-    assert [value for value, count in found.items() if count > 1] == []
-
-
-def test_no_named_number_is_defined_in_two_implementations() -> None:
-    found = Counter(name for module in spec_modules() for name in numbers_of(module))
-    for kind, sources in implementations().items():
-        names = _CONST.findall if kind == "shaders" else named_numbers
-        found.update({name for text in sources.values() for name in names(text)})
-    assert [name for name, count in found.items() if count > 1] == []
-
-
 def test_a_constant_that_is_typed_again_is_found() -> None:
     change = {"a.wgsl": "// 0.004\nconst CHANGE = 0.004;\n", "b.py": "def f(x):\n    return x * 65504.0\n"}
     assert typed_again(change) == ["a.wgsl: 0.004 is MIN_CHANGE", "b.py: 65504 is MAX_HALF"]
-    assert list(named_numbers("MIN_CHANGE, B = 0.004, 2\nC = f(0.5)\nd = 0.5\n")) == ["MIN_CHANGE", "B"]
     assert all(map(is_plain, (0.5, 1.0, 0.9, 1e-6, 1e-3, -1.0, 100.0, 0.0)))
     assert not any(map(is_plain, (0.004, 0.05, 0.999, 65504.0, 1024.0, 3e38, 0.2126)))
