@@ -69,7 +69,7 @@ def train(
     from supersampler_model.data.dataset import open_dataset
     from supersampler_model.methods.base import load_trained, shipped_weights
     from supersampler_model.training.datasets import dataset_of_shots
-    from supersampler_model.training.tasks import start_task
+    from supersampler_model.training.task import start_task
     from supersampler_model.training.trainer import Trainer, TrainingPlan
     from supersampler_model.training.validation import validate, validation_entries
 

@@ -10,9 +10,11 @@ import torch
 from torch import Tensor
 from torch.utils import _pytree as pytree
 
+from supersampler.methods.registry import load, methods
 from supersampler_model import ops
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.base import Method
+from supersampler_model.methods import learned_method
+from supersampler_model.methods.base import Method, Trained
 from supersampler_model.methods.taau import Taau
 from supersampler_model.training.crops import CropStream
 from supersampler_model.training.losses import ImageWeights
@@ -138,3 +140,24 @@ def _joined(tensors: Iterable[Tensor], structure: tuple[Any, Any]) -> Any:
     """Invert `_split`."""
     (spec, rest), given = structure, iter(tensors)
     return pytree.tree_unflatten([next(given) if leaf is None else leaf[0] for leaf in rest], spec)
+
+
+def start_task(name: str, weights: Trained | None = None) -> Task:
+    """Return the training task of a method.
+
+    Args:
+        name: name of the method.
+        weights: initial weights of the method, or of `classifier` if the method extends it; None: random.
+
+    Raises:
+        ArgumentError: the method does not exist or is not trainable, or the weights do not fit.
+    """
+    kind = learned_method(name)
+    if weights is None:
+        method = kind()
+    elif weights.method == name:
+        method = kind.of(weights)
+    else:
+        method = getattr(kind, "from_classifier", kind.of)(weights)
+    task: Task = load(methods()[name].task)(method)
+    return task

@@ -24,8 +24,7 @@ from supersampler_model.training.classifier_tasks import ClassifierTask, GuidedT
 from supersampler_model.training.crops import CropFrame, CropRegion
 from supersampler_model.training.datasets import UNKNOWN, unshaded_set
 from supersampler_model.training.losses import class_loss
-from supersampler_model.training.task import State, Stepped, in_batches
-from supersampler_model.training.tasks import start_task
+from supersampler_model.training.task import State, Stepped, in_batches, start_task
 from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = ops.Size(12, 8), ops.Size(24, 16)

@@ -25,8 +25,7 @@ from supersampler_model.methods.extrapolate import Extrapolate
 from supersampler_model.training.classifier_tasks import ExtrapolateTask
 from supersampler_model.training.crops import CropFrame, CropRegion, StreamPosition
 from supersampler_model.training.datasets import unshaded_set
-from supersampler_model.training.task import State, Stepped
-from supersampler_model.training.tasks import start_task
+from supersampler_model.training.task import State, Stepped, start_task
 from supersampler_model.training.trainer import Trainer, TrainingPlan
 from supersampler_model.training.validation import SequenceRunner, validate, validation_entries
 

@@ -36,7 +36,7 @@ from supersampler_model.training.flow_task import (
     changing_light,
     draw_light,
 )
-from supersampler_model.training.tasks import start_task
+from supersampler_model.training.task import start_task
 from supersampler_model.training.validation import validate, validation_entries
 
 SIZE = 16

@@ -27,8 +27,7 @@ from supersampler_model.training.crops import CropFrame, Stream
 from supersampler_model.training.datasets import gbuffer_set, method_inputs
 from supersampler_model.training.gbuffer_task import GBufferTask
 from supersampler_model.training.losses import ImageWeights
-from supersampler_model.training.task import State, Stepped, Task
-from supersampler_model.training.tasks import start_task
+from supersampler_model.training.task import State, Stepped, Task, start_task
 from supersampler_model.training.trainer import Trainer, TrainingPlan
 from supersampler_model.training.validation import validate, validation_entries
 
