@@ -193,7 +193,7 @@ def test_foreign_folders_are_not_taken_for_rendered_frames(tmp_path: Path) -> No
 
 def test_another_description_in_the_same_folder_is_refused(tmp_path: Path) -> None:
     create_dataset(tmp_path, description())
-    with pytest.raises(DatasetError, match="has other gbuffers"):
+    with pytest.raises(DatasetError, match="differs in its gbuffers"):
         create_dataset(tmp_path, description(gbuffers=True))
 
 
@@ -289,5 +289,5 @@ def test_files_that_have_changed_since_the_set_was_begun_are_named(files: Path, 
         create_dataset(tmp_path / "set", plan_sequences(plan))
     strip().save(files / "strip.glb")
     (files / "cube2.glb").unlink()
-    with pytest.raises(DatasetError, match=r"has other sequences\. .* the same glTF files"):
+    with pytest.raises(DatasetError, match=r"differs in its sequences\. .* the same glTF files"):
         create_dataset(tmp_path / "set", plan_sequences(plan))

@@ -352,7 +352,7 @@ def _check_same(path: Path, existing: Description, requested: Description) -> No
     for name, value in asdict(requested).items():
         if asdict(existing)[name] != value:
             hint = "Use the options of the first run, with the same glTF files if any, or another folder."
-            raise DatasetError(path, f"the existing set has another {name.replace('_', ' ')}", hint)
+            raise DatasetError(path, f"the existing set differs in its {name.replace('_', ' ')}", hint)
 
 
 def _digests(description: Description) -> dict[str, str]:
