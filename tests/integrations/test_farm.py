@@ -29,7 +29,7 @@ MIN_DECIBELS = 60.0  # dB, of a chunk's images against those of one run
 
 
 def moving(index: int) -> Frame:
-    """A frame of stripes that move, under light that changes; its exposure is to be measured."""
+    """A frame of stripes that move, under light that changes; its exposure is measured."""
     jitter = halton_jitter(index, 2.0)
     x = np.arange(RENDER[0]) + 0.5 + jitter[0] - SPEED * index
     y = np.arange(RENDER[1])[:, None] + 0.5 + jitter[1]

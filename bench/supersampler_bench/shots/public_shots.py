@@ -35,7 +35,7 @@ class TestShots:
         frames: frames of each shot.
         display_size: (width, height) of references and display-size G-buffers.
         ratios: display over render size.
-        samples: a pixel of the reference.
+        samples: per pixel of the reference.
         thin: whether the classes include that of thin objects.
         truth: whether references and frames have the planes that measures of corners read.
     """
@@ -48,7 +48,7 @@ class TestShots:
             "market": 4,  # a fast walk among people and awnings; dust and smoke
             "night_garden": 4,  # leaves, grass and fireflies under coloured lights that pulse
             "gallery": 5,  # metal that turns, a polished floor, a moving spot; an exposure that adapts
-            "court": 3,  # nets, a fence, bouncing balls, dust; the exposure is to be measured
+            "court": 3,  # nets, a fence, bouncing balls, dust; its exposure is measured
         }
     )
     frames: int = 40

@@ -16,7 +16,7 @@ from supersampler_bench.timing.device_gpu import GpuStep
 if TYPE_CHECKING:
     import wgpu
 
-MIN_SHARE = 0.05
+MIN_FRACTION = 0.05
 """Passes below this fraction of every step's time are omitted from the table."""
 
 
@@ -83,13 +83,13 @@ class GpuRecord(BenchRecord):
             [s.method, one.name, f"{one.median:.3f}", f"{one.p95:.3f}"]
             for s in shown
             for one in s.passes
-            if one.median >= MIN_SHARE * s.median
+            if one.median >= MIN_FRACTION * s.median
         ]
         sums = "; ".join(
             f"{s.method} {sum(one.median for one in s.passes):.2f} of {s.median:.2f}" for s in shown
         )
         caption = (
-            f"Passes with at least {MIN_SHARE:.0%} of a step, {', '.join(_sizes(*pair) for pair in first)}; "
+            f"Passes with at least {MIN_FRACTION:.0%} of a step, {', '.join(_sizes(*pair) for pair in first)}; "
             f"each waits for the one before. Sums of all passes, ms: {sums}."
         )
         return table(["method", "pass", "ms:", "p95:"], rows, caption)

@@ -64,8 +64,8 @@ def blender(
 
     Blender runs in the background, in its own process. Its rendered frames go to OUTPUT/render, the results
     to OUTPUT; both keep Blender's frame numbers. Motion blur, depth of field and compositing are turned off,
-    and a line says so; the pixel filter is narrow; all else is as in the file. A run that was stopped
-    continues when the same command is given again.
+    and a line says so; the pixel filter is narrow; all else is as in the file. The same command
+    resumes a stopped run.
 
     \b
     Examples:

@@ -136,7 +136,7 @@ def usable_exposure(given: float | None) -> float | None:
 def followed_exposure(given: float | None, target: float | None, before: float) -> float:
     """Return the exposure of a frame, as its absolute value; the next call takes the result as `before`.
 
-    A given exposure is used as it is. A measured one moves a tenth of the way, in stops, from the previous
+    A given exposure is used unchanged. A measured one moves a tenth of the way, in stops, from the previous
     exposure to the target. An exposure more than six stops from the previous one is an outlier: this frame
     keeps the previous exposure, and a second outlier in a row is used at once. The models' graphs do the
     same.
@@ -194,7 +194,7 @@ class ExposureMeter:
             color: (h, w, 3) linear RGB; None on an unshaded frame, which keeps the previous exposure.
             given: the engine's exposure.
             reset: True on the first frame after a cut.
-            pre_exposure: what `color` has been multiplied by.
+            pre_exposure: factor already applied to `color`.
         """
         if reset:
             self._before = 0.0

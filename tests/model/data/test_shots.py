@@ -22,7 +22,7 @@ FORM = ShotForm(name="yard", ratios=RATIOS)
 
 
 class YardSequence(Sequence):
-    """Three frames of the renderer's test scene, the last after a cut; the exposure is to be measured."""
+    """Three frames of the renderer's test scene, the last after a cut; the exposure is measured."""
 
     def __init__(self) -> None:
         self.spec, self.yard = SequenceSpec(family="yard", seed=1, frames=3), Yard(1)

@@ -33,7 +33,7 @@ def step_params(
     writes_aux: bool,
     skip: bool,
 ) -> Float32:
-    """Return the shader's `Params` of a step from `history`; with auxiliary outputs no tile is left out."""
+    """Return the shader's `Params` of a step from `history`; with auxiliary outputs no tile is skipped."""
     sizes = *frame.size, *history.display, *history.render
     values = *frame.jitter, usable_exposure(frame.exposure) or 0.0
     flags = adds_samples, writes_aux, frame.pre_exposure, has_reactive, skip and not writes_aux
@@ -105,7 +105,7 @@ def checked_images(
         required.remove("reactive")
     for name in required:
         if images.get(name) is None:
-            raise FrameError(name, got=None, want="a texture or buffer of wgpu")
+            raise FrameError(name, got=None, want="a wgpu texture or buffer")
     given = {name: images[name] for name in required}
     kinds = {is_texture(image) for image in given.values()}
     if len(kinds) > 1:
