@@ -175,8 +175,7 @@ def _hue(slow: float) -> Light:
 
 _shares = st.floats(0.05, 0.6)
 PATTERNS = st.one_of(
-    st.sampled_from([flat, wave, cells]),
-    st.builds(stripes, st.floats(2.6, 9.0), st.floats(0.2, 1.3)),
+    st.sampled_from([flat, wave, cells]), st.builds(stripes, st.floats(2.6, 9.0), st.floats(0.2, 1.3))
 )
 """Stripes along an axis are left out: where they scroll by half their length a frame, their samples are those
 of a finer pattern that stands still, as every second jitter lies on one side of the pixel."""

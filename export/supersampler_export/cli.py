@@ -12,11 +12,7 @@ from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler.methods.executors import with_shaders
 from supersampler.methods.registry import listed_methods, methods
-from supersampler_export.shaders.folder import (
-    DESCRIPTION,
-    Images,
-    write_shader_folder,
-)
+from supersampler_export.shaders.folder import DESCRIPTION, Images, write_shader_folder
 
 app = typer.Typer(
     help="Write a method as a model folder for ONNX Runtime, or its shaders for engines.",

@@ -455,12 +455,7 @@ class Upscaler:
         encoder that is not submitted. Arguments, result and errors are those of `step_textures`.
         """
         # not imported by sessions on other backends
-        from supersampler.backends.gpu.frame import (
-            DeviceFrame,
-            check_encoder,
-            checked_images,
-            checked_target,
-        )
+        from supersampler.backends.gpu.frame import DeviceFrame, check_encoder, checked_images, checked_target
 
         self._check_open()
         started, gpu = time.perf_counter(), self.model.gpu

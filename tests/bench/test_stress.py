@@ -15,14 +15,7 @@ from supersampler_bench.cli import app
 from supersampler_bench.record import read_record
 from supersampler_bench.stress.compare import VisibleDifference, contraction, recovery
 from supersampler_bench.stress.hostile import MIN_BOUND, hostile_bound
-from supersampler_bench.stress.runner import (
-    ScenarioOutcome,
-    StressRecord,
-    chosen,
-    measure,
-    run,
-    runs,
-)
+from supersampler_bench.stress.runner import ScenarioOutcome, StressRecord, chosen, measure, run, runs
 from supersampler_bench.stress.scenario import FAMILIES, ROUNDING, Figure, Scenario, Session, Subject
 from supersampler_bench.stress.scenes import LAP, LOOP, PERIOD, Orbit, moving, still
 from supersampler_bench.stress.subjects import subjects

@@ -142,9 +142,7 @@ def test_what_no_shot_can_say_is_a_shot_error(shot: Path, case: str) -> None:
         Shot.open(shot)
 
 
-def test_a_description_that_never_ends_or_is_too_large_is_refused(
-    shot: Path,
-) -> None:
+def test_a_description_that_never_ends_or_is_too_large_is_refused(shot: Path) -> None:
     (shot / "shot.json").write_bytes(b" " * (JSON_BYTES + 1))
     with pytest.raises(ShotError, match="is larger than"):
         Shot.open(shot)

@@ -7,17 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import (
-    DISPLAY,
-    METHODS,
-    RENDER,
-    TOLERANCES,
-    device_or_skip,
-    distance,
-    make,
-    model,
-    moving,
-)
+from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, distance, make, model, moving
 from method_lists import WITH_SHADERS
 from supersampler import Frame
 

@@ -28,11 +28,7 @@ from supersampler_model.methods.classifier_inputs import (
     neighbourhood_inputs,
     pixel_inputs,
 )
-from supersampler_model.methods.classifier_network import (
-    ClassifierNetwork,
-    pack,
-    unpack,
-)
+from supersampler_model.methods.classifier_network import ClassifierNetwork, pack, unpack
 from torch_inputs import plain_inputs
 
 DISPLAY = ops.Size(47, 27)

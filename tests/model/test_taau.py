@@ -460,12 +460,7 @@ class Ball(AnalyticScene):
         color = np.where(on[..., None], grey(self.light(index, normal)), 0.3)
         depth = np.where(on, NEAR, 0.5 * NEAR)
         return SurfaceSample(
-            color,
-            depth,
-            np.where(on[..., None], motion, 0.0),
-            depth,
-            frontal(x, y),
-            frontal(x, y),
+            color, depth, np.where(on[..., None], motion, 0.0), depth, frontal(x, y), frontal(x, y)
         )
 
     def light(self, index: int, normal: Values) -> Values:
@@ -513,11 +508,7 @@ def grid(error: Float32) -> float:
 @pytest.mark.parametrize("ratio", [2.0, 3.0])
 @pytest.mark.parametrize(
     "scene",
-    [
-        Ball(turn=0.05),
-        Ball(spin=0.05, gloss=0.5),
-        Ball(spin=0.1, turn=-0.1, velocity=(0.5, 0.1), gloss=0.5),
-    ],
+    [Ball(turn=0.05), Ball(spin=0.05, gloss=0.5), Ball(spin=0.1, turn=-0.1, velocity=(0.5, 0.1), gloss=0.5)],
     ids=["light turns", "glossy ball turns", "both turn and move"],
 )
 def test_light_that_moves_over_a_smooth_surface_neither_lags_nor_leaves_a_grid(

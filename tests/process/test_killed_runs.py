@@ -16,10 +16,7 @@ pytest.importorskip("av")
 
 ALL = int(os.environ.get("SUPERSAMPLER_KILLS", "6"))
 """Kills in the whole of this file; `make fuzz` does 200."""
-RUNS = {
-    "whole": (),
-    "range": ("--frames", "3-18", "--preroll", "2"),
-}
+RUNS = {"whole": (), "range": ("--frames", "3-18", "--preroll", "2")}
 
 
 def start(shot: Path, output: Path, *options: str) -> "subprocess.Popen[bytes]":

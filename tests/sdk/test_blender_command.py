@@ -616,10 +616,7 @@ def test_a_record_is_read_as_it_was_written(folder: Path) -> None:
         ({"version": 2}, "is of version 2; this package reads 1"),
         ({"first": -1}, r"Expected `int` >= 0 - at `\$\.first`, is -1"),
         ({"jitter": []}, r"length >= 1 - at `\$\.jitter`, is \[\]"),
-        (
-            {"frames": [{"camera": [[1]], "shift": [0, 0]}]},
-            r"length 4 - at `\$\.frames\[0\]\.camera\[0\]`",
-        ),
+        ({"frames": [{"camera": [[1]], "shift": [0, 0]}]}, r"length 4 - at `\$\.frames\[0\]\.camera\[0\]`"),
         ({"frames": [{"camera": [[0] * 4] * 4, "shift": [0, 0]}]}, "no invertible matrix"),
         ({"frames": [{"camera": np.eye(4).tolist()}]}, "missing required field `shift`"),
         ({"frames": []}, "has no complete frame"),

@@ -12,13 +12,7 @@ from OpenImageIO import ROI, ImageBuf, ImageBufAlgo, ImageOutput, ImageSpec, Mak
 
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
-from supersampler.io.images import (
-    TypedValues,
-    read_exr,
-    read_header,
-    read_image,
-    write_exr,
-)
+from supersampler.io.images import TypedValues, read_exr, read_header, read_image, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
 from upscale_runs import pixels, upscale
 

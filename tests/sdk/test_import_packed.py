@@ -207,11 +207,7 @@ def test_the_command_imports_by_two_json_files(tmp_path: Path) -> None:
             "want .* finite numbers: .* bytes that are all 0",
         ),
         ("depth", {"bytes": ["R"], "range": "0 to 1"}, r"want \[low, high\]"),
-        (
-            "depth",
-            {"byte": ["R"], "range": [0, 1]},
-            "with 'byte'; want keys of bytes, range. Did you mean",
-        ),
+        ("depth", {"byte": ["R"], "range": [0, 1]}, "with 'byte'; want keys of bytes, range. Did you mean"),
         ("color", {"bytes": ["R"], "range": [0, 1]}, "want 3 channel names"),
     ],
 )

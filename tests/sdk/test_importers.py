@@ -33,23 +33,12 @@ from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, read_header, write_exr
-from supersampler.io.shot import (
-    Shot,
-    copy_shot,
-    import_arm,
-    import_blender,
-    import_channels,
-    open_source,
-)
+from supersampler.io.shot import Shot, copy_shot, import_arm, import_blender, import_channels, open_source
 
 
 @pytest.mark.parametrize(
     ("layer", "names"),
-    [
-        ("ViewLayer", {}),
-        ("RenderLayer", {"depth": "Z"}),
-        ("Interior.lights", {"diffuse": "Diffuse Color"}),
-    ],
+    [("ViewLayer", {}), ("RenderLayer", {"depth": "Z"}), ("Interior.lights", {"diffuse": "Diffuse Color"})],
 )
 def test_blender_frames_come_out_as_ours(tmp_path: Path, layer: str, names: dict[str, str]) -> None:
     write_blender(tmp_path, layer, **names)

@@ -29,8 +29,7 @@ def numbers(folder: Path) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("ranges", "want"),
-    [("3-5", [3, 4, 5]), ("0", [0]), ("23", [23]), ("0-23", [*range(24)])],
+    ("ranges", "want"), [("3-5", [3, 4, 5]), ("0", [0]), ("23", [23]), ("0-23", [*range(24)])]
 )
 def test_exactly_the_frames_of_the_range_are_written(
     shot: Path, tmp_path: Path, ranges: str, want: list[int]

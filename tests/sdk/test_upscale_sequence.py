@@ -14,15 +14,7 @@ import numpy as np
 import pytest
 
 from shared_models import shared_model
-from supersampler import (
-    ArgumentError,
-    Frame,
-    Shot,
-    ShotError,
-    Upscaler,
-    halton_jitter,
-    upscale_sequence,
-)
+from supersampler import ArgumentError, Frame, Shot, ShotError, Upscaler, halton_jitter, upscale_sequence
 from supersampler.history import StepResult
 from supersampler.io.display import display_transform
 from supersampler.io.images import read_exr
@@ -361,11 +353,7 @@ def test_a_range_sees_frames_after_it(tmp_path: Path) -> None:
     ],
 )
 def test_progress_counts_the_steps_of_both_passes(
-    options: tuple[object, ...],
-    forward: int,
-    backward: int,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    options: tuple[object, ...], forward: int, backward: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from supersampler.cli.terminal import RunProgress
 

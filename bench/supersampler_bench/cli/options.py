@@ -143,13 +143,7 @@ def executors_of(text: str) -> list[ExecutorName]:
     return words_of("--executors", text, kinds)
 
 
-def publish(
-    record: BenchRecord,
-    name: str,
-    json: Path | None,
-    *,
-    unprinted: Collection[str] = (),
-) -> None:
+def publish(record: BenchRecord, name: str, json: Path | None, *, unprinted: Collection[str] = ()) -> None:
     """Print the tables of a record, and write it to `json`.
 
     Args:

@@ -48,10 +48,7 @@ def quality(
     ] = "bilinear,bicubic,taa,taau,classifier-small,classifier,classifier-large",
     ratio: RATIO = "2",
     cache: CACHE = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder for error heat maps."),
-    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for error heat maps.")] = None,
     json: JSON = None,
 ) -> None:
     """Compare the images of methods with a shot's references.
@@ -141,12 +138,7 @@ def extrapolation(
     with counted("frames", len(alternations) * sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
             scores = bench.measure_extrapolation(
-                one,
-                upscalers,
-                extrapolators,
-                alternations,
-                on_left_out=warn,
-                on_frame=advance,
+                one, upscalers, extrapolators, alternations, on_left_out=warn, on_frame=advance
             )
             measured.append(bench.unshaded_row(one, scores, origin))
     record = bench.ExtrapolationRecord.of(measured, extrapolators)

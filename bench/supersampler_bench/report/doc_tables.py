@@ -17,14 +17,7 @@ from supersampler_bench.parity import ParityRecord
 from supersampler_bench.quality.extrapolation import ExtrapolationRecord
 from supersampler_bench.quality.score_table import QualityRecord
 from supersampler_bench.quality.still import StillRecord
-from supersampler_bench.record import (
-    SHIPPED_PARETO,
-    BenchRecord,
-    JsonRecord,
-    age_of,
-    read_record,
-    write_json,
-)
+from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, JsonRecord, age_of, read_record, write_json
 from supersampler_bench.stress.runner import StressRecord
 from supersampler_bench.timing.against import AgainstRecord, StartupRecord
 from supersampler_bench.timing.cost import CostRecord

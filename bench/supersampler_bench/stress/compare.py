@@ -98,10 +98,7 @@ class Repeated:
 
     def measured(self) -> Figures:
         """Return the change in the last loop, and the PSNR lost."""
-        return [
-            Figure("change in a loop", self.change, REST),
-            Figure("PSNR lost, dB", self.lost, DECAY),
-        ]
+        return [Figure("change in a loop", self.change, REST), Figure("PSNR lost, dB", self.lost, DECAY)]
 
 
 def repeat(trial: Trial, frames: Sequence[Frame], truths: Sequence[Float32] = ()) -> Repeated:

@@ -107,23 +107,10 @@ def lasting(trial: Trial, value: float, replacement: float) -> Figures:
 
 
 for _name, _value in REPLACEMENTS.items():
-    scenario(
-        "hostile",
-        f"a region {_name}",
-        VALUES[_name][0],
-        _value,
-        cpu=96,
-        remembers=False,
-    )(lasting)
+    scenario("hostile", f"a region {_name}", VALUES[_name][0], _value, cpu=96, remembers=False)(lasting)
 
 
-@scenario(
-    "hostile",
-    "a region not a number",
-    cpu=96,
-    quick=80,
-    remembers=False,
-)
+@scenario("hostile", "a region not a number", cpu=96, quick=80, remembers=False)
 def lasting_hole(trial: Trial) -> Figures:
     """A disc of every frame's colour is not a number: its middle is not much darker than around it."""
     disc, session = _disc(trial.render), trial.begin()
@@ -148,14 +135,7 @@ WIDE = (192, 96)
 BLOCK = 8  # display pixels
 
 
-@scenario(
-    "hostile",
-    "one pixel not a number",
-    cpu=128,
-    onnx=64,
-    quick=32,
-    remembers=False,
-)
+@scenario("hostile", "one pixel not a number", cpu=128, onnx=64, quick=32, remembers=False)
 def spread(trial: Trial) -> Figures:
     """Colour, depth and motion of one pixel are NaN in each frame of 192x96: only its surroundings change."""
     disturbed, baseline = trial.begin(WIDE), trial.begin(WIDE)

@@ -23,10 +23,7 @@ from supersampler_bench.stress.scenario import (
     scenario,
 )
 from supersampler_bench.stress.scenes import LAP, PERIOD, STILL, Orbit, scene_frames, truth
-from supersampler_model.data.scenes.analytic import (
-    Plane,
-    zone_plate,
-)
+from supersampler_model.data.scenes.analytic import Plane, zone_plate
 
 SWING = 1.5
 """dB of PSNR by which images of a scene at rest may differ."""
@@ -101,26 +98,13 @@ def precisions(trial: Trial) -> Figures:
     ]
 
 
-@scenario(
-    "steady",
-    "contraction at rest",
-    cpu=768,
-    onnx=320,
-    quick=256,
-    same_size=True,
-)
+@scenario("steady", "contraction at rest", cpu=768, onnx=320, quick=256, same_size=True)
 def contraction_at_rest(trial: Trial) -> Figures:
     """The history is disturbed a little, at rest."""
     return _contraction(trial, trial.still)
 
 
-@scenario(
-    "steady",
-    "contraction in motion",
-    cpu=640,
-    onnx=320,
-    same_size=True,
-)
+@scenario("steady", "contraction in motion", cpu=640, onnx=320, same_size=True)
 def contraction_in_motion(trial: Trial) -> Figures:
     """The history is disturbed a little, in motion."""
     return _contraction(trial, trial.moving)

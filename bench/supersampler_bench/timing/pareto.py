@@ -105,9 +105,7 @@ def _missing(models: Iterable[str]) -> Iterator[tuple[str, ModelError]]:
             yield model, error
 
 
-def scores_of(
-    records: Sequence["QualityRecord | ParetoRecord"],
-) -> dict[float, dict[Spec, dict[str, float]]]:
+def scores_of(records: Sequence["QualityRecord | ParetoRecord"]) -> dict[float, dict[Spec, dict[str, float]]]:
     """Return scores by ratio and setting, without warm-up and border: means, or those of the only shot.
 
     Raises:

@@ -33,7 +33,7 @@ def demo(
         Path | None,
         typer.Option(
             help="With --web: npm's folder with three and onnxruntime-web, for the three.js page and for "
-            "browsers without WebGPU.  [default: node_modules, if it exists]",
+            "browsers without WebGPU.  [default: node_modules, if it exists]"
         ),
     ] = None,
 ) -> None:

@@ -354,12 +354,7 @@ class Results:
         return self._record.video
 
     def begin(
-        self,
-        settings: Mapping[str, object],
-        frame_count: int,
-        *,
-        overwrite: bool,
-        page: bool = False,
+        self, settings: Mapping[str, object], frame_count: int, *, overwrite: bool, page: bool = False
     ) -> int:
         """Prepare the folder, and return the position of the first incomplete frame.
 

@@ -18,11 +18,7 @@ import msgspec
 import numpy as np
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.files import (
-    is_there,
-    os_errors_as_shot_error,
-    write_bytes,
-)
+from supersampler.io.files import is_there, os_errors_as_shot_error, write_bytes
 from supersampler.io.images import encode_exr
 from supersampler.io.json_files import read_typed
 from supersampler.io.shot import Shot

@@ -121,9 +121,7 @@ def only_gbuffers(frame: Frame, names: Collection[str]) -> Frame:
     return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
 
 
-def grouped(
-    buffers: Mapping[str, Array],
-) -> tuple[Mapping[str, Array] | None, Mapping[str, Array] | None]:
+def grouped(buffers: Mapping[str, Array]) -> tuple[Mapping[str, Array] | None, Mapping[str, Array] | None]:
     """Group buffers by tensor name into a frame's `gbuffer` and `gbuffer_display`; None: there are none."""
     groups: dict[str, dict[str, Array]] = {"gbuffer": {}, "gbuffer_display": {}}
     for name, array in buffers.items():

@@ -14,11 +14,7 @@ from msgspec.structs import replace
 from supersampler.errors import INCOMPLETE_PACKAGE, ModelError, ShotError, did_you_mean, shown
 from supersampler.io.files import is_file
 from supersampler.io.json_files import read_typed
-from supersampler.methods.model_info import (
-    ModelInfo,
-    TensorInfo,
-    has_render_size,
-)
+from supersampler.methods.model_info import ModelInfo, TensorInfo, has_render_size
 from supersampler.methods.registry import find_method
 from supersampler.methods.spec import (
     BLOCKS,

@@ -16,13 +16,7 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions
 from supersampler.errors import FrameError
 from supersampler.frame import Float32
-from supersampler.validation.probe import (
-    DepthOrder,
-    FrameProbe,
-    PixelGrid,
-    count_disoccluded,
-    pixel_grid,
-)
+from supersampler.validation.probe import DepthOrder, FrameProbe, PixelGrid, count_disoccluded, pixel_grid
 
 MIN_TEXTURED = 1000
 """Minimum number of textured pixels for significant errors."""

@@ -9,13 +9,7 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError
 from supersampler.conventions import jitter_phase_count
 from supersampler_bench.cli import app
-from supersampler_bench.quality.still import (
-    PERIODS,
-    StillRecord,
-    StillScores,
-    frame_count,
-    make_scene,
-)
+from supersampler_bench.quality.still import PERIODS, StillRecord, StillScores, frame_count, make_scene
 from supersampler_bench.record import read_record
 
 DISPLAY = (96, 54)
@@ -33,9 +27,7 @@ def test_pixels_near_what_moves_or_changes_are_not_scored() -> None:
     assert 0.0 < objects.still.mean() < 0.25  # its lights change, too, where nothing moves
 
 
-def test_the_command_measures_every_scene_and_backend_and_writes_all_files(
-    tmp_path: Path,
-) -> None:
+def test_the_command_measures_every_scene_and_backend_and_writes_all_files(tmp_path: Path) -> None:
     file = tmp_path / "still.json"
     command = [
         "still",

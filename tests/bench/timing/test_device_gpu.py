@@ -101,16 +101,7 @@ def test_both_tables_of_a_record_fill_blocks_of_its_name() -> None:
 def test_the_command_records_what_it_measured(tmp_path: Path) -> None:
     device_or_skip()
     path = tmp_path / "device.json"
-    command = [
-        "bench",
-        "device",
-        "--methods",
-        "taa",
-        "--display-size",
-        "128x72",
-        "--steps",
-        "1",
-    ]
+    command = ["bench", "device", "--methods", "taa", "--display-size", "128x72", "--steps", "1"]
     result = CliRunner().invoke(app, [*command, "--json", str(path)])
     assert result.exit_code == 0, result.output
     found = json.loads(path.read_text("utf-8"))

@@ -72,11 +72,7 @@ def test_scores_that_a_pareto_record_kept_can_be_timed_again() -> None:
 
 def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
     chosen = presets(KNOWN)
-    assert chosen == {
-        "fast": "taau",
-        "balanced": "classifier-small",
-        "high": "classifier",
-    }
+    assert chosen == {"fast": "taau", "balanced": "classifier-small", "high": "classifier"}
     assert presets([*KNOWN, point("better", 100.0, 31.0)])["high"] == "better"
     assert presets([p for p in KNOWN if p.run.model != "classifier-small"])["balanced"] == chosen["high"]
 

@@ -9,14 +9,7 @@ from numpy.typing import NDArray
 
 from label_samples import Sample, label_inputs, samples, statistics_of
 from more_scenes import Floor, ShadingStep, dots, near, ripples, thin_lines
-from supersampler_model.data.labels import (
-    Alias,
-    Ghost,
-    Labels,
-    LabelThresholds,
-    aliasing,
-    label,
-)
+from supersampler_model.data.labels import Alias, Ghost, Labels, LabelThresholds, aliasing, label
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,

@@ -47,12 +47,7 @@ class HistoryLayout:
         values: number of values of each other tensor of shape (1, n), by name.
     """
 
-    def __init__(
-        self,
-        spec: MethodSpec,
-        planes: Mapping[str, Plane],
-        glare: str | None = None,
-    ) -> None:
+    def __init__(self, spec: MethodSpec, planes: Mapping[str, Plane], glare: str | None = None) -> None:
         self.planes, self.glare, self._spec = planes, glare, spec
         self.rests = "static_mean" in spec.history
         self.values = {

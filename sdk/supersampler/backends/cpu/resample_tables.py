@@ -47,12 +47,7 @@ class Axis:
     """
 
     def __init__(
-        self,
-        display: int,
-        render: int,
-        filters: Sequence[Filter],
-        windows: Sequence[Kernel],
-        jitter: float,
+        self, display: int, render: int, filters: Sequence[Filter], windows: Sequence[Kernel], jitter: float
     ) -> None:
         half = np.float32(0.5)
         position = (np.arange(display, dtype=np.float32) + half) * np.float32(render) / np.float32(display)

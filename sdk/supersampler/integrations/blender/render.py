@@ -290,12 +290,7 @@ class BlenderRender:
     """
 
     def __init__(
-        self,
-        program: str,
-        blend: Path,
-        log: LogFile,
-        settings: Mapping[str, object],
-        target: _RenderFolder,
+        self, program: str, blend: Path, log: LogFile, settings: Mapping[str, object], target: _RenderFolder
     ) -> None:
         self._blend, self._log, self._target = blend, log, target
         self._token = secrets.token_hex(16)

@@ -244,11 +244,7 @@ class ShotWriter:
         self._info, self._entries = info, entries
 
     def _check_display(
-        self,
-        frame: RawFrame,
-        reference: Array | None,
-        classes: ClassMaps | None,
-        truth: Mapping[str, Array],
+        self, frame: RawFrame, reference: Array | None, classes: ClassMaps | None, truth: Mapping[str, Array]
     ) -> None:
         arrays: dict[str, NDArray[Any] | None] = {"reference": reference, **(frame.gbuffer_display or {})}
         for name, given in (("classes", classes is not None), ("truth", bool(truth))):

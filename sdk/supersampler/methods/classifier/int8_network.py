@@ -157,11 +157,7 @@ class Encoder:
 
 
 def _level_work(
-    network: Int8Network,
-    levels: Sequence[_Level],
-    depth: int,
-    inputs: bytes,
-    scratch: Sequence[bytes],
+    network: Int8Network, levels: Sequence[_Level], depth: int, inputs: bytes, scratch: Sequence[bytes]
 ) -> LevelWork:
     """Return a function that runs a level: the first layer on rows y0 to y1 - 1, the others on a box."""
     above, level = levels[max(depth - 1, 0)], levels[depth]

@@ -32,9 +32,6 @@ def large_program(info: ModelInfo) -> GpuProgram:
         program,
         layout=HistoryLayout(CLASSIFIER_LARGE, LAYOUT.planes, LAYOUT.channels),
         packages=("supersampler.methods.classifier_large", *program.packages),
-        method_passes=(
-            *passes,
-            display_pass("downsample", {"taps": 2 * REACH}),
-        ),
+        method_passes=(*passes, display_pass("downsample", {"taps": 2 * REACH})),
         method_memory={**memory, "large_image": PixelTexture(LARGE)},
     )

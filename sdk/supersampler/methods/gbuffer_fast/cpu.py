@@ -33,12 +33,7 @@ class GuidedFrame(ResampledFrame):
     """
 
     def __init__(
-        self,
-        render: Size,
-        display: Size,
-        filters: Sequence[Filter],
-        threads: int,
-        windows: Sequence[Kernel],
+        self, render: Size, display: Size, filters: Sequence[Filter], threads: int, windows: Sequence[Kernel]
     ) -> None:
         super().__init__(render, display, filters, threads, windows)
         self.surfaces = aligned((render[1], SURFACE_PLANES, self.padded_width))

@@ -51,11 +51,7 @@ GBUFFER_FAST = register(
         name="gbuffer-fast",
         source="Guo et al. 2022, on light resampled as by Wang et al. 2025 (docs/methods.md)",
         inputs=(*CLASSIFIER.inputs, *GBUFFERS_READ),
-        history={
-            **BASE.history,
-            "reflectance": (1, 3, *DISPLAY),
-            **AT_REST_HISTORY,
-        },
+        history={**BASE.history, "reflectance": (1, 3, *DISPLAY), **AT_REST_HISTORY},
         aux_outputs=CLASSIFIER.aux_outputs,
         maps=CLASSIFIER.maps,
         ratios=(1.0, 4.0),

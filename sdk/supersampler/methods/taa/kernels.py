@@ -135,9 +135,7 @@ def clip_to_sample(history, sample, low, high):
         overshoot_of(history[2], center[2], low[2], high[2]),
     )
     return select3(
-        intersects,
-        lerp3(history, sample, entry),
-        lerp3(center, history, 1.0 / maximum(overshoot, 1.0)),
+        intersects, lerp3(history, sample, entry), lerp3(center, history, 1.0 / maximum(overshoot, 1.0))
     )
 
 

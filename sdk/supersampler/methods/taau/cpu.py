@@ -132,10 +132,7 @@ KERNELS = "methods.taau.kernels"
 STEP, COMPARE, SHADE = (f"{KERNELS}.{name}" for name in ("step_rows", "compare_with_history", "shade"))
 LAYOUT = HistoryLayout(
     TAAU,
-    {
-        "pixels": Plane(("color", "samples"), TAAU_PIXEL),
-        "surface": Plane(("surface",), 4),
-    },
+    {"pixels": Plane(("color", "samples"), TAAU_PIXEL), "surface": Plane(("surface",), 4)},
     glare="samples",
 )
 

@@ -93,10 +93,7 @@ TAAU = register(
             "surface": (1, 3, *PREVIOUS),  # occluding depth, mean and deviation of toned luma
             "jitter": (1, 2),  # of `surface`
             "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
-            "light": (
-                1,
-                4,
-            ),  # mean luma, mean square deviation, that of previous frames, flashes in a row
+            "light": (1, 4),  # mean luma, mean square deviation, that of previous frames, flashes in a row
             **AT_REST_HISTORY,
         },
         aux_outputs=("weight", "converged"),

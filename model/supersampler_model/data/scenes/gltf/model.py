@@ -9,14 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from supersampler_model.data.errors import SceneError, check_matrices
-from supersampler_model.data.scenes.gltf.document import (
-    Document,
-    Integers,
-    Json,
-    MalformedError,
-    at,
-    reading,
-)
+from supersampler_model.data.scenes.gltf.document import Document, Integers, Json, MalformedError, at, reading
 from supersampler_model.data.scenes.gltf.materials import Coordinates, Materials
 from supersampler_model.data.scenes.scene import (
     MAX_JOINTS,

@@ -14,13 +14,7 @@ from supersampler.backends.cpu.kernels.colors import (
 from supersampler.backends.cpu.kernels.filters import places_in, tap
 from supersampler.backends.cpu.kernels.frame import reactive_at
 from supersampler.backends.cpu.layout import HISTORY_PLANES, PAD, SAMPLE_PLANES
-from supersampler.backends.cpu.simd.shuffles import (
-    first_third,
-    last_third,
-    rows8,
-    second_third,
-    zipped,
-)
+from supersampler.backends.cpu.simd.shuffles import first_third, last_third, rows8, second_third, zipped
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     bits_of,

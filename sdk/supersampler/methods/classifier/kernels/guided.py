@@ -6,13 +6,7 @@ sixteen pixels.
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.colors import (
-    clamped,
-    exponential,
-    largest,
-    sanitize,
-    toned,
-)
+from supersampler.backends.cpu.kernels.colors import clamped, exponential, largest, sanitize, toned
 from supersampler.backends.cpu.kernels.filters import add_tap, places_in
 from supersampler.backends.cpu.kernels.frame import (
     color_at,
