@@ -140,7 +140,7 @@ def test_a_circle_for_types_alone_is_found(tmp_path: Path) -> None:
         tuple(TopologicalSorter(graph_of(modules_of("pack", tmp_path))).static_order())
 
 
-def test_a_change_of_any_kernel_or_of_what_it_imports_leads_to_other_cached_kernels() -> None:
+def test_a_change_of_a_kernel_or_of_its_imports_changes_the_cache_key() -> None:
     sdk, simd = ROOT / "sdk" / "supersampler", "backends.cpu.simd"
     kernels = [
         file
@@ -158,7 +158,7 @@ def test_a_change_of_any_kernel_or_of_what_it_imports_leads_to_other_cached_kern
     assert [module for module in modules if module not in SOURCES and not module.startswith(folders)] == []
 
 
-def test_what_runs_inside_blender_imports_nothing_of_ours() -> None:
+def test_scripts_inside_blender_do_not_import_the_package() -> None:
     file = ROOT / "sdk" / "supersampler" / "integrations" / "blender" / "render_frames.py"
     names = {name.partition(".")[0] for _, name, _ in imports(file)}
     assert names - set(sys.stdlib_module_names) == {"bpy"}

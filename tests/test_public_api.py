@@ -7,7 +7,7 @@ import pytest
 import supersampler
 
 
-def test_all_names_exactly_what_is_public() -> None:
+def test_all_lists_exactly_the_public_names() -> None:
     there = {name for name in dir(supersampler) if not name.startswith("_")}
     modules = {name for name in there if isinstance(getattr(supersampler, name), types.ModuleType)}
     helpers = {"Any", "TYPE_CHECKING", "did_you_mean", "import_module"}
@@ -27,14 +27,14 @@ def test_all_names_exactly_what_is_public() -> None:
         ("qqq", "no attribute 'qqq'"),
     ],
 )
-def test_a_name_that_is_not_there_is_an_attribute_error_that_helps(name: str, answer: str) -> None:
+def test_an_unknown_name_is_an_attribute_error_with_a_hint(name: str, answer: str) -> None:
     with pytest.raises(AttributeError) as caught:
         getattr(supersampler, name)
     assert str(caught.value) == f"module 'supersampler' has {answer}"
 
 
 @pytest.mark.parametrize("name", supersampler.__all__)
-def test_a_public_class_or_function_has_a_docstring_of_its_own(name: str) -> None:
+def test_every_public_name_has_its_own_docstring(name: str) -> None:
     value = getattr(supersampler, name)
     assert value.__doc__
     assert not value.__doc__.startswith(f"{name}(")  # what a dataclass writes by itself

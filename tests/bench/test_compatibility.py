@@ -47,7 +47,7 @@ def test_buffers_that_a_frame_has_stay_and_others_are_not_made_up() -> None:
     np.testing.assert_array_equal(GBUFFERS[WANTED[1]].find(part), GBUFFERS[WANTED[1]].find(frame))
 
 
-def test_a_method_is_left_out_for_its_ratio_or_for_what_frames_lack(gbuffer_model: Path) -> None:
+def test_a_method_is_left_out_for_its_ratio_or_for_missing_inputs(gbuffer_model: Path) -> None:
     name = str(gbuffer_model)
     assert incompatibility(name, RENDER, DISPLAY) == incompatibility(name, RENDER, DISPLAY, WANTED) == ""
     assert incompatibility("taau", (33, 19), (49, 28), ()) == ""
@@ -100,7 +100,7 @@ def test_quality_is_measured_with_the_buffers_of_a_shot(shot: Shot, gbuffer_mode
         np.testing.assert_array_equal(image, own)
 
 
-def test_quality_leaves_out_by_name_what_cannot_draw_a_shot(shot: Shot, gbuffer_model: Path) -> None:
+def test_quality_names_the_methods_it_leaves_out(shot: Shot, gbuffer_model: Path) -> None:
     name, unfit = str(gbuffer_model), list[str]()
     assert runnable(shot, ["bilinear:off", name], unfit.append) == ["bilinear:off", name]
     assert unfit == []

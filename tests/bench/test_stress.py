@@ -124,7 +124,7 @@ class WithSum(Average):
         self.total = np.array(state.history["history.total"])
 
 
-def test_contraction_keeps_what_never_fades_within_its_values() -> None:
+def test_contraction_keeps_a_persistent_tensor_within_its_values() -> None:
     base, other = WithSum(DISPLAY, keep=0.5), WithSum(DISPLAY, keep=0.5)
     found = contraction(base, other, still((24, 16)), 6, 1e-3, warm_up=4)
     assert found.rate == pytest.approx(0.5, abs=2e-3)
@@ -139,7 +139,7 @@ def test_a_sound_average_passes(name: str) -> None:
     assert failed(outcome) == []
 
 
-def test_what_keeps_a_bad_value_fails() -> None:
+def test_a_method_that_keeps_a_bad_value_fails() -> None:
     outcome = run(scenario("values not a number"), KEEPS_BAD, quick=True)
     assert not outcome.passed
     assert failed(outcome) == ["frames until clean", "bad values"]
@@ -158,7 +158,7 @@ def test_light_that_stays_longer_than_one_and_a_half_periods_fails(name: str) ->
     assert failed(run(scenario(name), clipped)) == []
 
 
-def test_what_diverges_fails() -> None:
+def test_a_diverging_method_fails() -> None:
     outcome = run(scenario("contraction at rest"), DIVERGES, quick=True)
     assert failed(outcome) == ["rate a frame", "rate, worst 16 frames"]
     assert outcome.figures[0].value == pytest.approx(1.01, abs=1e-3)
@@ -167,7 +167,7 @@ def test_what_diverges_fails() -> None:
     )
 
 
-def test_what_raises_breaks_its_scenario_alone() -> None:
+def test_an_exception_fails_only_its_scenario() -> None:
     def begin(display: Size, threads: int) -> Session:
         raise RuntimeError("no device")
 
@@ -264,7 +264,7 @@ def test_where_every_second_frame_is_shaded_its_shaded_frames_have_all_phases_of
         assert len(shaded) % PERIOD == 0  # a loop ends with a period of the jitter
 
 
-def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
+def test_a_disturbance_ends_with_the_last_frame_that_shows_it() -> None:
     clean, mean, spot = (
         VisibleDifference(0.0, 0.0),
         VisibleDifference(0.01, 0.01),
@@ -308,7 +308,7 @@ def test_the_moving_scene_comes_back_and_its_motion_is_exact() -> None:
     assert seen.mean() > 0.9
 
 
-def test_every_scenario_says_what_it_does() -> None:
+def test_every_scenario_has_a_description() -> None:
     scenarios: Sequence[Scenario] = [s for family in FAMILIES.values() for s in family]
     assert len({s.name for s in scenarios}) == len(scenarios) >= 25
     assert all(s.description.endswith(".") for s in scenarios)
@@ -317,7 +317,7 @@ def test_every_scenario_says_what_it_does() -> None:
         chosen(["weather"])
 
 
-def test_what_is_outside_its_bound_stands_out() -> None:
+def test_values_outside_their_bound_are_marked() -> None:
     good = run(scenario("threads"), SOUND, quick=True)
     bad = replace(
         good, method="other", figures=(Figure("difference", 0.5, 0.0), Figure("bad values", 3.0, 0.0))

@@ -78,7 +78,7 @@ def bilinear_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_shipped_folder_says_what_the_exporter_says_today(name: str) -> None:
+def test_the_shipped_folder_is_up_to_date(name: str) -> None:
     folder, method = find_model(name), load_method(name)
     inner = method.on_extrapolated()
     described = {folder: method} | ({} if inner is None else {folder / EXTRAPOLATED: inner})
@@ -90,7 +90,7 @@ def test_the_shipped_folder_says_what_the_exporter_says_today(name: str) -> None
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_shipped_card_says_what_the_exporter_says_today(name: str) -> None:
+def test_the_shipped_card_is_up_to_date(name: str) -> None:
     folder = find_model(name)
     shipped, graph = json.loads((folder / "model.json").read_text()), onnx.load(folder / "step.onnx")
     fresh = set(model_card(shipped, graph, []).splitlines())
@@ -98,7 +98,7 @@ def test_the_shipped_card_says_what_the_exporter_says_today(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [pytest.param("classifier", marks=pytest.mark.long), "classifier-small"])
-def test_the_network_in_bytes_is_what_the_exporter_writes_today(name: str) -> None:
+def test_the_int8_network_is_up_to_date(name: str) -> None:
     made = cpu_network(load_method(name))
     assert made is not None
     fresh, shipped = np.load(io.BytesIO(made)), np.load(find_model(name) / "network.npz")
@@ -126,7 +126,7 @@ def test_the_shipped_graph_computes_what_torch_computes_at_sizes_not_traced(
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
+def test_a_shipped_graph_is_portable_and_describes_itself(name: str) -> None:
     model = onnx.load(find_model(name) / "step.onnx")
     check_portable(model)
     metadata = {entry.key: entry.value for entry in model.metadata_props}
@@ -158,7 +158,7 @@ def test_the_shipped_network_is_the_learned_part_of_the_method(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_the_shipped_model_says_as_many_multiply_adds_as_torch_counts(name: str) -> None:
+def test_the_shipped_model_states_the_multiply_adds_that_torch_counts(name: str) -> None:
     fused = load_method(name).subgraph()
     assert fused is not None
     assert read_model_info(find_model(name)).multiply_adds == multiply_adds_of(fused)
@@ -228,7 +228,7 @@ def test_a_write_that_fails_leaves_no_description(tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.parametrize("name", ["step.onnx", "MODEL_CARD.md", "model.json"])
-def test_files_of_others_are_kept_and_those_of_an_earlier_export_replaced(
+def test_foreign_files_are_kept_and_those_of_an_earlier_export_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     described = json.dumps({"contract": 1, "files": {"step.onnx": ""}}).encode()
@@ -254,7 +254,7 @@ def test_an_exported_folder_is_a_model(tmp_path: Path) -> None:
     )
 
 
-def test_of_an_inner_folder_the_description_alone_is_listed_with_the_files(
+def test_an_inner_folder_is_listed_by_its_description_only(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It lists the files beside it by itself."""
@@ -394,7 +394,7 @@ def test_a_graph_is_traced_at_no_whole_ratio_where_the_method_may_have_one(
     assert traced_sizes(Kept()) == (ops.Size(26, 18), ops.Size(*display))
 
 
-def test_a_ratio_that_no_size_has_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_ratio_without_a_matching_size_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Kept, "ratios", (1.3, 1.3))
     with pytest.raises(ExportError, match="kept"):
         traced_sizes(Kept())
@@ -464,7 +464,7 @@ def test_multiply_adds_are_counted_for_each_pixel_of_the_display() -> None:
     assert next(fused.module.parameters()).device == torch.device("cpu"), "the module is not moved"
 
 
-def test_what_the_exporter_says_of_its_own_is_left_out_and_shapes_are_the_contracts() -> None:
+def test_exporter_metadata_is_removed_and_shapes_are_the_contracts() -> None:
     value = [helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, "s0"]) for name in ("x", "y")]
     node = helper.make_node("Relu", ["x"], ["y"])
     graph = helper.make_graph([node], "g", value[:1], value[1:], value_info=[value[0]])

@@ -118,7 +118,7 @@ def test_nothing_is_written_where_either_is_off(
     assert not (tmp_path / "mine").exists()
 
 
-def test_each_is_written_to_its_own_folder(
+def test_each_graph_is_written_to_its_own_folder(
     method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(folder_module, "_folder_files", lambda one, _: {"model.json": one.name.encode()})
@@ -145,7 +145,7 @@ def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None
                 torch.testing.assert_close(a.float(), b, atol=2e-2, rtol=2e-2)
 
 
-def test_there_are_no_kernels_for_two_encoders(method: Extrapolate) -> None:
+def test_two_encoders_have_no_kernels(method: Extrapolate) -> None:
     assert cpu_network(method) is None
     assert "only_extrapolated" not in describe(method)
     assert describe(method.on_extrapolated())["only_extrapolated"] is True

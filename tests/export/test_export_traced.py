@@ -41,12 +41,12 @@ def structure(model: onnx.ModelProto) -> tuple[Counter[str], list[Any]]:
 
 
 @pytest.mark.parametrize("name", TRACED)
-def test_the_shipped_graph_is_what_the_exporter_writes_today(name: str) -> None:
+def test_the_shipped_graph_is_up_to_date(name: str) -> None:
     folder = find_model(name)
     hint = f"run: supersampler export {name} -o {folder}"
     assert structure(onnx.load(folder / "step.onnx")) == structure(export_graph(load_method(name))), hint
 
 
-def test_what_carries_channels_along_is_what_the_exporter_writes_today() -> None:
+def test_the_channel_graph_is_up_to_date() -> None:
     fresh = structure(onnx.load_from_string(aovs_graph()))
     assert all(structure(onnx.load(find_model(name) / "aovs.onnx")) == fresh for name in model_names())

@@ -47,7 +47,7 @@ def test_half_floats_stay_near_single_precision(name: str) -> None:
 
 
 @pytest.mark.usefixtures("one_size")
-def test_a_method_that_half_floats_spoil_is_not_exported() -> None:
+def test_a_method_broken_by_half_floats_is_not_exported() -> None:
     method, half = halved("classifier-small")
     blend = half.get_submodule("net.blend")
     assert isinstance(blend, nn.Conv2d)
@@ -58,7 +58,7 @@ def test_a_method_that_half_floats_spoil_is_not_exported() -> None:
 
 
 @pytest.mark.parametrize("name", ["classifier", "gbuffer-small"])
-def test_whatever_comes_all_outputs_are_finite_and_in_single_precision(name: str) -> None:
+def test_outputs_are_always_finite_single_precision(name: str) -> None:
     _, half = halved(name)
     display = display_of(half)
     history = half.first_history(display, RENDER, 3)
@@ -76,7 +76,7 @@ def test_whatever_comes_all_outputs_are_finite_and_in_single_precision(name: str
 
 @pytest.mark.parametrize("bias", [-40.0, 40.0])
 @pytest.mark.parametrize("name", ["classifier", "gbuffer-small"])
-def test_whatever_the_network_infers_images_are_finite(name: str, bias: float) -> None:
+def test_images_are_finite_for_any_network_output(name: str, bias: float) -> None:
     _, half = halved(name)
     blend = half.get_submodule("net.blend")
     assert isinstance(blend, nn.Conv2d)

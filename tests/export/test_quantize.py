@@ -166,7 +166,7 @@ def test_every_channel_of_a_level_is_read_once_in_its_bytes(level: int) -> None:
         assert all(c % parts == part for c in own if c >= 0)
 
 
-def test_a_network_in_halves_has_its_normalisation_folded_and_says_nearly_the_same() -> None:
+def test_a_half_precision_network_has_folded_normalisation_and_similar_outputs() -> None:
     torch.manual_seed(0)
     network = nn.Sequential(
         Pointwise(3, 4), nn.Conv2d(4, 4, 3, padding=1), Pointwise(4, 2, rectified=False)

@@ -230,7 +230,7 @@ def test_a_second_export_replaces_the_files_of_the_first(tmp_path: Path) -> None
     assert not (tmp_path / "network.bin").exists()
 
 
-def test_files_of_others_are_not_replaced(tmp_path: Path) -> None:
+def test_foreign_files_are_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "00_measure.wgsl").write_text("mine")
     with pytest.raises(ShotError, match="is there already"):
         write_shader_folder("taa", tmp_path)

@@ -44,7 +44,7 @@ def assert_alike(name: str, ours: Tensor, theirs: Tensor) -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_image_history_and_what_is_told_are_those_of_the_shipped_graph(name: str) -> None:
+def test_image_history_and_stats_are_those_of_the_shipped_graph(name: str) -> None:
     assert_steps_alike(load_method(name), find_model(name) / "step.onnx")
 
 

@@ -55,13 +55,13 @@ def test_no_image_at_rest_is_worse_than_the_methods_own_on_the_cpu(scene: RestSc
 
 
 @drawn(2)
-def test_nor_is_it_in_the_graph(scene: RestScene, method: str) -> None:
+def test_no_image_at_rest_is_worse_than_the_methods_own_in_the_graph(scene: RestScene, method: str) -> None:
     assert_never_worse(scene, method, "onnx")
 
 
 @pytest.mark.skipif(not LONG, reason="without a GPU it takes minutes; make fuzz runs it")
 @drawn(2)
-def test_nor_is_it_on_the_gpu(scene: RestScene, method: str) -> None:
+def test_no_image_at_rest_is_worse_than_the_methods_own_on_the_gpu(scene: RestScene, method: str) -> None:
     device_or_skip()
     assert_never_worse(scene, method, "gpu")
 

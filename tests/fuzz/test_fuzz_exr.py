@@ -107,9 +107,7 @@ def set_window(data: bytes, width: int, height: int) -> bytes:
 
 
 @pytest.mark.parametrize("size", [(1 << 16, 4), (4, 1 << 16), (1 << 14, 1 << 14), (1 << 30, 1 << 30)])
-def test_a_size_beyond_the_limits_is_refused_before_room_is_made(
-    tmp_path: Path, size: tuple[int, int]
-) -> None:
+def test_a_size_beyond_the_limits_is_refused_before_allocation(tmp_path: Path, size: tuple[int, int]) -> None:
     (tmp_path / "a.exr").write_bytes(set_window(whole_files()[0], *size))
     with pytest.raises(ShotError, match=r"want 1 to 32768 a side|claims|INVALID"):
         read_exr(tmp_path / "a.exr")

@@ -138,14 +138,14 @@ def prepare_graphs() -> Callable[[int], object]:
     return run
 
 
-def test_no_model_json_harms_who_loads_it() -> None:
+def test_no_model_json_harms_its_reader() -> None:
     findings = run_apart(prepare_descriptions, examples(60), seconds=60.0)  # kernels of variants are compiled
     assert findings == []
 
 
-def test_no_network_file_harms_who_loads_it() -> None:
+def test_no_network_file_harms_its_reader() -> None:
     assert run_apart(prepare_networks, examples(30)) == []
 
 
-def test_no_graph_file_harms_who_loads_it() -> None:
+def test_no_graph_file_harms_its_reader() -> None:
     assert run_apart(prepare_graphs, examples(60)) == []

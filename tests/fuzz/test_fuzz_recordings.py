@@ -99,5 +99,5 @@ def prepare() -> Callable[[int], object]:
     return run
 
 
-def test_no_recording_harms_who_replays_it() -> None:
+def test_no_recording_harms_its_replay() -> None:
     assert run_apart(prepare, examples(30)) == []

@@ -108,7 +108,7 @@ CHANGES: dict[str, tuple[str, Any, str]] = {
 
 
 @pytest.mark.parametrize("case", CHANGES)
-def test_what_no_sequence_can_say_is_a_shot_error(tmp_path: Path, case: str) -> None:
+def test_an_invalid_sequence_is_a_shot_error(tmp_path: Path, case: str) -> None:
     name, value, message = CHANGES[case]
     tensors = arm_tensors()
     if name == "all":
@@ -137,7 +137,7 @@ def test_what_no_sequence_can_say_is_a_shot_error(tmp_path: Path, case: str) -> 
         "[" * 100_000,
     ],
 )
-def test_a_shape_that_is_none_is_a_shot_error(tmp_path: Path, shape: str) -> None:
+def test_an_invalid_shape_is_a_shot_error(tmp_path: Path, shape: str) -> None:
     size = 0 if shape.startswith("[0,") else 24
     entry = f'{{"dtype": "F32", "shape": {shape}, "data_offsets": [0, {size}]}}'
     header = f'{{"colour_linear": {entry}}}'.encode()

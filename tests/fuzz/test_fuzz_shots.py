@@ -135,7 +135,7 @@ CHANGES = {
 
 
 @pytest.mark.parametrize("case", CHANGES)
-def test_what_no_shot_can_say_is_a_shot_error(shot: Path, case: str) -> None:
+def test_an_invalid_shot_is_a_shot_error(shot: Path, case: str) -> None:
     text, other, message = CHANGES[case]
     change(shot, text, other)
     with pytest.raises(ShotError, match=message):

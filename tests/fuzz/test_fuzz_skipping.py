@@ -92,7 +92,7 @@ def model(method: str) -> Model:
     suppress_health_check=[HealthCheck.too_slow],
 )
 @given(SEGMENTS, st.sampled_from(["taau", "classifier"]))
-def test_what_is_left_out_changes_no_bit(segments: list[Segment], method: str) -> None:
+def test_skipping_changes_no_bit(segments: list[Segment], method: str) -> None:
     options: dict[str, Any] = {"display_size": DISPLAY, "validate": "off"}
     ours, whole = Upscaler(model(method), **options), Upscaler(model(method), skip=False, **options)
     for index, (frame, wanted) in enumerate(frames(segments)):

@@ -100,5 +100,5 @@ def prepare() -> Callable[[int], object]:
     return run
 
 
-def test_no_state_harms_who_loads_it_and_a_refused_one_changes_nothing() -> None:
+def test_no_state_harms_its_reader_and_a_refused_one_changes_nothing() -> None:
     assert run_apart(prepare, examples(60)) == []

@@ -57,7 +57,7 @@ def test_a_host_in_c_computes_the_images_of_the_gpu_backend(
         ("02_boxes.wgsl", "fn main( {", "expected"),
     ],
 )
-def test_the_host_in_c_says_in_one_line_what_is_wrong(
+def test_the_host_in_c_reports_errors_in_one_line(
     program: Path, tmp_path: Path, name: str, text: str | None, message: str
 ) -> None:
     shaders = tmp_path / "shaders"

@@ -220,7 +220,7 @@ def test_a_frame_that_is_frozen_everywhere_keeps_all_of_its_history(method: str)
     np.testing.assert_array_equal(ours.step(changed)[0], skipping.step(changed)[0])
 
 
-def test_what_changes_after_it_froze_restarts_as_in_torch() -> None:
+def test_a_change_after_freezing_restarts_pixels_as_in_torch() -> None:
     """A jump of light in a part of the image, and then a slow fade in another."""
     light = np.ones((*RENDER[::-1], 1), np.float32)
     sequence = still(2 * PERIOD + 2)
@@ -260,7 +260,7 @@ def movers() -> Iterator[Given]:
         yield Given(frame)
 
 
-def test_what_moves_is_not_added_and_restarts_what_it_covers() -> None:
+def test_moving_pixels_are_not_averaged_and_restart_the_covered_ones() -> None:
     _, frozen = compare_steps(list(movers()), decisions=0.95)
     assert frozen[2 * PERIOD + 9] > 0.3
     assert frozen[2 * PERIOD + 20] < frozen[2 * PERIOD + 9]
@@ -331,7 +331,7 @@ def test_blocks_restart_where_the_render_size_changes() -> None:
     assert ours.tensor("signatures").shape[0] == 9 * 44 * 28 // (25 * 16) + 2
 
 
-def test_a_cut_forgets_what_stood_still() -> None:
+def test_a_cut_drops_frozen_pixels() -> None:
     sequence = still(2 * PERIOD + 4)
     sequence[PERIOD + 8] = Given(frame_at(PERIOD + 8, reset=True))
     _, frozen = compare_steps(sequence)
@@ -374,7 +374,7 @@ def test_signatures_are_right_whichever_buffers_a_history_is_written_to() -> Non
     np.testing.assert_array_equal(gpu.tensor(history, "signatures")[used], plain.tensor("signatures")[used])
 
 
-def test_a_saved_history_goes_on_where_it_was() -> None:
+def test_a_saved_history_continues() -> None:
     gpu, ours = executor("taau"), OnGpu("taau", DISPLAY)
     sequence = list(movers())
     for given in sequence[:70]:

@@ -178,7 +178,7 @@ def test_a_lost_device_is_named_and_the_next_upscaler_has_another(own_device: An
         ("taau", {"precision": "int8"}),
     ],
 )
-def test_what_has_no_shaders_is_refused(name: str, options: dict[str, Any]) -> None:
+def test_methods_without_shaders_are_refused(name: str, options: dict[str, Any]) -> None:
     with pytest.raises(ArgumentError, match=r"executor|precision"):
         Upscaler(name, scale=2.0, executor="gpu", **options)
 

@@ -192,7 +192,7 @@ def spoil(executor: GpuExecutor) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_step_reads_nothing_that_earlier_steps_left_between_its_passes(method: str) -> None:
+def test_a_step_reads_no_stale_intermediate_data(method: str) -> None:
     upscaler, other = make(method), make(method)
     images = [upscaler.step(moving(index)).copy() for index in range(3)]
     for index, image in enumerate(images):

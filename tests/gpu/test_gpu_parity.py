@@ -118,7 +118,7 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", WITH_SHADERS)
-def test_a_cut_forgets_all_before_it(method: str) -> None:
+def test_a_cut_drops_the_history(method: str) -> None:
     upscaler = make(method)
     first = upscaler.step(moving(0))
     again = upscaler.step(replace(moving(0), reset=False))

@@ -58,7 +58,7 @@ def test_a_mask_of_zeros_and_a_power_of_two_change_no_bit(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["taa", "taau", "classifier-small"])
-def test_a_missing_sample_shows_the_history_whatever_the_mask_says(method: str) -> None:
+def test_a_missing_sample_shows_the_history_under_any_mask(method: str) -> None:
     plain, full = make(method), make(method)
     for index in range(3):
         frame = noise(index, (20, 12), exposure=1.0)

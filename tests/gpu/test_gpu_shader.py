@@ -37,7 +37,7 @@ fn main() {
 """
 
 
-def test_what_main_needs_is_kept_in_order_with_its_comments() -> None:
+def test_used_declarations_keep_their_order_and_comments() -> None:
     code = reachable_code([parse(SHARED), parse(ENTRY)])
     assert code.startswith(
         "// Shared functions.\n// They are in every pass.\n\nconst SIDE = 4;          // of a tile\n"
@@ -52,7 +52,7 @@ def test_what_main_needs_is_kept_in_order_with_its_comments() -> None:
     )
 
 
-def test_what_main_does_not_need_is_left_out() -> None:
+def test_unused_declarations_are_left_out() -> None:
     code = reachable_code([parse(SHARED), parse(ENTRY), parse("// Never used.\n\nconst LAST = 1;\n")])
     for name in ("HEIGHT", "var<storage, read> idle", "never", "LAST", "Never used"):
         assert name not in code, name
@@ -70,7 +70,7 @@ fn main() { _ = read(1.0); }
     assert "var<private>" not in reachable_code([parse(source)])
 
 
-def test_what_is_no_declaration_is_refused() -> None:
+def test_an_invalid_declaration_is_refused() -> None:
     with pytest.raises(ValueError, match="no declaration"):
         parse("const SIDE = 4")
     with pytest.raises(KeyError):

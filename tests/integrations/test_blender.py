@@ -89,7 +89,7 @@ def test_vectors_agree_with_the_camera_for_every_fit_of_the_sensor(
         assert np.percentile(wrong, 85) < 1e-3  # but the cube that moves
 
 
-def test_jitter_moves_the_samples_by_as_much_as_it_says(tmp_path: Path) -> None:
+def test_jitter_moves_the_samples_by_its_value(tmp_path: Path) -> None:
     done = render(tmp_path, "--samples", 4, "--method", "bilinear", size=[320, 192], shift=[[0.1, 0.05]] * 2)
     assert done.exit_code == 0, done.output
     detection = detect_conventions(rendered(tmp_path)[0])
@@ -305,7 +305,7 @@ def test_the_extension_installs_renders_upscales_and_says_what_is_wrong(tmp_path
         assert sorted(p.name for p in (tmp_path / folder).glob("*.exr")) == ["0006.exr", "0007.exr"]
 
 
-def test_a_file_that_is_no_scene_is_one_line_of_error(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_scene_is_one_line_of_error(tmp_path: Path) -> None:
     (tmp_path / "no.blend").write_text("no scene")
     command = ["blender", tmp_path / "no.blend", "-o", tmp_path / "out", "--blender", PROGRAM]
     done = CliRunner().invoke(app, [str(word) for word in command])

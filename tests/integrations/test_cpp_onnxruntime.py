@@ -65,7 +65,7 @@ def plaza_images() -> list[NDArray[np.float32]]:
 
 
 @pytest.mark.parametrize("option", [[], ["--fixed"]], ids=["free sizes", "fixed sizes"])
-def test_its_images_of_the_shipped_shot_are_those_of_upscaler(
+def test_the_programs_images_of_the_shipped_shot_are_those_of_upscaler(
     program: Path, plaza_images: list[NDArray[np.float32]], tmp_path: Path, option: list[str]
 ) -> None:
     shot = Shot.open("plaza").path
@@ -120,7 +120,7 @@ def test_a_new_render_size_keeps_the_history_and_a_cut_or_a_new_display_size_dro
             assert np.abs(image_of(tmp_path / "out", str(index), size) - expected).mean() <= TOLERANCE, index
 
 
-def test_what_it_cannot_do_is_said_in_one_line(program: Path, tmp_path: Path) -> None:
+def test_the_program_reports_unsupported_input_in_one_line(program: Path, tmp_path: Path) -> None:
     write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])
     no_provider = run(program, "taau", tmp_path / "raw", tmp_path / "out", "--provider", "SNPE")
     assert (no_provider.returncode, no_provider.stderr.count("\n")) == (1, 1)

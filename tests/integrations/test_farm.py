@@ -125,7 +125,7 @@ def test_tasks_report_their_progress(chunks: tuple[Path, str]) -> None:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc, to find a process's children")
-def test_of_two_workers_one_is_killed_and_started_again(shot: Path, chunks: tuple[Path, str]) -> None:
+def test_a_killed_worker_of_two_is_restarted(shot: Path, chunks: tuple[Path, str]) -> None:
     output = shot.parent / "workers"
     commands = [job(shot, output, *tasks("0-7")), job(shot, output, *tasks("8-15", "16-23"))]
     first, second = (subprocess.Popen(command, stdout=subprocess.DEVNULL) for command in commands)
@@ -144,7 +144,7 @@ def test_of_two_workers_one_is_killed_and_started_again(shot: Path, chunks: tupl
         assert np.array_equal(image, other), index
 
 
-def test_a_chunk_that_fails_fails_the_job(shot: Path) -> None:
+def test_a_failing_chunk_fails_the_job(shot: Path) -> None:
     command = job(shot, shot.parent / "missing", *tasks("0-7"), "-p", "Options=--method nothing")
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode != 0

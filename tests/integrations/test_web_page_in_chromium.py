@@ -128,7 +128,7 @@ def test_method_ratio_and_size_can_be_changed_and_frames_stepped(page: "Page", u
     assert "upscaling" in page.inner_text("#times")
 
 
-def test_a_ratio_outside_of_a_methods_range_is_said_and_the_next_one_is_shown(page: "Page", url: str) -> None:
+def test_an_unsupported_ratio_is_reported_and_the_next_choice_works(page: "Page", url: str) -> None:
     opened(page, f"{url}?test&size=320x180&method=classifier-large")
     page.select_option("[name=ratio]", "3")
     page.evaluate("supersamplerDemo.settled()")

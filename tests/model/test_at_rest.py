@@ -100,7 +100,7 @@ def test_the_analytic_scene_reaches_48_db_after_two_periods() -> None:
 
 
 @pytest.mark.parametrize("pattern", [flat, wave, cells, stripes(2.2, 0.3)])
-def test_what_is_frozen_stays_bit_for_bit(pattern: Any) -> None:
+def test_frozen_pixels_stay_bit_for_bit(pattern: Any) -> None:
     scene = replace(WAVE, pattern=pattern, ratio=1.5)
     run, images = Stepped(taau(), scene.display), []
     for index, (frame, _) in enumerate(scene.frames(3 * scene.period)):
@@ -131,7 +131,7 @@ def brighter(frame: Frame) -> Frame:
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_change_ends_what_was_frozen(name: str) -> None:
+def test_a_change_unfreezes_pixels(name: str) -> None:
     run = stepped(WAVE)
     assert run.frozen.all()
     for k, (frame, _) in enumerate(WAVE.frames(FROZEN + 12)):
@@ -140,12 +140,12 @@ def test_a_change_ends_what_was_frozen(name: str) -> None:
     assert not run.frozen[20, 24]
 
 
-def test_motion_below_the_limit_adds_up_and_ends_it() -> None:
+def test_motion_below_the_limit_accumulates_and_unfreezes() -> None:
     scene = RestScene(wave, creep=0.0038)
     assert not stepped(scene, 3 * scene.period).frozen.any()
 
 
-def test_what_moves_or_is_reactive_ends_it_there_and_nowhere_else() -> None:
+def test_moving_or_reactive_pixels_unfreeze_only_themselves() -> None:
     frames = [frame for frame, _ in WAVE.frames(FROZEN + 1)]
     for field, value in (("motion", 0.01), ("reactive", 0.5)):
         run = Stepped(taau(), WAVE.display)
@@ -159,7 +159,7 @@ def test_what_moves_or_is_reactive_ends_it_there_and_nowhere_else() -> None:
         assert run.frozen[40:, 40:].all()
 
 
-def test_a_size_that_changes_begins_anew_without_a_jump() -> None:
+def test_a_change_of_size_restarts_without_a_jump() -> None:
     run, images = Stepped(taau(), WAVE.display), []
     for index in range(FROZEN + 8):
         size = (40, 27) if index >= FROZEN and index % 2 else (48, 32)
@@ -200,7 +200,7 @@ def test_jitter_that_never_repeats_freezes_nothing() -> None:
     assert not run.frozen.any()
 
 
-def test_a_missing_sample_is_filled_by_its_neighbours_and_ends_nothing_if_it_lasts() -> None:
+def test_a_lasting_missing_sample_is_filled_from_neighbours_and_keeps_pixels_frozen() -> None:
     run, plain = (Stepped(taau(), WAVE.display) for _ in range(2))
     for frame, _ in WAVE.frames(FROZEN):
         color = np.array(frame.color)

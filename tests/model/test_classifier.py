@@ -63,7 +63,7 @@ def gathered(value: float | None = None) -> Gathered:
 
 
 @pytest.mark.parametrize("value", [None, float("nan"), float("inf"), -1.0, 65504.0, 1e-40])
-def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> None:
+def test_inputs_of_the_network_are_at_most_about_one(value: float | None) -> None:
     packed, half = Classifier().network_inputs(gathered(value))
     assert tuple(packed.shape) == (1, 4 * len(DEFAULT_INPUTS), 16, 24)
     assert tuple(half.shape) == (1, CLASSES + len(NEIGHBOURHOOD_INPUTS), 16, 24)

@@ -81,7 +81,7 @@ def test_the_counter_starts_anew_where_what_is_seen_was_hidden(
     assert (done.state[:, :1] == counted).all()
 
 
-def test_counter_and_range_start_anew_in_the_pixels_that_were_hidden_alone(method: PaperClassifier) -> None:
+def test_counter_and_range_restart_only_in_disoccluded_pixels(method: PaperClassifier) -> None:
     said = logits(NONE)
     said[:, :, :, :4] = logits(VISIBILITY)[:, :, :, :4]
     state = method.finish(gathered(method), said, torch.zeros(0)).state

@@ -86,7 +86,7 @@ def test_fully_reactive_is_the_image_of_this_frame_alone(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CONVERGING)
-def test_a_frame_that_adds_no_samples_leaves_the_mean(name: str) -> None:
+def test_a_frame_without_new_samples_leaves_the_mean_unchanged(name: str) -> None:
     still = {"motion": torch.zeros(1, 2, RENDER.height, RENDER.width)}
     nothing = {**still, "adds_samples": torch.zeros(1)}
     steps = run(name, [still, still, nothing, still])

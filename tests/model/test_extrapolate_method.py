@@ -152,9 +152,7 @@ def test_odd_sizes_are_rendered(from_classifier: Extrapolate, render: Sizes, dis
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf"), -3.0, 1e30])
-def test_base_colour_that_is_no_number_in_range_spoils_nothing(
-    from_classifier: Extrapolate, bad: float
-) -> None:
+def test_base_colour_out_of_range_spoils_no_pixel(from_classifier: Extrapolate, bad: float) -> None:
     inner = changed(from_classifier, "extrapolated_encoder").on_extrapolated()
     _, history = step(from_classifier, given(0), first(from_classifier))
     inputs = given(1)

@@ -101,7 +101,7 @@ def textured(ratio: int, seed: int = 0) -> tuple[Surfaces, Surfaces]:
 
 
 @pytest.mark.parametrize("kind", BOTH)
-def test_a_texture_is_there_in_the_first_frame(kind: type[GBuffer]) -> None:
+def test_texture_is_visible_in_the_first_frame(kind: type[GBuffer]) -> None:
     method = kind().eval()
     ratio = method.config.ratio
     render, display = textured(ratio)
@@ -114,7 +114,7 @@ def test_a_texture_is_there_in_the_first_frame(kind: type[GBuffer]) -> None:
     assert off.mean() < 0.5 * (ops.tone(blurred) - ops.tone(truth)).abs().mean()
 
 
-def test_of_depth_alone_no_surface_is_told_from_another() -> None:
+def test_depth_alone_is_treated_as_uniform_surfaces() -> None:
     method = DepthGBuffer().eval()
     assert [name for name in method.inputs() if "gbuffer" in name] == ["gbuffer_display_depth"]
     render, display = textured(2)
@@ -129,7 +129,7 @@ def test_of_depth_alone_no_surface_is_told_from_another() -> None:
     assert again.isfinite().all()
 
 
-def test_what_is_not_blended_is_not_of_the_image_before() -> None:
+def test_without_blending_the_previous_image_has_no_effect() -> None:
     render, display = textured(2)
     first = frame(render, display, reflectance(render), (0.1, -0.2))
     second = frame(render, display, 0.5 * reflectance(render), (0.1, -0.2))
@@ -193,7 +193,7 @@ def test_a_surface_reflects_its_base_colour_and_the_sky_is_white() -> None:
     torch.testing.assert_close(reflectance(sky), torch.ones(1, 3, 1, 1))
 
 
-def test_surfaces_that_are_no_numbers_become_black_and_far() -> None:
+def test_nan_surfaces_become_black_and_far() -> None:
     bad = with_base_color(torch.full((1, 3, 1, 1), float("nan")), depth=float("inf"))
     made = usable_surfaces(bad, torch.float32)
     assert float(made.base_color.abs().max()) == 0.0
@@ -208,7 +208,7 @@ def test_light_has_changed_where_it_is_six_stops_off_on_average(stops: float, ch
     assert (changed_light(previous, now, known * 0.0) == 0.0).all(), "nothing is known to have"
 
 
-def test_a_spark_is_no_change_of_light_and_neither_is_the_dark() -> None:
+def test_neither_a_spark_nor_darkness_is_a_change_of_light() -> None:
     previous, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
     spark = previous.clone()
     spark[..., 3, 4] = 65504.0
@@ -287,7 +287,7 @@ def test_base_colours_are_compared_in_3x3_pixels_and_colours_in_5x5(
 @pytest.mark.parametrize(
     ("previous", "found"), [(0.5 / 1.09, 0), (0.5 / 1.11, 1), (0.5 / 0.91, 0), (0.5 / 0.89, 1)]
 )
-def test_distances_that_differ_by_a_tenth_hide(previous: float, found: int) -> None:
+def test_distances_that_differ_by_a_tenth_occlude(previous: float, found: int) -> None:
     """Equation 1, by distance, which is one over the reversed depth."""
     colors = (image(GREY), image(GREY))
     assert (occluded((*colors, image(0.5, 1)), (*colors, image(previous, 1))) == found).all()
@@ -299,7 +299,7 @@ def test_sky_hides_a_surface_and_a_surface_hides_the_sky(now: float, previous: f
     assert (occluded((*colors, image(now, 1)), (*colors, image(previous, 1))) == found).all()
 
 
-def test_a_frame_and_the_edges_of_its_surfaces_each_ask_the_other() -> None:
+def test_a_frame_and_the_edges_of_its_surfaces_attend_to_each_other() -> None:
     """Figure 3: the frame plus what both attentions bring."""
     torch.manual_seed(0)
     enhancer = Enhancer(2, 4, "both").eval()
@@ -351,7 +351,7 @@ def seen(size: int = 16) -> NetworkInputs:
 
 
 @pytest.mark.parametrize("name", NetworkInputs._fields)
-def test_every_tensor_that_is_gathered_changes_what_the_network_says(name: str) -> None:
+def test_every_gathered_tensor_changes_the_networks_output(name: str) -> None:
     torch.manual_seed(1)
     network = GBufferNetwork(
         SMALL_NETWORK, ratio=2, blend_parameters=5

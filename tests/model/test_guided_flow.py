@@ -108,7 +108,7 @@ def test_a_flow_moves_a_shadow_and_leaves_textures_where_they_are() -> None:
     assert (after - stays)[far].abs().mean() < 0.2 * (truth.roll(4, dims=3) - truth)[far].abs().mean()
 
 
-def test_a_gain_brightens_all_alike_and_no_more_than_it_may() -> None:
+def test_a_gain_brightens_all_channels_alike_within_its_bound() -> None:
     now = gathered(Shadow(0.0))
     said = sure_of(now.light)
     plain = GuidedFlow().finish(now, said)
@@ -154,7 +154,7 @@ def sure_of(image: Tensor) -> Tensor:
 # --- the history ---
 
 
-def test_what_a_shaded_frame_leaves_is_it_and_what_was_there_before() -> None:
+def test_after_a_shaded_frame_the_history_holds_it_and_its_predecessor() -> None:
     frames = [tensors(SCENE.frame(index)) for index in range(3)]
     first = GuidedFlow.after_shaded(frames[0])
     names = ("color", "base_color", "normal", "depth", "jitter", "motion", "motion_jitter")
@@ -255,7 +255,7 @@ def test_the_network_sees_no_light_brighter_than_toned_allows() -> None:
         assert MAX_TONED < 1.0
 
 
-def test_the_network_says_nearly_the_same_in_half_precision() -> None:
+def test_the_networks_output_in_half_precision_is_close() -> None:
     net, lights = random_flow().net, torch.rand(2, 1, 4, 21, 45)
     with torch.no_grad():
         (said,), (half,) = net(*lights), HalfNetwork(net)(*lights)

@@ -78,7 +78,7 @@ def test_light_is_read_where_the_sample_saw_it(x0: float, y0: float, x1: float, 
     assert np.abs(pixels_off).max() < 0.45
 
 
-def test_what_was_hidden_is_lit_as_its_like_nearby_and_not_as_what_hid_it() -> None:
+def test_disoccluded_pixels_take_light_from_similar_surfaces_nearby() -> None:
     scene = LitScene(radius=8.0, disc_velocity=(4.0, 1.0))
     uncovered = scene.uncovered(1)
     assert uncovered.sum() > 40
@@ -89,7 +89,7 @@ def test_what_was_hidden_is_lit_as_its_like_nearby_and_not_as_what_hid_it() -> N
     assert off(before, now)[uncovered].mean() > 1.0
 
 
-def test_surfaces_that_differ_in_depth_alone_are_told_apart() -> None:
+def test_surfaces_that_differ_only_in_depth_are_separated() -> None:
     scene = LitScene(base=even, radius=8.0, disc_velocity=(4.0, 1.0), disc_normal=(0.0, 0.0, 1.0))
     uncovered = scene.uncovered(1)
     assert off(second_of(scene), scene.frame(1, SIZE))[uncovered].max() < 0.1
@@ -97,7 +97,7 @@ def test_surfaces_that_differ_in_depth_alone_are_told_apart() -> None:
     assert off(second_of(flat), flat.frame(1, SIZE))[uncovered].mean() > 0.5
 
 
-def test_what_was_off_screen_is_lit_as_its_like_inside() -> None:
+def test_off_screen_pixels_take_light_from_similar_surfaces_inside() -> None:
     scene = LitScene(velocity=(6.0, 0.0))
     entered = off(second_of(scene), scene.frame(1, SIZE))[:, :6]
     assert entered.mean() < 0.12
@@ -209,7 +209,7 @@ def test_bad_pixels_of_any_input_never_reach_an_image_or_the_history(name: str) 
 
 
 @pytest.mark.parametrize("name", ["color", "gbuffer_base_color", "gbuffer_normal", "depth"])
-def test_a_sample_that_is_no_number_is_not_taken_however_often_it_could_be(name: str) -> None:
+def test_a_nan_sample_is_never_taken(name: str) -> None:
     frame = LitScene(base=even, light=lambda x, y: 2.0 * even(x, y)).frame(0, SIZE)
     inputs, method = tensors(frame), GuidedWarp()
     inputs[name] = inputs[name].clone()

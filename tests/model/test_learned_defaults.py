@@ -24,7 +24,7 @@ def test_weights_of_another_version_are_refused_by_name() -> None:
 
 
 @pytest.mark.parametrize("name", methods())
-def test_all_that_the_registry_names_is_there(name: str) -> None:
+def test_every_entry_of_the_registry_exists(name: str) -> None:
     spec = methods()[name]
     assert method_class(name).spec is spec
     assert all(callable(load(entry)) for entry in (spec.task, spec.cpu, spec.gpu) if entry)
@@ -37,7 +37,7 @@ def test_the_registry_names_all_released_weights_and_all_shipped_models() -> Non
     assert sorted(ships) == sorted([*model_names(), *extrapolation_names()])
 
 
-def test_a_method_that_is_not_there_or_learns_nothing_is_refused() -> None:
+def test_an_unknown_or_untrainable_method_is_refused() -> None:
     with pytest.raises(ArgumentError, match="Did you mean 'classifier'"):
         method_class("clasifier")
     with pytest.raises(ArgumentError, match="taau; want one of classifier,"):

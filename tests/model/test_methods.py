@@ -115,7 +115,7 @@ def test_taau_follows_a_change_of_light_at_once() -> None:
 
 
 @pytest.mark.parametrize("name", ["taa", "taau"])
-def test_a_cut_in_the_shot_forgets_all(name: str) -> None:
+def test_a_cut_in_the_shot_drops_the_history(name: str) -> None:
     scene = Cut(Plane(zone_plate), Plane(checker), at=4)
     after = run(name, scene, 6)[4:]
     alone = Upscaler(name, display_size=DISPLAY, validate="off")
@@ -237,7 +237,7 @@ def test_colours_are_compared_in_ycocg_after_exposure_and_tone_curve() -> None:
     torch.testing.assert_close(Taa().from_space(Taa().to_space(color)), ops.tone(color))
 
 
-def test_the_weight_that_is_told_is_that_of_the_history() -> None:
+def test_the_reported_weight_is_that_of_the_history() -> None:
     method = Taa()
     planes = {
         "color": plane(0.3),

@@ -190,7 +190,7 @@ def test_dilation_takes_the_motion_of_what_is_in_front() -> None:
     assert (ops.longest(motion)[0, 0] == 4.0).sum() == 9
 
 
-def test_what_was_closer_hides_what_is_behind() -> None:
+def test_closer_surfaces_hide_those_behind() -> None:
     before = torch.full((1, 1, 5, 6), 0.01)
     before[..., :3] = 0.1  # a wall on the left
     place = torch.tensor([[0.5, 2.5], [2.25, 2.5], [2.5, 2.5], [3.5, 2.5]]).reshape(1, 1, 4, 2)
@@ -401,7 +401,9 @@ def test_an_absurd_exposure_is_measured_as_if_none_were_given(exposure: float) -
 
 
 @pytest.mark.parametrize(("luma", "exposure"), [(0.5, 1e4), (0.5, 1e-3), (65504.0, 0.0), (0.0, 0.0)])
-def test_an_outlier_changes_the_exposure_when_a_second_frame_wants_it(luma: float, exposure: float) -> None:
+def test_an_outlier_changes_the_exposure_once_a_second_frame_confirms_it(
+    luma: float, exposure: float
+) -> None:
     first = followed(luma, exposure, 0.3)
     assert first == pytest.approx(-0.3), "the one before holds"
     wanted = exposure or abs(followed(luma, 0.0, 0.0))
@@ -410,7 +412,7 @@ def test_an_outlier_changes_the_exposure_when_a_second_frame_wants_it(luma: floa
     assert back == pytest.approx(followed(0.5, 0.0, 0.3)), "one frame alone leaves nothing"
 
 
-def test_a_first_exposure_that_the_second_frame_does_not_confirm_is_forgotten_at_once() -> None:
+def test_a_first_exposure_unconfirmed_by_the_second_frame_is_dropped() -> None:
     first = followed(0.5, 1e4, 0.0)
     assert abs(first) == pytest.approx(1e4), "there is none before it to hold"
     assert followed(0.5, 0.0, first) == pytest.approx(0.36)

@@ -110,7 +110,7 @@ def test_resampling_blur_and_speed_lower_the_limit_each() -> None:
     )
 
 
-def test_what_another_surface_hid_counts_by_its_share() -> None:
+def test_partly_hidden_samples_count_by_their_fraction() -> None:
     assert counted(surface=0.25) == pytest.approx(2.5)
     assert counted(surface=0.0) == 0.0
 
@@ -122,9 +122,7 @@ def test_a_sample_weighs_its_confidence_among_the_samples_that_count() -> None:
 
 
 @pytest.mark.parametrize(("mean", "change"), [(0.4, 0.0), (0.37, 0.3306), (0.63, 0.1282), (0.2, 1.0)])
-def test_a_mean_that_moves_beyond_deviation_and_its_own_share_is_a_change_of_light(
-    mean: float, change: float
-) -> None:
+def test_a_mean_beyond_deviation_and_relative_limit_is_a_change_of_light(mean: float, change: float) -> None:
     """Noise is 0.53 of the larger deviation, a tenth of the larger mean, and one step of eight bits."""
     noise = C.change_deviation * 0.1 + C.change_relative * max(0.5, mean) + 0.004
     by_hand = min(max((abs(0.5 - mean) / noise - 1.0) / C.change_ramp, 0.0), 1.0)

@@ -42,19 +42,21 @@ def test_a_thin_thing_that_moves_over_its_background_leaves(over: tuple[float, f
     ("over", "level"),
     [((0.0, 0.0), False), ((0.4, -0.4), False), ((0.0, 4.0), False), ((4.0, 0.0), True), ((-1.3, 0.0), True)],
 )
-def test_one_that_stays_or_moves_along_itself_hides_nothing(over: tuple[float, float], level: bool) -> None:
+def test_a_thin_thing_at_rest_or_moving_along_itself_hides_nothing(
+    over: tuple[float, float], level: bool
+) -> None:
     depth, motion = wire(over, level=level)
     torch.testing.assert_close(ops.occluding_depth(depth, motion), torch.full_like(depth, WALL))
 
 
-def test_one_that_another_follows_hides_nothing() -> None:
+def test_a_thin_thing_followed_by_another_hides_nothing() -> None:
     depth, motion = wire((4.0, 0.0))
     depth[..., 11] = WIRE  # comes to the place of the first
     found = ops.occluding_depth(depth, motion)
     assert (found[..., 7] == WALL).all()
 
 
-def test_one_whose_background_is_unknown_hides_nothing() -> None:
+def test_a_thin_thing_before_an_unknown_background_hides_nothing() -> None:
     depth, motion = wire((4.0, 0.0))
     depth[..., 8] = -1.0
     opened = ops.morphological_opening(depth).clamp(min=0.0)

@@ -143,7 +143,7 @@ def test_cancel_of_the_extension_ends_the_command_where_sigint_is_ignored(
     wait_until(lambda: not is_running(pid))
 
 
-def test_a_command_that_does_not_listen_is_terminated_and_then_killed(
+def test_a_command_that_ignores_cancel_is_terminated_then_killed(
     extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(extension, "_PATIENCE", 0.3)
@@ -187,7 +187,7 @@ time.sleep(600)
     "content",
     ["", "[]", "{}", '{"files": []}', '{"files": {"#": "x"}}', '{"files": {"#": []}}', "[" * 100_000],
 )
-def test_a_record_of_something_else_is_no_progress(extension: Any, tmp_path: Path, content: str) -> None:
+def test_a_foreign_record_counts_as_no_progress(extension: Any, tmp_path: Path, content: str) -> None:
     (tmp_path / "upscale.json").write_text(content)
     running = extension.Run([sys.executable, "-c", "print('x' * 10**6)"], tmp_path, 3)
     while running.wait(0.1):

@@ -55,7 +55,7 @@ def test_zeros_a_folder_and_another_kernels_entry_count_as_missing(entry: Path) 
 
 
 @pytest.mark.parametrize("variable", ["HOME", "XDG_CACHE_HOME"])
-def test_a_home_that_cannot_be_read_is_no_reason_to_stop(
+def test_an_unreadable_home_folder_does_not_stop_a_run(
     monkeypatch: pytest.MonkeyPatch, variable: str, tmp_path: Path
 ) -> None:
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)

@@ -55,7 +55,7 @@ time.sleep(0.05)
 """)
 
 
-def test_a_process_ends_at_an_exit_raised_within_a_step() -> None:
+def test_an_exit_raised_in_a_step_ends_the_process() -> None:
     run_apart(f"""{STEP}
 import signal, sys
 signal.signal(signal.SIGALRM, lambda *_: sys.exit(0))

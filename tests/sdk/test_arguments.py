@@ -251,7 +251,7 @@ def refusal(call: Callable[[], object]) -> SupersamplerError | None:
 
 
 @pytest.mark.parametrize("name", PURE)
-def test_a_hostile_argument_is_taken_or_a_typed_error(name: str) -> None:
+def test_a_hostile_argument_is_accepted_or_raises_a_typed_error(name: str) -> None:
     for make in HOSTILE.values():
         refusal(lambda: PURE[name](make()))  # noqa: B023  # called at once
 
@@ -276,7 +276,7 @@ def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) ->
 
 
 @pytest.mark.parametrize("name", ["frame", "history", "outputs", "out", "history_out", "at_rest", "skip"])
-def test_a_model_takes_hostile_arguments_or_refuses_them(name: str) -> None:
+def test_a_model_accepts_hostile_arguments_or_refuses_them(name: str) -> None:
     model = shared_model("taau")
     given: dict[str, Any] = {"frame": GOOD, "history": model.first_history(DISPLAY, SIZE), "outputs": ()}
     expected, _ = model.run_outputs(**given)
@@ -302,5 +302,5 @@ def _values() -> st.SearchStrategy[Any]:
 
 @settings(max_examples=int(os.environ.get("SUPERSAMPLER_FUZZ", "200")))
 @given(st.sampled_from(sorted(PURE)), _values())
-def test_any_argument_is_taken_or_a_typed_error(name: str, value: Any) -> None:
+def test_any_argument_is_accepted_or_raises_a_typed_error(name: str, value: Any) -> None:
     refusal(lambda: PURE[name](value))

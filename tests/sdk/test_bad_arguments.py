@@ -43,7 +43,7 @@ WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
 
 
 @pytest.mark.parametrize("name", WORDS)
-def test_a_misspelt_word_is_answered_with_those_that_there_are(name: str) -> None:
+def test_a_misspelt_word_is_answered_with_the_list(name: str) -> None:
     call, listed = WORDS[name]
     for word in ("tpu", "Auto", "", "exact "):
         with pytest.raises(ArgumentError, match=re.escape(f"{name} is {word!r}; want ") + ".*"):
@@ -52,7 +52,7 @@ def test_a_misspelt_word_is_answered_with_those_that_there_are(name: str) -> Non
             call(word)
 
 
-def test_a_misspelt_provider_is_answered_with_those_that_there_are() -> None:
+def test_a_misspelt_provider_is_answered_with_the_list() -> None:
     with pytest.raises(ProviderError, match="no execution provider is called 'cdua'; known are cpu, cuda, "):
         Model.load("bilinear", providers=["cdua", "cpu"])
     with pytest.raises(ArgumentError, match="providers is \\[\\]; want 'auto', a provider's name"):
@@ -63,7 +63,7 @@ def test_a_misspelt_provider_is_answered_with_those_that_there_are() -> None:
 
 
 @pytest.mark.parametrize("threads", [-1, MAX_THREADS + 1, 10**6, 1.0, True, "2", None, np.array([2])])
-def test_threads_that_cannot_be_are_refused(threads: Any) -> None:
+def test_impossible_thread_counts_are_refused(threads: Any) -> None:
     for executor in get_args(ExecutorName):
         with pytest.raises(
             ArgumentError, match=rf"threads is .*; want a whole number from 1 to {MAX_THREADS}"
@@ -79,7 +79,7 @@ def test_threads_are_any_whole_number() -> None:
 @pytest.mark.parametrize(
     "size", [(1.5, 2), (64.0, 36.0), ("64", "36"), (True, True), "64", {64, 36}, (2**40, 2**40), (0, 4), (4,)]
 )
-def test_a_size_that_is_none_is_refused_wherever_one_is_asked_for(size: Any) -> None:
+def test_an_invalid_size_is_refused_everywhere(size: Any) -> None:
     model = shared_model("bilinear")
     calls: list[Callable[[], object]] = [
         lambda: Upscaler(model, display_size=size),
@@ -109,7 +109,7 @@ def test_a_display_is_no_larger_than_kernels_and_graphs_can_count() -> None:
         Upscaler(model, scale=2000).step(GOOD)  # which has no size before the first frame
 
 
-def test_all_but_close_is_refused_by_a_closed_upscaler() -> None:
+def test_a_closed_upscaler_refuses_every_call_but_close() -> None:
     upscaler = Upscaler(shared_model("taau", executor="onnx"), display_size=DISPLAY)
     upscaler.step(GOOD)
     state = upscaler.save_state()

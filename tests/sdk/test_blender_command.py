@@ -117,7 +117,7 @@ def test_more_frames_may_follow_and_a_complete_render_needs_no_blender(tmp_path:
     assert list(images(tmp_path)) == IMAGES
 
 
-def test_a_render_that_has_completed_no_frame_is_in_the_way_of_no_other(tmp_path: Path) -> None:
+def test_a_render_without_complete_frames_does_not_block_another(tmp_path: Path) -> None:
     assert "no camera" in one_line(blender(tmp_path, "--camera", "Other", error="no camera is named 'Other'"))
     assert blender(tmp_path, "--camera", "Camera").exit_code == 0
     assert list(images(tmp_path)) == IMAGES
@@ -141,7 +141,7 @@ def test_frames_of_another_request_are_refused_until_overwritten(tmp_path: Path)
 
 @pytest.mark.parametrize("name", ["out/0006.exr", "out/render/0006.exr"])
 @pytest.mark.parametrize("options", [(), ("--overwrite",)])
-def test_a_file_of_others_in_the_way_is_named_and_kept(
+def test_a_foreign_file_in_the_way_is_named_and_kept(
     tmp_path: Path, name: str, options: tuple[str, ...]
 ) -> None:
     path = tmp_path / name
@@ -166,11 +166,11 @@ def test_a_file_of_others_in_the_way_is_named_and_kept(
         ),
     ],
 )
-def test_what_blender_says_of_a_scene_is_one_line(tmp_path: Path, plan: dict[str, Any], message: str) -> None:
+def test_blenders_error_about_a_scene_is_one_line(tmp_path: Path, plan: dict[str, Any], message: str) -> None:
     assert message in one_line(blender(tmp_path, **plan))
 
 
-def test_a_program_that_is_no_blender_is_named(tmp_path: Path) -> None:
+def test_a_program_that_is_not_blender_is_named(tmp_path: Path) -> None:
     line = one_line(blender(tmp_path, program=sys.executable))
     assert f"{sys.executable} is not Blender, and cannot import bpy" in line
     assert "--blender is nowhere, which is not a program" in one_line(blender(tmp_path, program="nowhere"))
@@ -275,7 +275,7 @@ def error_of(result: Result) -> str:
 
 
 @pytest.mark.parametrize("prefix", ["supersampler ", "", "0" * 32, "\x1b[2K"])
-def test_a_line_that_the_scene_forges_moves_no_file(tmp_path: Path, prefix: str) -> None:
+def test_a_forged_message_of_a_scene_moves_no_file(tmp_path: Path, prefix: str) -> None:
     """Blender prints the path of a missing image as it is, with line ends."""
     secret = tmp_path / "id_ed25519"
     secret.write_text("key")
@@ -288,7 +288,7 @@ def test_a_line_that_the_scene_forges_moves_no_file(tmp_path: Path, prefix: str)
     assert secret.read_text() == "key"
 
 
-def test_a_line_without_an_end_before_a_message_does_not_hide_it(tmp_path: Path) -> None:
+def test_an_unterminated_line_does_not_hide_the_next_message(tmp_path: Path) -> None:
     assert attack(tmp_path, prints="Warning: " + "x" * 3_000_000).exit_code == 0
 
 
@@ -308,12 +308,12 @@ def test_a_line_without_an_end_before_a_message_does_not_hide_it(tmp_path: Path)
         (json.dumps({"error": "a\x1b[31m\nb"}), "a?[31m?b"),
     ],
 )
-def test_a_message_that_is_none_ends_the_render_with_one_line(tmp_path: Path, line: str, want: str) -> None:
+def test_an_invalid_message_ends_the_render_with_one_line(tmp_path: Path, line: str, want: str) -> None:
     assert want in error_of(attack(tmp_path, ours=[line]))
     assert not list((tmp_path / "out").rglob("*.exr"))
 
 
-def test_names_are_no_markup_and_send_no_control_codes(tmp_path: Path) -> None:
+def test_names_are_printed_without_markup_or_control_codes(tmp_path: Path) -> None:
     done = attack(tmp_path, note="view layer 'beauty [/x] [red]\x1b]0;title\x07\u202e' is rendered :smile:")
     assert done.exit_code == 0, done.output
     assert "view layer 'beauty [/x] [red]?]0;title??' is rendered :smile:" in done.stderr
@@ -326,7 +326,7 @@ def test_names_are_no_markup_and_send_no_control_codes(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["blender.log", "render.json"])
 @pytest.mark.parametrize("linked", [False, True])
 @pytest.mark.parametrize("options", [(), ("--overwrite",)])
-def test_files_of_others_beside_the_frames_are_kept(
+def test_foreign_files_beside_the_frames_are_kept(
     tmp_path: Path, name: str, *, linked: bool, options: tuple[str, ...]
 ) -> None:
     path, other = tmp_path / "out" / "render" / name, tmp_path / "other"
@@ -338,7 +338,7 @@ def test_files_of_others_beside_the_frames_are_kept(
     assert path.read_text() == "mine"
 
 
-def test_settings_of_others_are_kept_and_in_nobodys_way(tmp_path: Path) -> None:
+def test_foreign_settings_are_kept_and_do_not_block(tmp_path: Path) -> None:
     path = tmp_path / "out" / "render" / "settings.json"
     path.parent.mkdir(parents=True)
     path.write_text("mine")
@@ -346,7 +346,7 @@ def test_settings_of_others_are_kept_and_in_nobodys_way(tmp_path: Path) -> None:
     assert path.read_text() == "mine"
 
 
-def test_a_file_of_others_that_appears_meanwhile_is_kept(tmp_path: Path) -> None:
+def test_a_foreign_file_that_appears_during_the_run_is_kept(tmp_path: Path) -> None:
     late = tmp_path / "out" / "render" / "0007.exr"
 
     def appear() -> None:
@@ -363,7 +363,7 @@ def test_a_file_of_others_that_appears_meanwhile_is_kept(tmp_path: Path) -> None
     assert late.read_text() == "mine"
 
 
-def test_a_link_in_place_of_a_frame_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_link_in_place_of_a_frame_is_not_accepted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The temporary names of a run are drawn, but a program could look at the folder."""
     monkeypatch.setattr("supersampler.integrations.blender.render.secrets.token_hex", lambda _: "01234567")
     (tmp_path / "secret").write_text("key")
@@ -385,7 +385,7 @@ def test_a_blender_that_ignores_signals_is_killed(tmp_path: Path) -> None:
 
 
 @pytest.mark.long  # waits for seconds
-def test_a_program_that_blender_started_and_left_behind_does_not_make_the_command_wait(
+def test_a_process_orphaned_by_blender_does_not_block_the_command(
     tmp_path: Path,
 ) -> None:
     began = time.monotonic()
@@ -469,7 +469,7 @@ def test_the_last_line_of_a_command_that_fails_is_the_error(extension: Any, tmp_
         extension.Run([str(tmp_path / "nowhere")], tmp_path, 3)
 
 
-def test_a_cancelled_command_ends_and_is_no_error(extension: Any, tmp_path: Path) -> None:
+def test_a_cancelled_command_ends_without_an_error(extension: Any, tmp_path: Path) -> None:
     running = run(extension, tmp_path)
     wait_until(running, 1)
     running.cancel()
@@ -478,7 +478,7 @@ def test_a_cancelled_command_ends_and_is_no_error(extension: Any, tmp_path: Path
     assert (running.done, running.error) == (1, "")
 
 
-def test_its_commands_are_understood(extension: Any, tmp_path: Path) -> None:
+def test_the_extensions_commands_are_accepted(extension: Any, tmp_path: Path) -> None:
     rendered = extension.render_command(
         "supersampler",
         str(scene_file(tmp_path)),

@@ -69,7 +69,7 @@ def test_a_name_in_wide_use_is_recognised_in_any_order(ours: str, names: list[st
 @pytest.mark.parametrize(
     "name", ["Crypto00.R", "Denoising Depth.Z", "P.Z", "backward.u", "diffuse.R", "N.Z", "specular.R"]
 )
-def test_other_names_have_no_meaning(name: str) -> None:
+def test_unknown_channel_names_have_no_meaning(name: str) -> None:
     usual = {"color": COLOR, "depth": DEPTH, "motion": MOTION}
     channels = [name, *(name for group in usual.values() for name in group)]
     assert recognised_map(Path("f.exr"), channels) == usual

@@ -85,14 +85,14 @@ def test_jitter_that_counts_shaded_frames_is_fine(ratio: float, start: int) -> N
     assert warnings_of_jitter(own) == []
 
 
-def test_one_place_in_the_pixel_is_another_mistake_and_few_frames_are_none() -> None:
+def test_constant_jitter_is_another_mistake_and_few_frames_are_none() -> None:
     constant = [replace(frame, jitter=(0.3, 0.3)) for frame in jittered(lambda i: i)]
     assert warnings_of_jitter(constant) == []
     assert warnings_of_jitter(jittered(lambda i: i, count=31)) == []
     assert warnings_of_jitter(jittered(lambda i: i), "off") == []
 
 
-def test_what_moves_before_something_else_is_fine() -> None:
+def test_an_object_moving_in_front_of_another_passes() -> None:
     check_all([DiscOverPlane().frame(i, (128, 72), halton_jitter(i, 2.0)) for i in range(5)])
 
 
@@ -109,7 +109,7 @@ def test_motion_is_not_held_against_a_frame_that_it_does_not_lead_to() -> None:
 
 
 @pytest.mark.parametrize("name", ["black", "all sky", "noise", "one pixel", "not shaded"])
-def test_images_that_tell_nothing_are_fine(frames: list[Frame], name: str) -> None:
+def test_images_without_evidence_pass(frames: list[Frame], name: str) -> None:
     def change(frame: Frame) -> Frame:
         assert frame.color is not None
         if name == "black":
@@ -221,7 +221,7 @@ def test_clipped_colour_is_a_hint_that_never_raises(frames: list[Frame]) -> None
         check_all([replace(frames[0], color=np.minimum(frames[0].color * 2, 1))])
 
 
-def test_off_reads_nothing(frames: list[Frame]) -> None:
+def test_checks_turned_off_read_nothing(frames: list[Frame]) -> None:
     FrameChecker("off").check(with_pixel(frames[0], "color", np.nan), DISPLAY)
 
 
@@ -248,7 +248,7 @@ def test_the_checker_keeps_no_buffer_of_the_caller(frames: list[Frame]) -> None:
 
 
 @pytest.mark.parametrize("exposure", [1e30, 1e-20])
-def test_an_exposure_that_is_not_used_is_said(exposure: float) -> None:
+def test_an_exposure_outside_the_usable_range_is_reported(exposure: float) -> None:
     strict = FrameChecker("strict")
     strict.check(noise(0, exposure=1e6), (64, 36), ())
     with pytest.raises(FrameError, match=r"exposure is 1e.*want 6e-08 to 1.7e"):
@@ -317,7 +317,7 @@ def test_light_that_is_clipped_at_1_in_one_channel_or_two_is_hinted_at(channels:
 
 @pytest.mark.parametrize("field", ["color", "depth", "motion"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_one_value_that_is_no_number_is_found_and_its_place_is_said(field: str, value: float) -> None:
+def test_a_single_nan_is_found_and_located(field: str, value: float) -> None:
     array = getattr(frame(), field).copy()
     array[7, 5] = value
     said = complaint(frame(**{field: array}))
@@ -441,7 +441,7 @@ def test_three_frames_of_a_start_are_read_and_each_kind_is_warned_of_once() -> N
         checker.reset()
 
 
-def test_what_is_kept_of_frames_goes_once_no_more_are_read() -> None:
+def test_frames_kept_for_checks_are_freed_after_the_last_read() -> None:
     checker = FrameChecker("warn")
     for index in range(3):
         checker.check(frame(jitter=halton_jitter(index, 2.0)), (160, 120))

@@ -46,7 +46,7 @@ def spread(value: float, share: float, fill: float = 0.5) -> Float32:
     (1.0, 1.0, False), (0.0, 1.0, False), (1.0005, 1.0, False), (-0.0005, 1.0, False),
     (1.002, 0.009, False), (1.002, 0.011, True), (-0.002, 0.011, True),
 ])  # fmt: skip
-def test_shares_are_from_0_to_1_but_for_rounding_and_a_hundredth(
+def test_fractions_are_in_0_to_1_but_for_rounding_and_a_hundredth(
     value: float, share: float, found: bool
 ) -> None:
     assert ("outside [0, 1]" in complaint("gbuffer_roughness", spread(value, share))) is found
@@ -128,7 +128,7 @@ def test_depth_is_0_at_the_sky_and_never_less() -> None:
     assert "negative, as small as -0.001" in complaint("gbuffer_display_depth", sky)
 
 
-def test_a_few_places_that_both_depths_know_tell_nothing() -> None:
+def test_a_few_places_known_to_both_depths_are_no_evidence() -> None:
     for known, found in ((99, False), (100, True)):
         depth = spread(0.3, known / PIXELS, fill=0.0)
         said = complaint("gbuffer_display_depth", np.float32(2.0) * doubled(depth), depth)

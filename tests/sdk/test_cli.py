@@ -131,7 +131,7 @@ def test_a_stopped_run_continues_to_the_same_images(
     assert image_files(tmp_path / "out") == after
 
 
-def test_a_page_that_is_asked_for_later_has_all_frames(shot: Path, tmp_path: Path) -> None:
+def test_a_page_requested_later_has_all_frames(shot: Path, tmp_path: Path) -> None:
     run("upscale", shot, "-o", tmp_path / "out")
     before = image_files(tmp_path / "out")
     assert run("upscale", shot, "-o", tmp_path / "out", "--compare").exit_code == 0
@@ -247,7 +247,7 @@ def test_info_knows_every_method_and_says_where_no_weights_ship(name: str) -> No
         (("train", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
     ],
 )
-def test_a_misspelt_word_is_answered_with_the_one_that_it_is_like(
+def test_a_misspelt_word_is_answered_with_the_nearest_one(
     words: tuple[str, ...], hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -411,7 +411,7 @@ def test_any_file_of_an_option_is_one_line_of_error(tmp_path: Path, option: str,
     assert not (tmp_path / "out").exists()
 
 
-def test_names_in_a_file_have_no_say_over_the_terminal(one_frame: Path) -> None:
+def test_names_in_a_file_cannot_control_the_terminal(one_frame: Path) -> None:
     content = (one_frame / "shot.json").read_text().replace('"tiny"', '"\\u001b[2J\\nwhat"')
     (one_frame / "shot.json").write_text(content)
     done = CliRunner().invoke(app, ["info", str(one_frame)])
@@ -532,7 +532,7 @@ def test_a_missing_extra_is_one_line_that_names_it(
     "words",
     [["--help"], ["bench", "--help"], ["bench", "latency", "--help"], ["train", "--help"], ["info", "plaza"]],
 )
-def test_output_that_nobody_reads_ends_without_a_word(words: list[str]) -> None:
+def test_a_closed_output_pipe_ends_without_a_message(words: list[str]) -> None:
     done = subprocess.run([sys.executable, "-c", CLOSED, *words], capture_output=True, text=True)
     assert done.stderr == ""
 

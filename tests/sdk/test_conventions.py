@@ -109,7 +109,7 @@ def test_presets_take_overrides_and_survive_json(preset: Callable[..., Conventio
     assert Conventions.from_json(conventions.to_json()) == conventions
 
 
-def test_the_default_copies_nothing() -> None:
+def test_default_conventions_copy_nothing() -> None:
     frame = make_frame(0, (5, 3))
     raw = Conventions().converter().from_frame(frame)
     again = Conventions().converter().to_frame(raw)
@@ -235,7 +235,7 @@ def test_the_sky_is_zero(conventions: Conventions, sky: float) -> None:
     assert one_pixel(conventions, depth=sky).depth[0, 0] == 0.0
 
 
-def test_what_cannot_be_converted_names_the_field() -> None:
+def test_an_inconvertible_field_is_named() -> None:
     converter = Conventions().converter()
     depth, motion = np.ones((2, 3), np.float32), np.zeros((2, 3, 2), np.float32)
     frame = Frame(color=None, depth=depth * 0.01, motion=motion, jitter=(0, 0))
@@ -326,7 +326,7 @@ def test_jittered_motion_loses_the_difference_of_both_jitters() -> None:
 
 
 @pytest.mark.parametrize(("size", "previous"), [(RENDER, (0.1, 0.2)), ((6, 4), (0.2, 0.4))])
-def test_a_frame_that_is_passed_over_counts_for_the_next_ones_jitter(
+def test_a_skipped_frame_counts_for_the_next_frames_jitter(
     size: tuple[int, int], previous: tuple[float, float]
 ) -> None:
     """In pixels of its own size: 0.2 of a pixel half as large is 0.1."""

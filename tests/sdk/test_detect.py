@@ -104,14 +104,14 @@ def test_motion_at_display_size_is_found(frames: list[Frame]) -> None:
     assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
-def test_a_shot_is_as_it_states() -> None:
+def test_a_shot_matches_its_description() -> None:
     detection = detect_conventions(Shot.open("plaza"), frames=4)
     assert detection.agrees, detection.summary()
     assert "as stated" in detection.summary()
     assert all(verdict.certain for verdict in detection.verdicts)
 
 
-def test_what_was_stated_stands_where_planes_cannot_be_seen(frames: list[Frame]) -> None:
+def test_stated_conventions_stand_without_visible_planes(frames: list[Frame]) -> None:
     stated = Conventions(depth="forward", near=0.1, far=100.0, motion_flip_y=True)
     wrong = replace(stated, motion_flip_y=False)
     detection = detect_conventions(planted(frames, stated), conventions=wrong)
@@ -144,7 +144,7 @@ def test_without_jitter_it_cannot_tell(frames: list[Frame]) -> None:
     assert detection.conventions.jitter_sign == -1  # as stated
 
 
-def test_black_frames_tell_nothing(frames: list[Frame]) -> None:
+def test_black_frames_are_no_evidence(frames: list[Frame]) -> None:
     raws = planted(frames, Conventions())
     detection = detect_conventions(
         [replace(raw, color=raw.color * 0) for raw in raws if raw.color is not None]
@@ -220,7 +220,7 @@ def units(found: set[tuple[str, int, bool]]) -> set[str]:
     return {unit for unit, _, _ in found}
 
 
-def test_a_jitter_that_never_changes_tells_nothing() -> None:
+def test_constant_jitter_is_no_evidence() -> None:
     assert readings((0.1, 0.2), (0.1, 0.2)) == set()
 
 
@@ -303,7 +303,7 @@ def test_depth_and_motion_of_another_shape_are_refused(fields: dict[str, Any]) -
         FrameProbe.of_raw(raw(**fields), Conventions())
 
 
-def test_what_cannot_be_told_is_said_with_the_reason() -> None:
+def test_undecidable_conventions_are_reported_with_the_reason() -> None:
     jitters = [{"jitter_unit": "pixels", "jitter_sign": 1, "jitter_flip_y": False}]
     assert "texture" in rank_motion([], jitters, Conventions()).reason
     assert "texture" in rank_jitter([], jitters, Conventions()).reason

@@ -147,7 +147,7 @@ def test_acescg_is_converted_to_rec_709_before_the_tone_curve() -> None:
     assert np.ptp(shown[0, 1]) < 1e-5  # grey stays grey: the white point is adapted
 
 
-def test_pixels_that_are_no_numbers_are_shown_all_the_same() -> None:
+def test_nan_pixels_are_displayed() -> None:
     broken = np.array([[[np.nan, 0.1, 0.1], [np.inf, 0.1, 0.1]]], np.float32)
     for options in (
         {},
@@ -224,7 +224,7 @@ def test_a_view_takes_the_colour_space_of_the_shot_into_account() -> None:
         ({"color_space": "rot"}, r"color_space is 'rot'; want one of linear, root\. Did you mean 'root'\?"),
     ],
 )
-def test_a_name_that_the_configuration_has_not_is_refused_before_any_image(
+def test_a_name_missing_from_the_configuration_is_refused_before_any_image(
     config: str, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(ArgumentError, match=message):
@@ -276,7 +276,7 @@ def test_no_image_is_refused(config: str) -> None:
         display_transform_from(ocio=config).show(LIGHT[..., 0])
 
 
-def test_settings_say_all_that_the_values_depend_on(config: str) -> None:
+def test_settings_record_all_that_the_values_depend_on(config: str) -> None:
     transform = display_transform_from(ocio=config, view="Root", exposure=1.5)
     settings = transform.to_json()
     assert settings == {

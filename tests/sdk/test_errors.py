@@ -69,7 +69,7 @@ def test_all_error_classes_are_found() -> None:
         (check_ratio, ((1.0, 3.0), (10, 10), (100, 100)), FrameError),
     ],
 )
-def test_a_pool_of_processes_hands_errors_on(
+def test_a_pool_of_processes_passes_errors_on(
     function: Callable[..., object], arguments: tuple[object, ...], kind: type[Exception]
 ) -> None:
     with multiprocessing.get_context("spawn").Pool(1) as pool, pytest.raises(kind):

@@ -113,7 +113,7 @@ def test_tensors_are_refused_rather_than_forgotten(taau: Model) -> None:
         make(taau).step_tensors({}, jitter=(0.0, 0.0))
 
 
-def test_what_extrapolates_is_no_upscaler_and_an_upscaler_does_not_extrapolate(taau: Model) -> None:
+def test_extrapolation_models_and_upscaling_models_are_not_interchangeable(taau: Model) -> None:
     assert extrapolation_names() == ["guided-flow", "guided-warp"]
     assert not set(extrapolation_names()) & set(model_names())
     for use in (
@@ -152,7 +152,7 @@ def test_stats_tell_extrapolated_frames_from_shaded_ones(taau: Model) -> None:
     assert stats.seconds > 0.0
 
 
-def test_checks_find_nothing_wrong_with_right_frames_of_either_kind() -> None:
+def test_correct_shaded_and_unshaded_frames_pass_the_checks() -> None:
     scene = LitScene(velocity=(2.0, 1.0), radius=8.0, disc_velocity=(-1.0, 0.5), sky=6.0)
     upscaler = make(shared_model("bilinear"), validate="strict", display_size=(256, 144))
     for index, kind in enumerate("ssuusususs"):

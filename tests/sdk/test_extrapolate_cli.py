@@ -52,7 +52,9 @@ def test_upscale_renders_the_frames_that_were_not_shaded_and_resumes(folder: Pat
     assert "5 of 5 frames are bit-identical to the recorded ones" in said(run("replay", recording))
 
 
-def test_without_it_the_frame_and_the_way_to_draw_it_are_named(folder: Path, tmp_path: Path) -> None:
+def test_an_unshaded_frame_without_extrapolation_is_named_with_the_option(
+    folder: Path, tmp_path: Path
+) -> None:
     refused = run("upscale", folder, "--method", "bilinear", "-o", tmp_path)
     assert refused.exit_code == 1
     assert "frame 1: frame.color is None" in said(refused)
@@ -65,7 +67,7 @@ def test_results_of_another_extrapolation_are_not_continued(folder: Path, tmp_pa
     assert "extrapolation was" in said(run(*arguments))
 
 
-def test_what_extrapolates_is_listed_apart_and_does_not_upscale(tmp_path: Path) -> None:
+def test_extrapolation_models_are_listed_separately_and_do_not_upscale(tmp_path: Path) -> None:
     assert re.search(r"models .*taau .*extrapolation guided-flow, guided-warp", said(run("info")))
     assert "computes the colour of unshaded frames" in said(run("info", "guided-warp"))
     refused = run("upscale", "plaza", "--method", "guided-warp", "-o", tmp_path)

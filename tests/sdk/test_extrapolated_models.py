@@ -179,7 +179,7 @@ def test_a_recording_knows_both_graphs(joint: Model, tmp_path: Path) -> None:
         Replay(open_recording(file), model=other)
 
 
-def test_info_says_what_steps_on_extrapolated_frames(folder: Path) -> None:
+def test_info_names_the_model_for_extrapolated_frames(folder: Path) -> None:
     lines = CliRunner().invoke(app, ["info", str(folder)]).output.splitlines()
     assert [line.split() for line in lines if line.startswith("extrapolated frames")] == [
         ["extrapolated", "frames", "by", "the", "model", "in", "extrapolated"]

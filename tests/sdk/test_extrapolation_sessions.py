@@ -93,7 +93,7 @@ def refused(upscaler: Upscaler, kind: str) -> None:
 
 @pytest.mark.parametrize("kind", REFUSED)
 @pytest.mark.parametrize("before", ["ss", "su"])
-def test_a_frame_that_is_refused_changes_nothing(make: Make, kind: str, before: str) -> None:
+def test_a_refused_frame_changes_nothing(make: Make, kind: str, before: str) -> None:
     one, other = make(), make()
     run(one, before), run(other, before)
     refused(other, kind)

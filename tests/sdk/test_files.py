@@ -41,9 +41,7 @@ def test_only_leftovers_of_the_files_that_were_being_written_are_removed(tmp_pat
         (".", "holds"), ("other/..", "holds"),
     ],
 )  # fmt: skip
-def test_an_output_that_is_holds_or_lies_in_the_input_is_refused(
-    tmp_path: Path, output: str, relation: str
-) -> None:
+def test_an_output_that_overlaps_the_input_is_refused(tmp_path: Path, output: str, relation: str) -> None:
     (tmp_path / "shot" / "exr").mkdir(parents=True)
     (tmp_path / "other").mkdir()
     (tmp_path / "link").symlink_to("shot")

@@ -252,7 +252,7 @@ def test_a_palette_is_read_as_its_colours_and_grey_is_refused(tmp_path: Path) ->
         import_channels(tmp_path, {**MAP, **color_map("png")}, conventions=SRGB)
 
 
-def test_how_an_exr_stores_colour_is_known(tmp_path: Path) -> None:
+def test_the_color_encoding_of_an_exr_is_known(tmp_path: Path) -> None:
     for kind, dtype in (("half", np.float16), ("float", np.float32)):
         image = {name: VALUES[..., 0].astype(dtype if name in "RGB" else np.float32) for name in NAMES}
         write_exr(tmp_path / kind / "1.exr", image)
@@ -381,7 +381,7 @@ def luminance_chroma(width: int = 8, height: int = 4) -> bytes:
     return header + struct.pack(f"<{height}Q", *offsets) + body
 
 
-def test_luminance_and_chroma_are_named_with_what_converts_them_and_not_called_damaged(
+def test_luminance_chroma_images_are_refused_with_a_converter(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "s.0001.exr").write_bytes(luminance_chroma())
@@ -449,7 +449,7 @@ def test_tiles_and_rows_from_the_bottom_are_the_image(tmp_path: Path) -> None:
             np.testing.assert_array_equal(image[name], smooth()[..., index])
 
 
-def test_of_a_file_with_smaller_copies_the_largest_is_read(tmp_path: Path) -> None:
+def test_the_largest_level_of_a_mipmapped_file_is_read(tmp_path: Path) -> None:
     image = smooth(64, 32)[..., :3]  # powers of two are not resampled
     write(tmp_path / "plain.exr", image, NAMES_FEATURES[:3])
     path = tmp_path / "mip.exr"

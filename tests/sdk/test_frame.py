@@ -65,7 +65,7 @@ def test_sizes_are_width_first_and_arrays_height_first() -> None:
     assert frame.depth.shape == (18, 32)
 
 
-def test_a_frame_that_was_not_shaded_has_no_color() -> None:
+def test_an_unshaded_frame_has_no_color() -> None:
     assert noise(1, color=None).size == (32, 18)
 
 
@@ -94,7 +94,7 @@ def test_a_frame_cannot_be_changed() -> None:
         noise(1).reset = True  # type: ignore[misc]
 
 
-def test_the_message_says_what_the_docs_promise() -> None:
+def test_the_message_is_that_of_the_docs() -> None:
     with pytest.raises(FrameError) as caught:
         Frame(
             color=np.zeros((45, 80, 3), np.float32),
@@ -110,7 +110,7 @@ def test_the_message_says_what_the_docs_promise() -> None:
 
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("all_first", [True, False])
-def test_channels_first_is_said_with_the_call_that_turns_them(channels: int, all_first: bool) -> None:
+def test_channels_first_arrays_are_refused_with_the_transpose_to_use(channels: int, all_first: bool) -> None:
     depth, motion = np.zeros((H, W), np.float32), np.zeros((H, W, 2), np.float32)
     if all_first:
         depth, motion = depth[None], motion.transpose(2, 0, 1)
@@ -140,7 +140,7 @@ def test_other_orders_of_axes_are_said(name: str, shape: tuple[int, ...], hint: 
         Frame(**inputs, jitter=(0.0, 0.0))  # type: ignore[arg-type]
 
 
-def test_a_step_of_what_is_no_frame_says_what_to_pass_and_shows_no_pixels() -> None:
+def test_a_step_without_a_frame_names_the_argument_and_prints_no_pixels() -> None:
     shot = Shot.open("plaza")
     item = shot.read(0)
     upscaler = Upscaler("bilinear", display_size=(640, 360))

@@ -83,7 +83,7 @@ def test_a_still_scene_is_frozen_after_two_periods_and_stays_bit_for_bit(method:
 
 
 @pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
-def test_what_is_left_out_changes_no_bit_of_images_maps_and_states(method: str) -> None:
+def test_skipping_changes_no_bit_of_images_maps_and_states(method: str) -> None:
     ours, theirs = make(method, threads=2), make(method, skip=False)
     changes = {2 * PERIOD + 5, 2 * PERIOD + 6, 4 * PERIOD + 9}
     for index in range(5 * PERIOD):
@@ -99,7 +99,7 @@ def test_what_is_left_out_changes_no_bit_of_images_maps_and_states(method: str) 
 
 
 @pytest.mark.parametrize(("method", "executor"), WAYS)
-def test_a_change_ends_it_around_itself_in_its_own_frame(method: str, executor: str) -> None:
+def test_a_change_unfreezes_its_surroundings_in_the_same_frame(method: str, executor: str) -> None:
     upscaler = make(method, executor)
     before = run(upscaler, range(2 * PERIOD + 2)).image
     after = run(upscaler, iter([scene(2 * PERIOD + 2, spot=True)]))
@@ -114,7 +114,7 @@ def test_a_change_ends_it_around_itself_in_its_own_frame(method: str, executor: 
 
 @pytest.mark.parametrize("change", [{"reset": True}, {"motion": np.full((38, 54, 2), 0.01, np.float32)}])
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
-def test_a_cut_and_a_camera_that_moves_end_it_everywhere(executor: str, change: dict[str, Any]) -> None:
+def test_a_cut_or_a_moving_camera_unfreezes_every_pixel(executor: str, change: dict[str, Any]) -> None:
     upscaler = make("taau", executor)
     run(upscaler, range(2 * PERIOD + 2))
     run(upscaler, iter([scene(2 * PERIOD + 2, **change)]))
@@ -122,7 +122,7 @@ def test_a_cut_and_a_camera_that_moves_end_it_everywhere(executor: str, change: 
 
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
-def test_off_shows_the_methods_own_image(executor: str) -> None:
+def test_at_rest_off_shows_the_methods_own_image(executor: str) -> None:
     mean, own = make("taau", executor), make("taau", executor, at_rest="off")
     rested = run(mean, range(2 * PERIOD + 2))
     result = run(own, range(2 * PERIOD + 2))
@@ -133,7 +133,7 @@ def test_off_shows_the_methods_own_image(executor: str) -> None:
     assert np.abs(own.step(scene(3)) - result.image).max() > 0.0
 
 
-def test_off_on_tensors_is_off_on_arrays() -> None:
+def test_off_for_tensors_equals_off_for_arrays() -> None:
     session, arrays = (make("taau", "onnx", at_rest="off") for _ in range(2))
     for index in range(2 * PERIOD + 2):
         frame = scene(index)
@@ -189,7 +189,7 @@ def test_where_half_of_the_frames_are_extrapolated_it_converges_on_the_shaded_on
 
 
 @pytest.mark.parametrize("method", ["taa", "bilinear"])
-def test_a_method_without_a_mean_says_so(method: str) -> None:
+def test_converged_is_none_for_a_method_without_a_mean(method: str) -> None:
     upscaler = Upscaler(method, display_size=DISPLAY, validate="off")
     upscaler.step(scene(0))
     assert upscaler.stats.converged is None
@@ -218,7 +218,7 @@ def test_the_share_weighs_each_block_by_its_pixels() -> None:
         ("signatures", (0, 0, 0, 0), np.inf, "history.signatures"),
     ],
 )
-def test_a_state_with_what_no_step_writes_is_refused(name: str, at: Any, value: float, match: str) -> None:
+def test_a_state_with_values_no_step_writes_is_refused(name: str, at: Any, value: float, match: str) -> None:
     state = still_state()
     history = {key: array.copy() for key, array in (state.history or {}).items()}
     history[f"history.{name}"][at] = value

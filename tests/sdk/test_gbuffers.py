@@ -69,7 +69,7 @@ def by_hand(frame: Frame, previous: NDArray[np.float32]) -> tuple[NDArray[np.flo
     return 0.9 * image + 0.1 * previous, image
 
 
-def test_a_method_reads_the_buffers_that_it_asks_for(model: Model) -> None:
+def test_a_method_reads_the_buffers_it_declares(model: Model) -> None:
     assert (model.executor, model.info.gbuffers, model.info.only_ratio) == ("onnx", WANTED, RATIO)
     one, previous = upscaler(model), np.zeros((*DISPLAY[::-1], 3), np.float32)
     for seed in (1, 2, 0, 3):
@@ -273,7 +273,7 @@ def test_a_recording_of_a_method_without_buffers_has_none(tmp_path: Path) -> Non
     assert (step.frame.gbuffer, step.frame.gbuffer_display) == (None, None)
 
 
-def test_what_frames_lack_is_what_nothing_stands_in_for() -> None:
+def test_only_inputs_without_a_default_count_as_missing() -> None:
     assert lacking(WANTED, WANTED[1:]) == []
     assert lacking(WANTED, WANTED[:1]) == list(WANTED[1:])
     alone = ("gbuffer_normal",)
@@ -459,7 +459,7 @@ def test_info_and_check_say_which_buffers_there_are(folder: Path, gbuffer_model:
 
 
 @pytest.mark.parametrize("names", [(), WANTED, WANTED[:1], ("gbuffer_display_depth", "gbuffer_normal")])
-def test_a_shot_reads_the_buffers_that_are_named(folder: Path, names: tuple[str, ...]) -> None:
+def test_a_shot_reads_the_named_buffers(folder: Path, names: tuple[str, ...]) -> None:
     whole = list(Shot.open(folder))
     assert all(names_of(item.frame) == [*GBUFFERS] for item in whole)
     for item, all_of_it in zip(Shot.open(folder).frames(gbuffers=names), whole, strict=True):

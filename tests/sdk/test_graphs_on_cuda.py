@@ -56,7 +56,7 @@ def graph_at_one_size(path: Path, optimized: Path) -> onnx.GraphProto:
 
 
 @pytest.mark.parametrize("path", graphs())
-def test_all_that_is_left_of_a_graph_at_one_size_runs_on_cuda(path: Path, tmp_path: Path) -> None:
+def test_a_graph_frozen_to_one_size_runs_on_cuda(path: Path, tmp_path: Path) -> None:
     left = graph_at_one_size(path, tmp_path / "optimized.onnx")
     written = onnx.shape_inference.infer_shapes(onnx.load(path), strict_mode=True).graph
     values = (*written.input, *written.value_info, *written.output)

@@ -138,7 +138,7 @@ def test_a_cropped_render_is_refused(tmp_path: Path) -> None:
         (np.zeros((2, 3, 4), np.float32), r"is \(2, 3, 4\); want \(h, w, 3\) for the channels R, G, B"),
     ],
 )
-def test_what_an_exr_cannot_store_is_refused_and_leaves_nothing(
+def test_values_that_exr_cannot_store_are_refused_and_leave_no_file(
     tmp_path: Path, image: np.ndarray | dict[str, np.ndarray], message: str
 ) -> None:
     with pytest.raises(ShotError, match=message):

@@ -148,7 +148,7 @@ def test_a_linear_depth_states_its_range_in_scene_units(tmp_path: Path) -> None:
     np.testing.assert_allclose(shot.read(0).frame.depth, NEAR / scene.distance[0], rtol=1e-4)
 
 
-def test_a_range_that_puts_0_on_a_code_keeps_what_is_at_rest_at_rest(tmp_path: Path) -> None:
+def test_a_range_with_a_code_for_0_keeps_zero_exact(tmp_path: Path) -> None:
     write_capture(tmp_path, captured(1))
     code = np.full((HEIGHT, WIDTH), 32768)
     write_png(tmp_path / "mv" / "mv_0001.png", np.stack([code >> 8, code & 255] * 2, -1).astype(np.uint8))
@@ -217,7 +217,7 @@ def test_a_wrong_packing_is_named(tmp_path: Path, name: str, value: dict[str, An
         opened(tmp_path, {name: value})
 
 
-def test_a_byte_that_the_files_lack_is_named(tmp_path: Path) -> None:
+def test_a_missing_byte_is_named(tmp_path: Path) -> None:
     write_capture(tmp_path, captured(1))
     bytes_of = [["mv/*.png:R", "mv/*.png:G"], ["mv/*.png:B", "mv/*.png:X"]]
     with pytest.raises(ShotError, match=r"mv_0001\.png: has no channel X\. It has R, G, B, A"):

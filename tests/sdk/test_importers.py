@@ -90,7 +90,7 @@ def test_passes_that_can_be_blended_and_metadata_stay_with_a_copy_and_its_result
         assert metadata.items() >= {"Camera": "Main", "Frame": "01"}.items()
 
 
-def test_of_several_complete_layers_one_must_be_chosen(tmp_path: Path) -> None:
+def test_one_of_several_complete_layers_must_be_chosen(tmp_path: Path) -> None:
     write_blender(tmp_path, "A", "B")
     with pytest.raises(ArgumentError, match="layer is None; want one of A, B"):
         import_blender(tmp_path)
@@ -99,7 +99,7 @@ def test_of_several_complete_layers_one_must_be_chosen(tmp_path: Path) -> None:
     assert_is_the_scene(import_blender(tmp_path, layer="B", cuts=[CUT]))
 
 
-def test_a_blender_file_without_motion_says_which_pass_to_turn_on(tmp_path: Path) -> None:
+def test_a_blender_file_without_motion_names_the_pass_to_enable(tmp_path: Path) -> None:
     write_exr(
         tmp_path / "0001.exr", {name: a for name, a in blender_frame(0, "V").items() if "Vector" not in name}
     )
@@ -151,7 +151,7 @@ def test_blenders_frame_numbers_and_names_are_kept(tmp_path: Path) -> None:
 # --- `import_channels`: signs, units and order of the imported frames ---
 
 
-def test_a_channel_map_reads_anybodys_files(tmp_path: Path) -> None:
+def test_a_channel_map_reads_files_of_any_renderer(tmp_path: Path) -> None:
     write_channels(tmp_path)
     shot = import_channels(
         tmp_path,
@@ -364,7 +364,7 @@ def test_a_safetensors_file_that_is_cut_off_is_named(tmp_path: Path, kept: int, 
 # --- `open_source`: it detects each layout, and names what it found otherwise ---
 
 
-def test_the_layout_is_guessed_from_what_is_there(tmp_path: Path) -> None:
+def test_the_layout_is_detected_from_the_files(tmp_path: Path) -> None:
     blender = open_source(write_blender(tmp_path / "blender", "V"), cuts=[CUT])
     channels = open_source(
         write_channels(tmp_path / "channels"), layout="channels", channel_map=MAP, conventions=CONVENTIONS,
@@ -380,7 +380,7 @@ def test_the_layout_is_guessed_from_what_is_there(tmp_path: Path) -> None:
             assert_same_shot(copy, shot)
 
 
-def test_what_cannot_be_guessed_is_answered_with_what_was_found(tmp_path: Path) -> None:
+def test_an_unrecognised_layout_is_answered_with_the_channels_found(tmp_path: Path) -> None:
     with pytest.raises(ShotError, match=r"nowhere: there is no such file or folder\. Known are"):
         open_source(tmp_path / "nowhere")
     with pytest.raises(ShotError, match="holds nothing"):

@@ -109,7 +109,7 @@ def test_a_surface_that_moved_agrees_where_it_was_and_not_off_screen() -> None:
     assert (surface_agreement(now, away) == MIN_AGREEMENT).all()
 
 
-def test_a_computed_colour_is_stepped_on_like_an_extrapolated_one() -> None:
+def test_a_computed_colour_is_stepped_like_an_extrapolated_one() -> None:
     upscaler = Upscaler("taau", display_size=DISPLAY_SIZE, validate="off")
     upscaler.step(lit(0, light=1.0))
     unshaded = lit(1, light=1.0, shaded=False)

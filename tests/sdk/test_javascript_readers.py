@@ -210,7 +210,7 @@ def attacks_by_images() -> dict[str, tuple[bytes, str]]:
     }  # fmt: skip
 
 
-def test_images_that_attack_are_refused_by_what_is_wrong(tmp_path: Path) -> None:
+def test_malicious_images_are_refused_with_the_reason(tmp_path: Path) -> None:
     (tmp_path / "none").mkdir()
     attacks = attacks_by_images()
     said = answers("images", tmp_path / "none", [{"a.exr": data} for data, _ in attacks.values()], tmp_path)
@@ -310,7 +310,7 @@ def write_tiny(folder: Path) -> dict[str, Any]:
     return content
 
 
-def test_what_no_shot_can_say_is_refused_by_its_place(tmp_path: Path) -> None:
+def test_an_invalid_shot_json_is_refused_by_field(tmp_path: Path) -> None:
     content = write_tiny(tmp_path / "shot")
     cases = [{"shot.json": edited(content, edit)} for edit, _ in SHOT_EDITS.values()]
     said = answers("shot", tmp_path / "shot", cases, tmp_path)
@@ -401,7 +401,7 @@ def shader_edits(content: dict[str, Any]) -> dict[str, tuple[Edit, str]]:
     }  # fmt: skip
 
 
-def test_descriptions_of_shaders_that_attack_are_refused_by_their_place(tmp_path: Path) -> None:
+def test_malicious_shader_descriptions_are_refused_by_field(tmp_path: Path) -> None:
     write_shader_folder("classifier", tmp_path / "shaders")
     content = json.loads((tmp_path / "shaders" / "upscaler.json").read_text())
     edits = shader_edits(content)

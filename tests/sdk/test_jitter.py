@@ -105,7 +105,7 @@ def test_the_image_moves_by_minus_jitter_under_any_projection(name: str) -> None
     np.testing.assert_allclose(moved, [still[0] - 0.25, still[1] + 0.375], atol=1e-9)
 
 
-def test_what_the_pixel_centre_sees_with_jitter_lies_at_centre_plus_jitter_without() -> None:
+def test_the_jittered_pixel_centre_sees_the_point_at_centre_plus_jitter() -> None:
     projection, size, jitter = PROJECTIONS["orthographic"], (20, 10), (0.3, 0.4)
     jittered = jittered_projection(projection, jitter, size)
     centre = np.array([(7.5 / 20) * 2 - 1, 1 - (3.5 / 10) * 2, 0.0, 1.0])  # of pixel (7, 3), in clip space

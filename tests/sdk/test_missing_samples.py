@@ -45,7 +45,7 @@ def assert_shows_what_is_near(upscaler: Upscaler) -> None:
 
 
 @pytest.mark.parametrize(("method", "executor"), SHADED)
-def test_a_hole_in_every_frame_shows_what_is_around_it(method: str, executor: str) -> None:
+def test_a_hole_in_every_frame_is_filled_from_its_surroundings(method: str, executor: str) -> None:
     assert_shows_what_is_near(make(method, executor))
 
 
@@ -60,7 +60,7 @@ def test_a_sample_that_lacks_one_channel_is_missing_as_a_whole(method: str, exec
 
 
 @pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-large"])
-def test_so_it_does_on_the_gpu(method: str) -> None:
+def test_a_hole_in_one_frame_shows_the_history_on_the_gpu(method: str) -> None:
     device_or_skip()
     try:
         upscaler = make(method, "gpu")

@@ -106,9 +106,7 @@ OK = "0" * 64
         ({"contract": True}, r"at `\$\.contract`, is True"),
     ],
 )
-def test_a_field_of_model_json_that_is_not_as_it_must_be_is_named(
-    members: dict[str, Any], match: str, folder: Path
-) -> None:
+def test_a_wrong_field_of_model_json_is_named(members: dict[str, Any], match: str, folder: Path) -> None:
     change(folder, **members)
     with pytest.raises(ModelError, match=rf"model\.json: .*{match}"):
         read_model_info(folder)
@@ -127,14 +125,14 @@ def test_a_field_of_model_json_that_is_not_as_it_must_be_is_named(
         (b"", "is not JSON"),
     ],
 )
-def test_a_model_json_that_is_none_is_refused(content: bytes, match: str, folder: Path) -> None:
+def test_an_invalid_model_json_is_refused(content: bytes, match: str, folder: Path) -> None:
     (folder / "model.json").write_bytes(content)
     with pytest.raises(ModelError, match=match):
         read_model_info(folder)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
-def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_or_device_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "model.json")
     with pytest.raises(ShotError, match="is no regular file"):
         read_json(tmp_path / "model.json", 10)
@@ -186,16 +184,14 @@ def test_constants_that_kernels_do_not_compute_with_are_refused(
 
 
 @pytest.mark.parametrize("strides", [[-5], [1, 1 << 40], "1359", [1.5], [1] * 8])
-def test_kernels_extrapolate_with_no_rings_that_they_are_not_made_for(
-    strides: object, tmp_path: Path
-) -> None:
+def test_unsupported_rings_run_in_onnx_runtime(strides: object, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(find_model("guided-warp"), tmp_path / "model"))
     config = json.loads((folder / "model.json").read_text())["config"]
     change(folder, config={**config, "strides": strides})
     assert Extrapolator(folder, [CPU], 1).executor == "onnx"
 
 
-def test_kernels_leave_a_history_that_they_do_not_know_to_the_graph(folder: Path) -> None:
+def test_kernels_leave_an_unknown_history_to_the_graph(folder: Path) -> None:
     history = json.loads((folder / "model.json").read_text())["history"]
     history[1]["shape"][1] = 7
     change(folder, history=history)
@@ -236,7 +232,7 @@ def learned(tmp_path: Path) -> Path:
         ({"0.first.bias": np.zeros(1 << 20, np.float32)}, "bytes"),
     ],
 )
-def test_an_array_that_kernels_do_not_read_so_is_named(
+def test_an_array_in_an_unsupported_layout_is_named(
     changes: dict[str, Any], match: str, learned: Path
 ) -> None:
     network_with(learned, changes)
@@ -253,7 +249,7 @@ def test_kernels_read_no_weights_beyond_a_narrow_decoder_s() -> None:
     assert not weights[:, INPUT_PLANES + 4 :].any()
 
 
-def test_nothing_is_made_room_for_that_a_file_merely_claims(learned: Path) -> None:
+def test_claimed_sizes_allocate_no_memory(learned: Path) -> None:
     """A bomb of zeros, and a header of an array that is not there."""
     claims = np.lib.format.magic(1, 0) + (118).to_bytes(2, "little")
     claims += b"{'descr': '|i1', 'fortran_order': False, 'shape': (1099511627776,), }".ljust(117) + b"\n"
@@ -350,7 +346,7 @@ def test_other_files_damage_and_depth_are_refused() -> None:
     assert "own format" in str(refusal_of(b"\x08\0\0\0ORTM" + content))
 
 
-def test_a_graph_of_a_stranger_is_read_before_onnx_runtime_sees_it(folder: Path) -> None:
+def test_a_foreign_graph_is_checked_before_onnx_runtime_loads_it(folder: Path) -> None:
     replace_file(folder, "step.onnx", model_of(IDENTITY, tensors=[external()]).SerializeToString())
     with pytest.raises(ModelError, match=r"step\.onnx: has data in other files"):
         Model.load(folder, executor="onnx")
@@ -359,7 +355,7 @@ def test_a_graph_of_a_stranger_is_read_before_onnx_runtime_sees_it(folder: Path)
         Model.load(folder, executor="onnx")
 
 
-def test_a_graph_that_fails_as_it_runs_is_an_error_of_ours_and_changes_nothing(tmp_path: Path) -> None:
+def test_a_graph_that_fails_while_running_raises_a_typed_error_and_changes_nothing(tmp_path: Path) -> None:
     folder = Path(shutil.copytree(find_model("bilinear"), tmp_path / "model"))
     nodes = [helper.make_node("Identity", ["color"], ["image"])]  # of the frame's size, not the display's
     model = model_of(*nodes)

@@ -71,7 +71,7 @@ def equal(left: Any, right: Any) -> bool:
 
 @pytest.mark.parametrize("method", model_names())
 @pytest.mark.parametrize("executor", ["auto", "onnx"])
-def test_steps_are_the_same(method: str, executor: str) -> None:
+def test_steps_are_the_same_under_raising_numpy_errors(method: str, executor: str) -> None:
     how = {"validate": "warn", "executor": executor, "threads": 1}
     plain = images_of(method, how)
     with np.errstate(all="raise"):
@@ -81,7 +81,7 @@ def test_steps_are_the_same(method: str, executor: str) -> None:
 
 
 @pytest.mark.parametrize("extrapolation", extrapolation_names())
-def test_extrapolated_frames_raise_nothing(extrapolation: str) -> None:
+def test_extrapolated_frames_raise_no_error(extrapolation: str) -> None:
     with np.errstate(all="raise"), warnings.catch_warnings():
         warnings.simplefilter("ignore", FrameWarning)
         upscaler = Upscaler("taau", scale=2, extrapolation=extrapolation)
@@ -130,7 +130,7 @@ def calls() -> Iterator[Callable[[], object]]:
 
 
 @pytest.mark.parametrize("index", range(6))
-def test_calls_on_images_raise_nothing(index: int) -> None:
+def test_calls_on_images_raise_no_error(index: int) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FrameWarning)
         with np.errstate(all="raise"):

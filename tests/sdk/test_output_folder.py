@@ -48,7 +48,7 @@ def refused(shot: Path, output: Path, *options: object) -> str:
 
 @pytest.mark.parametrize("where", ["shot", "shot/out", ".", "link", "link/out"])
 @pytest.mark.parametrize("options", [(), ("--overwrite",)])
-def test_a_folder_that_is_holds_or_lies_in_the_shot_is_refused_and_nothing_changes(
+def test_an_output_that_overlaps_the_shots_folder_is_refused(
     shot: Path, where: str, options: tuple[str, ...]
 ) -> None:
     (shot.parent / "link").symlink_to("shot")
@@ -101,9 +101,7 @@ def test_a_foreign_file_in_the_way_is_named_and_nothing_changes(
     assert content(tmp_path) == before
 
 
-def test_a_file_of_others_is_no_result_and_is_not_replaced_when_a_run_continues(
-    shot: Path, tmp_path: Path
-) -> None:
+def test_a_resumed_run_neither_counts_nor_replaces_a_foreign_file(shot: Path, tmp_path: Path) -> None:
     results = Results(tmp_path / "out", ImageOptions())
     assert results.begin({}, 4, overwrite=False) == 0
     results.list_files(0)
@@ -117,7 +115,7 @@ def test_a_file_of_others_is_no_result_and_is_not_replaced_when_a_run_continues(
     assert read_exr(tmp_path / "out" / "0001.exr")["R"].max() == 1.0
 
 
-def test_a_page_of_others_is_not_replaced(shot: Path, tmp_path: Path) -> None:
+def test_a_foreign_page_is_not_replaced(shot: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     (out / "compare.html").write_text("mine")
@@ -150,9 +148,7 @@ app({arguments!r})
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 @pytest.mark.parametrize("before", [True, False])
-def test_a_killed_run_has_listed_what_it_wrote_and_continues(
-    shot: Path, tmp_path: Path, before: bool
-) -> None:
+def test_a_killed_run_has_listed_its_files_and_continues(shot: Path, tmp_path: Path, before: bool) -> None:
     out = tmp_path / "out"
     arguments = ["upscale", str(shot), "-o", str(out), "--method", "bilinear"]
     tests = str(Path(__file__).parents[1])
@@ -199,7 +195,7 @@ def test_links_in_the_place_of_listed_files_are_neither_followed_nor_removed(
 
 
 @pytest.mark.parametrize("option", ["--record", "-o"])
-def test_what_is_in_the_way_of_a_recording_or_of_the_images_of_a_replay_is_named_and_kept(
+def test_files_in_the_way_of_a_recording_or_replay_are_named_and_kept(
     shot: Path, tmp_path: Path, option: str
 ) -> None:
     recording, out = tmp_path / "a.recording", tmp_path / "out"
@@ -243,7 +239,7 @@ def test_an_import_into_its_source_is_refused(shot: Path, where: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["0000.exr", "0001.exr"])
-def test_a_shot_is_not_written_over_files_of_others(shot: Path, tmp_path: Path, name: str) -> None:
+def test_a_shot_does_not_overwrite_foreign_files(shot: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / "copy").mkdir()
     (tmp_path / "copy" / name).write_bytes(b"mine")
     with pytest.raises(ShotError, match=rf"{name}: is there already, and shot\.json does not list it"):

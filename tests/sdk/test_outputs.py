@@ -296,7 +296,7 @@ def test_alpha_is_kept_beside_straight_colours(tmp_path: Path, name: str) -> Non
     np.testing.assert_allclose(linear["R"][INSIDE & (ALPHA > 0)], multiplied, rtol=3e-3)
 
 
-def test_what_is_covered_is_shown_as_without_alpha(tmp_path: Path) -> None:
+def test_opaque_pixels_are_shown_as_without_alpha(tmp_path: Path) -> None:
     image, aovs = np.full((2, 3, 3), 0.4, np.float32), np.ones((2, 3, 1), np.float32)
     options = ImageOptions(formats=["tif", "mp4"])
     video = options.write(tmp_path, 1, OutputImage(image=image, exposure=1.0, aovs=aovs))

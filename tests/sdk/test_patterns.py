@@ -115,7 +115,7 @@ def test_a_wrong_pattern_is_answered_with_those_that_are_there(
         open_source(tmp_path / pattern, conventions=CONVENTIONS)
 
 
-def test_a_map_whose_pattern_has_no_field_is_refused(tmp_path: Path) -> None:
+def test_a_map_whose_pattern_lacks_a_field_is_refused(tmp_path: Path) -> None:
     write_channels(tmp_path)
     with pytest.raises(ShotError, match=r"0000\.exr: has no field for the frame number\. Did you mean ####"):
         import_channels(tmp_path, {**MAP, "depth": "0000.exr:depth.V"}, conventions=CONVENTIONS)
@@ -128,7 +128,7 @@ def test_two_files_with_one_number_are_refused_with_the_patterns_that_part_them(
         open_source(tmp_path, conventions=CONVENTIONS)
 
 
-def test_a_pattern_is_no_shot_of_another_layout(tmp_path: Path) -> None:
+def test_a_pattern_is_not_opened_as_another_layout(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="path is a pattern; want a folder or file"):
         open_source(tmp_path / "####.exr", layout="shot")
 

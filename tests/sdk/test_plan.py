@@ -57,6 +57,6 @@ def test_multiply_adds_are_those_of_the_network() -> None:
     assert Upscaler.plan(RENDER, DISPLAY, "taau").multiply_adds == 0
 
 
-def test_a_ratio_that_the_method_has_not_is_refused() -> None:
+def test_a_ratio_that_the_method_lacks_is_refused() -> None:
     with pytest.raises(FrameError, match="ratio"):
         Upscaler.plan((64, 36), (640, 360))

@@ -128,7 +128,7 @@ PLANTED: dict[str, tuple[Callable[[Frame], Frame], str]] = {
 }  # fmt: skip
 
 
-def test_right_frames_pass_without_a_word(shots: Shots) -> None:
+def test_correct_frames_pass_silently(shots: Shots) -> None:
     assert messages(shots.right) == ""
     assert messages(shots.right, "strict") == ""
     detection = detect_conventions([Conventions().converter().from_frame(frame) for frame in shots.right])
@@ -145,7 +145,7 @@ def test_a_planted_mistake_is_the_only_one_named(shots: Shots, name: str) -> Non
 
 
 @pytest.mark.parametrize("name", ["motion zero", "bytes", "bottom-up", "reset"])
-def test_what_no_right_frame_looks_like_is_refused(shots: Shots, name: str) -> None:
+def test_an_implausible_frame_is_refused(shots: Shots, name: str) -> None:
     change, message = PLANTED[name]
     checker, size = FrameChecker("strict"), shots.right[0].size
 
@@ -181,7 +181,7 @@ def test_check_blames_the_rows_of_vtk_where_nothing_is_stated(shots: Shots) -> N
     assert found.depth == "forward_infinite"
 
 
-def test_jitter_that_is_not_in_the_image_is_said(shots: Shots) -> None:
+def test_jitter_missing_from_the_image_is_reported(shots: Shots) -> None:
     assert messages(shots.fixed).startswith("frame.jitter is not in the image")
     assert "frame.jitter is not in the image" in notes(shots.fixed)
     assert "motion_jittered" not in notes(shots.fixed)
@@ -197,13 +197,13 @@ def test_a_wide_pixel_filter_is_hinted_at(shots: Shots) -> None:
     assert "of the edges of depth" in messages(shots.filtered, "strict")
 
 
-def test_coarse_motion_is_said_with_its_step(shots: Shots) -> None:
+def test_coarse_motion_is_reported_with_its_step(shots: Shots) -> None:
     larger = [replace(frame, motion=frame.motion.astype(np.float32) * 3) for frame in shots.right]
     assert "frame.motion is in steps of 0.5 pixels" in messages([coarse_motion(frame) for frame in larger])
     assert "in steps" not in messages(larger)
 
 
-def test_a_depth_buffer_with_a_far_plane_is_to_be_given_its_planes(shots: Shots) -> None:
+def test_a_depth_buffer_with_a_far_plane_needs_its_planes(shots: Shots) -> None:
     near, far = 0.5 / float(max(frame.depth.max() for frame in shots.right)), 1e4
     unit = [replace(frame, depth=frame.depth * np.float32(near)) for frame in shots.right]
     frames = [misread(frame, depth="forward", near=near, far=far) for frame in unit]
@@ -227,7 +227,7 @@ def test_depth_that_is_linear_along_planes_is_not_said_to_be_a_distance() -> Non
     assert "that of a parallel projection" in detection.depth.reason
 
 
-def test_resets_of_other_images_are_no_mistake() -> None:
+def test_resets_on_different_images_are_not_a_mistake() -> None:
     chance = np.random.default_rng(0)
     frames = []
     for index in range(5):

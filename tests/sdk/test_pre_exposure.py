@@ -114,7 +114,7 @@ def test_another_pre_exposure_is_refused_and_the_history_is_as_it_was(bad: Any) 
     np.testing.assert_array_equal(ours.step(noise(1, RENDER)), theirs.step(noise(1, RENDER)))
 
 
-def test_tensors_have_it_too() -> None:
+def test_tensors_accept_pre_exposure() -> None:
     ours, theirs = make("taau", "onnx"), make("taau", "onnx")
     for index, factor in enumerate((1.0, 8.0, 0.25)):
         frame = exposed(theirs, index, factor, 1.0)

@@ -10,7 +10,7 @@ from supersampler_bench.timing.pareto import ParetoRecord, at_ratio, presets
 MEASURED = Path(__file__).parents[2] / "bench" / "supersampler_bench" / "pareto.json"
 
 
-def test_presets_are_the_points_of_the_frontier_that_their_rule_chooses() -> None:
+def test_presets_are_the_frontier_points_chosen_by_their_rule() -> None:
     chosen = presets(at_ratio(ParetoRecord.from_json(read_record(MEASURED)).points, 2.0))
     shipped = {name: (p.model, p.precision) for name, p in PRESETS.items()}
     assert {

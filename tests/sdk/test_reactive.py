@@ -78,7 +78,7 @@ def test_the_weight_of_the_history_is_what_the_mask_leaves(method: str, executor
 
 
 @pytest.mark.parametrize(("method", "executor"), PLACED)
-def test_it_acts_at_its_own_samples_alone(method: str, executor: str) -> None:
+def test_a_mask_acts_only_at_its_own_samples(method: str, executor: str) -> None:
     """Half of the frame is masked: a pixel whose nearest sample is not is what it was, bit for bit."""
     half = mask()
     half[:, W // 2 :] = 0.0
@@ -101,7 +101,7 @@ def test_fully_reactive_is_the_image_of_this_frame_alone(method: str, executor: 
 
 
 @pytest.mark.parametrize(("method", "executor"), WEIGHED)
-def test_of_a_fully_reactive_history_nothing_is_left(method: str, executor: str) -> None:
+def test_a_fully_reactive_mask_removes_the_history(method: str, executor: str) -> None:
     """Earlier light does not show."""
     images = []
     for light in (0.0, 50.0):
@@ -118,7 +118,7 @@ def test_of_a_fully_reactive_history_nothing_is_left(method: str, executor: str)
 
 
 @pytest.mark.parametrize(("method", "executor"), PLACED)
-def test_a_missing_sample_shows_the_history_whatever_the_mask_says(method: str, executor: str) -> None:
+def test_a_missing_sample_shows_the_history_under_any_mask(method: str, executor: str) -> None:
     plain, masked = begun(method, executor), begun(method, executor)
     frame = frame_for(plain, 4, exposure=1.0)
     color = np.full((H, W, 3), np.nan, np.float32)
@@ -176,7 +176,7 @@ def still(upscaler: Upscaler, index: int) -> Frame:
 
 
 @pytest.mark.parametrize("method", sorted({method for method, kind in TEMPORAL if kind == "cpu"}))
-def test_the_cpu_backend_makes_of_it_what_the_graph_makes(method: str) -> None:
+def test_the_cpu_backend_treats_a_mask_as_the_graph_does(method: str) -> None:
     """At odd sizes, with pre-exposure: mean, 99.9 % quantile and largest difference of display values."""
     exact = method in ("taa", "taau")
     backends, off = (make(method, "cpu"), make(method, "onnx")), []

@@ -91,7 +91,7 @@ def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], nam
         np.testing.assert_equal(image, again)
 
 
-def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
+def test_frozen_pixels_are_frozen_in_the_replay(models: dict[str, Model], file: Path) -> None:
     """Frozen pixels are part of a state."""
     still = noise(0, motion=np.zeros((18, 32, 2), np.float32), exposure=1.0)
     period = [replace(still, jitter=halton_jitter(index, 2.0)) for index in range(32)]
@@ -107,7 +107,7 @@ def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
     assert all(step.exact for step in replayed(file))
 
 
-def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path) -> None:
+def test_recorded_calls_are_read_unchanged(models: dict[str, Model], file: Path) -> None:
     frame = with_all_inputs(1, (32, 18))
     with recorded(models["taau"], file, scale=2.0, display_size=None, at_rest="off") as upscaler:
         upscaler.step(frame, outputs=["aovs"])
@@ -136,9 +136,7 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
         assert str(file.parent).encode() not in item.read_bytes()  # no path of the user's
 
 
-def test_values_that_no_image_has_are_read_as_they_were_handed_in(
-    models: dict[str, Model], file: Path
-) -> None:
+def test_extreme_values_are_recorded_unchanged(models: dict[str, Model], file: Path) -> None:
     frame = with_all_inputs(0, (32, 18))
     frame = replace(frame, color=np.array(frame.color), depth=np.array(frame.depth))
     odd = np.array([[np.nan, np.inf], [-np.inf, 1e-45]], np.float32)
@@ -151,7 +149,7 @@ def test_values_that_no_image_has_are_read_as_they_were_handed_in(
     np.testing.assert_equal(found.frame.depth, frame.depth)
 
 
-def test_a_buffer_that_was_given_another_shape_is_refused_and_the_recording_goes_on(file: Path) -> None:
+def test_a_buffer_reshaped_in_place_is_refused_and_the_recording_continues(file: Path) -> None:
     frame = replace(noise(0), gbuffer={"normal": np.zeros((18, 32, 3), np.float32)})
     assert frame.gbuffer is not None
     frame.gbuffer["normal"].shape = (32, 18, 3)
@@ -163,7 +161,7 @@ def test_a_buffer_that_was_given_another_shape_is_refused_and_the_recording_goes
     assert [step.exact for step in replayed(file)] == [True]
 
 
-def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
+def test_recorded_tensors_are_replayed_as_tensors(file: Path) -> None:
     with recorded(shared_model("taau", executor="onnx"), file, validate="strict") as upscaler:
         for seed in range(3):
             frame = noise(seed)
@@ -202,7 +200,7 @@ def test_frames_that_checks_refuse_are_refused_again_in_the_same_words(
     assert refused.note.endswith(", as recorded")
 
 
-def test_a_wrong_call_and_ctrl_c_are_no_part_of_a_recording(
+def test_wrong_calls_and_ctrl_c_are_not_recorded(
     models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupt(*_: object, **__: object) -> None:
@@ -239,7 +237,7 @@ def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
     assert [step.exact for step in replayed(file)] == [True, None, True]
 
 
-def test_a_bug_that_raised_there_and_not_here_is_told(
+def test_a_replay_reports_an_error_that_only_one_side_raised(
     models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:
@@ -274,7 +272,7 @@ def test_another_executor_is_within_tolerance_and_another_image_is_not(
     assert not other[0].within
 
 
-def test_a_model_of_the_users_own_is_asked_for(models: dict[str, Model], file: Path) -> None:
+def test_a_recording_of_a_custom_model_asks_for_its_folder(models: dict[str, Model], file: Path) -> None:
     own = file.parent / "mine"
     shutil.copytree(models["taau"].info.folder, own)
     with recorded(Model.load(own, threads=1), file) as upscaler:
@@ -395,7 +393,7 @@ def test_a_recording_of_another_version_is_refused(content: object, message: str
         open_recording(file)
 
 
-def test_what_is_no_recording_is_refused(file: Path) -> None:
+def test_a_path_that_is_not_a_recording_is_refused(file: Path) -> None:
     with pytest.raises(RecordingError, match="there is no such folder"):
         open_recording(file)
     file.mkdir(parents=True)
@@ -406,7 +404,7 @@ def test_what_is_no_recording_is_refused(file: Path) -> None:
         open_recording(file / "shot.json")
 
 
-def test_a_recording_that_is_there_is_not_written_over(models: dict[str, Model], file: Path) -> None:
+def test_an_existing_recording_is_not_overwritten(models: dict[str, Model], file: Path) -> None:
     recorded(models["taau"], file).close()
     before = contents(file)
     with pytest.raises(RecordingError, match=r"is there already\. Choose another name"):
@@ -498,7 +496,7 @@ def begun(model: Model, file: Path) -> Upscaler:
         {"extrapolation": {"folder": "x"}},
     ],
 )
-def test_a_setup_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: Model, file: Path) -> None:
+def test_an_invalid_setup_is_refused(changes: dict[str, Any], taau: Model, file: Path) -> None:
     begun(taau, file).close()
     setup = json.loads((file / "recording.json").read_text())
     (file / "recording.json").write_text(json.dumps({**setup, **changes}))
@@ -531,7 +529,7 @@ def test_a_setup_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: 
         (None, "Expected `object`"),
     ],
 )
-def test_a_call_that_no_upscaler_writes_is_refused(
+def test_an_unknown_call_in_a_recording_is_refused(
     record: object, message: str, taau: Model, file: Path
 ) -> None:
     begun(taau, file).close()

@@ -134,7 +134,7 @@ def test_bright_light_of_one_frame_leaves_no_more_than_a_cut(method: str, execut
         assert figure.value < CHANCE * figure.bound, figure
 
 
-def test_pixels_that_are_no_number_do_not_pull_the_history_of_taau_to_their_neighbours() -> None:
+def test_nan_pixels_do_not_pull_the_history_of_taau_to_their_neighbours() -> None:
     for figure in figures("color", "taau", "cpu"):
         assert figure.value < CHANCE * figure.bound, figure
 

@@ -48,7 +48,7 @@ def test_a_replay_of_an_upscaled_shot_is_the_same_images(file: Path, tmp_path: P
     assert image_files(tmp_path / "again") == image_files(tmp_path / "out")
 
 
-def test_another_executor_is_told_and_tolerated(file: Path) -> None:
+def test_another_executor_is_reported_and_tolerated(file: Path) -> None:
     done = run("replay", file, "--executor", "onnx")
     assert done.exit_code == 0
     assert "CPU (onnx, fp32)" in done.stdout
@@ -65,7 +65,7 @@ def test_another_image_is_exit_code_1(file: Path, tmp_path: Path) -> None:
     assert len(list((tmp_path / "png").glob("*.png"))) == COUNT
 
 
-def test_a_recording_of_frames_that_are_there_has_all_of_them(file: Path, shot: Path, tmp_path: Path) -> None:
+def test_a_recording_of_existing_frames_holds_all_of_them(file: Path, shot: Path, tmp_path: Path) -> None:
     before = image_files(tmp_path / "out")
     again = ("upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record", tmp_path / "b")
     assert run(*again).exit_code == 0
@@ -73,7 +73,7 @@ def test_a_recording_of_frames_that_are_there_has_all_of_them(file: Path, shot: 
     assert image_files(tmp_path / "out") == before
 
 
-def test_refused_frames_warnings_and_an_end_too_early_are_told(tmp_path: Path) -> None:
+def test_refused_frames_warnings_and_an_early_end_are_reported(tmp_path: Path) -> None:
     color = np.array(noise(1).color)
     color[2, 2] = np.nan
     upscaler = Upscaler("taau", display_size=(64, 36), record=tmp_path / "a")
@@ -100,13 +100,13 @@ def test_a_frame_in_which_the_process_ended_is_announced(file: Path) -> None:
     assert f"{COUNT - 1} of {COUNT - 1} frames are bit-identical to the recorded ones." in done.stdout
 
 
-def test_a_folder_that_is_no_recording_is_one_line(shot: Path) -> None:
+def test_a_folder_that_is_not_a_recording_is_one_line(shot: Path) -> None:
     done = run("replay", shot)
     assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
     assert "shot: is not a recording" in done.stderr
 
 
-def test_a_damaged_file_is_an_error_after_what_is_to_be_said_of_the_frames_before(file: Path) -> None:
+def test_a_damaged_file_is_reported_after_the_findings_of_earlier_frames(file: Path) -> None:
     (file / CALL.format(COUNT)).write_bytes(b"damaged")
     done = run("replay", file)
     assert done.exit_code == 1
@@ -114,7 +114,7 @@ def test_a_damaged_file_is_an_error_after_what_is_to_be_said_of_the_frames_befor
     assert "is not a safetensors file" in done.stderr
 
 
-def test_a_strangers_file_has_no_say_over_the_terminal(file: Path) -> None:
+def test_a_foreign_file_cannot_control_the_terminal(file: Path) -> None:
     setup = json.loads((file / "recording.json").read_text())
     setup["machine"] = {"cpu": "\x1b[2J\nwhat"}
     (file / "recording.json").write_text(json.dumps(setup))

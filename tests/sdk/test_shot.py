@@ -71,7 +71,7 @@ def assert_same(a: Frame | RawFrame, b: Frame | RawFrame, *, tolerance: float = 
             np.testing.assert_array_equal(x[key], y[key])
 
 
-def test_what_is_written_is_read_in_order(tmp_path: Path) -> None:
+def test_written_frames_are_read_in_order(tmp_path: Path) -> None:
     shot = write_shot(tmp_path, license="CC0", attribution=["Ann"])
     assert (shot.name, shot.render_size, shot.display_size, shot.frame_rate) == (
         "test",
@@ -268,7 +268,7 @@ def without(channel: str) -> Spoil:
         ("reference/0002.exr", without("B"), "has no channel B. It has R, G"),
     ],
 )
-def test_a_bad_file_is_named_with_what_is_wrong_and_the_fix(
+def test_a_bad_file_is_named_with_the_problem_and_the_fix(
     tmp_path: Path, file: str, spoil: Spoil, message: str
 ) -> None:
     write_shot(tmp_path)
@@ -326,7 +326,7 @@ def test_a_write_that_fails_leaves_the_shot_as_it_was_and_can_be_repeated(
     assert_same(Shot.open(tmp_path).read(1).frame, frame(1), tolerance=1e-6)
 
 
-def test_a_frame_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+def test_a_frame_that_a_reader_would_refuse_is_not_written(tmp_path: Path) -> None:
     writer = ShotWriter(tmp_path, name="test", display_size=None, frame_rate=24)
     flat = np.zeros((9, 16), np.float32)
     with pytest.raises(FrameError, match=r"frame\.motion is of shape \(9, 16\)"):
@@ -453,7 +453,7 @@ ENTRY_KEYS = ("file", "jitter", "reset", "exposure", "reference", "typo")
 
 
 @pytest.mark.parametrize("display_size", [None, (16, 12)])
-def test_what_is_written_is_read(tmp_path: Path, display_size: tuple[int, int] | None) -> None:
+def test_written_values_are_read_back(tmp_path: Path, display_size: tuple[int, int] | None) -> None:
     info = replace(INFO, display_size=display_size)
     (tmp_path / "shot.json").write_text(shot_json(info, ENTRIES), encoding="utf-8")
     assert load_shot_json(tmp_path / "shot.json") == (info, ENTRIES)
@@ -490,7 +490,9 @@ def test_what_is_written_is_read(tmp_path: Path, display_size: tuple[int, int] |
         ({"typo": 1}, r"unknown field `typo` - at `\$\.frames\[1\]`"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path: Path, changes: dict[str, object], message: str) -> None:
+def test_invalid_fields_of_shot_json_are_named(
+    tmp_path: Path, changes: dict[str, object], message: str
+) -> None:
     path = write(tmp_path, **changes)
     with pytest.raises(ShotError, match=message) as caught:
         load_shot_json(path)
@@ -714,6 +716,6 @@ def test_a_shipped_shot_opens_by_name_unless_a_folder_has_that_name(
 @pytest.mark.parametrize(
     ("name", "hint"), [("sponza", "Shots that ship: plaza."), ("Plazza", "Did you mean 'plaza'?")]
 )
-def test_a_name_that_no_shot_has_is_answered_with_those_that_ship(name: str, hint: str) -> None:
+def test_an_unknown_shot_name_is_answered_with_the_shipped_shots(name: str, hint: str) -> None:
     with pytest.raises(ShotError, match=re.escape(hint)):
         Shot.open(name)

@@ -48,7 +48,7 @@ def assert_refused(state: Any, match: str) -> None:
     np.testing.assert_array_equal(one.step(frame(FRAMES)), other.step(frame(FRAMES)))
 
 
-def test_the_state_of_these_tests_holds_all_that_there_is() -> None:
+def test_the_tested_state_holds_every_tensor() -> None:
     state = still_state()
     assert state.version == STATE_VERSION
     assert {*STILL, "history.color", "history.aovs"} <= set(state.history or ())
@@ -69,7 +69,7 @@ def test_an_array_that_is_not_as_the_method_has_it_is_refused(name: str, cut: st
 
 @pytest.mark.parametrize("cut", CUTS)
 @pytest.mark.parametrize("name", ["history.color", "history.motion"])
-def test_an_array_to_extrapolate_from_is_refused_likewise(name: str, cut: str) -> None:
+def test_an_array_of_the_wrong_shape_to_extrapolate_from_is_refused(name: str, cut: str) -> None:
     state = still_state()
     array = CUTS[cut]((state.shaded or {})[name])
     if cut == "cut" and name == "history.motion":
@@ -89,7 +89,7 @@ def test_an_array_to_extrapolate_from_is_refused_likewise(name: str, cut: str) -
         ("history.signatures", np.inf),
     ],
 )
-def test_a_value_that_no_frame_leaves_is_refused(name: str, value: Any) -> None:
+def test_a_value_that_no_frame_produces_is_refused(name: str, value: Any) -> None:
     assert_refused(with_values(still_state(), name, value), f"'{name.replace('.', '[.]')}'")
 
 
@@ -129,7 +129,7 @@ def test_invalid_pixels_of_a_shaded_history_are_taken_as_those_of_a_frame() -> N
         ({"shaded": {}}, "without 'history.color'"),
     ],
 )
-def test_a_field_that_is_not_a_states_is_refused(changes: dict[str, Any], match: str) -> None:
+def test_an_invalid_field_of_a_state_is_refused(changes: dict[str, Any], match: str) -> None:
     assert_refused(replace(still_state(), **changes), match)
 
 
@@ -141,7 +141,7 @@ def test_an_array_of_no_known_name_is_refused() -> None:
     assert_refused(with_array(state, "history.more", np.zeros(1), "shaded"), "with 'history.more'")
 
 
-def test_a_state_that_was_pickled_before_states_had_a_version_is_refused() -> None:
+def test_a_pickled_state_without_a_version_is_refused() -> None:
     old = pickle.loads(pickle.dumps(still_state()))  # noqa: S301  # of our own
     del vars(old)["version"]
     assert_refused(pickle.loads(pickle.dumps(old)), "of version None; want 4")  # noqa: S301
@@ -166,7 +166,7 @@ def _images() -> list[tuple[str, Any]]:
     return [(name, array) for name, array in (still_state().shaded or {}).items() if array.ndim == 4]
 
 
-def test_a_state_shares_no_memory_with_whoever_loads_it() -> None:
+def test_a_loaded_state_shares_no_memory() -> None:
     state = pickle.loads(pickle.dumps(still_state()))  # noqa: S301  # of our own
     one, other = upscaler(), upscaler()
     one.load_state(state)

@@ -147,7 +147,7 @@ def test_small_errors_and_frames_without_evidence_give_no_finding() -> None:
     assert _better_reading(FramesSeen()) == ""
 
 
-def test_a_reading_that_leads_off_the_screen_counts_as_the_greatest_error() -> None:
+def test_a_reading_that_leads_off_screen_counts_as_the_largest_error() -> None:
     """Motion of one pixel is, read as UV, a whole screen."""
     frames = [Plane(checker, (2.0, 1.0)).frame(index, (96, 54), (0.0, 0.0)) for index in (0, 1)]
     seen = FramesSeen()
@@ -174,7 +174,7 @@ def verdict(*errors: float, stated: Conventions | None = None) -> Verdict:
     return ranked("motion", hypotheses, stated or Conventions())
 
 
-def test_a_verdict_is_sure_where_the_next_best_is_a_seventh_worse() -> None:
+def test_a_verdict_is_certain_if_the_runner_up_is_a_seventh_worse() -> None:
     near, clear = verdict(1.0, SURE - 0.01, 9.0), verdict(1.0, SURE + 0.01, 9.0)
     assert not near.certain
     assert near.overrides == {}
@@ -198,7 +198,7 @@ def test_a_margin_is_of_the_two_best_and_never_below_one() -> None:
     assert verdict(1.01, 9.0, 1.0, stated=Conventions(motion_unit="uv")).margin == 1.0
 
 
-def test_a_summary_says_what_was_found_or_why_not_and_what_to_write() -> None:
+def test_a_summary_gives_the_finding_or_the_reason_and_the_fix() -> None:
     motion, jitter = verdict(1.0, 3.0), Verdict("jitter", (), "it never changes")
     found = Conventions(motion_unit="uv")
     detection = Detection(motion, jitter, motion, Conventions(), found, ("A note.",))
@@ -239,7 +239,7 @@ def moved_edge(axis: int, sign: float, jitter_before: float) -> FramePair:
     return pair
 
 
-def test_a_vector_that_is_no_number_moves_no_pixel() -> None:
+def test_a_nan_vector_moves_no_pixel() -> None:
     motion = np.full((40, 40, 2), 0.5, np.float32)
     motion[:20] = np.nan
     frame = replace(even((0.1, 0.2), (40, 40)), motion=motion)
@@ -295,7 +295,7 @@ def test_a_jitter_that_is_wrong_in_one_axis_takes_a_larger_gain(axis: int) -> No
     assert wrong_amplitude(errors(x, y, 0.12), 2) is not None
 
 
-def test_one_pair_of_frames_and_a_right_jitter_say_nothing() -> None:
+def test_one_pair_of_frames_or_a_correct_jitter_gives_no_finding() -> None:
     assert wrong_amplitude(errors(0.5, 0.5, 0.2), 1) is None
     assert wrong_amplitude(errors(0.9, 1.1, 0.2), 2) is None
 
@@ -361,7 +361,7 @@ def test_linear_depth_is_sky_from_a_million_on() -> None:
 
 @pytest.mark.parametrize("row", [-2, -1, 0, 1, 2])
 @pytest.mark.parametrize("column", [-2, -1, 0, 1, 2])
-def test_a_surface_in_the_3x3_pixels_around_a_place_is_one_of_its_own(row: int, column: int) -> None:
+def test_a_surface_within_3x3_pixels_is_the_same_surface(row: int, column: int) -> None:
     """Depth was 0.2 everywhere; a pixel of 0.3 nearby says that what was there is no closer surface."""
     now, before = np.full((9, 9), 0.1, np.float32), np.full((9, 9), 0.2, np.float32)
     now[4 + row, 4 + column] = 0.3
@@ -370,7 +370,7 @@ def test_a_surface_in_the_3x3_pixels_around_a_place_is_one_of_its_own(row: int, 
     assert found == ((0, 0) if max(abs(row), abs(column)) < 2 else (1, 0))
 
 
-def test_a_surface_that_comes_a_little_closer_is_its_own() -> None:
+def test_a_slightly_closer_surface_is_the_same_surface() -> None:
     """An object that approaches, by 9 % of its distance in a frame, is no surface before a farther one."""
     middle, now = np.array([4]), np.full((9, 9), 0.2, np.float32)
 

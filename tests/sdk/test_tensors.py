@@ -38,7 +38,7 @@ def test_tensors_give_the_image_that_arrays_give(method: str) -> None:
     assert other.stats.resets == one.stats.resets
 
 
-def test_an_image_is_written_where_it_is_wanted() -> None:
+def test_an_image_is_written_into_the_given_buffer() -> None:
     frame, out = noise(1), torch.zeros(1, 3, *DISPLAY[::-1])
     assert upscaler().step_tensors(tensors_of(frame), jitter=frame.jitter, out=out) is out
     np.testing.assert_array_equal(out[0].permute(1, 2, 0).numpy(), upscaler().step(frame))
@@ -58,7 +58,7 @@ def test_an_image_is_written_where_it_is_wanted() -> None:
         ({"motion": None}, "motion"),
     ],
 )
-def test_a_tensor_that_does_not_fit_is_refused_by_name_and_the_history_stays(
+def test_a_misshapen_tensor_is_refused_by_name_and_the_history_stays(
     spoilt: Mapping[str, Any], name: str
 ) -> None:
     one, other = upscaler(), upscaler()

@@ -63,7 +63,7 @@ def test_jobs_are_done_together_each_in_shares_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("failing", [0, 1])
-def test_what_a_thread_raises_is_raised_once_none_is_at_work_and_the_next_work_is_done(failing: int) -> None:
+def test_an_error_in_a_thread_is_raised_after_all_finish_and_work_continues(failing: int) -> None:
     pool, begun, done = ThreadPool(2), [], []
 
     def work(y0: int, y1: int, worker: int) -> None:

@@ -64,7 +64,7 @@ def luma_difference(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_format_alone_is_in_the_folder_itself_and_the_same_as_among_others(
+def test_a_single_format_goes_into_the_folder_itself_with_the_same_content(
     shot: Path, every: Path, tmp_path: Path, name: str
 ) -> None:
     upscale(shot, tmp_path, *formats(name))
@@ -111,7 +111,7 @@ def stopped_at(position: int, shot: Path, output: Path, *options: str) -> str:
     return str(done.stderr)
 
 
-def test_a_video_alone_begins_anew_after_a_stop(shot: Path, every: Path, tmp_path: Path) -> None:
+def test_a_video_without_images_restarts_after_a_stop(shot: Path, every: Path, tmp_path: Path) -> None:
     said = stopped_at(2, shot, tmp_path, "--format", "mp4")
     assert f"Stopped: 0 of {COUNT} frames are complete." in said
     assert images(tmp_path) == {}
@@ -133,7 +133,7 @@ def test_images_beside_a_video_are_kept_after_a_stop_and_the_video_is_whole(
     assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
 
 
-def test_a_video_can_be_asked_for_later(shot: Path, every: Path, tmp_path: Path) -> None:
+def test_a_video_can_be_requested_later(shot: Path, every: Path, tmp_path: Path) -> None:
     upscale(shot, tmp_path)
     before = files(tmp_path)
     upscale(shot, tmp_path, *formats("exr", "mp4"))
@@ -253,7 +253,7 @@ def test_a_page_of_another_view_needs_overwrite(shot: Path, tmp_path: Path) -> N
         (("--format", "mp4"), "video.mp4: cannot be written: this PyAV has no encoder libnone"),
     ],
 )
-def test_a_display_or_codec_that_is_not_there_is_one_line_and_nothing_is_written(
+def test_a_missing_display_or_codec_is_one_line_and_nothing_is_written(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

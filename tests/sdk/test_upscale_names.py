@@ -75,16 +75,14 @@ def test_names_are_those_of_the_option_in_every_format(
     ["beauty", "", "../####", "a/####", "/####", "a\\####", "C:####", "####.####", "##_%04d", "%04d_%04d",
      ".####", "a\n####", "a*####", "####.exr", "beauty.####.png", "%99999999999d", "####" * 3 + " ####"],
 )  # fmt: skip
-def test_a_name_that_is_none_of_a_file_with_one_number_is_refused(
-    shot: Path, tmp_path: Path, name: str
-) -> None:
+def test_a_name_without_exactly_one_number_is_refused(shot: Path, tmp_path: Path, name: str) -> None:
     message = refusal("upscale", shot, "-o", tmp_path / "out", "--name", name)
     assert "--name is " in message
     assert "want a file name without extension, with one run of # for the number" in message
     assert not (tmp_path / "out").exists()
 
 
-def test_two_sequences_of_a_folder_are_not_taken_for_one_run(tmp_path: Path) -> None:
+def test_two_sequences_in_a_folder_are_not_one_run(tmp_path: Path) -> None:
     renders = write_renders(tmp_path / "in", {1: "left.0001"})
     write_renders(renders, {1: "right.0001"})
     options = ("--name", "####", "--method", "bilinear", *OURS)
@@ -108,9 +106,7 @@ EVIL: list[Any] = [
 
 
 @pytest.mark.parametrize("record", ["upscale.json", "upscale.0000-0001.json"])
-def test_a_record_that_lists_what_no_run_writes_removes_nothing(
-    shot: Path, tmp_path: Path, record: str
-) -> None:
+def test_a_record_with_foreign_entries_removes_nothing(shot: Path, tmp_path: Path, record: str) -> None:
     out = tmp_path / "below" / "out"
     options = ("--frames", "0-1") if record != "upscale.json" else ()
     upscale(shot, out, *options)

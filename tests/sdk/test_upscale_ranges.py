@@ -77,7 +77,7 @@ def test_a_range_begins_with_the_exposure_of_the_whole_run(
     assert images(tmp_path) == {name: want[name] for name in ("0018.png", "0019.png")}
 
 
-def test_a_gap_is_no_matter_outside_of_the_range_and_named_inside(tmp_path: Path) -> None:
+def test_a_gap_is_named_only_inside_the_range(tmp_path: Path) -> None:
     there = [*range(4), *range(6, 12), *range(14, 16)]
     renders = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in there})
     options = ("--preroll", "2", *OURS)
@@ -91,7 +91,7 @@ def test_a_gap_is_no_matter_outside_of_the_range_and_named_inside(tmp_path: Path
 
 
 @pytest.mark.parametrize(("ranges", "missing"), [("20-24", "24"), ("90-95", "90"), ("30", "30")])
-def test_a_frame_that_the_shot_has_not_is_named(
+def test_a_frame_missing_from_the_shot_is_named(
     shot: Path, tmp_path: Path, ranges: str, missing: str
 ) -> None:
     message = refusal("upscale", shot, "-o", tmp_path / "out", "--frames", ranges)
@@ -100,7 +100,7 @@ def test_a_frame_that_the_shot_has_not_is_named(
 
 
 @pytest.mark.parametrize("ranges", ["", "5-", "a", "5-3", "3,4", "10:20", "1x2", "3--5", "--3"])
-def test_a_range_that_is_none_is_refused(shot: Path, tmp_path: Path, ranges: str) -> None:
+def test_an_invalid_range_is_refused(shot: Path, tmp_path: Path, ranges: str) -> None:
     message = refusal("upscale", shot, "-o", tmp_path / "out", f"--frames={ranges}")
     assert "want FIRST-LAST, such as 10-50" in message
 

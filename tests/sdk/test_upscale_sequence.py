@@ -324,7 +324,7 @@ def test_a_stopped_command_continues_to_the_same_images(kept: int, tmp_path: Pat
     assert images(tmp_path / "out") == whole
 
 
-def test_other_passes_are_other_images(tmp_path: Path) -> None:
+def test_a_change_of_passes_needs_overwrite(tmp_path: Path) -> None:
     shot = write_shot(tmp_path / "shot", 3)
     upscale(shot, tmp_path / "out", method="taau")
     refused = run("upscale", shot, "-o", tmp_path / "out", "--passes", 2, "--method", "taau")

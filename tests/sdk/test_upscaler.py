@@ -54,7 +54,7 @@ def test_an_image_is_finite_linear_and_of_display_size(models: dict[str, Model],
 
 
 @pytest.mark.parametrize("name", TEMPORAL)
-def test_a_cut_forgets_all_before_it(models: dict[str, Model], name: str) -> None:
+def test_a_cut_drops_the_history(models: dict[str, Model], name: str) -> None:
     upscaler = make(models[name])
     first, again = upscaler.step(noise(0)), upscaler.step(noise(0, reset=False))
     assert np.abs(again - first).max() > 1e-3  # history matters...
@@ -124,7 +124,7 @@ def test_the_image_goes_into_the_callers_buffer(models: dict[str, Model], name: 
     np.testing.assert_array_equal(out, expected)
 
 
-def test_what_a_caller_does_with_an_image_stays_out_of_the_history(models: dict[str, Model]) -> None:
+def test_writing_into_a_returned_image_does_not_change_the_history(models: dict[str, Model]) -> None:
     careless, careful = make(models["taau"]), make(models["taau"])
     careless.step(noise(0))[:] = 1000
     careful.step(noise(0))
@@ -252,7 +252,7 @@ def test_a_bad_argument_is_named(
         Upscaler(models["taau"], **arguments)  # type: ignore[arg-type]
 
 
-def test_a_provider_that_is_not_there_is_refused_with_a_list() -> None:
+def test_an_unknown_provider_is_refused_with_a_list() -> None:
     with pytest.raises(ProviderError, match=r"'migraphx' is not in this installation.*CPUExecutionProvider"):
         Model.load("taau", providers="migraphx")
 

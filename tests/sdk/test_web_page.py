@@ -53,7 +53,7 @@ def own_files(site: Path) -> list[Path]:
     ]
 
 
-def test_all_that_the_page_loads_is_less_than_three_megabytes(site: Path) -> None:
+def test_the_page_loads_less_than_three_megabytes(site: Path) -> None:
     files = own_files(site)
     assert {f"models/{method}/upscaler.json" for method in with_shaders()} <= {
         path.relative_to(site).as_posix() for path in files
@@ -146,7 +146,7 @@ def test_other_paths_are_answered_with_404(url: str, path: str) -> None:
 
 
 @pytest.mark.parametrize("request_", [b"\r\n\r\n", b"\0\r\n\r\n", b"GET\r\n\r\n", b"PUT / HTTP/1.1\r\n\r\n"])
-def test_what_is_no_request_for_a_file_leaves_the_server_as_it_was(
+def test_malformed_requests_do_not_disturb_the_server(
     url: str, request_: bytes, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert b" 200 " not in answer_to(url, request_)
@@ -163,7 +163,7 @@ def test_what_is_no_request_for_a_file_leaves_the_server_as_it_was(
         ("evil.example:{port}", 421),
     ],
 )
-def test_a_page_of_another_site_whose_name_leads_here_gets_nothing(url: str, host: str, code: int) -> None:
+def test_a_request_under_a_foreign_host_name_is_refused(url: str, host: str, code: int) -> None:
     host = host.format(port=urlsplit(url).port)
     request = f"GET /index.html HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"
     assert f" {code} ".encode() in answer_to(url, request.encode())

@@ -89,7 +89,7 @@ class GpuRecord(BenchRecord):
             f"{s.method} {sum(one.median for one in s.passes):.2f} of {s.median:.2f}" for s in shown
         )
         caption = (
-            f"Passes with at least {MIN_FRACTION:.0%} of a step, {', '.join(_sizes(*pair) for pair in first)}; "
+            f"Passes of at least {MIN_FRACTION:.0%} of a step, {', '.join(_sizes(*pair) for pair in first)}; "
             f"each waits for the one before. Sums of all passes, ms: {sums}."
         )
         return table(["method", "pass", "ms:", "p95:"], rows, caption)

@@ -52,7 +52,7 @@ def test_tables_are_written_from_records_and_those_without_one_are_named_and_lef
 
 
 @pytest.mark.parametrize(("page", "name"), [("README.md", "cost"), ("docs/a.md", "unknown")])
-def test_a_number_that_is_in_no_record_fails_the_check_by_its_name(
+def test_a_number_that_no_record_holds_fails_the_check_by_name(
     repository: Path, page: str, name: str
 ) -> None:
     CliRunner().invoke(app, ["tables", str(repository)])
@@ -125,7 +125,7 @@ def test_a_record_is_due_where_its_models_or_its_command_have_changed(root: Path
 
 
 @pytest.mark.long  # runs commands in processes
-def test_a_command_that_fails_leaves_the_record_and_says_why(root: Path) -> None:
+def test_a_failing_command_keeps_the_record_and_gives_the_reason(root: Path) -> None:
     said: list[str] = []
     first, second = recipes(root)
     assert not measure(root, second, said.append)
@@ -150,14 +150,14 @@ def test_records_of_quality_hold_summaries_and_no_single_frames(root: Path, tmp_
         assert '"frames": [\n' not in path.read_text(encoding="utf-8"), path.name
 
 
-def test_the_list_measures_nothing(root: Path) -> None:
+def test_listing_measures_nothing(root: Path) -> None:
     result = CliRunner().invoke(app, ["records", "--list", "--root", str(root)])
     assert result.exit_code == 0, result.output
     assert "second: was never measured" in result.output
     assert "first" not in result.output
 
 
-def test_durations_are_said_in_seconds_minutes_or_hours() -> None:
+def test_durations_are_printed_in_seconds_minutes_or_hours() -> None:
     assert [clock(seconds) for seconds in (4.4, 119.0, 600.0, 5400.0)] == [
         "4 s",
         "2 min",

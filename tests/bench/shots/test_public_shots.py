@@ -114,7 +114,7 @@ def test_each_frame_has_its_reference_classes_and_both_g_buffers(opened: list[Pu
         assert {*item.frame.gbuffer, "depth"} == {*item.frame.gbuffer_display}
 
 
-def test_a_second_run_renders_nothing_and_another_driver_does_not_mix_in(
+def test_a_second_run_renders_nothing_and_another_driver_is_refused(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     generations = {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")}
@@ -125,7 +125,7 @@ def test_a_second_run_renders_nothing_and_another_driver_does_not_mix_in(
         render_test_shot(cache, TINY, "court")
 
 
-def test_what_a_worker_cannot_do_is_said(cache: Path) -> None:
+def test_a_worker_reports_its_errors(cache: Path) -> None:
     with pytest.raises(DataError, match=r"has the samples 4; this run's is 9\. Delete the folder"):
         render_test_shots(cache, replace(TINY, samples=9))
 
@@ -150,7 +150,7 @@ def test_the_hash_is_of_the_class_of_thin_pixels_too(cache: Path, tmp_path: Path
     assert pixel_hash(copy) != apart.digest
 
 
-def test_frozen_pixels_are_known_again_and_others_are_warned_of(
+def test_shots_matching_the_frozen_hashes_are_recognised_and_others_warned_of(
     tmp_path: Path, cache: Path, opened: list[PublicShot]
 ) -> None:
     assert "no hash is frozen for it" in (opened[0].warning() or "")
@@ -167,7 +167,7 @@ def test_frozen_pixels_are_known_again_and_others_are_warned_of(
         freeze([again[0], elsewhere], file)
 
 
-def test_what_is_not_there_or_not_whole_is_answered_with_the_command(tmp_path: Path, cache: Path) -> None:
+def test_missing_or_incomplete_data_is_answered_with_the_command(tmp_path: Path, cache: Path) -> None:
     none = tmp_path / "none.json"
     with pytest.raises(ShotError, match=r"gallery at ratio 2 is not there\. `supersampler bench shots`"):
         open_test_shots(tmp_path, [2.0], TINY, none)
@@ -246,7 +246,7 @@ def test_the_bench_measures_all_of_them_and_their_mean(
     assert shot["methods"][1]["summary"]["all_full"]["psnr_thin"] > 10.0
 
 
-def test_the_bench_without_a_cache_says_what_makes_one(tmp_path: Path) -> None:
+def test_the_bench_without_a_cache_names_the_command_that_makes_one(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["bench", "quality", "test-shots", "--cache", str(tmp_path)])
     assert done.exit_code == 1
     assert done.stderr.count("\n") == 1

@@ -84,7 +84,7 @@ def test_a_history_that_differs_a_run_that_is_missing_and_other_frames_are_named
     assert list(differences(record, {**record, "hashed": record["hashed"][:2]}, partly=True)) == []
 
 
-def test_a_sketch_tells_how_far_images_are_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sketch_measures_the_distance_of_images(monkeypatch: pytest.MonkeyPatch) -> None:
     subject = ModelRun("bilinear", None, "onnx", "fp32", False)
     (before,) = measure_hashes([subject], [SMALL])
     frames = scene(*SMALL)

@@ -43,7 +43,7 @@ def test_each_round_has_new_processes_of_both_versions_in_turns(
     assert f"{median(ratios):.3f} | {min(ratios):.3f} to {max(ratios):.3f}" in result.output
 
 
-def test_a_program_says_how_long_its_first_image_took(tmp_path: Path) -> None:
+def test_a_program_reports_the_time_to_its_first_image(tmp_path: Path) -> None:
     version = Version("other", sys.executable, tmp_path)
     assert 0.0 < version.run(FIRST_IMAGE, method="bilinear", render=SMALL, scale=2.0)["seconds"] < 60.0
 
@@ -57,7 +57,7 @@ def test_a_program_says_how_long_its_first_image_took(tmp_path: Path) -> None:
         ("echo", "no Python: it prints"),
     ],
 )
-def test_what_is_no_interpreter_is_one_line(python: str, message: str) -> None:
+def test_a_wrong_interpreter_is_one_line(python: str, message: str) -> None:
     result = CliRunner().invoke(supersampler, ["bench", "against", python])
     assert result.exit_code == 1
     assert result.output.startswith(f"error: PYTHON is {python}: {message}")

@@ -73,7 +73,7 @@ def test_a_stopwatch_counts_from_the_start_in_each_command_buffer(device: Any) -
         assert (times >= 0.0).all()
 
 
-def test_a_record_gives_its_steps_back() -> None:
+def test_the_steps_of_a_record_are_restored() -> None:
     assert record().steps[0].passes == STEP.passes
 
 

@@ -129,7 +129,7 @@ def by_hand() -> float:
     return (total + network.hidden * 4 * (config.candidates + sum(config.filters))) / 4.0
 
 
-def test_the_count_is_that_of_the_layers_and_within_the_budget(tmp_path: Path) -> None:
+def test_multiply_adds_match_the_layers_and_the_budget(tmp_path: Path) -> None:
     cost = cost_of(str(shutil.copytree(find_model("classifier-small"), tmp_path / "small")))
     assert cost.multiply_adds == pytest.approx(by_hand())
     assert cost.multiply_adds <= 2000.0
@@ -142,5 +142,5 @@ def test_a_method_without_a_network_is_named() -> None:
         cost_of("taau")
 
 
-def test_the_config_of_a_small_one_says_so() -> None:
+def test_a_small_methods_config_is_marked() -> None:
     assert asdict(SmallClassifier().config)["network"]["hidden"] == 26

@@ -45,7 +45,7 @@ KNOWN = [
 
 
 @given(SCORES)
-def test_what_leads_is_beaten_by_none_and_what_does_not_by_some(found: list[tuple[float, float]]) -> None:
+def test_frontier_points_are_undominated_and_others_are_dominated(found: list[tuple[float, float]]) -> None:
     points = [point(f"m{i}", *pair) for i, pair in enumerate(found)]
     for metric in (PSNR, FLIP):
         sign = 1.0 if metric.higher else -1.0
@@ -89,7 +89,7 @@ def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
         ("C:/models/mine:fp16", Spec("C:/models/mine", "fp16")),
     ],
 )
-def test_a_word_says_a_setting_and_back(word: str, spec: Spec) -> None:
+def test_settings_convert_to_words_and_back(word: str, spec: Spec) -> None:
     assert parse_spec(word, two_passes=True) == spec
     assert str(spec) == word
 
@@ -134,7 +134,7 @@ def test_settings_with_scores_are_timed_plotted_and_come_back_from_their_record(
     assert "| fast | taau |" in record.presets_table()
 
 
-def test_a_model_folder_that_is_not_there_is_left_out_with_the_reason() -> None:
+def test_a_missing_model_folder_is_left_out_with_the_reason() -> None:
     record, reasons = quality("classifier-paper"), list[str]()
     points = measure_pareto([record], (48, 27), threads=1, steps=1, on_left_out=reasons.append)
     assert "classifier-paper" not in {p.run.model for p in points}
@@ -142,7 +142,7 @@ def test_a_model_folder_that_is_not_there_is_left_out_with_the_reason() -> None:
     assert reason.startswith("classifier-paper is left out: no model 'classifier-paper'")
 
 
-def test_scores_of_one_shot_need_no_means() -> None:
+def test_scores_of_one_shot_have_no_mean() -> None:
     record = QualityRecord([shot(methods=[row(*one) for one in ROWS])])
     [(ratio, scores)] = scores_of([record]).items()
     assert ratio == 1.5

@@ -74,7 +74,7 @@ def rendered(folder: Path, renderer: Renderer, *, gbuffers: bool = False) -> tup
     return dataset, entry
 
 
-def test_what_was_rendered_is_read_again(tmp_path: Path, small_renderer: Renderer) -> None:
+def test_rendered_frames_are_read_back(tmp_path: Path, small_renderer: Renderer) -> None:
     dataset, entry = rendered(tmp_path, small_renderer)
     frames = list(dataset.frames(entry))
     assert [f.reset for f in frames] == [True, False, True]
@@ -197,7 +197,7 @@ def test_another_description_in_the_same_folder_is_refused(tmp_path: Path) -> No
         create_dataset(tmp_path, description(gbuffers=True))
 
 
-def test_damage_is_named(tmp_path: Path, small_renderer: Renderer) -> None:
+def test_damaged_files_are_named(tmp_path: Path, small_renderer: Renderer) -> None:
     with pytest.raises(DatasetError, match=r"dataset.json: is not there"):
         open_dataset(tmp_path)
     dataset, entry = rendered(tmp_path, small_renderer)
@@ -232,14 +232,14 @@ def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:
         plan_sequences(RenderPlan(families=("none",)))
 
 
-def test_a_plan_without_files_is_the_same_as_before_there_were_files() -> None:
+def test_a_plan_without_files_is_unchanged() -> None:
     drawn = plan_sequences(RenderPlan(sequences=3, seed=1)).sequences
     assert [(e.spec.family, e.spec.seed, e.ratio) for e in drawn] == [
         ("fences", 1016164991, 4.0), ("floors", 1099128569, 1.5), ("metals", 1767258089, 2.0),
     ]  # fmt: skip
 
 
-def test_a_description_from_before_there_were_files_opens_and_goes_on(tmp_path: Path) -> None:
+def test_a_training_set_without_file_scenes_opens_and_continues(tmp_path: Path) -> None:
     drawn = plan_sequences(RenderPlan(sequences=3))
     content = drawn.to_json()
     for entry in content["sequences"]:
@@ -258,7 +258,7 @@ def files(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_share_of_the_sequences_is_composed_of_files_and_recorded(files: Path) -> None:
+def test_a_fraction_of_the_sequences_is_composed_of_files_and_recorded(files: Path) -> None:
     plan = RenderPlan(sequences=30, gltf=files, gltf_fraction=0.4)
     drawn = plan_sequences(plan)
     assert (

@@ -111,7 +111,7 @@ def test_moving_objects_are_where_their_motion_says(renderer: Renderer, instance
     )  # the camera alone does not do it
 
 
-def test_what_stands_still_has_no_motion_at_all(renderer: Renderer) -> None:
+def test_static_objects_have_zero_motion(renderer: Renderer) -> None:
     assert not renderer.display(Yard(still=True).scene(5)).motion.any()
 
 

@@ -53,7 +53,7 @@ def middle(renderer: Renderer, scene: Scene) -> NDArray[np.float32]:
 # --- light ---
 
 
-def test_a_matte_floor_reflects_its_share_of_all_lights(renderer: Renderer) -> None:
+def test_a_matte_floor_reflects_its_albedo_of_all_lights(renderer: Renderer) -> None:
     white, base = (np.pi, np.pi, np.pi), np.array(MATTE.base_color)
     sun = Sun(direction=(0.0, -1.0, -1.0), color=white, radius=10.0)
     point = PointLight(position=(0.0, 2.0, 0.0), color=white, reach=1000.0)
@@ -242,7 +242,7 @@ def test_the_sky_has_no_surface_but_moves_with_the_camera(renderer: Renderer) ->
     np.testing.assert_allclose(surfaces.motion[MIDDLE], (want, 0.0), atol=0.01 * want)
 
 
-def test_what_was_behind_the_camera_was_off_screen(renderer: Renderer) -> None:
+def test_points_behind_the_previous_camera_were_off_screen(renderer: Renderer) -> None:
     before = replace(ABOVE, position=(0.0, -1.0, 0.0), target=(0.0, -2.0, 0.0))
     surfaces = renderer.display(replace(seen_from(ABOVE, floor()), camera_before=before))
     assert (np.abs(surfaces.motion) >= (160, 90)).any(axis=-1).all()

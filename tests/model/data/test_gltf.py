@@ -182,7 +182,7 @@ def test_holes_are_where_opacity_is_below_the_cutoff(
     np.testing.assert_array_equal(pixels_of(material.base_color_texture), pixels)  # not times opacity
 
 
-def test_what_is_more_than_half_transparent_is_left_out(tmp_path: Path) -> None:
+def test_objects_more_than_half_transparent_are_left_out(tmp_path: Path) -> None:
     file = cube()
     primitive = file.json["meshes"][0]["primitives"][0]
     glass = {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.3]}}
@@ -202,7 +202,7 @@ def test_emission_may_exceed_one_and_textures_may_be_shifted(tmp_path: Path) -> 
     np.testing.assert_allclose(instance.mesh.uv, box().uv * (2, 3) + (0.5, 0.25))
 
 
-def test_what_is_shared_in_the_file_is_shared_in_every_frame(tmp_path: Path) -> None:
+def test_data_shared_in_the_file_is_shared_in_every_frame(tmp_path: Path) -> None:
     file = cube()
     index = file.add(
         "materials", pbrMetallicRoughness={"baseColorTexture": {"index": 0}, "roughnessFactor": 0.5}

@@ -53,7 +53,7 @@ def ground_of(file: GltfFile, folder: Path) -> Ground:
 
 
 @pytest.mark.parametrize("table", [True, False])
-def test_nobody_stands_in_or_under_things(tmp_path: Path, table: bool) -> None:
+def test_spots_lie_neither_inside_nor_under_objects(tmp_path: Path, table: bool) -> None:
     ground, rng = ground_of(room(table=table), tmp_path), np.random.default_rng(0)
     spots = np.array([ground.spot(rng) for _ in range(200)])
     assert (np.abs(spots[:, [0, 2]]).max(axis=1) > 1.25).all()
@@ -82,7 +82,7 @@ def test_there_is_no_ground_without_a_floor_or_on_its_underside() -> None:
     assert not Ground(floor(8, 8, up=False)).free.any()
 
 
-def test_a_place_that_is_taken_is_kept_free() -> None:
+def test_taken_ground_is_not_used_again() -> None:
     ground, rng = Ground(floor(9, 9)), np.random.default_rng(0)
     ground.take(np.zeros(3), 1.5)
     assert min(float(np.hypot(*ground.near(rng, np.zeros(3), 0.0, 2.5)[[0, 2]])) for _ in range(50)) > 1.2
@@ -195,7 +195,7 @@ def test_panoramas_of_the_folder_are_used_and_bad_ones_named(folder: Path) -> No
         compose(folder, 0, FRAMES)
 
 
-def test_what_is_not_there_or_broken_is_named(folder: Path, tmp_path: Path) -> None:
+def test_missing_or_broken_input_is_named(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(SceneError, match=r"folder is .*empty, without any; want at least one \.glb"):
         compose(tmp_path / "empty", 0)
@@ -210,7 +210,7 @@ def test_what_is_not_there_or_broken_is_named(folder: Path, tmp_path: Path) -> N
         compose(folder, 0)
 
 
-def test_a_file_that_is_not_the_one_it_was_rendered_with_is_named(folder: Path) -> None:
+def test_a_scene_file_changed_since_rendering_is_named(folder: Path) -> None:
     spec = read_folder(folder).spec(0, FRAMES)
     name = next(name for name, _ in spec.files if name.startswith("props"))
     cube(emissiveFactor=[1.0, 0.0, 0.0]).save(folder / name)

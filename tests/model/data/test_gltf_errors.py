@@ -138,7 +138,7 @@ def test_a_broken_skin_is_named(tmp_path: Path, name: str, values: Any, dtype: s
 @pytest.mark.parametrize(
     "data", [b"", b"glTF", b"no model at all", b"[1]", b"{}", b"glTF\1\0\0\0\0\0\0\0", None]
 )
-def test_what_is_no_gltf_is_refused(tmp_path: Path, data: bytes | None) -> None:
+def test_a_file_that_is_not_gltf_is_refused(tmp_path: Path, data: bytes | None) -> None:
     path = tmp_path / "some.glb"
     if data is not None:
         path.write_bytes(data)
@@ -183,7 +183,7 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path, linked: str) -
         GltfScene(path)
 
 
-def test_names_below_and_a_folder_that_is_a_link_are_read(tmp_path: Path) -> None:
+def test_names_in_subfolders_and_a_linked_folder_are_read(tmp_path: Path) -> None:
     file = cube()
     path = saved(file, tmp_path / "models", "./sub/the%20buffer.bin")
     (tmp_path / "models" / "sub").mkdir()
@@ -192,14 +192,14 @@ def test_names_below_and_a_folder_that_is_a_link_are_read(tmp_path: Path) -> Non
     assert GltfScene(tmp_path / "link" / path.name).digest == GltfScene(path).digest
 
 
-def test_a_buffer_that_is_no_regular_file_is_refused(tmp_path: Path) -> None:
+def test_a_buffer_that_is_not_a_regular_file_is_refused(tmp_path: Path) -> None:
     path = saved(cube(), tmp_path / "models", "pipe")
     os.mkfifo(tmp_path / "models" / "pipe")
     with pytest.raises(GltfError, match="is no regular file"):
         GltfScene(path)
 
 
-def test_a_small_file_that_claims_much_is_refused_before_room_is_made(tmp_path: Path) -> None:
+def test_a_small_file_that_claims_a_large_size_is_refused_before_allocation(tmp_path: Path) -> None:
     file = cube()
     attributes(file, POSITION=file.add("accessors", componentType=5126, count=1 << 26, type="VEC3"))
     assert "accessor 4: all arrays come to more than" in message_of(file, tmp_path)

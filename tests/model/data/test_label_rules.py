@@ -129,7 +129,7 @@ def test_geometry_aliasing_goes_before_texture_aliasing() -> None:
     assert (labels.alias[2:7, 4:9] == Alias.GEOMETRY).all()
 
 
-def test_all_is_visibility_ghosting_on_a_cut_and_on_the_first_frame() -> None:
+def test_every_pixel_is_visibility_ghosting_on_a_cut_and_on_the_first_frame() -> None:
     now, before = changed(depth_min=0.04)
     for labels in (label(before, None), label(now, None), label(replace(now, cut=True), before)):
         assert (labels.ghost == Ghost.VISIBILITY).all()
@@ -137,7 +137,7 @@ def test_all_is_visibility_ghosting_on_a_cut_and_on_the_first_frame() -> None:
 
 
 @pytest.mark.parametrize("motion", [(12.0, 0.0), (-12.0, 0.0), (0.0, 9.0), (0.0, -9.0), (np.nan, 0.0)])
-def test_what_was_off_screen_is_visibility_ghosting(motion: tuple[float, float]) -> None:
+def test_pixels_from_off_screen_are_visibility_ghosting(motion: tuple[float, float]) -> None:
     assert (label(evidence(motion=motion), evidence()).ghost == Ghost.VISIBILITY).all()
 
 
@@ -164,7 +164,7 @@ def test_a_line_of_light_along_what_was_off_screen_is_a_line_still() -> None:
 
 @few
 @given(arrays.arrays(bool, arrays.array_shapes(min_dims=2, max_dims=2, max_side=14)), st.integers(0, 3))
-def test_opening_adds_nothing_and_once_is_enough(mask: Mask, times: int) -> None:
+def test_opening_is_antiextensive_and_idempotent(mask: Mask, times: int) -> None:
     once = opened(mask, times)
     assert not (once & ~mask).any()
     np.testing.assert_array_equal(opened(once, times), once)

@@ -36,7 +36,7 @@ def labelled(scene: AnalyticScene, index: int = 3, size: tuple[int, int] = SIZE,
 
 @pytest.mark.parametrize("size", [(64, 36), (128, 72), (101, 57)])
 @pytest.mark.parametrize("velocities", [((4.0, 1.0), (0.0, 0.0)), ((-3.0, 0.4), (0.7, -0.5))])
-def test_what_a_disc_reveals_is_visibility_ghosting_and_nothing_else_is(velocities: Any, size: Any) -> None:
+def test_only_disoccluded_pixels_are_visibility_ghosting(velocities: Any, size: Any) -> None:
     scene = DiscOverPlane(velocities[0], velocities[1], start=(30.0, 16.0))
     hidden = labelled(scene, size=size).ghost == Ghost.VISIBILITY
     revealed = scene.disoccluded(3, size)
@@ -94,7 +94,7 @@ def test_a_still_scene_in_still_light_has_no_ghosting(scene: AnalyticScene) -> N
 @pytest.mark.parametrize(
     "scene", [Plane(checker, (0.37, -0.21)), Plane(dots, (1.4, 0.6)), Floor(checker, 2.0)]
 )
-def test_what_stays_in_sight_while_the_camera_moves_has_no_ghosting(scene: AnalyticScene) -> None:
+def test_surfaces_in_view_under_a_moving_camera_have_no_ghosting(scene: AnalyticScene) -> None:
     ghosts = labelled(scene).ghost > 0
     assert not (ghosts & ~near(scene.disoccluded(3, SIZE))).any()
 
@@ -156,7 +156,7 @@ def test_fine_texture_and_fine_normals_are_texture_aliasing(scene: AnalyticScene
     assert not (alias == Alias.GEOMETRY).any()
 
 
-def test_a_change_of_exposure_is_no_change_of_light() -> None:
+def test_a_change_of_exposure_is_not_a_change_of_light() -> None:
     scene = Plane(zone_plate)
     before, toned_alike = (statistics_of(samples(scene, 0, SIZE), exposure=e) for e in (1.0, 3.0))
     now = statistics_of(samples(scene, 1, SIZE), exposure=3.0)
@@ -165,7 +165,7 @@ def test_a_change_of_exposure_is_no_change_of_light() -> None:
     assert (label(frames[0], frames[2]).ghost == Ghost.SHADING).any()
 
 
-def test_what_came_closer_or_went_away_is_judged_by_the_depth_it_had() -> None:
+def test_approaching_and_receding_surfaces_are_compared_at_their_previous_depth() -> None:
     scene = Floor(plain, speed=-2.0)
     now, before = label_inputs(scene, 3, SIZE), label_inputs(scene, 2, SIZE)
     anything_moves = LabelThresholds(velocity=-1.0)  # the depth test alone

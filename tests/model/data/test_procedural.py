@@ -144,7 +144,7 @@ def test_some_exposures_change_and_some_are_left_to_be_measured() -> None:
     assert 1.3 < max(ranges) < 3.0
 
 
-def test_families_for_tests_are_no_families_to_learn_from() -> None:
+def test_test_and_training_families_are_disjoint() -> None:
     assert len(set(FAMILIES)) == len(FAMILIES)
     assert len(TRAIN_FAMILIES) >= 6
     assert len(TEST_FAMILIES) >= 5
@@ -166,7 +166,7 @@ def test_a_bad_spec_is_named(change: dict[str, object], message: str) -> None:
 
 
 @pytest.mark.parametrize("index", [-1, FRAMES])
-def test_there_is_no_frame_outside(index: int) -> None:
+def test_a_frame_index_out_of_range_is_refused(index: int) -> None:
     with pytest.raises(SceneError, match=r"index is .*; want 0 to 23"):
         sequence_of("floors").scene(index)
 
@@ -428,7 +428,7 @@ def test_a_bad_scene_is_named(make: Callable[[], object], message: str) -> None:
         make()
 
 
-def test_what_stood_still_need_not_say_so() -> None:
+def test_an_instance_without_a_previous_state_is_at_rest() -> None:
     instance = tube()
     assert instance.model_before is instance.model
     assert instance.palette_before is instance.palette
@@ -524,7 +524,7 @@ def test_the_disc_is_near_and_reveals_the_background_behind_it_only() -> None:
     assert 0.85 * crescent < revealed.sum() < 1.05 * crescent
 
 
-def test_what_pans_in_from_off_screen_is_disoccluded() -> None:
+def test_pixels_panning_in_from_off_screen_are_disoccluded() -> None:
     revealed = Plane(checker, (2.0, 0.0)).disoccluded(1, DISPLAY)
     assert revealed[:, :4].all()
     assert not revealed[:, 4:].any()
@@ -542,7 +542,7 @@ def test_what_pans_in_from_off_screen_is_disoccluded() -> None:
         Cut(Plane(dots), Floor(checker, 3.0), at=4),
     ],
 )
-def test_what_is_seen_was_where_its_motion_says_at_the_depth_it_says(scene: AnalyticScene) -> None:
+def test_motion_and_depth_agree_with_the_previous_frame(scene: AnalyticScene) -> None:
     x, y = places(DISPLAY)
     now, seen = scene.surface(5, x, y), scene.visible_before(5, x, y)
     assert seen.mean() > 0.5

@@ -39,7 +39,7 @@ def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp
     assert all(dataset.complete(entry) == 2 for entry in dataset.entries())
 
 
-def test_a_set_is_rendered_at_other_ratios_when_they_are_asked_for_later(tmp_path: Path) -> None:
+def test_further_ratios_of_a_set_are_rendered_on_request(tmp_path: Path) -> None:
     options = ("--scenes", "floors", "--sequences", "1", *SMALL)
     assert render(tmp_path, *options).exit_code == 0
     before = dict.fromkeys(tmp_path.rglob("*.safetensors"))
@@ -52,7 +52,7 @@ def test_a_set_is_rendered_at_other_ratios_when_they_are_asked_for_later(tmp_pat
     assert "--also" in answer.output
 
 
-def test_a_disk_that_refuses_is_one_line_and_the_next_run_goes_on(tmp_path: Path) -> None:
+def test_a_disk_error_is_one_line_and_the_next_run_continues(tmp_path: Path) -> None:
     options = ("--scenes", "floors", "--sequences", "1", *SMALL)
     out = tmp_path / "set"
     out.mkdir()
@@ -67,7 +67,7 @@ def test_a_disk_that_refuses_is_one_line_and_the_next_run_goes_on(tmp_path: Path
 
 
 @pytest.mark.long  # kills a process
-def test_a_killed_run_leaves_whole_frames_ends_its_workers_and_goes_on(tmp_path: Path) -> None:
+def test_a_killed_run_leaves_whole_frames_ends_its_workers_and_continues(tmp_path: Path) -> None:
     out, options = tmp_path / "set", ("--scenes", "floors", "--sequences", "1", *SMALL, "--frames", "24")
     command = [sys.executable, "-m", "supersampler", "render", str(out), *options]
     process = subprocess.Popen(command, start_new_session=True)

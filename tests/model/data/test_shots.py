@@ -70,7 +70,7 @@ def test_each_ratio_has_its_own_frames_and_all_have_one_reference(
     assert len(list(folder.glob("reference/*.exr"))) == len(list(folder.glob("display/*.exr"))) == 3
 
 
-def test_what_is_stored_is_what_was_rendered(folder: Path, small_renderer: Renderer) -> None:
+def test_stored_frames_are_the_rendered_frames(folder: Path, small_renderer: Renderer) -> None:
     item, drawn = shots(folder)[2.0].read(1), small_renderer.display(Yard(1).scene(1))
     buffers, truth = item.frame.gbuffer_display, small_renderer.reference(Yard(1).scene(1))
     assert buffers is not None
@@ -105,7 +105,7 @@ class StopError(Exception):
 
 
 @pytest.mark.parametrize("writes", [1, 2, 3, 4])
-def test_a_run_that_was_stopped_anywhere_goes_on_to_the_same_files(
+def test_a_run_stopped_anywhere_resumes_to_the_same_files(
     tmp_path: Path, folder: Path, small_renderer: Renderer, monkeypatch: pytest.MonkeyPatch, writes: int
 ) -> None:
     write, left = ShotWriter.write, writes
@@ -152,7 +152,7 @@ def test_the_plaza_moves_hides_and_changes_its_light() -> None:
     assert [plaza.cut(index) for index in (0, 1)] == [True, False]
 
 
-def test_a_small_shot_is_rounded_by_less_than_anybody_sees(
+def test_a_small_shot_is_rounded_below_visibility(
     tmp_path: Path, folder: Path, small_renderer: Renderer
 ) -> None:
     form = ShotForm(name="yard", ratios=(2.0,), small=True)

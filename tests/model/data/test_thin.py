@@ -65,7 +65,7 @@ def test_corners_and_edges_of_a_sloping_plane_are_not_thin(angle: float, place: 
     assert not thin(pixels).any()
 
 
-def test_what_lies_on_a_surface_is_not_before_it() -> None:
+def test_decals_are_not_in_front_of_their_surface() -> None:
     def depth(x: Values, _: Values) -> Values:
         return np.where(np.abs(x) < 0.4, 1.005 * NEAR, NEAR)
 

@@ -78,7 +78,7 @@ def test_errors_weigh_more_where_the_history_is_of_no_use(
     assert (weights(task, sample(labels(ghost))) == 1.0 + heavy * task.losses.ghost).all()
 
 
-def test_what_comes_from_outside_of_a_crop_counts_as_hidden_unless_it_is_unknown(
+def test_pixels_from_outside_a_crop_count_as_hidden_unless_unknown(
     task: ClassifierTask,
 ) -> None:
     """Motion of 3 render pixels leads the right quarter of the crop off it."""
@@ -90,7 +90,7 @@ def test_what_comes_from_outside_of_a_crop_counts_as_hidden_unless_it_is_unknown
     torch.testing.assert_close(weight, expected)
 
 
-def test_the_classes_of_both_groups_are_learned_from_their_own_labels(task: ClassifierTask) -> None:
+def test_each_group_of_classes_is_learned_from_its_own_labels(task: ClassifierTask) -> None:
     ghost = labels(Ghost.NONE)
     ghost[:, :, :10] = Ghost.SHADING
     frame = sample(ghost, alias=Alias.TEXTURE)
@@ -105,7 +105,7 @@ def test_the_classes_of_both_groups_are_learned_from_their_own_labels(task: Clas
     assert not torch.isclose(terms["classes"], exchanged, rtol=1e-3)
 
 
-def test_a_state_is_what_a_whole_frame_would_leave(task: ClassifierTask) -> None:
+def test_a_state_is_that_of_a_whole_frame(task: ClassifierTask) -> None:
     """States are the tensors of the method's own step in their order, without the mean of samples."""
     frame = sample(labels(Ghost.NONE), motion=0.3)
     inputs = {name: getattr(frame, name) for name in ("color", "depth", "motion", "exposure")}

@@ -261,7 +261,7 @@ def test_base_colours_have_the_order_of_the_colours(dataset: Dataset) -> None:
         torch.testing.assert_close(sample.color, shining, rtol=0.0, atol=0.005 * cut.gain)
 
 
-def test_a_stream_goes_on_exactly_from_its_place(dataset: Dataset) -> None:
+def test_a_stream_resumes_exactly(dataset: Dataset) -> None:
     whole = aligned_stream([dataset], size=28, seed=[3])
     walk = iter(whole)
     for _ in range(8):
@@ -293,7 +293,7 @@ def test_crops_with_noise_have_other_noise_in_each_frame_and_in_colour_alone(
     assert factors[0].shape != factors[1].shape or not torch.allclose(factors[0], factors[1], atol=0.1)
 
 
-def test_what_a_set_lacks_is_named(tmp_path: Path) -> None:
+def test_missing_parts_of_a_set_are_named(tmp_path: Path) -> None:
     bare = gbuffer_data(tmp_path / "bare", gbuffers=False)
     with pytest.raises(ArgumentError, match=r"without G-buffers of display size.*--gbuffers --also 2"):
         gbuffer_set(bare, 2)

@@ -76,7 +76,7 @@ def test_a_crop_has_the_g_buffers_of_its_own_samples(data: Dataset) -> None:
     assert off < 0.005  # everything shines by itself, in that set
 
 
-def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> None:
+def test_the_color_of_hidden_frames_is_not_seen(data: Dataset, task: ExtrapolateTask) -> None:
     one, other = samples(data, 1)[:4], samples(data, 1)[:4]
     for index in (1, 3):
         other[index] = other[index]._replace(color=torch.full_like(other[index].color, 7.0))
@@ -163,7 +163,7 @@ def trainer(data: Dataset, folder: Path) -> Trainer:
     return Trainer(ExtrapolateTask(Extrapolate(SMALL)), [data], PLAN, folder)
 
 
-def test_a_run_that_was_stopped_ends_with_the_same_weights(data: Dataset, tmp_path: Path) -> None:
+def test_a_stopped_and_resumed_run_ends_with_the_same_weights(data: Dataset, tmp_path: Path) -> None:
     assert_resumes_exactly(partial(trainer, data), tmp_path)
 
 
@@ -177,7 +177,7 @@ def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: Ex
     assert plain.kinds == {}
 
 
-def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> None:
+def test_a_run_starts_from_a_classifier_or_continues_its_own_weights() -> None:
     weights = load_trained(shipped_weights("classifier-small"))
     from_classifier = start_task("extrapolate", weights).method
     assert from_classifier.provenance == weights.facts
@@ -192,7 +192,7 @@ def test_frames_are_extrapolated_by_the_extrapolation_model(name: str) -> None:
         ExtrapolateTask(Extrapolate(SMALL), extrapolator=name)
 
 
-def test_the_command_begins_with_the_weights_of_a_classifier_and_tells_both_kinds_apart(
+def test_the_command_starts_from_classifier_weights_and_reports_both_kinds(
     data: Dataset, tmp_path: Path
 ) -> None:
     from_classifier = str(shipped_weights("classifier"))

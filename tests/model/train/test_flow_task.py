@@ -159,7 +159,7 @@ def test_in_a_crop_half_size_pixels_are_the_first_of_each_two_however_it_is_turn
     torch.testing.assert_close(share, share.mean().expand_as(share), rtol=0.01, atol=0.0)
 
 
-def test_a_restarted_stream_goes_on_where_it_was(dataset: Dataset) -> None:
+def test_a_restarted_stream_continues(dataset: Dataset) -> None:
     lights = LightCache(random_flow())
     stream = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
     for sample in islice(stream, 5):
@@ -187,7 +187,7 @@ def test_gradients_reach_all_weights_and_crops_of_a_batch_do_not_mix() -> None:
     assert [n for n, p in task.method.named_parameters() if p.grad is None or not p.grad.any()] == []
 
 
-def test_it_learns_how_a_shadow_moves() -> None:
+def test_the_flow_network_learns_how_a_shadow_moves() -> None:
     torch.manual_seed(0)
     task = FlowTask(GuidedFlow(SMALL))
     samples = [whole(found_of(task.method, shadow(4, speed)), 0) for speed in (3.0, 2.0)]
@@ -220,7 +220,7 @@ def test_validation_hides_every_second_frame(dataset: Dataset) -> None:
     assert validate(GuidedFlow().eval(), entries, task.runner).psnr == pytest.approx(found.psnr)
 
 
-def test_a_run_writes_weights_and_says_how_it_compares(
+def test_a_run_writes_weights_and_reports_the_comparison(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(gbuffer_sets, "DISPLAY", (160, 90))

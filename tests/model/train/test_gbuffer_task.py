@@ -134,7 +134,7 @@ def test_a_normal_that_has_turned_by_more_than_45_degrees_counts_as_reflective(
     assert (reflective_of(gathered(at(10), at(10 + degrees))) == found).all()
 
 
-def test_what_was_not_seen_before_has_not_turned_and_the_sky_never_shines() -> None:
+def test_new_pixels_have_no_turned_normals_and_sky_is_not_reflective() -> None:
     assert not reflective_of(gathered(at(90), torch.zeros(3))).any()
     assert not reflective_of(gathered(torch.zeros(3), at(0))).any()
 

@@ -106,7 +106,7 @@ def trainer(dataset: Dataset, folder: Path) -> Trainer:
     return Trainer(MixtureTask(), [dataset], PLAN, folder)
 
 
-def test_it_learns_and_validation_feeds_it_what_its_step_names(dataset: Dataset, tmp_path: Path) -> None:
+def test_a_task_learns_and_validation_passes_the_inputs_of_its_step(dataset: Dataset, tmp_path: Path) -> None:
     run = trainer(dataset, tmp_path)
     entries = validation_entries(run.datasets, run.method.ratios)
     before = validate(run.average.eval(), entries)
@@ -118,7 +118,7 @@ def test_it_learns_and_validation_feeds_it_what_its_step_names(dataset: Dataset,
     assert terms == [["image", "rough"]] * PLAN.steps
 
 
-def test_a_frame_without_what_a_step_names_is_refused(dataset: Dataset) -> None:
+def test_a_frame_without_an_input_of_the_step_is_refused(dataset: Dataset) -> None:
     frame = dataset.read(dataset.entries("validation")[0], 0)
     with pytest.raises(ArgumentError, match="without gbuffer_normal"):
         method_inputs(frame, ["color", "gbuffer_normal"])

@@ -64,7 +64,7 @@ def trainer(dataset: Dataset, folder: Path, plan: TrainingPlan = PLAN) -> Traine
     return Trainer(ClassifierTask(Classifier()), [dataset], plan, folder)
 
 
-def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
+def test_a_stopped_and_resumed_run_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
     assert_resumes_exactly(partial(trainer, dataset), tmp_path)
 
 
@@ -102,7 +102,7 @@ def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
     assert not (tmp_path / CHECKPOINT).exists()
 
 
-def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
+def test_training_lowers_the_error(dataset: Dataset, tmp_path: Path) -> None:
     losses: list[float] = []
     plan = TrainingPlan(steps=48, batch=2, frames=2, size=48, rate=2e-2)
     trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(sum(u.losses.values())))
@@ -120,7 +120,7 @@ def test_classes_of_a_first_frame_do_not_count_in_validation(dataset: Dataset, t
     assert overlaps[0] == overlaps[1] != {}
 
 
-def test_a_run_is_not_gone_on_with_by_another_plan(dataset: Dataset, tmp_path: Path) -> None:
+def test_a_run_is_not_resumed_with_another_plan(dataset: Dataset, tmp_path: Path) -> None:
     first = trainer(dataset, tmp_path)
     first.run(until=1)
     first.save()
@@ -128,7 +128,7 @@ def test_a_run_is_not_gone_on_with_by_another_plan(dataset: Dataset, tmp_path: P
         trainer(dataset, tmp_path, dataclasses.replace(PLAN, batch=4))
 
 
-def test_a_run_is_not_gone_on_with_by_another_loss(dataset: Dataset, tmp_path: Path) -> None:
+def test_a_run_is_not_resumed_with_another_loss(dataset: Dataset, tmp_path: Path) -> None:
     trainer(dataset, tmp_path).save()
     with pytest.raises(ArgumentError, match="losses"):
         Trainer(ClassifierTask(Classifier(), ClassifierWeights(ghost=1.0)), [dataset], PLAN, tmp_path)
@@ -138,14 +138,14 @@ def test_a_run_is_not_gone_on_with_by_another_loss(dataset: Dataset, tmp_path: P
     ("plan", "name"),
     [(dataclasses.replace(PLAN, size=56), "size"), (dataclasses.replace(PLAN, batch=0), "batch")],
 )
-def test_a_plan_that_cannot_be_is_refused(
+def test_an_impossible_plan_is_refused(
     dataset: Dataset, tmp_path: Path, plan: TrainingPlan, name: str
 ) -> None:
     with pytest.raises(ArgumentError, match=name):
         trainer(dataset, tmp_path, plan)
 
 
-def test_a_checkpoint_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path: Path) -> None:
     broken = tmp_path / "checkpoint.pt"
     broken.write_bytes(b"not a checkpoint")
     with pytest.raises(ArgumentError, match="checkpoint"):
@@ -220,7 +220,7 @@ def test_a_network_learns_a_linear_map() -> None:
     assert losses[-1] < 0.25 * losses[0]
 
 
-def test_its_state_goes_on_where_it_was() -> None:
+def test_a_saved_optimizer_state_continues() -> None:
     def run(stop: int | None) -> torch.Tensor:
         torch.manual_seed(0)
         layer = nn.Conv2d(3, 3, 1)
@@ -251,7 +251,7 @@ def test_rows_are_added_and_those_of_later_steps_dropped(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("name", ["weights.safetensors", "log.csv"])
-def test_a_run_does_not_begin_over_files_of_others(tmp_path: Path, name: str) -> None:
+def test_a_run_does_not_start_over_foreign_files(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"mine")
     done = CliRunner().invoke(
         app, ["train", "classifier", "--data", str(tmp_path / "none"), "-o", str(tmp_path)]
