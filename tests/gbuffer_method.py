@@ -1,4 +1,4 @@
-"""The least method that reads G-buffers, at one ratio, and frames for it."""
+"""A minimal method that reads G-buffers, at one ratio, and frames for it."""
 
 import os
 from contextlib import suppress

@@ -44,7 +44,7 @@ def frames(display: Size) -> Iterator[dict[str, Tensor]]:
 
 
 def spoiled(image: Tensor) -> Tensor:
-    """The image with two rows of each value that is none, more than may differ, a bright and a dark row."""
+    """The image with two rows of each invalid value, more than may differ, a bright and a dark row."""
     image = image.clone()
     for place, bad in enumerate(BAD):
         image[..., 1 + 2 * place : 3 + 2 * place, :] = bad

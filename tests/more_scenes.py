@@ -69,7 +69,7 @@ class Floor(AnalyticScene):
 
 @dataclass(frozen=True)
 class ShadingStep(AnalyticScene):
-    """A scene whose light changes by `gain` at frame `at`, without any motion to tell of it."""
+    """A scene whose light changes by `gain` at frame `at`, without motion."""
 
     scene: AnalyticScene
     at: int

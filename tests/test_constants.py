@@ -58,7 +58,7 @@ def known_in(file: str, text: str) -> dict[str, float]:
 
 
 def implementations() -> dict[str, Sources]:
-    """Return the sources that compute with constants: all but the modules that define them."""
+    """Return the sources that use constants: all but the modules that define them."""
     defining = {ROOT / "sdk" / f"{module.replace('.', '/')}.py" for module in spec_modules()}
     folders = ("backends/cpu", "backends/gpu", "methods")
     of_sdk = [file for folder in folders for file in (SDK / folder).rglob("*.py")]
@@ -82,7 +82,7 @@ def python_numbers(text: str) -> Iterator[float]:
 
 
 def is_plain(value: float) -> bool:
-    """Return whether a number says little: a small fraction, a tenth or a power of ten."""
+    """Return whether a number is plain: a small fraction, a tenth or a power of ten."""
     small = abs(value) < 1000.0 and (value * 16.0 % 1.0 == 0.0 or round(value * 10.0, 9) % 1.0 == 0.0)
     return small or f"{abs(value):e}".partition("e")[0].strip("0") == "1."
 

@@ -118,7 +118,7 @@ def modules_of(package: str, root: Path | None = None) -> dict[str, Path]:
 
 
 def graph_of(modules: dict[str, Path]) -> dict[str, set[str]]:
-    """Return which modules of a package each of them imports, for type checkers alone too."""
+    """Return the modules of a package that each one imports, also for type checkers only."""
     return {
         module: {name if name in modules else name.rpartition(".")[0] for _, name, _ in imports(file)}
         & modules.keys()

@@ -1,4 +1,4 @@
-"""Scenarios of stress: what is sound passes, what is broken does not, and errors that grow are measured."""
+"""Stress scenarios: sound methods pass, broken ones fail, and growing errors are measured."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -33,7 +33,7 @@ def sound(color: Float32) -> Float32:
 
 
 class Average:
-    """The history times `keep`, and a share `new` of the frame."""
+    """Blends `keep` of the history with `new` of the frame."""
 
     def __init__(
         self, display: Size, keep: float | Float32 = 0.9, new: float = 0.1, mend: Mend = sound

@@ -281,7 +281,7 @@ def test_an_unportable_graph_is_refused(operators: list[str], opset: int, messag
 
 def test_the_gate_measures_in_both_directions() -> None:
     class Same(Method):
-        """A step of nothing but its input."""
+        """A step that returns its input."""
 
         spec: ClassVar = MethodSpec(name="same", source="a test", inputs=("color",))
 

@@ -1,4 +1,4 @@
-"""An exported folder of shaders says all that a host needs, and bad input gets an error that helps."""
+"""An exported folder of shaders holds everything a host needs; bad input gets a helpful error."""
 
 import hashlib
 import json

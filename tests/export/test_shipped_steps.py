@@ -25,7 +25,7 @@ SHADED = (True, False, False, True, False, True, False)
 
 
 def dotted(image: Tensor) -> Tensor:
-    """The image with few values that are none: what reads between them and others differs by provider."""
+    """The image with few NaN values: interpolation between these and others differs by provider."""
     image = image.clone()
     for place, bad in enumerate(BAD):
         image[..., 2 + place, 3 * place :: 17] = bad
@@ -33,7 +33,7 @@ def dotted(image: Tensor) -> Tensor:
 
 
 def assert_alike(name: str, ours: Tensor, theirs: Tensor) -> None:
-    """Equal but for rounding, where no comparison hangs on it: in parts of a channel's mean, logarithmic."""
+    """Equal but for rounding that decides no comparison: relative to a channel's mean, logarithmic."""
     assert ours.shape == theirs.shape, name
     assert ours.isfinite().all(), name
     usual = theirs.abs().mean(dim=tuple(range(2, theirs.ndim)), keepdim=True).clamp(min=1e-6)

@@ -1,4 +1,4 @@
-"""No image at rest is worse than the method's own: scenes by chance."""
+"""No image at rest is worse than the method's own, in random scenes."""
 
 import os
 from collections.abc import Callable

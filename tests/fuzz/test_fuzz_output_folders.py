@@ -1,4 +1,4 @@
-"""Fuzz tests of what is written: whatever a record in a folder lists, files of others stay as they are."""
+"""Fuzz tests of writers: whatever a record in a folder lists, foreign files stay unchanged."""
 
 import json
 import os
@@ -49,7 +49,7 @@ def commands(folder: Path) -> dict[str, tuple[str, Callable[[], object]]]:
 
 
 def hostile(record: Any, rng: np.random.Generator, outside: Path) -> str:
-    """The record with names of others among the files that it lists, and a few other changes."""
+    """The record with foreign names in its list of files, and a few other changes."""
     names = [*MINE, f"../{MINE[0]}", str(outside), "../*", "*", "####", "../####.exr", "notes/####.exr", "."]
     chosen = [str(names[index]) for index in rng.integers(0, len(names), 6)]
     files = record.get("files") if isinstance(record, dict) else None

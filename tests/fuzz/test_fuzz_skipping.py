@@ -1,4 +1,4 @@
-"""Skipping changes no bit: rest, motion, light, sizes, masks, cuts and outputs by chance."""
+"""Skipping changes no bit: random rest, motion, light, sizes, masks, cuts and outputs."""
 
 import os
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Any State can be loaded and stepped on, with images or errors of ours."""
+"""Any State loads and steps, or is refused with a typed error."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +16,7 @@ EXTREMES = (np.nan, np.inf, -np.inf, -1, 0, 1, 255, 2**31 - 1, -(2**31), 2**62, 
 
 
 def hostile_array(array: Any, rng: Rng) -> Any:
-    """Something like it, or nothing like it."""
+    """A similar value, or an unrelated one."""
     if array.dtype.kind not in "biuf" or array.size > 1 << 20:  # it has been made so before
         return array
     match int(rng.integers(0, 12)):

@@ -1,4 +1,4 @@
-"""The helper of all fuzz tests finds what it is there to find."""
+"""The helper of all fuzz tests reports crashes, hangs, memory use and foreign errors."""
 
 import os
 import time

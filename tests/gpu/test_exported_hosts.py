@@ -1,4 +1,4 @@
-"""Hosts that know nothing of this package compute its images from an exported folder."""
+"""Hosts without this package compute its images from an exported folder."""
 
 import subprocess
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""At rest, no image is worse than the method's own; what is known to stand is exact."""
+"""At rest, no image is worse than the method's own, and static pixels are exact."""
 
 import os
 from collections.abc import Callable, Iterator

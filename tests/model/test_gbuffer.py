@@ -277,7 +277,7 @@ def with_block(size: int) -> Tensor:
 def test_base_colours_are_compared_in_3x3_pixels_and_colours_in_5x5(
     size: int, by_base: int, by_color: int
 ) -> None:
-    """Equation 2: of no use where more than half of the pixels around are unlike the warped one."""
+    """Equation 2: unusable where more than half of the pixels around differ from the warped one."""
     previous, depth = (image(GREY), image(GREY), image(0.5, 1)), image(0.5, 1)
     middle = (0, 0, SIDE // 2, SIDE // 2)
     assert int(occluded((image(GREY), with_block(size), depth), previous)[middle]) == by_base

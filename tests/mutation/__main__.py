@@ -74,7 +74,7 @@ def chosen_mutants(targets: list[str], count: int, seed: int) -> list[Mutant]:
 
 
 def main() -> None:
-    """Run."""
+    """Run the tool."""
     settings = os.environ.get
     count, first, seed = (int(settings(*s)) for s in (("MUTATIONS", "300"), ("FIRST", "1"), ("SEED", "0")))
     end = time.monotonic() + 60.0 * float(settings("MINUTES", "60"))

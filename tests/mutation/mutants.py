@@ -166,15 +166,15 @@ class _Finder(ast.NodeVisitor):
             self.visit(node.value)
 
     def visit_keyword(self, node: ast.keyword) -> None:
-        """Not values that change nothing on this machine."""
+        """Skip values without effect on this machine."""
         if node.arg not in UNSEEN_KEYWORDS:
             self.visit(node.value)
 
     def visit_Raise(self, node: ast.Raise) -> None:
-        """Not what is raised."""
+        """Skip raised errors."""
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> None:
-        """Not texts."""
+        """Skip texts."""
 
     def _returned(self, node: ast.FunctionDef) -> None:
         """Return a default, where the annotation tells one that is no error at once."""

@@ -103,7 +103,7 @@ def test_a_sample_is_the_same_for_the_same_seed_and_takes_one_of_each_place() ->
 
 
 def test_each_equivalent_mutant_is_of_code_that_is_there() -> None:
-    """Else what was renamed counts again."""
+    """Otherwise a renamed mutant counts twice."""
     root = Path(tool.__file__).parents[2]
     texts = [(root / path).read_text(encoding="utf-8") for path in targets_of(root)]
     code = " ".join(" ".join(texts).split())

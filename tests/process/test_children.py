@@ -1,4 +1,4 @@
-"""Child processes end with what has started them, however that ends: commands, and the extension."""
+"""Child processes end with their parent, however it ends: commands, and the extension."""
 
 import importlib.util
 import os
@@ -240,7 +240,7 @@ def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
 
 
 def test_a_child_is_not_inherited_by_another_one() -> None:
-    """Else the pipe of the first would stay open as long as the second runs."""
+    """Otherwise the pipe of the first stays open as long as the second runs."""
     words = ["sleep", "300"]
     with ChildProcess(words, output="none") as first, ChildProcess(words, output="none"):
         first.stop()

@@ -1,4 +1,4 @@
-"""`upscale` that is killed at any moment leaves no half-written file, and the same command continues it."""
+"""A killed `upscale` leaves no half-written file, and the same command resumes it."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Any argument is taken, or a typed error says what is wrong, and no history changes."""
+"""Any argument is accepted or raises a typed error, and no history changes."""
 
 import contextlib
 import math
@@ -49,7 +49,7 @@ Call = Callable[[Any], object]
 
 
 class Nasty:
-    """Raises whatever it is asked."""
+    """Raises at every access."""
 
     def _raise(self, *_: object) -> Any:
         raise RuntimeError("nasty")
@@ -238,7 +238,7 @@ def empty_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 def refusal(call: Callable[[], object]) -> SupersamplerError | None:
-    """Return the error that a call is refused with; None where it is taken."""
+    """Return the error that a call raises; None if it raises none."""
     try:
         call()
     except SupersamplerError as error:

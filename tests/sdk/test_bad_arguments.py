@@ -1,4 +1,4 @@
-"""Impossible arguments are refused at once, by an error that says what is allowed."""
+"""Invalid arguments are refused at once, by an error that says what is allowed."""
 
 import re
 from collections.abc import Callable

@@ -170,7 +170,7 @@ def run(program: Path, root: Path, method: str = "taau") -> subprocess.Completed
 
 
 def assert_refused(done: subprocess.CompletedProcess[str], message: str) -> None:
-    """It ends with one line, which has the message."""
+    """The host exits with one line that has the message."""
     assert done.returncode == 1, done.stderr
     assert message in done.stderr
     assert done.stderr.startswith("error: ")

@@ -263,7 +263,7 @@ PIXELS = SIZE[0] * SIZE[1]
 
 
 def frame(**fields: Any) -> Frame:
-    """A smooth slope in even light, at rest; nothing to complain of."""
+    """A smooth slope in even light, at rest; a correct frame."""
     w, h = SIZE
     y, x = np.mgrid[:h, :w].astype(np.float32)
     plain: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Unshaded frames through an Upscaler: what they are extrapolated from, and what is refused."""
+"""Unshaded frames through an Upscaler: sources of the extrapolation, and refused frames."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Shots with frames that were not shaded, through the commands."""
+"""Shots with unshaded frames, through the commands."""
 
 import re
 from pathlib import Path

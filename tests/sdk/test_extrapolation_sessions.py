@@ -54,7 +54,7 @@ def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
 
 
 def assert_same(one: Upscaler, other: Upscaler, pattern: str, start: int) -> None:
-    """Both must go on with the same images."""
+    """Both must continue with the same images."""
     for a, b in zip(run(one, pattern, start), run(other, pattern, start), strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -85,7 +85,7 @@ REFUSED: dict[str, tuple[Callable[[Upscaler], object], str]] = {
 
 
 def refused(upscaler: Upscaler, kind: str) -> None:
-    """Pass a frame that will not do."""
+    """Pass an invalid frame."""
     call, message = REFUSED[kind]
     with pytest.raises((FrameError, ArgumentError), match=message):
         call(upscaler)

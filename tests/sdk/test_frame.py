@@ -1,4 +1,4 @@
-"""A frame that breaks the contract cannot be made, and says which input, what came, what was wanted."""
+"""A frame that breaks the contract raises an error with the input, its value and what is wanted."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""Static images are frozen, and stay so bit for bit; `skip` changes no image; "off" averages nothing."""
+"""Static pixels freeze and stay bit-identical; `skip` changes no image; "off" averages nothing."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A method that asks for G-buffers gets those and no others, of the right sizes, through every way in."""
+"""A method that reads G-buffers gets exactly those, of the right sizes, through every API."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Files of others that attack the readers in JavaScript are refused with our own errors, in little memory."""
+"""The JavaScript readers refuse malicious files with typed errors, in little memory."""
 
 import json
 import shutil

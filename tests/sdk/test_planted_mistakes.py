@@ -73,7 +73,7 @@ def shots(request: pytest.FixtureRequest) -> Shots:
 
 
 def messages(frames: list[Frame], validate: Validate = "warn") -> str:
-    """All that is said of the frames, a line each; a refused frame is the last."""
+    """All messages about the frames, one a line; a refused frame ends them."""
     checker, (width, height) = FrameChecker(validate), frames[0].size
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", FrameWarning)

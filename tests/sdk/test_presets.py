@@ -1,4 +1,4 @@
-"""Presets are what was measured to lead, by the rule that says so."""
+"""Presets are the measured frontier points that their rule chooses."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A state is taken whole or refused; what a stranger put into it never reaches kernels."""
+"""A state is loaded completely or refused; tampered values never reach kernels."""
 
 import pickle
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""Work is shared out whole, to no more threads than there are, cut only where it may be."""
+"""Work is divided completely, among the available threads, at allowed places only."""
 
 import gc
 import threading

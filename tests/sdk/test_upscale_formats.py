@@ -1,4 +1,4 @@
-"""Tests of what `upscale` writes: EXR, PNG, TIFF and video, alone and together, and as what they show."""
+"""Tests of the files that `upscale` writes: EXR, PNG, TIFF and video, and how they show colours."""
 
 import sys
 from pathlib import Path

@@ -70,7 +70,7 @@ def test_lists_generators_and_shots_give_the_same_images(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("method", ["taau", "classifier", "taa", "bilinear"])
 def test_the_backends_agree(method: str) -> None:
-    """Each hands out images that may be written to, and the maps that weigh them."""
+    """Each returns writable images and their weight maps."""
     cpu, onnx = (merged(frames(5), model=method, executor=name) for name in ("auto", "onnx"))
     for one, other in zip(cpu, onnx, strict=True):
         assert np.abs(one - other).mean() < 0.01 * one.mean()

@@ -1,4 +1,4 @@
-"""Two versions are timed in turns, and a wrong other one is named."""
+"""Two versions are timed alternately, and an invalid interpreter is named."""
 
 import json
 import subprocess

@@ -171,7 +171,7 @@ def towards(scene: Scene, following: Scene) -> Scene:
 
 
 def test_motion_to_the_next_frame_is_what_scattering_its_motion_finds(renderer: Renderer) -> None:
-    """Two sources of one thing: the scene rendered towards the next frame, and `scattered_motion`."""
+    """Motion to the next frame from two sources: rendered, and by `scattered_motion`."""
     yard, size, jitters = Yard(), (80, 45), [halton_jitter(index, 2.0) for index in (4, 5)]
     scenes = [yard.scene(4), yard.scene(5)]
     surfaces = [renderer.frame(s, size, jitter=j)[1] for s, j in zip(scenes, jitters, strict=True)]

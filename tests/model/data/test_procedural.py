@@ -217,7 +217,7 @@ def test_no_check_doubts_a_rendered_scene(family: str, display_renderer: Rendere
 
 
 def test_shading_changes_between_frames_where_nothing_moves(small_renderer: Renderer) -> None:
-    """Else there would be next to no shading ghosting to learn from."""
+    """Training needs frames with shading ghosting."""
     changed = []
     for family in TRAIN_FAMILIES:
         scene, after = (sequence_of(family).scene(index) for index in (4, 7))

@@ -101,7 +101,7 @@ def files(folder: Path) -> list[Path]:
 
 
 class StopError(Exception):
-    """Somebody pulled the plug."""
+    """A simulated power failure."""
 
 
 @pytest.mark.parametrize("writes", [1, 2, 3, 4])
