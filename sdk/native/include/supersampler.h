@@ -1,0 +1,177 @@
+/* supersampler: temporal supersampling of rendered frames on the CPU.
+ *
+ *     ss_model* model;
+ *     ss_upscaler* upscaler;
+ *     ss_error error;
+ *     if (ss_model_create("taau", NULL, &model, &error) != SS_OK) { puts(error.message); return 1; }
+ *     if (ss_upscaler_create(model, 1920, 1080, &upscaler, &error) != SS_OK) { puts(error.message); return 1; }
+ *     for (each frame) ss_step(upscaler, &frame, &outputs, &error);
+ *
+ * All functions return SS_OK or say in `error`, which may be NULL, what came, what was wanted and what to do. After an
+ * error the history is as before. There is no global state: models are independent of each other.
+ *
+ * Threads: a model may be used by several threads at once. An upscaler or a history is used by one thread at a time.
+ *
+ * Conventions: x points right, y down; row 0 is on top. Colours are linear RGB. docs/contract.md has the whole
+ * contract.
+ */
+#ifndef SUPERSAMPLER_H
+#define SUPERSAMPLER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#if defined(_WIN32) && defined(SS_BUILDS)
+#define SS_API __declspec(dllexport)
+#elif defined(_WIN32)
+#define SS_API __declspec(dllimport)
+#else
+#define SS_API __attribute__((visibility("default")))
+#endif
+
+#define SS_VERSION 100 /* 10000 * major + 100 * minor + patch */
+
+typedef enum ss_status {
+    SS_OK = 0,
+    SS_BAD_ARGUMENT = 1, /* an argument that no frame could mend: a size, a pointer, an option */
+    SS_BAD_FRAME = 2,    /* the frame breaks the contract; the next one may be right */
+    SS_BAD_MODEL = 3,    /* the bytes of a model are damaged, or of another version */
+    SS_BAD_STATE = 4,    /* the bytes of a state are damaged, or of another model or size */
+    SS_NO_MEMORY = 5     /* the allocator returned NULL */
+} ss_status;
+
+typedef struct ss_error {
+    char message[256]; /* UTF-8, ends with a zero; empty after SS_OK */
+} ss_error;
+
+/* Version of the loaded library, to compare with SS_VERSION. */
+SS_API int ss_version(void);
+
+/* Models ------------------------------------------------------------------------------------------------------- */
+
+typedef struct ss_model ss_model;
+
+/* How a model allocates, works and reports. Zeros choose the defaults. Functions may be called from any thread that
+ * uses the model, and from its own threads; `user` is passed on. They must not call into this library. */
+typedef struct ss_options {
+    int threads; /* threads that work on a step, the calling one included; 0: one for each core */
+    /* Calls task(context, 0) to task(context, count - 1), on up to `threads` threads, and returns when all have
+     * returned. NULL: the model has threads of its own. */
+    void (*parallel_for)(void* user, void (*task)(void* context, int index), void* context, int count);
+    void* (*allocate)(void* user, size_t bytes); /* any alignment; NULL where there is no memory */
+    void (*release)(void* user, void* memory, size_t bytes);
+    void (*log)(void* user, const char* message);
+    void* user;
+    const char* instructions; /* NULL: the best that this CPU has; "avx512", "avx2", "neon", "portable" */
+} ss_options;
+
+/* Creates a model of a method without a network ("bilinear", "bicubic", "taa", "taau"), or a shipped one by its name.
+ *
+ * SS_BAD_ARGUMENT: there is no such model, or the CPU lacks the instructions that `options` names. */
+SS_API ss_status ss_model_create(const char* name, const ss_options* options, ss_model** model, ss_error* error);
+
+/* Creates a model from the bytes of its file, which are copied. */
+SS_API ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_options* options,
+                                            ss_model** model, ss_error* error);
+
+/* Frees a model. Its histories and upscalers must have been freed. NULL does nothing. */
+SS_API void ss_model_destroy(ss_model* model);
+
+SS_API const char* ss_model_method(const ss_model* model);
+SS_API const char* ss_model_instructions(const ss_model* model);
+
+/* Frames ------------------------------------------------------------------------------------------------------- */
+
+typedef enum ss_type {
+    SS_FLOAT32 = 0,
+    SS_FLOAT16 = 1,
+    SS_UNORM8 = 2 /* 255 is one. Only of outputs: values are clamped to [0, 1], and rounded */
+} ss_type;
+
+/* The pixels of an image in memory of the caller. Strides are in bytes and may be negative. */
+typedef struct ss_image {
+    void* data; /* first channel of the upper left pixel; NULL: no image */
+    ss_type type;
+    ptrdiff_t row_stride;     /* to the pixel below; 0: rows of packed pixels */
+    ptrdiff_t pixel_stride;   /* to the pixel on the right; 0: packed channels */
+    ptrdiff_t channel_stride; /* to the next channel; 0: the size of `type` */
+} ss_image;
+
+/* A frame of width x height samples. Images are read during the call alone. */
+typedef struct ss_frame {
+    int width, height; /* render size; it may change from frame to frame */
+    ss_image color;    /* 3 channels (more are not read): linear RGB, jittered, without anti-aliasing. NaN is a missing
+                          sample; negative values count as 0, those above 65504 as 65504 */
+    ss_image depth;    /* 1 channel: reversed, infinite far: near / view distance; 0 at the sky */
+    ss_image motion;   /* 2 channels: render pixels without jitter, previous minus current position */
+    ss_image reactive; /* 1 channel in [0, 1], or none: how little the history says */
+    ss_image base_color, normal;                                /* G-buffers of render size, for methods that read them */
+    ss_image display_base_color, display_normal, display_depth; /* the same of display size */
+    float jitter[2];    /* sample position minus pixel centre, render pixels, in [-0.5, 0.5] */
+    float exposure;     /* multiplies the colour before the tone curve; 0: measured */
+    float pre_exposure; /* what the colour has been multiplied by; 0 counts as 1 */
+    int reset;          /* 1 on the first frame after a cut: the history is dropped */
+    float adds_samples; /* 1: where nothing moves, samples are averaged over a period of the jitter; 0: this frame's
+                           colour is not sampled (extrapolated), or nothing converges; 2: of a path tracer */
+} ss_frame;
+
+/* Images of display size to write to. Those without data cost nothing. */
+typedef struct ss_outputs {
+    ss_image image;     /* 3 channels: linear RGB, finite, >= 0, in the units of the colour */
+    ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1] */
+    ss_image converged; /* 1 channel: 1 where the image is frozen, else 0 */
+    int compute_all;    /* 1: compute tiles that cannot differ, too; for tests, as it changes no bit */
+} ss_outputs;
+
+/* Upscalers ---------------------------------------------------------------------------------------------------- */
+
+/* The images of one camera, in order. */
+typedef struct ss_upscaler ss_upscaler;
+
+SS_API ss_status ss_upscaler_create(ss_model* model, int display_width, int display_height, ss_upscaler** upscaler,
+                                    ss_error* error);
+SS_API void ss_upscaler_destroy(ss_upscaler* upscaler);
+
+/* Upscales the next frame. */
+SS_API ss_status ss_step(ss_upscaler* upscaler, const ss_frame* frame, const ss_outputs* outputs, ss_error* error);
+
+/* Drops the history, as `reset` of a frame does. */
+SS_API void ss_reset(ss_upscaler* upscaler);
+
+/* Histories, for hosts that keep them: the step as a pure function ----------------------------------------------- */
+
+typedef struct ss_history ss_history;
+
+/* Creates an empty history for frames and images of these sizes. */
+SS_API ss_status ss_history_create(ss_model* model, int display_width, int display_height, int width, int height,
+                                   ss_history** history, ss_error* error);
+SS_API void ss_history_destroy(ss_history* history);
+
+/* Returns 1 where `history` can take the history after a frame of this size, else 0. */
+SS_API int ss_history_fits(const ss_history* history, int width, int height);
+
+/* Computes an image and the next history, which is not `history` and fits the frame. */
+SS_API ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
+                        const ss_outputs* outputs, ss_error* error);
+
+/* Returns the name of a history tensor of the contract; NULL from the last one on. `shape` is (n, channels, height,
+ * width); of those of fewer axes, the last are 1. */
+SS_API const char* ss_history_tensor(const ss_history* history, int index, int64_t shape[4]);
+
+/* Copies a tensor out of a history, or into it: float32, in C order. A history is complete when all have been written.
+ */
+SS_API ss_status ss_history_read(const ss_history* history, int index, float* values, ss_error* error);
+SS_API ss_status ss_history_write(ss_history* history, int index, const float* values, ss_error* error);
+
+/* Returns the bytes that a history holds. */
+SS_API size_t ss_history_bytes(const ss_history* history);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,206 @@
+// The C interface.
+#include <stdlib.h>
+
+#include "arrays.h"
+#include "step.h"
+
+namespace ss {
+
+extern const Method BILINEAR, BICUBIC, TAA;
+static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA};
+
+const Method* find_method(const char* name) {
+    for (const Method* method : METHODS)
+        if (strcmp(method->name, name) == 0) return method;
+    return nullptr;
+}
+
+static void* allocate_default(void*, size_t bytes) { return malloc(bytes); }
+static void release_default(void*, void* memory, size_t) { free(memory); }
+
+struct Upscaler {
+    Model& model;
+    Size display;
+    History* history = nullptr;
+    History* spare = nullptr;
+};
+
+static History* history_of(ss_history* handle) { return reinterpret_cast<History*>(handle); }
+static Model* model_of(ss_model* handle) { return reinterpret_cast<Model*>(handle); }
+static const Model* model_of(const ss_model* handle) { return reinterpret_cast<const Model*>(handle); }
+static Upscaler* upscaler_of(ss_upscaler* handle) { return reinterpret_cast<Upscaler*>(handle); }
+
+static bool is_size(int width, int height) {
+    return width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE && int64_t{width} * height <= MAX_PIXELS;
+}
+
+static ss_status bad_size(ss_error* error, const char* name, int width, int height) {
+    return fail(error, SS_BAD_ARGUMENT, "%s is %d x %d; want sides from 1 to %d, %d pixels at most", name, width, height,
+                MAX_SIDE, MAX_PIXELS);
+}
+
+static History* new_history(Model& model, Size display, Size render) {
+    const Allocator& allocator = model.arena.allocator();
+    History* history = create<History>(allocator, allocator, model, display, render);
+    if (!history || !history->arena.failed()) return history;
+    destroy(allocator, history);
+    return nullptr;
+}
+
+}  // namespace ss
+
+using namespace ss;
+
+int ss_version(void) { return SS_VERSION; }
+
+// Creates a model with the default constants of a method.
+static ss_status make_model(const Method* method, const ss_options* given, Model** model, ss_error* error) {
+    const ss_options options = given ? *given : ss_options{};
+    if (options.threads < 0 || options.threads > MAX_THREADS)
+        return fail(error, SS_BAD_ARGUMENT, "threads is %d; want 0 to %d", options.threads, MAX_THREADS);
+    if (!options.allocate != !options.release)
+        return fail(error, SS_BAD_ARGUMENT, "only one of allocate and release is set; want both or none");
+    const Kernels* kernels = find_kernels(options.instructions);
+    if (!kernels)
+        return fail(error, SS_BAD_ARGUMENT, "instructions is '%.64s', which this CPU does not have", options.instructions);
+    const Allocator allocator = {options.allocate ? options.allocate : allocate_default,
+                                 options.release ? options.release : release_default, options.user};
+    *model = create<Model>(allocator, allocator, options);
+    if (!*model) return fail(error, SS_NO_MEMORY, "no memory for a model");
+    (*model)->method = method;
+    (*model)->kernels = kernels;
+    if (method->config) memcpy((*model)->config, method->config, sizeof(float) * method->constant_count);
+    return succeed(error);
+}
+
+// Reads the constants of a model.
+static ss_status read_constants(Model& model, const Arrays& arrays, ss_error* error) {
+    for (int k = 0; k < model.method->constant_count; k++) {
+        const Constant& constant = model.method->constants[k];
+        const Array* array = arrays.find(constant.name, ArrayType::FLOAT, 1);
+        if (!array) return fail(error, SS_BAD_MODEL, "the model lacks the number %s", constant.name);
+        const float value = *static_cast<const float*>(array->values());
+        if (!(value >= constant.low && value <= constant.high))
+            return fail(error, SS_BAD_MODEL, "%s of the model is %g; want a number from %g to %g", constant.name, value,
+                        constant.low, constant.high);
+        model.config[k] = value;
+    }
+    return SS_OK;
+}
+
+ss_status ss_model_create(const char* name, const ss_options* options, ss_model** model, ss_error* error) {
+    if (!name || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", name ? "model" : "name");
+    *model = nullptr;
+    const Method* method = find_method(name);
+    if (!method || (method->constants && !method->config))
+        return fail(error, SS_BAD_ARGUMENT, "there is no model '%.64s' in this library", name);
+    Model* made = nullptr;
+    ss_status status = make_model(method, options, &made, error);
+    *model = reinterpret_cast<ss_model*>(made);
+    return status;
+}
+
+ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_options* options, ss_model** model,
+                                     ss_error* error) {
+    if (!bytes || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", bytes ? "model" : "bytes");
+    *model = nullptr;
+    const Arrays arrays(bytes, count);
+    if (arrays.message()) return fail(error, SS_BAD_MODEL, "the bytes are no model: %s", arrays.message());
+    const Array* name = arrays.find("method", ArrayType::TEXT, 0);
+    const Method* method = nullptr;
+    if (name && memchr(name->values(), 0, name->bytes())) method = find_method(static_cast<const char*>(name->values()));
+    if (!method) return fail(error, SS_BAD_MODEL, "the model is of no method of this library");
+    Model* made = nullptr;
+    ss_status status = make_model(method, options, &made, error);
+    if (status == SS_OK) status = read_constants(*made, arrays, error);
+    if (status == SS_OK && method->read_weights) status = method->read_weights(*made, arrays, error);
+    if (status != SS_OK && made) destroy(Allocator(made->arena.allocator()), made);
+    if (status == SS_OK) *model = reinterpret_cast<ss_model*>(made);
+    return status;
+}
+
+void ss_model_destroy(ss_model* handle) {
+    Model* model = model_of(handle);
+    if (!model) return;
+    const Allocator allocator = model->arena.allocator();
+    destroy(allocator, model);
+}
+
+const char* ss_model_method(const ss_model* model) { return model_of(model)->method->name; }
+const char* ss_model_instructions(const ss_model* model) { return model_of(model)->kernels->name; }
+
+ss_status ss_history_create(ss_model* model, int display_width, int display_height, int width, int height,
+                            ss_history** history, ss_error* error) {
+    if (!model || !history) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", model ? "history" : "model");
+    *history = nullptr;
+    if (!is_size(display_width, display_height)) return bad_size(error, "the display", display_width, display_height);
+    if (!is_size(width, height)) return bad_size(error, "the frame", width, height);
+    History* made = new_history(*model_of(model), {display_width, display_height}, {width, height});
+    if (!made) return fail(error, SS_NO_MEMORY, "no memory for a history");
+    *history = reinterpret_cast<ss_history*>(made);
+    return succeed(error);
+}
+
+void ss_history_destroy(ss_history* handle) {
+    if (History* history = history_of(handle)) destroy(Allocator(history->arena.allocator()), history);
+}
+
+int ss_history_fits(const ss_history* history, int width, int height) {
+    return reinterpret_cast<const History*>(history)->fits({width, height});
+}
+
+ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
+                 const ss_outputs* outputs, ss_error* error) {
+    if (!model || !frame || !history || !next_history || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    return run_step(*model_of(model), *frame, *reinterpret_cast<const History*>(history), *history_of(next_history), *outputs,
+                    error);
+}
+
+ss_status ss_upscaler_create(ss_model* model, int display_width, int display_height, ss_upscaler** upscaler, ss_error* error) {
+    if (!model || !upscaler) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", model ? "upscaler" : "model");
+    *upscaler = nullptr;
+    if (!is_size(display_width, display_height)) return bad_size(error, "the display", display_width, display_height);
+    Upscaler* made = create<Upscaler>(model_of(model)->arena.allocator(), *model_of(model), Size{display_width, display_height});
+    if (!made) return fail(error, SS_NO_MEMORY, "no memory for an upscaler");
+    *upscaler = reinterpret_cast<ss_upscaler*>(made);
+    return succeed(error);
+}
+
+void ss_upscaler_destroy(ss_upscaler* handle) {
+    Upscaler* upscaler = upscaler_of(handle);
+    if (!upscaler) return;
+    const Allocator allocator = upscaler->model.arena.allocator();
+    destroy(allocator, upscaler->history);
+    destroy(allocator, upscaler->spare);
+    destroy(allocator, upscaler);
+}
+
+ss_status ss_step(ss_upscaler* handle, const ss_frame* frame, const ss_outputs* outputs, ss_error* error) {
+    if (!handle || !frame || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    Upscaler& u = *upscaler_of(handle);
+    const Allocator& allocator = u.model.arena.allocator();
+    const Size render = {frame->width, frame->height};
+    if (!is_size(render.width, render.height)) return bad_size(error, "the frame", render.width, render.height);
+    if (u.spare && !u.spare->fits(render)) {
+        destroy(allocator, u.spare);
+        u.spare = nullptr;
+    }
+    History* empty = u.history && !frame->reset ? u.history : new_history(u.model, u.display, render);
+    if (!u.spare) u.spare = new_history(u.model, u.display, render);
+    ss_status status = empty && u.spare ? run_step(u.model, *frame, *empty, *u.spare, *outputs, error)
+                                        : fail(error, SS_NO_MEMORY, "no memory for a history");
+    if (status != SS_OK) {
+        if (empty != u.history) destroy(allocator, empty);
+        return status;
+    }
+    if (empty != u.history) destroy(allocator, u.history);
+    u.history = u.spare;
+    u.spare = empty;
+    return status;
+}
+
+void ss_reset(ss_upscaler* upscaler) {
+    Upscaler& u = *upscaler_of(upscaler);
+    destroy(u.model.arena.allocator(), u.history);
+    u.history = nullptr;
+}

@@ -1,0 +1,31 @@
+#include "core.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+
+namespace ss {
+
+ss_status fail(ss_error* error, ss_status status, const char* format, ...) {
+    if (!error) return status;
+    va_list values;
+    va_start(values, format);
+    vsnprintf(error->message, sizeof error->message, format, values);
+    va_end(values);
+    return status;
+}
+
+void* Arena::taken(size_t count) {
+    size_t bytes = sizeof(Block) + count + 3 * LINE;
+    Block* block = failed_ ? nullptr : static_cast<Block*>(allocator_.allocate(allocator_.user, bytes));
+    if (!block) {
+        failed_ = true;
+        return nullptr;
+    }
+    *block = {last_, bytes};
+    last_ = block;
+    bytes_ += bytes;
+    uintptr_t first = (reinterpret_cast<uintptr_t>(block + 1) + LINE - 1) / LINE * LINE;
+    return memset(reinterpret_cast<void*>(first), 0, count + LINE);
+}
+
+}  // namespace ss

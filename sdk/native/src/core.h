@@ -1,0 +1,108 @@
+// Memory, errors, sizes and rectangles: what all of the library uses.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "constants.h"
+#include "supersampler.h"
+
+// Placement, without the header <new>, whose other operators are of the C++ runtime.
+inline void* operator new(size_t, void* place) noexcept { return place; }
+
+namespace ss {
+
+constexpr int LANES = 16;  // rows of pixels are padded to a multiple of it: the largest vector
+constexpr int PAD = 16;    // columns before and after a row of samples, so that neighbourhoods need no bounds checks
+constexpr int LINE = 64;   // bytes of a cache line
+
+struct Size {
+    int width, height;
+    bool operator==(const Size&) const = default;
+};
+
+// Rows y0 to y1 - 1, columns x0 to x1 - 1.
+struct Rect {
+    int y0, y1, x0, x1;
+};
+
+template <class T>
+constexpr T min(T a, T b) {
+    return b < a ? b : a;
+}
+template <class T>
+constexpr T max(T a, T b) {
+    return a < b ? b : a;
+}
+template <class T>
+constexpr T clamp(T value, T low, T high) {
+    return min(max(value, low), high);
+}
+constexpr int divided_up(int count, int by) { return (count + by - 1) / by; }
+constexpr int up_to(int count, int multiple) { return divided_up(count, multiple) * multiple; }
+constexpr Size half_of(Size size) { return {divided_up(size.width, 2), divided_up(size.height, 2)}; }
+
+// Returns `status`, with a message.
+ss_status fail(ss_error* error, ss_status status, const char* format, ...) __attribute__((format(printf, 3, 4)));
+
+inline ss_status succeed(ss_error* error) {
+    if (error) error->message[0] = 0;
+    return SS_OK;
+}
+
+struct Allocator {
+    void* (*allocate)(void* user, size_t bytes);
+    void (*release)(void* user, void* memory, size_t bytes);
+    void* user;
+};
+
+// Arrays that are freed together. Each starts at a cache line of its own, is zero, and has a spare line after it.
+class Arena {
+   public:
+    explicit Arena(const Allocator& allocator) : allocator_(allocator) {}
+    ~Arena() {
+        while (last_) {
+            Block* block = last_;
+            last_ = block->before;
+            allocator_.release(allocator_.user, block, block->bytes);
+        }
+    }
+    Arena(const Arena&) = delete;
+
+    // Returns an array; NULL where there is no memory, and `failed` says so from then on.
+    template <class T>
+    T* take(size_t count) {
+        return static_cast<T*>(taken(count * sizeof(T)));
+    }
+    bool failed() const { return failed_; }
+    size_t bytes() const { return bytes_; }
+    const Allocator& allocator() const { return allocator_; }
+
+   private:
+    struct Block {
+        Block* before;
+        size_t bytes;
+    };
+    void* taken(size_t count);
+
+    Allocator allocator_;
+    Block* last_ = nullptr;
+    size_t bytes_ = 0;
+    bool failed_ = false;
+};
+
+// Objects that live in memory of an allocator.
+template <class T, class... Values>
+T* create(const Allocator& allocator, Values&&... values) {
+    void* memory = allocator.allocate(allocator.user, sizeof(T));
+    return memory ? new (memory) T{static_cast<Values&&>(values)...} : nullptr;
+}
+template <class T>
+void destroy(const Allocator& allocator, T* object) {
+    if (!object) return;
+    object->~T();
+    allocator.release(allocator.user, object, sizeof(T));
+}
+
+}  // namespace ss

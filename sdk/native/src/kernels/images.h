@@ -1,0 +1,76 @@
+// Reading and writing of the caller's images, of any type and strides.
+#pragma once
+
+#include "colors.h"
+
+namespace ss::SS_ISA {
+
+SS_INLINE float half_to_float(uint16_t half) {
+    uint32_t magnitude = static_cast<uint32_t>(half & 0x7FFF) << 13, sign = static_cast<uint32_t>(half & 0x8000) << 16;
+    float value = __builtin_bit_cast(float, magnitude) * 0x1p112f;  // of subnormal numbers, too
+    uint32_t bits = magnitude >= 0x0F800000 ? magnitude | 0x7F800000 : __builtin_bit_cast(uint32_t, value);
+    return __builtin_bit_cast(float, bits | sign);
+}
+
+// The nearest half float of a number in [0, MAX_HALF]; ties to even.
+SS_INLINE uint16_t half_of_float(float value) {
+    float scaled = value * 0x1p-112f;  // subnormal halves become subnormal floats, which round alike
+    uint32_t bits = __builtin_bit_cast(uint32_t, scaled);
+    return static_cast<uint16_t>((bits + 0xFFF + (bits >> 13 & 1)) >> 13);
+}
+
+SS_INLINE float value_at(const View& image, const char* at) {
+    return image.type == SS_FLOAT16 ? half_to_float(load_as<uint16_t>(at)) : load_as<float>(at);
+}
+
+// Returns where W pixels from x on can be loaded: in the row, or in `tail`, where the last pixel is repeated.
+template <int channels>
+SS_INLINE const float* whole_vector(const float* row, int x, int width, float (&tail)[channels * W]) {
+    if (x + W <= width) return row + channels * x;
+    for (int k = 0; k < W; k++)
+        for (int c = 0; c < channels; c++) tail[channels * k + c] = row[channels * min(x + k, width - 1) + c];
+    return tail;
+}
+
+SS_INLINE void store_value(const View& image, char* at, float value) {
+    if (image.type == SS_FLOAT32) return store_as(at, value);
+    if (image.type == SS_FLOAT16) return store_as(at, half_of_float(value));
+    *reinterpret_cast<uint8_t*>(at) = static_cast<uint8_t>(min(value, 1.0f) * 255.0f + 0.5f);
+}
+
+// Writes up to W pixels from x on, finite and >= 0.
+SS_INLINE void write_rgb(const View& image, int y, int x, int width, F3 color) {
+    char* row = const_cast<char*>(image.data) + y * image.row;
+    if (x + W <= width && image.type == SS_FLOAT32 && image.is_packed<float>(3))
+        return store_rgb(reinterpret_cast<float*>(row) + 3 * x, color);
+    float values[3 * W];
+    store_rgb(values, color);
+    for (int k = 0; k < min(W, width - x); k++)
+        for (int c = 0; c < 3; c++)
+            store_value(image, row + (x + k) * image.pixel + c * image.channel, values[3 * k + c]);
+}
+
+SS_INLINE void write_plane(const View& image, int y, int x, int width, F value) {
+    char* row = const_cast<char*>(image.data) + y * image.row;
+    if (x + W <= width && image.type == SS_FLOAT32 && image.pixel == 4) return store(reinterpret_cast<float*>(row) + x, value);
+    float values[W];
+    store(values, value);
+    for (int k = 0; k < min(W, width - x); k++) store_value(image, row + (x + k) * image.pixel, values[k]);
+}
+
+// Writes up to W pixels of three values to a history.
+SS_INLINE void write_pixels3(float* pixels, int width, int y, int x, F3 color) {
+    float* to = pixels + 3 * (static_cast<ptrdiff_t>(y) * width + x);
+    if (x + W <= width) return store_rgb(to, color);
+    float values[3 * W];
+    store_rgb(values, color);
+    memcpy(to, values, sizeof(float) * 3 * (width - x));
+}
+
+// Writes pixels of the image: of the history's units, times the pre-exposure of the frame.
+SS_INLINE void write_image(const Target& target, int y, int x, F3 color) {
+    if (target.pre_exposure != 1.0f) color = color * target.pre_exposure;
+    write_rgb(target.image, y, x, target.width, color);
+}
+
+}  // namespace ss::SS_ISA

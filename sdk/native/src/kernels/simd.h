@@ -1,0 +1,286 @@
+// Vectors of W lanes, the native width of the instruction set that a file is compiled for.
+//
+// Kernels are written once, on F (float) and I (int32) of W lanes and on F4 of four. Operators are those of the
+// compiler's vector extensions; a scalar operand is broadcast. A comparison gives an I of 0 or -1 per lane, a mask.
+// All of this is inlined into kernels: functions of one instruction set must never be linked into another.
+#pragma once
+
+#include <stddef.h>
+#include <stdint.h>
+
+#if defined(__x86_64__) || defined(_M_X64)
+#include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
+#endif
+
+#define SS_INLINE static inline __attribute__((always_inline))
+
+namespace ss::SS_ISA {
+
+#if defined(__AVX512F__)
+constexpr int W = 16;
+#elif defined(__AVX2__)
+constexpr int W = 8;
+#else
+constexpr int W = 4;
+#endif
+
+template <class T, T... K>
+struct Sequence {};
+#if defined(__clang__)
+template <int n>
+using Count = __make_integer_seq<Sequence, int, n>;  // of 0 to n - 1
+#else
+template <int n>
+using Count = Sequence<int, __integer_pack(n)...>;
+#endif
+using Lanes = Count<W>;
+template <int value>
+struct Constant {};
+
+typedef float F __attribute__((vector_size(4 * W)));
+typedef int32_t I __attribute__((vector_size(4 * W)));
+typedef float F4 __attribute__((vector_size(16)));
+typedef int32_t I4 __attribute__((vector_size(16)));
+typedef uint8_t B __attribute__((vector_size(W)));
+
+// Memory. Addresses need no alignment but that of the element, except for `stream`.
+
+template <class V>
+struct Loose {
+    V vector;
+} __attribute__((packed, may_alias));
+
+template <class V>
+SS_INLINE V load_as(const void* from) {
+    return static_cast<const Loose<V>*>(from)->vector;
+}
+
+SS_INLINE F load(const float* from) { return load_as<F>(from); }
+SS_INLINE I load(const int32_t* from) { return load_as<I>(from); }
+SS_INLINE F4 load4(const float* from) { return load_as<F4>(from); }
+SS_INLINE I load(const uint8_t* from) { return __builtin_convertvector(load_as<B>(from), I); }
+
+template <class V>
+SS_INLINE void store_as(void* to, V vector) {
+    static_cast<Loose<V>*>(to)->vector = vector;
+}
+
+SS_INLINE void store(float* to, F v) { store_as(to, v); }
+SS_INLINE void store(int32_t* to, I v) { store_as(to, v); }
+SS_INLINE void store4(float* to, F4 v) { store_as(to, v); }
+SS_INLINE void store(uint8_t* to, I v) { store_as(to, __builtin_convertvector(v, B)); }
+
+SS_INLINE void prefetch(const void* at) { __builtin_prefetch(at, 0, 3); }
+
+// Lanes.
+
+SS_INLINE F spread(float value) { return value - F{}; }
+SS_INLINE I spread(int32_t value) { return value - I{}; }
+
+template <int... K>
+SS_INLINE I ramp_of(Sequence<int, K...>) {
+    return I{K...};
+}
+SS_INLINE I ramp() { return ramp_of(Lanes{}); }
+
+SS_INLINE F to_float(I v) { return __builtin_convertvector(v, F); }
+SS_INLINE I to_int(F v) { return __builtin_convertvector(v, I); }  // towards zero; values must fit
+SS_INLINE I bits_of(F v) { return reinterpret_cast<I>(v); }
+SS_INLINE F float_of(I v) { return reinterpret_cast<F>(v); }
+
+SS_INLINE F select(I mask, F first, F second) { return mask ? first : second; }
+SS_INLINE F select(I mask, float first, F second) { return mask ? spread(first) : second; }
+SS_INLINE F select(I mask, F first, float second) { return mask ? first : spread(second); }
+SS_INLINE F select(I mask, float first, float second) { return mask ? spread(first) : spread(second); }
+SS_INLINE I select(I mask, I first, I second) { return mask ? first : second; }
+
+// The second where either is NaN.
+#if defined(__AVX512F__)
+SS_INLINE F minimum(F a, F b) { return (F)_mm512_min_ps((__m512)a, (__m512)b); }
+SS_INLINE F maximum(F a, F b) { return (F)_mm512_max_ps((__m512)a, (__m512)b); }
+SS_INLINE F square_root(F v) { return (F)_mm512_sqrt_ps((__m512)v); }
+SS_INLINE F floor(F v) { return (F)_mm512_roundscale_ps((__m512)v, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
+SS_INLINE F absolute(F v) { return (F)_mm512_abs_ps((__m512)v); }
+SS_INLINE bool all(I mask) { return _mm512_movepi32_mask((__m512i)mask) == 0xFFFF; }
+#elif defined(__AVX2__)
+SS_INLINE F minimum(F a, F b) { return (F)_mm256_min_ps((__m256)a, (__m256)b); }
+SS_INLINE F maximum(F a, F b) { return (F)_mm256_max_ps((__m256)a, (__m256)b); }
+SS_INLINE F square_root(F v) { return (F)_mm256_sqrt_ps((__m256)v); }
+SS_INLINE F floor(F v) { return (F)_mm256_floor_ps((__m256)v); }
+SS_INLINE F absolute(F v) { return float_of(bits_of(v) & 0x7FFFFFFF); }
+SS_INLINE bool all(I mask) { return _mm256_movemask_ps((__m256)mask) == 0xFF; }
+#else
+SS_INLINE F minimum(F a, F b) { return a < b ? a : b; }
+SS_INLINE F maximum(F a, F b) { return a > b ? a : b; }
+SS_INLINE F absolute(F v) { return float_of(bits_of(v) & 0x7FFFFFFF); }
+#if defined(__aarch64__)
+SS_INLINE F square_root(F v) { return (F)vsqrtq_f32((float32x4_t)v); }
+SS_INLINE F floor(F v) { return (F)vrndmq_f32((float32x4_t)v); }
+SS_INLINE bool all(I mask) { return vminvq_u32((uint32x4_t)mask) != 0; }
+#else
+SS_INLINE F square_root(F v) {
+    for (int k = 0; k < W; k++) v[k] = __builtin_sqrtf(v[k]);
+    return v;
+}
+SS_INLINE F floor(F v) {
+    F whole = to_float(to_int(select(absolute(v) < 1e9f, v, 0.0f)));
+    whole = select(whole > v, whole - 1.0f, whole);
+    return select(absolute(v) < 1e9f, whole, v);  // larger floats are whole
+}
+SS_INLINE bool all(I mask) {
+    for (int k = 0; k < W; k++)
+        if (!mask[k]) return false;
+    return true;
+}
+#endif
+#endif
+
+SS_INLINE F minimum(F a, float b) { return minimum(a, spread(b)); }
+SS_INLINE F maximum(F a, float b) { return maximum(a, spread(b)); }
+SS_INLINE I minimum(I a, int32_t b) { return select(a < b, a, spread(b)); }
+SS_INLINE I maximum(I a, int32_t b) { return select(a > b, a, spread(b)); }
+SS_INLINE F clamped(F v, float low, float high) { return minimum(maximum(v, low), high); }
+SS_INLINE I clamped(I v, int32_t low, int32_t high) { return minimum(maximum(v, low), high); }
+
+SS_INLINE float sum_of_lanes(F v) {
+    float total = 0.0f;
+    for (int k = 0; k < W; k++) total += v[k];
+    return total;
+}
+
+// Loads a value for each lane.
+template <int... K>
+SS_INLINE F gather_of(const float* from, I index, Sequence<int, K...>) {
+    return F{from[index[K]]...};
+}
+SS_INLINE F gather(const float* from, I index) {
+    return gather_of(from, index, Lanes{});
+}
+
+// Picks lanes of a vector by indices from 0 to W - 1.
+SS_INLINE F permuted(F v, I index) {
+#if defined(__AVX512F__)
+    return (F)_mm512_permutexvar_ps((__m512i)index, (__m512)v);
+#elif defined(__AVX2__)
+    return (F)_mm256_permutevar8x32_ps((__m256)v, (__m256i)index);
+#elif defined(__aarch64__)
+    I bytes = index * 0x04040404 + 0x03020100;
+    return (F)vqtbl1q_u8((uint8x16_t)v, (uint8x16_t)bytes);
+#else
+    float lanes[W];
+    store(lanes, v);
+    return gather(lanes, index);
+#endif
+}
+
+// Shuffles: `Order::at(i)` is the lane of the result's lane i, of two vectors in a row.
+
+template <class Order, class V, int... K>
+SS_INLINE V shuffled(V a, V b, Sequence<int, K...>) {
+    return __builtin_shufflevector(a, b, Order::at(K)...);
+}
+struct LowZip {
+    static constexpr int at(int i) { return i / 2 + W * (i % 2); }
+};
+struct HighZip {
+    static constexpr int at(int i) { return W / 2 + i / 2 + W * (i % 2); }
+};
+struct Evens {
+    static constexpr int at(int i) { return 2 * i; }
+};
+struct Odds {
+    static constexpr int at(int i) { return 2 * i + 1; }
+};
+template <int first>  // of the third that lane `first` of three interleaved vectors begins
+struct ThirdOfTwo {   // the lanes that are of the first two vectors
+    static constexpr int at(int i) { return 3 * i + first < 2 * W ? 3 * i + first : 0; }
+};
+template <int first>
+struct ThirdOfLast {
+    static constexpr int at(int i) { return 3 * i + first < 2 * W ? i : W + 3 * i + first - 2 * W; }
+};
+template <int part>   // third `part` of three vectors, interleaved
+struct PartOfTwo {
+    static constexpr int place(int i) { return (part * W + i) % 3 * W + (part * W + i) / 3; }
+    static constexpr int at(int i) { return place(i) < 2 * W ? place(i) : 0; }
+};
+template <int part>
+struct PartOfLast {
+    static constexpr int at(int i) {
+        return PartOfTwo<part>::place(i) < 2 * W ? i : W + PartOfTwo<part>::place(i) - 2 * W;
+    }
+};
+
+template <class V>
+SS_INLINE V low_zip(V a, V b) {
+    return shuffled<LowZip>(a, b, Lanes{});
+}
+template <class V>
+SS_INLINE V high_zip(V a, V b) {
+    return shuffled<HighZip>(a, b, Lanes{});
+}
+template <class V>
+SS_INLINE V evens(V a, V b) {
+    return shuffled<Evens>(a, b, Lanes{});
+}
+template <class V>
+SS_INLINE V odds(V a, V b) {
+    return shuffled<Odds>(a, b, Lanes{});
+}
+
+// Transposes: N vectors of N channels of W pixels, interleaved or one after the other. A round of zips moves the last
+// bit of a value's place (vector, then lane) to the front.
+
+constexpr int log2_of(int n) { return n == 1 ? 0 : 1 + log2_of(n / 2); }
+
+template <int N>
+SS_INLINE void zip_round(F (&v)[N]) {
+    F made[N];
+    for (int k = 0; k < N / 2; k++) {
+        made[2 * k] = low_zip(v[k], v[k + N / 2]);
+        made[2 * k + 1] = high_zip(v[k], v[k + N / 2]);
+    }
+    for (int k = 0; k < N; k++) v[k] = made[k];
+}
+
+template <int N>
+SS_INLINE void to_channels(F (&v)[N]) {  // of W pixels of N channels each
+    for (int round = 0; round < log2_of(W); round++) zip_round(v);
+}
+
+template <int N>
+SS_INLINE void to_pixels(F (&v)[N]) {  // inverse of `to_channels`
+    for (int round = 0; round < log2_of(N); round++) zip_round(v);
+}
+
+template <int N>
+SS_INLINE void load_channels(const float* from, F (&v)[N]) {
+    for (int k = 0; k < N; k++) v[k] = load(from + k * W);
+    to_channels(v);
+}
+
+struct F3 {
+    F r, g, b;
+};
+
+SS_INLINE F3 load_rgb(const float* from) {  // of W pixels
+    F a = load(from), b = load(from + W), c = load(from + 2 * W);
+    auto third = [&]<int first>(Constant<first>) __attribute__((always_inline)) {
+        return shuffled<ThirdOfLast<first>>(shuffled<ThirdOfTwo<first>>(a, b, Lanes{}), c, Lanes{});
+    };
+    return {third(Constant<0>{}), third(Constant<1>{}),
+            third(Constant<2>{})};
+}
+
+SS_INLINE void store_rgb(float* to, F3 v) {
+    auto part = [&]<int k>(Constant<k>) __attribute__((always_inline)) {
+        return shuffled<PartOfLast<k>>(shuffled<PartOfTwo<k>>(v.r, v.g, Lanes{}), v.b, Lanes{});
+    };
+    store(to, part(Constant<0>{}));
+    store(to + W, part(Constant<1>{}));
+    store(to + 2 * W, part(Constant<2>{}));
+}
+
+}  // namespace ss::SS_ISA

@@ -1,0 +1,24 @@
+// The kernels of one instruction set.
+#include "../work.h"
+
+#define SS_NAME_OF(isa) SS_TEXT_OF(isa)
+#define SS_TEXT_OF(isa) #isa
+
+namespace ss {
+namespace SS_ISA {
+void read_frame(const FrameImages&, const Samples&, int y0, int y1, int thread);
+void fill_windows(const Samples&, int y0, int y1);
+void prepare(const Samples&, int y0, int y1);
+void dilate(const Samples&, int y0, int y1);
+void make_tables(const Tables&, float jitter_x, float jitter_y);
+void spatial_read(const SpatialWork&, int y0, int y1);
+void spatial_rows(const SpatialWork&, Rect, int thread);
+void taa_read(const TaaWork&, int y0, int y1);
+void taa_boxes(const TaaWork&, int y0, int y1);
+void taa_rows(const TaaWork&, Rect, int thread);
+
+extern const Kernels KERNELS = {
+    SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows,
+};
+}  // namespace SS_ISA
+}  // namespace ss

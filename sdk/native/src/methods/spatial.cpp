@@ -1,0 +1,37 @@
+// `bilinear` and `bicubic`: each frame by itself.
+#include "../step.h"
+
+namespace ss {
+
+template <FilterKind kind>
+static const Filter* filters(const Model&, Filter* room, int* count, float*) {
+    room[0] = {kind};
+    *count = 1;
+    return room;
+}
+
+static bool make_space(const Model& model, Space& space) {
+    SpatialWork* work = space.arena.take<SpatialWork>(1);
+    if (!work) return false;
+    work->planes = space.rows_of_samples(3, space.samples.pitch);
+    work->lines = space.arena.take<float>(static_cast<size_t>(model.pool.threads()) * 3 * space.samples.pitch);
+    space.own = work;
+    return true;
+}
+
+static ss_status compute(Step& step) {
+    SpatialWork& work = *static_cast<SpatialWork*>(step.space.own);
+    step.samples().exposure = 1.0f;  // missing samples are filled with the grey of an exposure of 1
+    fill_missing(step);
+    make_tables(step);
+    work.samples = step.samples(), work.tables = step.space.tables, work.target = step.target;
+    pool_of(step).run_rows(step.frame.height, [&](int y0, int y1, int) { step.kernels().spatial_read(work, y0, y1); });
+    pool_of(step).run_rects(step.tiles, step.tile_count, 1, [&](Rect rect, int thread) { step.kernels().spatial_rows(work, rect, thread); });
+    return SS_OK;
+}
+
+static constexpr Layout NO_HISTORY = {};
+extern const Method BILINEAR = {"bilinear", {1, 4}, false, false, NO_HISTORY, nullptr, 0, nullptr, filters<LINEAR>, make_space, compute, nullptr};
+extern const Method BICUBIC = {"bicubic", {1, 4}, false, false, NO_HISTORY, nullptr, 0, nullptr, filters<CUBIC>, make_space, compute, nullptr};
+
+}  // namespace ss

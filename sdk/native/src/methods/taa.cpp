@@ -1,0 +1,49 @@
+// `taa` (Salvi 2016), for its default options.
+#include "../step.h"
+
+namespace ss {
+
+static const Filter* filters(const Model&, Filter* room, int* count, float*) {
+    room[0] = {LINEAR};
+    *count = 1;
+    return room;
+}
+
+static bool make_space(const Model&, Space& space) {
+    TaaWork* work = space.arena.take<TaaWork>(1);
+    if (!work) return false;
+    work->planes = space.rows_of_samples(TAA_PLANES, space.samples.pitch);
+    work->boxes = space.rows_of_samples(TAA_BOX, space.samples.stride);
+    space.own = work;
+    return true;
+}
+
+static ss_status compute(Step& step) {
+    TaaWork& work = *static_cast<TaaWork*>(step.space.own);
+    const taa::Config& config = step.model.config_of<taa::Config>();
+    fill_missing(step);
+    make_tables(step);
+    work.samples = step.samples(), work.tables = step.space.tables, work.target = step.target;
+    work.history = step.before.plane(0), work.next_history = step.after.plane(0);
+    work.alpha = step.before.exposure != 0.0f ? config.alpha : 1.0f;
+    work.gamma = config.gamma;
+    work.scratch = step.space.warps;
+    run_rows_with_neighbours(
+        pool_of(step), step.frame.height, [&](int y0, int y1) { step.kernels().taa_read(work, y0, y1); },
+        [&](int y0, int y1) { step.kernels().taa_boxes(work, y0, y1); });
+    pool_of(step).run_rects(step.tiles, step.tile_count, 1, [&](Rect rect, int thread) { step.kernels().taa_rows(work, rect, thread); });
+    return SS_OK;
+}
+
+static constexpr Layout LAYOUT = {
+    .planes = 1,
+    .tensors = 2,
+    .plane = {{Extent::DISPLAY, 3, false}},
+    .tensor = {{"color", 3, 0, 0}, {"exposure", 1, OF_EXPOSURE, 0}},
+    .glare = nullptr,
+};
+static constexpr taa::Config CONFIG;
+extern const Method TAA = {"taa", {1, 4}, false, true, LAYOUT, taa::CONSTANTS, sizeof taa::CONSTANTS / sizeof(Constant), &CONFIG,
+                           filters, make_space, compute, nullptr};
+
+}  // namespace ss

@@ -1,0 +1,93 @@
+// Models and their pools of work buffers.
+#include "step.h"
+
+namespace ss {
+
+constexpr int KEPT_SPACES = 4;  // for dynamic resolution
+
+static Space* make_space(const Model& model, Size render, Size display) {
+    Space* space = create<Space>(model.arena.allocator(), model.arena.allocator(), render, display);
+    if (!space) return nullptr;
+    Samples& s = space->samples;
+    s = {};
+    s.width = render.width, s.height = render.height, s.stride = up_to(render.width, LANES), s.pitch = s.stride + 2 * PAD;
+    s.linear = space->rows_of_samples(3, s.stride);
+    s.reactive = space->rows_of_samples(1, s.stride);
+    s.rows = space->rows_of_samples(1, 4);
+    s.fill = space->arena.take<float>(6 * divided_up(s.width, FILL_WINDOW) * divided_up(s.height, FILL_WINDOW));
+    if (model.method->reads_motion) {
+        s.motion_x = space->rows_of_samples(1, s.pitch);
+        s.motion_y = space->rows_of_samples(1, s.pitch);
+    }
+    if (model.method->reads_surfaces) {
+        s.depth = space->rows_of_samples(1, s.pitch);
+        s.eroded_depth = space->rows_of_samples(1, s.pitch);
+        s.color = space->rows_of_samples(SAMPLE_PLANES, s.pitch);
+        s.dilated = space->rows_of_samples(4, s.stride);
+        s.own = space->rows_of_samples(4, s.stride);
+        s.glares = space->rows_of_samples(1, 1);
+    }
+    Tables& t = space->tables;
+    t = {};
+    Filter* filters = space->arena.take<Filter>(8);
+    if (filters) t.filters = model.method->filters(model, filters, &t.filter_count, &t.window_sigma);
+    Axis* axes[] = {&t.x, &t.y};
+    const int pixels[] = {display.width, display.height}, samples[] = {render.width, render.height};
+    for (int k = 0; k < 2; k++) {
+        Axis& a = *axes[k];
+        a.pixels = pixels[k], a.samples = samples[k], a.pitch = up_to(pixels[k], LANES);
+        a.start = space->arena.take<int32_t>(a.pitch);
+        a.nearest = space->arena.take<int32_t>(a.pitch);
+        a.weights = space->arena.take<float>(static_cast<size_t>(4 * t.filter_count) * a.pitch);
+        if (t.window_sigma > 0.0f) a.windows = space->arena.take<float>(static_cast<size_t>(3) * a.pitch);
+    }
+    space->warps = space->arena.take<WarpScratch>(model.pool.threads());
+    space->scratch = space->arena.take<float>(static_cast<size_t>(model.pool.threads()) * up_to(3 * s.width, LANES));
+    if (model.method->make_space(model, *space) && !space->arena.failed()) return space;
+    destroy(model.arena.allocator(), space);
+    return nullptr;
+}
+
+Space* Model::borrow(Size render, Size display) {
+    {
+        Guard guard(lock);
+        for (Space** at = &spaces; *at; at = &(*at)->next)
+            if ((*at)->render == render && (*at)->display == display) {
+                Space* found = *at;
+                *at = found->next;
+                return found;
+            }
+    }
+    return make_space(*this, render, display);
+}
+
+void Model::give_back(Space* space) {
+    Space* dropped = nullptr;
+    {
+        Guard guard(lock);
+        space->next = spaces;
+        spaces = space;
+        int count = 1;
+        for (Space** at = &spaces; *at; at = &(*at)->next)
+            if (count++ > KEPT_SPACES) {
+                dropped = *at;
+                *at = nullptr;
+                break;
+            }
+    }
+    while (dropped) {
+        Space* next = dropped->next;
+        destroy(arena.allocator(), dropped);
+        dropped = next;
+    }
+}
+
+Model::~Model() {
+    while (spaces) {
+        Space* next = spaces->next;
+        destroy(arena.allocator(), spaces);
+        spaces = next;
+    }
+}
+
+}  // namespace ss

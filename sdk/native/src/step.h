@@ -1,0 +1,151 @@
+// Methods, their histories, and what a step works on.
+#pragma once
+
+#include "threads.h"
+#include "work.h"
+
+namespace ss {
+
+constexpr int MAX_SIDE = 32768, MAX_PIXELS = 1 << 26;
+constexpr int MAX_PLANES = 4, MAX_VALUES = 4;
+
+// An array of a history: of tiles at display or half display size, or of samples, whose rows are padded as those of
+// `Samples` are.
+enum class Extent { DISPLAY, HALF, SAMPLES };
+struct PlaneSpec {
+    Extent extent;
+    int channels;
+    bool bytes;  // 255 is 1; else float
+};
+
+// Where a history tensor of the contract is: in a plane, from channel `first` on, or in one of these.
+enum { OF_JITTER = -1, OF_EXPOSURE = -2, OF_VALUES = -3 };
+struct TensorSpec {
+    const char* name;
+    int channels, plane, first;
+};
+
+struct Layout {
+    int planes, tensors;
+    PlaneSpec plane[MAX_PLANES];
+    TensorSpec tensor[12];
+    const char* glare;  // tensor whose last channel is increased by GLARE times the number of glaring frames, or null
+};
+
+struct Model;
+struct Step;
+class Arrays;
+
+// The work buffers of a step for one pair of sizes. The method's own follow in `own`.
+struct Space {
+    Arena arena;
+    Size render, display;
+    Samples samples;
+    Tables tables;
+    WarpScratch* warps;
+    float* scratch;  // of each thread a row of packed values
+    void* own = nullptr;
+    Space* next = nullptr;
+
+    Space(const Allocator& allocator, Size render, Size display) : arena(allocator), render(render), display(display) {}
+    float* rows_of_samples(int planes, int pitch) {
+        return arena.take<float>(static_cast<size_t>(render.height) * planes * pitch);
+    }
+};
+
+// The facts of a method, in a table of its own file.
+struct Method {
+    const char* name;
+    float ratios[2];  // smallest and largest ratio of display to render size
+    bool reads_surfaces;   // whether it takes depth, and motion dilated by it
+    bool reads_motion;
+    Layout layout;
+    const Constant* constants;
+    int constant_count;
+    const void* config;  // defaults of the constants, floats in their order; null: the model's bytes have them
+    const Filter* (*filters)(const Model& model, Filter* room, int* count, float* window_sigma);
+    bool (*make_space)(const Model& model, Space& space);
+    ss_status (*compute)(Step& step);  // fails before it changes the next history
+    ss_status (*read_weights)(Model& model, const Arrays& arrays, ss_error* error);  // null: it has none
+};
+
+const Method* find_method(const char* name);
+
+// The history after a frame; empty at first.
+struct History {
+    Arena arena;
+    Model& model;
+    Size display, render;
+    void* planes[MAX_PLANES] = {};
+    float values[MAX_VALUES] = {};
+    float jitter[2] = {};
+    float exposure = 0.0f;  // signed, see `followed_exposure`; 0: empty
+    bool glares = false;    // whether pixels may hold counts of glaring frames
+
+    History(const Allocator& allocator, Model& model, Size display, Size render);
+    float* plane(int index) const { return static_cast<float*>(planes[index]); }
+    int pitch() const { return up_to(render.width, LANES) + 2 * PAD; }  // of rows of samples
+    bool fits(Size frame) const;
+    void clear();
+};
+size_t plane_values(const PlaneSpec& spec, Size display, Size render);
+
+struct Model {
+    Arena arena;
+    const Method* method;
+    const Kernels* kernels;
+    ThreadPool pool;
+    float config[64] = {};
+    void* weights = nullptr;
+    void (*log)(void* user, const char* message);
+    void* user;
+    Lock lock;
+    Space* spaces = nullptr;  // free ones; guarded by the lock
+
+    Model(const Allocator& allocator, const ss_options& options) : arena(allocator), pool(options), log(options.log), user(options.user) {}
+    ~Model();
+    template <class Config>
+    const Config& config_of() const {
+        return *reinterpret_cast<const Config*>(config);
+    }
+    Space* borrow(Size render, Size display);
+    void give_back(Space* space);
+};
+
+struct Step {
+    const Model& model;
+    const ss_frame& frame;
+    Space& space;
+    const History& before;
+    History& after;
+    Target target;
+    const Rect* tiles;  // rectangles of pixels to compute
+    int tile_count;
+
+    const Kernels& kernels() const { return *model.kernels; }
+    Samples& samples() const { return space.samples; }
+};
+
+inline ThreadPool& pool_of(const Step& step) { return const_cast<ThreadPool&>(step.model.pool); }
+void fill_missing(const Step& step);  // computes what missing samples show; the exposure is known
+void make_tables(const Step& step);
+View view_of(const ss_image& image, int width, int channels);
+ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
+                   ss_error* error);
+
+// Calls `rows(y0, y1)` and then `beside(y0, y1)`, which reads one more row on either side, on all rows: the second
+// while they are in the cache, but for the rows at which threads meet.
+template <class RowFunction, class BesideFunction>
+void run_rows_with_neighbours(ThreadPool& pool, int height, const RowFunction& rows, const BesideFunction& beside) {
+    pool.run_rows(height, [&](int y0, int y1, int) {
+        rows(y0, y1);
+        int first = y0 ? y0 + 1 : 0, end = y1 < height ? y1 - 1 : height;
+        if (first < end) beside(first, end);
+    });
+    pool.run_rows(height, [&](int y0, int y1, int) {  // the same parts
+        if (y0) beside(y0, y0 + 1);
+        if (y1 < height && (y1 - 1 > y0 || !y0)) beside(y1 - 1, y1);
+    });
+}
+
+}  // namespace ss

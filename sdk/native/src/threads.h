@@ -1,0 +1,122 @@
+// A pool that splits work among threads. The result of a row must not depend on how rows are split, so that any number
+// of threads computes the same image, bit for bit.
+#pragma once
+
+#include "core.h"
+
+#ifdef _WIN32
+#include <windows.h>
+#else
+#include <pthread.h>
+#include <unistd.h>
+#endif
+
+namespace ss {
+
+constexpr int MAX_THREADS = 256;
+constexpr int PARTS_OF_THREAD = 3;  // a thread that is held up leaves parts to others
+
+// Mutex and condition of the system.
+class Lock {
+   public:
+#ifdef _WIN32
+    void lock() { AcquireSRWLockExclusive(&lock_); }
+    void unlock() { ReleaseSRWLockExclusive(&lock_); }
+    void wait() { SleepConditionVariableSRW(&changed_, &lock_, INFINITE, 0); }
+    void notify() { WakeAllConditionVariable(&changed_); }
+
+   private:
+    SRWLOCK lock_ = SRWLOCK_INIT;
+    CONDITION_VARIABLE changed_ = CONDITION_VARIABLE_INIT;
+#else
+    void lock() { pthread_mutex_lock(&lock_); }
+    void unlock() { pthread_mutex_unlock(&lock_); }
+    void wait() { pthread_cond_wait(&changed_, &lock_); }
+    void notify() { pthread_cond_broadcast(&changed_); }
+
+   private:
+    pthread_mutex_t lock_ = PTHREAD_MUTEX_INITIALIZER;
+    pthread_cond_t changed_ = PTHREAD_COND_INITIALIZER;
+#endif
+};
+
+struct Guard {
+    explicit Guard(Lock& lock) : lock_(lock) { lock_.lock(); }
+    ~Guard() { lock_.unlock(); }
+    Lock& lock_;
+};
+
+// Threads of a model. Several callers may run work at once; each works on its own. A thread that waits for its work
+// runs it itself if no other has begun it, so that work ends in a forked child, too, which has none of the threads.
+class ThreadPool {
+   public:
+    explicit ThreadPool(const ss_options& options);
+    ~ThreadPool();
+    ThreadPool(const ThreadPool&) = delete;
+
+    int threads() const { return threads_; }
+
+    // Calls function(index, thread) for each index from 0 to count - 1, and returns when all calls have returned.
+    // `thread` is from 0 to threads() - 1; no two calls of this run that overlap in time have the same.
+    template <class Function>
+    void run(int count, const Function& function) {
+        run_task(count, [](const void* context, int index, int thread) {
+            (*static_cast<const Function*>(context))(index, thread);
+        }, &function);
+    }
+
+    // Calls function(rect, thread) on parts of rectangles that do not overlap, split at multiples of `multiple` rows.
+    template <class Function>
+    void run_rects(const Rect* rects, int count, int multiple, const Function& function) {
+        int64_t area = 0;
+        for (int k = 0; k < count; k++) area += area_of(rects[k]);
+        int parts = threads_ == 1 || area == 0 ? 1 : threads_ * PARTS_OF_THREAD;
+        run(parts, [&](int part, int thread) {
+            int64_t before = 0;
+            for (int k = 0; k < count; before += area_of(rects[k++])) {
+                Rect rect = rects[k];
+                int64_t width = max(rect.x1 - rect.x0, 1);
+                auto row_at = [&](int end) {  // the first row that belongs to part `end` or a later one
+                    int64_t rows = (area * end / parts - before + width * multiple - 1) / (width * multiple);
+                    return clamp<int64_t>(rect.y0 + rows * multiple, rect.y0, rect.y1);
+                };
+                rect.y1 = part + 1 == parts ? rect.y1 : static_cast<int>(row_at(part + 1));
+                rect.y0 = part == 0 ? rect.y0 : static_cast<int>(row_at(part));
+                if (rect.y0 < rect.y1) function(rect, thread);
+            }
+        });
+    }
+
+    // Calls function(y0, y1, thread) on parts of `rows` rows.
+    template <class Function>
+    void run_rows(int rows, const Function& function) {
+        Rect rect{0, rows, 0, 1};
+        run_rects(&rect, 1, 1, [&](Rect part, int thread) { function(part.y0, part.y1, thread); });
+    }
+
+   private:
+    using Task = void (*)(const void* context, int index, int thread);
+    struct Job;
+
+    static int64_t area_of(Rect rect) { return int64_t{rect.y1 - rect.y0} * (rect.x1 - rect.x0); }
+    void run_task(int count, Task task, const void* context);
+    void start_threads();
+    void work();
+
+    int threads_, started_ = 0;
+    bool ends_ = false;
+    Job* jobs_ = nullptr;  // those with indices that no thread has begun
+    Lock lock_;
+    decltype(ss_options::parallel_for) parallel_for_;
+    void* user_;
+#ifdef _WIN32
+    static DWORD WINAPI thread_main(void* pool);
+    HANDLE handles_[MAX_THREADS];
+#else
+    static void* thread_main(void* pool);
+    pthread_t handles_[MAX_THREADS];
+    pid_t process_ = getpid();
+#endif
+};
+
+}  // namespace ss

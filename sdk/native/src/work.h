@@ -1,0 +1,134 @@
+// What kernels take: images of the caller, the samples of a frame, resampling tables, outputs.
+//
+// Kernels are compiled for several instruction sets (see kernels/simd.h); `Kernels` has those of one.
+#pragma once
+
+#include "core.h"
+
+namespace ss {
+
+// Planes of a row of samples.
+enum SamplePlane { TONED, USABLE = 3, LUMA = 4, SQUARES = 7, SAMPLE_PLANES = 10 };
+
+// An image of the caller, all strides known; in bytes.
+struct View {
+    const char* data;
+    ss_type type;
+    ptrdiff_t row, pixel, channel;
+
+    explicit operator bool() const { return data; }
+    template <class T>
+    bool is_packed(int channels) const {
+        return channel == sizeof(T) && pixel == static_cast<ptrdiff_t>(channels * sizeof(T));
+    }
+};
+
+// The samples of a frame. Rows are padded: those of `stride` values to whole vectors, those of `pitch` values are PAD +
+// stride + PAD, where the padding repeats the border.
+struct Samples {
+    int width, height, stride, pitch;
+    float* linear;           // (height, 3, stride) linear RGB without pre-exposure, in [0, MAX_HALF]; NaN where missing
+    float *depth, *motion_x, *motion_y;  // (height, pitch) sanitized; depth is UNKNOWN_DEPTH where it is not usable
+    float* reactive;         // (height, stride) reactive mask; negative where the colour is missing
+    float* rows;             // (height, 4) of each row: sum of log luminance, usable samples; 1 where a sample is
+                             // missing, or reactive
+    float* color;            // (height, SAMPLE_PLANES, pitch) toned RGB, 1 where usable, YCoCg, squares of YCoCg
+    float* eroded_depth;     // (height, pitch) the farthest of 3x3
+    float* dilated;          // (height, stride, 4) depth and motion of the closest of 2x2
+    float* own;              // (height, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where
+                             // one of these is over GLARE_TONED
+    float* glares;           // (height,) 1 where a sample of the row is over GLARE_TONED, else 0
+    float* fill;             // (down, across, 6) of each FILL_WINDOW: what its missing samples show, linear and toned
+    int fill_across;         // windows in a row; 0 where no sample is missing
+    bool has_reactive;
+    float exposure;
+};
+
+// What `read_frame` reads.
+struct FrameImages {
+    View color, depth, motion, reactive;
+    float pre_exposure;
+    float* scratch;  // of each thread a row of packed values, `scratch_pitch` apart
+    size_t scratch_pitch;
+};
+
+// A separable filter of the four samples around a display pixel.
+enum FilterKind { LINEAR, CUBIC, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };
+struct Filter {
+    FilterKind kind;
+    float sigma = 0.0f;
+    bool scaled = false;  // whether distances are in display pixels, not in samples
+};
+
+// The samples that the pixels of an axis read, and their weights. Arrays are padded to `pitch`.
+struct Axis {
+    int pixels, samples, pitch;
+    int32_t* start;    // the sample at or before a pixel's position, -1 before the first
+    int32_t* nearest;  // the nearest sample
+    float* weights;    // (filters, 4, pitch) of samples start - 1 to start + 2
+    float* windows;    // (3, pitch) Gaussian weights of the three samples around the nearest, or null
+    const float* tap(int filter, int k) const { return weights + (4 * filter + k) * pitch; }
+    int clamped(int sample) const { return clamp(sample, 0, samples - 1); }
+};
+
+struct Tables {
+    Axis x, y;
+    const Filter* filters;
+    int filter_count;
+    float window_sigma;
+};
+
+// The images that a step writes.
+struct Target {
+    View image;     // 3 channels
+    View weight;    // 1 channel, or none
+    int width, height;
+    float pre_exposure;
+};
+
+// Scratch of one thread for warps: 16 slots of a vector's offsets and weights, warped pixels, filtered lines.
+struct WarpScratch {
+    alignas(LINE) int32_t offsets[16][LANES];
+    alignas(LINE) float weights[16][LANES];
+    alignas(LINE) float pixels[LANES * LANES];
+};
+
+struct TaaWork {
+    Samples samples;
+    float* planes;  // (height, TAA_PLANES, pitch) toned YCoCg, motion in render pixels, 1 where usable
+    float* boxes;   // (height, TAA_BOX, stride) low corner, high corner, longest motion
+    Tables tables;
+    const float* history;  // (display height, display width, 3)
+    float* next_history;
+    Target target;
+    float alpha, gamma;
+    WarpScratch* scratch;
+};
+constexpr int TAA_PLANES = 6, TAA_BOX = 8;
+
+struct SpatialWork {
+    Samples samples;
+    float* planes;  // (height, 3, pitch) linear RGB, missing samples filled
+    Tables tables;
+    Target target;
+    float* lines;  // of each thread three filtered rows
+};
+
+struct Kernels {
+    const char* name;
+    void (*read_frame)(const FrameImages&, const Samples&, int y0, int y1, int thread);
+    void (*fill_windows)(const Samples&, int y0, int y1);
+    void (*prepare)(const Samples&, int y0, int y1);
+    void (*dilate)(const Samples&, int y0, int y1);
+    void (*make_tables)(const Tables&, float jitter_x, float jitter_y);
+    void (*spatial_read)(const SpatialWork&, int y0, int y1);
+    void (*spatial_rows)(const SpatialWork&, Rect, int thread);
+    void (*taa_read)(const TaaWork&, int y0, int y1);
+    void (*taa_boxes)(const TaaWork&, int y0, int y1);
+    void (*taa_rows)(const TaaWork&, Rect, int thread);
+};
+
+// Returns the kernels for instructions by name, of those that this CPU has; for null the best ones. Null: none.
+const Kernels* find_kernels(const char* name);
+
+}  // namespace ss
