@@ -6,8 +6,8 @@
 
 namespace ss {
 
-extern const Method BILINEAR, BICUBIC, TAA;
-static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA};
+extern const Method BILINEAR, BICUBIC, TAA, TAAU;
+static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU};
 
 const Method* find_method(const char* name) {
     for (const Method* method : METHODS)

@@ -114,6 +114,21 @@ void fill_missing(const Step& step) {
 
 void make_tables(const Step& step) { step.kernels().make_tables(step.space.tables, step.frame.jitter[0], step.frame.jitter[1]); }
 
+bool resample(const Step& step) {
+    const Samples& s = step.samples();
+    fill_missing(step);
+    run_rows_with_neighbours(
+        pool_of(step), s.height, [&](int y0, int y1) { step.kernels().prepare(s, y0, y1); },
+        [&](int y0, int y1) { step.kernels().dilate(s, y0, y1); });
+    bool glares = false;
+    for (int y = 0; y < s.height; y++) glares |= s.glares[y] > 0.0f;
+    return glares;
+}
+
+PreviousFrame previous_frame(const History& history, int plane) {
+    return {history.plane(plane), history.render.width, history.render.height, history.pitch(), {history.jitter[0], history.jitter[1]}};
+}
+
 ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
                    ss_error* error) {
     const Size render = {frame.width, frame.height}, display = before.display;

@@ -129,6 +129,8 @@ struct Step {
 inline ThreadPool& pool_of(const Step& step) { return const_cast<ThreadPool&>(step.model.pool); }
 void fill_missing(const Step& step);  // computes what missing samples show; the exposure is known
 void make_tables(const Step& step);
+bool resample(const Step& step);     // fills and tones samples, dilates motion; returns whether a sample glares
+PreviousFrame previous_frame(const History& history, int plane);
 View view_of(const ss_image& image, int width, int channels);
 ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
                    ss_error* error);

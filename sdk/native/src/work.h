@@ -106,6 +106,38 @@ struct TaaWork {
 };
 constexpr int TAA_PLANES = 6, TAA_BOX = 8;
 
+// The previous frame, whose surfaces tests compare with.
+struct PreviousFrame {
+    const float* plane;  // (height, pitch, channels), see the kernels that write it
+    int width, height, pitch;
+    float jitter[2];
+};
+
+struct TaauWork {
+    Samples samples;
+    Tables tables;
+    const float* history;  // (display height, display width, 5) linear RGB, samples, power
+    float* next_history;
+    PreviousFrame previous;  // of four channels: occluding depth, mean and deviation of toned luma over 3x3 samples,
+                             // whether these are on a plane, [0, 1], plus 2 where one is over GLARE_EXPOSED
+    float* surface;          // the same of this frame, written to
+    float* sums;             // (height, 2) sums of each row's means and squared deviations
+    Target target;
+    taau::Config config;
+    float change;       // exposure over the previous exposure
+    float unconfirmed;  // 1 where light of this frame that raises the contrast is unconfirmed, 2 where all of it is
+    bool glares;        // whether any light may be unconfirmed
+    const float* kept;  // (blocks down, kept_pitch) number of samples that are kept, by column of the display; or null
+    const int32_t* kept_rows;
+    int kept_pitch;
+    const int32_t *nearest_rows, *nearest_columns;  // pixels nearest to samples
+    float* block_sums;                              // (6, blocks_down, blocks_pitch)
+    int blocks_across, blocks_down, blocks_pitch;
+    WarpScratch* scratch;
+    float* lines;  // of each thread, `line_pitch` apart, TAAU_LINES rows of filtered samples
+    size_t line_pitch;
+};
+
 struct SpatialWork {
     Samples samples;
     float* planes;  // (height, 3, pitch) linear RGB, missing samples filled
@@ -126,6 +158,9 @@ struct Kernels {
     void (*taa_read)(const TaaWork&, int y0, int y1);
     void (*taa_boxes)(const TaaWork&, int y0, int y1);
     void (*taa_rows)(const TaaWork&, Rect, int thread);
+    void (*taau_shade)(const TaauWork&, int y0, int y1, int thread);
+    void (*taau_compare)(const TaauWork&, int y0, int y1);
+    void (*taau_rows)(const TaauWork&, Rect, int thread);
 };
 
 // Returns the kernels for instructions by name, of those that this CPU has; for null the best ones. Null: none.

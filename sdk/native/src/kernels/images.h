@@ -38,39 +38,39 @@ SS_INLINE void store_value(const View& image, char* at, float value) {
     *reinterpret_cast<uint8_t*>(at) = static_cast<uint8_t>(min(value, 1.0f) * 255.0f + 0.5f);
 }
 
-// Writes up to W pixels from x on, finite and >= 0.
-SS_INLINE void write_rgb(const View& image, int y, int x, int width, F3 color) {
+// Writes up to W pixels from x on, before `end`, finite and >= 0.
+SS_INLINE void write_rgb(const View& image, int y, int x, int end, F3 color) {
     char* row = const_cast<char*>(image.data) + y * image.row;
-    if (x + W <= width && image.type == SS_FLOAT32 && image.is_packed<float>(3))
+    if (x + W <= end && image.type == SS_FLOAT32 && image.is_packed<float>(3))
         return store_rgb(reinterpret_cast<float*>(row) + 3 * x, color);
     float values[3 * W];
     store_rgb(values, color);
-    for (int k = 0; k < min(W, width - x); k++)
+    for (int k = 0; k < min(W, end - x); k++)
         for (int c = 0; c < 3; c++)
             store_value(image, row + (x + k) * image.pixel + c * image.channel, values[3 * k + c]);
 }
 
-SS_INLINE void write_plane(const View& image, int y, int x, int width, F value) {
+SS_INLINE void write_plane(const View& image, int y, int x, int end, F value) {
     char* row = const_cast<char*>(image.data) + y * image.row;
-    if (x + W <= width && image.type == SS_FLOAT32 && image.pixel == 4) return store(reinterpret_cast<float*>(row) + x, value);
+    if (x + W <= end && image.type == SS_FLOAT32 && image.pixel == 4) return store(reinterpret_cast<float*>(row) + x, value);
     float values[W];
     store(values, value);
-    for (int k = 0; k < min(W, width - x); k++) store_value(image, row + (x + k) * image.pixel, values[k]);
+    for (int k = 0; k < min(W, end - x); k++) store_value(image, row + (x + k) * image.pixel, values[k]);
 }
 
 // Writes up to W pixels of three values to a history.
-SS_INLINE void write_pixels3(float* pixels, int width, int y, int x, F3 color) {
+SS_INLINE void write_pixels3(float* pixels, int width, int y, int x, int end, F3 color) {
     float* to = pixels + 3 * (static_cast<ptrdiff_t>(y) * width + x);
-    if (x + W <= width) return store_rgb(to, color);
+    if (x + W <= end) return store_rgb(to, color);
     float values[3 * W];
     store_rgb(values, color);
-    memcpy(to, values, sizeof(float) * 3 * (width - x));
+    memcpy(to, values, sizeof(float) * 3 * (end - x));
 }
 
 // Writes pixels of the image: of the history's units, times the pre-exposure of the frame.
-SS_INLINE void write_image(const Target& target, int y, int x, F3 color) {
+SS_INLINE void write_image(const Target& target, int y, int x, int end, F3 color) {
     if (target.pre_exposure != 1.0f) color = color * target.pre_exposure;
-    write_rgb(target.image, y, x, target.width, color);
+    write_rgb(target.image, y, x, end, color);
 }
 
 }  // namespace ss::SS_ISA

@@ -159,6 +159,12 @@ SS_INLINE F gather(const float* from, I index) {
     return gather_of(from, index, Lanes{});
 }
 
+template <int... K>
+SS_INLINE I gather_of(const int32_t* from, I index, Sequence<int, K...>) {
+    return I{from[index[K]]...};
+}
+SS_INLINE I gather(const int32_t* from, I index) { return gather_of(from, index, Lanes{}); }
+
 // Picks lanes of a vector by indices from 0 to W - 1.
 SS_INLINE F permuted(F v, I index) {
 #if defined(__AVX512F__)

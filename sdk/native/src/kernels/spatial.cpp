@@ -30,7 +30,7 @@ void spatial_rows(const SpatialWork& w, Rect box, int thread) {
             auto across = [&](int c) __attribute__((always_inline)) {
                 return filter_across(line + c * s.pitch, places, w.tables.x, 0, x);
             };
-            write_image(w.target, y, x, bounded(F3{across(0), across(1), across(2)}));
+            write_image(w.target, y, x, box.x1, bounded(F3{across(0), across(1), across(2)}));
         }
     }
 }

@@ -135,9 +135,9 @@ void taa_rows(const TaaWork& w, Rect rect, int thread) {
             F weight = select(on_screen(px, py, display), select(good, w.alpha, spread(kept)), 1.0f);
             if (s.has_reactive) weight += (1.0f - weight) * select(good, reactive_at(s, w.tables, y, x), 0.0f);
             F3 color = linear_of(maximum3(from_ycocg(lerp(history, sample, weight)), 0.0f), s.exposure);
-            if (w.target.weight) write_plane(w.target.weight, y, x, display.width, 1.0f - weight);
-            write_image(w.target, y, x, color);
-            write_pixels3(w.next_history, display.width, y, x, color);
+            if (w.target.weight) write_plane(w.target.weight, y, x, rect.x1, 1.0f - weight);
+            write_image(w.target, y, x, rect.x1, color);
+            write_pixels3(w.next_history, display.width, y, x, rect.x1, color);
         }
     }
 }

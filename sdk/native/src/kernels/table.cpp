@@ -16,9 +16,13 @@ void spatial_rows(const SpatialWork&, Rect, int thread);
 void taa_read(const TaaWork&, int y0, int y1);
 void taa_boxes(const TaaWork&, int y0, int y1);
 void taa_rows(const TaaWork&, Rect, int thread);
+void taau_shade(const TaauWork&, int y0, int y1, int thread);
+void taau_compare(const TaauWork&, int y0, int y1);
+void taau_rows(const TaauWork&, Rect, int thread);
 
 extern const Kernels KERNELS = {
-    SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows,
+    SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows, taau_shade,
+    taau_compare, taau_rows,
 };
 }  // namespace SS_ISA
 }  // namespace ss

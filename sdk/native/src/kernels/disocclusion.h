@@ -1,0 +1,67 @@
+// Depth for disocclusion tests: what occludes in the next frame, and where the previous frame was.
+#pragma once
+
+#include "frame.h"
+#include "warp.h"
+
+namespace ss::SS_ISA {
+
+// Motion less that of the farthest of 3x3 samples, and the depth of the latter; of equals, of the same as
+// `_farthest_3x3` takes.
+static F motion_over_background(const Samples& s, int y, int x, F& across, F& down) {
+    const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
+    const ptrdiff_t rows[] = {here, here - (y > 0 ? s.pitch : 0), here + (y < s.height - 1 ? s.pitch : 0)};
+    const int columns[] = {0, -1, 1};
+    F farthest = load(s.depth + here), mx = load(s.motion_x + here), my = load(s.motion_y + here);
+    for (ptrdiff_t row : rows)
+        for (int column : columns) {
+            F other = load(s.depth + row + column);
+            I farther = other < farthest;
+            farthest = select(farther, other, farthest);
+            mx = select(farther, load(s.motion_x + row + column), mx);
+            my = select(farther, load(s.motion_y + row + column), my);
+        }
+    across = load(s.motion_x + here) - mx;
+    down = load(s.motion_y + here) - my;
+    return farthest;
+}
+
+// Depth of the closest of the four samples around positions, clamped to the frame.
+static F closest_around(const Samples& s, F x, F y) {
+    x = clamped(x, 0.0f, static_cast<float>(s.width - 1));
+    y = clamped(y, 0.0f, static_cast<float>(s.height - 1));
+    const I columns[] = {to_int(floor(x)), to_int(0.0f - floor(0.0f - x))};
+    const I rows[] = {to_int(floor(y)), to_int(0.0f - floor(0.0f - y))};
+    F closest = spread(-1.0f);
+    for (I row : rows)
+        for (I column : columns) closest = maximum(gather(s.depth, row * s.pitch + PAD + column), closest);
+    return closest;
+}
+
+// Occluding depth of W samples; same as `occluding_depth` of the torch module.
+static F occluding_at(const Samples& s, int y, int x) {
+    const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
+    F opened = load(s.eroded_depth + here);
+    for (int row = max(y - 1, 0); row <= min(y + 1, s.height - 1); row++)
+        for (int k = -1; k <= 1; k++) opened = maximum(load(s.eroded_depth + static_cast<ptrdiff_t>(row) * s.pitch + PAD + x + k), opened);
+    F depth = load(s.depth + here);
+    if (all(depth <= opened)) return opened;
+    F across, down, farthest = motion_over_background(s, y, x, across, down);
+    F speed = maximum(absolute(across), absolute(down));
+    speed = select((depth > opened) & (farthest >= 0.0f), speed, 0.0f);
+    if (all(speed < THIN_MOTION)) return opened;
+    F follows = closest_around(s, across + to_float(ramp() + x), down + static_cast<float>(y));
+    return select((speed >= THIN_MOTION) & (follows < SAME_THIN_DEPTH * depth), depth, opened);
+}
+
+// Positions in samples of the previous frame.
+struct Previous {
+    F x, y;
+};
+SS_INLINE Previous previous_of(const PreviousFrame& p, F px, F py, Size display) {
+    const float width = static_cast<float>(display.width), height = static_cast<float>(display.height);
+    return {(px + 0.5f) * static_cast<float>(p.width) / width - 0.5f - p.jitter[0],
+            (py + 0.5f) * static_cast<float>(p.height) / height - 0.5f - p.jitter[1]};
+}
+
+}  // namespace ss::SS_ISA

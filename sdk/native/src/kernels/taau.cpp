@@ -1,0 +1,320 @@
+// `taau`, temporal upsampling without a network; the same as supersampler_model.methods.taau, in one pass over the image.
+#include "disocclusion.h"
+#include "images.h"
+
+namespace ss::SS_ISA {
+
+using namespace taau;
+
+// Lines of filtered samples, by filter (see methods/taau.cpp): RGB and usable by three filters, YCoCg with its squares
+// and usable, and the slope of luma down.
+enum Line { OF_FRAME, OF_CUBIC = 4, OF_MEAN = 8, OF_MEAN_USABLE = 14, OF_SLOPE = 15, OF_SAMPLE = 16, TAAU_LINES = 20 };
+enum OfFilter { BY_FRAME, BY_CUBIC, BY_MEAN, BY_SAMPLE, BY_SLOPE, BY_SHIFT };
+
+// Whether 3x3 samples are on a plane, [0, 1]. across: sum of the samples to the right less that of those to the left.
+static F fit_of(F across, F down, F deviation) {
+    F fraction = (across * across + down * down) * (6.0f / 9.0f / 36.0f) / maximum(deviation * deviation, 1e-7f);
+    return clamped((fraction - UNFIT) * (1.0f / (FIT - UNFIT)), 0.0f, 1.0f);
+}
+
+SS_INLINE F sum3(const float* at) { return load(at - 1) + load(at) + load(at + 1); }
+
+// Writes the surface, for disocclusion and lighting tests of the next frame; same as `shade_of`.
+void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
+    const Samples& s = w.samples;
+    float* lines = w.lines + static_cast<ptrdiff_t>(thread) * w.line_pitch + PAD;
+    for (int y = y0; y < y1; y++) {
+        const int above = max(y - 1, 0), below = min(y + 1, s.height - 1);
+        const int rows[] = {above, y, below};
+        for (int x = 0; x < s.width; x += W) {
+            F luma = F{}, square = F{}, usable = F{};
+            for (int row : rows) {
+                luma += load(sample_row(s, row, LUMA) + x);
+                square += load(sample_row(s, row, SQUARES) + x);
+                usable += load(sample_row(s, row, USABLE) + x);
+            }
+            store(lines + x, luma);
+            store(lines + s.pitch + x, square);
+            store(lines + 2 * s.pitch + x, usable);
+            store(lines + 3 * s.pitch + x, load(sample_row(s, below, LUMA) + x) - load(sample_row(s, above, LUMA) + x));
+        }
+        for (int c = 0; c < 4; c++) {
+            float* line = lines + c * s.pitch;
+            line[-1] = line[0];
+            line[s.width] = line[s.width - 1];
+        }
+        const bool glares = s.glares[above] + s.glares[y] + s.glares[below] > 0.0f;
+        float* surface = w.surface + 4 * (static_cast<ptrdiff_t>(y) * s.pitch + PAD);
+        F means = F{}, squares = F{};
+        for (int x = 0; x < s.width; x += W) {
+            F usable = sum3(lines + 2 * s.pitch + x), scale = 1.0f / maximum(usable, 9e-6f);
+            F mean = sum3(lines + x) * scale;
+            F deviation = square_root(maximum(sum3(lines + s.pitch + x) * scale - mean * mean, 0.0f));
+            deviation = select(usable > 9.0f * MIN_WEIGHT, deviation, 1.0f);
+            F glare = F{};
+            if (glares) {
+                F own[4];
+                load_channels(s.own + 4 * (static_cast<ptrdiff_t>(y) * s.stride + x), own);
+                glare = own[3];
+            }
+            F fit = fit_of(load(lines + x + 1) - load(lines + x - 1), sum3(lines + 3 * s.pitch + x), deviation);
+            fit = select(usable > 9.0f * FULL_WEIGHT, fit, 0.0f);
+            F values[4] = {occluding_at(s, y, x), mean, deviation, fit + 2.0f * glare};
+            store_pixels(surface + 4 * x, values);
+            I inside = ramp() + x < s.width;
+            means += select(inside, mean, F{});
+            squares += select(inside, deviation * deviation, F{});
+        }
+        w.sums[2 * y] = sum_of_lanes(means);
+        w.sums[2 * y + 1] = sum_of_lanes(squares);
+        for (int x = 1; x <= PAD; x++) {
+            memcpy(surface - 4 * x, surface, 4 * sizeof(float));
+            memcpy(surface + 4 * (s.width - 1 + x), surface + 4 * (s.width - 1), 4 * sizeof(float));
+        }
+    }
+}
+
+// This frame at display pixels, toned YCoCg; same as `CurrentFrame` of the torch module.
+struct CurrentFrame {
+    F3 frame, sample;
+    F confidence;
+    F3 center, deviations;
+    I found;  // a usable sample is near
+};
+
+static CurrentFrame current_frame(const TaauWork& w, const float* lines, const Places& places, int y, int x, F fit) {
+    const Axis& ax = w.tables.x;
+    const int pitch = w.samples.pitch;
+    auto across = [&](int line, int filter) __attribute__((always_inline)) {
+        return filter_across(lines + line * pitch, places, ax, filter, x);
+    };
+    auto rgb = [&](int line, int filter) __attribute__((always_inline)) {
+        return F3{across(line, filter), across(line + 1, filter), across(line + 2, filter)};
+    };
+    F weight = across(OF_FRAME + 3, BY_FRAME), sharp_weight = across(OF_CUBIC + 3, BY_CUBIC);
+    F sharp = select(sharp_weight > MIN_CUBIC_WEIGHT, w.config.frame_sharpness, F{});
+    F3 smooth = rgb(OF_FRAME, BY_FRAME) * (1.0f / maximum(weight, 1e-6f));
+    CurrentFrame c;
+    c.found = weight > MIN_WEIGHT;
+    c.frame = ycocg(lerp(smooth, rgb(OF_CUBIC, BY_CUBIC) * (1.0f / maximum(sharp_weight, 1e-6f)), sharp));
+    F near = across(OF_SAMPLE + 3, BY_SAMPLE);
+    c.sample = ycocg(rgb(OF_SAMPLE, BY_SAMPLE) * (1.0f / maximum(near, 1e-6f)));
+    c.confidence = minimum(near, 1.0f);
+    F usable = across(OF_MEAN_USABLE, BY_MEAN), scale = 1.0f / maximum(usable, 1e-6f);
+    I known = usable > MIN_BOX_WEIGHT;
+    F3 mean = rgb(OF_MEAN, BY_MEAN) * scale, square = rgb(OF_MEAN + 3, BY_MEAN) * scale;
+    F slope_x = across(OF_MEAN, BY_SLOPE), slope_y = across(OF_SLOPE, BY_MEAN);
+    fit = select(usable > FULL_WEIGHT, fit, 0.0f);
+    F shift = slope_x * load(ax.tap(BY_SHIFT, 0) + x) + slope_y * w.tables.y.tap(BY_SHIFT, 0)[y];
+    c.center = {mean.r - fit * shift, mean.g, mean.b};
+    F variance = maximum(square.r - mean.r * mean.r, 0.0f) - fit * (slope_x * slope_x + slope_y * slope_y);
+    auto deviation = [&](F of) { return square_root(select(known, maximum(of, 0.0f), 1.0f)); };
+    c.deviations = {deviation(variance), deviation(square.g - mean.g * mean.g), deviation(square.b - mean.b * mean.b)};
+    return c;
+}
+
+// 1 where the mean luma of a neighbourhood changed by more than jitter explains, in [0, 1].
+static F change_of_light(const Config& n, F mean, F deviation, F mean_before, F deviation_before) {
+    F noise = maximum(deviation, deviation_before) * n.change_deviation + maximum(mean, mean_before) * n.change_relative + MIN_CHANGE;
+    return clamped((absolute(mean - mean_before) / noise - 1.0f) / n.change_ramp, 0.0f, 1.0f);
+}
+
+// What is known of the history at W pixels.
+struct Past {
+    F3 color, light;   // toned YCoCg; the same, linear RGB
+    F samples, power;  // number of samples; mean square of sample - history, toned luma, which also holds the glare
+    F surface;         // 0 where the surface was occluded in the previous frame, 1 where it was visible
+    F unchanged;       // 1 - `change_of_light`
+};
+
+struct Blended {
+    F3 color, next_color;
+    F next_samples, next_power, weight;
+};
+
+// `Taau.network` and `Taau.finish`. around: mean toned luma of 3x3 samples; glare: 1 where this frame has light over
+// GLARE_EXPOSED nearby; flash: 1 where the light of this frame is unconfirmed; speed: display pixels; blur: of the
+// resampling, 0 on a pixel's centre, 1 on a corner of four; reactive: fraction of the image that is this frame alone.
+static Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& past, F around, F fit, F glare, F flash, F speed,
+                     F blur, F reactive) {
+    const Config& n = w.config;
+    F gamma = minimum(speed * (1.0f / n.gamma_speed), 1.0f) * (n.gamma_moving - n.gamma_still) + n.gamma_still;
+    F power = past.power, warped_glare = F{}, unchanged = past.unchanged;
+    if (w.glares) {
+        warped_glare = without_glare(power);
+        unchanged = select((warped_glare > 0.0f) & (warped_glare < CONFIRMED), 1.0f, unchanged);
+    }
+    F spread_over_time = square_root(power);
+    F floor = spread_over_time * unchanged * n.gamma_time;
+    auto excess = [&](F value, F center, F deviation) { return absolute(value - center) / maximum(deviation * gamma + floor, 1e-5f); };
+    F overshoot = largest(excess(past.color.r, now.center.r, now.deviations.r), excess(past.color.g, now.center.g, now.deviations.g),
+                          excess(past.color.b, now.center.b, now.deviations.b));
+    F3 rectified = lerp(now.center, past.color, 1.0f / maximum(overshoot, 1.0f));
+    F inside = 1.0f - clamped((overshoot - 1.0f) * n.forget, 0.0f, 1.0f);
+    F limit = n.samples / (blur * n.blur_cost + speed * n.speed_cost + 1.0f);
+    F holds = past.surface * unchanged;
+    F samples = minimum(past.samples * holds * inside, limit);
+    F weight = now.confidence / maximum(samples + now.confidence, 1e-6f);
+    I known = samples > MIN_SAMPLES;
+    F settled = minimum(samples * (1.0f / n.settled), 1.0f);
+    F3 shown = select(known, lerp(rectified, lerp(now.frame, now.sample, settled), weight), now.frame);
+    Blended b;
+    b.weight = select(known, 1.0f - weight, 0.0f);
+    if (w.samples.has_reactive) {
+        shown = lerp(shown, now.frame, reactive);
+        b.weight *= 1.0f - reactive;
+        samples *= 1.0f - reactive;
+    }
+    b.color = linear_of(maximum3(from_ycocg(shown), 0.0f), w.samples.exposure);
+
+    F contrast = absolute(now.sample.r - around);
+    contrast += fit * (minimum(absolute(now.sample.r - now.center.r), contrast) - contrast);
+    F error = minimum(absolute(now.sample.r - past.color.r), contrast);
+    error = minimum(error, spread_over_time + n.spread_step);
+    F rate = now.confidence / maximum(minimum(samples, n.spread_samples) + now.confidence, 1e-6f);
+    b.next_power = maximum(power + rate * (error * error - power) - DARKNESS, 0.0f);
+    b.next_power = select(known, holds * b.next_power, 0.0f);
+    b.next_color = b.color;
+    b.next_samples = samples + now.confidence;
+    if (w.glares) {
+        F glares = select(warped_glare < CONFIRMED - 1.0f, glare, 0.0f);
+        F trusted = select(glares > 0.0f, past.surface, holds);
+        F kept = minimum(past.samples * trusted, limit);
+        I adds_sample = select(maximum(glares, flash) > 0.0f, kept, 0.0f) <= MIN_SAMPLES;
+        b.next_color = select(adds_sample, b.color, past.light);
+        b.next_power = select(adds_sample, b.next_power + glare * (GLARE * CONFIRMED),
+                              trusted * power + minimum(warped_glare + glare, CONFIRMED) * GLARE);
+        b.next_samples = select(adds_sample, b.next_samples, kept);
+    }
+    return b;
+}
+
+// Resamples W pixels of five values to eight each: the first four by the cubic, the last four linearly.
+static void warp5(const float* h, WarpScratch& s) {
+    for (int i = 0; i < W; i++) {
+        store4(s.pixels + 8 * i, cubic4(h, s, i));
+        const float *upper = h + s.offsets[5][i] + 1, *lower = h + s.offsets[6][i] + 1;
+        const int left = s.offsets[1][i], right = s.offsets[2][i];
+        store4(s.pixels + 8 * i + 4, linear4(load4(upper + left), load4(upper + right), load4(lower + left), load4(lower + right),
+                                             s.weights[8][i], s.weights[9][i]));
+    }
+}
+
+static void write_history(float* pixels, int width, int y, int x, int end, const Blended& b, WarpScratch& s) {
+    F values[8] = {b.next_color.r, b.next_color.g, b.next_color.b, b.next_samples, b.next_power, F{}, F{}, F{}};
+    to_pixels(values);
+    for (int k = 0; k < 8; k++) store(s.pixels + k * W, values[k]);
+    float* to = pixels + 5 * (static_cast<ptrdiff_t>(y) * width + x);
+    for (int i = 0; i < min(W, end - x); i++) {
+        store4(to + 5 * i, load4(s.pixels + 8 * i));
+        to[5 * i + 4] = s.pixels[8 * i + 4];
+    }
+}
+
+void taau_rows(const TaauWork& w, Rect rect, int thread) {
+    const Samples& s = w.samples;
+    const Config& n = w.config;
+    const Axis &ax = w.tables.x, &ay = w.tables.y;
+    const Size display = {w.target.width, w.target.height};
+    const float scale_x = static_cast<float>(display.width) / static_cast<float>(s.width);
+    const float scale_y = static_cast<float>(display.height) / static_cast<float>(s.height);
+    const float exposure = s.exposure, change = w.change;
+    WarpScratch& scratch = w.scratch[thread];
+    float* lines = w.lines + static_cast<ptrdiff_t>(thread) * w.line_pitch;
+    const ptrdiff_t row_pitch = static_cast<ptrdiff_t>(SAMPLE_PLANES) * s.pitch;
+    const Span span(ax, rect.x0, rect.x1);
+    for (int y = rect.y0; y < rect.y1; y++) {
+        auto down = [&](int filter, int plane, int count, int line) __attribute__((always_inline)) {
+            filter_down(Rows(ay, filter, y, s.color, row_pitch), span, plane, count, s.pitch, lines + line * s.pitch);
+        };
+        down(BY_FRAME, TONED, 4, OF_FRAME);
+        down(BY_CUBIC, TONED, 4, OF_CUBIC);
+        down(BY_MEAN, LUMA, 6, OF_MEAN);
+        down(BY_MEAN, USABLE, 1, OF_MEAN_USABLE);
+        down(BY_SLOPE, LUMA, 1, OF_SLOPE);
+        down(BY_SAMPLE, TONED, 4, OF_SAMPLE);
+        const float* dilated = s.dilated + 4 * static_cast<ptrdiff_t>(ay.clamped(ay.start[y])) * s.stride;
+        const float* surface = w.surface + 4 * (static_cast<ptrdiff_t>(ay.nearest[y]) * s.pitch + PAD);
+        for (int x = rect.x0; x < rect.x1; x += W) {
+            const Places places(ax.start, x);
+            store(scratch.offsets[0], clamped(load(ax.start + x), 0, s.width - 1));
+            F v[4];
+            gather4(dilated, scratch.offsets[0], 4, v);
+            F depth = v[0], mx = v[1] * scale_x, my = v[2] * scale_y;
+            F px = previous_position(to_float(ramp() + x), mx, display.width);
+            F py = previous_position(spread(static_cast<float>(y)), my, display.height);
+            I on = on_screen(px, py, display);
+            prepare_warp(px, py, display, 5, n.history_sharpness, scratch);
+            warp5(w.history, scratch);
+            F q[8];
+            load_channels(scratch.pixels, q);
+            Past past;
+            past.light = sanitize(F3{q[0], q[1], q[2]});
+            past.color = ycocg(tone(past.light * exposure));
+            past.samples = q[6];
+            past.power = q[7];
+            // visibility and light of the surface in the previous frame
+            const Previous previous = previous_of(w.previous, px, py, display);
+            LinearTaps taps(previous.x, previous.y, w.previous.width, w.previous.height, w.previous.pitch);
+            F a[4][4];
+            gather4(w.previous.plane, taps.upper, 4, a[0]);
+            gather4(w.previous.plane + 4, taps.upper, 4, a[1]);
+            gather4(w.previous.plane, taps.lower, 4, a[2]);
+            gather4(w.previous.plane + 4, taps.lower, 4, a[3]);
+            const F depths[4] = {a[0][0], a[1][0], a[2][0], a[3][0]}, means[4] = {a[0][1], a[1][1], a[2][1], a[3][1]};
+            const F deviations[4] = {a[0][2], a[1][2], a[2][2], a[3][2]};
+            F occluded = disocclusion(depth, depths, taps.weight, n.depth_margin, n.depth_ramp);
+            past.surface = select(on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
+            F mean_before = mean_of(means, taps.weight), deviation_before = mean_of(deviations, taps.weight);
+            F dim = 1.0f / (mean_before * (change - 1.0f) + 1.0f);
+            mean_before = mean_before * change * dim;
+            deviation_before = deviation_before * change * dim * dim;
+            gather4(surface, ax.nearest + x, 4, v);
+            F mean = v[1], deviation = v[2], fit = v[3], glare = select(fit > 1.5f, 1.0f, F{});
+            fit -= 2.0f * glare;
+            past.unchanged = 1.0f - change_of_light(n, mean, deviation, mean_before, deviation_before);
+            F flash = spread(w.unconfirmed);
+            if (w.unconfirmed == 1.0f)
+                flash = select(deviation * deviation > deviation_before * deviation_before * FLASH + LEAST_FLASH, 1.0f, F{});
+            CurrentFrame now = current_frame(w, lines, places, y, x, fit);
+            if (s.fill_across) now.frame = ycocg(or_fill(now.found, from_ycocg(now.frame), s, w.tables, y, x));
+            F reactive = s.has_reactive ? reactive_at(s, w.tables, y, x) : F{};
+            if (w.kept) past.samples = minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
+            F tx = px - floor(px), ty = py - floor(py);
+            Blended b = blend(w, now, past, mean, fit, glare, flash, square_root(mx * mx + my * my),
+                              (tx * (1.0f - tx) + ty * (1.0f - ty)) * 2.0f, reactive);
+            if (w.target.weight) write_plane(w.target.weight, y, x, rect.x1, b.weight);
+            write_image(w.target, y, x, rect.x1, b.color);
+            write_history(w.next_history, display.width, y, x, rect.x1, b, scratch);
+        }
+    }
+}
+
+// Writes the sums of rows of blocks: of the difference of samples and history, toned, and of the history; see `lag`.
+void taau_compare(const TaauWork& w, int y0, int y1) {
+    const Samples& s = w.samples;
+    const int last_row = (s.height - 1) / LAG_STEP * LAG_STEP, last_column = (s.width - 1) / LAG_STEP * LAG_STEP;
+    const ptrdiff_t plane = static_cast<ptrdiff_t>(w.blocks_down) * w.blocks_pitch;
+    constexpr int STEPS = BLOCK / LAG_STEP;
+    for (int by = y0; by < y1; by++)
+        for (int first = 0; first < w.blocks_across; first += W) {
+            I block = minimum(ramp() + first, w.blocks_across - 1) * BLOCK;
+            F3 apart = {F{}, F{}, F{}}, level = apart;
+            for (int i = 0; i < STEPS * STEPS; i++) {
+                const int row = min(BLOCK * by + LAG_STEP * (i / STEPS), last_row);
+                I column = minimum(block + LAG_STEP * (i % STEPS), last_column);
+                const float* history = w.history + 5 * static_cast<ptrdiff_t>(w.nearest_rows[row]) * w.target.width;
+                I place = gather(w.nearest_columns, column) * 5;
+                F3 past = tone(F3{gather(history, place), gather(history + 1, place), gather(history + 2, place)} * s.exposure);
+                past = past * gather(sample_row(s, row, USABLE), column);
+                F3 sample = {gather(sample_row(s, row, TONED), column), gather(sample_row(s, row, TONED + 1), column),
+                             gather(sample_row(s, row, TONED + 2), column)};
+                level = level + past;
+                apart = apart + sample - past;
+            }
+            const F sums[] = {apart.r, apart.g, apart.b, level.r, level.g, level.b};
+            for (int c = 0; c < 6; c++) store(w.block_sums + c * plane + by * w.blocks_pitch + first, sums[c]);
+        }
+}
+
+}  // namespace ss::SS_ISA
