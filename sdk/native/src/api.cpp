@@ -6,8 +6,8 @@
 
 namespace ss {
 
-extern const Method BILINEAR, BICUBIC, TAA, TAAU;
-static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU};
+extern const Method BILINEAR, BICUBIC, TAA, TAAU, CLASSIFIER, CLASSIFIER_SMALL;
+static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU, &CLASSIFIER, &CLASSIFIER_SMALL};
 
 const Method* find_method(const char* name) {
     for (const Method* method : METHODS)

@@ -146,14 +146,14 @@ ss_status run_step(Model& model, const ss_frame& frame, const History& before, H
     const float pre_exposure = frame.pre_exposure > 0.0f ? frame.pre_exposure : 1.0f;
     Target target = {view_of(outputs.image, display.width, 3), view_of(outputs.weight, display.width, 1), display.width,
                      display.height, pre_exposure};
-    Step step = {model, frame, *space, before, after, target, &whole, 1};
+    Step step = {model, frame, *space, before, after, target, 0.0f, &whole, 1};
     read_samples(step);
-    const float exposure = exposure_of(frame, space->samples, before.exposure);
-    space->samples.exposure = fabsf(exposure);
+    step.exposure = exposure_of(frame, space->samples, before.exposure);
+    space->samples.exposure = fabsf(step.exposure);
     ss_status status = model.method->compute(step);
     if (status == SS_OK) {
         memcpy(after.jitter, frame.jitter, sizeof after.jitter);
-        after.exposure = exposure;
+        after.exposure = step.exposure;
         after.render = render;
     }
     model.give_back(space);

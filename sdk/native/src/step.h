@@ -119,6 +119,7 @@ struct Step {
     const History& before;
     History& after;
     Target target;
+    float exposure = 0.0f;  // signed, see `followed_exposure`
     const Rect* tiles;  // rectangles of pixels to compute
     int tile_count;
 

@@ -146,6 +146,8 @@ struct SpatialWork {
     float* lines;  // of each thread three filtered rows
 };
 
+struct ClassifierWork;
+
 struct Kernels {
     const char* name;
     void (*read_frame)(const FrameImages&, const Samples&, int y0, int y1, int thread);
@@ -161,6 +163,12 @@ struct Kernels {
     void (*taau_shade)(const TaauWork&, int y0, int y1, int thread);
     void (*taau_compare)(const TaauWork&, int y0, int y1);
     void (*taau_rows)(const TaauWork&, Rect, int thread);
+    void (*keep_depth)(const ClassifierWork&, int y0, int y1);
+    void (*encode_first)(const ClassifierWork&, int depth, Rect, int thread);
+    void (*encode_others)(const ClassifierWork&, int depth, Rect, int thread);
+    // by variant: 1 of own_motion, 2 of rectified
+    void (*const* classifier_gather)(const ClassifierWork&, Rect, int thread);
+    void (*const* classifier_finish)(const ClassifierWork&, Rect, int thread);
 };
 
 // Returns the kernels for instructions by name, of those that this CPU has; for null the best ones. Null: none.

@@ -8,7 +8,7 @@ namespace ss::SS_ISA {
 
 // Motion less that of the farthest of 3x3 samples, and the depth of the latter; of equals, of the same as
 // `_farthest_3x3` takes.
-static F motion_over_background(const Samples& s, int y, int x, F& across, F& down) {
+SS_INLINE F motion_over_background(const Samples& s, int y, int x, F& across, F& down) {
     const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
     const ptrdiff_t rows[] = {here, here - (y > 0 ? s.pitch : 0), here + (y < s.height - 1 ? s.pitch : 0)};
     const int columns[] = {0, -1, 1};
@@ -27,7 +27,7 @@ static F motion_over_background(const Samples& s, int y, int x, F& across, F& do
 }
 
 // Depth of the closest of the four samples around positions, clamped to the frame.
-static F closest_around(const Samples& s, F x, F y) {
+SS_INLINE F closest_around(const Samples& s, F x, F y) {
     x = clamped(x, 0.0f, static_cast<float>(s.width - 1));
     y = clamped(y, 0.0f, static_cast<float>(s.height - 1));
     const I columns[] = {to_int(floor(x)), to_int(0.0f - floor(0.0f - x))};
@@ -39,7 +39,7 @@ static F closest_around(const Samples& s, F x, F y) {
 }
 
 // Occluding depth of W samples; same as `occluding_depth` of the torch module.
-static F occluding_at(const Samples& s, int y, int x) {
+[[maybe_unused]] static F occluding_at(const Samples& s, int y, int x) {
     const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
     F opened = load(s.eroded_depth + here);
     for (int row = max(y - 1, 0); row <= min(y + 1, s.height - 1); row++)

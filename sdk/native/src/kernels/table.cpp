@@ -19,10 +19,15 @@ void taa_rows(const TaaWork&, Rect, int thread);
 void taau_shade(const TaauWork&, int y0, int y1, int thread);
 void taau_compare(const TaauWork&, int y0, int y1);
 void taau_rows(const TaauWork&, Rect, int thread);
+void keep_depth(const ClassifierWork&, int y0, int y1);
+void encode_first(const ClassifierWork&, int depth, Rect, int thread);
+void encode_others(const ClassifierWork&, int depth, Rect, int thread);
+extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread);
+extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread);
 
 extern const Kernels KERNELS = {
     SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows, taau_shade,
-    taau_compare, taau_rows,
+    taau_compare, taau_rows, keep_depth, encode_first, encode_others, GATHER, FINISH,
 };
 }  // namespace SS_ISA
 }  // namespace ss

@@ -1,6 +1,6 @@
 """`NativeExecutor`: runs steps in the CPU library of sdk/native, by ctypes."""
 
-import ctypes
+import struct
 from collections.abc import Collection, Mapping
 from ctypes import CDLL, POINTER, Structure, c_char, c_char_p, c_float, c_int, c_int64, c_size_t, c_ssize_t, c_void_p
 from pathlib import Path
@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from supersampler.backends.base import StepReport
 from supersampler.errors import ArgumentError, FrameError, ModelError, SupersamplerError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.registry import find_method
+from supersampler.methods.spec import constants_of, flags_of
 
 _FLOAT32, _FLOAT16 = 0, 1
 _ERRORS: Mapping[int, type[Exception]] = {2: FrameError, 3: ModelError, 5: MemoryError}
@@ -238,9 +241,43 @@ class NativeExecutor:
             self._library.check("ss_history_write", buffers.handle, tensor.index, values.ctypes.data)
 
 
-def load_native(path: Path) -> NativeLibrary:
-    """Load the library from a file."""
-    return NativeLibrary(path)
+_MAGIC = b"ssarray1"
+_TYPES = {"float32": 0, "int8": 1, "uint8": 2}
 
 
-__all__ = ["NativeExecutor", "NativeHistory", "NativeLibrary", "ctypes", "load_native"]
+def model_bytes(info: ModelInfo) -> bytes:
+    """Return the file of a model for the library: its method, constants and weights (see src/arrays.h).
+
+    Raises:
+        ModelError: network.npz is damaged, or does not match the model's config.
+    """
+    spec = find_method(info.method)
+    assert spec is not None  # noqa: S101 - shipped or exported
+    arrays: dict[str, NDArray[Any]] = {"method": np.frombuffer(info.method.encode() + b"\0", np.uint8)}
+    arrays |= {name: np.array([info.config[name]], np.float32) for name in (*constants_of(spec), *flags_of(spec))}
+    if "network.npz" in spec.kernel_files:
+        from supersampler.methods.classifier.network_file import read_network
+        from supersampler.methods.classifier.structs import Variant
+
+        arrays |= read_network(info, Variant.of(info.config).outputs)
+    return arrays_bytes(arrays)
+
+
+def arrays_bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """Return named arrays in the format of src/arrays.h. Other types than its own become float32."""
+    parts = [_MAGIC]
+    for name, given in arrays.items():
+        array = np.ascontiguousarray(given if str(given.dtype) in _TYPES else given.astype(np.float32))
+        shape = (*array.shape, 1, 1, 1)[:4]
+        parts.append(struct.pack("<48s8I", name.encode(), _TYPES[str(array.dtype)], array.ndim, *shape, 0, 0))
+        parts.append(array.tobytes() + bytes(-array.nbytes % 8))
+    body = b"".join(parts)
+    return body + struct.pack("<Q", _checksum(body))
+
+
+def _checksum(data: bytes) -> int:
+    """Return FNV-1a of 64 bits."""
+    total = 0xCBF29CE484222325
+    for byte in data:
+        total = (total ^ byte) * 0x100000001B3 & 0xFFFFFFFFFFFFFFFF
+    return total

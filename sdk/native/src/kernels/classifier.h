@@ -1,0 +1,28 @@
+// What gather and finish of the classifiers share.
+#pragma once
+
+#include "disocclusion.h"
+#include "halves.h"
+#include "images.h"
+#include "int8.h"
+
+namespace ss::SS_ISA {
+
+using namespace classifier;
+
+// First planes of `Gathered.rest`; `Variant` gives those after them.
+enum Rest { FRAME, SAMPLE = 3, CONFIDENCE = 6, DETAIL, SURFACE = 10, COUNT, MIN_LUMA, MAX_LUMA };
+
+SS_INLINE F3 load_half3(const uint16_t* from) { return {load_half(from), load_half(from + W), load_half(from + 2 * W)}; }
+SS_INLINE void store_half3(uint16_t* to, F3 v) {
+    store_half(to, v.r);
+    store_half(to + W, v.g);
+    store_half(to + 2 * W, v.b);
+}
+
+// Where light over white rises over all samples of the history; same as `unexplained_light`.
+SS_INLINE I light_rises(F luma, F high, F count, F surface) {
+    return (luma > WHITE) & (luma > high + RISE) & (count * surface > 0.0f);
+}
+
+}  // namespace ss::SS_ISA

@@ -1,0 +1,227 @@
+// Finish of the classifiers: the last layers of the network, then the compositor; the same as `Classifier.finish`.
+#include "classifier.h"
+
+namespace ss::SS_ISA {
+
+// e^x for x clamped to [-16, 16], with a relative error of 1e-5.
+static F factor(F value) {
+    constexpr float ROUNDS = 12582912.0f;  // 1.5 * 2^23: the sum has the rounded number in its last bits
+    F x = clamped(value, -MAX_LOG_FACTOR, MAX_LOG_FACTOR) * 1.4426950408889634f;
+#if defined(__clang__) || defined(__GNUC__)
+    F rounded = x + ROUNDS;
+    __asm__("" : "+v"(rounded));  // the subtraction must not be folded into the sum
+#endif
+    F f = x - (rounded - ROUNDS);
+    F p = (((f * 9.58285e-3f + 5.590642e-2f) * f + 2.4024099e-1f) * f + 6.9312419e-1f) * f + 1.0f;
+    return float_of(bits_of(p) + (bits_of(rounded) << 23));
+}
+
+// Gathers the input of the decoder from the levels: KEPT bytes of each. A pixel of a lower level holds the bytes of all
+// pixels that it covers, one after the other.
+static void concatenate_row(const Network& n, int y, int p0, int p1, uint8_t* out) {
+    const uint8_t* rows[LEVELS];
+    for (int k = 0; k < LEVELS; k++)
+        rows[k] = n.level[k].out + static_cast<ptrdiff_t>(y >> k) * n.level[k].out_row + (KEPT[k] << k) * (y & ((1 << k) - 1));
+    for (int p = p0; p < p1; p++) {
+        prefetch(rows[3] + ((p + 16) >> 3) * n.level[3].out_pitch);
+        uint8_t* to = out + 32 * p;
+        memcpy(to, rows[0] + p * n.level[0].out_pitch, 16);
+        memcpy(to + 16, rows[1] + (p >> 1) * n.level[1].out_pitch + 8 * (p & 1), 8);
+        memcpy(to + 24, rows[2] + (p >> 2) * n.level[2].out_pitch + 4 * (p & 3), 4);
+        memcpy(to + 28, rows[3] + (p >> 3) * n.level[3].out_pitch + 4 * (p & 7), 4);
+    }
+}
+
+static I byte_of(F value) { return to_int(value + 0.5f); }
+
+// Writes the class probabilities of up to W packed pixels, eight bytes each; 255 is one. logits: planes, `pitch` apart.
+static void store_classes(const float* logits, int pitch, int count, uint8_t* classes) {
+    F e[classifier::CLASSES];
+    for (int c = 0; c < CLASSES; c++) e[c] = factor(load(logits + c * pitch));
+    F one = 255.0f / (e[0] + e[1] + e[2]), two = 255.0f / (e[3] + e[4] + e[5]);
+    I low = byte_of(e[0] * one) | byte_of(e[1] * one) << 8 | byte_of(e[2] * one) << 16 | byte_of(e[3] * two) << 24;
+    I high = byte_of(e[4] * two) | byte_of(e[5] * two) << 8;
+    int32_t words[2 * W];
+    store(words, low_zip(low, high));
+    store(words + W, high_zip(low, high));
+    memcpy(classes, words, 8 * min(W, count));
+}
+
+// Computes blend parameters, (outputs, pitch), and after them class logits, of packed pixels p0 to p1, and class
+// probabilities. W pixels side by side, their bytes word by word.
+static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int p0, int p1, int pitch, float* out, uint8_t* classes) {
+    constexpr int AT_ONCE = 8;
+    const Layer& layer = n.blend;
+    for (int p = p0; p < p1; p += W) {
+        F columns[WIDE];
+        load_channels(reinterpret_cast<const float*>(hidden + 4 * WIDE * p), columns);
+        for (int c = 0; c < outputs; c += AT_ONCE) {
+            I sums[AT_ONCE] = {};
+            for (int k = 0; k < layer.words; k++)
+                for (int i = 0; i < AT_ONCE; i++)
+                    sums[i] = dot4(sums[i], bits_of(columns[k]), spread(load_as<int32_t>(layer.weights + 4 * ((c + i) * layer.words + k))));
+            for (int i = 0; i < AT_ONCE; i++)
+                store(out + (c + i) * pitch + p, to_float(sums[i]) * layer.scale[c + i] + layer.bias[c + i]);
+        }
+        for (int c = 0; c < CLASSES; c++) {
+            const int byte = n.logits + c;
+            I value = bits_of(columns[byte / 4]) >> 8 * (byte % 4) & 255;
+            store(out + (outputs + c) * pitch + p, (to_float(value) - 128.0f) * n.logits_scale);
+        }
+        store_classes(out + outputs * pitch + p, pitch, p1 - p, classes + 8 * p);
+    }
+}
+
+// Writes visibility for the ghosting of packed pixels p0 to p1 of row y that have no history.
+static void mark_unknown(const Gathered& g, int planes, int y, int p0, int p1, uint8_t* classes) {
+    for (int x = 2 * p0; x < min(2 * p1, g.pitch); x += W) {
+        I known = load_half(g.rest + (2 * static_cast<ptrdiff_t>(y) * g.pitch + x) * planes + W * COUNT) > 0.0f;
+        if (all(known)) continue;
+        for (int i = 0; i < min(W / 2, p1 - x / 2); i++)
+            if (!known[2 * i]) {
+                uint8_t* to = classes + 8 * (x / 2 + i);
+                to[0] = to[2] = 0;
+                to[1] = 255;
+            }
+    }
+}
+
+// A sum of weighted colours, and of their weights.
+struct Sum {
+    F3 color = {F{}, F{}, F{}};
+    F weight = F{};
+    void add(F3 c, F w) {
+        color = color + c * w;
+        weight += w;
+    }
+};
+
+// Clips RGB towards the centre of a variance box in YCoCg; returns RGB.
+static F3 clip_to_center(F3 color, F3 mean, F3 extents) {
+    F3 apart = ycocg(color) - mean;
+    F overshoot = largest(absolute(apart.r) / maximum(extents.r, 1e-5f), absolute(apart.g) / maximum(extents.g, 1e-5f),
+                          absolute(apart.b) / maximum(extents.b, 1e-5f));
+    return clamped(from_ycocg(mean + apart * (1.0f / maximum(overshoot, 1.0f))), 0.0f, MAX_TONED);
+}
+
+// Writes up to W pixels of the next history.
+static void write_history(float* to, int count, F3 color, F samples, F low, F high) {
+    F v[8] = {color.r, color.g, color.b, samples, low, high, F{}, F{}};
+    to_pixels(v);
+    if (count >= W) {
+        for (int k = 0; k < 8; k++) store(to + k * W, v[k]);
+        return;
+    }
+    float pixels[8 * W];
+    for (int k = 0; k < 8; k++) store(pixels + k * W, v[k]);
+    memcpy(to, pixels, sizeof(float) * 8 * count);
+}
+
+// Computes the image, linear RGB, and the next history of columns x0 to x1 of row y.
+template <bool rectified, bool own_motion, bool guided>
+static void compose_row(const ClassifierWork& w, const float* blend, int blend_pitch, int y, int x0, int x1) {
+    constexpr Variant variant = {rectified, own_motion, guided};
+    constexpr int parameters = variant.parameters();
+    const Samples& s = w.samples;
+    const Axis &ax = w.tables.x, &ay = w.tables.y;
+    const int width = w.gathered.pitch, end = w.target.width, near = ay.nearest[y];
+    blend += 2 * parameters * (y % 2) * blend_pitch;
+    for (int x = x0; x < min(x1, end); x += W) {
+        const uint16_t* rest = w.gathered.rest + (static_cast<ptrdiff_t>(y) * width + x) * variant.planes();
+        const float* history = w.gathered.history + (static_cast<ptrdiff_t>(y) * width + x) * 3;
+        auto parameter = [&](int index) __attribute__((always_inline)) {  // of the left and right pixel of packed pixels
+            const float *left = blend + index * blend_pitch + x / 2, *right = left + parameters * blend_pitch;
+            return low_zip(load(left), load(right));
+        };
+        Sum window;
+        const Places places(ax.nearest, x);
+        for (int k = 0; k < 9; k++) {
+            F weight = load(ax.windows + k % 3 * ax.pitch + x) * ay.windows[k / 3 * ay.pitch + y] + MIN_KERNEL_WEIGHT;
+            weight *= factor(parameter(variant.kernel_weights() + k));
+            const float* row = s.color + static_cast<ptrdiff_t>(ay.clamped(near + k / 3 - 1)) * SAMPLE_PLANES * s.pitch;
+            auto plane = [&](int c) __attribute__((always_inline)) { return places.at(row + c * s.pitch, k % 3 - 1); };
+            window.color = window.color + F3{plane(0), plane(1), plane(2)} * weight;
+            window.weight += plane(USABLE) * weight;
+        }
+        F3 frame = load_half3(rest + W * FRAME), sample = load_half3(rest + W * SAMPLE);
+        F3 filtered = select(window.weight > 1e-9f, window.color * (1.0f / maximum(window.weight, 1e-12f)), frame);
+        F confidence = load_half(rest + W * CONFIDENCE);
+        F here = select(window.weight > 0.0f, 1.0f, F{});  // whether a sample around is usable
+        F sampled = here * (confidence + MIN_PRIOR), frame_weight = here * FRAME_PRIOR;
+        constexpr int of_sample = variant.history_colors();
+        Sum current;
+        current.add(sample, sampled * factor(parameter(of_sample)));
+        current.add(frame, frame_weight * factor(parameter(of_sample + 1)));
+        current.add(filtered, frame_weight * factor(parameter(of_sample + 2)));
+        // history colours
+        F count = load_half(rest + W * COUNT), surface = load_half(rest + W * SURFACE);
+        I known = count > 0.0f;
+        F first = select(known, count * surface + MIN_PRIOR, 0.0f) * factor(parameter(0));
+        F other = select(known, count * OTHER_PRIOR + MIN_PRIOR, 0.0f), second = F{}, third = F{};
+        if (rectified) second = other * factor(parameter(1));
+        if (own_motion) third = other * factor(parameter(variant.history_colors() - 1));
+        F history_weight = first + second + third;
+        F strength = clamped(parameter(variant.sharpness()), 0.0f, MAX_SHARPNESS);
+        F3 detail = load_half3(rest + W * DETAIL);
+        F3 color = clamped(F3{load(history), load(history + W), load(history + 2 * W)} + detail * strength, 0.0f, MAX_TONED);
+        if (s.has_reactive) {
+            F reactive = reactive_at(s, w.tables, y, x), now = maximum(current.weight, 1e-12f);
+            F kept = (1.0f - reactive) * (now / (now + reactive * history_weight));
+            first *= kept;
+            second *= kept;
+            third *= kept;
+            history_weight *= kept;
+        }
+        Sum past;
+        past.add(color, first);
+        if (rectified) past.add(clip_to_center(color, load_half3(rest + W * variant.mean()), load_half3(rest + W * (variant.mean() + 3))), second);
+        if (own_motion) past.add(load_half3(rest + W * variant.own()), third);
+        F total = history_weight + current.weight, scale = 1.0f / maximum(total, 1e-12f);
+        F3 image = linear_of(select(total > 0.0f, (past.color + current.color) * scale, frame), s.exposure);
+        if (w.target.weight) write_plane(w.target.weight, y, x, min(x1, end), history_weight * scale);
+        write_image(w.target, y, x, min(x1, end), image);
+        // next history
+        F odds = history_weight / maximum(current.weight, 1e-12f) * (sampled + frame_weight + frame_weight);
+        F next_count = minimum(minimum(odds, count), w.config.samples) + confidence;
+        F luma = luminance(sample), trust = select(known, minimum(odds * HALF_COUNT / maximum(count, 1e-6f), 1.0f), 0.0f);
+        F rate = confidence * w.config.contraction, low = load_half(rest + W * MIN_LUMA), high = load_half(rest + W * MAX_LUMA);
+        F warped_glare = F{};
+        if (w.glares) {
+            warped_glare = without_glare(high);
+            if (w.rises) warped_glare = maximum(warped_glare, select(light_rises(luma, high, count, surface), 1.0f, F{}));
+            next_count = select((warped_glare > 0.0f) & (warped_glare < CONFIRMED), 0.0f, next_count);
+        }
+        if (w.flash) next_count = F{};
+        low = minimum(low, luma) + rate * maximum(luma - low, 0.0f);
+        high = maximum(high, luma) - rate * maximum(high - luma, 0.0f);
+        low = luma + trust * (low - luma);
+        high = luma + trust * (high - luma) + warped_glare * GLARE;
+        write_history(w.next_history + 8 * (static_cast<ptrdiff_t>(y) * end + x), min(x1, end) - x, image, next_count, low, high);
+    }
+}
+
+// Decodes and composes a rectangle of packed pixels: the image and the next history.
+template <bool rectified, bool own_motion, bool guided>
+static void finish_rows(const ClassifierWork& w, Rect rect, int thread) {
+    constexpr Variant variant = {rectified, own_motion, guided};
+    const Network& n = *w.network;
+    const ClassifierScratch& s = w.scratch[thread];
+    const int pitch = up_to(n.half.width, LANES), count = rect.x1 - rect.x0, p0 = rect.x0;
+    for (int y = rect.y0; y < rect.y1; y++) {
+        uint8_t* classes = w.next_classes + 8 * static_cast<ptrdiff_t>(y) * n.half.width;
+        concatenate_row(n, y, p0, rect.x1, s.read);
+        pointwise_row(Input{s.read + 32 * p0, 32, 8}, n.decoder, s.decoded + 32 * p0, 32, count);
+        const int32_t* records = n.records + (static_cast<ptrdiff_t>(y) * n.row + p0) * RECORD_WORDS;
+        pointwise_row(Input{reinterpret_cast<const uint8_t*>(records), 4 * RECORD_WORDS, INPUT_PLANES}, Input{s.decoded + 32 * p0, 32, 8},
+                      n.hidden, s.hidden + 4 * WIDE * p0, 4 * WIDE, count);
+        blend_row(n, s.hidden, variant.outputs(), p0, rect.x1, pitch, s.blend, classes);
+        mark_unknown(w.gathered, variant.planes(), y, p0, rect.x1, classes);
+        for (int row = 2 * y; row < min(2 * y + 2, w.target.height); row++)
+            compose_row<rectified, own_motion, guided>(w, s.blend, pitch, row, 2 * p0, 2 * rect.x1);
+    }
+}
+
+extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread) = {finish_rows<false, false, false>, finish_rows<false, true, false>,
+                                                                  finish_rows<true, false, false>, finish_rows<true, true, false>};
+
+}  // namespace ss::SS_ISA

@@ -1,0 +1,354 @@
+// Gather of the classifiers; the same as `Classifier.gather` and its network inputs, in one pass.
+//
+// A vector holds one channel of W pixels. Where positions differ from pixel to pixel (warps), it holds the channels of
+// one pixel.
+#include "classifier.h"
+
+namespace ss::SS_ISA {
+
+// Words of a record of network inputs, by the names of `pixel_inputs`. `guided` has two in the places of others.
+enum InputWord {
+    IN_FRAME, IN_SAMPLE, IN_HISTORY, IN_HISTORY_TO_SAMPLE, IN_HISTORY_TO_FRAME, IN_CONTRAST, IN_HISTORY_CONTRAST,
+    IN_BEYOND_RANGE, IN_MIN_LUMA, IN_MAX_LUMA, IN_DETAIL, IN_CONFIDENCE, IN_COUNT, IN_DEPTH_DIFFERENCE, IN_SURFACE, IN_EDGE,
+    IN_RELIT_TO_FRAME = IN_MIN_LUMA, IN_AGREEMENT = IN_MAX_LUMA,
+};
+
+static F3 toned_at(const ClassifierWork& w, F r, F g, F b) { return tone(sanitize(F3{r, g, b}) * w.samples.exposure); }
+static F3 where(I mask, F3 v) { return {select(mask, v.r, 0.0f), select(mask, v.g, 0.0f), select(mask, v.b, 0.0f)}; }
+static F3 roots(F3 c) { return {root(c.r), root(c.g), root(c.b)}; }
+static F max_difference(F3 a, F3 b) { return largest(absolute(a.r - b.r), absolute(a.g - b.g), absolute(a.b - b.b)); }
+
+// Stores inputs in [0, 1] as bytes; 255 is one.
+static void store_input(uint8_t* to, F value) { store(to, to_int(clamped(value, 0.0f, 1.0f) * 255.0f + 0.5f)); }
+
+// The surface's previous visibility, [0, 1], and the depth difference, [-1, 1] (equation 10).
+static F gather_surface(const ClassifierWork& w, F depth, F px, F py, I on, F& difference) {
+    const PreviousFrame& p = w.previous;
+    const Previous at = previous_of(p, px, py, {w.target.width, w.target.height});
+    LinearTaps taps(at.x, at.y, p.width, p.height, p.pitch);
+    F upper[4], lower[4];  // depth and occluding depth of the left sample, then of the right one
+    gather4(p.plane, taps.upper, 2, upper);
+    gather4(p.plane, taps.lower, 2, lower);
+    const F occluding[4] = {upper[1], upper[3], lower[1], lower[3]};
+    F occluded = disocclusion(depth, occluding, taps.weight, w.config.depth_margin, w.config.depth_ramp);
+    I right = at.x - floor(at.x) >= 0.5f, low = at.y - floor(at.y) >= 0.5f;
+    F before = select(low, select(right, lower[2], lower[0]), select(right, upper[2], upper[0]));
+    before = select(on, before, 0.0f);
+    difference = (before - depth) / maximum(maximum(before, depth), 1e-12f);
+    difference = select(depth >= 0.0f, clamped(difference, -1.0f, 1.0f), 0.0f);
+    return select(on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
+}
+
+// Same as `CurrentFrame` of the torch module; extents: half sides of the variance box, YCoCg.
+struct CurrentFrame {
+    F3 frame, sample;
+    F confidence;
+    F3 mean, extents;
+    F variance;  // the largest of three channels
+    I found;
+};
+enum OfFilter { BY_SAMPLE, BY_CUBIC, BY_MEAN };
+enum Line { OF_SAMPLE, OF_CUBIC = 4, OF_MEAN = 8, OF_MEAN_USABLE = 14 };
+
+static void filter_all_down(const ClassifierWork& w, int y, Span span, float* lines, bool cubic) {
+    const Samples& s = w.samples;
+    const ptrdiff_t pitch = static_cast<ptrdiff_t>(SAMPLE_PLANES) * s.pitch;
+    auto down = [&](int filter, int plane, int count, int line) __attribute__((always_inline)) {
+        filter_down(Rows(w.tables.y, filter, y, s.color, pitch), span, plane, count, s.pitch, lines + line * s.pitch);
+    };
+    down(BY_SAMPLE, TONED, 4, OF_SAMPLE);
+    if (cubic) down(BY_CUBIC, TONED, 4, OF_CUBIC);
+    down(BY_MEAN, LUMA, 6, OF_MEAN);
+    down(BY_MEAN, USABLE, 1, OF_MEAN_USABLE);
+}
+
+template <bool guided>
+static CurrentFrame current_frame(const ClassifierWork& w, const float* lines, int x) {
+    const Places places(w.tables.x.start, x);
+    const int pitch = w.samples.pitch;
+    auto across = [&](int line, int filter) __attribute__((always_inline)) {
+        return filter_across(lines + line * pitch, places, w.tables.x, filter, x);
+    };
+    auto rgb = [&](int line, int filter) __attribute__((always_inline)) {
+        return F3{across(line, filter), across(line + 1, filter), across(line + 2, filter)};
+    };
+    CurrentFrame c;
+    F near = across(OF_SAMPLE + 3, BY_SAMPLE);
+    c.confidence = minimum(near, 1.0f);
+    c.sample = clamped(rgb(OF_SAMPLE, BY_SAMPLE) * (1.0f / maximum(near, 1e-6f)), 0.0f, MAX_TONED);
+    F usable = across(OF_MEAN_USABLE, BY_MEAN), scale = 1.0f / maximum(usable, 1e-6f);
+    c.found = usable > MIN_WEIGHT;
+    c.mean = rgb(OF_MEAN, BY_MEAN) * scale;
+    F3 square = rgb(OF_MEAN + 3, BY_MEAN) * scale;
+    F3 variance = select(c.found, square, F3{spread(1.0f), spread(1.0f), spread(1.0f)}) -
+                  F3{c.mean.r * c.mean.r, c.mean.g * c.mean.g, c.mean.b * c.mean.b};
+    c.variance = largest(variance);
+    auto extent = [&](F v) { return square_root(maximum(v, 0.0f)) * w.config.gamma; };
+    c.extents = {extent(variance.r), extent(variance.g), extent(variance.b)};
+    c.frame = from_ycocg(c.mean);
+    if (!guided) {
+        F weight = across(OF_CUBIC + 3, BY_CUBIC);
+        c.frame = select(weight > MIN_CUBIC_WEIGHT, rgb(OF_CUBIC, BY_CUBIC) * (1.0f / maximum(weight, 1e-6f)), c.frame);
+    }
+    c.frame = clamped(c.frame, 0.0f, MAX_TONED);
+    return c;
+}
+
+// Consecutive frames with glare nearby, this one included; CONFIRMED at once without history. luma: of the sample; over
+// WHITE it counts as glare in the frame after a first glaring one.
+static F confirmed_glare(F glare, F warped, F count, F luma) {
+    I still_bright = (luma > WHITE) & (warped > 0.0f) & (warped < CONFIRMED - 1.0f);
+    F counts = select((count > 0.0f) | (warped > 0.0f), warped, CONFIRMED);
+    return select(still_bright, 1.0f, glare) * minimum(counts + 1.0f, CONFIRMED);
+}
+
+// Resamples W pixels of eight values to 12 or 16 each: all linear; RGB and count by the cubic; by their own motion.
+template <bool own_motion>
+static void warp8(const float* h, bool same_motion, WarpScratch& s) {
+    typedef float F8 __attribute__((vector_size(32)));
+    auto low = [](F8 v) __attribute__((always_inline)) { return __builtin_shufflevector(v, v, 0, 1, 2, 3); };
+    for (int i = 0; i < W; i++) {
+        const int a = s.offsets[0][i], b = s.offsets[1][i], c = s.offsets[2][i], d = s.offsets[3][i];
+        const float *j = h + s.offsets[4][i], *k = h + s.offsets[5][i], *m = h + s.offsets[6][i], *n = h + s.offsets[7][i];
+        prefetch(m + c + 2 * LANES * 8);  // of the pixels that follow in two steps
+        const float x0 = s.weights[0][i], x1 = s.weights[1][i], x2 = s.weights[2][i], x3 = s.weights[3][i];
+        const F8 kb = load_as<F8>(k + b), kc = load_as<F8>(k + c), mb = load_as<F8>(m + b), mc = load_as<F8>(m + c);
+        F4 top = load4(j + b) * x1 + load4(j + c) * x2, bottom = load4(n + b) * x1 + load4(n + c) * x2;
+        F4 upper = load4(k + a) * x0 + low(kb) * x1 + low(kc) * x2 + load4(k + d) * x3;
+        F4 lower = load4(m + a) * x0 + low(mb) * x1 + low(mc) * x2 + load4(m + d) * x3;
+        F4 sharp = top * s.weights[4][i] + upper * s.weights[5][i] + lower * s.weights[6][i] + bottom * s.weights[7][i];
+        const float t = s.weights[8][i], u = s.weights[9][i];
+        F8 upper8 = kb * (1.0f - t) + kc * t, lower8 = mb * (1.0f - t) + mc * t;
+        store_as(s.pixels + 16 * i, upper8 * (1.0f - u) + lower8 * u);
+        F4 own = sharp;
+        if (own_motion && !same_motion) {
+            const float *up = h + s.offsets[10][i], *down = h + s.offsets[11][i];
+            const int left = s.offsets[8][i], right = s.offsets[9][i];
+            own = linear4(load4(up + left), load4(up + right), load4(down + left), load4(down + right), s.weights[10][i],
+                          s.weights[11][i]);
+        }
+        store4(s.pixels + 16 * i + 8, sharp);
+        store4(s.pixels + 16 * i + 12, own);
+    }
+}
+
+// Resamples class probabilities at packed pixels p0 to p1 of a row, and writes them to their records.
+static void warp_classes(const ClassifierWork& w, const float* places, int p0, int p1, int y, WarpScratch& s) {
+    typedef uint8_t B8 __attribute__((vector_size(8)));
+    typedef float F8 __attribute__((vector_size(32)));
+    const Size display = {w.target.width, w.target.height}, half = w.network->half;
+    int32_t* records = w.network->records + static_cast<ptrdiff_t>(y) * w.network->row * RECORD_WORDS + INPUT_PLANES;
+    for (int x = p0; x < p1; x += W) {
+        const float *at = places + 2 * x, *below = at + w.gathered.pitch;
+        F px = evens(load(at), load(at + W)), py = evens(load(below), load(below + W));
+        store(s.weights[0], store_offsets(px * 0.5f, 0, 1, half.width, 8, s.offsets));
+        store(s.weights[1], store_offsets(py * 0.5f, 0, 1, half.height, 8 * half.width, s.offsets + 2));
+        store(s.offsets[4], on_screen(px, py, display));
+        for (int i = 0; i < min(W, p1 - x); i++) {
+            auto bytes = [&](int row, int column) __attribute__((always_inline)) {
+                return __builtin_convertvector(load_as<B8>(w.classes + s.offsets[2 + row][i] + s.offsets[column][i]), F8);
+            };
+            const float t = s.weights[0][i], u = s.weights[1][i];
+            F8 a = bytes(0, 0), c = bytes(1, 0), upper = a + (bytes(0, 1) - a) * t, lower = c + (bytes(1, 1) - c) * t;
+            F8 value = upper + (lower - upper) * u + 0.5f;
+            const int64_t on = s.offsets[4][i];
+            store_as(records + (x + i) * RECORD_WORDS, reinterpret_cast<int64_t>(__builtin_convertvector(value, B8)) & on);
+        }
+    }
+}
+
+// Writes `history_contrast` and `beyond_range` of a row, whose luma lies in the ring between its neighbours.
+static void contrast_row(const float* const (&ring)[3], uint8_t* inputs, int width, int x0, int x1) {
+    for (int x = x0; x < x1; x += W) {
+        F low = load(ring[1] + x), high = low;
+        for (const float* line : ring)
+            for (int k = -1; k <= 1; k++) {
+                F other = load(line + x + k);
+                low = minimum(other, low);
+                high = maximum(other, high);
+            }
+        F luma = to_float(load(inputs + IN_SAMPLE * width + x)) * (1.0f / 255.0f);
+        store_input(inputs + IN_HISTORY_CONTRAST * width + x, high - low);
+        store_input(inputs + IN_BEYOND_RANGE * width + x, maximum(maximum(low - luma, luma - high), 0.0f));
+    }
+}
+
+// Packed pixels of a plane, two bytes of each row in a word.
+static I packed_words(const uint8_t* upper, const uint8_t* lower) {
+    I a = load(upper), b = load(upper + W), c = load(lower), d = load(lower + W);
+    return evens(a, b) | odds(a, b) << 8 | evens(c, d) << 16 | odds(c, d) << 24;
+}
+
+// Writes two rows of inputs to records p0 to p1.
+static void pack_rows(const uint8_t* upper, const uint8_t* lower, int width, int p0, int p1, int32_t* records) {
+    for (int x = p0; x < p1; x += W) {
+        F planes[INPUT_PLANES];
+        for (int c = 0; c < INPUT_PLANES; c++)
+            planes[c] = float_of(packed_words(upper + c * width + 2 * x, lower + c * width + 2 * x));
+        to_pixels(planes);
+        constexpr int PARTS = INPUT_PLANES / W;
+        for (int k = 0; k < INPUT_PLANES; k++)
+            store(records + RECORD_WORDS * (x + k / PARTS) + k % PARTS * W, bits_of(planes[k]));
+    }
+}
+
+// Writes the means over four pixels of the difference of history and frame, and of its absolute value.
+static void pack_means(const Network& n, const float* upper, const float* lower, int p0, int p1, int y) {
+    float* means = n.means + static_cast<ptrdiff_t>(y) * 2 * n.means_pitch + PAD;
+    for (int x = p0; x < p1; x += W) {
+        F a = load(upper + 2 * x), b = load(upper + 2 * x + W), c = load(lower + 2 * x), d = load(lower + 2 * x + W);
+        F i = evens(a, b), j = odds(a, b), k = evens(c, d), m = odds(c, d);
+        store(means + x, (i + j + k + m) * 0.25f);
+        store(means + n.means_pitch + x, (absolute(i) + absolute(j) + absolute(k) + absolute(m)) * 0.25f);
+    }
+    repeat_ends(means + p0, p1 - p0);
+    repeat_ends(means + n.means_pitch + p0, p1 - p0);
+}
+
+// Completes the inputs of columns x0 to x1 of row y, whose neighbour rows are in the ring; packs pairs of rows.
+static void complete_row(const ClassifierWork& w, const ClassifierScratch& s, int y, int below, int x0, int x1) {
+    const int width = w.gathered.pitch, big_w = w.target.width, pitch = width + 2 * PAD;
+    auto ring = [&](int row) { return s.ring + row % 3 * pitch + PAD; };
+    auto inputs = [&](int row) { return s.inputs + row % 4 * INPUT_PLANES * width; };
+    auto differences = [&](int row) { return s.differences + row % 4 * width; };
+    contrast_row({ring(max(y - 1, 0)), ring(y), ring(below)}, inputs(y), width, x0, x1);
+    if (big_w % 2) {
+        for (int c = 0; c < INPUT_PLANES; c++) inputs(y)[c * width + big_w] = inputs(y)[c * width + big_w - 1];
+        differences(y)[big_w] = differences(y)[big_w - 1];
+    }
+    if (y % 2 == 0 && y != w.target.height - 1) return;
+    const int first = y - y % 2, p0 = x0 / 2, p1 = (min(x1, big_w) + 1) / 2;
+    pack_rows(inputs(first), inputs(y), width, p0, p1, w.network->records + static_cast<ptrdiff_t>(y / 2) * w.network->row * RECORD_WORDS);
+    pack_means(*w.network, differences(first), differences(y), p0, p1, y / 2);
+}
+
+// Computes `gathered` and the network inputs of a rectangle of an even number of rows, unless it ends the image.
+template <bool rectified, bool own_motion, bool guided>
+static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
+    constexpr Variant variant = {rectified, own_motion, guided};
+    const Samples& s = w.samples;
+    const Axis &ax = w.tables.x, &ay = w.tables.y;
+    const Size display = {w.target.width, w.target.height};
+    const float scale_x = static_cast<float>(display.width) / static_cast<float>(s.width);
+    const float scale_y = static_cast<float>(display.height) / static_cast<float>(s.height);
+    const int width = w.gathered.pitch, end = min(rect.x1, display.width);
+    const ClassifierScratch& scratch = w.scratch[thread];
+    WarpScratch& warps = w.warps[thread];
+    const Span span(ax, rect.x0, end);
+    for (int y = max(rect.y0 - 1, 0); y < min(rect.y1 + 1, display.height); y++) {
+        const bool inside = rect.y0 <= y && y < rect.y1;
+        float* ring = scratch.ring + y % 3 * (width + 2 * PAD) + PAD;
+        uint8_t* inputs = scratch.inputs + y % 4 * INPUT_PLANES * width;
+        if (inside) filter_all_down(w, y, span, scratch.lines, !guided);
+        const float* dilated = s.dilated + 4 * static_cast<ptrdiff_t>(ay.clamped(ay.start[y])) * s.stride;
+        const float* nearest = s.own + 4 * static_cast<ptrdiff_t>(ay.nearest[y]) * s.stride;
+        F rising = F{};
+        for (int x = rect.x0; x < rect.x1; x += W) {
+            F lane = to_float(ramp() + x), v[4], own[4];
+            store(warps.offsets[0], clamped(load(ax.start + x), 0, s.width - 1));
+            gather4(dilated, warps.offsets[0], 4, v);
+            F depth = v[0], px = previous_position(lane, v[1] * scale_x, display.width);
+            F py = previous_position(spread(static_cast<float>(y)), v[2] * scale_y, display.height);
+            I on = on_screen(px, py, display);
+            gather4(nearest, ax.nearest + x, 4, own);
+            store(scratch.places + x, px);
+            store(scratch.places + width + x, py);
+            prepare_warp(px, py, display, 8, w.config.history_sharpness, warps);
+            bool same_motion = true;
+            if (own_motion) {
+                F ox = previous_position(lane, own[0] * scale_x, display.width);
+                F oy = previous_position(spread(static_cast<float>(y)), own[1] * scale_y, display.height);
+                same_motion = all((ox == px) & (oy == py));
+                if (!same_motion) {
+                    store(warps.weights[10], store_offsets(ox, 0, 1, display.width, 8, warps.offsets + 8));
+                    store(warps.weights[11], store_offsets(oy, 0, 1, display.height, 8 * display.width, warps.offsets + 10));
+                }
+            }
+            warp8<own_motion>(w.history, same_motion, warps);
+            F q[16];
+            load_channels(warps.pixels, q);
+            F3 color = where(on, toned_at(w, q[8], q[9], q[10])), color_roots = roots(color);
+            F luma = luminance(color_roots);
+            store(ring + x, luma);
+            if (!inside) continue;
+            F3 linear = where(on, toned_at(w, q[0], q[1], q[2])), detail = color - linear;
+            F count = select(on, q[3], 0.0f), low = select(on, q[4], 0.0f), high = select(on, q[5], 0.0f);
+            float* history = w.gathered.history + (static_cast<ptrdiff_t>(y) * width + x) * 3;
+            store(history, color.r);
+            store(history + W, color.g);
+            store(history + 2 * W, color.b);
+            F3 by_own = own_motion && !same_motion ? toned_at(w, q[12], q[13], q[14]) : linear;
+            F difference, surface = gather_surface(w, depth, px, py, on, difference);
+            CurrentFrame now = current_frame<guided>(w, scratch.lines, x);
+            now.frame = or_fill(now.found, now.frame, s, w.tables, y, x);
+            F sample_luma = luminance(now.sample), glares = F{};
+            if (w.glares) {
+                F warped_glare = without_glare(high);
+                glares = confirmed_glare(own[3], warped_glare, count, sample_luma) * GLARE;
+            }
+            I sparse = (sample_luma > now.mean.r + CONTRAST) & (lane < static_cast<float>(display.width));
+            rising += select(sparse & light_rises(sample_luma, high, count, surface), 1.0f, F{});
+            uint16_t* rest = w.gathered.rest + (static_cast<ptrdiff_t>(y) * width + x) * variant.planes();
+            store_half3(rest + W * FRAME, now.frame);
+            store_half3(rest + W * SAMPLE, now.sample);
+            store_half(rest + W * CONFIDENCE, now.confidence);
+            store_half3(rest + W * DETAIL, detail);
+            store_half(rest + W * SURFACE, surface);
+            store_half(rest + W * COUNT, count);
+            store_half(rest + W * MIN_LUMA, low);
+            store_half(rest + W * MAX_LUMA, high + glares);
+            if (rectified) {
+                store_half3(rest + W * variant.mean(), now.mean);
+                store_half3(rest + W * (variant.mean() + 3), now.extents);
+            }
+            if (own_motion) store_half3(rest + W * variant.own(), by_own);
+
+            F3 frame_roots = roots(now.frame), sample_roots = roots(now.sample);
+            F frame_luma = luminance(frame_roots);
+            store(scratch.differences + y % 4 * width + x, luma - frame_luma);
+            auto input = [&](InputWord word, F value) __attribute__((always_inline)) { store_input(inputs + word * width + x, value); };
+            input(IN_FRAME, frame_luma);
+            input(IN_SAMPLE, luminance(sample_roots));
+            input(IN_HISTORY, luma);
+            input(IN_HISTORY_TO_SAMPLE, max_difference(color_roots, sample_roots));
+            input(IN_HISTORY_TO_FRAME, max_difference(color_roots, frame_roots));
+            input(IN_CONTRAST, root(root(now.variance)));
+            input(IN_MIN_LUMA, root(low));
+            input(IN_MAX_LUMA, root(high));
+            input(IN_DETAIL, root(max_difference(color, linear)));
+            input(IN_CONFIDENCE, now.confidence);
+            input(IN_COUNT, count / (count + HALF_COUNT));
+            input(IN_DEPTH_DIFFERENCE, difference * 0.5f + 0.5f);
+            input(IN_SURFACE, surface);
+            input(IN_EDGE, own[2]);
+        }
+        if (inside) w.gathered.rising[(static_cast<ptrdiff_t>(y) * width + rect.x0) / LANES] = sum_of_lanes(rising);
+        if (inside && y % 2 == 0) warp_classes(w, scratch.places, rect.x0 / 2, (end + 1) / 2, y / 2, warps);
+        repeat_ends(ring + rect.x0, end - rect.x0);
+        if (y - 1 >= rect.y0) complete_row(w, scratch, y - 1, y, rect.x0, rect.x1);
+    }
+    if (rect.y1 == display.height) complete_row(w, scratch, display.height - 1, display.height - 1, rect.x0, rect.x1);
+}
+
+// Writes the depth for disocclusion tests of the next frame: unchanged, and occluding.
+void keep_depth(const ClassifierWork& w, int y0, int y1) {
+    const Samples& s = w.samples;
+    for (int y = y0; y < y1; y++) {
+        const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD;
+        float* to = w.next_depth + 2 * here;
+        for (int x = 0; x < s.width; x += W) {
+            F depth = load(s.depth + here + x), occluding = occluding_at(s, y, x);
+            store(to + 2 * x, low_zip(depth, occluding));
+            store(to + 2 * x + W, high_zip(depth, occluding));
+        }
+        for (int x = 1; x <= PAD; x++) {
+            memcpy(to - 2 * x, to, 2 * sizeof(float));
+            memcpy(to + 2 * (s.width - 1 + x), to + 2 * (s.width - 1), 2 * sizeof(float));
+        }
+    }
+}
+
+extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread) = {gather_rows<false, false, false>, gather_rows<false, true, false>,
+                                                                  gather_rows<true, false, false>, gather_rows<true, true, false>};
+
+}  // namespace ss::SS_ISA

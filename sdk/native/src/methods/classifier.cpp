@@ -1,0 +1,246 @@
+// `classifier` and its relatives: gather, int8 network and finish.
+#include <stdio.h>
+
+#include "../arrays.h"
+#include "../network.h"
+#include "../step.h"
+
+namespace ss {
+
+using namespace classifier;
+
+constexpr int HISTORY_VALUES = 8;
+
+static Variant variant_of(const Model& model) {
+    const Config& c = model.config_of<Config>();
+    return {c.rectified > 0.0f, c.own_motion > 0.0f, false};
+}
+static int kernel_of(const Variant& v) { return 2 * v.rectified + v.own_motion; }
+
+static const Filter* filters(const Model& model, Filter* room, int* count, float* window_sigma) {
+    const Config& c = model.config_of<Config>();
+    room[0] = {GAUSSIAN, c.sample_sigma, true};
+    room[1] = {CUBIC};
+    room[2] = {GAUSSIAN, c.moment_sigma};
+    *count = 3;
+    *window_sigma = c.kernel_sigma;
+    return room;
+}
+
+// Weights -----------------------------------------------------------------------------------------------------------
+
+// Reads a layer: weights of this shape (0: any), scale and bias of `outputs`, or of all outputs of the weights' blocks.
+static bool read_layer(Model& model, const Arrays& arrays, const char* name, uint32_t a, uint32_t b, uint32_t c, uint32_t d,
+                       int outputs, Layer& layer) {
+    char part[48];
+    const auto named = [&](const char* suffix) {
+        snprintf(part, sizeof part, "%s.%s", name, suffix);
+        return part;
+    };
+    const Array* weights = arrays.find(named("weights"), ArrayType::INT8, a, b, c, d);
+    if (!weights) return false;
+    layer.blocks = static_cast<int>(weights->shape[0]), layer.words = static_cast<int>(weights->shape[1]);
+    layer.outputs = outputs ? outputs : layer.blocks * BLOCK_OUTPUTS;
+    const Array* scale = arrays.find(named("scale"), ArrayType::FLOAT, static_cast<uint32_t>(layer.outputs));
+    const Array* bias = arrays.find(named("bias"), ArrayType::FLOAT, static_cast<uint32_t>(layer.outputs));
+    if (!scale || !bias) return false;
+    const Array* parts[] = {weights, scale, bias};
+    const void* copies[3];
+    for (int k = 0; k < 3; k++) {
+        void* copy = model.arena.take<char>(parts[k]->bytes());
+        if (copy) memcpy(copy, parts[k]->values(), parts[k]->bytes());
+        copies[k] = copy;
+    }
+    layer.weights = static_cast<const int8_t*>(copies[0]);
+    layer.scale = static_cast<const float*>(copies[1]), layer.bias = static_cast<const float*>(copies[2]);
+    for (int k = 0; k < layer.outputs && !model.arena.failed(); k++)
+        if (!(layer.scale[k] - layer.scale[k] == 0.0f) || !(layer.bias[k] - layer.bias[k] == 0.0f)) return false;
+    return true;
+}
+
+static bool read_level(Model& model, const Arrays& arrays, int k, uint32_t& words, Level& level) {
+    char name[3][16];
+    const char* parts[] = {"first", "spatial", "last"};
+    for (int part = 0; part < 3; part++) snprintf(name[part], sizeof name[part], "%d.%s", k, parts[part]);
+    if (!read_layer(model, arrays, name[0], 0, words, BLOCK_OUTPUTS, 4, 0, level.first)) return false;
+    char spatial[32];
+    snprintf(spatial, sizeof spatial, "%s.weights", name[1]);
+    const Array* weights = arrays.find(spatial, ArrayType::INT8, 0, 3, LANES, 4);
+    if (!weights || weights->shape[0] > static_cast<uint32_t>(level.first.blocks * BLOCK_OUTPUTS / LANES)) return false;
+    level.channels = static_cast<int>(weights->shape[0]) * LANES;
+    if (level.first.blocks != divided_up(level.channels, BLOCK_OUTPUTS)) return false;
+    const bool last = k + 1 == LEVELS;
+    const int kept = last ? level.channels : level.channels / 2, covered = KEPT[k] << 2 * k;
+    if (kept > covered) return false;  // bytes that the decoder has room for
+    const int made = covered + level.channels - kept;
+    words = static_cast<uint32_t>(level.channels - kept) / 4;
+    level.inputs = 0;
+    return read_layer(model, arrays, name[1], 0, 3, LANES, 4, level.channels, level.spatial) &&
+           read_layer(model, arrays, name[2], divided_up(made, BLOCK_OUTPUTS), level.channels / 4, BLOCK_OUTPUTS, 4, 0, level.last);
+}
+
+static ss_status read_weights(Model& model, const Arrays& arrays, ss_error* error) {
+    Network* n = model.arena.take<Network>(1);
+    if (!n) return fail(error, SS_NO_MEMORY, "no memory for the weights");
+    const int outputs = variant_of(model).outputs();
+    uint32_t words = RECORD_WORDS;
+    bool good = true;
+    for (int k = 0; k < LEVELS && good; k++) {
+        good = read_level(model, arrays, k, words, n->level[k]);
+        if (k && good) n->level[k].inputs = up_to(4 * n->level[k].first.words, 16);
+    }
+    good = good && read_layer(model, arrays, "decoder", 1, 8, BLOCK_OUTPUTS, 4, 0, n->decoder) &&
+           read_layer(model, arrays, "hidden", 0, INPUT_PLANES + 8, BLOCK_OUTPUTS, 4, 0, n->hidden) &&
+           read_layer(model, arrays, "blend", outputs, 0, 4, 1, outputs, n->blend);
+    const Array* first = arrays.find("logits.first", ArrayType::FLOAT, 1);
+    const Array* scale = arrays.find("logits.scale", ArrayType::FLOAT, 1);
+    good = good && first && scale && n->hidden.blocks <= 2 && n->blend.words <= WIDE;
+    if (good) {
+        const float byte = *static_cast<const float*>(first->values());
+        n->logits_scale = *static_cast<const float*>(scale->values());
+        good = byte >= 0.0f && byte <= 4 * WIDE - CLASSES && n->logits_scale >= 0.0f && n->logits_scale < 3e38f;
+        n->logits = good ? static_cast<int>(byte) : 0;
+    }
+    if (!good) return fail(error, SS_BAD_MODEL, "the weights are not those of a network that this library runs");
+    if (model.arena.failed()) return fail(error, SS_NO_MEMORY, "no memory for the weights");
+    model.weights = n;
+    return SS_OK;
+}
+
+// Work buffers --------------------------------------------------------------------------------------------------------
+
+static void make_network(const Model& model, Space& space, Network& n) {
+    n = *static_cast<const Network*>(model.weights);
+    n.half = half_of(space.display);
+    n.row = up_to(n.half.width, ALIGNED) + ROOM;
+    n.means_pitch = up_to(n.half.width, LANES) + 2 * PAD;
+    n.records = space.arena.take<int32_t>(static_cast<size_t>(n.half.height) * n.row * RECORD_WORDS);
+    n.means = space.arena.take<float>(static_cast<size_t>(n.half.height) * 2 * n.means_pitch);
+    for (int k = 0; k < LEVELS; k++) {
+        Level& l = n.level[k];
+        l.width = up_to(n.half.width, ALIGNED) >> k, l.height = up_to(n.half.height, ALIGNED) >> k;
+        l.x_pitch = l.first.outputs, l.x_row = (l.width + ROOM) * l.x_pitch;
+        l.out_pitch = l.last.outputs, l.out_row = (l.width + ROOM) * l.out_pitch;
+        l.x = space.arena.take<uint8_t>(static_cast<size_t>(l.height + 2) * l.x_row);
+        l.out = space.arena.take<uint8_t>(static_cast<size_t>(l.height) * l.out_row);
+        if (k) {
+            const Level& above = n.level[k - 1];
+            l.above = above.out + (KEPT[k - 1] << 2 * (k - 1));
+            l.above_pitch = above.out_pitch, l.above_row = above.out_row;
+        }
+        n.line_pitch = max(n.line_pitch, static_cast<size_t>((l.width + ROOM) * max(l.inputs, l.channels)));
+    }
+    n.line_pitch = (n.line_pitch + 2 * LINE) / LINE * LINE;
+    n.lines = space.arena.take<uint8_t>(n.line_pitch * model.pool.threads());
+}
+
+static bool make_space(const Model& model, Space& space) {
+    ClassifierWork* work = space.arena.take<ClassifierWork>(1);
+    Network* network = space.arena.take<Network>(1);
+    ClassifierScratch* scratch = space.arena.take<ClassifierScratch>(model.pool.threads());
+    if (!work || !network || !scratch) return false;
+    make_network(model, space, *network);
+    const Variant variant = variant_of(model);
+    const int width = up_to(space.display.width, LANES), half = space.display.width / 2 + 1 + LANES;
+    const size_t pixels = static_cast<size_t>(space.display.height) * width;
+    work->network = network, work->scratch = scratch;
+    work->gathered = {space.arena.take<float>(pixels * 3), space.arena.take<uint16_t>(pixels * variant.planes()),
+                      space.arena.take<float>(pixels / LANES), nullptr, width};
+    for (int k = 0; k < model.pool.threads(); k++) {
+        ClassifierScratch& s = scratch[k];
+        s.ring = space.arena.take<float>(3 * (width + 2 * PAD));
+        s.places = space.arena.take<float>(2 * width + LANES);
+        s.inputs = space.arena.take<uint8_t>(4 * INPUT_PLANES * width + 2 * LANES);
+        s.differences = space.arena.take<float>(4 * width + 2 * LANES);
+        s.lines = space.arena.take<float>(static_cast<size_t>(16) * space.samples.pitch);
+        for (float*& tall : s.tall) tall = space.arena.take<float>(network->means_pitch);
+        s.line = space.arena.take<float>(network->means_pitch);
+        s.read = space.arena.take<uint8_t>(32 * half);
+        s.decoded = space.arena.take<uint8_t>(32 * half);
+        s.hidden = space.arena.take<uint8_t>(4 * WIDE * half);
+        s.blend = space.arena.take<float>(static_cast<size_t>(variant.outputs() + CLASSES) * up_to(half, LANES));
+    }
+    space.own = work;
+    return true;
+}
+
+// Steps ---------------------------------------------------------------------------------------------------------------
+
+// Runs the levels of the encoder on whole images. Beyond the image the first level repeats its last row.
+static void encode(const Step& step, const ClassifierWork& work) {
+    for (int k = 0; k < LEVELS; k++) {
+        const Level& level = work.network->level[k];
+        const int rows = k ? level.height : work.network->half.height;
+        const auto box = [&](int y0, int y1) { return Rect{y0, y1, 0, level.width}; };
+        const auto first_end = [&](int y1) { return y1 < level.height ? y1 - 1 : y1; };
+        ThreadPool& pool = pool_of(step);
+        pool.run_rows(rows, [&](int y0, int y1, int thread) {  // rows that need none of other threads
+            step.kernels().encode_first(work, k, box(y0, y1), thread);
+            const int first = y0 ? y0 + 1 : 0;
+            if (first < first_end(y1)) step.kernels().encode_others(work, k, box(first, first_end(y1)), thread);
+        });
+        pool.run_rows(rows, [&](int y0, int y1, int thread) {  // the same parts
+            if (y1 == rows)
+                for (int y = rows; y < level.height; y++)
+                    memcpy(level.x + static_cast<size_t>(y + 1) * level.x_row, level.x + static_cast<size_t>(rows) * level.x_row, level.x_row);
+            if (y0) step.kernels().encode_others(work, k, box(y0, y0 + 1), thread);
+            const int last = max(first_end(y1), y0 ? y0 + 1 : 0);
+            if (last < y1) step.kernels().encode_others(work, k, box(last, y1), thread);
+            if (y1 == rows && rows < level.height) step.kernels().encode_others(work, k, box(rows, level.height), thread);
+        });
+    }
+}
+
+static bool is_flash(const ss_frame& frame, float followed, float before) {
+    const bool given = frame.exposure >= MIN_EXPOSURE && frame.exposure <= MAX_EXPOSURE;
+    const float known = before < 0.0f ? -before : before, used = followed < 0.0f ? -followed : followed;
+    const bool outlier = followed < 0.0f || !(known / EXPOSURE_OUTLIER <= used && used <= known * EXPOSURE_OUTLIER);
+    return !given && known > 0.0f && outlier;
+}
+
+static ss_status compute(Step& step) {
+    ClassifierWork& work = *static_cast<ClassifierWork*>(step.space.own);
+    const Kernels& kernels = step.kernels();
+    const int kernel = kernel_of(variant_of(step.model));
+    const Size display = {step.target.width, step.target.height};
+    make_tables(step);
+    step.after.glares = resample(step);
+    work.samples = step.samples(), work.tables = step.space.tables, work.config = step.model.config_of<Config>();
+    work.history = step.before.plane(0), work.classes = static_cast<const uint8_t*>(step.before.planes[1]);
+    work.previous = previous_frame(step.before, 2);
+    work.next_history = step.after.plane(0), work.next_classes = static_cast<uint8_t*>(step.after.planes[1]);
+    work.next_depth = step.after.plane(2);
+    work.target = step.target, work.warps = step.space.warps;
+    work.glares = step.after.glares || step.before.glares;
+    const size_t groups = static_cast<size_t>(display.height) * work.gathered.pitch / LANES;
+    memset(work.gathered.rising, 0, sizeof(float) * groups);
+    pool_of(step).run_rows(step.frame.height, [&](int y0, int y1, int) { kernels.keep_depth(work, y0, y1); });
+    const Rect whole = {0, display.height, 0, work.gathered.pitch};
+    pool_of(step).run_rects(&whole, 1, 2, [&](Rect rect, int thread) { kernels.classifier_gather[kernel](work, rect, thread); });
+    encode(step, work);
+    work.flash = is_flash(step.frame, step.exposure, step.before.exposure);
+    double rising = 0.0;
+    for (size_t k = 0; k < groups; k++) rising += work.gathered.rising[k];
+    work.rises = rising > FLASH_FRACTION * display.width * display.height;
+    step.after.glares |= work.rises;
+    work.glares = step.after.glares || step.before.glares;
+    const Rect packed = {0, work.network->half.height, 0, work.network->half.width};
+    pool_of(step).run_rects(&packed, 1, 1, [&](Rect rect, int thread) { kernels.classifier_finish[kernel](work, rect, thread); });
+    return SS_OK;
+}
+
+static constexpr Layout LAYOUT = {
+    .planes = 3,
+    .tensors = 6,
+    .plane = {{Extent::DISPLAY, HISTORY_VALUES, false}, {Extent::HALF, 8, true}, {Extent::SAMPLES, 2, false}},
+    .tensor = {{"color", 3, 0, 0}, {"state", 3, 0, 3}, {"classes", CLASSES, 1, 0}, {"depth", 2, 2, 0}, {"jitter", 2, OF_JITTER, 0},
+               {"exposure", 1, OF_EXPOSURE, 0}},
+    .glare = "state",
+};
+constexpr int COUNT_OF_CONSTANTS = sizeof CONSTANTS / sizeof(Constant);
+extern const Method CLASSIFIER = {"classifier", {1, 3}, true, true, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
+                                  filters, make_space, compute, read_weights};
+extern const Method CLASSIFIER_SMALL = {"classifier-small", {1, 3}, true, true, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
+                                        filters, make_space, compute, read_weights};
+
+}  // namespace ss

@@ -1,0 +1,108 @@
+// The int8 network of the classifiers, and what its kernels work on. A packed pixel is 2x2 display pixels.
+#pragma once
+
+#include "work.h"
+
+namespace ss {
+
+constexpr int LEVELS = 4;
+constexpr int KEPT[LEVELS] = {16, 8, 4, 4};  // bytes that each level has for a packed pixel among the decoder's 32
+constexpr int INPUT_PLANES = 16;             // network inputs of a display pixel, one byte each
+constexpr int RECORD_WORDS = 18;    // words of a packed pixel: INPUT_PLANES, then two of inputs at half display size
+constexpr int BLOCK_OUTPUTS = 32;   // outputs of a layer that are computed at once
+constexpr int WIDE = 16;            // words of the hidden layer's output
+constexpr int PIXELS_AT_ONCE = 6;   // pixels that a layer computes at once
+constexpr int ROOM = 16;            // spare pixels after a row, because of that
+constexpr int ALIGNED = 8;          // sizes are multiples of it: the deepest level has 1/8 of the packed size
+
+// A layer. weights: of blocks of BLOCK_OUTPUTS outputs, of words of four inputs, four bytes for each output.
+struct Layer {
+    const int8_t* weights;
+    const float *scale, *bias;  // of the sums of each output
+    int blocks, words, outputs;
+};
+
+// A level of the encoder. x: output of the first layer, (height + 2, x_row / x_pitch, x_pitch) bytes within a border of
+// one pixel; out: (height, ...) of the level.
+struct Level {
+    Layer first, spatial, last;
+    int width, height;
+    int inputs;        // channels that are pooled from the level above
+    const uint8_t* above;
+    int above_pitch, above_row;
+    uint8_t* x;
+    int x_pitch, x_row, channels;
+    uint8_t* out;
+    int out_pitch, out_row;
+};
+
+struct Network {
+    Level level[LEVELS];
+    Layer decoder, hidden, blend;
+    int logits;          // first byte of the hidden layer's output that is a class logit
+    float logits_scale;  // of these bytes
+    // network inputs of packed pixels: (half height, row, RECORD_WORDS) words, and mean differences between history and
+    // frame, signed and absolute: (half height, 2, means_pitch) with PAD columns on either side
+    int32_t* records;
+    float* means;
+    Size half;
+    int row, means_pitch;
+    uint8_t* lines;  // of each thread, `line_pitch` bytes apart
+    size_t line_pitch;
+};
+
+// Which planes and parameters a classifier has.
+struct Variant {
+    bool rectified, own_motion, guided;
+    constexpr int mean() const { return 14; }  // first plane of `rest` with mean and half extent of the box, YCoCg
+    constexpr int own() const { return mean() + 6 * rectified; }  // history warped by the pixel's own motion
+    constexpr int sampled() const { return own() + 3 * own_motion; }  // 1 where a sample around is usable, else 0
+    constexpr int planes() const { return sampled() + guided; }
+    constexpr int history_colors() const { return 1 + rectified + own_motion; }
+    constexpr int sharpness() const { return history_colors() + 3; }
+    constexpr int kernel_weights() const { return sharpness() + 1; }
+    constexpr int parameters() const { return kernel_weights() + 9; }
+    constexpr int outputs() const { return up_to(4 * parameters(), 8); }
+};
+
+// What is gathered for the compositor, by groups of W pixels of a row: (height, pitch / W, planes, W).
+struct Gathered {
+    float* history;  // toned RGB of the reprojected history: rounding to half floats would accumulate
+    uint16_t* rest;  // half floats, see `Variant`
+    float* rising;   // (height, pitch / LANES) number of pixels that count towards FLASH_FRACTION
+    uint16_t* image; // (height, 3, PAD + pitch + PAD) toned guided colour; only of the variant `guided`
+    int pitch;
+};
+
+struct ClassifierScratch {
+    float* ring;         // luma of the reprojected history, three padded rows
+    float* places;       // positions of a row's pixels in the previous frame
+    uint8_t* inputs;     // four rows of network inputs, INPUT_PLANES planes each
+    float* differences;  // luma of the history minus that of the frame, four rows
+    float* lines;        // filtered samples
+    float *tall[2], *line;  // rows of means
+    uint8_t *read, *decoded, *hidden;
+    float* blend;        // rows of blend parameters and logits
+};
+
+struct ClassifierWork {
+    Samples samples;
+    Tables tables;
+    classifier::Config config;
+    const float* history;   // (display height, display width, 8) linear RGB, count, luma range
+    const uint8_t* classes; // (half height, half width, 8) class probabilities; 255 is one
+    PreviousFrame previous; // of two channels: depth, and occluding depth
+    float* next_history;
+    uint8_t* next_classes;
+    float* next_depth;
+    Target target;
+    Gathered gathered;
+    Network* network;
+    WarpScratch* warps;
+    ClassifierScratch* scratch;
+    bool glares;  // whether the frame or the history may have light over GLARE_EXPOSED
+    bool rises;   // whether light that rises over the history is unconfirmed, see FLASH_FRACTION
+    bool flash;   // whether all light of the frame is unconfirmed
+};
+
+}  // namespace ss
