@@ -14,10 +14,10 @@ using namespace classifier;
 enum Rest { FRAME, SAMPLE = 3, CONFIDENCE = 6, DETAIL, SURFACE = 10, COUNT, MIN_LUMA, MAX_LUMA };
 
 SS_INLINE F3 load_half3(const uint16_t* from) { return {load_half(from), load_half(from + W), load_half(from + 2 * W)}; }
-SS_INLINE void store_half3(uint16_t* to, F3 v) {
-    store_half(to, v.r);
-    store_half(to + W, v.g);
-    store_half(to + 2 * W, v.b);
+SS_INLINE void stream_half3(uint16_t* to, F3 v) {
+    stream_half(to, v.r);
+    stream_half(to + W, v.g);
+    stream_half(to + 2 * W, v.b);
 }
 
 // Where light over white rises over all samples of the history; same as `unexplained_light`.

@@ -4,7 +4,7 @@
 namespace ss::SS_ISA {
 
 // e^x for x clamped to [-16, 16], with a relative error of 1e-5.
-static F factor(F value) {
+SS_INLINE F factor(F value) {
     constexpr float ROUNDS = 12582912.0f;  // 1.5 * 2^23: the sum has the rounded number in its last bits
     F x = clamped(value, -MAX_LOG_FACTOR, MAX_LOG_FACTOR) * 1.4426950408889634f;
 #if defined(__clang__) || defined(__GNUC__)
@@ -75,8 +75,10 @@ static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int 
 // Writes visibility for the ghosting of packed pixels p0 to p1 of row y that have no history.
 static void mark_unknown(const Gathered& g, int planes, int y, int p0, int p1, uint8_t* classes) {
     for (int x = 2 * p0; x < min(2 * p1, g.pitch); x += W) {
-        I known = load_half(g.rest + (2 * static_cast<ptrdiff_t>(y) * g.pitch + x) * planes + W * COUNT) > 0.0f;
-        if (all(known)) continue;
+        I is_known = load_half(g.rest + (2 * static_cast<ptrdiff_t>(y) * g.pitch + x) * planes + W * COUNT) > 0.0f;
+        if (all(is_known)) continue;
+        int32_t known[W];
+        store(known, is_known);
         for (int i = 0; i < min(W / 2, p1 - x / 2); i++)
             if (!known[2 * i]) {
                 uint8_t* to = classes + 8 * (x / 2 + i);
@@ -97,7 +99,7 @@ struct Sum {
 };
 
 // Clips RGB towards the centre of a variance box in YCoCg; returns RGB.
-static F3 clip_to_center(F3 color, F3 mean, F3 extents) {
+SS_INLINE F3 clip_to_center(F3 color, F3 mean, F3 extents) {
     F3 apart = ycocg(color) - mean;
     F overshoot = largest(absolute(apart.r) / maximum(extents.r, 1e-5f), absolute(apart.g) / maximum(extents.g, 1e-5f),
                           absolute(apart.b) / maximum(extents.b, 1e-5f));
@@ -105,11 +107,12 @@ static F3 clip_to_center(F3 color, F3 mean, F3 extents) {
 }
 
 // Writes up to W pixels of the next history.
-static void write_history(float* to, int count, F3 color, F samples, F low, F high) {
+SS_INLINE void write_history(float* to, int count, F3 color, F samples, F low, F high) {
     F v[8] = {color.r, color.g, color.b, samples, low, high, F{}, F{}};
     to_pixels(v);
     if (count >= W) {
-        for (int k = 0; k < 8; k++) store(to + k * W, v[k]);
+        const bool streams = is_aligned(to);
+        for (int k = 0; k < 8; k++) streams ? stream(to + k * W, v[k]) : store(to + k * W, v[k]);
         return;
     }
     float pixels[8 * W];
@@ -119,7 +122,7 @@ static void write_history(float* to, int count, F3 color, F samples, F low, F hi
 
 // Computes the image, linear RGB, and the next history of columns x0 to x1 of row y.
 template <bool rectified, bool own_motion, bool guided>
-static void compose_row(const ClassifierWork& w, const float* blend, int blend_pitch, int y, int x0, int x1) {
+SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blend_pitch, int y, int x0, int x1) {
     constexpr Variant variant = {rectified, own_motion, guided};
     constexpr int parameters = variant.parameters();
     const Samples& s = w.samples;
@@ -129,20 +132,25 @@ static void compose_row(const ClassifierWork& w, const float* blend, int blend_p
     for (int x = x0; x < min(x1, end); x += W) {
         const uint16_t* rest = w.gathered.rest + (static_cast<ptrdiff_t>(y) * width + x) * variant.planes();
         const float* history = w.gathered.history + (static_cast<ptrdiff_t>(y) * width + x) * 3;
+        for (int line = 0; line < W * variant.planes(); line += LINE / 2) prefetch(rest + W * variant.planes() + line);
         auto parameter = [&](int index) __attribute__((always_inline)) {  // of the left and right pixel of packed pixels
             const float *left = blend + index * blend_pitch + x / 2, *right = left + parameters * blend_pitch;
             return low_zip(load(left), load(right));
         };
         Sum window;
         const Places places(ax.nearest, x);
-        for (int k = 0; k < 9; k++) {
-            F weight = load(ax.windows + k % 3 * ax.pitch + x) * ay.windows[k / 3 * ay.pitch + y] + MIN_KERNEL_WEIGHT;
-            weight *= factor(parameter(variant.kernel_weights() + k));
-            const float* row = s.color + static_cast<ptrdiff_t>(ay.clamped(near + k / 3 - 1)) * SAMPLE_PLANES * s.pitch;
-            auto plane = [&](int c) __attribute__((always_inline)) { return places.at(row + c * s.pitch, k % 3 - 1); };
-            window.color = window.color + F3{plane(0), plane(1), plane(2)} * weight;
-            window.weight += plane(USABLE) * weight;
-        }
+        unrolled<3>([&](auto row_index) __attribute__((always_inline)) {
+            constexpr int i = row_index.k;
+            const float* row = s.color + static_cast<ptrdiff_t>(ay.clamped(near + i - 1)) * SAMPLE_PLANES * s.pitch;
+            const float down = ay.windows[i * ay.pitch + y];
+            unrolled<3>([&](auto column_index) __attribute__((always_inline)) {
+                constexpr int j = column_index.k;
+                F weight = load(ax.windows + j * ax.pitch + x) * down + MIN_KERNEL_WEIGHT;
+                weight *= factor(parameter(variant.kernel_weights() + 3 * i + j));
+                auto plane = [&](int c) __attribute__((always_inline)) { return places.at(row + c * s.pitch, j - 1); };
+                window.add(F3{plane(0), plane(1), plane(2)}, weight * plane(USABLE));
+            });
+        });
         F3 frame = load_half3(rest + W * FRAME), sample = load_half3(rest + W * SAMPLE);
         F3 filtered = select(window.weight > 1e-9f, window.color * (1.0f / maximum(window.weight, 1e-12f)), frame);
         F confidence = load_half(rest + W * CONFIDENCE);
@@ -219,6 +227,7 @@ static void finish_rows(const ClassifierWork& w, Rect rect, int thread) {
         for (int row = 2 * y; row < min(2 * y + 2, w.target.height); row++)
             compose_row<rectified, own_motion, guided>(w, s.blend, pitch, row, 2 * p0, 2 * rect.x1);
     }
+    end_streams();
 }
 
 extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread) = {finish_rows<false, false, false>, finish_rows<false, true, false>,

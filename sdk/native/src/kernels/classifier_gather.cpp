@@ -274,9 +274,9 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             F3 linear = where(on, toned_at(w, q[0], q[1], q[2])), detail = color - linear;
             F count = select(on, q[3], 0.0f), low = select(on, q[4], 0.0f), high = select(on, q[5], 0.0f);
             float* history = w.gathered.history + (static_cast<ptrdiff_t>(y) * width + x) * 3;
-            store(history, color.r);
-            store(history + W, color.g);
-            store(history + 2 * W, color.b);
+            stream(history, color.r);
+            stream(history + W, color.g);
+            stream(history + 2 * W, color.b);
             F3 by_own = own_motion && !same_motion ? toned_at(w, q[12], q[13], q[14]) : linear;
             F difference, surface = gather_surface(w, depth, px, py, on, difference);
             CurrentFrame now = current_frame<guided>(w, scratch.lines, x);
@@ -289,19 +289,19 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             I sparse = (sample_luma > now.mean.r + CONTRAST) & (lane < static_cast<float>(display.width));
             rising += select(sparse & light_rises(sample_luma, high, count, surface), 1.0f, F{});
             uint16_t* rest = w.gathered.rest + (static_cast<ptrdiff_t>(y) * width + x) * variant.planes();
-            store_half3(rest + W * FRAME, now.frame);
-            store_half3(rest + W * SAMPLE, now.sample);
-            store_half(rest + W * CONFIDENCE, now.confidence);
-            store_half3(rest + W * DETAIL, detail);
-            store_half(rest + W * SURFACE, surface);
-            store_half(rest + W * COUNT, count);
-            store_half(rest + W * MIN_LUMA, low);
-            store_half(rest + W * MAX_LUMA, high + glares);
+            stream_half3(rest + W * FRAME, now.frame);
+            stream_half3(rest + W * SAMPLE, now.sample);
+            stream_half(rest + W * CONFIDENCE, now.confidence);
+            stream_half3(rest + W * DETAIL, detail);
+            stream_half(rest + W * SURFACE, surface);
+            stream_half(rest + W * COUNT, count);
+            stream_half(rest + W * MIN_LUMA, low);
+            stream_half(rest + W * MAX_LUMA, high + glares);
             if (rectified) {
-                store_half3(rest + W * variant.mean(), now.mean);
-                store_half3(rest + W * (variant.mean() + 3), now.extents);
+                stream_half3(rest + W * variant.mean(), now.mean);
+                stream_half3(rest + W * (variant.mean() + 3), now.extents);
             }
-            if (own_motion) store_half3(rest + W * variant.own(), by_own);
+            if (own_motion) stream_half3(rest + W * variant.own(), by_own);
 
             F3 frame_roots = roots(now.frame), sample_roots = roots(now.sample);
             F frame_luma = luminance(frame_roots);
@@ -328,6 +328,7 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
         if (y - 1 >= rect.y0) complete_row(w, scratch, y - 1, y, rect.x0, rect.x1);
     }
     if (rect.y1 == display.height) complete_row(w, scratch, display.height - 1, display.height - 1, rect.x0, rect.x1);
+    end_streams();
 }
 
 // Writes the depth for disocclusion tests of the next frame: unchanged, and occluding.

@@ -41,8 +41,10 @@ SS_INLINE void store_value(const View& image, char* at, float value) {
 // Writes up to W pixels from x on, before `end`, finite and >= 0.
 SS_INLINE void write_rgb(const View& image, int y, int x, int end, F3 color) {
     char* row = const_cast<char*>(image.data) + y * image.row;
-    if (x + W <= end && image.type == SS_FLOAT32 && image.is_packed<float>(3))
-        return store_rgb(reinterpret_cast<float*>(row) + 3 * x, color);
+    if (x + W <= end && image.type == SS_FLOAT32 && image.is_packed<float>(3)) {
+        float* to = reinterpret_cast<float*>(row) + 3 * x;
+        return is_aligned(to) ? stream_rgb(to, color) : store_rgb(to, color);
+    }
     float values[3 * W];
     store_rgb(values, color);
     for (int k = 0; k < min(W, end - x); k++)
@@ -61,7 +63,7 @@ SS_INLINE void write_plane(const View& image, int y, int x, int end, F value) {
 // Writes up to W pixels of three values to a history.
 SS_INLINE void write_pixels3(float* pixels, int width, int y, int x, int end, F3 color) {
     float* to = pixels + 3 * (static_cast<ptrdiff_t>(y) * width + x);
-    if (x + W <= end) return store_rgb(to, color);
+    if (x + W <= end) return is_aligned(to) ? stream_rgb(to, color) : store_rgb(to, color);
     float values[3 * W];
     store_rgb(values, color);
     memcpy(to, values, sizeof(float) * 3 * (end - x));

@@ -37,7 +37,19 @@ using Count = Sequence<int, __integer_pack(n)...>;
 #endif
 using Lanes = Count<W>;
 template <int value>
-struct Constant {};
+struct Constant {
+    static constexpr int k = value;
+};
+
+// Calls function(Constant<0>{}) to function(Constant<n - 1>{}): a loop that is written out.
+template <class Function, int... K>
+SS_INLINE void unrolled_of(const Function& function, Sequence<int, K...>) {
+    (function(Constant<K>{}), ...);
+}
+template <int n, class Function>
+SS_INLINE void unrolled(const Function& function) {
+    unrolled_of(function, Count<n>{});
+}
 
 typedef float F __attribute__((vector_size(4 * W)));
 typedef int32_t I __attribute__((vector_size(4 * W)));
@@ -71,6 +83,32 @@ SS_INLINE void store(float* to, F v) { store_as(to, v); }
 SS_INLINE void store(int32_t* to, I v) { store_as(to, v); }
 SS_INLINE void store4(float* to, F4 v) { store_as(to, v); }
 SS_INLINE void store(uint8_t* to, I v) { store_as(to, __builtin_convertvector(v, B)); }
+
+// Stores past the caches, for values that are not read again soon; `to` is aligned to the size of the vector. A kernel
+// ends with `end_streams`, so that other threads see them.
+template <class V>
+SS_INLINE void stream_as(void* to, V v) {
+#if defined(__clang__)
+    __builtin_nontemporal_store(v, static_cast<V*>(to));
+#elif defined(__AVX512F__)
+    if constexpr (sizeof v == 64) return _mm512_stream_si512(static_cast<__m512i*>(to), (__m512i)v);
+    if constexpr (sizeof v == 32) return _mm256_stream_si256(static_cast<__m256i*>(to), (__m256i)v);
+    store_as(to, v);
+#elif defined(__AVX2__)
+    if constexpr (sizeof v == 32) return _mm256_stream_si256(static_cast<__m256i*>(to), (__m256i)v);
+    if constexpr (sizeof v == 16) return _mm_stream_si128(static_cast<__m128i*>(to), (__m128i)v);
+    store_as(to, v);
+#else
+    store_as(to, v);
+#endif
+}
+SS_INLINE void stream(float* to, F v) { stream_as(to, v); }
+SS_INLINE void end_streams() {
+#if defined(__x86_64__)
+    _mm_sfence();
+#endif
+}
+SS_INLINE bool is_aligned(const void* at) { return reinterpret_cast<uintptr_t>(at) % sizeof(F) == 0; }
 
 SS_INLINE void prefetch(const void* at) { __builtin_prefetch(at, 0, 3); }
 
@@ -280,13 +318,24 @@ SS_INLINE F3 load_rgb(const float* from) {  // of W pixels
             third(Constant<2>{})};
 }
 
-SS_INLINE void store_rgb(float* to, F3 v) {
+// Three vectors of interleaved pixels.
+SS_INLINE F3 interleaved(F3 v) {
     auto part = [&]<int k>(Constant<k>) __attribute__((always_inline)) {
         return shuffled<PartOfLast<k>>(shuffled<PartOfTwo<k>>(v.r, v.g, Lanes{}), v.b, Lanes{});
     };
-    store(to, part(Constant<0>{}));
-    store(to + W, part(Constant<1>{}));
-    store(to + 2 * W, part(Constant<2>{}));
+    return {part(Constant<0>{}), part(Constant<1>{}), part(Constant<2>{})};
+}
+SS_INLINE void store_rgb(float* to, F3 v) {
+    F3 parts = interleaved(v);
+    store(to, parts.r);
+    store(to + W, parts.g);
+    store(to + 2 * W, parts.b);
+}
+SS_INLINE void stream_rgb(float* to, F3 v) {
+    F3 parts = interleaved(v);
+    stream(to, parts.r);
+    stream(to + W, parts.g);
+    stream(to + 2 * W, parts.b);
 }
 
 }  // namespace ss::SS_ISA

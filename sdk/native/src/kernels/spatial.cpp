@@ -33,6 +33,7 @@ void spatial_rows(const SpatialWork& w, Rect box, int thread) {
             write_image(w.target, y, x, box.x1, bounded(F3{across(0), across(1), across(2)}));
         }
     }
+    end_streams();
 }
 
 }  // namespace ss::SS_ISA

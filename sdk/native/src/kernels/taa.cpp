@@ -140,6 +140,7 @@ void taa_rows(const TaaWork& w, Rect rect, int thread) {
             write_pixels3(w.next_history, display.width, y, x, rect.x1, color);
         }
     }
+    end_streams();
 }
 
 }  // namespace ss::SS_ISA

@@ -288,6 +288,7 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
             write_history(w.next_history, display.width, y, x, rect.x1, b, scratch);
         }
     }
+    end_streams();
 }
 
 // Writes the sums of rows of blocks: of the difference of samples and history, toned, and of the history; see `lag`.
