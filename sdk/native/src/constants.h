@@ -57,6 +57,7 @@ constexpr float FLICKER = 0.02f;
 constexpr int SMALL_WINDOW = 2;
 constexpr int LARGE_WINDOW = 8;
 constexpr float UNIFORM = 0.8f;
+constexpr float PARTIAL = 0.1f;
 constexpr float COMMON = 0.06f;
 constexpr float UNRESOLVED = 0.85f;
 constexpr float SPARKLING = 2.0f;

@@ -24,6 +24,9 @@ History::History(const Allocator& allocator, Model& model, Size display, Size re
         size_t values = plane_values(layout.plane[k], display, render);
         planes[k] = layout.plane[k].bytes ? static_cast<void*>(arena.take<uint8_t>(values)) : arena.take<float>(values);
     }
+    const Size tiles = tiles_of(display);
+    generations = arena.take<int64_t>(static_cast<size_t>(tiles.width) * tiles.height);
+    if (layout.rests) rest.take(arena, display, render);
 }
 
 bool History::fits(Size frame) const {
@@ -31,15 +34,6 @@ bool History::fits(Size frame) const {
     for (int k = 0; k < layout.planes; k++)
         if (layout.plane[k].extent == Extent::SAMPLES && !(frame == render)) return false;
     return true;
-}
-
-void History::clear() {
-    const Layout& layout = model.method->layout;
-    for (int k = 0; k < layout.planes; k++)
-        memset(planes[k], 0, plane_values(layout.plane[k], display, render) * (layout.plane[k].bytes ? 1 : sizeof(float)));
-    memset(values, 0, sizeof values);
-    jitter[0] = jitter[1] = exposure = 0.0f;
-    glares = false;
 }
 
 static bool has_tensor(const History& history, int index) {
@@ -74,6 +68,48 @@ static void pad_rows(History& history, int plane_index) {
     }
 }
 
+// Copies a tensor of what stands still out of a history.
+static void read_rest(const RestHistory& rest, int plane, float* values) {
+    const size_t count = static_cast<size_t>(rest.count()), pixels = static_cast<size_t>(rest.display.width) * rest.display.height;
+    if (plane == OF_PHASES) memcpy(values, rest.phases, sizeof(float[4]) * static_cast<size_t>(rest.phase_count));
+    if (plane == OF_BLOCKS) {
+        memcpy(values, rest.ages, sizeof(float) * count);
+        memcpy(values + count, rest.tests, sizeof(float) * 3 * count);
+    }
+    for (int k = 0; k < rest.phase_count && plane == OF_SIGNATURES; k++) {
+        float* to = values + static_cast<size_t>(k) * 4 * count;
+        if (rest.signatures[k]) memcpy(to, rest.signatures[k]->values(), sizeof(float) * 4 * count);
+        else memset(to, 0, sizeof(float) * 4 * count);
+    }
+    for (size_t pixel = 0; pixel < pixels && plane == OF_MEAN; pixel++) {  // where a block has none, 0
+        const int y = static_cast<int>(pixel / rest.display.width), x = static_cast<int>(pixel % rest.display.width);
+        const int block = block_of(y, rest.display.height, rest.render.height) * rest.blocks.width + block_of(x, rest.display.width, rest.render.width);
+        for (size_t c = 0; c < 4; c++) values[c * pixels + pixel] = rest.mean && rest.ages[block] != 0.0f ? rest.mean[4 * pixel + c] : 0.0f;
+    }
+}
+
+// Copies a tensor of what stands still into a history; returns whether there was memory.
+static bool write_rest(History& history, int plane, const float* values) {
+    RestHistory& rest = history.rest;
+    const Allocator& allocator = history.arena.allocator();
+    const size_t count = static_cast<size_t>(rest.count()), pixels = static_cast<size_t>(rest.display.width) * rest.display.height;
+    if (plane == OF_PHASES) memcpy(rest.phases, values, sizeof(float[4]) * static_cast<size_t>(rest.phase_count));
+    if (plane == OF_BLOCKS) {
+        memcpy(rest.ages, values, sizeof(float) * count);
+        memcpy(rest.tests, values + count, sizeof(float) * 3 * count);
+    }
+    if (plane == OF_SIGNATURES) rest.release(allocator);
+    for (int k = 0; k < rest.phase_count && plane == OF_SIGNATURES; k++) {
+        rest.signatures[k] = new_signature(allocator, rest.count());
+        if (!rest.signatures[k]) return false;
+        memcpy(rest.signatures[k]->values(), values + static_cast<size_t>(k) * 4 * count, sizeof(float) * 4 * count);
+    }
+    if (plane == OF_MEAN && !rest.mean) rest.mean = history.arena.take<float>(4 * pixels);
+    if (plane == OF_MEAN && !rest.mean) return false;
+    for (size_t k = 0; k < 4 * pixels && plane == OF_MEAN; k++) rest.mean[4 * (k % pixels) + k / pixels] = values[k];
+    return true;
+}
+
 }  // namespace ss
 
 using namespace ss;
@@ -88,6 +124,10 @@ const char* ss_history_tensor(const ss_history* handle, int index, int64_t shape
         found[2] = rows_of(plane, history.display, history.render);
         found[3] = plane.extent == Extent::SAMPLES ? history.render.width : pitch_of(plane, history.display, history.render);
     }
+    const RestHistory& rest = history.rest;
+    if (tensor.plane == OF_MEAN) found[2] = rest.display.height, found[3] = rest.display.width;
+    if (tensor.plane == OF_BLOCKS || tensor.plane == OF_SIGNATURES) found[2] = rest.blocks.height, found[3] = rest.blocks.width;
+    if (tensor.plane == OF_SIGNATURES || tensor.plane == OF_PHASES) found[0] = rest.phase_count;
     memcpy(shape, found, sizeof found);
     return tensor.name;
 }
@@ -99,6 +139,7 @@ ss_status ss_history_read(const ss_history* handle, int index, float* values, ss
     if (tensor.plane == OF_JITTER) memcpy(values, history.jitter, sizeof history.jitter);
     else if (tensor.plane == OF_EXPOSURE) *values = history.exposure;
     else if (tensor.plane == OF_VALUES) memcpy(values, history.values, sizeof(float) * tensor.channels);
+    else if (tensor.plane < 0) read_rest(history.rest, tensor.plane, values);
     else if (history.model.method->layout.plane[tensor.plane].bytes)
         each_value(history, tensor, [&](size_t to, size_t at) {
             values[to] = static_cast<const uint8_t*>(history.planes[tensor.plane])[at] / 255.0f;
@@ -112,9 +153,17 @@ ss_status ss_history_write(ss_history* handle, int index, const float* values, s
     if (!has_tensor(history, index)) return fail(error, SS_BAD_ARGUMENT, "there is no history tensor %d", index);
     const Layout& layout = history.model.method->layout;
     const TensorSpec& tensor = layout.tensor[index];
+    const Size tiles = tiles_of(history.display);
+    const int64_t generation = __atomic_add_fetch(&history.model.generation, 1, __ATOMIC_RELAXED);
+    for (int k = 0; k < tiles.width * tiles.height; k++) history.generations[k] = generation;
+    for (int k = 0; k < tiles.width * tiles.height && layout.rests; k++) history.rest.generations[k] = generation;
+    history.frame_generation = generation;
     if (tensor.plane == OF_JITTER) memcpy(history.jitter, values, sizeof history.jitter);
     else if (tensor.plane == OF_EXPOSURE) history.exposure = *values;
     else if (tensor.plane == OF_VALUES) memcpy(history.values, values, sizeof(float) * tensor.channels);
+    else if (tensor.plane < 0) {
+        if (!write_rest(history, tensor.plane, values)) return fail(error, SS_NO_MEMORY, "no memory for a history");
+    }
     else if (layout.plane[tensor.plane].bytes)
         each_value(history, tensor, [&](size_t from, size_t at) {
             static_cast<uint8_t*>(history.planes[tensor.plane])[at] =

@@ -41,6 +41,7 @@ static Space* make_space(const Model& model, Size render, Size display) {
         a.weights = space->arena.take<float>(static_cast<size_t>(4 * t.filter_count) * a.pitch);
         if (t.window_sigma > 0.0f) a.windows = space->arena.take<float>(static_cast<size_t>(3) * a.pitch);
     }
+    make_rest(*space, space->rest);
     space->warps = space->arena.take<WarpScratch>(model.pool.threads());
     space->scratch = space->arena.take<float>(static_cast<size_t>(model.pool.threads()) * up_to(3 * s.width, LANES));
     if (model.method->make_space(model, *space) && !space->arena.failed()) return space;

@@ -129,6 +129,116 @@ PreviousFrame previous_frame(const History& history, int plane) {
     return {history.plane(plane), history.render.width, history.render.height, history.pitch(), {history.jitter[0], history.jitter[1]}};
 }
 
+// Makes tiles that rest in the next history those of the history.
+static void keep_tiles(Step& step, int64_t generation, bool computes) {
+    const History& before = step.before;
+    History& after = step.after;
+    RestWork& w = step.space.rest;
+    const Size tiles = tiles_of(step.space.display);
+    const int count = tiles.width * tiles.height;
+    bool any_stale = false;
+    for (int k = 0; k < count; k++) {
+        w.stale[k] = w.resting[k] && (w.computed[k] || after.generations[k] != before.generations[k]);
+        any_stale |= w.stale[k] != 0;
+        after.generations[k] = w.resting[k] ? before.generations[k] : generation;
+    }
+    const Layout& layout = step.model.method->layout;
+    if (any_stale) {
+        make_runs(w.stale, tiles, 1, w.copy_runs);
+        for (int k = 0; k < layout.planes; k++) {
+            const PlaneSpec& plane = layout.plane[k];
+            if (plane.extent == Extent::SAMPLES) continue;
+            const bool half = plane.extent == Extent::HALF;
+            const Size size = half ? half_of(step.space.display) : step.space.display;
+            const size_t pixel = static_cast<size_t>(plane.channels) * (plane.bytes ? 1 : sizeof(float));
+            run_tiles(step, w.copy_runs, half ? TILE / 2 : TILE, size, [&](Rect rect, int) {
+                for (int y = rect.y0; y < rect.y1; y++) {
+                    const size_t at = (static_cast<size_t>(y) * size.width + rect.x0) * pixel;
+                    memcpy(static_cast<char*>(after.planes[k]) + at, static_cast<const char*>(before.planes[k]) + at,
+                           static_cast<size_t>(rect.x1 - rect.x0) * pixel);
+                }
+            });
+        }
+    }
+    for (int k = 0; k < count; k++)
+        if (!w.resting[k]) return;
+    // nothing of this frame counts
+    memcpy(after.jitter, before.jitter, sizeof after.jitter);
+    memcpy(after.values, before.values, sizeof after.values);
+    after.exposure = before.exposure, after.glares = before.glares;
+    for (int k = 0; k < layout.planes; k++)
+        if (layout.plane[k].extent == Extent::SAMPLES && (computes || after.frame_generation != before.frame_generation))
+            memcpy(after.planes[k], before.planes[k], sizeof(float) * plane_values(layout.plane[k], step.space.display, before.render));
+    after.frame_generation = before.frame_generation;
+}
+
+// Copies an image of packed floats to that of the caller.
+static void copy_image(const Step& step, const View& from, const View& to, float factor) {
+    pool_of(step).run_rows(step.target.height, [&](int y0, int y1, int) {
+        step.kernels().copy_image(from, to, step.target.width, y0, y1, factor);
+    });
+}
+
+static ss_status run_stages(Step& step, const ss_outputs& outputs) {
+    History& after = step.after;
+    RestWork& w = step.space.rest;
+    Samples& s = step.samples();
+    const Target own = step.target;
+    const Size tiles = tiles_of(step.space.display);
+    read_samples(step);
+    step.exposure = exposure_of(step.frame, s, step.before.exposure);
+    s.exposure = fabsf(step.exposure);
+    w.samples = s;
+    const int64_t generation = __atomic_add_fetch(&const_cast<Model&>(step.model).generation, 1, __ATOMIC_RELAXED);
+    RestHistory forgotten = {};  // of another render size
+    const RestHistory* rest = &step.before.rest;
+    const bool rests = step.model.method->layout.rests;
+    bool computes = true;
+    if (rests) {
+        if (!(rest->render == after.rest.render)) {
+            Arena& arena = step.space.arena;  // rare: the space keeps it
+            forgotten.take(arena, after.rest.display, after.rest.render);
+            if (arena.failed()) return SS_NO_MEMORY;
+            forgotten.mean = rest->mean, forgotten.generations = rest->generations;
+            rest = &forgotten;
+        }
+        if (!compare_with_rest(step, w, *rest, after.rest)) return SS_NO_MEMORY;
+        step.rest = &w;
+        computes = plan_tiles(step, w, outputs.compute_all || outputs.weight.data);
+        const bool readable = own.image.type == SS_FLOAT32 && own.image.is_packed<float>(3) && own.pre_exposure == 1.0f;
+        if (w.still.is_active && !readable) {
+            if (!step.space.image) step.space.image = step.space.arena.take<float>(static_cast<size_t>(3) * own.width * own.height);
+            if (!step.space.image) return SS_NO_MEMORY;
+            ss_image packed = {};
+            packed.data = step.space.image;
+            step.target.image = view_of(packed, own.width, 3);
+            step.target.pre_exposure = 1.0f;
+        }
+        w.image = step.target.image;
+    } else {
+        const int count = tiles.width * tiles.height;
+        memset(w.computed, 1, static_cast<size_t>(count));
+        memset(w.resting, 0, static_cast<size_t>(count));
+        make_runs(w.computed, tiles, 1, w.runs);
+        make_runs(w.computed, tiles, 1, w.halo_runs);
+    }
+    if (computes) {
+        memcpy(after.jitter, step.frame.jitter, sizeof after.jitter);
+        after.exposure = step.exposure;
+        if (ss_status status = step.model.method->compute(step)) return status;
+    }
+    keep_tiles(step, generation, computes);
+    if (computes && after.frame_generation != step.before.frame_generation) after.frame_generation = generation;
+    after.render = {step.frame.width, step.frame.height};
+    if (!rests) return SS_OK;
+    if (!show_rest(step, w, *rest, after.rest, generation)) return SS_NO_MEMORY;
+    if (step.target.image.data != own.image.data) copy_image(step, step.target.image, own.image, own.pre_exposure);
+    const View converged = view_of(outputs.converged, own.width, 1);
+    if (converged)
+        pool_of(step).run_rows(own.height, [&](int y0, int y1, int) { step.kernels().write_converged(w, converged, y0, y1); });
+    return SS_OK;
+}
+
 ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
                    ss_error* error) {
     const Size render = {frame.width, frame.height}, display = before.display;
@@ -142,20 +252,11 @@ ss_status run_step(Model& model, const ss_frame& frame, const History& before, H
     if (!outputs.image.data) return fail(error, SS_BAD_ARGUMENT, "image has no data; want an image to write to");
     Space* space = model.borrow(render, display);
     if (!space) return fail(error, SS_NO_MEMORY, "no memory for the work buffers of a step");
-    const Rect whole = {0, display.height, 0, display.width};
     const float pre_exposure = frame.pre_exposure > 0.0f ? frame.pre_exposure : 1.0f;
     Target target = {view_of(outputs.image, display.width, 3), view_of(outputs.weight, display.width, 1), display.width,
                      display.height, pre_exposure};
-    Step step = {model, frame, *space, before, after, target, 0.0f, &whole, 1};
-    read_samples(step);
-    step.exposure = exposure_of(frame, space->samples, before.exposure);
-    space->samples.exposure = fabsf(step.exposure);
-    ss_status status = model.method->compute(step);
-    if (status == SS_OK) {
-        memcpy(after.jitter, frame.jitter, sizeof after.jitter);
-        after.exposure = step.exposure;
-        after.render = render;
-    }
+    Step step = {model, frame, *space, before, after, target};
+    ss_status status = run_stages(step, outputs);
     model.give_back(space);
     return status == SS_OK ? succeed(error) : fail(error, status, "no memory for a step");
 }

@@ -1,6 +1,7 @@
 // Methods, their histories, and what a step works on.
 #pragma once
 
+#include "rest.h"
 #include "threads.h"
 #include "work.h"
 
@@ -19,7 +20,9 @@ struct PlaneSpec {
 };
 
 // Where a history tensor of the contract is: in a plane, from channel `first` on, or in one of these.
-enum { OF_JITTER = -1, OF_EXPOSURE = -2, OF_VALUES = -3 };
+enum { OF_JITTER = -1, OF_EXPOSURE = -2, OF_VALUES = -3, OF_MEAN = -4, OF_BLOCKS = -5, OF_SIGNATURES = -6, OF_PHASES = -7 };
+// The tensors of a history that converges at rest, after its own.
+#define SS_REST_TENSORS {"static_mean", 4, OF_MEAN, 0}, {"static_blocks", 4, OF_BLOCKS, 0}, {"signatures", 4, OF_SIGNATURES, 0}, {"phases", 4, OF_PHASES, 0}
 struct TensorSpec {
     const char* name;
     int channels, plane, first;
@@ -29,6 +32,7 @@ struct Layout {
     int planes, tensors;
     PlaneSpec plane[MAX_PLANES];
     TensorSpec tensor[12];
+    bool rests;  // whether it converges at rest
     const char* glare;  // tensor whose last channel is increased by GLARE times the number of glaring frames, or null
 };
 
@@ -44,6 +48,8 @@ struct Space {
     Tables tables;
     WarpScratch* warps;
     float* scratch;  // of each thread a row of packed values
+    RestWork rest;
+    float* image = nullptr;  // (display height, display width, 3), where that of the caller cannot be read back
     void* own = nullptr;
     Space* next = nullptr;
 
@@ -81,12 +87,15 @@ struct History {
     float jitter[2] = {};
     float exposure = 0.0f;  // signed, see `followed_exposure`; 0: empty
     bool glares = false;    // whether pixels may hold counts of glaring frames
+    RestHistory rest = {};
+    int64_t* generations;   // of tiles; in two histories equal ones mean equal planes
+    int64_t frame_generation = 0;  // in two histories equal ones mean equal planes of samples
 
+    ~History() { rest.release(arena.allocator()); }
     History(const Allocator& allocator, Model& model, Size display, Size render);
     float* plane(int index) const { return static_cast<float*>(planes[index]); }
     int pitch() const { return up_to(render.width, LANES) + 2 * PAD; }  // of rows of samples
     bool fits(Size frame) const;
-    void clear();
 };
 size_t plane_values(const PlaneSpec& spec, Size display, Size render);
 
@@ -100,6 +109,7 @@ struct Model {
     void (*log)(void* user, const char* message);
     void* user;
     Lock lock;
+    int64_t generation = 0;  // last that was given
     Space* spaces = nullptr;  // free ones; guarded by the lock
 
     Model(const Allocator& allocator, const ss_options& options) : arena(allocator), pool(options), log(options.log), user(options.user) {}
@@ -120,8 +130,7 @@ struct Step {
     History& after;
     Target target;
     float exposure = 0.0f;  // signed, see `followed_exposure`
-    const Rect* tiles;  // rectangles of pixels to compute
-    int tile_count;
+    const RestWork* rest = nullptr;  // what stands still; null where the method does not ask
 
     const Kernels& kernels() const { return *model.kernels; }
     Samples& samples() const { return space.samples; }
@@ -132,6 +141,28 @@ void fill_missing(const Step& step);  // computes what missing samples show; the
 void make_tables(const Step& step);
 bool resample(const Step& step);     // fills and tones samples, dilates motion; returns whether a sample glares
 PreviousFrame previous_frame(const History& history, int plane);
+// Calls function(rect, thread) on rectangles of pixels of an image of `size`, in which a tile has `unit` pixels.
+template <class Function>
+void run_tiles(const Step& step, const Runs& runs, int unit, Size size, const Function& function, int multiple = 1) {
+    Rect* rects = step.space.rest.scaled;
+    int count = 0;
+    for (int k = 0; k < runs.count; k++) {
+        const Rect& r = runs.rects[k];
+        const Rect rect = {r.y0 * unit, min(r.y1 * unit, size.height), r.x0 * unit, min(r.x1 * unit, size.width)};
+        if (rect.y0 < rect.y1 && rect.x0 < rect.x1) rects[count++] = rect;
+    }
+    const_cast<ThreadPool&>(step.model.pool).run_rects(rects, count, multiple, function);
+}
+inline const Runs& computed_tiles(const Step& step) { return step.space.rest.runs; }
+inline bool rests_anywhere(const Step& step) {
+    const Size tiles = tiles_of(step.space.display);
+    return memchr(step.space.rest.resting, 1, static_cast<size_t>(tiles.width) * tiles.height);
+}
+bool make_rest(Space& space, RestWork& work);
+void make_runs(uint8_t* mask, Size tiles, int gap, Runs& runs);  // joins tiles of a row less than `gap` apart
+bool compare_with_rest(const Step& step, RestWork& work, const RestHistory& before, RestHistory& after);
+bool plan_tiles(const Step& step, RestWork& work, bool compute_all);  // returns whether a tile is computed
+bool show_rest(const Step& step, RestWork& work, const RestHistory& before, RestHistory& after, int64_t generation);
 View view_of(const ss_image& image, int width, int channels);
 ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
                    ss_error* error);

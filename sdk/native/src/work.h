@@ -147,6 +147,7 @@ struct SpatialWork {
 };
 
 struct ClassifierWork;
+struct RestWork;
 
 struct Kernels {
     const char* name;
@@ -163,6 +164,13 @@ struct Kernels {
     void (*taau_shade)(const TaauWork&, int y0, int y1, int thread);
     void (*taau_compare)(const TaauWork&, int y0, int y1);
     void (*taau_rows)(const TaauWork&, Rect, int thread);
+    void (*sign_blocks)(const RestWork&, int y0, int y1);
+    void (*sum_blocks)(const RestWork&, int y0, int y1);
+    void (*add_samples)(const RestWork&, Rect);
+    void (*show_mean)(const RestWork&, Rect);
+    void (*freeze_mean)(const RestWork&, Rect);
+    void (*copy_image)(const View& from, const View& to, int width, int y0, int y1, float factor);
+    void (*write_converged)(const RestWork&, const View& image, int y0, int y1);
     void (*keep_depth)(const ClassifierWork&, int y0, int y1);
     void (*encode_first)(const ClassifierWork&, int depth, Rect, int thread);
     void (*encode_others)(const ClassifierWork&, int depth, Rect, int thread);

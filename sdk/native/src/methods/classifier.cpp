@@ -166,7 +166,26 @@ static bool make_space(const Model& model, Space& space) {
 
 // Steps ---------------------------------------------------------------------------------------------------------------
 
-// Runs the levels of the encoder on whole images. Beyond the image the first level repeats its last row.
+// Repeats the last row of the first level beyond the image.
+static void repeat_last_row(const Level& level, int rows) {
+    for (int y = rows; y < level.height; y++)
+        memcpy(level.x + static_cast<size_t>(y + 1) * level.x_row, level.x + static_cast<size_t>(rows) * level.x_row, level.x_row);
+}
+
+// Runs the levels of the encoder on rectangles: the first layer on all of them, then the others, which read its pixels in
+// neighbouring rectangles.
+static void encode_tiles(const Step& step, const ClassifierWork& work) {
+    for (int k = 0; k < LEVELS; k++) {
+        const Level& level = work.network->level[k];
+        const int rows = k ? level.height : work.network->half.height;
+        const Runs& runs = step.space.rest.halo_runs;
+        run_tiles(step, runs, TILE / 2 >> k, {level.width, rows}, [&](Rect rect, int thread) { step.kernels().encode_first(work, k, rect, thread); });
+        repeat_last_row(level, rows);
+        run_tiles(step, runs, TILE / 2 >> k, {level.width, level.height}, [&](Rect rect, int thread) { step.kernels().encode_others(work, k, rect, thread); });
+    }
+}
+
+// Runs the levels of the encoder on whole images, each band of rows while it is in the cache.
 static void encode(const Step& step, const ClassifierWork& work) {
     for (int k = 0; k < LEVELS; k++) {
         const Level& level = work.network->level[k];
@@ -180,9 +199,7 @@ static void encode(const Step& step, const ClassifierWork& work) {
             if (first < first_end(y1)) step.kernels().encode_others(work, k, box(first, first_end(y1)), thread);
         });
         pool.run_rows(rows, [&](int y0, int y1, int thread) {  // the same parts
-            if (y1 == rows)
-                for (int y = rows; y < level.height; y++)
-                    memcpy(level.x + static_cast<size_t>(y + 1) * level.x_row, level.x + static_cast<size_t>(rows) * level.x_row, level.x_row);
+            if (y1 == rows) repeat_last_row(level, rows);
             if (y0) step.kernels().encode_others(work, k, box(y0, y0 + 1), thread);
             const int last = max(first_end(y1), y0 ? y0 + 1 : 0);
             if (last < y1) step.kernels().encode_others(work, k, box(last, y1), thread);
@@ -204,7 +221,7 @@ static ss_status compute(Step& step) {
     const int kernel = kernel_of(variant_of(step.model));
     const Size display = {step.target.width, step.target.height};
     make_tables(step);
-    step.after.glares = resample(step);
+    step.after.glares = resample(step) || (step.before.glares && rests_anywhere(step));
     work.samples = step.samples(), work.tables = step.space.tables, work.config = step.model.config_of<Config>();
     work.history = step.before.plane(0), work.classes = static_cast<const uint8_t*>(step.before.planes[1]);
     work.previous = previous_frame(step.before, 2);
@@ -215,26 +232,34 @@ static ss_status compute(Step& step) {
     const size_t groups = static_cast<size_t>(display.height) * work.gathered.pitch / LANES;
     memset(work.gathered.rising, 0, sizeof(float) * groups);
     pool_of(step).run_rows(step.frame.height, [&](int y0, int y1, int) { kernels.keep_depth(work, y0, y1); });
-    const Rect whole = {0, display.height, 0, work.gathered.pitch};
-    pool_of(step).run_rects(&whole, 1, 2, [&](Rect rect, int thread) { kernels.classifier_gather[kernel](work, rect, thread); });
-    encode(step, work);
+    run_tiles(step, step.space.rest.halo_runs, TILE, {work.gathered.pitch, display.height},
+              [&](Rect rect, int thread) { kernels.classifier_gather[kernel](work, rect, thread); }, 2);
+    const Runs& halo = step.space.rest.halo_runs;
+    const bool whole = halo.count == 1 && work.network->level[LEVELS - 1].width >= PIXELS_AT_ONCE &&
+                       halo.rects[0].x1 - halo.rects[0].x0 == tiles_of(display).width && halo.rects[0].y1 - halo.rects[0].y0 == tiles_of(display).height;
+    whole ? encode(step, work) : encode_tiles(step, work);
     work.flash = is_flash(step.frame, step.exposure, step.before.exposure);
     double rising = 0.0;
-    for (size_t k = 0; k < groups; k++) rising += work.gathered.rising[k];
+    const int across = work.gathered.pitch / LANES;
+    for (size_t k = 0; k < groups; k++) {
+        const size_t tile = k / across / TILE * tiles_of(display).width + k % across * LANES / TILE;
+        if (!step.space.rest.resting[tile]) rising += work.gathered.rising[k];
+    }
     work.rises = rising > FLASH_FRACTION * display.width * display.height;
     step.after.glares |= work.rises;
     work.glares = step.after.glares || step.before.glares;
-    const Rect packed = {0, work.network->half.height, 0, work.network->half.width};
-    pool_of(step).run_rects(&packed, 1, 1, [&](Rect rect, int thread) { kernels.classifier_finish[kernel](work, rect, thread); });
+    run_tiles(step, computed_tiles(step), TILE / 2, work.network->half,
+              [&](Rect rect, int thread) { kernels.classifier_finish[kernel](work, rect, thread); });
     return SS_OK;
 }
 
 static constexpr Layout LAYOUT = {
     .planes = 3,
-    .tensors = 6,
+    .tensors = 10,
     .plane = {{Extent::DISPLAY, HISTORY_VALUES, false}, {Extent::HALF, 8, true}, {Extent::SAMPLES, 2, false}},
     .tensor = {{"color", 3, 0, 0}, {"state", 3, 0, 3}, {"classes", CLASSES, 1, 0}, {"depth", 2, 2, 0}, {"jitter", 2, OF_JITTER, 0},
-               {"exposure", 1, OF_EXPOSURE, 0}},
+               {"exposure", 1, OF_EXPOSURE, 0}, SS_REST_TENSORS},
+    .rests = true,
     .glare = "state",
 };
 constexpr int COUNT_OF_CONSTANTS = sizeof CONSTANTS / sizeof(Constant);

@@ -26,7 +26,7 @@ static ss_status compute(Step& step) {
     make_tables(step);
     work.samples = step.samples(), work.tables = step.space.tables, work.target = step.target;
     pool_of(step).run_rows(step.frame.height, [&](int y0, int y1, int) { step.kernels().spatial_read(work, y0, y1); });
-    pool_of(step).run_rects(step.tiles, step.tile_count, 1, [&](Rect rect, int thread) { step.kernels().spatial_rows(work, rect, thread); });
+    run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().spatial_rows(work, rect, thread); });
     return SS_OK;
 }
 

@@ -31,7 +31,7 @@ static ss_status compute(Step& step) {
     run_rows_with_neighbours(
         pool_of(step), step.frame.height, [&](int y0, int y1) { step.kernels().taa_read(work, y0, y1); },
         [&](int y0, int y1) { step.kernels().taa_boxes(work, y0, y1); });
-    pool_of(step).run_rects(step.tiles, step.tile_count, 1, [&](Rect rect, int thread) { step.kernels().taa_rows(work, rect, thread); });
+    run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().taa_rows(work, rect, thread); });
     return SS_OK;
 }
 
@@ -40,6 +40,7 @@ static constexpr Layout LAYOUT = {
     .tensors = 2,
     .plane = {{Extent::DISPLAY, 3, false}},
     .tensor = {{"color", 3, 0, 0}, {"exposure", 1, OF_EXPOSURE, 0}},
+    .rests = false,
     .glare = nullptr,
 };
 static constexpr taa::Config CONFIG;

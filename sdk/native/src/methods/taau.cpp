@@ -48,7 +48,7 @@ static ss_status compute(Step& step) {
     TaauWork& work = *static_cast<TaauWork*>(step.space.own);
     const Kernels& kernels = step.kernels();
     make_tables(step);
-    step.after.glares = resample(step);
+    step.after.glares = resample(step) || (step.before.glares && rests_anywhere(step));
     const Samples& s = work.samples = step.samples();
     work.tables = step.space.tables, work.target = step.target, work.config = step.model.config_of<Config>();
     work.history = step.before.plane(0), work.next_history = step.after.plane(0);
@@ -61,16 +61,17 @@ static ss_status compute(Step& step) {
     work.unconfirmed = step.after.values[3];
     work.glares = work.unconfirmed > 0.0f || step.after.glares || step.before.glares;
     work.kept = nullptr;
-    pool_of(step).run_rects(step.tiles, step.tile_count, 1, [&](Rect rect, int thread) { kernels.taau_rows(work, rect, thread); });
+    run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().taau_rows(work, rect, thread); });
     return SS_OK;
 }
 
 static constexpr Layout LAYOUT = {
     .planes = 2,
-    .tensors = 6,
+    .tensors = 10,
     .plane = {{Extent::DISPLAY, 5, false}, {Extent::SAMPLES, 4, false}},
     .tensor = {{"color", 3, 0, 0}, {"samples", 2, 0, 3}, {"surface", 3, 1, 0}, {"jitter", 2, OF_JITTER, 0},
-               {"exposure", 1, OF_EXPOSURE, 0}, {"light", 4, OF_VALUES, 0}},
+               {"exposure", 1, OF_EXPOSURE, 0}, {"light", 4, OF_VALUES, 0}, SS_REST_TENSORS},
+    .rests = true,
     .glare = "samples",
 };
 static constexpr Config CONFIG;
