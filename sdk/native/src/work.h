@@ -129,6 +129,7 @@ struct TaauWork {
     bool glares;        // whether any light may be unconfirmed
     const float* kept;  // (blocks down, kept_pitch) number of samples that are kept, by column of the display; or null
     const int32_t* kept_rows;
+    float* kept_room;
     int kept_pitch;
     const int32_t *nearest_rows, *nearest_columns;  // pixels nearest to samples
     float* block_sums;                              // (6, blocks_down, blocks_pitch)

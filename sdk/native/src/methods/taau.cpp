@@ -1,6 +1,8 @@
 // `taau`, temporal upsampling without a network.
 #include "../step.h"
 
+#include <math.h>
+
 namespace ss {
 
 using namespace taau;
@@ -23,6 +25,11 @@ static bool make_space(const Model& model, Space& space) {
     work->sums = space.rows_of_samples(1, 2);
     work->line_pitch = static_cast<size_t>(LINES) * space.samples.pitch + LANES;
     work->lines = space.arena.take<float>(work->line_pitch * model.pool.threads());
+    const Size blocks = blocks_of(space.render);
+    work->blocks_across = blocks.width, work->blocks_down = blocks.height, work->blocks_pitch = up_to(blocks.width, LANES);
+    work->block_sums = space.arena.take<float>(static_cast<size_t>(6) * blocks.height * work->blocks_pitch);
+    work->kept_pitch = up_to(space.display.width, LANES);
+    work->kept_room = space.arena.take<float>(static_cast<size_t>(blocks.height) * work->kept_pitch);
     space.own = work;
     return true;
 }
@@ -44,6 +51,65 @@ static void write_light(const Step& step, const TaauWork& work) {
     light[3] = static_cast<float>(flash * (flashes + 1.0));
 }
 
+// Returns the number of samples of the history that a window of blocks keeps; MOST_SAMPLES where it keeps all.
+static float kept_of(const TaauWork& work, const Stillness& still, int wy, int wx) {
+    constexpr float share = 1.0f / ((BLOCK / LAG_STEP) * (BLOCK / LAG_STEP));
+    const ptrdiff_t plane = static_cast<ptrdiff_t>(work.blocks_down) * work.blocks_pitch;
+    float difference[3] = {}, square[3] = {}, level[3] = {}, count = 0.0f;
+    for (int y = wy; y < min(wy + LARGE_WINDOW, still.blocks.height); y++)
+        for (int x = wx; x < min(wx + LARGE_WINDOW, still.blocks.width); x++) {
+            if (!still.wanted[y * still.blocks.width + x]) continue;
+            const float* sums = work.block_sums + y * work.blocks_pitch + x;
+            for (int c = 0; c < 3; c++) {
+                const float apart = sums[c * plane] * share;
+                difference[c] += apart;
+                square[c] += apart * apart;
+                level[c] += sums[(3 + c) * plane] * share;
+            }
+            count += 1.0f;
+        }
+    if (count < LEAST_BLOCKS * LARGE_WINDOW * LARGE_WINDOW) return MOST_SAMPLES;
+    float lag = -MOST_SAMPLES, brightest = 0.0f;
+    for (int c = 0; c < 3; c++) {
+        const float mean = difference[c] / count, variance = max(square[c] / count - mean * mean, 0.0f);
+        const float error = sqrtf(variance / max(count - 1.0f, 1.0f));
+        lag = max(lag, fabsf(mean) - work.config.lag_deviations * error);
+        brightest = max(brightest, level[c] / count);
+    }
+    const float excess = lag / (brightest + DARK) - work.config.lag, least = work.config.lag_samples / MOST_SAMPLES;
+    return excess > least ? work.config.lag_samples / excess : MOST_SAMPLES;
+}
+
+// Compares blocks that stand but are not frozen with the history: where it lags behind, it keeps few samples.
+static void limit_samples(const Step& step, TaauWork& work) {
+    const RestWork& rest = *step.rest;
+    const Stillness& still = rest.still;
+    const int across = still.blocks.width, down = still.blocks.height;
+    work.kept = nullptr;
+    bool any = false;
+    for (int block = 0; block < still.count(); block++) {
+        still.wanted[block] = !still.moves[block] && !still.stays[block];
+        any |= still.wanted[block] != 0;
+    }
+    if (!any) return;
+    work.nearest_rows = rest.nearest_rows, work.nearest_columns = rest.nearest_columns, work.kept_rows = rest.row_blocks;
+    pool_of(step).run_rows(down, [&](int y0, int y1, int) { step.kernels().taau_compare(work, y0, y1); });
+    bool limits = false;
+    float* const kept = still.windows;
+    for (int wy = 0; wy < down; wy += LARGE_WINDOW)
+        for (int wx = 0; wx < across; wx += LARGE_WINDOW) {
+            const float number = kept_of(work, still, wy, wx);
+            limits |= number < MOST_SAMPLES;
+            for (int y = wy; y < min(wy + LARGE_WINDOW, down); y++)
+                for (int x = wx; x < min(wx + LARGE_WINDOW, across); x++)
+                    kept[y * across + x] = still.wanted[y * across + x] ? number : MOST_SAMPLES;
+        }
+    if (!limits) return;
+    work.kept = work.kept_room;
+    for (int y = 0; y < down; y++)
+        for (int x = 0; x < step.target.width; x++) work.kept_room[static_cast<size_t>(y) * work.kept_pitch + x] = kept[y * across + rest.column_blocks[x]];
+}
+
 static ss_status compute(Step& step) {
     TaauWork& work = *static_cast<TaauWork*>(step.space.own);
     const Kernels& kernels = step.kernels();
@@ -60,7 +126,7 @@ static ss_status compute(Step& step) {
     write_light(step, work);
     work.unconfirmed = step.after.values[3];
     work.glares = work.unconfirmed > 0.0f || step.after.glares || step.before.glares;
-    work.kept = nullptr;
+    limit_samples(step, work);
     run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().taau_rows(work, rect, thread); });
     return SS_OK;
 }
