@@ -1,0 +1,317 @@
+/* The C interface: views, threads, memory, errors, hostile frames. C99, as the header is. */
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "supersampler.h"
+
+enum { W = 37, H = 22, DW = 81, DH = 47, FRAMES = 4 };
+
+static int failures = 0;
+#define CHECK(condition, ...)                                         \
+    do {                                                              \
+        if (!(condition)) {                                           \
+            failures++;                                               \
+            fprintf(stderr, "%s:%d: %s: ", __FILE__, __LINE__, #condition); \
+            fprintf(stderr, __VA_ARGS__);                             \
+            fprintf(stderr, "\n");                                    \
+        }                                                             \
+    } while (0)
+
+static const char* const METHODS[] = {"bilinear", "bicubic", "taa", "taau"};
+
+static uint32_t state = 1;
+static uint32_t random_bits(void) { return state = state * 1664525u + 1013904223u, state ^ state >> 15; }
+static float random_unit(void) { return (float)(random_bits() >> 8) * 0x1p-24f; }
+
+typedef struct Pixels {
+    float color[H][W][3], depth[H][W], motion[H][W][2];
+} Pixels;
+
+static void fill(Pixels* p, int index) {
+    state = (uint32_t)index + 7;
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x++) {
+            for (int c = 0; c < 3; c++) p->color[y][x][c] = 2.0f * random_unit();
+            p->depth[y][x] = 0.01f + 0.1f * random_unit();
+            for (int c = 0; c < 2; c++) p->motion[y][x][c] = 2.0f * random_unit() - 1.0f;
+        }
+}
+
+static ss_frame frame_of(Pixels* p, int index) {
+    ss_frame f;
+    memset(&f, 0, sizeof f);
+    f.width = W, f.height = H;
+    f.color.data = p->color, f.depth.data = p->depth, f.motion.data = p->motion;
+    f.jitter[0] = 0.3f * (float)(index % 3 - 1), f.jitter[1] = -0.2f * (float)(index % 2);
+    f.adds_samples = 1.0f;
+    return f;
+}
+
+static ss_outputs outputs_of(void* image) {
+    ss_outputs outputs;
+    memset(&outputs, 0, sizeof outputs);
+    outputs.image.data = image;
+    return outputs;
+}
+
+/* Steps FRAMES frames of a method; writes the last image. */
+static void run(const char* method, const ss_options* options, float* image) {
+    ss_error error;
+    ss_model* model;
+    ss_upscaler* upscaler;
+    CHECK(ss_model_create(method, options, &model, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+    for (int index = 0; index < FRAMES; index++) {
+        static Pixels pixels;
+        fill(&pixels, index);
+        ss_frame frame = frame_of(&pixels, index);
+        ss_outputs outputs = outputs_of(image);
+        CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+    }
+    ss_upscaler_destroy(upscaler);
+    ss_model_destroy(model);
+}
+
+static float images[2][DH * DW * 3];
+
+static void serial_for(void* user, void (*task)(void*, int), void* context, int count) {
+    ++*(int*)user;
+    for (int index = count - 1; index >= 0; index--) task(context, index);
+}
+
+static void thread_counts_change_no_bit(void) {
+    for (int m = 0; m < 4; m++)
+        for (int threads = 2; threads <= 5; threads++) {
+            int calls = 0;
+            ss_options one, many, own;
+            memset(&one, 0, sizeof one);
+            many = own = one;
+            one.threads = 1, many.threads = threads;
+            own.threads = threads, own.parallel_for = serial_for, own.user = &calls;
+            run(METHODS[m], &one, images[0]);
+            run(METHODS[m], &many, images[1]);
+            CHECK(memcmp(images[0], images[1], sizeof images[0]) == 0, "%s with %d threads", METHODS[m], threads);
+            run(METHODS[m], &own, images[1]);
+            CHECK(memcmp(images[0], images[1], sizeof images[0]) == 0, "%s with the caller's threads", METHODS[m]);
+            CHECK(calls > 0, "the caller's parallel-for is not called");
+        }
+}
+
+static void instructions_agree(void) {
+    static const char* const names[] = {"avx512", "avx2", "neon", "portable"};
+    for (int m = 0; m < 4; m++) {
+        run(METHODS[m], NULL, images[0]);
+        for (int k = 0; k < 4; k++) {
+            ss_options options;
+            ss_model* model;
+            memset(&options, 0, sizeof options);
+            options.instructions = names[k];
+            if (ss_model_create(METHODS[m], &options, &model, NULL) != SS_OK) continue;
+            ss_model_destroy(model);
+            run(METHODS[m], &options, images[1]);
+            double sum = 0.0;
+            for (int i = 0; i < DW * DH * 3; i++) sum += fabs((double)images[0][i] - images[1][i]);
+            CHECK(sum / (DW * DH * 3) < 1e-4, "%s on %s: %g", METHODS[m], names[k], sum / (DW * DH * 3));
+        }
+    }
+}
+
+static uint16_t half_of(float value) { /* of numbers that half floats hold */
+    uint32_t bits;
+    memcpy(&bits, &value, 4);
+    return value == 0.0f ? 0 : (uint16_t)((bits >> 16 & 0x8000) | ((bits >> 13 & 0x3FFFF) - (112u << 10)));
+}
+
+/* Frames upside down, with alpha, planar and in half floats are the same frames. */
+static void views_of_any_strides_are_read(void) {
+    static Pixels p;
+    static float rgba[H][W + 3][4], planar[3][H][W];
+    static uint16_t half_color[H][W][3];
+    ss_model* model;
+    ss_error error;
+    CHECK(ss_model_create("taau", NULL, &model, &error) == SS_OK, "%s", error.message);
+    fill(&p, 3);
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x++)
+            for (int c = 0; c < 3; c++) {
+                p.color[y][x][c] = floorf(p.color[y][x][c] * 512.0f + 1.0f) / 512.0f; /* a half float */
+                rgba[H - 1 - y][x][c] = planar[c][y][x] = p.color[y][x][c];
+                half_color[y][x][c] = half_of(p.color[y][x][c]);
+                rgba[y][x][3] = NAN;
+            }
+    for (int kind = 0; kind < 4; kind++) {
+        ss_upscaler* upscaler;
+        ss_frame frame = frame_of(&p, 0);
+        ss_outputs outputs = outputs_of(images[kind > 0]);
+        if (kind == 1) frame.color.data = rgba[H - 1], frame.color.pixel_stride = 16, frame.color.row_stride = -(ptrdiff_t)sizeof rgba[0];
+        if (kind == 2) frame.color.data = planar, frame.color.pixel_stride = 4, frame.color.channel_stride = sizeof planar[0];
+        if (kind == 2) frame.color.row_stride = sizeof planar[0][0];
+        if (kind == 3) frame.color.data = half_color, frame.color.type = SS_FLOAT16;
+        CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+        CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+        ss_upscaler_destroy(upscaler);
+        CHECK(kind == 0 || memcmp(images[0], images[1], sizeof images[0]) == 0, "view %d", kind);
+    }
+    ss_model_destroy(model);
+}
+
+/* Bytes of an image upside down, with alpha, are those of floats. */
+static void images_of_any_strides_are_written(void) {
+    static Pixels p;
+    static uint8_t bytes[DH][DW][4];
+    ss_model* model;
+    ss_error error;
+    CHECK(ss_model_create("taau", NULL, &model, &error) == SS_OK, "%s", error.message);
+    for (int kind = 0; kind < 2; kind++) {
+        ss_upscaler* upscaler;
+        CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+        for (int index = 0; index < 2; index++) {
+            fill(&p, 1);
+            memset(p.motion, 0, sizeof p.motion);
+            ss_frame frame = frame_of(&p, 0);
+            ss_outputs outputs = outputs_of(images[0]);
+            frame.pre_exposure = 2.0f;
+            if (kind == 1) {
+                outputs.image.data = bytes[DH - 1], outputs.image.type = SS_UNORM8, outputs.image.pixel_stride = 4;
+                outputs.image.row_stride = -(ptrdiff_t)sizeof bytes[0];
+            }
+            CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+        }
+        ss_upscaler_destroy(upscaler);
+    }
+    for (int y = 0; y < DH; y++)
+        for (int x = 0; x < DW; x++) {
+            for (int c = 0; c < 3; c++) {
+                const float value = images[0][3 * (y * DW + x) + c];
+                const int want = (int)((value < 1.0f ? value : 1.0f) * 255.0f + 0.5f), got = bytes[DH - 1 - y][x][c];
+                CHECK(got == want, "pixel %d %d: %d, not %d", x, y, got, want);
+            }
+            CHECK(bytes[y][x][3] == 0, "alpha is written");
+        }
+    ss_model_destroy(model);
+}
+
+static int allocations, left;
+static void* allocate_counted(void* user, size_t bytes) {
+    (void)user;
+    if (left-- <= 0) return NULL;
+    allocations++;
+    return malloc(bytes);
+}
+static void release_counted(void* user, void* memory, size_t bytes) {
+    (void)user;
+    memset(memory, 0xEE, bytes); /* what is read afterwards shows */
+    allocations--;
+    free(memory);
+}
+
+/* Wherever memory ends, the status says so, nothing leaks, and the next call may succeed. */
+static void memory_may_end_anywhere(void) {
+    int succeeded = 0;
+    for (int limit = 0; !succeeded && limit < 400; limit++) {
+        static Pixels p;
+        ss_options options;
+        ss_model* model = NULL;
+        ss_upscaler* upscaler = NULL;
+        memset(&options, 0, sizeof options);
+        options.threads = 2, options.allocate = allocate_counted, options.release = release_counted;
+        left = limit;
+        ss_status status = ss_model_create("taau", &options, &model, NULL);
+        if (status == SS_OK) status = ss_upscaler_create(model, DW, DH, &upscaler, NULL);
+        for (int index = 0; index < 3 && status == SS_OK; index++) {
+            fill(&p, 0);
+            memset(p.motion, 0, sizeof p.motion);
+            ss_frame frame = frame_of(&p, index);
+            ss_outputs outputs = outputs_of(images[0]);
+            status = ss_step(upscaler, &frame, &outputs, NULL);
+        }
+        CHECK(status == SS_OK || status == SS_NO_MEMORY, "status %d", status);
+        succeeded = status == SS_OK;
+        if (upscaler) ss_upscaler_destroy(upscaler);
+        ss_model_destroy(model);
+        CHECK(allocations == 0, "%d allocations are left after %d", allocations, limit);
+    }
+    CHECK(succeeded, "it never succeeds");
+}
+
+static void bad_arguments_are_named(void) {
+    static Pixels p;
+    ss_model* model;
+    ss_upscaler* upscaler;
+    ss_error error;
+    ss_options options;
+    memset(&options, 0, sizeof options);
+    CHECK(ss_model_create("nothing", NULL, &model, &error) == SS_BAD_ARGUMENT && strstr(error.message, "nothing"), "%s", error.message);
+    CHECK(ss_model_create(NULL, NULL, &model, NULL) == SS_BAD_ARGUMENT, "NULL is a name");
+    options.instructions = "mmx";
+    CHECK(ss_model_create("taa", &options, &model, &error) == SS_BAD_ARGUMENT && strstr(error.message, "mmx"), "%s", error.message);
+    CHECK(ss_model_create_from_bytes("abc", 3, NULL, &model, &error) == SS_BAD_MODEL, "%s", error.message);
+    CHECK(ss_model_create("taau", NULL, &model, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_upscaler_create(model, 0, 5, &upscaler, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 5"), "%s", error.message);
+    CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+    fill(&p, 0);
+    for (int k = 0; k < 9; k++) {
+        ss_frame frame = frame_of(&p, 0);
+        ss_outputs outputs = outputs_of(images[0]);
+        const char* named[] = {"width", "jitter", "jitter", "color", "motion", "depth", "exposure", "pre_exposure", "adds_samples"};
+        if (k == 0) frame.width = 3;
+        if (k == 1) frame.jitter[1] = 0.7f;
+        if (k == 2) frame.jitter[0] = NAN;
+        if (k == 3) frame.color.data = NULL;
+        if (k == 4) frame.motion.type = SS_UNORM8;
+        if (k == 5) frame.depth.data = NULL;
+        if (k == 6) frame.exposure = -1.0f;
+        if (k == 7) frame.pre_exposure = INFINITY;
+        if (k == 8) frame.adds_samples = 0.5f;
+        CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_FRAME, "case %d", k);
+        CHECK(strstr(error.message, named[k]), "case %d: %s", k, error.message);
+    }
+    ss_upscaler_destroy(upscaler);
+    ss_model_destroy(model);
+}
+
+/* Whatever bits a frame holds, images are finite and not negative, and a good frame after it is, too. */
+static void hostile_frames_do_no_harm(void) {
+    const char* set = getenv("SS_HOSTILE"); /* frames of each method */
+    const int frames = set ? atoi(set) : 60;
+    for (int m = 0; m < 4; m++) {
+        static Pixels p;
+        ss_model* model;
+        ss_upscaler* upscaler;
+        ss_error error;
+        CHECK(ss_model_create(METHODS[m], NULL, &model, &error) == SS_OK, "%s", error.message);
+        CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+        for (int index = 0; index < frames; index++) {
+            fill(&p, index);
+            state = (uint32_t)index * 77 + 5;
+            for (size_t k = 0; k < sizeof p / 4 && index % 4 != 3; k++) {
+                uint32_t bits = random_bits();
+                if (bits % 3 == 0) bits = random_bits(), memcpy((char*)&p + 4 * k, &bits, 4);
+            }
+            ss_frame frame = frame_of(&p, index);
+            ss_outputs outputs = outputs_of(images[0]);
+            if (index % 5 == 4) frame.motion.data = memset(p.motion, 0, sizeof p.motion);
+            CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+            int bad = 0;
+            for (int k = 0; k < DW * DH * 3; k++) bad += !(images[0][k] >= 0.0f && images[0][k] <= 65504.0f);
+            CHECK(bad == 0, "%s, frame %d: %d values", METHODS[m], index, bad);
+        }
+        ss_upscaler_destroy(upscaler);
+        ss_model_destroy(model);
+    }
+}
+
+int main(void) {
+    CHECK(ss_version() == SS_VERSION, "%d", ss_version());
+    thread_counts_change_no_bit();
+    instructions_agree();
+    views_of_any_strides_are_read();
+    images_of_any_strides_are_written();
+    memory_may_end_anywhere();
+    bad_arguments_are_named();
+    hostile_frames_do_no_harm();
+    return failures ? 1 : 0;
+}
