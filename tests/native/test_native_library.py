@@ -1,0 +1,221 @@
+"""The CPU library in C++: the images of the graphs, the same bits however it is run, and no C++ runtime."""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from noise import noise
+from supersampler import Frame, Model
+from supersampler.backends.cpu.native import NativeExecutor, NativeLibrary, arrays_bytes, model_bytes
+from supersampler.conventions.jitter import halton_jitter
+from supersampler.errors import FrameError, ModelError
+from supersampler.frame import Float32, Size
+
+SOURCES = Path(__file__).parents[2] / "sdk" / "native"
+METHODS = "bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"
+SIZES = [((37, 22), (81, 47)), ((17, 13), (17, 13)), ((64, 36), (128, 72)), ((1, 1), (1, 1))]
+
+
+class Bound(NamedTuple):
+    """Largest difference of toned images in the mean, in 99.9 % of the values, and in all."""
+
+    mean: float
+    most: float
+    largest: float
+
+
+EXACT = Bound(2e-5, 4e-4, 8e-3)
+INT8 = Bound(2e-3, 3e-2, 8e-2)
+"""Of a network in int8: the rounding of one input changes some of its outputs by more."""
+
+
+@pytest.fixture(scope="session")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    given = os.environ.get("SUPERSAMPLER_NATIVE")  # a library that is built already
+    if given:
+        return Path(given)
+    if shutil.which("cmake") is None or shutil.which("c++") is None:
+        pytest.skip("cmake or a C++ compiler is missing")
+    folder = tmp_path_factory.mktemp("native")
+    subprocess.run(["cmake", "-S", SOURCES, "-B", folder], check=True, capture_output=True)
+    subprocess.run(["cmake", "--build", folder], check=True, capture_output=True, timeout=280)
+    subprocess.run([folder / "test_api"], check=True, timeout=100)
+    return folder / "libsupersampler.so"
+
+
+@pytest.fixture(scope="session")
+def library(path: Path) -> NativeLibrary:
+    return NativeLibrary(path)
+
+
+def model_of(method: str) -> str | bytes:
+    info = Model.load(method, executor="onnx", threads=1).info
+    return method if method in ("bilinear", "bicubic") else model_bytes(info)
+
+
+def frames(render: Size, count: int) -> Iterator[Frame]:
+    """Noise, some of it missing, out of range or without an end, and a reactive mask."""
+    for index in range(count):
+        frame = noise(index, render)
+        color, depth, motion = frame.color.copy(), frame.depth.copy(), frame.motion.copy()
+        if index == 1 and render[1] > 9:
+            color[2:5], color[6], color[7], color[8], color[1, 1] = np.nan, np.inf, -1.0, 1e6, np.nan
+            depth[3], depth[4], depth[5] = np.nan, -1.0, np.inf
+            motion[0], motion[1] = np.nan, np.inf
+        mask = np.linspace(0.0, 1.0, depth.size, dtype=np.float32).reshape(depth.shape)
+        yield replace(
+            frame, color=color, depth=depth, motion=motion, reactive=mask if index == 3 else None
+        )
+
+
+class Run:
+    """Steps of an executor, with its two histories."""
+
+    def __init__(self, executor: Any, render: Size, display: Size) -> None:
+        self.executor, self.display = executor, display
+        self.history, self.spare = executor.zeros(display, render), executor.zeros(display, render)
+
+    def step(self, frame: Frame, *, adds: float = 0.0, skip: bool = True) -> Float32:
+        image = np.zeros((*self.display[::-1], 3), np.float32)
+        self.executor.step(
+            frame, self.display, self.history, self.spare, image, (), adds_samples=adds, skip=skip
+        )
+        self.history, self.spare = self.spare, self.history
+        return image
+
+
+def toned(image: Float32) -> Float32:
+    made: Float32 = image / (1.0 + image.max(axis=2, keepdims=True))
+    return made
+
+
+def check(image: Float32, want: Float32, bound: Bound) -> None:
+    apart = np.abs(toned(image) - toned(want))
+    found = Bound(float(apart.mean()), float(np.quantile(apart, 0.999)), float(apart.max()))
+    assert all(a <= b for a, b in zip(found, bound, strict=True)), found
+
+
+def still_frame(index: int, render: Size, ratio: float) -> Frame:
+    """A texture that stands, and a disc that moves and changes."""
+    jitter = halton_jitter(index, ratio)
+    y, x = np.mgrid[0 : render[1], 0 : render[0]].astype(np.float32)
+    u, v = x + np.float32(jitter[0]), y + np.float32(jitter[1])
+    color = np.stack([0.5 + 0.4 * np.sin(u / 3) * np.cos(v / 4), 0.5 + 0.4 * np.sin(u / 2.3), 0.3 + 0 * u], 2)
+    motion, depth = np.zeros((*render[::-1], 2), np.float32), np.full(render[::-1], 0.02, np.float32)
+    disc = (x - 12.0) ** 2 + (y - 12.0) ** 2 < 16.0
+    color[disc] *= 0.5 + 0.4 * np.sin(index)
+    motion[disc] = 1.5, 0.7
+    return Frame(color=color.astype(np.float32), depth=depth, motion=motion, jitter=jitter, exposure=1.0)
+
+
+def test_constants_are_those_of_the_specs() -> None:
+    spec = importlib.util.spec_from_file_location("generate", SOURCES / "generate.py")
+    assert spec is not None
+    assert spec.loader is not None
+    generate = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(generate)
+    assert (SOURCES / "src" / "constants.h").read_text() == generate.constants_header()
+
+
+def test_no_runtime_of_cpp_is_needed(path: Path) -> None:
+    needed = subprocess.run(["readelf", "-d", path], check=True, capture_output=True, text=True).stdout
+    names = subprocess.run(["nm", "-D", path], check=True, capture_output=True, text=True).stdout
+    assert "libstdc++" not in needed
+    assert "libc++" not in needed
+    exported = [line.split()[-1] for line in names.splitlines() if " T " in line]
+    assert exported
+    assert all(name.startswith("ss_") for name in exported), exported
+    assert " U _Z" not in names
+
+
+@pytest.mark.parametrize("instructions", ["", "avx2", "portable"])
+@pytest.mark.parametrize("method", [name for name in METHODS if not name.startswith("classifier")])
+def test_images_are_those_of_the_graph(library: NativeLibrary, method: str, instructions: str) -> None:
+    for render, display in SIZES:
+        native = Run(NativeExecutor(library, model_of(method), 2, instructions), render, display)
+        graph = Run(Model.load(method, executor="onnx", threads=1)._executor, render, display)
+        for frame in frames(render, 5):
+            check(native.step(frame), graph.step(frame), EXACT)
+
+
+@pytest.mark.parametrize("method", ["classifier", "classifier-small"])
+def test_images_of_a_network_are_those_of_the_cpu_backend(library: NativeLibrary, method: str) -> None:
+    for render, display in SIZES[:3]:
+        native = Run(NativeExecutor(library, model_of(method), 2), render, display)
+        kernels = Run(Model.load(method, executor="cpu", threads=1)._executor, render, display)
+        for frame in frames(render, 5):
+            check(native.step(frame), kernels.step(frame), INT8)
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small"])
+def test_threads_and_skipped_tiles_change_no_bit(library: NativeLibrary, method: str) -> None:
+    render, display = (64, 40), (128, 80)
+    runs = [Run(NativeExecutor(library, model_of(method), threads), render, display) for threads in (1, 1, 3)]
+    for index in range(75):
+        frame = still_frame(index, render, 2.0)
+        image, whole, threaded = (
+            run.step(frame, adds=1.0, skip=place != 1) for place, run in enumerate(runs)
+        )
+        np.testing.assert_array_equal(image, whole)
+        np.testing.assert_array_equal(image, threaded)
+    blocks = runs[0].executor.tensor(runs[0].history, "static_blocks")
+    assert 0.5 < (blocks[0, 0] < 0.0).mean() < 1.0  # some of it has converged
+
+
+def test_what_stands_still_converges_as_in_the_graph(library: NativeLibrary) -> None:
+    render, display = (40, 24), (80, 48)
+    native = Run(NativeExecutor(library, model_of("taau"), 1), render, display)
+    graph = Run(Model.load("taau", executor="onnx", threads=1)._executor, render, display)
+    for index in range(75):
+        frame = still_frame(index, render, 2.0)
+        check(native.step(frame, adds=1.0), graph.step(frame, adds=1.0), Bound(1e-4, 4e-3, 2e-2))
+    ages = [run.executor.tensor(run.history, "history.static_blocks")[0, 0] for run in (native, graph)]
+    np.testing.assert_array_equal(ages[0] < 0.0, ages[1] < 0.0)
+
+
+@pytest.mark.parametrize("method", ["taa", "taau", "classifier"])
+def test_a_history_that_is_read_and_written_gives_the_same_bits(library: NativeLibrary, method: str) -> None:
+    render, display = (40, 24), (81, 47)
+    executor = NativeExecutor(library, model_of(method), 1)
+    run = Run(executor, render, display)
+    for index in range(40):
+        run.step(still_frame(index, render, 2.0), adds=1.0)
+    other = Run(executor, render, display)
+    tensors = {f"history.{name}": executor.tensor(run.history, name) for name in run.history.tensors()}
+    executor.load(other.history, tensors)
+    for index in range(40, 44):
+        frame = still_frame(index, render, 2.0)
+        np.testing.assert_array_equal(run.step(frame, adds=1.0), other.step(frame, adds=1.0))
+
+
+def test_a_damaged_model_is_refused(library: NativeLibrary) -> None:
+    whole = model_bytes(Model.load("classifier-small", executor="onnx", threads=1).info)
+    rng = np.random.default_rng(0)
+    for place in rng.integers(0, len(whole), 40):
+        changed = bytearray(whole)
+        changed[place] ^= 1 << rng.integers(0, 8)
+        with pytest.raises(ModelError):
+            NativeExecutor(library, bytes(changed), 1)
+    for end in (0, 7, 8, 100, len(whole) - 8):
+        with pytest.raises(ModelError):
+            NativeExecutor(library, whole[:end], 1)
+    with pytest.raises(ModelError, match="method"):
+        NativeExecutor(library, arrays_bytes({"method": np.frombuffer(b"other\0", np.uint8)}), 1)
+
+
+def test_a_bad_frame_is_named(library: NativeLibrary) -> None:
+    run = Run(NativeExecutor(library, "taau", 1), (16, 9), (32, 18))
+    good = noise(0, (16, 9))
+    first = run.step(good)
+    object.__setattr__(bad := replace(good), "jitter", (0.9, 0.0))
+    with pytest.raises(FrameError, match="jitter is 0.9"):
+        run.step(bad)
+    assert np.isfinite(first).all()
