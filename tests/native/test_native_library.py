@@ -47,7 +47,6 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("native")
     subprocess.run(["cmake", "-S", SOURCES, "-B", folder], check=True, capture_output=True)
     subprocess.run(["cmake", "--build", folder], check=True, capture_output=True, timeout=280)
-    subprocess.run([folder / "test_api"], check=True, timeout=100)
     return folder / "libsupersampler.so"
 
 
@@ -56,9 +55,8 @@ def library(path: Path) -> NativeLibrary:
     return NativeLibrary(path)
 
 
-def model_of(method: str) -> str | bytes:
-    info = Model.load(method, executor="onnx", threads=1).info
-    return method if method in ("bilinear", "bicubic") else model_bytes(info)
+def model_of(method: str) -> bytes:
+    return model_bytes(Model.load(method, executor="onnx", threads=1).info)
 
 
 def frames(render: Size, count: int) -> Iterator[Frame]:
@@ -114,6 +112,16 @@ def still_frame(index: int, render: Size, ratio: float) -> Frame:
     color[disc] *= 0.5 + 0.4 * np.sin(index)
     motion[disc] = 1.5, 0.7
     return Frame(color=color.astype(np.float32), depth=depth, motion=motion, jitter=jitter, exposure=1.0)
+
+
+def test_the_interface_in_c(path: Path, tmp_path: Path) -> None:
+    if not (path.parent / "test_api").exists():
+        pytest.skip("the library was built without tests")
+    files = []
+    for method in ("classifier", "classifier-small"):
+        files.append(tmp_path / method)
+        files[-1].write_bytes(bytes(model_of(method)))
+    subprocess.run([path.parent / "test_api", *files], check=True, timeout=200)
 
 
 def test_constants_are_those_of_the_specs() -> None:

@@ -59,7 +59,7 @@ void encode_first(const ClassifierWork& w, int depth, Rect box, int thread) {
     uint8_t* line = n.lines + thread * n.line_pitch;
     const int count = box.x1 - box.x0;
     for (int y = box.y0; y < box.y1; y++) {
-        Input input = {line, level.inputs, level.inputs / 4};
+        Input input = {line, level.inputs, level.first.words};  // channels are filled up to whole vectors
         if (depth) {
             pool_row(level.above + 2 * static_cast<ptrdiff_t>(y) * level.above_row + 2 * box.x0 * level.above_pitch,
                      level.above_pitch, level.above_row, level.inputs, line, count);

@@ -123,6 +123,7 @@ static void make_network(const Model& model, Space& space, Network& n) {
         l.out_pitch = l.last.outputs, l.out_row = (l.width + ROOM) * l.out_pitch;
         l.x = space.arena.take<uint8_t>(static_cast<size_t>(l.height + 2) * l.x_row);
         l.out = space.arena.take<uint8_t>(static_cast<size_t>(l.height) * l.out_row);
+        if (space.arena.failed()) return;
         if (k) {
             const Level& above = n.level[k - 1];
             l.above = above.out + (KEPT[k - 1] << 2 * (k - 1));
