@@ -7,10 +7,7 @@ namespace ss::SS_ISA {
 SS_INLINE F factor(F value) {
     constexpr float ROUNDS = 12582912.0f;  // 1.5 * 2^23: the sum has the rounded number in its last bits
     F x = clamped(value, -MAX_LOG_FACTOR, MAX_LOG_FACTOR) * 1.4426950408889634f;
-#if defined(__clang__) || defined(__GNUC__)
     F rounded = x + ROUNDS;
-    __asm__("" : "+v"(rounded));  // the subtraction must not be folded into the sum
-#endif
     F f = x - (rounded - ROUNDS);
     F p = (((f * 9.58285e-3f + 5.590642e-2f) * f + 2.4024099e-1f) * f + 6.9312419e-1f) * f + 1.0f;
     return float_of(bits_of(p) + (bits_of(rounded) << 23));
@@ -75,12 +72,10 @@ static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int 
 // Writes visibility for the ghosting of packed pixels p0 to p1 of row y that have no history.
 static void mark_unknown(const Gathered& g, int planes, int y, int p0, int p1, uint8_t* classes) {
     for (int x = 2 * p0; x < min(2 * p1, g.pitch); x += W) {
-        I is_known = load_half(g.rest + (2 * static_cast<ptrdiff_t>(y) * g.pitch + x) * planes + W * COUNT) > 0.0f;
-        if (all(is_known)) continue;
-        int32_t known[W];
-        store(known, is_known);
+        const uint32_t known = mask_bits(is_positive(load_half(g.rest + (2 * static_cast<ptrdiff_t>(y) * g.pitch + x) * planes + W * COUNT)));
+        if (known == (1u << W) - 1) continue;
         for (int i = 0; i < min(W / 2, p1 - x / 2); i++)
-            if (!known[2 * i]) {
+            if (!(known >> 2 * i & 1)) {
                 uint8_t* to = classes + 8 * (x / 2 + i);
                 to[0] = to[2] = 0;
                 to[1] = 255;
@@ -163,7 +158,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         current.add(filtered, frame_weight * factor(parameter(of_sample + 2)));
         // history colours
         F count = load_half(rest + W * COUNT), surface = load_half(rest + W * SURFACE);
-        I known = count > 0.0f;
+        I known = is_positive(count);
         F first = select(known, count * surface + MIN_PRIOR, 0.0f) * factor(parameter(0));
         F other = select(known, count * OTHER_PRIOR + MIN_PRIOR, 0.0f), second = F{}, third = F{};
         if (rectified) second = other * factor(parameter(1));

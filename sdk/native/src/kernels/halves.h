@@ -28,6 +28,9 @@ SS_INLINE H to_half(F v) {  // ties to even; subnormal numbers round as floats d
 }
 #endif
 
+// Of numbers from half floats; clang would compare these as half floats, lane by lane.
+SS_INLINE I is_positive(F v) { return bits_of(v) > 0; }
+
 SS_INLINE F load_half(const uint16_t* from) { return from_half(load_as<H>(from)); }
 SS_INLINE void stream_half(uint16_t* to, F v) { stream_as(to, to_half(v)); }
 

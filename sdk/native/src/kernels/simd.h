@@ -141,14 +141,14 @@ SS_INLINE F maximum(F a, F b) { return (F)_mm512_max_ps((__m512)a, (__m512)b); }
 SS_INLINE F square_root(F v) { return (F)_mm512_sqrt_ps((__m512)v); }
 SS_INLINE F floor(F v) { return (F)_mm512_roundscale_ps((__m512)v, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC); }
 SS_INLINE F absolute(F v) { return (F)_mm512_abs_ps((__m512)v); }
-SS_INLINE bool all(I mask) { return _mm512_movepi32_mask((__m512i)mask) == 0xFFFF; }
+SS_INLINE uint32_t mask_bits(I mask) { return _mm512_movepi32_mask((__m512i)mask); }
 #elif defined(__AVX2__)
 SS_INLINE F minimum(F a, F b) { return (F)_mm256_min_ps((__m256)a, (__m256)b); }
 SS_INLINE F maximum(F a, F b) { return (F)_mm256_max_ps((__m256)a, (__m256)b); }
 SS_INLINE F square_root(F v) { return (F)_mm256_sqrt_ps((__m256)v); }
 SS_INLINE F floor(F v) { return (F)_mm256_floor_ps((__m256)v); }
 SS_INLINE F absolute(F v) { return float_of(bits_of(v) & 0x7FFFFFFF); }
-SS_INLINE bool all(I mask) { return _mm256_movemask_ps((__m256)mask) == 0xFF; }
+SS_INLINE uint32_t mask_bits(I mask) { return static_cast<uint32_t>(_mm256_movemask_ps((__m256)mask)); }
 #else
 SS_INLINE F minimum(F a, F b) { return a < b ? a : b; }
 SS_INLINE F maximum(F a, F b) { return a > b ? a : b; }
@@ -156,7 +156,7 @@ SS_INLINE F absolute(F v) { return float_of(bits_of(v) & 0x7FFFFFFF); }
 #if defined(__aarch64__)
 SS_INLINE F square_root(F v) { return (F)vsqrtq_f32((float32x4_t)v); }
 SS_INLINE F floor(F v) { return (F)vrndmq_f32((float32x4_t)v); }
-SS_INLINE bool all(I mask) { return vminvq_u32((uint32x4_t)mask) != 0; }
+SS_INLINE uint32_t mask_bits(I mask) { return vaddvq_u32((uint32x4_t)(mask & I{1, 2, 4, 8})); }
 #else
 SS_INLINE F square_root(F v) {
     for (int k = 0; k < W; k++) v[k] = __builtin_sqrtf(v[k]);
@@ -167,13 +167,15 @@ SS_INLINE F floor(F v) {
     whole = select(whole > v, whole - 1.0f, whole);
     return select(absolute(v) < 1e9f, whole, v);  // larger floats are whole
 }
-SS_INLINE bool all(I mask) {
-    for (int k = 0; k < W; k++)
-        if (!mask[k]) return false;
-    return true;
+SS_INLINE uint32_t mask_bits(I mask) {
+    mask &= I{1, 2, 4, 8};
+    return static_cast<uint32_t>(mask[0] | mask[1] | mask[2] | mask[3]);
 }
 #endif
 #endif
+
+// Bit k of `mask_bits` is set where lane k is.
+SS_INLINE bool all(I mask) { return mask_bits(mask) == (1u << W) - 1; }
 
 SS_INLINE F minimum(F a, float b) { return minimum(a, spread(b)); }
 SS_INLINE F maximum(F a, float b) { return maximum(a, spread(b)); }
