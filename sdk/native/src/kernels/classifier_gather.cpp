@@ -110,7 +110,7 @@ static void warp8(const float* h, bool same_motion, WarpScratch& s) {
     for (int i = 0; i < W; i++) {
         const int a = s.offsets[0][i], b = s.offsets[1][i], c = s.offsets[2][i], d = s.offsets[3][i];
         const float *j = h + s.offsets[4][i], *k = h + s.offsets[5][i], *m = h + s.offsets[6][i], *n = h + s.offsets[7][i];
-        prefetch(n + d + 31 * 8);  // the lower right sample of a pixel of the next but one step
+        prefetch(n + d + 15 * 8);  // the lower right sample of a pixel of the next step
         const float x0 = s.weights[0][i], x1 = s.weights[1][i], x2 = s.weights[2][i], x3 = s.weights[3][i];
         const F8 kb = load_as<F8>(k + b), kc = load_as<F8>(k + c), mb = load_as<F8>(m + b), mc = load_as<F8>(m + c);
         F4 top = load4(j + b) * x1 + load4(j + c) * x2, bottom = load4(n + b) * x1 + load4(n + c) * x2;
