@@ -127,7 +127,8 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
     for (int x = x0; x < min(x1, end); x += W) {
         const uint16_t* rest = w.gathered.rest + (static_cast<ptrdiff_t>(y) * width + x) * variant.planes();
         const float* history = w.gathered.history + (static_cast<ptrdiff_t>(y) * width + x) * 3;
-        for (int line = 0; line < W * variant.planes(); line += LINE / 2) prefetch(rest + W * variant.planes() + line);
+        for (int line = 0; line < W * variant.planes(); line += LINE / 2) prefetch(rest + 2 * W * variant.planes() + line);
+        for (int line = 0; line < 3 * W; line += LINE / 4) prefetch(history + 2 * 3 * W + line);
         auto parameter = [&](int index) __attribute__((always_inline)) {  // of the left and right pixel of packed pixels
             const float *left = blend + index * blend_pitch + x / 2, *right = left + parameters * blend_pitch;
             return low_zip(load(left), load(right));
