@@ -119,7 +119,9 @@ static void warp8(const float* h, bool same_motion, WarpScratch& s) {
         F4 sharp = top * s.weights[4][i] + upper * s.weights[5][i] + lower * s.weights[6][i] + bottom * s.weights[7][i];
         const float t = s.weights[8][i], u = s.weights[9][i];
         F8 upper8 = kb * (1.0f - t) + kc * t, lower8 = mb * (1.0f - t) + mc * t;
-        store_as(s.pixels + 16 * i, upper8 * (1.0f - u) + lower8 * u);
+        const F8 linear = upper8 * (1.0f - u) + lower8 * u;
+        store4(four_at(s.pixels, 0, i), low(linear));
+        store4(four_at(s.pixels, 1, i), __builtin_shufflevector(linear, linear, 4, 5, 6, 7));
         F4 own = sharp;
         if (own_motion && !same_motion) {
             const float *up = h + s.offsets[10][i], *down = h + s.offsets[11][i];
@@ -127,8 +129,8 @@ static void warp8(const float* h, bool same_motion, WarpScratch& s) {
             own = linear4(load4(up + left), load4(up + right), load4(down + left), load4(down + right), s.weights[10][i],
                           s.weights[11][i]);
         }
-        store4(s.pixels + 16 * i + 8, sharp);
-        store4(s.pixels + 16 * i + 12, own);
+        store4(four_at(s.pixels, 2, i), sharp);
+        if (own_motion) store4(four_at(s.pixels, 3, i), own);
     }
 }
 
@@ -265,19 +267,23 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
                 }
             }
             warp8<own_motion>(w.history, same_motion, warps);
-            F q[16];
-            load_channels(warps.pixels, q);
-            F3 color = where(on, toned_at(w, q[8], q[9], q[10])), color_roots = roots(color);
+            F sharp[4];
+            load_four(warps.pixels, 2, sharp);
+            F3 color = where(on, toned_at(w, sharp[0], sharp[1], sharp[2])), color_roots = roots(color);
             F luma = luminance(color_roots);
             store(ring + x, luma);
             if (!inside) continue;
-            F3 linear = where(on, toned_at(w, q[0], q[1], q[2])), detail = color - linear;
-            F count = select(on, q[3], 0.0f), low = select(on, q[4], 0.0f), high = select(on, q[5], 0.0f);
+            F first[4], second[4], third[4];
+            load_four(warps.pixels, 0, first);
+            load_four(warps.pixels, 1, second);
+            if (own_motion) load_four(warps.pixels, 3, third);
+            F3 linear = where(on, toned_at(w, first[0], first[1], first[2])), detail = color - linear;
+            F count = select(on, first[3], 0.0f), low = select(on, second[0], 0.0f), high = select(on, second[1], 0.0f);
             float* history = w.gathered.history + (static_cast<ptrdiff_t>(y) * width + x) * 3;
             stream(history, color.r);
             stream(history + W, color.g);
             stream(history + 2 * W, color.b);
-            F3 by_own = own_motion && !same_motion ? toned_at(w, q[12], q[13], q[14]) : linear;
+            F3 by_own = own_motion && !same_motion ? toned_at(w, third[0], third[1], third[2]) : linear;
             F difference, surface = gather_surface(w, depth, px, py, on, difference);
             CurrentFrame now = current_frame<guided>(w, scratch.lines, x);
             now.frame = or_fill(now.found, now.frame, s, w.tables, y, x);

@@ -307,6 +307,46 @@ SS_INLINE void load_channels(const float* from, F (&v)[N]) {
     to_channels(v);
 }
 
+// In each four lanes: lanes of two vectors alternating, the first or the last two of each; pairs of lanes.
+template <int first>
+struct Alternating {
+    static constexpr int at(int i) { return i / 4 * 4 + first + i % 4 / 2 + W * (i % 2); }
+};
+template <int first>
+struct Pairs {
+    static constexpr int at(int i) { return i / 4 * 4 + first + i % 2 + W * (i % 4 / 2); }
+};
+
+// Four vectors, of which vector k holds four channels of pixels k, k + 4, ..., become a vector per channel.
+SS_INLINE void transpose_fours(F (&v)[4]) {
+    F a = shuffled<Alternating<0>>(v[0], v[1], Lanes{}), b = shuffled<Alternating<2>>(v[0], v[1], Lanes{});
+    F c = shuffled<Alternating<0>>(v[2], v[3], Lanes{}), d = shuffled<Alternating<2>>(v[2], v[3], Lanes{});
+    v[0] = shuffled<Pairs<0>>(a, c, Lanes{});
+    v[1] = shuffled<Pairs<2>>(a, c, Lanes{});
+    v[2] = shuffled<Pairs<0>>(b, d, Lanes{});
+    v[3] = shuffled<Pairs<2>>(b, d, Lanes{});
+}
+
+// Concatenates function(0), function(1), ... of four lanes each.
+template <class Function>
+SS_INLINE F concatenated(const Function& function) {
+#if defined(__AVX512F__)
+    return (F)_mm512_insertf32x8(_mm512_castps256_ps512(_mm256_insertf128_ps(_mm256_castps128_ps256((__m128)function(0)), (__m128)function(1), 1)),
+                                 _mm256_insertf128_ps(_mm256_castps128_ps256((__m128)function(2)), (__m128)function(3), 1), 1);
+#elif defined(__AVX2__)
+    return (F)_mm256_insertf128_ps(_mm256_castps128_ps256((__m128)function(0)), (__m128)function(1), 1);
+#else
+    return function(0);
+#endif
+}
+
+// Pixels of several fours of channels, where `load_four` finds them as a vector per channel.
+SS_INLINE float* four_at(float* pixels, int four, int pixel) { return pixels + (4 * four + pixel % 4) * W + pixel / 4 * 4; }
+SS_INLINE void load_four(const float* pixels, int four, F (&v)[4]) {
+    for (int k = 0; k < 4; k++) v[k] = load(pixels + (4 * four + k) * W);
+    transpose_fours(v);
+}
+
 struct F3 {
     F r, g, b;
 };

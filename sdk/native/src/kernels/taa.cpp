@@ -119,9 +119,9 @@ void taa_rows(const TaaWork& w, Rect rect, int thread) {
             F px = previous_position(to_float(ramp() + x), box_at(LONGEST) * scale_x, display.width);
             F py = previous_position(spread(static_cast<float>(y)), box_at(LONGEST + 1) * scale_y, display.height);
             prepare_warp(px, py, display, 3, CATMULL_ROM, scratch);
-            for (int k = 0; k < W; k++) store4(scratch.pixels + 4 * k, cubic4(w.history, scratch, k));
+            for (int k = 0; k < W; k++) store4(four_at(scratch.pixels, 0, k), cubic4(w.history, scratch, k));
             F q[4];
-            load_channels(scratch.pixels, q);
+            load_four(scratch.pixels, 0, q);
             F3 history = ycocg(tone(sanitize(F3{q[0], q[1], q[2]}) * s.exposure));
             F left = load(ax.tap(0, 1) + x), right = load(ax.tap(0, 2) + x);
             auto sampled = [&](int c) __attribute__((always_inline)) {

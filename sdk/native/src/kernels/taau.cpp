@@ -192,10 +192,10 @@ static Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& pas
 // Resamples W pixels of five values to eight each: the first four by the cubic, the last four linearly.
 static void warp5(const float* h, WarpScratch& s) {
     for (int i = 0; i < W; i++) {
-        store4(s.pixels + 8 * i, cubic4(h, s, i));
+        store4(four_at(s.pixels, 0, i), cubic4(h, s, i));
         const float *upper = h + s.offsets[5][i] + 1, *lower = h + s.offsets[6][i] + 1;
         const int left = s.offsets[1][i], right = s.offsets[2][i];
-        store4(s.pixels + 8 * i + 4, linear4(load4(upper + left), load4(upper + right), load4(lower + left), load4(lower + right),
+        store4(four_at(s.pixels, 1, i), linear4(load4(upper + left), load4(upper + right), load4(lower + left), load4(lower + right),
                                              s.weights[8][i], s.weights[9][i]));
     }
 }
@@ -246,13 +246,14 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
             I on = on_screen(px, py, display);
             prepare_warp(px, py, display, 5, n.history_sharpness, scratch);
             warp5(w.history, scratch);
-            F q[8];
-            load_channels(scratch.pixels, q);
+            F sharp[4], linear[4];
+            load_four(scratch.pixels, 0, sharp);
+            load_four(scratch.pixels, 1, linear);
             Past past;
-            past.light = sanitize(F3{q[0], q[1], q[2]});
+            past.light = sanitize(F3{sharp[0], sharp[1], sharp[2]});
             past.color = ycocg(tone(past.light * exposure));
-            past.samples = q[6];
-            past.power = q[7];
+            past.samples = linear[2];
+            past.power = linear[3];
             // visibility and light of the surface in the previous frame
             const Previous previous = previous_of(w.previous, px, py, display);
             LinearTaps taps(previous.x, previous.y, w.previous.width, w.previous.height, w.previous.pitch);

@@ -102,9 +102,9 @@ SS_INLINE F disocclusion(F depth, const F (&before)[4], const F (&weights)[4], f
 
 // Loads four values at each of W places, `scale` values apart, as a vector for each.
 SS_INLINE void gather4(const float* from, const int32_t* places, int scale, F (&v)[4]) {
-    float pixels[4 * W];
-    for (int k = 0; k < W; k++) store4(pixels + 4 * k, load4(from + static_cast<ptrdiff_t>(scale) * places[k]));
-    load_channels(pixels, v);
+    for (int k = 0; k < 4; k++)
+        v[k] = concatenated([&](int four) __attribute__((always_inline)) { return load4(from + static_cast<ptrdiff_t>(scale) * places[4 * four + k]); });
+    transpose_fours(v);
 }
 
 }  // namespace ss::SS_ISA
