@@ -104,7 +104,7 @@ static F confirmed_glare(F glare, F warped, F count, F luma) {
 
 // Resamples W pixels of eight values to 12 or 16 each: all linear; RGB and count by the cubic; by their own motion.
 template <bool own_motion>
-static void warp8(const float* h, bool same_motion, WarpScratch& s) {
+SS_INLINE void warp8(const float* h, bool same_motion, WarpScratch& s) {
     typedef float F8 __attribute__((vector_size(32)));
     auto low = [](F8 v) __attribute__((always_inline)) { return __builtin_shufflevector(v, v, 0, 1, 2, 3); };
     for (int i = 0; i < W; i++) {

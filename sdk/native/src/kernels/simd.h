@@ -72,7 +72,21 @@ SS_INLINE V load_as(const void* from) {
 SS_INLINE F load(const float* from) { return load_as<F>(from); }
 SS_INLINE I load(const int32_t* from) { return load_as<I>(from); }
 SS_INLINE F4 load4(const float* from) { return load_as<F4>(from); }
+// GCC converts lane by lane where there is no intrinsic.
+#if defined(__AVX512F__)
+SS_INLINE I load(const uint8_t* from) { return (I)_mm512_cvtepu8_epi32((__m128i)load_as<B>(from)); }
+SS_INLINE B to_bytes(I v) { return (B)_mm512_cvtepi32_epi8((__m512i)v); }
+#elif defined(__AVX2__)
+SS_INLINE I load(const uint8_t* from) { return (I)_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(from))); }
+SS_INLINE B to_bytes(I v) {
+    const __m256i low = _mm256_shuffle_epi8((__m256i)v, _mm256_set1_epi32(0x0C080400));
+    const __m128i words = _mm_unpacklo_epi32(_mm256_castsi256_si128(low), _mm256_extracti128_si256(low, 1));
+    return (B)_mm_cvtsi128_si64(words);
+}
+#else
 SS_INLINE I load(const uint8_t* from) { return __builtin_convertvector(load_as<B>(from), I); }
+SS_INLINE B to_bytes(I v) { return __builtin_convertvector(v, B); }
+#endif
 
 template <class V>
 SS_INLINE void store_as(void* to, V vector) {
@@ -82,7 +96,7 @@ SS_INLINE void store_as(void* to, V vector) {
 SS_INLINE void store(float* to, F v) { store_as(to, v); }
 SS_INLINE void store(int32_t* to, I v) { store_as(to, v); }
 SS_INLINE void store4(float* to, F4 v) { store_as(to, v); }
-SS_INLINE void store(uint8_t* to, I v) { store_as(to, __builtin_convertvector(v, B)); }
+SS_INLINE void store(uint8_t* to, I v) { store_as(to, to_bytes(v)); }
 
 // Stores past the caches, for values that are not read again soon; `to` is aligned to the size of the vector. A kernel
 // ends with `end_streams`, so that other threads see them.
