@@ -20,7 +20,7 @@ from supersampler.errors import FrameError, ModelError
 from supersampler.frame import Float32, Size
 
 SOURCES = Path(__file__).parents[2] / "sdk" / "native"
-METHODS = "bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"
+METHODS = "bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small", "classifier-large"
 SIZES = [((37, 22), (81, 47)), ((17, 13), (17, 13)), ((64, 36), (128, 72)), ((1, 1), (1, 1))]
 
 
@@ -154,16 +154,16 @@ def test_images_are_those_of_the_graph(library: NativeLibrary, method: str, inst
             check(native.step(frame), graph.step(frame), EXACT)
 
 
-@pytest.mark.parametrize("method", ["classifier", "classifier-small"])
+@pytest.mark.parametrize("method", [name for name in METHODS if name.startswith("classifier")])
 def test_images_of_a_network_are_those_of_the_cpu_backend(library: NativeLibrary, method: str) -> None:
-    for render, display in SIZES[:3]:
+    for render, display in [((44, 26), (81, 47)), *SIZES[1:3]]:
         native = Run(NativeExecutor(library, model_of(method), 2), render, display)
         kernels = Run(Model.load(method, executor="cpu", threads=1)._executor, render, display)
         for frame in frames(render, 5):
             check(native.step(frame), kernels.step(frame), INT8)
 
 
-@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small"])
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small", "classifier-large"])
 def test_threads_and_skipped_tiles_change_no_bit(library: NativeLibrary, method: str) -> None:
     render, display = (64, 40), (128, 80)
     runs = [Run(NativeExecutor(library, model_of(method), threads), render, display) for threads in (1, 1, 3)]

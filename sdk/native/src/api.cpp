@@ -9,8 +9,8 @@
 
 namespace ss {
 
-extern const Method BILINEAR, BICUBIC, TAA, TAAU, CLASSIFIER, CLASSIFIER_SMALL;
-static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU, &CLASSIFIER, &CLASSIFIER_SMALL};
+extern const Method BILINEAR, BICUBIC, TAA, TAAU, CLASSIFIER, CLASSIFIER_SMALL, CLASSIFIER_LARGE;
+static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU, &CLASSIFIER, &CLASSIFIER_SMALL, &CLASSIFIER_LARGE};
 
 const Method* find_method(const char* name) {
     for (const Method* method : METHODS)

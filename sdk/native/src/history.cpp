@@ -17,8 +17,8 @@ size_t plane_values(const PlaneSpec& spec, Size display, Size render) {
     return static_cast<size_t>(rows_of(spec, display, render)) * pitch_of(spec, display, render) * spec.channels;
 }
 
-History::History(const Allocator& allocator, Model& model, Size display, Size render)
-    : arena(allocator), model(model), display(display), render(render) {
+History::History(const Allocator& allocator, Model& model, Size image, Size render)
+    : arena(allocator), model(model), image(image), display(own_size(*model.method, image)), render(render) {
     const Layout& layout = model.method->layout;
     for (int k = 0; k < layout.planes; k++) {
         size_t values = plane_values(layout.plane[k], display, render);
@@ -26,7 +26,7 @@ History::History(const Allocator& allocator, Model& model, Size display, Size re
     }
     const Size tiles = tiles_of(display);
     generations = arena.take<int64_t>(static_cast<size_t>(tiles.width) * tiles.height);
-    if (layout.rests) rest.take(arena, display, render);
+    if (layout.rests) rest.take(arena, image, render);
 }
 
 bool History::fits(Size frame) const {
@@ -156,7 +156,8 @@ ss_status ss_history_write(ss_history* handle, int index, const float* values, s
     const Size tiles = tiles_of(history.display);
     const int64_t generation = __atomic_add_fetch(&history.model.generation, 1, __ATOMIC_RELAXED);
     for (int k = 0; k < tiles.width * tiles.height; k++) history.generations[k] = generation;
-    for (int k = 0; k < tiles.width * tiles.height && layout.rests; k++) history.rest.generations[k] = generation;
+    const Size image_tiles = tiles_of(history.image);
+    for (int k = 0; k < image_tiles.width * image_tiles.height && layout.rests; k++) history.rest.generations[k] = generation;
     history.frame_generation = generation;
     if (tensor.plane == OF_JITTER) memcpy(history.jitter, values, sizeof history.jitter);
     else if (tensor.plane == OF_EXPOSURE) history.exposure = *values;

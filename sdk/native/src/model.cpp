@@ -5,8 +5,9 @@ namespace ss {
 
 constexpr int KEPT_SPACES = 4;  // for dynamic resolution
 
-static Space* make_space(const Model& model, Size render, Size display) {
-    Space* space = create<Space>(model.arena.allocator(), model.arena.allocator(), render, display);
+static Space* make_space(const Model& model, Size render, Size image) {
+    const Size display = own_size(*model.method, image);
+    Space* space = create<Space>(model.arena.allocator(), model.arena.allocator(), render, image, display);
     if (!space) return nullptr;
     Samples& s = space->samples;
     s = {};
@@ -42,6 +43,7 @@ static Space* make_space(const Model& model, Size render, Size display) {
         if (t.window_sigma > 0.0f) a.windows = space->arena.take<float>(static_cast<size_t>(3) * a.pitch);
     }
     make_rest(*space, space->rest);
+    if (model.method->larger) make_downsampling(model, *space);
     space->warps = space->arena.take<WarpScratch>(model.pool.threads());
     space->scratch = space->arena.take<float>(static_cast<size_t>(model.pool.threads()) * up_to(3 * s.width, LANES));
     if (model.method->make_space(model, *space) && !space->arena.failed()) return space;
@@ -49,17 +51,17 @@ static Space* make_space(const Model& model, Size render, Size display) {
     return nullptr;
 }
 
-Space* Model::borrow(Size render, Size display) {
+Space* Model::borrow(Size render, Size image) {
     {
         Guard guard(lock);
         for (Space** at = &spaces; *at; at = &(*at)->next)
-            if ((*at)->render == render && (*at)->display == display) {
+            if ((*at)->render == render && (*at)->image_size == image) {
                 Space* found = *at;
                 *at = found->next;
                 return found;
             }
     }
-    return make_space(*this, render, display);
+    return make_space(*this, render, image);
 }
 
 void Model::give_back(Space* space) {

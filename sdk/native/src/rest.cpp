@@ -46,9 +46,9 @@ void RestHistory::release(const Allocator& allocator) {
 // Work buffers ------------------------------------------------------------------------------------------------------
 
 bool make_rest(Space& space, RestWork& w) {
-    const Size render = space.render, display = space.display, blocks = blocks_of(render);
+    const Size render = space.render, display = space.image_size, own = space.display, blocks = blocks_of(render);
     const size_t count = static_cast<size_t>(blocks.width) * blocks.height;
-    const size_t tiles = static_cast<size_t>(tiles_of(display).width) * tiles_of(display).height;
+    const size_t tiles = static_cast<size_t>(tiles_of(own).width) * tiles_of(own).height;
     Arena& arena = space.arena;
     w.display = display;
     Stillness& s = w.still;
@@ -64,6 +64,8 @@ bool make_rest(Space& space, RestWork& w) {
     const auto floats = [&](size_t n) { return arena.take<float>(n); };
     int32_t* const row_blocks = integers(display.height);
     int32_t* const column_blocks = integers(display.width + LANES);
+    int32_t* const own_row_blocks = integers(own.height);
+    int32_t* const own_column_blocks = integers(own.width);
     int32_t* const nearest_rows = integers(render.height);
     int32_t* const nearest_columns = integers(render.width + LANES);
     w.pixel_rows = integers(2 * render.height), w.pixel_columns = integers(2 * render.width);
@@ -90,8 +92,11 @@ bool make_rest(Space& space, RestWork& w) {
     };
     blocks_at(row_blocks, display.height, render.height);
     blocks_at(column_blocks, display.width, render.width);
+    blocks_at(own_row_blocks, own.height, render.height);
+    blocks_at(own_column_blocks, own.width, render.width);
     nearest(nearest_rows, display.height, render.height);
     nearest(nearest_columns, display.width, render.width);
+    w.own_row_blocks = own_row_blocks, w.own_column_blocks = own_column_blocks;
     w.row_blocks = row_blocks, w.column_blocks = column_blocks, w.nearest_rows = nearest_rows, w.nearest_columns = nearest_columns;
     for (int k = 0; k < 3 * BLOCK * BLOCK; k++) {  // of channel, row and column of a block
         const float place = static_cast<float>(k) * ORDER;
@@ -191,18 +196,20 @@ static void dilate_mask(uint8_t* mask, uint8_t* spare, Size size, int reach) {
         }
 }
 
-// Marks tiles of a display with a pixel of one of these blocks.
-static void any_in_tiles(const RestWork& w, const uint8_t* blocks, uint8_t* tiles) {
-    const Size size = tiles_of(w.display);
+// Marks tiles of an image, in whose rows and columns these blocks are, with a pixel of a marked block.
+static void any_in_tiles(const uint8_t* blocks, int across, Size image, const int32_t* row_blocks, const int32_t* column_blocks, uint8_t* tiles) {
+    const Size size = tiles_of(image);
     for (int ty = 0; ty < size.height; ty++)
         for (int tx = 0; tx < size.width; tx++) {
             uint8_t found = 0;
-            const int top = w.row_blocks[ty * TILE], bottom = w.row_blocks[min(ty * TILE + TILE, w.display.height) - 1];
-            const int left = w.column_blocks[tx * TILE], right = w.column_blocks[min(tx * TILE + TILE, w.display.width) - 1];
-            for (int y = top; y <= bottom && !found; y++)
-                found = any(blocks + y * w.still.blocks.width + left, right - left + 1);
+            const int top = row_blocks[ty * TILE], bottom = row_blocks[min(ty * TILE + TILE, image.height) - 1];
+            const int left = column_blocks[tx * TILE], right = column_blocks[min(tx * TILE + TILE, image.width) - 1];
+            for (int y = top; y <= bottom && !found; y++) found = any(blocks + y * across + left, right - left + 1);
             tiles[ty * size.width + tx] = found;
         }
+}
+static void any_in_tiles(const RestWork& w, const uint8_t* blocks, uint8_t* tiles) {
+    any_in_tiles(blocks, w.still.blocks.width, w.display, w.row_blocks, w.column_blocks, tiles);
 }
 
 void make_runs(uint8_t* mask, Size tiles, int gap, Runs& runs) {
@@ -496,7 +503,7 @@ bool plan_tiles(const Step& step, RestWork& w, bool compute_all) {
     const size_t count = static_cast<size_t>(tiles.width) * tiles.height;
     Stillness& s = w.still;
     for (int block = 0; block < s.count(); block++) s.spare[block] = !s.stays[block];
-    any_in_tiles(w, s.spare, w.tiles);
+    any_in_tiles(s.spare, s.blocks.width, step.space.display, w.own_row_blocks, w.own_column_blocks, w.tiles);
     for (size_t k = 0; k < count; k++) {
         w.resting[k] = !w.tiles[k];
         w.computed[k] = compute_all || w.tiles[k];

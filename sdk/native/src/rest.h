@@ -80,6 +80,7 @@ struct RestWork {
     Stillness still;
     Size display;
     const int32_t *row_blocks, *column_blocks;        // block of each row and column of the display
+    const int32_t *own_row_blocks, *own_column_blocks;  // of what the method keeps, which may be larger
     const int32_t *nearest_rows, *nearest_columns;    // pixels nearest to samples
     int32_t *pixel_rows, *pixel_columns;              // (n, 2) pixels around samples, and their weights
     float *pixel_row_weights, *pixel_column_weights;

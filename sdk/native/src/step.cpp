@@ -179,6 +179,28 @@ static void copy_image(const Step& step, const View& from, const View& to, float
     });
 }
 
+// Computes the method's image, and filters a larger one to the display.
+static ss_status compute(Step& step) {
+    if (!step.model.method->larger) return step.model.method->compute(step);
+    const Target shown = step.target;
+    const Size large = step.space.display;
+    DownsampleWork& w = step.space.downsampling;
+    ss_image image = {}, plane = {};
+    image.data = const_cast<float*>(w.image);
+    plane.data = shown.weight ? step.space.weight : nullptr;
+    step.target = {view_of(image, large.width, 3), view_of(plane, large.width, 1), large.width, large.height, 1.0f};
+    ss_status status = step.model.method->compute(step);
+    step.target = shown;
+    if (status != SS_OK) return status;
+    w.exposure = step.samples().exposure;
+    w.target = shown;
+    pool_of(step).run_rows(shown.height, [&](int y0, int y1, int thread) {
+        step.kernels().downsample_rows(w, y0, y1, thread);
+        if (shown.weight) step.kernels().pick_pixels(step.space.weight, large, shown.weight, {shown.width, shown.height}, y0, y1);
+    });
+    return SS_OK;
+}
+
 static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     History& after = step.after;
     RestWork& w = step.space.rest;
@@ -225,7 +247,7 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     if (computes) {
         memcpy(after.jitter, step.frame.jitter, sizeof after.jitter);
         after.exposure = step.exposure;
-        if (ss_status status = step.model.method->compute(step)) return status;
+        if (ss_status status = compute(step)) return status;
     }
     keep_tiles(step, generation, computes);
     if (computes && after.frame_generation != step.before.frame_generation) after.frame_generation = generation;
@@ -241,9 +263,9 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
 
 ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
                    ss_error* error) {
-    const Size render = {frame.width, frame.height}, display = before.display;
+    const Size render = {frame.width, frame.height}, display = before.image;
     if (ss_status status = check_frame(*model.method, frame, display, error)) return status;
-    if (!(after.display == display) || &before == &after)
+    if (!(after.image == display) || &before == &after)
         return fail(error, SS_BAD_ARGUMENT, "next_history is %s; want another history of the same display size",
                     &before == &after ? "the history itself" : "of another display size");
     if (!after.fits(render))

@@ -43,7 +43,7 @@ class Arrays;
 // The work buffers of a step for one pair of sizes. The method's own follow in `own`.
 struct Space {
     Arena arena;
-    Size render, display;
+    Size render, image_size, display;  // of the frame, of the image, and of what the method keeps
     Samples samples;
     Tables tables;
     WarpScratch* warps;
@@ -53,7 +53,10 @@ struct Space {
     void* own = nullptr;
     Space* next = nullptr;
 
-    Space(const Allocator& allocator, Size render, Size display) : arena(allocator), render(render), display(display) {}
+    DownsampleWork downsampling;
+    float* weight = nullptr;  // (display height, display width), where the image is smaller
+
+    Space(const Allocator& allocator, Size render, Size image, Size display) : arena(allocator), render(render), image_size(image), display(display) {}
     float* rows_of_samples(int planes, int pitch) {
         return arena.take<float>(static_cast<size_t>(render.height) * planes * pitch);
     }
@@ -65,6 +68,7 @@ struct Method {
     float ratios[2];  // smallest and largest ratio of display to render size
     bool reads_surfaces;   // whether it takes depth, and motion dilated by it
     bool reads_motion;
+    bool larger;  // whether its history and image are LARGE, and filtered to the display
     Layout layout;
     const Constant* constants;
     int constant_count;
@@ -75,13 +79,17 @@ struct Method {
     ss_status (*read_weights)(Model& model, const Arrays& arrays, ss_error* error);  // null: it has none
 };
 
+// Size of what a method keeps for images of a display: see supersampler.methods.spec.large_size.
+inline Size own_size(const Method& method, Size display) {
+    return method.larger ? Size{(7 * display.width + 4) / 5, (7 * display.height + 4) / 5} : display;
+}
 const Method* find_method(const char* name);
 
 // The history after a frame; empty at first.
 struct History {
     Arena arena;
     Model& model;
-    Size display, render;
+    Size image, display, render;  // of the image, of the planes, of the frame
     void* planes[MAX_PLANES] = {};
     float values[MAX_VALUES] = {};
     float jitter[2] = {};
@@ -92,7 +100,7 @@ struct History {
     int64_t frame_generation = 0;  // in two histories equal ones mean equal planes of samples
 
     ~History() { rest.release(arena.allocator()); }
-    History(const Allocator& allocator, Model& model, Size display, Size render);
+    History(const Allocator& allocator, Model& model, Size image, Size render);
     float* plane(int index) const { return static_cast<float*>(planes[index]); }
     int pitch() const { return up_to(render.width, LANES) + 2 * PAD; }  // of rows of samples
     bool fits(Size frame) const;
@@ -118,7 +126,7 @@ struct Model {
     const Config& config_of() const {
         return *reinterpret_cast<const Config*>(config);
     }
-    Space* borrow(Size render, Size display);
+    Space* borrow(Size render, Size image);
     void give_back(Space* space);
 };
 
@@ -158,6 +166,7 @@ inline bool rests_anywhere(const Step& step) {
     const Size tiles = tiles_of(step.space.display);
     return memchr(step.space.rest.resting, 1, static_cast<size_t>(tiles.width) * tiles.height);
 }
+bool make_downsampling(const Model& model, Space& space);
 bool make_rest(Space& space, RestWork& work);
 void make_runs(uint8_t* mask, Size tiles, int gap, Runs& runs);  // joins tiles of a row less than `gap` apart
 bool compare_with_rest(const Step& step, RestWork& work, const RestHistory& before, RestHistory& after);

@@ -147,6 +147,20 @@ struct SpatialWork {
     float* lines;  // of each thread three filtered rows
 };
 
+// The filter from a larger image to the display; the same as `downsample` of supersampler_model.ops.sampling.
+struct DownsampleWork {
+    const float* image;  // (height, width, 3)
+    Size size;
+    int32_t *rows, *columns;             // (TAPS, pitch) pixels that are read, and their weights
+    float *row_weights, *column_weights;
+    int row_pitch, column_pitch;
+    float* scratch;  // of each thread, `scratch_pitch` apart: RING rows of the image, and one more, of four values per pixel
+    size_t scratch_pitch;
+    float exposure;
+    Target target;
+};
+constexpr int TAPS = 2 * classifier_large::REACH, RING = 8;  // a power of two, more than TAPS
+
 struct ClassifierWork;
 struct RestWork;
 
@@ -170,7 +184,9 @@ struct Kernels {
     void (*add_samples)(const RestWork&, Rect);
     void (*show_mean)(const RestWork&, Rect);
     void (*freeze_mean)(const RestWork&, Rect);
+    void (*downsample_rows)(const DownsampleWork&, int y0, int y1, int thread);
     void (*copy_image)(const View& from, const View& to, int width, int y0, int y1, float factor);
+    void (*pick_pixels)(const float* from, Size from_size, const View& to, Size size, int y0, int y1);
     void (*write_converged)(const RestWork&, const View& image, int y0, int y1);
     void (*keep_depth)(const ClassifierWork&, int y0, int y1);
     void (*encode_first)(const ClassifierWork&, int depth, Rect, int thread);

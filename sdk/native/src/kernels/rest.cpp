@@ -215,6 +215,15 @@ void copy_image(const View& from, const View& to, int width, int y0, int y1, flo
     end_streams();
 }
 
+// Writes the nearest pixels of a plane of another size.
+void pick_pixels(const float* from, Size from_size, const View& to, Size size, int y0, int y1) {
+    for (int y = y0; y < y1; y++) {
+        const float* row = from + (2 * static_cast<ptrdiff_t>(y) + 1) * from_size.height / (2 * size.height) * from_size.width;
+        for (int x = 0; x < size.width; x++)
+            store_value(to, const_cast<char*>(to.data) + y * to.row + x * to.pixel, row[(2 * static_cast<ptrdiff_t>(x) + 1) * from_size.width / (2 * size.width)]);
+    }
+}
+
 // Writes 1 at the pixels whose block is frozen, else 0.
 void write_converged(const RestWork& w, const View& image, int y0, int y1) {
     for (int y = y0; y < y1; y++)

@@ -24,7 +24,9 @@ void sum_blocks(const RestWork&, int y0, int y1);
 void add_samples(const RestWork&, Rect);
 void show_mean(const RestWork&, Rect);
 void freeze_mean(const RestWork&, Rect);
+void downsample_rows(const DownsampleWork&, int y0, int y1, int thread);
 void copy_image(const View& from, const View& to, int width, int y0, int y1, float factor);
+void pick_pixels(const float* from, Size from_size, const View& to, Size size, int y0, int y1);
 void write_converged(const RestWork&, const View& image, int y0, int y1);
 void keep_depth(const ClassifierWork&, int y0, int y1);
 void encode_first(const ClassifierWork&, int depth, Rect, int thread);
@@ -34,8 +36,9 @@ extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread);
 
 extern const Kernels KERNELS = {
     SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows, taau_shade,
-    taau_compare, taau_rows, sign_blocks, sum_blocks, add_samples, show_mean, freeze_mean, copy_image,
-    write_converged, keep_depth, encode_first, encode_others, GATHER, FINISH,
+    taau_compare, taau_rows, sign_blocks, sum_blocks, add_samples, show_mean, freeze_mean,
+    downsample_rows, copy_image,
+    pick_pixels, write_converged, keep_depth, encode_first, encode_others, GATHER, FINISH,
 };
 }  // namespace SS_ISA
 }  // namespace ss

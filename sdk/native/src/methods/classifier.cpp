@@ -264,9 +264,12 @@ static constexpr Layout LAYOUT = {
     .glare = "state",
 };
 constexpr int COUNT_OF_CONSTANTS = sizeof CONSTANTS / sizeof(Constant);
-extern const Method CLASSIFIER = {"classifier", {1, 3}, true, true, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
+extern const Method CLASSIFIER = {"classifier", {1, 3}, true, true, false, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
                                   filters, make_space, compute, read_weights};
-extern const Method CLASSIFIER_SMALL = {"classifier-small", {1, 3}, true, true, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
+extern const Method CLASSIFIER_SMALL = {"classifier-small", {1, 3}, true, true, false, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
+                                        filters, make_space, compute, read_weights};
+
+extern const Method CLASSIFIER_LARGE = {"classifier-large", {1, 2}, true, true, true, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
                                         filters, make_space, compute, read_weights};
 
 }  // namespace ss
