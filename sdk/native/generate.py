@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from supersampler.backends.gpu.shader import SHARED_CONSTANTS, Number, Vector, numbers_of
+from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS, STEP_COST
 from supersampler.methods.registry import methods
 from supersampler.methods.spec import MethodSpec, constants_of, flags_of
 
@@ -43,6 +44,8 @@ def _method(spec: MethodSpec) -> Iterator[str]:
     shared = {name for module in SHARED_CONSTANTS for name in numbers_of(module)}
     own: Mapping[str, Number | Vector] = numbers_of(spec.config.__module__)
     yield from (_line(name, value) for name, value in own.items() if name not in shared)
+    if spec.name == "gbuffer-fast":  # it shares these with `gbuffer`, which has no kernels
+        yield from (_line("NEIGHBOUR_WEIGHTS", NEIGHBOUR_WEIGHTS), _line("STEP_COST", STEP_COST))
     config, ranges = spec.config(), constants_of(spec)
     yield "struct Config {"
     yield from (f"    float {name} = {_literal(float(getattr(config, name)))};" for name in ranges)
@@ -54,7 +57,7 @@ def _method(spec: MethodSpec) -> Iterator[str]:
     yield f"}};\n}}  // namespace {spec.name.replace('-', '_')}"
 
 
-def _line(name: str, value: Number | Vector) -> str:
+def _line(name: str, value: Number | tuple[float, ...]) -> str:
     if isinstance(value, tuple):
         return f"constexpr float {name}[] = {{{', '.join(_literal(float(part)) for part in value)}}};"
     return f"constexpr {'float' if isinstance(value, float) else 'int'} {name} = {_literal(value)};"

@@ -69,9 +69,7 @@ def frames(render: Size, count: int) -> Iterator[Frame]:
             depth[3], depth[4], depth[5] = np.nan, -1.0, np.inf
             motion[0], motion[1] = np.nan, np.inf
         mask = np.linspace(0.0, 1.0, depth.size, dtype=np.float32).reshape(depth.shape)
-        yield replace(
-            frame, color=color, depth=depth, motion=motion, reactive=mask if index == 3 else None
-        )
+        yield replace(frame, color=color, depth=depth, motion=motion, reactive=mask if index == 3 else None)
 
 
 class Run:
@@ -152,6 +150,27 @@ def test_images_are_those_of_the_graph(library: NativeLibrary, method: str, inst
         graph = Run(Model.load(method, executor="onnx", threads=1)._executor, render, display)
         for frame in frames(render, 5):
             check(native.step(frame), graph.step(frame), EXACT)
+
+
+def test_images_guided_by_g_buffers_are_those_of_the_cpu_backend(library: NativeLibrary) -> None:
+    render, display = (37, 22), (81, 47)
+    native = Run(NativeExecutor(library, model_of("gbuffer-fast"), 2), render, display)
+    kernels = Run(Model.load("gbuffer-fast", executor="cpu", threads=1)._executor, render, display)
+    rng = np.random.default_rng(0)
+
+    def surfaces(size: Size) -> dict[str, Float32]:
+        shape = (*size[::-1], 3)
+        return {
+            "base_color": rng.random(shape, np.float32),
+            "normal": 1.4 * rng.random(shape, np.float32) - np.float32(0.7),
+        }
+
+    for frame in frames(render, 5):
+        depth = 0.1 * rng.random(display[::-1], np.float32)
+        given = replace(
+            frame, gbuffer=surfaces(render), gbuffer_display={**surfaces(display), "depth": depth}
+        )
+        check(native.step(given), kernels.step(given), INT8)
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name.startswith("classifier")])

@@ -9,8 +9,8 @@
 
 namespace ss {
 
-extern const Method BILINEAR, BICUBIC, TAA, TAAU, CLASSIFIER, CLASSIFIER_SMALL, CLASSIFIER_LARGE;
-static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU, &CLASSIFIER, &CLASSIFIER_SMALL, &CLASSIFIER_LARGE};
+extern const Method BILINEAR, BICUBIC, TAA, TAAU, CLASSIFIER, CLASSIFIER_SMALL, CLASSIFIER_LARGE, GBUFFER_FAST;
+static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU, &CLASSIFIER, &CLASSIFIER_SMALL, &CLASSIFIER_LARGE, &GBUFFER_FAST};
 
 const Method* find_method(const char* name) {
     for (const Method* method : METHODS)

@@ -220,6 +220,8 @@ constexpr Constant CONSTANTS[] = {
 namespace gbuffer_fast {
 constexpr float MIN_SIMILARITY = 0.0001f;
 constexpr float MAX_DEPTH_COST = 10.0f;
+constexpr float NEIGHBOUR_WEIGHTS[] = {0.03f, 0.12f, 0.03f, 0.12f, 1.0f, 0.12f, 0.03f, 0.12f, 0.03f};
+constexpr float STEP_COST = 0.002f;
 struct Config {
     float sample_sigma = 0.47f;
     float moment_sigma = 0.45f;

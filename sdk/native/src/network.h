@@ -97,6 +97,7 @@ struct ClassifierWork {
     float* next_depth;
     Target target;
     Gathered gathered;
+    Guide guide;  // of the variant `guided`
     Network* network;
     WarpScratch* warps;
     ClassifierScratch* scratch;

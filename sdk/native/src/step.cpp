@@ -45,7 +45,12 @@ static ss_status check_frame(const Method& method, const ss_frame& f, Size displ
     } inputs[] = {{"color", f.color, true},
                   {"depth", f.depth, method.reads_surfaces},
                   {"motion", f.motion, method.reads_motion},
-                  {"reactive", f.reactive, false}};
+                  {"reactive", f.reactive, false},
+                  {"base_color", f.base_color, method.reads_gbuffers},
+                  {"normal", f.normal, method.reads_gbuffers},
+                  {"display_base_color", f.display_base_color, method.reads_gbuffers},
+                  {"display_normal", f.display_normal, method.reads_gbuffers},
+                  {"display_depth", f.display_depth, method.reads_gbuffers}};
     for (const auto& input : inputs)
         if (ss_status status = check_input(input.name, input.image, input.needed, error)) return status;
     for (float offset : f.jitter)

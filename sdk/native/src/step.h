@@ -68,6 +68,7 @@ struct Method {
     float ratios[2];  // smallest and largest ratio of display to render size
     bool reads_surfaces;   // whether it takes depth, and motion dilated by it
     bool reads_motion;
+    bool reads_gbuffers;
     bool larger;  // whether its history and image are LARGE, and filtered to the display
     Layout layout;
     const Constant* constants;

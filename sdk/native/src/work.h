@@ -52,6 +52,24 @@ struct FrameImages {
     size_t scratch_pitch;
 };
 
+// G-buffers of a frame, and what is prepared of them for the variant `guided` of the classifiers.
+constexpr int SURFACE_PLANES = 9;
+struct Guide {
+    View base_color, normal;                   // of the frame's samples
+    View display_base_color, display_normal;   // of display size, as the next
+    View display_depth;
+    float* samples;  // (render height, SURFACE_PLANES, pitch) light, toned; normal and base colour, scaled
+    float* depth;    // (display height, PAD + pitch + PAD), UNKNOWN_DEPTH where it is not usable
+    int depth_pitch;
+    const uint8_t* before;  // (display height, display width, 4) reflectance of the history; 255 is one
+    uint8_t* next;
+    float normal_scale, color_scale;  // of features; their squared distance is an exponent
+    float depth_scale;                // of the squared relative difference of depth
+    float min_reflectance;
+    float* scratch;  // of each thread rows of packed values, `scratch_pitch` apart
+    size_t scratch_pitch;
+};
+
 // A separable filter of the four samples around a display pixel.
 enum FilterKind { LINEAR, CUBIC, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };
 struct Filter {
@@ -189,9 +207,11 @@ struct Kernels {
     void (*pick_pixels)(const float* from, Size from_size, const View& to, Size size, int y0, int y1);
     void (*write_converged)(const RestWork&, const View& image, int y0, int y1);
     void (*keep_depth)(const ClassifierWork&, int y0, int y1);
+    void (*prepare_surfaces)(const ClassifierWork&, int y0, int y1, int thread);
+    void (*prepare_depth)(const ClassifierWork&, int y0, int y1, int thread);
     void (*encode_first)(const ClassifierWork&, int depth, Rect, int thread);
     void (*encode_others)(const ClassifierWork&, int depth, Rect, int thread);
-    // by variant: 1 of own_motion, 2 of rectified
+    // by variant: 1 of own_motion, 2 of rectified; 4 of guided, which has own_motion, and 1 of rectified
     void (*const* classifier_gather)(const ClassifierWork&, Rect, int thread);
     void (*const* classifier_finish)(const ClassifierWork&, Rect, int thread);
 };

@@ -20,6 +20,11 @@ SS_INLINE void stream_half3(uint16_t* to, F3 v) {
     stream_half(to + 2 * W, v.b);
 }
 
+// A row of the guided colour; its planes are pitch + 2 * PAD apart.
+SS_INLINE uint16_t* guided_row(const ClassifierWork& w, int y) {
+    return w.gathered.image + 3 * static_cast<ptrdiff_t>(y) * (w.gathered.pitch + 2 * PAD) + PAD;
+}
+
 // Where light over white rises over all samples of the history; same as `unexplained_light`.
 SS_INLINE I light_rises(F luma, F high, F count, F surface) {
     return (luma > WHITE) & (luma > high + RISE) & (count * surface > 0.0f);

@@ -1,5 +1,5 @@
 // Finish of the classifiers: the last layers of the network, then the compositor; the same as `Classifier.finish`.
-#include "classifier.h"
+#include "guided.h"
 
 namespace ss::SS_ISA {
 
@@ -135,7 +135,14 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         };
         Sum window;
         const Places places(ax.nearest, x);
-        unrolled<3>([&](auto row_index) __attribute__((always_inline)) {
+        if constexpr (guided) unrolled<9>([&](auto index) __attribute__((always_inline)) {
+            constexpr int k = index.k;
+            const uint16_t* at = guided_row(w, clamp(y + k / 3 - 1, 0, w.target.height - 1)) + x + k % 3 - 1;
+            const int pitch = width + 2 * PAD;
+            window.add(F3{load_half(at), load_half(at + pitch), load_half(at + 2 * pitch)},
+                       NEIGHBOUR_WEIGHTS[k] * factor(parameter(variant.kernel_weights() + k)));
+        });
+        else unrolled<3>([&](auto row_index) __attribute__((always_inline)) {
             constexpr int i = row_index.k;
             const float* row = s.color + static_cast<ptrdiff_t>(ay.clamped(near + i - 1)) * SAMPLE_PLANES * s.pitch;
             const float down = ay.windows[i * ay.pitch + y];
@@ -151,6 +158,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         F3 filtered = select(window.weight > 1e-9f, window.color * (1.0f / maximum(window.weight, 1e-12f)), frame);
         F confidence = load_half(rest + W * CONFIDENCE);
         F here = select(window.weight > 0.0f, 1.0f, F{});  // whether a sample around is usable
+        if (guided) here = load_half(rest + W * variant.sampled());
         F sampled = here * (confidence + MIN_PRIOR), frame_weight = here * FRAME_PRIOR;
         constexpr int of_sample = variant.history_colors();
         Sum current;
@@ -227,6 +235,7 @@ static void finish_rows(const ClassifierWork& w, Rect rect, int thread) {
 }
 
 extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread) = {finish_rows<false, false, false>, finish_rows<false, true, false>,
-                                                                  finish_rows<true, false, false>, finish_rows<true, true, false>};
+                                                                  finish_rows<true, false, false>, finish_rows<true, true, false>,
+                                                                             finish_rows<false, true, true>, finish_rows<true, true, true>};
 
 }  // namespace ss::SS_ISA

@@ -2,15 +2,15 @@
 //
 // A vector holds one channel of W pixels. Where positions differ from pixel to pixel (warps), it holds the channels of
 // one pixel.
-#include "classifier.h"
+#include "guided.h"
 
 namespace ss::SS_ISA {
 
-// Words of a record of network inputs, by the names of `pixel_inputs`. `guided` has two in the places of others.
+// Words of a record of network inputs, by the names of `pixel_inputs`. `guided` has RELIT_TO_FRAME and AGREEMENT in
+// the places of MIN_LUMA and MAX_LUMA.
 enum InputWord {
     IN_FRAME, IN_SAMPLE, IN_HISTORY, IN_HISTORY_TO_SAMPLE, IN_HISTORY_TO_FRAME, IN_CONTRAST, IN_HISTORY_CONTRAST,
     IN_BEYOND_RANGE, IN_MIN_LUMA, IN_MAX_LUMA, IN_DETAIL, IN_CONFIDENCE, IN_COUNT, IN_DEPTH_DIFFERENCE, IN_SURFACE, IN_EDGE,
-    IN_RELIT_TO_FRAME = IN_MIN_LUMA, IN_AGREEMENT = IN_MAX_LUMA,
 };
 
 static F3 toned_at(const ClassifierWork& w, F r, F g, F b) { return tone(sanitize(F3{r, g, b}) * w.samples.exposure); }
@@ -244,6 +244,12 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
         if (inside) filter_all_down(w, y, span, scratch.lines, !guided);
         const float* dilated = s.dilated + 4 * static_cast<ptrdiff_t>(ay.clamped(ay.start[y])) * s.stride;
         const float* nearest = s.own + 4 * static_cast<ptrdiff_t>(ay.nearest[y]) * s.stride;
+        const float *base_color = nullptr, *normals = nullptr;
+        if (guided && inside) {
+            float* room = w.guide.scratch + thread * w.guide.scratch_pitch;
+            base_color = packed_row(w.guide.display_base_color, 3, y, display.width, room);
+            normals = packed_row(w.guide.display_normal, 3, y, display.width, room + 3 * display.width);
+        }
         F rising = F{};
         for (int x = rect.x0; x < rect.x1; x += W) {
             F lane = to_float(ramp() + x), v[4], own[4];
@@ -253,6 +259,18 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             F py = previous_position(spread(static_cast<float>(y)), v[2] * scale_y, display.height);
             I on = on_screen(px, py, display);
             gather4(nearest, ax.nearest + x, 4, own);
+            F edge = own[2];
+            Surface surface_here = {};
+            Guided guided_here = {};
+            if (guided && inside) {
+                surface_here = surface_at(base_color, normals, x, display.width);
+                depth = load(depth_row(w.guide, y) + x);
+                guided_here = guide_pixels(w, y, x, surface_here, depth);
+                own[0] = guided_here.motion_x, own[1] = guided_here.motion_y;
+                edge = edge_at(w.guide, y, x, display.height);
+            }
+            F surface_x = px, surface_y = py;
+            I surface_on = on;
             store(scratch.places + x, px);
             store(scratch.places + width + x, py);
             prepare_warp(px, py, display, 8, w.config.history_sharpness, warps);
@@ -260,7 +278,8 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             if (own_motion) {
                 F ox = previous_position(lane, own[0] * scale_x, display.width);
                 F oy = previous_position(spread(static_cast<float>(y)), own[1] * scale_y, display.height);
-                same_motion = all((ox == px) & (oy == py));
+                same_motion = !guided && all((ox == px) & (oy == py));
+                if (guided) surface_x = ox, surface_y = oy, surface_on = on_screen(ox, oy, display);
                 if (!same_motion) {
                     store(warps.weights[10], store_offsets(ox, 0, 1, display.width, 8, warps.offsets + 8));
                     store(warps.weights[11], store_offsets(oy, 0, 1, display.height, 8 * display.width, warps.offsets + 10));
@@ -283,10 +302,25 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             stream(history, color.r);
             stream(history + W, color.g);
             stream(history + 2 * W, color.b);
-            F3 by_own = own_motion && !same_motion ? toned_at(w, third[0], third[1], third[2]) : linear;
-            F difference, surface = gather_surface(w, depth, px, py, on, difference);
+            F3 by_own = own_motion && !guided && !same_motion ? toned_at(w, third[0], third[1], third[2]) : linear;
+            F3 reflected = {};
+            if (guided) {
+                reflected = reflectance(surface_here, w.guide.min_reflectance);
+                F3 before = warp_reflectance(w.guide.before, warps);
+                F3 kept = keep_reflectance(reflected, w.guide.next + 4 * (static_cast<ptrdiff_t>(y) * display.width + x), display.width - x);
+                F3 light = relit(F3{third[0], third[1], third[2]}, before, kept, w.guide.min_reflectance);
+                by_own = where(surface_on, toned_at(w, light.r, light.g, light.b));
+            }
+            F difference, surface = gather_surface(w, depth, surface_x, surface_y, surface_on, difference);
             CurrentFrame now = current_frame<guided>(w, scratch.lines, x);
             now.frame = or_fill(now.found, now.frame, s, w.tables, y, x);
+            if (guided) {
+                now.frame = lit(guided_here.light, reflected);
+                uint16_t* image = guided_row(w, y) + x;
+                store_as(image, to_half(now.frame.r));
+                store_as(image + width + 2 * PAD, to_half(now.frame.g));
+                store_as(image + 2 * (width + 2 * PAD), to_half(now.frame.b));
+            }
             F sample_luma = luminance(now.sample), glares = F{};
             if (w.glares) {
                 F warped_glare = without_glare(high);
@@ -308,6 +342,7 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
                 stream_half3(rest + W * (variant.mean() + 3), now.extents);
             }
             if (own_motion) stream_half3(rest + W * variant.own(), by_own);
+            if (guided) stream_half(rest + W * variant.sampled(), guided_here.sampled);
 
             F3 frame_roots = roots(now.frame), sample_roots = roots(now.sample);
             F frame_luma = luminance(frame_roots);
@@ -319,14 +354,19 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             input(IN_HISTORY_TO_SAMPLE, max_difference(color_roots, sample_roots));
             input(IN_HISTORY_TO_FRAME, max_difference(color_roots, frame_roots));
             input(IN_CONTRAST, root(root(now.variance)));
-            input(IN_MIN_LUMA, root(low));
-            input(IN_MAX_LUMA, root(high));
+            input(IN_MIN_LUMA, guided ? max_difference(roots(by_own), frame_roots) : root(low));
+            input(IN_MAX_LUMA, guided ? guided_here.agreement : root(high));
             input(IN_DETAIL, root(max_difference(color, linear)));
             input(IN_CONFIDENCE, now.confidence);
             input(IN_COUNT, count / (count + HALF_COUNT));
             input(IN_DEPTH_DIFFERENCE, difference * 0.5f + 0.5f);
             input(IN_SURFACE, surface);
-            input(IN_EDGE, own[2]);
+            input(IN_EDGE, edge);
+        }
+        for (int c = 0; guided && inside && c < 3; c++) {  // the pixels beside the image
+            uint16_t* row = guided_row(w, y) + c * (width + 2 * PAD);
+            if (rect.x0 == 0) row[-1] = row[0];
+            if (end == display.width) row[end] = row[end - 1];
         }
         if (inside) w.gathered.rising[(static_cast<ptrdiff_t>(y) * width + rect.x0) / LANES] = sum_of_lanes(rising);
         if (inside && y % 2 == 0) warp_classes(w, scratch.places, rect.x0 / 2, (end + 1) / 2, y / 2, warps);
@@ -356,6 +396,7 @@ void keep_depth(const ClassifierWork& w, int y0, int y1) {
 }
 
 extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread) = {gather_rows<false, false, false>, gather_rows<false, true, false>,
-                                                                  gather_rows<true, false, false>, gather_rows<true, true, false>};
+                                                                  gather_rows<true, false, false>, gather_rows<true, true, false>,
+                                                                             gather_rows<false, true, true>, gather_rows<true, true, true>};
 
 }  // namespace ss::SS_ISA

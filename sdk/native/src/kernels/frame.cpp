@@ -5,16 +5,6 @@
 
 namespace ss::SS_ISA {
 
-// Returns a row as packed floats: that of the image itself, or converted to `scratch`.
-static const float* packed_row(const View& image, int channels, int y, int width, float* scratch) {
-    const char* row = image.data + y * image.row;
-    if (image.type == SS_FLOAT32 && image.is_packed<float>(channels)) return reinterpret_cast<const float*>(row);
-    for (int x = 0; x < width; x++)
-        for (int c = 0; c < channels; c++)
-            scratch[channels * x + c] = value_at(image, row + x * image.pixel + c * image.channel);
-    return scratch;
-}
-
 static F sanitized_motion(F motion) {
     return select(absolute(motion) <= FINITE_MOTION, clamped(motion, -MAX_MOTION, MAX_MOTION), 0.0f);
 }

@@ -23,6 +23,16 @@ SS_INLINE float value_at(const View& image, const char* at) {
     return image.type == SS_FLOAT16 ? half_to_float(load_as<uint16_t>(at)) : load_as<float>(at);
 }
 
+// Returns a row as packed floats: that of the image itself, or converted to `scratch`.
+[[maybe_unused]] static const float* packed_row(const View& image, int channels, int y, int width, float* scratch) {
+    const char* row = image.data + y * image.row;
+    if (image.type == SS_FLOAT32 && image.is_packed<float>(channels)) return reinterpret_cast<const float*>(row);
+    for (int x = 0; x < width; x++)
+        for (int c = 0; c < channels; c++)
+            scratch[channels * x + c] = value_at(image, row + x * image.pixel + c * image.channel);
+    return scratch;
+}
+
 // Returns where W pixels from x on can be loaded: in the row, or in `tail`, where the last pixel is repeated.
 template <int channels>
 SS_INLINE const float* whole_vector(const float* row, int x, int width, float (&tail)[channels * W]) {

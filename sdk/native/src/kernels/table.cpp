@@ -29,6 +29,8 @@ void copy_image(const View& from, const View& to, int width, int y0, int y1, flo
 void pick_pixels(const float* from, Size from_size, const View& to, Size size, int y0, int y1);
 void write_converged(const RestWork&, const View& image, int y0, int y1);
 void keep_depth(const ClassifierWork&, int y0, int y1);
+void prepare_surfaces(const ClassifierWork&, int y0, int y1, int thread);
+void prepare_depth(const ClassifierWork&, int y0, int y1, int thread);
 void encode_first(const ClassifierWork&, int depth, Rect, int thread);
 void encode_others(const ClassifierWork&, int depth, Rect, int thread);
 extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread);
@@ -38,7 +40,7 @@ extern const Kernels KERNELS = {
     SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows, taau_shade,
     taau_compare, taau_rows, sign_blocks, sum_blocks, add_samples, show_mean, freeze_mean,
     downsample_rows, copy_image,
-    pick_pixels, write_converged, keep_depth, encode_first, encode_others, GATHER, FINISH,
+    pick_pixels, write_converged, keep_depth, prepare_surfaces, prepare_depth, encode_first, encode_others, GATHER, FINISH,
 };
 }  // namespace SS_ISA
 }  // namespace ss

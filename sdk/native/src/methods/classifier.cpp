@@ -1,4 +1,5 @@
 // `classifier` and its relatives: gather, int8 network and finish.
+#include <math.h>
 #include <stdio.h>
 
 #include "../arrays.h"
@@ -11,14 +12,24 @@ using namespace classifier;
 
 constexpr int HISTORY_VALUES = 8;
 
-static Variant variant_of(const Model& model) {
-    const Config& c = model.config_of<Config>();
-    return {c.rectified > 0.0f, c.own_motion > 0.0f, false};
+static bool is_guided(const Model& model) { return model.method->layout.planes == 4; }
+
+// Constants of the model; those of `gbuffer-fast` have others between them.
+static Config config_of(const Model& model) {
+    if (!is_guided(model)) return model.config_of<Config>();
+    const gbuffer_fast::Config& c = model.config_of<gbuffer_fast::Config>();
+    return {c.sample_sigma, c.moment_sigma, c.guide_sigma, c.gamma, c.history_sharpness, c.samples, c.contraction,
+            c.depth_margin, c.depth_ramp, c.rectified, c.own_motion};
 }
-static int kernel_of(const Variant& v) { return 2 * v.rectified + v.own_motion; }
+
+static Variant variant_of(const Model& model) {
+    const Config c = config_of(model);
+    return {c.rectified > 0.0f, c.own_motion > 0.0f, is_guided(model)};
+}
+static int kernel_of(const Variant& v) { return v.guided ? 4 + v.rectified : 2 * v.rectified + v.own_motion; }
 
 static const Filter* filters(const Model& model, Filter* room, int* count, float* window_sigma) {
-    const Config& c = model.config_of<Config>();
+    const Config c = config_of(model);
     room[0] = {GAUSSIAN, c.sample_sigma, true};
     room[1] = {CUBIC};
     room[2] = {GAUSSIAN, c.moment_sigma};
@@ -83,6 +94,7 @@ static ss_status read_weights(Model& model, const Arrays& arrays, ss_error* erro
     Network* n = model.arena.take<Network>(1);
     if (!n) return fail(error, SS_NO_MEMORY, "no memory for the weights");
     const int outputs = variant_of(model).outputs();
+    if (is_guided(model) && !variant_of(model).own_motion) return fail(error, SS_BAD_MODEL, "own_motion of the model is 0; want 1 with G-buffers");
     uint32_t words = RECORD_WORDS;
     bool good = true;
     for (int k = 0; k < LEVELS && good; k++) {
@@ -135,6 +147,19 @@ static void make_network(const Model& model, Space& space, Network& n) {
     n.lines = space.arena.take<uint8_t>(n.line_pitch * model.pool.threads());
 }
 
+static void make_guide(const Model& model, Space& space, ClassifierWork& work) {
+    const gbuffer_fast::Config& c = model.config_of<gbuffer_fast::Config>();
+    Guide& g = work.guide;
+    g.depth_pitch = work.gathered.pitch + 2 * PAD;
+    work.gathered.image = space.arena.take<uint16_t>(static_cast<size_t>(3) * space.display.height * g.depth_pitch);
+    g.samples = space.rows_of_samples(SURFACE_PLANES, space.samples.pitch);
+    g.depth = space.arena.take<float>(static_cast<size_t>(space.display.height) * g.depth_pitch);
+    g.scratch_pitch = static_cast<size_t>(up_to(6 * max(space.display.width, space.render.width), LANES));
+    g.scratch = space.arena.take<float>(g.scratch_pitch * model.pool.threads());
+    g.normal_scale = sqrtf(c.normal_falloff), g.color_scale = sqrtf(c.base_color_falloff);
+    g.depth_scale = 0.5f / (c.depth_sigma * c.depth_sigma), g.min_reflectance = c.min_reflectance;
+}
+
 static bool make_space(const Model& model, Space& space) {
     ClassifierWork* work = space.arena.take<ClassifierWork>(1);
     Network* network = space.arena.take<Network>(1);
@@ -147,6 +172,7 @@ static bool make_space(const Model& model, Space& space) {
     work->network = network, work->scratch = scratch;
     work->gathered = {space.arena.take<float>(pixels * 3), space.arena.take<uint16_t>(pixels * variant.planes()),
                       space.arena.take<float>(pixels / LANES), nullptr, width};
+    if (variant.guided) make_guide(model, space, *work);
     for (int k = 0; k < model.pool.threads(); k++) {
         ClassifierScratch& s = scratch[k];
         s.ring = space.arena.take<float>(3 * (width + 2 * PAD));
@@ -216,6 +242,18 @@ static bool is_flash(const ss_frame& frame, float followed, float before) {
     return !given && known > 0.0f && outlier;
 }
 
+static void prepare_guide(const Step& step, ClassifierWork& work) {
+    const ss_frame& f = step.frame;
+    Guide& g = work.guide;
+    const int width = step.target.width;
+    g.base_color = view_of(f.base_color, f.width, 3), g.normal = view_of(f.normal, f.width, 3);
+    g.display_base_color = view_of(f.display_base_color, width, 3), g.display_normal = view_of(f.display_normal, width, 3);
+    g.display_depth = view_of(f.display_depth, width, 1);
+    g.before = static_cast<const uint8_t*>(step.before.planes[3]), g.next = static_cast<uint8_t*>(step.after.planes[3]);
+    pool_of(step).run_rows(f.height, [&](int y0, int y1, int thread) { step.kernels().prepare_surfaces(work, y0, y1, thread); });
+    pool_of(step).run_rows(step.target.height, [&](int y0, int y1, int thread) { step.kernels().prepare_depth(work, y0, y1, thread); });
+}
+
 static ss_status compute(Step& step) {
     ClassifierWork& work = *static_cast<ClassifierWork*>(step.space.own);
     const Kernels& kernels = step.kernels();
@@ -223,13 +261,14 @@ static ss_status compute(Step& step) {
     const Size display = {step.target.width, step.target.height};
     make_tables(step);
     step.after.glares = resample(step) || (step.before.glares && rests_anywhere(step));
-    work.samples = step.samples(), work.tables = step.space.tables, work.config = step.model.config_of<Config>();
+    work.samples = step.samples(), work.tables = step.space.tables, work.config = config_of(step.model);
     work.history = step.before.plane(0), work.classes = static_cast<const uint8_t*>(step.before.planes[1]);
     work.previous = previous_frame(step.before, 2);
     work.next_history = step.after.plane(0), work.next_classes = static_cast<uint8_t*>(step.after.planes[1]);
     work.next_depth = step.after.plane(2);
     work.target = step.target, work.warps = step.space.warps;
     work.glares = step.after.glares || step.before.glares;
+    if (is_guided(step.model)) prepare_guide(step, work);
     const size_t groups = static_cast<size_t>(display.height) * work.gathered.pitch / LANES;
     memset(work.gathered.rising, 0, sizeof(float) * groups);
     pool_of(step).run_rows(step.frame.height, [&](int y0, int y1, int) { kernels.keep_depth(work, y0, y1); });
@@ -264,12 +303,24 @@ static constexpr Layout LAYOUT = {
     .glare = "state",
 };
 constexpr int COUNT_OF_CONSTANTS = sizeof CONSTANTS / sizeof(Constant);
-extern const Method CLASSIFIER = {"classifier", {1, 3}, true, true, false, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
+extern const Method CLASSIFIER = {"classifier", {1, 3}, true, true, false, false, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
                                   filters, make_space, compute, read_weights};
-extern const Method CLASSIFIER_SMALL = {"classifier-small", {1, 3}, true, true, false, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
+extern const Method CLASSIFIER_SMALL = {"classifier-small", {1, 3}, true, true, false, false, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
                                         filters, make_space, compute, read_weights};
 
-extern const Method CLASSIFIER_LARGE = {"classifier-large", {1, 2}, true, true, true, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
+extern const Method CLASSIFIER_LARGE = {"classifier-large", {1, 2}, true, true, false, true, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
                                         filters, make_space, compute, read_weights};
+
+static constexpr Layout GUIDED_LAYOUT = {
+    .planes = 4,
+    .tensors = 11,
+    .plane = {{Extent::DISPLAY, HISTORY_VALUES, false}, {Extent::HALF, 8, true}, {Extent::SAMPLES, 2, false}, {Extent::DISPLAY, 4, true}},
+    .tensor = {{"color", 3, 0, 0}, {"state", 3, 0, 3}, {"classes", CLASSES, 1, 0}, {"depth", 2, 2, 0}, {"jitter", 2, OF_JITTER, 0},
+               {"exposure", 1, OF_EXPOSURE, 0}, {"reflectance", 3, 3, 0}, SS_REST_TENSORS},
+    .rests = true,
+    .glare = "state",
+};
+extern const Method GBUFFER_FAST = {"gbuffer-fast", {1, 4}, true, true, true, false, GUIDED_LAYOUT, gbuffer_fast::CONSTANTS,
+                                    sizeof gbuffer_fast::CONSTANTS / sizeof(Constant), nullptr, filters, make_space, compute, read_weights};
 
 }  // namespace ss

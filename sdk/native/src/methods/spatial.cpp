@@ -31,7 +31,7 @@ static ss_status compute(Step& step) {
 }
 
 static constexpr Layout NO_HISTORY = {};
-extern const Method BILINEAR = {"bilinear", {1, 4}, false, false, false, NO_HISTORY, nullptr, 0, nullptr, filters<LINEAR>, make_space, compute, nullptr};
-extern const Method BICUBIC = {"bicubic", {1, 4}, false, false, false, NO_HISTORY, nullptr, 0, nullptr, filters<CUBIC>, make_space, compute, nullptr};
+extern const Method BILINEAR = {"bilinear", {1, 4}, false, false, false, false, NO_HISTORY, nullptr, 0, nullptr, filters<LINEAR>, make_space, compute, nullptr};
+extern const Method BICUBIC = {"bicubic", {1, 4}, false, false, false, false, NO_HISTORY, nullptr, 0, nullptr, filters<CUBIC>, make_space, compute, nullptr};
 
 }  // namespace ss

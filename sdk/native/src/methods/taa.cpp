@@ -44,7 +44,7 @@ static constexpr Layout LAYOUT = {
     .glare = nullptr,
 };
 static constexpr taa::Config CONFIG;
-extern const Method TAA = {"taa", {1, 4}, false, true, false, LAYOUT, taa::CONSTANTS, sizeof taa::CONSTANTS / sizeof(Constant), &CONFIG,
+extern const Method TAA = {"taa", {1, 4}, false, true, false, false, LAYOUT, taa::CONSTANTS, sizeof taa::CONSTANTS / sizeof(Constant), &CONFIG,
                            filters, make_space, compute, nullptr};
 
 }  // namespace ss

@@ -141,7 +141,7 @@ static constexpr Layout LAYOUT = {
     .glare = "samples",
 };
 static constexpr Config CONFIG;
-extern const Method TAAU = {"taau", {1, 4}, true, true, false, LAYOUT, CONSTANTS, sizeof CONSTANTS / sizeof(Constant), &CONFIG,
+extern const Method TAAU = {"taau", {1, 4}, true, true, false, false, LAYOUT, CONSTANTS, sizeof CONSTANTS / sizeof(Constant), &CONFIG,
                             filters, make_space, compute, nullptr};
 
 }  // namespace ss

@@ -2,7 +2,19 @@
 
 import struct
 from collections.abc import Collection, Mapping
-from ctypes import CDLL, POINTER, Structure, c_char, c_char_p, c_float, c_int, c_int64, c_size_t, c_ssize_t, c_void_p
+from ctypes import (
+    CDLL,
+    POINTER,
+    Structure,
+    c_char,
+    c_char_p,
+    c_float,
+    c_int,
+    c_int64,
+    c_size_t,
+    c_ssize_t,
+    c_void_p,
+)
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -211,7 +223,15 @@ class NativeExecutor:
     def _frame(frame: Frame) -> tuple[_Frame, list[NDArray[Any]]]:
         """Return a frame for the library, and the arrays that must live as long."""
         given, arrays = _Frame(*frame.size), []
-        images = {"color": frame.color, "depth": frame.depth, "motion": frame.motion, "reactive": frame.reactive}
+        images = {
+            "color": frame.color,
+            "depth": frame.depth,
+            "motion": frame.motion,
+            "reactive": frame.reactive,
+        }
+        buffers, of_display = frame.gbuffer or {}, frame.gbuffer_display or {}
+        images |= {name: buffers.get(name) for name in ("base_color", "normal")}
+        images |= {f"display_{name}": of_display.get(name) for name in ("base_color", "normal", "depth")}
         for name, array in images.items():
             if array is not None:
                 kept = array if array.dtype in (np.float32, np.float16) else array.astype(np.float32)
@@ -254,7 +274,9 @@ def model_bytes(info: ModelInfo) -> bytes:
     spec = find_method(info.method)
     assert spec is not None  # noqa: S101 - shipped or exported
     arrays: dict[str, NDArray[Any]] = {"method": np.frombuffer(info.method.encode() + b"\0", np.uint8)}
-    arrays |= {name: np.array([info.config[name]], np.float32) for name in (*constants_of(spec), *flags_of(spec))}
+    arrays |= {
+        name: np.array([info.config[name]], np.float32) for name in (*constants_of(spec), *flags_of(spec))
+    }
     if "network.npz" in spec.kernel_files:
         from supersampler.methods.classifier.network_file import read_network
         from supersampler.methods.classifier.structs import Variant
