@@ -42,11 +42,12 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     given = os.environ.get("SUPERSAMPLER_NATIVE")  # a library that is built already
     if given:
         return Path(given)
-    if shutil.which("cmake") is None or shutil.which("c++") is None:
+    cmake = shutil.which("cmake")
+    if cmake is None or shutil.which("c++") is None:
         pytest.skip("cmake or a C++ compiler is missing")
     folder = tmp_path_factory.mktemp("native")
-    subprocess.run(["cmake", "-S", SOURCES, "-B", folder], check=True, capture_output=True)
-    subprocess.run(["cmake", "--build", folder], check=True, capture_output=True, timeout=280)
+    subprocess.run([cmake, "-S", SOURCES, "-B", folder], check=True, capture_output=True)
+    subprocess.run([cmake, "--build", folder], check=True, capture_output=True, timeout=280)
     return folder / "libsupersampler.so"
 
 
@@ -132,8 +133,11 @@ def test_constants_are_those_of_the_specs() -> None:
 
 
 def test_no_runtime_of_cpp_is_needed(path: Path) -> None:
-    needed = subprocess.run(["readelf", "-d", path], check=True, capture_output=True, text=True).stdout
-    names = subprocess.run(["nm", "-D", path], check=True, capture_output=True, text=True).stdout
+    readelf, nm = shutil.which("readelf"), shutil.which("nm")
+    if readelf is None or nm is None:
+        pytest.skip("binutils are missing")
+    needed = subprocess.run([readelf, "-d", path], check=True, capture_output=True, text=True).stdout
+    names = subprocess.run([nm, "-D", path], check=True, capture_output=True, text=True).stdout
     assert "libstdc++" not in needed
     assert "libc++" not in needed
     exported = [line.split()[-1] for line in names.splitlines() if " T " in line]
@@ -243,6 +247,6 @@ def test_a_bad_frame_is_named(library: NativeLibrary) -> None:
     good = noise(0, (16, 9))
     first = run.step(good)
     object.__setattr__(bad := replace(good), "jitter", (0.9, 0.0))
-    with pytest.raises(FrameError, match="jitter is 0.9"):
+    with pytest.raises(FrameError, match=r"jitter is 0\.9"):
         run.step(bad)
     assert np.isfinite(first).all()

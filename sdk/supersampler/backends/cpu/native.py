@@ -132,9 +132,9 @@ class NativeLibrary:
 
 
 class Tensor(NamedTuple):
-    """A history tensor: its index in the library, and its shape."""
+    """A history tensor: its place in the list of the library, and its shape."""
 
-    index: int
+    place: int
     shape: tuple[int, ...]
 
 
@@ -249,7 +249,7 @@ class NativeExecutor:
         """See `Executor`."""
         tensor = buffers.tensors()[name.removeprefix("history.")]
         values = np.zeros(tensor.shape, np.float32)
-        self._library.check("ss_history_read", buffers.handle, tensor.index, values.ctypes.data)
+        self._library.check("ss_history_read", buffers.handle, tensor.place, values.ctypes.data)
         return values
 
     def load(self, buffers: NativeHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
@@ -258,7 +258,7 @@ class NativeExecutor:
             values = np.ascontiguousarray(tensors[f"history.{name}"], np.float32)
             if values.size != np.prod(tensor.shape):
                 raise ValueError(f"{name} has the shape {values.shape}; want {tensor.shape}")
-            self._library.check("ss_history_write", buffers.handle, tensor.index, values.ctypes.data)
+            self._library.check("ss_history_write", buffers.handle, tensor.place, values.ctypes.data)
 
 
 _MAGIC = b"ssarray1"
