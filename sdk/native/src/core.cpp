@@ -5,6 +5,8 @@
 
 namespace ss {
 
+constexpr size_t PAGE = 4096;
+
 ss_status fail(ss_error* error, ss_status status, const char* format, ...) {
     if (!error) return status;
     va_list values;
@@ -15,7 +17,9 @@ ss_status fail(ss_error* error, ss_status status, const char* format, ...) {
 }
 
 void* Arena::taken(size_t count) {
-    size_t bytes = sizeof(Block) + count + 3 * LINE;
+    // large arrays begin in different sets of the caches, although the system aligns all of them to pages
+    const size_t shift = count < PAGE ? 0 : blocks_++ * 13 % (PAGE / LINE) * LINE;
+    const size_t bytes = sizeof(Block) + shift + count + 3 * LINE;
     Block* block = failed_ ? nullptr : static_cast<Block*>(allocator_.allocate(allocator_.user, bytes));
     if (!block) {
         failed_ = true;
@@ -24,7 +28,7 @@ void* Arena::taken(size_t count) {
     *block = {last_, bytes};
     last_ = block;
     bytes_ += bytes;
-    uintptr_t first = (reinterpret_cast<uintptr_t>(block + 1) + LINE - 1) / LINE * LINE;
+    const uintptr_t first = (reinterpret_cast<uintptr_t>(block + 1) + shift + LINE - 1) / LINE * LINE;
     return memset(reinterpret_cast<void*>(first), 0, count + LINE);
 }
 

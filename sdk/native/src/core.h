@@ -88,7 +88,7 @@ class Arena {
 
     Allocator allocator_;
     Block* last_ = nullptr;
-    size_t bytes_ = 0;
+    size_t bytes_ = 0, blocks_ = 0;
     bool failed_ = false;
 };
 
