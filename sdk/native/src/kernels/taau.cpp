@@ -192,6 +192,7 @@ static Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& pas
 // Resamples W pixels of five values to eight each: the first four by the cubic, the last four linearly.
 static void warp5(const float* h, WarpScratch& s) {
     for (int i = 0; i < W; i++) {
+        prefetch(h + s.offsets[7][i] + s.offsets[3][i] + 31 * 5);  // the lower right sample of a pixel of a later step
         store4(four_at(s.pixels, 0, i), cubic4(h, s, i));
         const float *upper = h + s.offsets[5][i] + 1, *lower = h + s.offsets[6][i] + 1;
         const int left = s.offsets[1][i], right = s.offsets[2][i];
