@@ -5,11 +5,11 @@
 A test compares the file with the specs, so that C++ sources are built without Python.
 """
 
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from supersampler.backends.gpu.shader import SHARED_CONSTANTS, Number, Vector, numbers_of
+from supersampler.io.files import replacing
 from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS, STEP_COST
 from supersampler.methods.registry import methods
 from supersampler.methods.spec import MethodSpec, constants_of, flags_of
@@ -68,5 +68,5 @@ def _literal(value: Number) -> str:
 
 
 if __name__ == "__main__":
-    TARGET.write_text(constants_header(), encoding="utf-8")
-    sys.stdout.write(f"{TARGET}\n")
+    with replacing(TARGET) as partial:
+        partial.write_text(constants_header(), encoding="utf-8")
