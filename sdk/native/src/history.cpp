@@ -68,7 +68,7 @@ static void pad_rows(History& history, int plane_index) {
     }
 }
 
-// Copies a tensor of what stands still out of a history.
+// Copies a tensor of static blocks out of a history.
 static void read_rest(const RestHistory& rest, int plane, float* values) {
     const size_t count = static_cast<size_t>(rest.count()), pixels = static_cast<size_t>(rest.display.width) * rest.display.height;
     if (plane == OF_PHASES) memcpy(values, rest.phases, sizeof(float[4]) * static_cast<size_t>(rest.phase_count));
@@ -88,7 +88,7 @@ static void read_rest(const RestHistory& rest, int plane, float* values) {
     }
 }
 
-// Copies a tensor of what stands still into a history; returns whether there was memory.
+// Copies a tensor of static blocks into a history; returns whether there was memory.
 static bool write_rest(History& history, int plane, const float* values) {
     RestHistory& rest = history.rest;
     const Allocator& allocator = history.arena.allocator();

@@ -1,4 +1,4 @@
-// Which blocks stand still, what their mean is, and which tiles rest; the same as supersampler_model.ops.at_rest.
+// Which blocks are static, what their mean is, and which tiles rest; the same as supersampler_model.ops.at_rest.
 #include "step.h"
 
 #include <math.h>
@@ -51,9 +51,9 @@ bool make_rest(Space& space, RestWork& w) {
     const size_t tiles = static_cast<size_t>(tiles_of(own).width) * tiles_of(own).height;
     Arena& arena = space.arena;
     w.display = display;
-    Stillness& s = w.still;
-    s.blocks = blocks;
-    uint8_t** masks[] = {&s.moving, &s.known, &s.changed, &s.restarts, &s.moves, &s.stands, &s.verifies,
+    StaticBlocks& s = w.blocks;
+    s.size = blocks;
+    uint8_t** masks[] = {&s.moving, &s.known, &s.changed, &s.restarts, &s.moves, &s.is_static, &s.verifies,
                          &s.adds, &s.stays, &s.freezes, &s.wanted, &s.spare, &s.modes};
     for (uint8_t** mask : masks) *mask = arena.take<uint8_t>(count);
     s.ages = arena.take<float>(count), s.tests = arena.take<float>(3 * count), s.shares = arena.take<float>(count);
@@ -154,7 +154,7 @@ static void make_pixel_tables(RestWork& w, const float (&jitter)[2]) {
 
 // Weights of the samples near pixels in each phase of the cycle, and these times offsets.
 static void make_moments(RestWork& w) {
-    const Stillness& s = w.still;
+    const StaticBlocks& s = w.blocks;
     const int render[] = {w.samples.width, w.samples.height}, display[] = {w.display.width, w.display.height};
     w.phases = 0;
     for (int k = 0; k < phases_of(w.display, {render[0], render[1]}); k++) {
@@ -209,7 +209,7 @@ static void any_in_tiles(const uint8_t* blocks, int across, Size image, const in
         }
 }
 static void any_in_tiles(const RestWork& w, const uint8_t* blocks, uint8_t* tiles) {
-    any_in_tiles(blocks, w.still.blocks.width, w.display, w.row_blocks, w.column_blocks, tiles);
+    any_in_tiles(blocks, w.blocks.size.width, w.display, w.row_blocks, w.column_blocks, tiles);
 }
 
 void make_runs(uint8_t* mask, Size tiles, int gap, Runs& runs) {
@@ -280,8 +280,8 @@ struct Window {
 };
 
 // Returns the moments of the window of `side` blocks that a block is in. At the edges, blocks are repeated.
-static Window window_at(const Stillness& s, int side, int by, int bx) {
-    const int across = s.blocks.width, down = s.blocks.height, count = s.count();
+static Window window_at(const StaticBlocks& s, int side, int by, int bx) {
+    const int across = s.size.width, down = s.size.height, count = s.count();
     float sums[SUMS] = {};
     for (int y = by / side * side; y < by / side * side + side; y++)
         for (int x = bx / side * side; x < bx / side * side + side; x++)
@@ -323,26 +323,26 @@ static void widen(float* plane, float* spare, Size size, int reach) {
 }
 
 static void sum_residuals(const Step& step, RestWork& w, const RestHistory& before, bool same) {
-    Stillness& s = w.still;
+    StaticBlocks& s = w.blocks;
     if (!before.mean) {
         memset(s.sums, 0, sizeof(float) * SUMS * static_cast<size_t>(s.count()));
         return;
     }
     make_pixel_tables(w, step.frame.jitter);
     w.mean = before.mean, w.ages = same ? before.ages : s.ages;
-    pool_of(step).run_rows(s.blocks.height, [&](int y0, int y1, int) { step.kernels().sum_blocks(w, y0, y1); });
+    pool_of(step).run_rows(s.size.height, [&](int y0, int y1, int) { step.kernels().sum_blocks(w, y0, y1); });
 }
 
 // Adds to the tests of blocks that verify their mean how far residuals are over the limits; see `steadiness` in torch.
 static void test_steadiness(const Step& step, RestWork& w, const RestHistory& before, float dark) {
-    Stillness& s = w.still;
-    const int count = s.count(), across = s.blocks.width;
+    StaticBlocks& s = w.blocks;
+    const int count = s.count(), across = s.size.width;
     // residuals of the large windows with a small one that is read
     memcpy(s.wanted, s.verifies, static_cast<size_t>(count));
-    dilate_mask(s.wanted, s.spare, s.blocks, SMALL_WINDOW);
-    for (int wy = 0; wy < s.blocks.height; wy += LARGE_WINDOW)
+    dilate_mask(s.wanted, s.spare, s.size, SMALL_WINDOW);
+    for (int wy = 0; wy < s.size.height; wy += LARGE_WINDOW)
         for (int wx = 0; wx < across; wx += LARGE_WINDOW) {
-            const int rows = min(LARGE_WINDOW, s.blocks.height - wy), columns = min(LARGE_WINDOW, across - wx);
+            const int rows = min(LARGE_WINDOW, s.size.height - wy), columns = min(LARGE_WINDOW, across - wx);
             bool read = false;
             for (int y = 0; y < rows; y++) read |= any(s.wanted + (wy + y) * across + wx, columns);
             for (int y = 0; y < rows; y++)
@@ -353,19 +353,19 @@ static void test_steadiness(const Step& step, RestWork& w, const RestHistory& be
         }
     sum_residuals(step, w, before, true);
     float *uniform = s.windows, *contrast = s.windows + count, *spare = s.windows + 2 * count;
-    for (int by = 0; by < s.blocks.height; by += SMALL_WINDOW)
+    for (int by = 0; by < s.size.height; by += SMALL_WINDOW)
         for (int bx = 0; bx < across; bx += SMALL_WINDOW) {
             const Window small = window_at(s, SMALL_WINDOW, by, bx);
             const float over = excess(small.square, small.variance, UNIFORM, small, dark);
             for (int k = 0; k < SMALL_WINDOW * SMALL_WINDOW; k++) {
                 const int y = by + k / SMALL_WINDOW, x = bx + k % SMALL_WINDOW;
-                if (y >= s.blocks.height || x >= across) continue;
+                if (y >= s.size.height || x >= across) continue;
                 uniform[y * across + x] = over;
                 contrast[y * across + x] = small.contrast;
             }
         }
-    widen(uniform, spare, s.blocks, SMALL_WINDOW);
-    widen(contrast, spare, s.blocks, SMALL_WINDOW);
+    widen(uniform, spare, s.size, SMALL_WINDOW);
+    widen(contrast, spare, s.size, SMALL_WINDOW);
     Window large = {};
     int last = -1;  // large window whose moments these are
     const int windows_across = divided_up(across, LARGE_WINDOW);
@@ -385,13 +385,13 @@ static void test_steadiness(const Step& step, RestWork& w, const RestHistory& be
 
 // Marks noisy blocks whose running mean of relative residuals is more than noise; writes that mean to `tests`.
 static void follow_noise(const Step& step, RestWork& w, const RestHistory& before, float dark) {
-    Stillness& s = w.still;
+    StaticBlocks& s = w.blocks;
     const int count = s.count();
     memset(s.wanted, 1, static_cast<size_t>(count));
     sum_residuals(step, w, before, true);
     const float frames = NOISE_RATE / (2.0f - NOISE_RATE);
     for (int block = 0; block < count; block++) {
-        const Window window = window_at(s, SMALL_WINDOW, block / s.blocks.width, block % s.blocks.width);
+        const Window window = window_at(s, SMALL_WINDOW, block / s.size.width, block % s.size.width);
         float drift = 0.0f;
         for (int c = 0; c < 3; c++) {
             const float old = before.tests[c * count + block], relative = window.residuals[c] / (window.level + dark);
@@ -414,7 +414,7 @@ static bool has_enough(const RestWork& w, const float* mean, int by, int bx) {
 
 // Decides what is shown and frozen, and what the next history is but for its mean.
 static bool decide(const Step& step, RestWork& w, const RestHistory& before, RestHistory& after) {
-    Stillness& s = w.still;
+    StaticBlocks& s = w.blocks;
     const Cycle& cycle = s.cycle;
     const int count = s.count();
     const Allocator& allocator = step.model.arena.allocator();
@@ -422,11 +422,11 @@ static bool decide(const Step& step, RestWork& w, const RestHistory& before, Res
     bool all_kept = true;
     for (int block = 0; block < count; block++) {
         const float periods = cycle.period > 0.0f ? s.ages[block] / max(cycle.period, 1.0f) : 0.0f;
-        const bool steady = max(max(s.tests[block], s.tests[count + block]), s.tests[2 * count + block]) <= 0.0f && s.stands[block];
+        const bool steady = max(max(s.tests[block], s.tests[count + block]), s.tests[2 * count + block]) <= 0.0f && s.is_static[block];
         const float fade = steady && !s.adds[block] ? clamp((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM), 0.0f, 1.0f) : 0.0f;
         s.shares[block] = s.noisy ? (s.ages[block] > 0.0f ? -1.0f : 0.0f) : s.stays[block] ? 2.0f : fade;
         const bool due = s.verifies[block] && periods >= 2.0f;
-        const bool freezes = due && steady && (!before.mean || has_enough(w, before.mean, block / s.blocks.width, block % s.blocks.width));
+        const bool freezes = due && steady && (!before.mean || has_enough(w, before.mean, block / s.size.width, block % s.size.width));
         s.freezes[block] = freezes;
         const float age = due && !freezes ? cycle.period : s.ages[block];
         after.ages[block] = s.stays[block] || freezes ? 0.0f - age : age;
@@ -435,7 +435,7 @@ static bool decide(const Step& step, RestWork& w, const RestHistory& before, Res
         s.shows |= s.shares[block] != 0.0f;
         s.is_active |= s.ages[block] != 0.0f;
         s.any_freezes |= freezes;
-        all_kept &= (s.known[block] && s.stands[block]) || s.moves[block];
+        all_kept &= (s.known[block] && s.is_static[block]) || s.moves[block];
     }
     memcpy(after.phases, s.phases, sizeof(float[4]) * static_cast<size_t>(after.phase_count));
     for (int k = 0; k < after.phase_count; k++) share(allocator, after.signatures[k], before.signatures[k]);
@@ -444,7 +444,7 @@ static bool decide(const Step& step, RestWork& w, const RestHistory& before, Res
     if (!made) return false;
     Signature* reference = before.signatures[cycle.slot];
     for (int block = 0; block < count; block++) {
-        const bool kept = reference && s.known[block] && s.stands[block];
+        const bool kept = reference && s.known[block] && s.is_static[block];
         for (int c = 0; c < 4; c++) made->values()[c * count + block] = (kept ? reference->values() : s.signature)[c * count + block];
     }
     release(allocator, after.signatures[cycle.slot]);
@@ -453,13 +453,13 @@ static bool decide(const Step& step, RestWork& w, const RestHistory& before, Res
 }
 
 bool compare_with_rest(const Step& step, RestWork& w, const RestHistory& before, RestHistory& after) {
-    Stillness& s = w.still;
+    StaticBlocks& s = w.blocks;
     const int count = s.count();
     const float dark = DARK / w.samples.exposure;
     const bool sampled = step.frame.adds_samples >= 1.0f;
     s.noisy = step.frame.adds_samples >= NOISY;
     s.cycle = follow_jitter(step.frame.jitter, before.phases, before.phase_count, sampled, s.noisy, s.phases);
-    pool_of(step).run_rows(s.blocks.height, [&](int y0, int y1, int) { step.kernels().sign_blocks(w, y0, y1); });
+    pool_of(step).run_rows(s.size.height, [&](int y0, int y1, int) { step.kernels().sign_blocks(w, y0, y1); });
     bool has_mean = false;
     for (int block = 0; block < count; block++) {
         const float age = fabsf(before.ages[block]);
@@ -479,19 +479,19 @@ bool compare_with_rest(const Step& step, RestWork& w, const RestHistory& before,
         s.changed[block] |= before.ages[block] < 0.0f && !s.known[block];
     memcpy(s.restarts, s.changed, static_cast<size_t>(count));
     memcpy(s.moves, s.moving, static_cast<size_t>(count));
-    dilate_mask(s.restarts, s.spare, s.blocks, 1);
-    dilate_mask(s.moves, s.spare, s.blocks, 1);
+    dilate_mask(s.restarts, s.spare, s.size, 1);
+    dilate_mask(s.moves, s.spare, s.size, 1);
     bool verifies = false;
     for (int block = 0; block < count; block++) {
-        const bool frozen = before.ages[block] < 0.0f, stands = !s.moves[block] && !s.restarts[block];
-        s.stands[block] = stands;
-        s.verifies[block] = s.known[block] && stands && !frozen && s.cycle.counts;
+        const bool frozen = before.ages[block] < 0.0f, is_static = !s.moves[block] && !s.restarts[block];
+        s.is_static[block] = is_static;
+        s.verifies[block] = s.known[block] && is_static && !frozen && s.cycle.counts;
         s.adds[block] = !s.moves[block] && (s.restarts[block] || !s.known[block]) && s.cycle.counts;
-        s.stays[block] = frozen && stands;
-        const float age = (stands ? fabsf(before.ages[block]) : 0.0f) + (s.cycle.counts ? 1.0f : 0.0f);
+        s.stays[block] = frozen && is_static;
+        const float age = (is_static ? fabsf(before.ages[block]) : 0.0f) + (s.cycle.counts ? 1.0f : 0.0f);
         s.ages[block] = s.moves[block] ? 0.0f : min(age, OLDEST);
         verifies |= s.verifies[block];
-        const bool keeps = stands && (s.noisy || !s.cycle.counts);  // where the frame confirms no mean
+        const bool keeps = is_static && (s.noisy || !s.cycle.counts);  // where the frame confirms no mean
         for (int c = 0; c < 3 && !keeps; c++) s.tests[c * count + block] = 0.0f;
     }
     if (verifies && !s.noisy) test_steadiness(step, w, before, dark);
@@ -501,9 +501,9 @@ bool compare_with_rest(const Step& step, RestWork& w, const RestHistory& before,
 bool plan_tiles(const Step& step, RestWork& w, bool compute_all) {
     const Size tiles = tiles_of(step.space.display);
     const size_t count = static_cast<size_t>(tiles.width) * tiles.height;
-    Stillness& s = w.still;
+    StaticBlocks& s = w.blocks;
     for (int block = 0; block < s.count(); block++) s.spare[block] = !s.stays[block];
-    any_in_tiles(s.spare, s.blocks.width, step.space.display, w.own_row_blocks, w.own_column_blocks, w.tiles);
+    any_in_tiles(s.spare, s.size.width, step.space.display, w.own_row_blocks, w.own_column_blocks, w.tiles);
     for (size_t k = 0; k < count; k++) {
         w.resting[k] = !w.tiles[k];
         w.computed[k] = compute_all || w.tiles[k];
@@ -516,7 +516,7 @@ bool plan_tiles(const Step& step, RestWork& w, bool compute_all) {
 }
 
 bool show_rest(const Step& step, RestWork& w, const RestHistory& before, RestHistory& after, int64_t generation) {
-    Stillness& s = w.still;
+    StaticBlocks& s = w.blocks;
     const Size tiles = tiles_of(w.display);
     const int count = tiles.width * tiles.height;
     if (!s.is_active) return true;
@@ -524,7 +524,7 @@ bool show_rest(const Step& step, RestWork& w, const RestHistory& before, RestHis
     bool adds = false, differ = false;
     for (int block = 0; block < s.count(); block++) {
         const bool had = same && before.ages[block] != 0.0f;
-        s.modes[block] = s.adds[block] ? (s.stands[block] && had ? ADDS : RESTARTS) : s.ages[block] > 0.0f ? KEEPS : NO_MEAN;
+        s.modes[block] = s.adds[block] ? (s.is_static[block] && had ? ADDS : RESTARTS) : s.ages[block] > 0.0f ? KEEPS : NO_MEAN;
         s.spare[block] = s.adds[block] | s.freezes[block];
         adds |= s.spare[block] != 0;
     }

@@ -1,4 +1,4 @@
-// Convergence of what stands still; the same as supersampler_model.ops.at_rest.
+// Convergence of static blocks; the same as supersampler_model.ops.at_rest.
 //
 // Blocks of BLOCK x BLOCK samples are numbered row by row. Images are skipped by tiles of TILE x TILE display pixels.
 #pragma once
@@ -29,7 +29,7 @@ constexpr int block_of(int pixel, int display, int render) {
 constexpr Size blocks_of(Size render) { return {divided_up(render.width, BLOCK), divided_up(render.height, BLOCK)}; }
 constexpr Size tiles_of(Size display) { return {divided_up(display.width, TILE), divided_up(display.height, TILE)}; }
 
-// The part of a history that is of what stands still.
+// The part of a history that concerns static blocks.
 struct RestHistory {
     Size display, render, blocks;
     int phase_count;
@@ -61,23 +61,23 @@ struct Cycle {
 };
 
 // Masks and values of each block of a frame; the same as `StaticBlocks` in ops/at_rest.py.
-struct Stillness {
-    Size blocks;
+struct StaticBlocks {
+    Size size;
     Cycle cycle;
     bool noisy;
-    uint8_t *moving, *known, *changed, *restarts, *moves, *stands, *verifies, *adds, *stays, *freezes, *wanted, *spare;
+    uint8_t *moving, *known, *changed, *restarts, *moves, *is_static, *verifies, *adds, *stays, *freezes, *wanted, *spare;
     uint8_t* modes;
     float *ages, *tests, *shares, *complete, *signature, *sums, *windows;
     float (*phases)[4];
     bool shows, is_active, any_freezes;
 
-    int count() const { return blocks.width * blocks.height; }
+    int count() const { return size.width * size.height; }
 };
 
 // What at-rest kernels work on.
 struct RestWork {
     Samples samples;
-    Stillness still;
+    StaticBlocks blocks;
     Size display;
     const int32_t *row_blocks, *column_blocks;        // block of each row and column of the display
     const int32_t *own_row_blocks, *own_column_blocks;  // of what the method keeps, which may be larger

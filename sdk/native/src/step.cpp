@@ -1,4 +1,4 @@
-// A step: checks of a frame, its exposure, the method, and what stands still.
+// A step: checks of a frame, its exposure, the method, and convergence.
 #include "step.h"
 
 #include <math.h>
@@ -233,7 +233,7 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
         step.rest = &w;
         computes = plan_tiles(step, w, outputs.compute_all || outputs.weight.data);
         const bool readable = own.image.type == SS_FLOAT32 && own.image.is_packed<float>(3) && own.pre_exposure == 1.0f;
-        if (w.still.is_active && !readable) {
+        if (w.blocks.is_active && !readable) {
             if (!step.space.image) step.space.image = step.space.arena.take<float>(static_cast<size_t>(3) * own.width * own.height);
             if (!step.space.image) return SS_NO_MEMORY;
             ss_image packed = {};

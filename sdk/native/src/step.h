@@ -139,7 +139,7 @@ struct Step {
     History& after;
     Target target;
     float exposure = 0.0f;  // signed, see `followed_exposure`
-    const RestWork* rest = nullptr;  // what stands still; null where the method does not ask
+    const RestWork* rest = nullptr;  // static blocks; null where the method does not ask
 
     const Kernels& kernels() const { return *model.kernels; }
     Samples& samples() const { return space.samples; }

@@ -166,9 +166,9 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         current.add(frame, frame_weight * factor(parameter(of_sample + 1)));
         current.add(filtered, frame_weight * factor(parameter(of_sample + 2)));
         // history colours
-        F count = load_half(rest + W * COUNT), surface = load_half(rest + W * SURFACE);
-        I known = is_positive(count);
-        F first = select(known, count * surface + MIN_PRIOR, 0.0f) * factor(parameter(0));
+        F count = load_half(rest + W * COUNT), surface = load_half(rest + W * SURFACE), visible = count * surface;
+        I known = is_positive(visible);
+        F first = select(known, visible + MIN_PRIOR, 0.0f) * factor(parameter(0));
         F other = select(known, count * OTHER_PRIOR + MIN_PRIOR, 0.0f), second = F{}, third = F{};
         if (rectified) second = other * factor(parameter(1));
         if (own_motion) third = other * factor(parameter(variant.history_colors() - 1));

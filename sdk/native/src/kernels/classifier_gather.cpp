@@ -30,7 +30,7 @@ static F gather_surface(const ClassifierWork& w, F depth, F px, F py, I on, F& d
     gather4(p.plane, taps.upper, 2, upper);
     gather4(p.plane, taps.lower, 2, lower);
     const F occluding[4] = {upper[1], upper[3], lower[1], lower[3]};
-    F occluded = disocclusion(depth, occluding, taps.weight, w.config.depth_margin, w.config.depth_ramp);
+    F occluded = occlusion(depth, occluding, taps.weight, w.config.depth_margin, w.config.depth_ramp);
     I right = at.x - floor(at.x) >= 0.5f, low = at.y - floor(at.y) >= 0.5f;
     F before = select(low, select(right, lower[2], lower[0]), select(right, upper[2], upper[0]));
     before = select(on, before, 0.0f);

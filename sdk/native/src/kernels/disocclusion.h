@@ -38,20 +38,28 @@ SS_INLINE F closest_around(const Samples& s, F x, F y) {
     return closest;
 }
 
-// Occluding depth of W samples; same as `occluding_depth` of the torch module.
+// Rounds components below one sample: from THIN_MOTION on to one, else to 0.
+SS_INLINE F whole_steps(F motion) {
+    F length = absolute(motion), step = select(length >= THIN_MOTION, 1.0f, F{});
+    return select(length < 1.0f, select(motion < 0.0f, -step, step), motion);
+}
+
+// Occluding depth of W samples, negative of what leaves; same as `occluding_depth` of the torch module.
 [[maybe_unused]] static F occluding_at(const Samples& s, int y, int x) {
     const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
     F opened = load(s.eroded_depth + here);
     for (int row = max(y - 1, 0); row <= min(y + 1, s.height - 1); row++)
         for (int k = -1; k <= 1; k++) opened = maximum(load(s.eroded_depth + static_cast<ptrdiff_t>(row) * s.pitch + PAD + x + k), opened);
+    opened = maximum(opened, 0.0f);
     F depth = load(s.depth + here);
-    if (all(depth <= opened)) return opened;
+    if (all(load(s.eroded_depth + here) >= SAME_THIN_DEPTH * depth)) return opened;
     F across, down, farthest = motion_over_background(s, y, x, across, down);
-    F speed = maximum(absolute(across), absolute(down));
-    speed = select((depth > opened) & (farthest >= 0.0f), speed, 0.0f);
-    if (all(speed < THIN_MOTION)) return opened;
+    across = whole_steps(across), down = whole_steps(down);
+    I apart = (farthest >= 0.0f) & (farthest < SAME_THIN_DEPTH * depth);
+    F steps = select(apart, maximum(absolute(across), absolute(down)), 0.0f);
+    if (all(steps <= 0.0f)) return opened;
     F follows = closest_around(s, across + to_float(ramp() + x), down + static_cast<float>(y));
-    return select((speed >= THIN_MOTION) & (follows < SAME_THIN_DEPTH * depth), depth, opened);
+    return select((steps > 0.0f) & (follows < SAME_THIN_DEPTH * depth), -depth, opened);
 }
 
 // Positions in samples of the previous frame.

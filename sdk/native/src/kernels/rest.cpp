@@ -21,8 +21,8 @@ static bool block_moves(const Samples& s, int by, int bx) {
 // weighted sum of all of them.
 void sign_blocks(const RestWork& w, int y0, int y1) {
     const Samples& s = w.samples;
-    const Stillness& still = w.still;
-    const int count = still.count();
+    const StaticBlocks& blocks = w.blocks;
+    const int count = blocks.count();
     for (int by = y0; by < y1; by++)
         for (int first = 0; first < s.width; first += W) {
             F3 sums = {F{}, F{}, F{}};
@@ -42,14 +42,14 @@ void sign_blocks(const RestWork& w, int y0, int y1) {
             store(columns[1], sums.g);
             store(columns[2], sums.b);
             store(columns[3], order);
-            for (int k = 0; k < W / BLOCK && first / BLOCK + k < still.blocks.width; k++) {
-                const int block = by * still.blocks.width + first / BLOCK + k;
+            for (int k = 0; k < W / BLOCK && first / BLOCK + k < blocks.size.width; k++) {
+                const int block = by * blocks.size.width + first / BLOCK + k;
                 const bool moves = block_moves(s, by, first / BLOCK + k);
-                still.moving[block] = moves;
+                blocks.moving[block] = moves;
                 for (int c = 0; c < 4; c++) {
                     const float* of = columns[c] + k * BLOCK;
                     const float total = of[0] + of[1] + of[2] + of[3];
-                    still.signature[c * count + block] = moves ? 0.0f : c < 3 ? total * (1.0f / (BLOCK * BLOCK)) : total;
+                    blocks.signature[c * count + block] = moves ? 0.0f : c < 3 ? total * (1.0f / (BLOCK * BLOCK)) : total;
                 }
             }
         }
@@ -58,13 +58,13 @@ void sign_blocks(const RestWork& w, int y0, int y1) {
 // Writes the SUMS of the wanted blocks of rows y0 to y1.
 void sum_blocks(const RestWork& w, int y0, int y1) {
     const Samples& s = w.samples;
-    const Stillness& still = w.still;
-    const int across = still.blocks.width, count = still.count();
+    const StaticBlocks& blocks = w.blocks;
+    const int across = blocks.size.width, count = blocks.count();
     for (int by = y0; by < y1; by++)
         for (int bx = 0; bx < across; bx++) {
             const int block = by * across + bx;
             float sums[SUMS] = {};
-            for (int k = 0; k < BLOCK * BLOCK && still.wanted[block]; k++) {
+            for (int k = 0; k < BLOCK * BLOCK && blocks.wanted[block]; k++) {
                 const int y = min(by * BLOCK + k / BLOCK, s.height - 1), x = min(bx * BLOCK + k % BLOCK, s.width - 1);
                 const float* sample = linear_row(s, y) + x;
                 if (sample[0] != sample[0]) continue;
@@ -88,7 +88,7 @@ void sum_blocks(const RestWork& w, int y0, int y1) {
                     sums[11] += value * value;
                 }
             }
-            for (int k = 0; k < SUMS; k++) still.sums[k * count + block] = sums[k];
+            for (int k = 0; k < SUMS; k++) blocks.sums[k * count + block] = sums[k];
         }
 }
 
@@ -96,7 +96,7 @@ void sum_blocks(const RestWork& w, int y0, int y1) {
 void add_samples(const RestWork& w, Rect rect) {
     const Samples& s = w.samples;
     for (int y = rect.y0; y < rect.y1; y++) {
-        const uint8_t* modes = w.still.modes + w.row_blocks[y] * w.still.blocks.width;
+        const uint8_t* modes = w.blocks.modes + w.row_blocks[y] * w.blocks.size.width;
         const float* samples[] = {linear_row(s, w.sample_rows[2 * y]), linear_row(s, w.sample_rows[2 * y + 1])};
         for (int x = rect.x0; x < rect.x1; x++) {
             const uint8_t mode = modes[w.column_blocks[x]];
@@ -141,7 +141,7 @@ static void load_mean(const RestWork& w, int y, int x, F (&v)[4]) {
 
 // 1 where pixels have the samples of a whole period, else 0.
 static F are_complete(const RestWork& w, int y, I column_blocks, F weights) {
-    const float* complete = w.still.complete + w.row_blocks[clamp(y, 0, w.display.height - 1)] * w.still.blocks.width;
+    const float* complete = w.blocks.complete + w.row_blocks[clamp(y, 0, w.display.height - 1)] * w.blocks.size.width;
     return select(weights >= LEAST_WEIGHT, gather(complete, column_blocks), 0.0f);
 }
 
@@ -182,7 +182,7 @@ static F3 centred(const RestWork& w, int y, int x, I column_blocks, const F (&he
 void show_mean(const RestWork& w, Rect rect) {
     float tail[3 * W];
     for (int y = rect.y0; y < rect.y1; y++) {
-        const float* shares = w.still.shares + w.row_blocks[y] * w.still.blocks.width;
+        const float* shares = w.blocks.shares + w.row_blocks[y] * w.blocks.size.width;
         float* row = reinterpret_cast<float*>(const_cast<char*>(w.image.data) + y * w.image.row);
         for (int x = rect.x0; x < rect.x1; x += W) {
             I columns = blocks_at(w, x), inside = ramp() + x < rect.x1;
@@ -228,8 +228,8 @@ void pick_pixels(const float* from, Size from_size, const View& to, Size size, i
 void write_converged(const RestWork& w, const View& image, int y0, int y1) {
     for (int y = y0; y < y1; y++)
         for (int x = 0; x < w.display.width; x++) {
-            const int block = w.row_blocks[y] * w.still.blocks.width + w.column_blocks[x];
-            const bool frozen = w.still.stays[block] || w.still.freezes[block];
+            const int block = w.row_blocks[y] * w.blocks.size.width + w.column_blocks[x];
+            const bool frozen = w.blocks.stays[block] || w.blocks.freezes[block];
             store_value(image, const_cast<char*>(image.data) + y * image.row + x * image.pixel, frozen ? 1.0f : 0.0f);
         }
 }
@@ -237,7 +237,7 @@ void write_converged(const RestWork& w, const View& image, int y0, int y1) {
 // Writes the image to the mean in blocks that freeze.
 void freeze_mean(const RestWork& w, Rect rect) {
     for (int y = rect.y0; y < rect.y1; y++) {
-        const uint8_t* freezes = w.still.freezes + w.row_blocks[y] * w.still.blocks.width;
+        const uint8_t* freezes = w.blocks.freezes + w.row_blocks[y] * w.blocks.size.width;
         const float* row = reinterpret_cast<const float*>(w.image.data + y * w.image.row);
         for (int x = rect.x0; x < rect.x1; x++)
             if (freezes[w.column_blocks[x]])

@@ -265,7 +265,7 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
             gather4(w.previous.plane + 4, taps.lower, 4, a[3]);
             const F depths[4] = {a[0][0], a[1][0], a[2][0], a[3][0]}, means[4] = {a[0][1], a[1][1], a[2][1], a[3][1]};
             const F deviations[4] = {a[0][2], a[1][2], a[2][2], a[3][2]};
-            F occluded = disocclusion(depth, depths, taps.weight, n.depth_margin, n.depth_ramp);
+            F occluded = occlusion(depth, depths, taps.weight, n.depth_margin, n.depth_ramp);
             past.surface = select(on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
             F mean_before = mean_of(means, taps.weight), deviation_before = mean_of(deviations, taps.weight);
             F dim = 1.0f / (mean_before * (change - 1.0f) + 1.0f);

@@ -90,14 +90,17 @@ SS_INLINE F mean_of(const F (&values)[4], const F (&weights)[4]) {
     return values[0] * weights[0] + values[1] * weights[1] + (values[2] * weights[2] + values[3] * weights[3]);
 }
 
-// Weight, [0, 1], of the previous samples that were closer than `depth`.
-SS_INLINE F disocclusion(F depth, const F (&before)[4], const F (&weights)[4], float margin, float ramp) {
-    F occluded = F{};
+// Weight, [0, 1], of the previous samples that were closer than `depth`; any of them that left counts fully. Same as
+// `occlusion` of the torch module; `occluders`: four values of `occluding_at`.
+SS_INLINE F occlusion(F depth, const F (&occluders)[4], const F (&weights)[4], float margin, float ramp) {
+    F occluded = F{}, left = F{};
     for (int k = 0; k < 4; k++) {
-        F closer = (before[k] - depth) / maximum(maximum(before[k], depth), 1e-12f);
-        occluded += weights[k] * clamped((closer - margin) * (1.0f / ramp), 0.0f, 1.0f);
+        F before = absolute(occluders[k]), closer = (before - depth) / maximum(maximum(before, depth), 1e-12f);
+        closer = clamped((closer - margin) * (1.0f / ramp), 0.0f, 1.0f);
+        occluded += weights[k] * closer;
+        left = select(occluders[k] < 0.0f, maximum(left, closer), left);
     }
-    return select(depth >= 0.0f, occluded, 0.0f);
+    return select(depth >= 0.0f, maximum(occluded, left), 0.0f);
 }
 
 // Loads four values at each of W places, `scale` values apart, as a vector for each.

@@ -52,13 +52,13 @@ static void write_light(const Step& step, const TaauWork& work) {
 }
 
 // Returns the number of samples of the history that a window of blocks keeps; MOST_SAMPLES where it keeps all.
-static float kept_of(const TaauWork& work, const Stillness& still, int wy, int wx) {
+static float kept_of(const TaauWork& work, const StaticBlocks& blocks, int wy, int wx) {
     constexpr float share = 1.0f / ((BLOCK / LAG_STEP) * (BLOCK / LAG_STEP));
     const ptrdiff_t plane = static_cast<ptrdiff_t>(work.blocks_down) * work.blocks_pitch;
     float difference[3] = {}, square[3] = {}, level[3] = {}, count = 0.0f;
-    for (int y = wy; y < min(wy + LARGE_WINDOW, still.blocks.height); y++)
-        for (int x = wx; x < min(wx + LARGE_WINDOW, still.blocks.width); x++) {
-            if (!still.wanted[y * still.blocks.width + x]) continue;
+    for (int y = wy; y < min(wy + LARGE_WINDOW, blocks.size.height); y++)
+        for (int x = wx; x < min(wx + LARGE_WINDOW, blocks.size.width); x++) {
+            if (!blocks.wanted[y * blocks.size.width + x]) continue;
             const float* sums = work.block_sums + y * work.blocks_pitch + x;
             for (int c = 0; c < 3; c++) {
                 const float apart = sums[c * plane] * share;
@@ -83,26 +83,26 @@ static float kept_of(const TaauWork& work, const Stillness& still, int wy, int w
 // Compares blocks that stand but are not frozen with the history: where it lags behind, it keeps few samples.
 static void limit_samples(const Step& step, TaauWork& work) {
     const RestWork& rest = *step.rest;
-    const Stillness& still = rest.still;
-    const int across = still.blocks.width, down = still.blocks.height;
+    const StaticBlocks& blocks = rest.blocks;
+    const int across = blocks.size.width, down = blocks.size.height;
     work.kept = nullptr;
     bool any = false;
-    for (int block = 0; block < still.count(); block++) {
-        still.wanted[block] = !still.moves[block] && !still.stays[block];
-        any |= still.wanted[block] != 0;
+    for (int block = 0; block < blocks.count(); block++) {
+        blocks.wanted[block] = !blocks.moves[block] && !blocks.stays[block];
+        any |= blocks.wanted[block] != 0;
     }
     if (!any) return;
     work.nearest_rows = rest.nearest_rows, work.nearest_columns = rest.nearest_columns, work.kept_rows = rest.row_blocks;
     pool_of(step).run_rows(down, [&](int y0, int y1, int) { step.kernels().taau_compare(work, y0, y1); });
     bool limits = false;
-    float* const kept = still.windows;
+    float* const kept = blocks.windows;
     for (int wy = 0; wy < down; wy += LARGE_WINDOW)
         for (int wx = 0; wx < across; wx += LARGE_WINDOW) {
-            const float number = kept_of(work, still, wy, wx);
+            const float number = kept_of(work, blocks, wy, wx);
             limits |= number < MOST_SAMPLES;
             for (int y = wy; y < min(wy + LARGE_WINDOW, down); y++)
                 for (int x = wx; x < min(wx + LARGE_WINDOW, across); x++)
-                    kept[y * across + x] = still.wanted[y * across + x] ? number : MOST_SAMPLES;
+                    kept[y * across + x] = blocks.wanted[y * across + x] ? number : MOST_SAMPLES;
         }
     if (!limits) return;
     work.kept = work.kept_room;
