@@ -1,13 +1,9 @@
 """Python code in a process of its own, for tests of the SDK's effects on its process."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
-
-from supersampler import Model
-from supersampler.backends.cpu.kernel_cache import cache_folder
 
 TESTS = Path(__file__).parent
 STEP = """
@@ -39,12 +35,3 @@ def run_apart(
     )
     assert done.returncode == 0, f"exit status {done.returncode}\n{done.stdout}\n{done.stderr}"
     return done
-
-
-def cache_without_a_kernel(folder: Path) -> str:
-    """Make a value of XDG_CACHE_HOME: kernels of `taa` but the fastest to compile, which a step compiles."""
-    Model.load("taa", executor="cpu")
-    kernels = folder / "supersampler" / "kernels" / cache_folder().name
-    shutil.copytree(cache_folder(), kernels)
-    (kernels / "backends.cpu.kernels.frame.measure.kernel").unlink()
-    return str(folder)

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from native_build import native_build
+
 if TYPE_CHECKING:
     from supersampler_model.data.renderer.renderer import Renderer
 
@@ -18,6 +20,12 @@ LONG = {
     "test_examples.py": "runs every example",
 }
 """Folders and files of tests that are long, and why. A single test is marked where it stands."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Build the CPU library from the sources that are tested; only what has changed is compiled."""
+    if not hasattr(config, "workerinput"):  # one of several processes, whose parent has built it
+        native_build().build()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -10,5 +10,6 @@ WITHOUT_GBUFFERS = [
     if spec.ships and not spec.extrapolates and GBUFFERS.keys().isdisjoint(spec.inputs)
 ]
 """Methods that upscale frames without G-buffers."""
-WITH_KERNELS = [name for name in WITHOUT_GBUFFERS if methods()[name].cpu]
+WITH_KERNELS = [name for name in WITHOUT_GBUFFERS if methods()[name].cpu and methods()[name].history]
+"""Temporal ones of these, on the CPU backend."""
 WITH_SHADERS = with_shaders()

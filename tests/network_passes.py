@@ -1,86 +1,79 @@
-"""Inputs and outputs of the int8 network in steps of the CPU backend."""
+"""Inputs and outputs of the int8 network of the CPU library, on real and on hostile inputs."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
+import torch
 from numpy.typing import NDArray
 
-from supersampler import Frame, Model, Upscaler
-from supersampler.methods.classifier.cpu import ClassifierCpu
-from supersampler.methods.classifier.int8_network import Encoder
-from supersampler.methods.classifier.spec import DEFAULT_INPUTS
+from supersampler import Frame, Model
+from supersampler.backends.cpu.executor import CpuExecutor
+from supersampler.frame import Float32, Size
+from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS
+from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.spec import half_size, large_size
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_network import pack
+from supersampler_model.ops.images import Size as ModelSize
+from torch_inputs import tensors_of
 
 Bytes = NDArray[np.uint8]
-Floats = NDArray[np.float32]
 SIGNED = slice(4 * DEFAULT_INPUTS.index("depth_difference"), 4 * DEFAULT_INPUTS.index("depth_difference") + 4)
 """Planes of `packed` in [-1, 1]; all other inputs are in [0, 1]."""
 
 
 class Pass(NamedTuple):
-    """The network in one step: inputs and outputs as `network.onnx` has them."""
+    """One run of the network: inputs and outputs as `network.onnx` has them."""
 
-    packed: Floats
-    half_inputs: Floats
-    logits: Floats
-    blend_parameters: Floats
+    packed: Float32
+    half_inputs: Float32
+    logits: Float32
+    blend_parameters: Float32
 
     @property
-    def feeds(self) -> dict[str, Floats]:
+    def feeds(self) -> dict[str, Float32]:
         return {"packed": self.packed, "half_inputs": self.half_inputs}
 
 
-def passes_of(
-    model: Model,
-    frames: list[Frame],
-    display: tuple[int, int],
-    change: Callable[[Bytes], None] = lambda _: None,
-) -> list[Pass]:
-    """Step frames on a CPU backend of one thread; return what its network read and wrote.
-
-    `change` may write to the inputs, (half height, half width, 72), before the network runs.
-    """
+def pass_of(model: Model, codes: Bytes) -> Pass:
+    """Run the network on inputs as bytes, (half height, half width, 72)."""
     executor = model._executor
-    assert isinstance(executor, ClassifierCpu)
-    assert executor.pool.threads == 1
-    passes: list[Pass] = []
+    assert isinstance(executor, CpuExecutor)
+    height, width = codes.shape[:2]
+    variant = Variant.of(model.info.config)
+    outputs = 4 * variant.blend_parameters
+    values = np.empty((outputs + CLASSES, height, width), np.float32)
+    given = np.ascontiguousarray(codes)
+    executor._library.call(
+        "ss_run_network", executor._model.handle, given.ctypes.data, width, height, values.ctypes.data
+    )
+    planes = codes.transpose(2, 0, 1) * np.float32(1.0 / 255.0)
+    planes[SIGNED] = 2.0 * planes[SIGNED] - 1.0
+    return Pass(planes[None, :64], planes[None, 64:], values[None, outputs:], values[None, :outputs])
 
-    def run(self: Encoder, tiles: Any) -> Any:
-        change(self.inputs.records.view(np.uint8)[:, : self.inputs.half_width])
-        return encode(self, tiles)
 
-    def compose(self: ClassifierCpu, step: Any, view: Any, space: Any, inferred: Any) -> None:
-        parameters, width = self.variant.blend_parameters, space.half[0]
-        pitch = (width + 15) // 16 * 16
-        scratch, rows = space.scratch[0].finish, []
+def inputs_of(
+    method: Classifier, frames: Iterable[Frame], display: Size, patch: pytest.MonkeyPatch
+) -> list[Bytes]:
+    """Step frames in torch; return the inputs of its network as bytes, (half height, half width, 72)."""
+    found: list[Bytes] = []
+    infer = cast("Callable[..., tuple[torch.Tensor, torch.Tensor]]", method.net.on_pixels)
+    history: Any = None
+    width, height = half_size(large_size(display) if method.larger else display)
 
-        def finish(*arguments: Any) -> None:
-            y0, y1, p0, p1 = arguments[-4:]
-            for y in range(y0, y1):
-                kernel(*arguments[:-4], y, y + 1, p0, p1)
-                blend = scratch.blend.reshape(-1)[: 4 * parameters * pitch].reshape(4, parameters, pitch)
-                layers = inferred[1]
-                logits = scratch.hidden[:width, layers.logits : layers.logits + 6].T.astype(np.float32)
-                rows.append((blend[..., :width].copy(), (logits - 128.0) * layers.logits_scale))
+    def keep(pixels: Sequence[torch.Tensor], half_inputs: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        planes = torch.cat([pack(torch.cat([*pixels], dim=1)), half_inputs], dim=1)[0].numpy().copy()
+        planes[SIGNED] = 0.5 + 0.5 * planes[SIGNED]
+        codes = np.floor(planes.clip(0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        found.append(codes[:, :height, :width].transpose(1, 2, 0))
+        return infer(pixels, half_inputs)
 
-        kernel = self._finish
-        patch.setattr(self, "_finish", finish)
-        composed(self, step, view, space, inferred)
-        patch.setattr(self, "_finish", kernel)
-        codes = space.network.inputs.records.view(np.uint8)[:, :width].transpose(2, 0, 1)
-        planes = codes * np.float32(1.0 / 255.0)
-        planes[SIGNED] = 2.0 * planes[SIGNED] - 1.0
-        blend = np.stack([row for row, _ in rows], axis=2)  # (4, parameters, half height, half width)
-        blend = blend.transpose(1, 0, 2, 3).reshape(1, 4 * parameters, *blend.shape[2:])
-        logits = np.stack([row for _, row in rows], axis=1)[None].astype(np.float32)
-        passes.append(Pass(planes[None, :64], planes[None, 64:], logits, blend))
-
-    encode, composed = Encoder.run, ClassifierCpu._compose
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Encoder, "run", run)
-        patch.setattr(ClassifierCpu, "_compose", compose)
-        upscaler = Upscaler(model, display_size=display, validate="off", skip=False)
-        for frame in frames:
-            upscaler.step(frame)
-    return passes
+    patch.setattr(method.net, "on_pixels", keep)
+    for frame in frames:
+        if history is None:
+            history = method.first_history(ModelSize(*display), ModelSize(*frame.size))
+        with torch.no_grad():
+            _, history, _ = method.step(*tensors_of(frame, display, method.inputs()).values(), *history)
+    return found

@@ -13,7 +13,8 @@ from supersampler.methods.registry import methods
 from supersampler.methods.spec import constants_of
 
 ROOT = Path(__file__).parents[1]
-SDK, MODEL = ROOT / "sdk" / "supersampler", ROOT / "model" / "supersampler_model"
+SDK, NATIVE = ROOT / "sdk" / "supersampler", ROOT / "sdk" / "native" / "src"
+MODEL = ROOT / "model" / "supersampler_model"
 Sources = Mapping[str, str]
 _COMMENT = re.compile(r"//[^\n]*")
 _FLOAT = re.compile(r"(?<![\w.])(?:0x[0-9a-f.]+p[-+]?\d+|\d+\.\d*(?:e[-+]?\d+)?|\d+e[-+]?\d+)")
@@ -65,6 +66,7 @@ def implementations() -> dict[str, Sources]:
     torch = [*(MODEL / "ops").rglob("*.py"), *(MODEL / "methods").rglob("*.py")]
     return {
         "shaders": texts([*SDK.rglob("*.wgsl")]),
+        "kernels": texts([file for file in NATIVE.rglob("*.[ch]*") if file.name != "constants.h"]),
         "numpy": texts([file for file in of_sdk if file not in defining]),
         "torch": texts(torch),
     }
@@ -89,7 +91,7 @@ def is_plain(value: float) -> bool:
 
 def numbers(file: str, text: str) -> list[float]:
     """Return the number literals of a file that are not plain."""
-    found = shader_numbers(text) if file.endswith(".wgsl") else python_numbers(text)
+    found = python_numbers(text) if file.endswith(".py") else shader_numbers(text)
     return [value for value in found if not is_plain(value)]
 
 
@@ -104,7 +106,7 @@ def typed_again(sources: Sources) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("kind", ["shaders", "numpy", "torch"])
+@pytest.mark.parametrize("kind", ["shaders", "kernels", "numpy", "torch"])
 def test_no_constant_of_a_spec_is_typed_again(kind: str) -> None:
     assert typed_again(implementations()[kind]) == []
 

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from supersampler.backends.cpu.kernel_cache import SOURCES
-
 ROOT = Path(__file__).parents[1]
 PACKAGES = {
     "supersampler": "sdk",
@@ -20,12 +18,10 @@ PACKAGES = {
     "supersampler_export": "export",
     "supersampler_bench": "bench",
 }
-TOOL_CHAIN = ("memory", "structs", "kernel_cache", "kernel_compiler", "kernel_loader", "simd")
 FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor and those below it
     ("errors", "arguments"),
     ("frame",),
-    # the tool chain of the kernels, which conventions run, too
-    ("io.files", "io.child_process", "backends.base", *(f"backends.cpu.{name}" for name in TOOL_CHAIN)),
+    ("io.files", "io.child_process", "backends.base", "backends.cpu.library"),  # which conventions call, too
     ("conventions",),
     ("io",),
     ("methods", "backends"),
@@ -42,8 +38,6 @@ RUNTIME = {
     "numpy",
     "onnxruntime",
     "OpenImageIO",
-    "numba",
-    "llvmlite",
     "msgspec",
     "typer",
     "rich",
@@ -138,24 +132,6 @@ def test_a_circle_for_types_alone_is_found(tmp_path: Path) -> None:
     (tmp_path / "pack" / "b.py").write_text("if TYPE_CHECKING:\n    from pack.a import T\n")
     with pytest.raises(CycleError):
         tuple(TopologicalSorter(graph_of(modules_of("pack", tmp_path))).static_order())
-
-
-def test_a_change_of_a_kernel_or_of_its_imports_changes_the_cache_key() -> None:
-    sdk, simd = ROOT / "sdk" / "supersampler", "backends.cpu.simd"
-    kernels = [
-        file
-        for file in sorted(sdk.rglob("*.py"))
-        if "kernels" in (file.stem, file.parent.name)
-        or any(f".{simd}" in name for _, name, _ in imports(file))
-    ]
-    known = {module.removeprefix("supersampler.") for module in modules_of("supersampler")}
-    names = {name.removeprefix("supersampler.") for file in kernels for _, name, _ in imports(file)}
-    imported_by_kernels = {name if name in known else name.rpartition(".")[0] for name in names} & known
-    assert "conventions.camera_motion" in imported_by_kernels
-    modules = [file.relative_to(sdk).as_posix() for file in kernels]
-    modules += [f"{name.replace('.', '/')}.py" for name in imported_by_kernels]
-    folders = tuple(f"{source}/" for source in SOURCES)
-    assert [module for module in modules if module not in SOURCES and not module.startswith(folders)] == []
 
 
 def test_scripts_inside_blender_do_not_import_the_package() -> None:

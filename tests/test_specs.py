@@ -5,14 +5,13 @@ import inspect
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from supersampler.methods.aovs.spec import AOVS
 from supersampler.methods.extrapolation.spec import EXTRAPOLATE_UNSHADED
 from supersampler.methods.model_file import read_model_info
 from supersampler.methods.registry import methods
-from supersampler.methods.spec import MethodSpec, constant_indices, constants_array, constants_of
+from supersampler.methods.spec import MethodSpec, constants_of
 from supersampler_model.methods import method_class
 from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Method
@@ -54,17 +53,6 @@ def test_a_shipped_model_is_what_its_spec_says(folder: Path) -> None:
     assert list(info.config) == [field.name for field in dataclasses.fields(spec.config)]
     if not (folder / "network.onnx").exists():  # weights come with the constants that they were trained for
         assert info.config == json.loads(json.dumps(dataclasses.asdict(spec.config())))
-
-
-@pytest.mark.parametrize("spec", KERNELS, ids=lambda spec: spec.name)
-def test_kernels_find_each_constant_where_its_array_has_it(spec: MethodSpec) -> None:
-    config = {name: float(place) for place, name in enumerate(vars(spec.config()))}
-    array, indices = constants_array(spec, config), constant_indices(spec)
-    assert array.dtype == np.float32
-    assert len(array) == len(indices) > 0
-    assert {name: array[getattr(indices, name)] for name in constants_of(spec)} == {
-        name: config[name] for name in constants_of(spec)
-    }
 
 
 @pytest.mark.parametrize("spec", KERNELS, ids=lambda spec: spec.name)

@@ -4,8 +4,8 @@
     python bench/studies/hashes.py --json hashes.json
 
 Every shipped model steps through 24 frames at five sizes, or 48 where most of the frame is static, in
-every way that it runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on numba,
-so compare records of one machine.
+every way that it runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on the
+compiler, so compare records of one machine.
 
 A record also has sketches, which estimate how far images are apart although no image is kept. A sketch is the
 sum of an image's values with random signs: the squared difference of two sketches is on average the squared

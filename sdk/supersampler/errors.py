@@ -7,7 +7,7 @@ SupersamplerError
   RecordingError     a recording of an Upscaler cannot be read, written or replayed; names the file
   ModelError         a model folder that this runtime cannot run
   ProviderError      an ONNX Runtime execution provider was requested and is not available
-  KernelError        the CPU backend's kernels cannot be compiled here
+  LibraryError       the CPU library is missing or cannot be loaded
   DeviceError        the GPU backend found no device, or the device failed
 
 Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`); BackendWarning, when a slower
@@ -78,8 +78,8 @@ class ProviderError(SupersamplerError, RuntimeError):
     """An execution provider was requested and is not available; the message lists those that are."""
 
 
-class KernelError(SupersamplerError, RuntimeError):
-    """Kernels of the CPU backend cannot be compiled or loaded; the message says why."""
+class LibraryError(SupersamplerError, RuntimeError):
+    """The CPU library is missing or cannot be loaded; the message says why, and what builds it."""
 
 
 class DeviceError(SupersamplerError, RuntimeError):

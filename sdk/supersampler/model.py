@@ -20,7 +20,7 @@ from supersampler.arguments import (
     ieee_arithmetic,
 )
 from supersampler.backends.base import Executor
-from supersampler.backends.cpu.memory import aligned
+from supersampler.backends.cpu.library import aligned
 from supersampler.backends.onnx.executor import AovBlender, OnnxExecutor, check_aovs
 from supersampler.backends.onnx.runtime import CPU, resolve_providers
 from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs

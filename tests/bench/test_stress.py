@@ -334,7 +334,9 @@ def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
     arguments = ["stress", "--quick", "--only", "threads", "--methods", "taa,bilinear"]
     result = CliRunner().invoke(app, [*arguments, "--json", str(tmp_path / "stress.json")])
     assert result.exit_code == 0, result.output
-    assert "| scenario | figure | at most | taa cpu | taa onnx | bilinear onnx |" in result.output
+    assert (
+        "| scenario | figure | at most | taa cpu | taa onnx | bilinear cpu | bilinear onnx |" in result.output
+    )
     record = StressRecord.from_json(read_record(tmp_path / "stress.json"))
     assert "| threads | One thread, two, three, five:" in record.table_text("scenarios")
     assert "| threads | difference |" in result.output

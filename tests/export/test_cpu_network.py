@@ -10,7 +10,7 @@ from noise import Size, noise
 from random_networks import TINY, Made, compare, step_both, with_random_weights
 from supersampler import Frame
 from supersampler.methods.classifier.spec import CLASSIFIER, ClassifierConfig, NetworkConfig
-from supersampler.methods.classifier.structs import Variant
+from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.gbuffer_fast.spec import GBUFFERS_READ, GuidedConfig
 from supersampler.methods.gbuffers import GBUFFERS, grouped
 from supersampler.methods.spec import flags_of
@@ -74,7 +74,7 @@ def test_there_is_none_for_other_methods_and_other_constants(method: object) -> 
     assert cpu_network(method) is None  # type: ignore[arg-type]
 
 
-@pytest.fixture(scope="module", params=VARIANTS, ids=lambda variant: variant.kernel("with"))
+@pytest.fixture(scope="module", params=VARIANTS, ids=str)
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     config = ClassifierConfig(network=TINY, **{n: getattr(request.param, n) for n in flags_of(CLASSIFIER)})
     return with_random_weights(Classifier(config), tmp_path_factory.mktemp("model"))
@@ -102,7 +102,6 @@ def test_a_variant_says_what_its_config_counts() -> None:
             variant = Variant(rectified, own)
             config = ClassifierConfig(rectified=rectified, own_motion=own)
             assert variant == Variant.of(asdict(config))
-            assert variant == Variant.with_parts(*variant.kernel("module.function").split("+")[1:])
             assert variant.blend_parameters == config.blend_parameters
 
 

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from onnx import numpy_helper
 from torch import nn
 
-from network_passes import Bytes, Pass, passes_of
+from network_passes import Pass, inputs_of, pass_of
 from shared_models import shared_model
 from supersampler import Shot
 from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.classifier.spec import DEFAULT_INPUTS
 from supersampler.methods.model_file import find_model, model_names, read_model_info
+from supersampler.methods.spec import half_size
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_export.half import HalfNetwork, folded
 from supersampler_export.quantize import (
@@ -38,6 +39,7 @@ from supersampler_export.quantize import (
 from supersampler_export.quantize import folded as folded_pointwise
 from supersampler_export.quantized_graph import quantized_network
 from supersampler_model.methods import load_method
+from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_network import Pointwise
 
 RANDOM = np.random.default_rng(0)
@@ -201,24 +203,20 @@ def passes(name: str, display: tuple[int, int]) -> list[Pass]:
     model = shared_model(name, executor="cpu")
     frames = [item.frame for item in itertools.islice(Shot.open("plaza"), FRAMES)]
     frames = [with_default_gbuffers(frame, model.info.gbuffers, display) for frame in frames]
-    return passes_of(model, frames, display)
+    method = load_method(name)
+    assert isinstance(method, Classifier)
+    with pytest.MonkeyPatch.context() as patch:
+        return [pass_of(model, codes) for codes in inputs_of(method.eval(), frames, display, patch)]
 
 
 @cache
 def hostile_pass(name: str) -> Pass:
     """Inputs at both ends of their ranges: areas of each value, and noise of both."""
-
-    def change(inputs: Bytes) -> None:
-        random = np.random.default_rng(0)
-        height, width = inputs.shape[:2]
-        blocks = 255 * random.integers(0, 2, (height // 16 + 1, width // 16 + 1, 72), np.uint8)
-        inputs[:] = blocks.repeat(16, axis=0).repeat(16, axis=1)[:height, :width]
-        inputs[: height // 4] = 255 * random.integers(0, 2, inputs[: height // 4].shape, np.uint8)
-
-    model, display = shared_model(name, executor="cpu"), DISPLAYS[0]
-    frame = with_default_gbuffers(Shot.open("plaza").read(0).frame, model.info.gbuffers, display)
-    [found] = passes_of(model, [frame], display, change)
-    return found
+    random, (width, height) = np.random.default_rng(0), half_size(DISPLAYS[0])
+    blocks = 255 * random.integers(0, 2, (height // 16 + 1, width // 16 + 1, 72), np.uint8)
+    codes = blocks.repeat(16, axis=0).repeat(16, axis=1)[:height, :width]
+    codes[: height // 4] = 255 * random.integers(0, 2, codes[: height // 4].shape, np.uint8)
+    return pass_of(shared_model(name, executor="cpu"), codes)
 
 
 def all_passes(name: str) -> list[Pass]:

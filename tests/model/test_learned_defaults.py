@@ -27,7 +27,7 @@ def test_weights_of_another_version_are_refused_by_name() -> None:
 def test_every_entry_of_the_registry_exists(name: str) -> None:
     spec = methods()[name]
     assert method_class(name).spec is spec
-    assert all(callable(load(entry)) for entry in (spec.task, spec.cpu, spec.gpu) if entry)
+    assert all(callable(load(entry)) for entry in (spec.task, spec.gpu) if entry)
 
 
 def test_the_registry_names_all_released_weights_and_all_shipped_models() -> None:

@@ -9,16 +9,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from supersampler.backends.cpu.kernel_loader import load_kernels
-from supersampler.backends.cpu.layout import LANES
-from supersampler.backends.cpu.memory import address
-from supersampler.backends.cpu.resample_tables import up_to
-from supersampler.backends.cpu.structs import pack
 from supersampler.frame import Float32
 from supersampler.io.display import followed_exposure, usable_exposure
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler.methods.classifier_large.cpu import DOWNSAMPLE
-from supersampler.methods.classifier_large.downsampling import Downsampling, DownsamplingTables
 from supersampler.methods.spec import large_size
 from supersampler_model import ops
 
@@ -294,23 +287,6 @@ def by_torch(image: Float32, display: ops.Size, exposure: float = 1.0) -> Float3
     return ops.downsample(planes, display, torch.tensor([exposure]))[0].permute(1, 2, 0).numpy()
 
 
-def by_kernel(image: Float32, display: ops.Size, exposure: float, parts: int) -> Float32:
-    """Filter in some parts of rows, as threads do."""
-    t, out = DownsamplingTables(display, 1), np.full((display.height, display.width, 3), np.nan, np.float32)
-    t.image[:] = image
-    large = image.shape
-    work = Downsampling(
-        t.image, out, t.rows, t.row_weights, t.columns, t.column_weights,
-        display.width, up_to(display.width, LANES), large[1], large[0], exposure,
-    )  # fmt: skip
-    kernel = load_kernels(DOWNSAMPLE)[DOWNSAMPLE]
-    edges = np.linspace(0, display.height, parts + 1).astype(int)
-    for y0, y1 in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        if y0 < y1:
-            kernel(pack(work), address(t.scratch[0]), y0, y1)
-    return out
-
-
 def larger(display: ops.Size) -> Float32:
     width, height = large_size(display)
     return np.random.default_rng(0).gamma(0.5, 4.0, (height, width, 3)).astype(np.float32)
@@ -351,23 +327,6 @@ def test_detail_of_the_display_keeps_its_contrast_and_finer_detail_goes() -> Non
     assert contrast(8.0) > 0.97
     assert contrast(4.0) > 0.95
     assert contrast(1.5) < 0.35
-
-
-@pytest.mark.parametrize("exposure", [1.0, 0.03, 50.0])
-@pytest.mark.parametrize("display", DISPLAY_SIZES)
-def test_the_kernel_computes_what_torch_computes(display: ops.Size, exposure: float) -> None:
-    image = larger(display)
-    image.reshape(-1)[::7] = 0.0
-    image.reshape(-1)[3::31] = 65504.0
-    ours = by_torch(image, display, exposure)
-    for parts in (1, 3):
-        theirs = by_kernel(image, display, exposure, parts)
-        toned = [
-            ops.tone(torch.from_numpy(each * exposure).permute(2, 0, 1)[None]) for each in (ours, theirs)
-        ]
-        torch.testing.assert_close(*toned, rtol=0.0, atol=2e-5)
-        assert theirs.min() >= 0.0
-        assert theirs.max() <= 65504.0
 
 
 def test_exposure_is_given_or_measured_and_adapts() -> None:

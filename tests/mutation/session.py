@@ -1,4 +1,4 @@
-"""Tests run in a copy of the tree, in a child process that finds torch and numba already imported."""
+"""Tests run in a copy of the tree, in a child process that finds torch already imported."""
 
 import importlib
 import multiprocessing
@@ -18,7 +18,7 @@ import pytest
 
 from mutation.targets import PACKAGES
 
-PRELOADED = ["numpy", "torch", "onnx", "onnxscript", "numba", "llvmlite", "OpenImageIO", "scipy"]
+PRELOADED = ["numpy", "torch", "onnx", "onnxscript", "OpenImageIO", "scipy"]
 """Slow to import, and the same for all mutants."""
 MEMORY = 12 << 30
 """Bytes of data that a child may hold: a mutant may ask for any size."""

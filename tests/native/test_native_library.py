@@ -1,7 +1,5 @@
 """The CPU library in C++: the images of the graphs, the same bits however it is run, and no C++ runtime."""
 
-import importlib.util
-import os
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -12,14 +10,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from cpu_models import bytes_of, cpu_executor
+from native_build import SOURCES, native_build, native_generated
 from noise import noise
 from supersampler import Frame, Model
-from supersampler.backends.cpu.native import NativeExecutor, NativeLibrary, arrays_bytes, model_bytes
+from supersampler.backends.cpu.executor import CpuModel
+from supersampler.backends.cpu.library import Options, cpu_library
+from supersampler.backends.cpu.model_bytes import arrays_bytes
 from supersampler.conventions.jitter import halton_jitter
-from supersampler.errors import FrameError, ModelError
+from supersampler.errors import ModelError, SupersamplerError
 from supersampler.frame import Float32, Size
 
-SOURCES = Path(__file__).parents[2] / "sdk" / "native"
 METHODS = "bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small", "classifier-large"
 SIZES = [((37, 22), (81, 47)), ((17, 13), (17, 13)), ((64, 36), (128, 72)), ((1, 1), (1, 1))]
 
@@ -38,33 +39,18 @@ INT8 = Bound(2e-3, 3e-2, 8e-2)
 
 
 @pytest.fixture(scope="session")
-def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    given = os.environ.get("SUPERSAMPLER_NATIVE")  # a library that is built already
-    if given:
-        return Path(given)
-    cmake = shutil.which("cmake")
-    if cmake is None or shutil.which("c++") is None:
-        pytest.skip("cmake or a C++ compiler is missing")
-    folder = tmp_path_factory.mktemp("native")
-    subprocess.run([cmake, "-S", SOURCES, "-B", folder], check=True, capture_output=True)
-    subprocess.run([cmake, "--build", folder], check=True, capture_output=True, timeout=280)
-    return folder / "libsupersampler.so"
-
-
-@pytest.fixture(scope="session")
-def library(path: Path) -> NativeLibrary:
-    return NativeLibrary(path)
-
-
-def model_of(method: str) -> bytes:
-    return model_bytes(Model.load(method, executor="onnx", threads=1).info)
+def path() -> Path:
+    """The library of the package."""
+    built = native_build().build()
+    assert isinstance(built, Path)
+    return built
 
 
 def frames(render: Size, count: int) -> Iterator[Frame]:
     """Noise, some of it missing, out of range or without an end, and a reactive mask."""
     for index in range(count):
         frame = noise(index, render)
-        color, depth, motion = frame.color.copy(), frame.depth.copy(), frame.motion.copy()
+        color, depth, motion = (np.array(a) for a in (frame.color, frame.depth, frame.motion))
         if index == 1 and render[1] > 9:
             color[2:5], color[6], color[7], color[8], color[1, 1] = np.nan, np.inf, -1.0, 1e6, np.nan
             depth[3], depth[4], depth[5] = np.nan, -1.0, np.inf
@@ -113,23 +99,14 @@ def still_frame(index: int, render: Size, ratio: float) -> Frame:
     return Frame(color=color.astype(np.float32), depth=depth, motion=motion, jitter=jitter, exposure=1.0)
 
 
-def test_the_interface_in_c(path: Path, tmp_path: Path) -> None:
-    if not (path.parent / "test_api").exists():
-        pytest.skip("the library was built without tests")
-    files = []
-    for method in ("classifier", "classifier-small"):
-        files.append(tmp_path / method)
-        files[-1].write_bytes(bytes(model_of(method)))
-    subprocess.run([path.parent / "test_api", *files], check=True, timeout=200)
-
-
 def test_constants_are_those_of_the_specs() -> None:
-    spec = importlib.util.spec_from_file_location("generate", SOURCES / "generate.py")
-    assert spec is not None
-    assert spec.loader is not None
-    generate = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(generate)
-    assert (SOURCES / "src" / "constants.h").read_text() == generate.constants_header()
+    text = (SOURCES / "src" / "constants.h").read_text()
+    assert text == native_generated().constants_header()
+
+
+def test_models_in_the_library_are_those_that_ship() -> None:
+    files = {path.name: path.read_bytes() for path in (SOURCES / "models").iterdir()}
+    assert files == native_generated().model_files()
 
 
 def test_no_runtime_of_cpp_is_needed(path: Path) -> None:
@@ -148,48 +125,27 @@ def test_no_runtime_of_cpp_is_needed(path: Path) -> None:
 
 @pytest.mark.parametrize("instructions", ["", "avx2", "portable"])
 @pytest.mark.parametrize("method", [name for name in METHODS if not name.startswith("classifier")])
-def test_images_are_those_of_the_graph(library: NativeLibrary, method: str, instructions: str) -> None:
+def test_images_are_those_of_the_graph(method: str, instructions: str) -> None:
     for render, display in SIZES:
-        native = Run(NativeExecutor(library, model_of(method), 2, instructions), render, display)
+        native = Run(cpu_executor(method, 2, instructions), render, display)
         graph = Run(Model.load(method, executor="onnx", threads=1)._executor, render, display)
         for frame in frames(render, 5):
             check(native.step(frame), graph.step(frame), EXACT)
 
 
-def test_images_guided_by_g_buffers_are_those_of_the_cpu_backend(library: NativeLibrary) -> None:
-    render, display = (37, 22), (81, 47)
-    native = Run(NativeExecutor(library, model_of("gbuffer-fast"), 2), render, display)
-    kernels = Run(Model.load("gbuffer-fast", executor="cpu", threads=1)._executor, render, display)
-    rng = np.random.default_rng(0)
-
-    def surfaces(size: Size) -> dict[str, Float32]:
-        shape = (*size[::-1], 3)
-        return {
-            "base_color": rng.random(shape, np.float32),
-            "normal": 1.4 * rng.random(shape, np.float32) - np.float32(0.7),
-        }
-
-    for frame in frames(render, 5):
-        depth = 0.1 * rng.random(display[::-1], np.float32)
-        given = replace(
-            frame, gbuffer=surfaces(render), gbuffer_display={**surfaces(display), "depth": depth}
-        )
-        check(native.step(given), kernels.step(given), INT8)
-
-
+@pytest.mark.parametrize("instructions", ["avx2", "portable"])
 @pytest.mark.parametrize("method", [name for name in METHODS if name.startswith("classifier")])
-def test_images_of_a_network_are_those_of_the_cpu_backend(library: NativeLibrary, method: str) -> None:
+def test_instruction_sets_agree(method: str, instructions: str) -> None:
     for render, display in [((44, 26), (81, 47)), *SIZES[1:3]]:
-        native = Run(NativeExecutor(library, model_of(method), 2), render, display)
-        kernels = Run(Model.load(method, executor="cpu", threads=1)._executor, render, display)
+        best, other = (Run(cpu_executor(method, 2, name), render, display) for name in ("", instructions))
         for frame in frames(render, 5):
-            check(native.step(frame), kernels.step(frame), INT8)
+            check(other.step(frame), best.step(frame), INT8)
 
 
 @pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small", "classifier-large"])
-def test_threads_and_skipped_tiles_change_no_bit(library: NativeLibrary, method: str) -> None:
+def test_threads_and_skipped_tiles_change_no_bit(method: str) -> None:
     render, display = (64, 40), (128, 80)
-    runs = [Run(NativeExecutor(library, model_of(method), threads), render, display) for threads in (1, 1, 3)]
+    runs = [Run(cpu_executor(method, threads), render, display) for threads in (1, 1, 3)]
     for index in range(75):
         frame = still_frame(index, render, 2.0)
         image, whole, threaded = (
@@ -197,13 +153,13 @@ def test_threads_and_skipped_tiles_change_no_bit(library: NativeLibrary, method:
         )
         np.testing.assert_array_equal(image, whole)
         np.testing.assert_array_equal(image, threaded)
-    blocks = runs[0].executor.tensor(runs[0].history, "static_blocks")
+    blocks = runs[0].executor.tensor(runs[0].history, "history.static_blocks")
     assert 0.5 < (blocks[0, 0] < 0.0).mean() < 1.0  # some of it has converged
 
 
-def test_what_stands_still_converges_as_in_the_graph(library: NativeLibrary) -> None:
+def test_what_stands_still_converges_as_in_the_graph() -> None:
     render, display = (40, 24), (80, 48)
-    native = Run(NativeExecutor(library, model_of("taau"), 1), render, display)
+    native = Run(cpu_executor("taau"), render, display)
     graph = Run(Model.load("taau", executor="onnx", threads=1)._executor, render, display)
     for index in range(75):
         frame = still_frame(index, render, 2.0)
@@ -213,40 +169,45 @@ def test_what_stands_still_converges_as_in_the_graph(library: NativeLibrary) -> 
 
 
 @pytest.mark.parametrize("method", ["taa", "taau", "classifier"])
-def test_a_history_that_is_read_and_written_gives_the_same_bits(library: NativeLibrary, method: str) -> None:
+def test_a_history_that_is_read_and_written_gives_the_same_bits(method: str) -> None:
     render, display = (40, 24), (81, 47)
-    executor = NativeExecutor(library, model_of(method), 1)
+    executor = cpu_executor(method)
     run = Run(executor, render, display)
     for index in range(40):
         run.step(still_frame(index, render, 2.0), adds=1.0)
     other = Run(executor, render, display)
-    tensors = {f"history.{name}": executor.tensor(run.history, name) for name in run.history.tensors()}
+    tensors = {name: executor.tensor(run.history, name) for name in run.history.tensors()}
     executor.load(other.history, tensors)
     for index in range(40, 44):
         frame = still_frame(index, render, 2.0)
         np.testing.assert_array_equal(run.step(frame, adds=1.0), other.step(frame, adds=1.0))
 
 
-def test_a_damaged_model_is_refused(library: NativeLibrary) -> None:
-    whole = model_bytes(Model.load("classifier-small", executor="onnx", threads=1).info)
+def load(data: bytes) -> CpuModel:
+    return CpuModel(cpu_library(), data, Options(threads=1))
+
+
+def test_a_damaged_model_is_refused() -> None:
+    whole = bytes_of("classifier-small")
+    assert load(whole).instructions in ("avx512", "avx2", "neon", "portable")
     rng = np.random.default_rng(0)
     for place in rng.integers(0, len(whole), 40):
         changed = bytearray(whole)
         changed[place] ^= 1 << rng.integers(0, 8)
         with pytest.raises(ModelError):
-            NativeExecutor(library, bytes(changed), 1)
+            load(bytes(changed))
     for end in (0, 7, 8, 100, len(whole) - 8):
         with pytest.raises(ModelError):
-            NativeExecutor(library, whole[:end], 1)
+            load(whole[:end])
     with pytest.raises(ModelError, match="method"):
-        NativeExecutor(library, arrays_bytes({"method": np.frombuffer(b"other\0", np.uint8)}), 1)
+        load(arrays_bytes({"method": np.frombuffer(b"other\0", np.uint8)}))
 
 
-def test_a_bad_frame_is_named(library: NativeLibrary) -> None:
-    run = Run(NativeExecutor(library, "taau", 1), (16, 9), (32, 18))
+def test_a_bad_frame_is_named() -> None:
+    run = Run(cpu_executor("taau"), (16, 9), (32, 18))
     good = noise(0, (16, 9))
     first = run.step(good)
     object.__setattr__(bad := replace(good), "jitter", (0.9, 0.0))
-    with pytest.raises(FrameError, match=r"jitter is 0\.9"):
+    with pytest.raises(SupersamplerError, match=r"jitter is 0\.9"):
         run.step(bad)
     assert np.isfinite(first).all()

@@ -1,4 +1,4 @@
-"""A runtime process opens no socket, and writes to its cache and its output folder alone."""
+"""A runtime process opens no socket, and writes to its output folder alone."""
 
 import re
 import shutil
@@ -60,7 +60,7 @@ class Traced:
         return [family for family in calls if family not in LOCAL]
 
     def written(self) -> set[Path]:
-        """Folders outside of cache and output in which something was made, changed or removed."""
+        """Folders other than the output in which something was made, changed or removed."""
         paths = set()
         for line in self.log.splitlines():
             call = re.match(r"\d+\s+(\w+)\(", line)
@@ -70,10 +70,9 @@ class Traced:
                 continue
             folder = re.search(r"\((?:AT_FDCWD|\d+)<(.*?)>, ", line)
             paths |= {Path(folder[1] if folder else "", text) for text in re.findall(r'"(.*?)"', line)}
-        own = [self.home / "cache/supersampler", self.home / "output"]
+        own = self.home / "output"
         outside = {path.resolve() for path in paths if not str(path).startswith("/dev/")}
-        outside.discard(self.home / "cache")  # made, as it is missing
-        return {path.parent for path in outside if not any(path.is_relative_to(folder) for folder in own)}
+        return {path.parent for path in outside if not path.is_relative_to(own)}
 
 
 def run(code: str, home: Path) -> Traced:
@@ -105,9 +104,8 @@ needs_strace = pytest.mark.skipif(
 )
 
 
-def test_a_runtime_process_leaves_its_cache_and_its_output_alone(traced: Traced) -> None:
-    assert traced.left() == ["cache", "output"]
-    assert sorted(path.name for path in (traced.home / "cache").iterdir()) == ["supersampler"]
+def test_a_runtime_process_leaves_its_output_alone(traced: Traced) -> None:
+    assert traced.left() == ["output"]
 
 
 @needs_strace

@@ -1,11 +1,10 @@
 """A process keeps its settings, ends cleanly, and works without optional packages."""
 
-import sys
 from pathlib import Path
 
 import pytest
 
-from apart import STEP, cache_without_a_kernel, run_apart
+from apart import STEP, run_apart
 
 MODELS = """
 from pathlib import Path
@@ -67,13 +66,11 @@ while True:
 """)
 
 
-BLOCKED = """
-import sys
-for name in {names}:
-    sys.modules[name] = None
-"""
 WARNED = """
 import warnings
+from pathlib import Path
+from supersampler.backends.cpu import library
+library._PATH = Path({path!r})
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
     one, other = upscaler(), upscaler("taau")
@@ -82,77 +79,36 @@ with warnings.catch_warnings(record=True) as caught:
 assert [w.category.__name__ for w in caught] == ["BackendWarning"], [str(w.message) for w in caught]
 assert "several times slower" in str(caught[0].message), str(caught[0].message)
 assert (one.model.executor, other.model.executor) == ("onnx", "onnx")
-from supersampler.errors import KernelError
+from supersampler.errors import LibraryError
 try:
     upscaler(executor="cpu")
-except KernelError as error:
+except LibraryError as error:
     print(error)
 else:
     raise AssertionError("the CPU backend was asked for by name, and is not there")
 """
 
 
-@pytest.mark.parametrize("missing", [["numba"], ["llvmlite", "llvmlite.binding", "numba"]])
-def test_without_a_compiler_the_graph_runs_and_one_warning_says_so(
-    tmp_path: Path, missing: list[str]
-) -> None:
-    done = run_apart(
-        f"""{BLOCKED.format(names=missing)}
-sys.executable = None  # whose processes would have them
-{STEP}{WARNED}""",
-        XDG_CACHE_HOME=str(tmp_path),
-    )
-    assert "numba" in done.stdout
+def test_without_the_library_the_graph_runs_and_one_warning_says_so(tmp_path: Path) -> None:
+    done = run_apart(STEP + WARNED.format(path=str(tmp_path / "none.so")))
+    assert "none.so is missing" in done.stdout
+    assert "pip install" in done.stdout
 
 
-def test_numba_switched_off_for_debugging_changes_nothing(tmp_path: Path) -> None:
-    run_apart(
-        f"{STEP}\nassert upscaler('taa').model.executor == 'cpu'",
-        XDG_CACHE_HOME=cache_without_a_kernel(tmp_path),
-        NUMBA_DISABLE_JIT="1",
-        NUMBA_BOUNDSCHECK="1",
-    )
+def test_a_file_that_is_no_library_is_named(tmp_path: Path) -> None:
+    (tmp_path / "other.so").write_bytes(b"no library")
+    done = run_apart(STEP + WARNED.format(path=str(tmp_path / "other.so")))
+    assert "other.so cannot be loaded" in done.stdout
 
 
-@pytest.mark.parametrize("executable", ["None", "''", "'/nowhere/python3'", "'/bin/false'"])
-def test_kernels_are_compiled_where_no_python_can_be_started(tmp_path: Path, executable: str) -> None:
-    if sys.platform == "win32" and "false" in executable:
-        pytest.skip("no such program")
+def test_a_step_changes_nothing_of_its_process() -> None:
     run_apart(
         f"""{STEP}
-import sys
-from supersampler.backends.cpu.kernel_loader import load_kernels
-sys.executable = {executable}
-load_kernels("backends.cpu.kernels.frame.measure")
-""",
-        XDG_CACHE_HOME=str(tmp_path),
-    )
-
-
-def test_neither_a_step_nor_a_compilation_changes_the_environment(tmp_path: Path) -> None:
-    run_apart(
-        f"""{STEP}
-import os, signal, locale, threading
-before = dict(os.environ), signal.getsignal(signal.SIGINT), os.getcwd(), locale.setlocale(locale.LC_ALL)
+import os, signal, locale
+def process():
+    return dict(os.environ), signal.getsignal(signal.SIGINT), os.getcwd(), locale.setlocale(locale.LC_ALL)
+before = process()
 upscaler("taa").step(noise(0))
-after = dict(os.environ), signal.getsignal(signal.SIGINT), os.getcwd(), locale.setlocale(locale.LC_ALL)
-assert before == after
-""",
-        XDG_CACHE_HOME=cache_without_a_kernel(tmp_path),
+assert before == process()
+"""
     )
-
-
-def test_a_module_in_the_working_directory_is_not_imported_by_a_compilation(tmp_path: Path) -> None:
-    trap = tmp_path / "numba.py"
-    trap.write_text(f"open({str(tmp_path / 'sprung')!r}, 'w').close()\n")
-    run_apart(
-        f"""{STEP}
-import os
-os.chdir({str(tmp_path)!r})
-from supersampler.backends.cpu.kernel_loader import load_kernels
-load_kernels("backends.cpu.kernels.frame.measure")
-""",
-        "-P",
-        XDG_CACHE_HOME=str(tmp_path / "cache"),
-    )
-    assert not (tmp_path / "sprung").exists()

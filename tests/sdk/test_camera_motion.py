@@ -1,6 +1,5 @@
 """Motion from depth and two cameras, against points that are projected one by one in double precision."""
 
-from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -175,21 +174,24 @@ def test_motion_of_points_behind_the_previous_camera_leads_off_screen() -> None:
     assert (rows + motion[..., 1]).max() < 0.0
 
 
-@pytest.mark.parametrize("width", [WIDTH + 3, 17, 5])
-def test_without_a_compiler_the_motion_is_the_same_but_for_rounding(
-    monkeypatch: pytest.MonkeyPatch, width: int
-) -> None:
+@pytest.mark.parametrize("width", [WIDTH + 3, 17, 5, 1100])
+def test_at_any_width_the_motion_is_the_projection_in_double_precision(width: int) -> None:
     projection = perspective("reversed_infinite")
     depth = np.random.default_rng(1).random((HEIGHT, width), np.float32) ** 4  # some of it behind
-    matrices = projection @ CURRENT, projection @ view((0.0, 0.1, -0.5), 0.3)
-    compiled = camera_motion(depth, *matrices, jitter=JITTER)
-    module = import_module("supersampler.conventions.camera_motion")  # a name of its function, too
-    monkeypatch.setattr(module, "kernel_if_possible", lambda _: None)
-    in_numpy = camera_motion(depth, *matrices, jitter=JITTER)
-    np.testing.assert_array_equal(in_numpy[..., 0] == -2 * width, compiled[..., 0] == -2 * width)
-    ordinary = np.abs(in_numpy) < 1000.0  # beyond, the previous W is nearly 0, and rounding is amplified
-    np.testing.assert_allclose(compiled[ordinary], in_numpy[ordinary], rtol=1e-5, atol=1e-4)
-    assert 0 < (compiled[..., 0] == -2 * width).sum() < depth.size
+    current, previous = projection @ CURRENT, projection @ view((0.0, 0.1, -0.5), 0.3)
+    columns, rows = np.meshgrid(np.arange(width) + 0.5 + JITTER[0], np.arange(HEIGHT) + 0.5 + JITTER[1])
+    x, y = 2.0 * columns / width - 1.0, 1.0 - 2.0 * rows / HEIGHT
+    clip = np.stack([x, y, depth, np.ones_like(x)], -1) @ (previous @ np.linalg.inv(current)).T
+    behind = clip[..., 3] < 1e-6
+    with np.errstate(all="ignore"):
+        before = clip[..., :2] / clip[..., 3:]
+    expected = np.stack([(before[..., 0] - x) * width / 2.0, (y - before[..., 1]) * HEIGHT / 2.0], -1)
+    expected[behind] = -2 * width, -2 * HEIGHT
+    motion = camera_motion(depth, current, previous, jitter=JITTER)
+    np.testing.assert_array_equal(motion[..., 0] == -2 * width, behind)
+    ordinary = np.abs(expected) < 1000.0  # beyond, the previous W is nearly 0, and rounding is amplified
+    np.testing.assert_allclose(motion[ordinary], expected[ordinary], rtol=5e-5, atol=2e-4)
+    assert 0 < behind.sum() < depth.size
 
 
 @settings(max_examples=30, deadline=None)

@@ -1,16 +1,20 @@
 """A step of the CPU backend that fails between any two of its stages leaves the history as it was."""
 
-from dataclasses import replace
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from ctypes import CFUNCTYPE, c_int, c_void_p, cast
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cpu_models import cpu_model
 from rest_scenes import RestScene, wave
 from supersampler import Frame, Upscaler
-from supersampler.backends.cpu.executor import CpuExecutor
-from supersampler.backends.cpu.threads import ThreadPool
+from supersampler.backends.cpu.library import CpuLibrary, Outputs
 from supersampler.history import State
 
 CHANGES, FRAMES = 20, 28
@@ -24,29 +28,60 @@ class StageError(Exception):
     """A stage that this test makes fail."""
 
 
+@dataclass
+class Failure:
+    """The stage of the next step that fails; -1: none."""
+
+    numbers: Iterator[int] = field(default_factory=count)
+    stage: int = -1
+    runs: bool = True
+    cancels: bool = False
+
+
+TASK = CFUNCTYPE(None, c_void_p, c_int)
+FAILURE = Failure()
+
+
+def run_or_fail(_: int | None, task: Any, context: int, parts: int) -> None:
+    """Run the parts of a stage; the one that fails is done or left out, then the step is cancelled."""
+    fails = next(FAILURE.numbers) == FAILURE.stage
+    for part in range(parts if FAILURE.runs or not fails else 0):
+        task(context, part)
+    if fails:
+        FAILURE.cancels = True
+        time.sleep(0.03)  # after which the library asks
+
+
+def is_cancelled(_: int | None) -> int:
+    return FAILURE.cancels
+
+
+RUN_OR_FAIL = CFUNCTYPE(None, c_void_p, TASK, c_void_p, c_int)(run_or_fail)
+IS_CANCELLED = CFUNCTYPE(c_int, c_void_p)(is_cancelled)
+
+
+@contextmanager
+def cancelled(_: CpuLibrary, outputs: Outputs) -> Iterator[None]:
+    """Context of a step that fails: at a stage, or else when it has ended."""
+    outputs.cancelled = cast(IS_CANCELLED, c_void_p)
+    yield
+    raise StageError
+
+
 def session(method: str) -> Upscaler:
-    return Upscaler(method, display_size=SCENE.display, threads=2, validate="off", executor="cpu")
+    model = cpu_model(method, threads=2, parallel_for=cast(RUN_OR_FAIL, c_void_p))
+    return Upscaler(model, display_size=SCENE.display, validate="off")
 
 
 def fail_at(stage: int, runs: bool, upscaler: Upscaler, frame: Frame, patch: pytest.MonkeyPatch) -> None:
     """Step with a frame of which one stage fails, or else the end of the step."""
-    run_tasks, step, numbers = ThreadPool.run_tasks, CpuExecutor.step, count()
-
-    def run_tasks_or_fail(pool: ThreadPool, name: str, *tasks: Any) -> None:
-        fails = next(numbers) == stage
-        if runs or not fails:
-            run_tasks(pool, name, *tasks)
-        if fails:
-            raise StageError
-
-    def step_and_fail(*given: Any, **named: Any) -> None:
-        step(*given, **named)
-        raise StageError
-
-    patch.setattr(ThreadPool, "run_tasks", run_tasks_or_fail)
-    patch.setattr(CpuExecutor, "step", step_and_fail)
-    with pytest.raises(StageError):
-        upscaler.step(frame)
+    FAILURE.numbers, FAILURE.stage, FAILURE.runs, FAILURE.cancels = count(), stage, runs, False
+    patch.setattr(CpuLibrary, "interruptible", cancelled)
+    try:
+        with pytest.raises(StageError):
+            upscaler.step(frame)
+    finally:
+        FAILURE.stage = -1
 
 
 def changed(first: State, second: State) -> list[str]:

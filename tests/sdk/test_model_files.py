@@ -17,15 +17,14 @@ from onnx import TensorProto, helper
 
 from noise import noise
 from supersampler import Model, ModelError, ShotError, Upscaler
-from supersampler.backends.cpu.layout import INPUT_PLANES
 from supersampler.backends.onnx.graph_file import refusal_of
 from supersampler.backends.onnx.runtime import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.io.json_files import read_json
 from supersampler.io.shot import Shot, shot
 from supersampler.methods import model_file
-from supersampler.methods.classifier.network_file import read_network
-from supersampler.methods.classifier.structs import Variant
+from supersampler.methods.classifier.network_file import INPUT_PLANES, read_network
+from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import MAX_DESCRIPTION, find_model, read_model_info
 
 Change = Callable[[dict[str, Any]], object]

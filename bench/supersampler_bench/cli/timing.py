@@ -49,11 +49,11 @@ def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) ->
 def startup(
     methods: METHODS = "taa,taau,classifier-small,classifier",
     render_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the frame.")] = "480x270",
-    cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty kernel cache.")] = 3,
+    cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty cache.")] = 3,
     warm: Annotated[int, typer.Option(min=1, help="Processes that start with a warm one.")] = 5,
     json: JSON = None,
 ) -> None:
-    """Time the first frame of a program: with an empty kernel cache, and with a warm one.
+    """Time the first frame of a program: with an empty cache, where GPU drivers keep shaders, and a warm one.
 
     \b
     Example:

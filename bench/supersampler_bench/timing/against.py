@@ -85,7 +85,7 @@ class Version:
     Attributes:
         name: "this" or "other".
         python: interpreter of the environment that has it.
-        cache: folder for its compiled kernels.
+        cache: folder for what drivers compile.
     """
 
     name: str
@@ -138,9 +138,9 @@ class FirstFrame:
 
     Attributes:
         method: the model's name.
-        cold_seconds: seconds with an empty kernel cache.
-        warm_seconds: seconds with the kernels cached.
-        cache_bytes: size of the cached kernels.
+        cold_seconds: seconds with an empty cache, in which GPU drivers keep shaders.
+        warm_seconds: seconds with a full one.
+        cache_bytes: size of the cache.
     """
 
     method: str

@@ -41,7 +41,8 @@ typedef enum ss_status {
     SS_BAD_FRAME = 2,    /* the frame breaks the contract; the next one may be right */
     SS_BAD_MODEL = 3,    /* the bytes of a model are damaged, or of another version */
     SS_BAD_STATE = 4,    /* the bytes of a state are damaged, or of another model or size */
-    SS_NO_MEMORY = 5     /* the allocator returned NULL */
+    SS_NO_MEMORY = 5,    /* the allocator returned NULL */
+    SS_CANCELLED = 6     /* `cancelled` of the outputs said so */
 } ss_status;
 
 typedef struct ss_error {
@@ -69,12 +70,13 @@ typedef struct ss_options {
     const char* instructions; /* NULL: the best that this CPU has; "avx512", "avx2", "neon", "portable" */
 } ss_options;
 
-/* Creates a model of a method without a network ("bilinear", "bicubic", "taa", "taau"), or a shipped one by its name.
+/* Creates a model of a method without a network ("bilinear", "bicubic", "taa", "taau"; "guided-warp" for
+ * `ss_extrapolate`), or a shipped one by its name.
  *
  * SS_BAD_ARGUMENT: there is no such model, or the CPU lacks the instructions that `options` names. */
 SS_API ss_status ss_model_create(const char* name, const ss_options* options, ss_model** model, ss_error* error);
 
-/* Creates a model from the bytes of its file, which are copied. */
+/* Creates a model from the bytes of its file, which are copied. They begin at a multiple of 8, as memory of malloc does. */
 SS_API ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_options* options,
                                             ss_model** model, ss_error* error);
 
@@ -113,18 +115,34 @@ typedef struct ss_frame {
     ss_image display_base_color, display_normal, display_depth; /* the same of display size */
     float jitter[2];    /* sample position minus pixel centre, render pixels, in [-0.5, 0.5] */
     float exposure;     /* multiplies the colour before the tone curve; 0: measured */
-    float pre_exposure; /* what the colour has been multiplied by; 0 counts as 1 */
+    float pre_exposure; /* what the colour has been multiplied by, 2^-24 to 2^24; 0 counts as 1 */
     int reset;          /* 1 on the first frame after a cut: the history is dropped */
     float adds_samples; /* 1: where nothing moves, samples are averaged over a period of the jitter; 0: this frame's
                            colour is not sampled (extrapolated), or nothing converges; 2: of a path tracer */
 } ss_frame;
 
-/* Images of display size to write to. Those without data cost nothing. */
+/* Stages of a step. */
+typedef enum ss_stage {
+    SS_PREPROCESS = 0, /* the frame is read, its samples toned, its motion dilated */
+    SS_GATHER = 1,     /* frame and history are resampled at display pixels */
+    SS_NETWORK = 2,    /* of the classifiers: the encoder */
+    SS_FINISH = 3,     /* history and frame are blended; of the other methods, all at display size */
+    SS_REST = 4,       /* convergence at rest */
+    SS_STAGES = 5
+} ss_stage;
+
+/* Returns the name of a stage: "preprocess"; NULL from SS_STAGES on. */
+SS_API const char* ss_stage_name(int stage);
+
+/* Results of a step. Images are of display size; those without data cost nothing. */
 typedef struct ss_outputs {
     ss_image image;     /* 3 channels: linear RGB, finite, >= 0, in the units of the colour */
     ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1] */
     ss_image converged; /* 1 channel: 1 where the image is frozen, else 0 */
     int compute_all;    /* 1: compute tiles that cannot differ, too; for tests, as it changes no bit */
+    double* seconds;    /* SS_STAGES wall times by stage, or NULL */
+    int (*cancelled)(void* user); /* called now and then by the thread that called; other than 0 ends the step. Or NULL */
+    void* user;
 } ss_outputs;
 
 /* Upscalers ---------------------------------------------------------------------------------------------------- */
@@ -142,6 +160,68 @@ SS_API ss_status ss_step(ss_upscaler* upscaler, const ss_frame* frame, const ss_
 /* Drops the history, as `reset` of a frame does. */
 SS_API void ss_reset(ss_upscaler* upscaler);
 
+/* Frames that were not shaded ------------------------------------------------------------------------------------- */
+
+/* The last shaded frame, and the motion since. Arrays of the caller: keep copies if the renderer reuses its buffers. */
+typedef struct ss_shaded {
+    int width, height;                           /* of the shaded frame */
+    ss_image color, depth, base_color, normal;   /* as in `ss_frame` */
+    float jitter[2], pre_exposure;
+    int motion_width, motion_height; /* of the frame before the unshaded one */
+    ss_image motion;                 /* from that frame back to the shaded one, its own pixels: `motion` of the call before.
+                                        No data: it was the shaded one itself */
+    float motion_jitter[2];          /* of that frame */
+} ss_shaded;
+
+typedef struct ss_extrapolated {
+    ss_image color;  /* 3 channels of the frame's size: linear RGB, finite, >= 0, with the frame's pre-exposure */
+    ss_image motion; /* 2 channels: motion of the frame back to the shaded one, for the next call; or no data */
+    int (*cancelled)(void* user); /* as in `ss_outputs` */
+    void* user;
+} ss_extrapolated;
+
+/* Computes the colour of a frame that was not shaded, with a model of "guided-warp". The frame has depth, motion,
+ * base_color and normal. Then `ss_step` takes the frame with that colour, and with adds_samples 0. */
+SS_API ss_status ss_extrapolate(ss_model* model, const ss_frame* frame, const ss_shaded* shaded,
+                                const ss_extrapolated* outputs, ss_error* error);
+
+/* Images without a model ------------------------------------------------------------------------------------------ */
+
+/* Writes the motion of what does not move itself: where the previous camera saw each sample. What was behind that camera
+ * gets a vector that points out of the image. One thread works.
+ *
+ * depth, motion: as in `ss_frame`; the depth may be that of a z-buffer. Motion is float32.
+ * to_previous: row-major, takes (x, y, depth - far_depth, 1) in this frame's clip space, divided by w, y up, to the clip
+ *     space of the previous frame: previous_view_projection * inverse(view_projection), both without jitter, where
+ *     far_depth is 0.
+ * far_depth: what the depth shows far away, so that none of it is rounded: 0 where it is reversed. */
+SS_API ss_status ss_camera_motion(const ss_image* depth, int width, int height, const double to_previous[16],
+                                  double far_depth, const float jitter[2], const ss_image* motion, ss_error* error);
+
+/* Writes opaque RGBA bytes of an image of display values; these are clamped to [0, 1]. `row_stride` is in bytes: 0 for
+ * packed rows, negative from the last row on, for OpenGL. */
+SS_API ss_status ss_encode_rgba(const ss_image* image, int width, int height, void* pixels, ptrdiff_t row_stride,
+                                ss_error* error);
+
+/* Writes the mean of two images, (height, width, 3) packed linear RGB, to the first: weighted by (height, width), after
+ * the tone curve c / (1 + max(c)) of exposed colours, as the brighter of two linear values would dominate. */
+SS_API ss_status ss_merge_images(float* image, const float* other, const float* weight, const float* other_weight,
+                                 int width, int height, float exposure, ss_error* error);
+
+/* Two neighbouring frames, packed. */
+typedef struct ss_scatter {
+    int width, height, next_width, next_height;
+    const float* depth;       /* (height, width) of the first frame */
+    const float* next_depth;  /* (next_height, next_width) of the second */
+    const float* next_motion; /* (next_height, next_width, 2) of the second, back to the first */
+    float jitter[2], next_jitter[2];
+} ss_scatter;
+
+/* Writes where each sample of the first frame is in the second, (height, width, 2) render pixels, for runs over reversed
+ * frames: the motion of the second is scattered. A pixel that no sample of its depth reached takes the motion of the
+ * nearest pixel of its surface. mismatch: (height, width), written to: the relative difference of depth. */
+SS_API ss_status ss_scatter_motion(const ss_scatter* frames, float* motion, float* mismatch, ss_error* error);
+
 /* Histories, for hosts that keep them: the step as a pure function ----------------------------------------------- */
 
 typedef struct ss_history ss_history;
@@ -158,17 +238,27 @@ SS_API int ss_history_fits(const ss_history* history, int width, int height);
 SS_API ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
                         const ss_outputs* outputs, ss_error* error);
 
+/* Runs the network of a classifier alone, as docs/contract.md describes it, with one thread.
+ *
+ * inputs: (height, width, 72) of packed pixels, which are 2x2 display pixels: the 64 channels of `packed` and the 8 of
+ *     `half_inputs`. 255 is the largest value of an input, 0 the smallest.
+ * outputs: (n + 6, height, width): the n channels of `blend_parameters`, then `logits`. */
+SS_API ss_status ss_run_network(ss_model* model, const uint8_t* inputs, int width, int height, float* outputs,
+                                ss_error* error);
+
 /* Returns the name of a history tensor of the contract; NULL from the last one on. `shape` is (n, channels, height,
- * width); of those of fewer axes, the last are 1. */
-SS_API const char* ss_history_tensor(const ss_history* history, int index, int64_t shape[4]);
+ * width), or fewer axes: `axes` of them. */
+SS_API const char* ss_history_tensor(const ss_history* history, int index, int64_t shape[4], int* axes);
 
 /* Copies a tensor out of a history, or into it: float32, in C order. A history is complete when all have been written.
  */
 SS_API ss_status ss_history_read(const ss_history* history, int index, float* values, ss_error* error);
 SS_API ss_status ss_history_write(ss_history* history, int index, const float* values, ss_error* error);
 
-/* Returns the bytes that a history holds. */
-SS_API size_t ss_history_bytes(const ss_history* history);
+/* Writes the bytes of a history, with all that it holds when it has converged, and of the work buffers of a step, which
+ * the steps of a model share unless they overlap in time. For that, both are allocated and freed. */
+SS_API ss_status ss_required_bytes(ss_model* model, int display_width, int display_height, int width, int height,
+                                   size_t* history, size_t* working, ss_error* error);
 
 #ifdef __cplusplus
 }

@@ -5,12 +5,14 @@
 #endif
 
 #include "arrays.h"
+#include "models.h"
 #include "step.h"
 
 namespace ss {
 
-extern const Method BILINEAR, BICUBIC, TAA, TAAU, CLASSIFIER, CLASSIFIER_SMALL, CLASSIFIER_LARGE, GBUFFER_FAST;
-static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU, &CLASSIFIER, &CLASSIFIER_SMALL, &CLASSIFIER_LARGE, &GBUFFER_FAST};
+extern const Method BILINEAR, BICUBIC, TAA, TAAU, CLASSIFIER, CLASSIFIER_LARGE, GBUFFER_FAST, GUIDED_WARP;
+static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU, &CLASSIFIER, &CLASSIFIER_LARGE,
+                                        &GBUFFER_FAST, &GUIDED_WARP};
 
 const Method* find_method(const char* name) {
     for (const Method* method : METHODS)
@@ -45,13 +47,9 @@ static Model* model_of(ss_model* handle) { return reinterpret_cast<Model*>(handl
 static const Model* model_of(const ss_model* handle) { return reinterpret_cast<const Model*>(handle); }
 static Upscaler* upscaler_of(ss_upscaler* handle) { return reinterpret_cast<Upscaler*>(handle); }
 
-static bool is_size(int width, int height) {
-    return width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE && int64_t{width} * height <= MAX_PIXELS;
-}
-
-static ss_status bad_size(ss_error* error, const char* name, int width, int height) {
-    return fail(error, SS_BAD_ARGUMENT, "%s is %d x %d; want sides from 1 to %d, %d pixels at most", name, width, height,
-                MAX_SIDE, MAX_PIXELS);
+static ss_status check_upscales(const Model& model, ss_error* error) {
+    if (!model.method->extrapolates) return SS_OK;
+    return fail(error, SS_BAD_ARGUMENT, "the model is of %s, which extrapolates; ss_extrapolate takes it", model.method->name);
 }
 
 static History* new_history(Model& model, Size display, Size render) {
@@ -84,7 +82,6 @@ static ss_status make_model(const Method* method, const ss_options* given, Model
     if (!*model) return fail(error, SS_NO_MEMORY, "no memory for a model");
     (*model)->method = method;
     (*model)->kernels = kernels;
-    if (method->config) memcpy((*model)->config, method->config, sizeof(float) * method->constant_count);
     return succeed(error);
 }
 
@@ -103,22 +100,26 @@ static ss_status read_constants(Model& model, const Arrays& arrays, ss_error* er
     return SS_OK;
 }
 
+static ss_status hand_out(ss_status status, Model* made, ss_model** model) {
+    if (status != SS_OK && made) destroy(Allocator(made->arena.allocator()), made);
+    if (status == SS_OK) *model = reinterpret_cast<ss_model*>(made);
+    return status;
+}
+
 ss_status ss_model_create(const char* name, const ss_options* options, ss_model** model, ss_error* error) {
     if (!name || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", name ? "model" : "name");
     *model = nullptr;
-    const Method* method = find_method(name);
-    if (!method || (method->constants && !method->config))
-        return fail(error, SS_BAD_ARGUMENT, "there is no model '%.64s' in this library", name);
-    Model* made = nullptr;
-    ss_status status = make_model(method, options, &made, error);
-    *model = reinterpret_cast<ss_model*>(made);
-    return status;
+    for (const ShippedModel* shipped = SHIPPED_MODELS; shipped->name; shipped++)
+        if (strcmp(shipped->name, name) == 0) return ss_model_create_from_bytes(shipped->bytes, shipped->count, options, model, error);
+    return fail(error, SS_BAD_ARGUMENT, "there is no model '%.64s' in this library", name);
 }
 
 ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_options* options, ss_model** model,
                                      ss_error* error) {
     if (!bytes || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", bytes ? "model" : "bytes");
     *model = nullptr;
+    if (reinterpret_cast<uintptr_t>(bytes) % alignof(uint64_t))
+        return fail(error, SS_BAD_ARGUMENT, "bytes are at an address that is no multiple of 8; want memory as from malloc");
     const Arrays arrays(bytes, count);
     if (arrays.message()) return fail(error, SS_BAD_MODEL, "the bytes are no model: %s", arrays.message());
     const Array* name = arrays.find("method", ArrayType::TEXT, 0);
@@ -129,9 +130,7 @@ ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_o
     ss_status status = make_model(method, options, &made, error);
     if (status == SS_OK) status = read_constants(*made, arrays, error);
     if (status == SS_OK && method->read_weights) status = method->read_weights(*made, arrays, error);
-    if (status != SS_OK && made) destroy(Allocator(made->arena.allocator()), made);
-    if (status == SS_OK) *model = reinterpret_cast<ss_model*>(made);
-    return status;
+    return hand_out(status, made, model);
 }
 
 void ss_model_destroy(ss_model* handle) {
@@ -148,8 +147,9 @@ ss_status ss_history_create(ss_model* model, int display_width, int display_heig
                             ss_history** history, ss_error* error) {
     if (!model || !history) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", model ? "history" : "model");
     *history = nullptr;
-    if (!is_size(display_width, display_height)) return bad_size(error, "the display", display_width, display_height);
-    if (!is_size(width, height)) return bad_size(error, "the frame", width, height);
+    if (ss_status status = check_size(display_width, display_height, "the display", error)) return status;
+    if (ss_status status = check_upscales(*model_of(model), error)) return status;
+    if (ss_status status = check_size(width, height, "the frame", error)) return status;
     History* made = new_history(*model_of(model), {display_width, display_height}, {width, height});
     if (!made) return fail(error, SS_NO_MEMORY, "no memory for a history");
     *history = reinterpret_cast<ss_history*>(made);
@@ -164,6 +164,26 @@ int ss_history_fits(const ss_history* history, int width, int height) {
     return reinterpret_cast<const History*>(history)->fits({width, height});
 }
 
+ss_status ss_required_bytes(ss_model* handle, int display_width, int display_height, int width, int height, size_t* history,
+                            size_t* working, ss_error* error) {
+    if (!history || !working) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    ss_history* made = nullptr;
+    if (ss_status status = ss_history_create(handle, display_width, display_height, width, height, &made, error)) return status;
+    Model& model = *model_of(handle);
+    *history = history_of(made)->most_bytes();
+    ss_history_destroy(made);
+    Space* space = model.borrow({width, height}, {display_width, display_height});
+    if (!space) return fail(error, SS_NO_MEMORY, "no memory for the work buffers of a step");
+    *working = space->arena.bytes();
+    model.give_back(space);
+    return succeed(error);
+}
+
+const char* ss_stage_name(int stage) {
+    static constexpr const char* NAMES[SS_STAGES] = {"preprocess", "gather", "network", "finish", "rest"};
+    return stage >= 0 && stage < SS_STAGES ? NAMES[stage] : nullptr;
+}
+
 ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
                  const ss_outputs* outputs, ss_error* error) {
     if (!model || !frame || !history || !next_history || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
@@ -171,10 +191,21 @@ ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* histo
                     error);
 }
 
+ss_status ss_extrapolate(ss_model* model, const ss_frame* frame, const ss_shaded* shaded, const ss_extrapolated* outputs, ss_error* error) {
+    if (!model || !frame || !shaded || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    return run_extrapolation(*model_of(model), *frame, *shaded, *outputs, error);
+}
+
+ss_status ss_run_network(ss_model* model, const uint8_t* inputs, int width, int height, float* outputs, ss_error* error) {
+    if (!model || !inputs || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    return run_network(*model_of(model), inputs, {width, height}, outputs, error);
+}
+
 ss_status ss_upscaler_create(ss_model* model, int display_width, int display_height, ss_upscaler** upscaler, ss_error* error) {
     if (!model || !upscaler) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", model ? "upscaler" : "model");
     *upscaler = nullptr;
-    if (!is_size(display_width, display_height)) return bad_size(error, "the display", display_width, display_height);
+    if (ss_status status = check_size(display_width, display_height, "the display", error)) return status;
+    if (ss_status status = check_upscales(*model_of(model), error)) return status;
     Upscaler* made = create<Upscaler>(model_of(model)->arena.allocator(), *model_of(model), Size{display_width, display_height});
     if (!made) return fail(error, SS_NO_MEMORY, "no memory for an upscaler");
     *upscaler = reinterpret_cast<ss_upscaler*>(made);
@@ -195,7 +226,7 @@ ss_status ss_step(ss_upscaler* handle, const ss_frame* frame, const ss_outputs* 
     Upscaler& u = *upscaler_of(handle);
     const Allocator& allocator = u.model.arena.allocator();
     const Size render = {frame->width, frame->height};
-    if (!is_size(render.width, render.height)) return bad_size(error, "the frame", render.width, render.height);
+    if (check_size(render.width, render.height, "the frame", error)) return SS_BAD_FRAME;
     if (u.spare && !u.spare->fits(render)) {
         destroy(allocator, u.spare);
         u.spare = nullptr;

@@ -8,10 +8,10 @@ struct Constant {
     float low, high;
 };
 
-constexpr float EXPOSURE_KEY = 0.18f;
+constexpr double EXPOSURE_KEY = 0.18;
 constexpr float MIN_EXPOSURE = 5.960464477539063e-08f;
 constexpr float MAX_EXPOSURE = 16777216.0f;
-constexpr float EXPOSURE_ADAPTATION = 0.1f;
+constexpr double EXPOSURE_ADAPTATION = 0.1;
 constexpr float EXPOSURE_OUTLIER = 64.0f;
 constexpr float DARKEST = 0.0001f;
 constexpr float MAX_HALF = 65504.0f;
@@ -266,6 +266,7 @@ constexpr float INVALID_DEPTH = 10000.0f;
 constexpr float KEY_STEPS = 16.0f;
 constexpr float MAX_KEY = 262143.0f;
 constexpr float KEY_INDICES = 64.0f;
+constexpr float NEIGHBOURS[] = {0.0f, -1.0f, -1.0f, 0.0f, 1.0f, 0.0f, 0.0f, 1.0f, -1.0f, -1.0f, 1.0f, -1.0f, -1.0f, 1.0f, 1.0f, 1.0f};
 struct Config {
     float surface_sigma = 0.03f;
     float depth_sigma = 0.05f;

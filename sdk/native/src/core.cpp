@@ -2,6 +2,11 @@
 
 #include <stdarg.h>
 #include <stdio.h>
+#ifdef _WIN32
+#include <windows.h>
+#else
+#include <time.h>
+#endif
 
 namespace ss {
 
@@ -14,6 +19,19 @@ ss_status fail(ss_error* error, ss_status status, const char* format, ...) {
     vsnprintf(error->message, sizeof error->message, format, values);
     va_end(values);
     return status;
+}
+
+double seconds_now() {
+#ifdef _WIN32
+    LARGE_INTEGER ticks, rate;
+    QueryPerformanceCounter(&ticks);
+    QueryPerformanceFrequency(&rate);
+    return static_cast<double>(ticks.QuadPart) / static_cast<double>(rate.QuadPart);
+#else
+    timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+#endif
 }
 
 void* Arena::taken(size_t count) {

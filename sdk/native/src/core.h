@@ -1,4 +1,4 @@
-// Memory, errors, sizes and rectangles: what all of the library uses.
+// Memory, errors, time, sizes and rectangles: what all of the library uses.
 #pragma once
 
 #include <stddef.h>
@@ -39,6 +39,8 @@ template <class T>
 constexpr T clamp(T value, T low, T high) {
     return min(max(value, low), high);
 }
+// Rounds to a byte, of which 255 is one; NaN counts as 0.
+constexpr uint8_t to_unorm8(float value) { return value > 0.0f ? static_cast<uint8_t>(min(value, 1.0f) * 255.0f + 0.5f) : 0; }
 constexpr int divided_up(int count, int by) { return (count + by - 1) / by; }
 constexpr int up_to(int count, int multiple) { return divided_up(count, multiple) * multiple; }
 constexpr Size half_of(Size size) { return {divided_up(size.width, 2), divided_up(size.height, 2)}; }
@@ -50,6 +52,8 @@ inline ss_status succeed(ss_error* error) {
     if (error) error->message[0] = 0;
     return SS_OK;
 }
+
+double seconds_now();  // since some instant
 
 struct Allocator {
     void* (*allocate)(void* user, size_t bytes);

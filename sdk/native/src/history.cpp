@@ -36,6 +36,19 @@ bool History::fits(Size frame) const {
     return true;
 }
 
+size_t History::most_bytes() const {
+    if (!model.method->layout.rests) return arena.bytes();
+    const size_t mean = static_cast<size_t>(4) * image.width * image.height, signatures = static_cast<size_t>(4) * rest.count() * rest.phase_count;
+    return arena.bytes() + sizeof(float) * (rest.mean ? 0 : mean) + sizeof(float) * signatures;
+}
+
+void History::mark(int64_t generation) {
+    const Size tiles = tiles_of(display), image_tiles = tiles_of(image);
+    for (int k = 0; k < tiles.width * tiles.height; k++) generations[k] = generation;
+    for (int k = 0; k < image_tiles.width * image_tiles.height && model.method->layout.rests; k++) rest.generations[k] = generation;
+    frame_generation = generation;
+}
+
 static bool has_tensor(const History& history, int index) {
     return index >= 0 && index < history.model.method->layout.tensors;
 }
@@ -114,7 +127,7 @@ static bool write_rest(History& history, int plane, const float* values) {
 
 using namespace ss;
 
-const char* ss_history_tensor(const ss_history* handle, int index, int64_t shape[4]) {
+const char* ss_history_tensor(const ss_history* handle, int index, int64_t shape[4], int* axes) {
     const History& history = *reinterpret_cast<const History*>(handle);
     if (!has_tensor(history, index)) return nullptr;
     const TensorSpec& tensor = history.model.method->layout.tensor[index];
@@ -128,6 +141,7 @@ const char* ss_history_tensor(const ss_history* handle, int index, int64_t shape
     if (tensor.plane == OF_MEAN) found[2] = rest.display.height, found[3] = rest.display.width;
     if (tensor.plane == OF_BLOCKS || tensor.plane == OF_SIGNATURES) found[2] = rest.blocks.height, found[3] = rest.blocks.width;
     if (tensor.plane == OF_SIGNATURES || tensor.plane == OF_PHASES) found[0] = rest.phase_count;
+    *axes = tensor.plane == OF_EXPOSURE ? 1 : tensor.plane == OF_JITTER || tensor.plane == OF_VALUES || tensor.plane == OF_PHASES ? 2 : 4;
     memcpy(shape, found, sizeof found);
     return tensor.name;
 }
@@ -153,12 +167,7 @@ ss_status ss_history_write(ss_history* handle, int index, const float* values, s
     if (!has_tensor(history, index)) return fail(error, SS_BAD_ARGUMENT, "there is no history tensor %d", index);
     const Layout& layout = history.model.method->layout;
     const TensorSpec& tensor = layout.tensor[index];
-    const Size tiles = tiles_of(history.display);
-    const int64_t generation = __atomic_add_fetch(&history.model.generation, 1, __ATOMIC_RELAXED);
-    for (int k = 0; k < tiles.width * tiles.height; k++) history.generations[k] = generation;
-    const Size image_tiles = tiles_of(history.image);
-    for (int k = 0; k < image_tiles.width * image_tiles.height && layout.rests; k++) history.rest.generations[k] = generation;
-    history.frame_generation = generation;
+    history.mark(__atomic_add_fetch(&history.model.generation, 1, __ATOMIC_RELAXED));
     if (tensor.plane == OF_JITTER) memcpy(history.jitter, values, sizeof history.jitter);
     else if (tensor.plane == OF_EXPOSURE) history.exposure = *values;
     else if (tensor.plane == OF_VALUES) memcpy(history.values, values, sizeof(float) * tensor.channels);
@@ -167,8 +176,7 @@ ss_status ss_history_write(ss_history* handle, int index, const float* values, s
     }
     else if (layout.plane[tensor.plane].bytes)
         each_value(history, tensor, [&](size_t from, size_t at) {
-            static_cast<uint8_t*>(history.planes[tensor.plane])[at] =
-                static_cast<uint8_t>(clamp(values[from] * 255.0f + 0.5f, 0.0f, 255.0f));
+            static_cast<uint8_t*>(history.planes[tensor.plane])[at] = to_unorm8(values[from]);
         });
     else {
         float largest = 0.0f;
@@ -182,5 +190,3 @@ ss_status ss_history_write(ss_history* handle, int index, const float* values, s
     }
     return succeed(error);
 }
-
-size_t ss_history_bytes(const ss_history* handle) { return reinterpret_cast<const History*>(handle)->arena.bytes(); }

@@ -44,7 +44,7 @@ struct Network {
     // network inputs of packed pixels: (half height, row, RECORD_WORDS) words, and mean differences between history and
     // frame, signed and absolute: (half height, 2, means_pitch) with PAD columns on either side
     int32_t* records;
-    float* means;
+    float* means;  // null where the records are complete
     Size half;
     int row, means_pitch;
     uint8_t* lines;  // of each thread, `line_pitch` bytes apart

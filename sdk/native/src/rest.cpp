@@ -322,7 +322,7 @@ static void widen(float* plane, float* spare, Size size, int reach) {
         }
 }
 
-static void sum_residuals(const Step& step, RestWork& w, const RestHistory& before, bool same) {
+static void sum_residuals(Step& step, RestWork& w, const RestHistory& before, bool same) {
     StaticBlocks& s = w.blocks;
     if (!before.mean) {
         memset(s.sums, 0, sizeof(float) * SUMS * static_cast<size_t>(s.count()));
@@ -330,11 +330,11 @@ static void sum_residuals(const Step& step, RestWork& w, const RestHistory& befo
     }
     make_pixel_tables(w, step.frame.jitter);
     w.mean = before.mean, w.ages = same ? before.ages : s.ages;
-    pool_of(step).run_rows(s.size.height, [&](int y0, int y1, int) { step.kernels().sum_blocks(w, y0, y1); });
+    step.workers().run_rows(s.size.height, [&](int y0, int y1, int) { step.kernels().sum_blocks(w, y0, y1); });
 }
 
 // Adds to the tests of blocks that verify their mean how far residuals are over the limits; see `steadiness` in torch.
-static void test_steadiness(const Step& step, RestWork& w, const RestHistory& before, float dark) {
+static void test_steadiness(Step& step, RestWork& w, const RestHistory& before, float dark) {
     StaticBlocks& s = w.blocks;
     const int count = s.count(), across = s.size.width;
     // residuals of the large windows with a small one that is read
@@ -384,7 +384,7 @@ static void test_steadiness(const Step& step, RestWork& w, const RestHistory& be
 }
 
 // Marks noisy blocks whose running mean of relative residuals is more than noise; writes that mean to `tests`.
-static void follow_noise(const Step& step, RestWork& w, const RestHistory& before, float dark) {
+static void follow_noise(Step& step, RestWork& w, const RestHistory& before, float dark) {
     StaticBlocks& s = w.blocks;
     const int count = s.count();
     memset(s.wanted, 1, static_cast<size_t>(count));
@@ -452,14 +452,14 @@ static bool decide(const Step& step, RestWork& w, const RestHistory& before, Res
     return true;
 }
 
-bool compare_with_rest(const Step& step, RestWork& w, const RestHistory& before, RestHistory& after) {
+bool compare_with_rest(Step& step, RestWork& w, const RestHistory& before, RestHistory& after) {
     StaticBlocks& s = w.blocks;
     const int count = s.count();
     const float dark = DARK / w.samples.exposure;
     const bool sampled = step.frame.adds_samples >= 1.0f;
     s.noisy = step.frame.adds_samples >= NOISY;
     s.cycle = follow_jitter(step.frame.jitter, before.phases, before.phase_count, sampled, s.noisy, s.phases);
-    pool_of(step).run_rows(s.size.height, [&](int y0, int y1, int) { step.kernels().sign_blocks(w, y0, y1); });
+    step.workers().run_rows(s.size.height, [&](int y0, int y1, int) { step.kernels().sign_blocks(w, y0, y1); });
     bool has_mean = false;
     for (int block = 0; block < count; block++) {
         const float age = fabsf(before.ages[block]);
@@ -515,7 +515,7 @@ bool plan_tiles(const Step& step, RestWork& w, bool compute_all) {
     return w.runs.count > 0;
 }
 
-bool show_rest(const Step& step, RestWork& w, const RestHistory& before, RestHistory& after, int64_t generation) {
+bool show_rest(Step& step, RestWork& w, const RestHistory& before, RestHistory& after, int64_t generation) {
     StaticBlocks& s = w.blocks;
     const Size tiles = tiles_of(w.display);
     const int count = tiles.width * tiles.height;

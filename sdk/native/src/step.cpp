@@ -13,13 +13,30 @@ View view_of(const ss_image& image, int width, int channels) {
     return {static_cast<const char*>(image.data), image.type, row, pixel, channel};
 }
 
-static bool is_size(int width, int height) {
-    return width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE && int64_t{width} * height <= MAX_PIXELS;
-}
-
 static bool is_finite(float value) { return fabsf(value) <= 3.4028235e38f; }
 
-static ss_status check_input(const char* name, const ss_image& image, bool needed, ss_error* error) {
+ss_status check_size(int width, int height, const char* name, ss_error* error) {
+    if (width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE && int64_t{width} * height <= MAX_PIXELS) return SS_OK;
+    return fail(error, SS_BAD_ARGUMENT, "%s is %d x %d; want sides from 1 to %d, %d pixels at most", name, width, height, MAX_SIDE, MAX_PIXELS);
+}
+
+ss_status check_jitter(const float (&jitter)[2], ss_error* error) {
+    for (float offset : jitter)
+        if (!(fabsf(offset) <= 0.5f)) return fail(error, SS_BAD_FRAME, "jitter is %g; want render pixels in [-0.5, 0.5]", offset);
+    return SS_OK;
+}
+
+ss_status check_pre_exposure(float pre_exposure, ss_error* error) {
+    if (pre_exposure == 0.0f || (pre_exposure >= MIN_EXPOSURE && pre_exposure <= MAX_EXPOSURE)) return SS_OK;
+    return fail(error, SS_BAD_FRAME, "pre_exposure is %g; want a number from 2^-24 to 2^24, or 0 for 1", pre_exposure);
+}
+
+ss_status check_output(const char* name, const ss_image& image, ss_error* error) {
+    if (image.type == SS_FLOAT32 || image.type == SS_FLOAT16 || image.type == SS_UNORM8) return SS_OK;
+    return fail(error, SS_BAD_ARGUMENT, "%s has the type %d; want SS_FLOAT32, SS_FLOAT16 or SS_UNORM8", name, image.type);
+}
+
+ss_status check_input(const char* name, const ss_image& image, bool needed, ss_error* error) {
     if (needed && !image.data) return fail(error, SS_BAD_FRAME, "%s is missing; the method reads it", name);
     if (image.data && image.type != SS_FLOAT32 && image.type != SS_FLOAT16)
         return fail(error, SS_BAD_FRAME, "%s has the type %d; want SS_FLOAT32 or SS_FLOAT16", name, image.type);
@@ -27,9 +44,7 @@ static ss_status check_input(const char* name, const ss_image& image, bool neede
 }
 
 static ss_status check_frame(const Method& method, const ss_frame& f, Size display, ss_error* error) {
-    if (!is_size(f.width, f.height))
-        return fail(error, SS_BAD_FRAME, "the frame has %d x %d samples; want sides from 1 to %d, %d pixels at most", f.width,
-                    f.height, MAX_SIDE, MAX_PIXELS);
+    if (check_size(f.width, f.height, "the frame", error)) return SS_BAD_FRAME;
     const int of_display[] = {display.width, display.height}, of_frame[] = {f.width, f.height};
     for (int axis = 0; axis < 2; axis++) {  // either size may have been rounded to whole pixels
         const float most = static_cast<float>(of_display[axis] + 1) / max(of_frame[axis] - 1, 1);
@@ -53,13 +68,10 @@ static ss_status check_frame(const Method& method, const ss_frame& f, Size displ
                   {"display_depth", f.display_depth, method.reads_gbuffers}};
     for (const auto& input : inputs)
         if (ss_status status = check_input(input.name, input.image, input.needed, error)) return status;
-    for (float offset : f.jitter)
-        if (!(fabsf(offset) <= 0.5f))
-            return fail(error, SS_BAD_FRAME, "jitter is %g; want render pixels in [-0.5, 0.5]", offset);
+    if (ss_status status = check_jitter(f.jitter, error)) return status;
     if (!(f.exposure >= 0.0f && is_finite(f.exposure)))
         return fail(error, SS_BAD_FRAME, "exposure is %g; want a number > 0, or 0 to measure it", f.exposure);
-    if (!(f.pre_exposure >= 0.0f && is_finite(f.pre_exposure)))
-        return fail(error, SS_BAD_FRAME, "pre_exposure is %g; want a number > 0", f.pre_exposure);
+    if (ss_status status = check_pre_exposure(f.pre_exposure, error)) return status;
     if (f.adds_samples != 0.0f && f.adds_samples != 1.0f && f.adds_samples != 2.0f)
         return fail(error, SS_BAD_FRAME, "adds_samples is %g; want 0, 1 or 2", f.adds_samples);
     return SS_OK;
@@ -73,9 +85,7 @@ static double followed_exposure(double given, double target, double before) {
     if (!(known / EXPOSURE_OUTLIER <= exposure && exposure <= known * EXPOSURE_OUTLIER))
         return before < 0.0 ? exposure : -known;
     if (given || !target) return exposure;
-    const double adaptation = 0.1;  // as a double, which EXPOSURE_ADAPTATION is not
-    static_assert(EXPOSURE_ADAPTATION == 0.1f);
-    return pow(known, 1.0 - adaptation) * pow(target, adaptation);
+    return pow(known, 1.0 - EXPOSURE_ADAPTATION) * pow(target, EXPOSURE_ADAPTATION);
 }
 
 static float exposure_of(const ss_frame& frame, const Samples& samples, float before) {
@@ -85,13 +95,11 @@ static float exposure_of(const ss_frame& frame, const Samples& samples, float be
         logs += samples.rows[4 * y];
         count += samples.rows[4 * y + 1];
     }
-    const double key = 0.18;
-    static_assert(EXPOSURE_KEY == 0.18f);
-    return static_cast<float>(followed_exposure(given ? frame.exposure : 0.0, count > 0.0 ? key * exp(-logs / count) : 0.0, before));
+    return static_cast<float>(followed_exposure(given ? frame.exposure : 0.0, count > 0.0 ? EXPOSURE_KEY * exp(-logs / count) : 0.0, before));
 }
 
 // Reads the arrays of a frame to samples.
-static void read_samples(const Step& step) {
+static void read_samples(Step& step) {
     const ss_frame& f = step.frame;
     Samples& s = step.samples();
     FrameImages images = {view_of(f.color, f.width, 3), view_of(f.depth, f.width, 1), view_of(f.motion, f.width, 2),
@@ -99,7 +107,7 @@ static void read_samples(const Step& step) {
                           static_cast<size_t>(up_to(3 * f.width, LANES))};
     if (!step.model.method->reads_surfaces) images.depth.data = nullptr;
     if (!step.model.method->reads_motion) images.motion.data = nullptr;
-    pool_of(step).run_rows(s.height, [&](int y0, int y1, int thread) {
+    step.workers().run_rows(s.height, [&](int y0, int y1, int thread) {
         step.kernels().read_frame(images, s, y0, y1, thread);
     });
     bool missing = false;
@@ -111,19 +119,19 @@ static void read_samples(const Step& step) {
     s.fill_across = missing ? divided_up(s.width, FILL_WINDOW) : 0;
 }
 
-void fill_missing(const Step& step) {
+void fill_missing(Step& step) {
     const Samples& s = step.samples();
     if (s.fill_across)
-        pool_of(step).run_rows(divided_up(s.height, FILL_WINDOW), [&](int y0, int y1, int) { step.kernels().fill_windows(s, y0, y1); });
+        step.workers().run_rows(divided_up(s.height, FILL_WINDOW), [&](int y0, int y1, int) { step.kernels().fill_windows(s, y0, y1); });
 }
 
 void make_tables(const Step& step) { step.kernels().make_tables(step.space.tables, step.frame.jitter[0], step.frame.jitter[1]); }
 
-bool resample(const Step& step) {
+bool resample(Step& step) {
     const Samples& s = step.samples();
     fill_missing(step);
     run_rows_with_neighbours(
-        pool_of(step), s.height, [&](int y0, int y1) { step.kernels().prepare(s, y0, y1); },
+        step.workers(), s.height, [&](int y0, int y1) { step.kernels().prepare(s, y0, y1); },
         [&](int y0, int y1) { step.kernels().dilate(s, y0, y1); });
     bool glares = false;
     for (int y = 0; y < s.height; y++) glares |= s.glares[y] > 0.0f;
@@ -166,7 +174,10 @@ static void keep_tiles(Step& step, int64_t generation, bool computes) {
         }
     }
     for (int k = 0; k < count; k++)
-        if (!w.resting[k]) return;
+        if (!w.resting[k]) {
+            after.frame_generation = generation;
+            return;
+        }
     // nothing of this frame counts
     memcpy(after.jitter, before.jitter, sizeof after.jitter);
     memcpy(after.values, before.values, sizeof after.values);
@@ -178,8 +189,8 @@ static void keep_tiles(Step& step, int64_t generation, bool computes) {
 }
 
 // Copies an image of packed floats to that of the caller.
-static void copy_image(const Step& step, const View& from, const View& to, float factor) {
-    pool_of(step).run_rows(step.target.height, [&](int y0, int y1, int) {
+static void copy_image(Step& step, const View& from, const View& to, float factor) {
+    step.workers().run_rows(step.target.height, [&](int y0, int y1, int) {
         step.kernels().copy_image(from, to, step.target.width, y0, y1, factor);
     });
 }
@@ -199,7 +210,7 @@ static ss_status compute(Step& step) {
     if (status != SS_OK) return status;
     w.exposure = step.samples().exposure;
     w.target = shown;
-    pool_of(step).run_rows(shown.height, [&](int y0, int y1, int thread) {
+    step.workers().run_rows(shown.height, [&](int y0, int y1, int thread) {
         step.kernels().downsample_rows(w, y0, y1, thread);
         if (shown.weight) step.kernels().pick_pixels(step.space.weight, large, shown.weight, {shown.width, shown.height}, y0, y1);
     });
@@ -216,12 +227,13 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     step.exposure = exposure_of(step.frame, s, step.before.exposure);
     s.exposure = fabsf(step.exposure);
     w.samples = s;
-    const int64_t generation = __atomic_add_fetch(&const_cast<Model&>(step.model).generation, 1, __ATOMIC_RELAXED);
+    const int64_t generation = __atomic_add_fetch(&step.model.generation, 1, __ATOMIC_RELAXED);
     RestHistory forgotten = {};  // of another render size
     const RestHistory* rest = &step.before.rest;
     const bool rests = step.model.method->layout.rests;
     bool computes = true;
     if (rests) {
+        step.clock.enter(SS_REST);
         if (!(rest->render == after.rest.render)) {
             Arena& arena = step.space.arena;  // rare: the space keeps it
             forgotten.take(arena, after.rest.display, after.rest.render);
@@ -252,17 +264,18 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     if (computes) {
         memcpy(after.jitter, step.frame.jitter, sizeof after.jitter);
         after.exposure = step.exposure;
+        step.clock.enter(SS_PREPROCESS);
         if (ss_status status = compute(step)) return status;
     }
+    step.clock.enter(SS_REST);
     keep_tiles(step, generation, computes);
-    if (computes && after.frame_generation != step.before.frame_generation) after.frame_generation = generation;
     after.render = {step.frame.width, step.frame.height};
     if (!rests) return SS_OK;
     if (!show_rest(step, w, *rest, after.rest, generation)) return SS_NO_MEMORY;
     if (step.target.image.data != own.image.data) copy_image(step, step.target.image, own.image, own.pre_exposure);
     const View converged = view_of(outputs.converged, own.width, 1);
     if (converged)
-        pool_of(step).run_rows(own.height, [&](int y0, int y1, int) { step.kernels().write_converged(w, converged, y0, y1); });
+        step.workers().run_rows(own.height, [&](int y0, int y1, int) { step.kernels().write_converged(w, converged, y0, y1); });
     return SS_OK;
 }
 
@@ -277,14 +290,22 @@ ss_status run_step(Model& model, const ss_frame& frame, const History& before, H
         return fail(error, SS_BAD_ARGUMENT, "next_history is for frames of %d x %d; want %d x %d", after.render.width,
                     after.render.height, render.width, render.height);
     if (!outputs.image.data) return fail(error, SS_BAD_ARGUMENT, "image has no data; want an image to write to");
+    if (ss_status status = check_output("image", outputs.image, error)) return status;
+    if (ss_status status = check_output("weight", outputs.weight, error)) return status;
+    if (ss_status status = check_output("converged", outputs.converged, error)) return status;
     Space* space = model.borrow(render, display);
     if (!space) return fail(error, SS_NO_MEMORY, "no memory for the work buffers of a step");
     const float pre_exposure = frame.pre_exposure > 0.0f ? frame.pre_exposure : 1.0f;
     Target target = {view_of(outputs.image, display.width, 3), view_of(outputs.weight, display.width, 1), display.width,
                      display.height, pre_exposure};
-    Step step = {model, frame, *space, before, after, target};
+    const IeeeArithmetic arithmetic;
+    Step step = {model, frame, *space, before, after, target, {outputs.cancelled, outputs.user}};
     ss_status status = run_stages(step, outputs);
+    if (status == SS_OK && step.canceller.is_set()) status = SS_CANCELLED;
+    if (status != SS_OK) after.spoil();
+    if (outputs.seconds) step.clock.read(outputs.seconds);
     model.give_back(space);
+    if (status == SS_CANCELLED) return fail(error, status, "the step was cancelled");
     return status == SS_OK ? succeed(error) : fail(error, status, "no memory for a step");
 }
 

@@ -29,11 +29,11 @@ struct TensorSpec {
 };
 
 struct Layout {
-    int planes, tensors;
-    PlaneSpec plane[MAX_PLANES];
-    TensorSpec tensor[12];
-    bool rests;  // whether it converges at rest
-    const char* glare;  // tensor whose last channel is increased by GLARE times the number of glaring frames, or null
+    int planes = 0, tensors = 0;
+    PlaneSpec plane[MAX_PLANES] = {};
+    TensorSpec tensor[12] = {};
+    bool rests = false;  // whether it converges at rest
+    const char* glare = nullptr;  // tensor whose last channel is increased by GLARE times the number of glaring frames, or null
 };
 
 struct Model;
@@ -66,18 +66,19 @@ struct Space {
 struct Method {
     const char* name;
     float ratios[2];  // smallest and largest ratio of display to render size
-    bool reads_surfaces;   // whether it takes depth, and motion dilated by it
-    bool reads_motion;
-    bool reads_gbuffers;
-    bool larger;  // whether its history and image are LARGE, and filtered to the display
-    Layout layout;
-    const Constant* constants;
-    int constant_count;
-    const void* config;  // defaults of the constants, floats in their order; null: the model's bytes have them
-    const Filter* (*filters)(const Model& model, Filter* room, int* count, float* window_sigma);
+    bool reads_surfaces = false;   // whether it takes depth, and motion dilated by it
+    bool reads_motion = false;
+    bool reads_gbuffers = false;
+    bool larger = false;        // whether its history and image are LARGE, and filtered to the display
+    bool extrapolates = false;  // whether it computes the colour of unshaded frames, and has no steps
+    Layout layout = {};
+    const Constant* constants = nullptr;
+    int constant_count = 0;
+    const void* config = nullptr;  // defaults of the constants, floats in their order; null: the model's bytes have them
+    const Filter* (*filters)(const Model& model, Filter* room, int* count, float* window_sigma) = nullptr;
     bool (*make_space)(const Model& model, Space& space);
-    ss_status (*compute)(Step& step);  // fails before it changes the next history
-    ss_status (*read_weights)(Model& model, const Arrays& arrays, ss_error* error);  // null: it has none
+    ss_status (*compute)(Step& step) = nullptr;  // fails before it changes the next history
+    ss_status (*read_weights)(Model& model, const Arrays& arrays, ss_error* error) = nullptr;  // null: it has none
 };
 
 // Size of what a method keeps for images of a display: see supersampler.methods.spec.large_size.
@@ -105,6 +106,11 @@ struct History {
     float* plane(int index) const { return static_cast<float*>(planes[index]); }
     int pitch() const { return up_to(render.width, LANES) + 2 * PAD; }  // of rows of samples
     bool fits(Size frame) const;
+    size_t most_bytes() const;  // also of what is allocated at rest
+    void mark(int64_t generation);    // all arrays
+    void spoil() { mark(SPOILT); }  // after a step that did not end
+
+    static constexpr int64_t SPOILT = -1;  // equal to no other generation, as a history is written before it is read
 };
 size_t plane_values(const PlaneSpec& spec, Size display, Size render);
 
@@ -117,9 +123,8 @@ struct Model {
     void* weights = nullptr;
     void (*log)(void* user, const char* message);
     void* user;
-    Lock lock;
     int64_t generation = 0;  // last that was given
-    Space* spaces = nullptr;  // free ones; guarded by the lock
+    Space* spaces = nullptr;  // free ones; without a lock, which a forked child might find held
 
     Model(const Allocator& allocator, const ss_options& options) : arena(allocator), pool(options), log(options.log), user(options.user) {}
     ~Model();
@@ -131,28 +136,49 @@ struct Model {
     void give_back(Space* space);
 };
 
+// Wall seconds of a step by stage.
+class StageClock {
+   public:
+    void enter(ss_stage stage) {
+        const double now = seconds_now();
+        seconds_[stage_] += now - since_;
+        since_ = now, stage_ = stage;
+    }
+    void read(double* seconds) {
+        enter(stage_);
+        memcpy(seconds, seconds_, sizeof seconds_);
+    }
+
+   private:
+    double seconds_[SS_STAGES] = {};
+    double since_ = seconds_now();
+    ss_stage stage_ = SS_PREPROCESS;
+};
+
 struct Step {
-    const Model& model;
+    Model& model;
     const ss_frame& frame;
     Space& space;
     const History& before;
     History& after;
     Target target;
+    Canceller canceller;
+    StageClock clock = {};
     float exposure = 0.0f;  // signed, see `followed_exposure`
     const RestWork* rest = nullptr;  // static blocks; null where the method does not ask
 
     const Kernels& kernels() const { return *model.kernels; }
     Samples& samples() const { return space.samples; }
+    Workers workers() { return {model.pool, canceller}; }
 };
 
-inline ThreadPool& pool_of(const Step& step) { return const_cast<ThreadPool&>(step.model.pool); }
-void fill_missing(const Step& step);  // computes what missing samples show; the exposure is known
+void fill_missing(Step& step);  // computes what missing samples show; the exposure is known
 void make_tables(const Step& step);
-bool resample(const Step& step);     // fills and tones samples, dilates motion; returns whether a sample glares
+bool resample(Step& step);     // fills and tones samples, dilates motion; returns whether a sample glares
 PreviousFrame previous_frame(const History& history, int plane);
 // Calls function(rect, thread) on rectangles of pixels of an image of `size`, in which a tile has `unit` pixels.
 template <class Function>
-void run_tiles(const Step& step, const Runs& runs, int unit, Size size, const Function& function, int multiple = 1) {
+void run_tiles(Step& step, const Runs& runs, int unit, Size size, const Function& function, int multiple = 1) {
     Rect* rects = step.space.rest.scaled;
     int count = 0;
     for (int k = 0; k < runs.count; k++) {
@@ -160,7 +186,7 @@ void run_tiles(const Step& step, const Runs& runs, int unit, Size size, const Fu
         const Rect rect = {r.y0 * unit, min(r.y1 * unit, size.height), r.x0 * unit, min(r.x1 * unit, size.width)};
         if (rect.y0 < rect.y1 && rect.x0 < rect.x1) rects[count++] = rect;
     }
-    const_cast<ThreadPool&>(step.model.pool).run_rects(rects, count, multiple, function);
+    step.workers().run_rects(rects, count, multiple, function);
 }
 inline const Runs& computed_tiles(const Step& step) { return step.space.rest.runs; }
 inline bool rests_anywhere(const Step& step) {
@@ -170,23 +196,30 @@ inline bool rests_anywhere(const Step& step) {
 bool make_downsampling(const Model& model, Space& space);
 bool make_rest(Space& space, RestWork& work);
 void make_runs(uint8_t* mask, Size tiles, int gap, Runs& runs);  // joins tiles of a row less than `gap` apart
-bool compare_with_rest(const Step& step, RestWork& work, const RestHistory& before, RestHistory& after);
+bool compare_with_rest(Step& step, RestWork& work, const RestHistory& before, RestHistory& after);
 bool plan_tiles(const Step& step, RestWork& work, bool compute_all);  // returns whether a tile is computed
-bool show_rest(const Step& step, RestWork& work, const RestHistory& before, RestHistory& after, int64_t generation);
+bool show_rest(Step& step, RestWork& work, const RestHistory& before, RestHistory& after, int64_t generation);
 View view_of(const ss_image& image, int width, int channels);
+ss_status check_size(int width, int height, const char* name, ss_error* error);
+ss_status check_output(const char* name, const ss_image& image, ss_error* error);
+ss_status check_input(const char* name, const ss_image& image, bool needed, ss_error* error);
+ss_status check_jitter(const float (&jitter)[2], ss_error* error);
+ss_status check_pre_exposure(float pre_exposure, ss_error* error);
+ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out, ss_error* error);
+ss_status run_extrapolation(Model& model, const ss_frame& frame, const ss_shaded& shaded, const ss_extrapolated& outputs, ss_error* error);
 ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
                    ss_error* error);
 
 // Calls `rows(y0, y1)` and then `beside(y0, y1)`, which reads one more row on either side, on all rows: the second
 // while they are in the cache, but for the rows at which threads meet.
 template <class RowFunction, class BesideFunction>
-void run_rows_with_neighbours(ThreadPool& pool, int height, const RowFunction& rows, const BesideFunction& beside) {
-    pool.run_rows(height, [&](int y0, int y1, int) {
+void run_rows_with_neighbours(const Workers& workers, int height, const RowFunction& rows, const BesideFunction& beside) {
+    workers.run_rows(height, [&](int y0, int y1, int) {
         rows(y0, y1);
         int first = y0 ? y0 + 1 : 0, end = y1 < height ? y1 - 1 : height;
         if (first < end) beside(first, end);
     });
-    pool.run_rows(height, [&](int y0, int y1, int) {  // the same parts
+    workers.run_rows(height, [&](int y0, int y1, int) {  // the same parts
         if (y0) beside(y0, y0 + 1);
         if (y1 < height && (y1 - 1 > y0 || !y0)) beside(y1 - 1, y1);
     });

@@ -46,6 +46,35 @@ struct Guard {
     Lock& lock_;
 };
 
+// Asks the caller now and then whether a call is to end.
+class Canceller {
+   public:
+    Canceller(int (*asked)(void* user), void* user) : asked_(asked), user_(user), next_(asked ? seconds_now() + INTERVAL : 0.0) {}
+    bool is_set() const { return __atomic_load_n(&is_set_, __ATOMIC_RELAXED); }
+    void ask() {  // in the thread of the caller
+        if (!asked_ || is_set() || seconds_now() < next_) return;
+        if (asked_(user_)) __atomic_store_n(&is_set_, true, __ATOMIC_RELAXED);
+        next_ = seconds_now() + INTERVAL;
+    }
+
+   private:
+    static constexpr double INTERVAL = 1.0 / 50.0;
+    int (*asked_)(void* user);
+    void* user_;
+    double next_;
+    bool is_set_ = false;
+};
+
+// Makes this thread compute as IEEE 754 has it while it lives: subnormal numbers, rounding to nearest, no traps.
+class IeeeArithmetic {
+   public:
+    IeeeArithmetic();
+    ~IeeeArithmetic();
+
+   private:
+    uint64_t before_;
+};
+
 // Threads of a model. Several callers may run work at once; each works on its own. A thread that waits for its work
 // runs it itself if no other has begun it, so that work ends in a forked child, too, which has none of the threads.
 class ThreadPool {
@@ -56,21 +85,53 @@ class ThreadPool {
 
     int threads() const { return threads_; }
 
+    // Calls task(context, index, thread) for each index from 0 to count - 1, and returns when all calls have returned;
+    // see `Workers::run`.
+    using Task = void (*)(const void* context, int index, int thread);
+    void run(int count, Task task, const void* context, Canceller& canceller);
+
+   private:
+    struct Job;
+
+    void start_threads();
+    void work();
+
+    int threads_, started_ = 0;
+    bool ends_ = false;
+    Job* jobs_ = nullptr;  // those with indices that no thread has begun
+    Lock lock_;
+    decltype(ss_options::parallel_for) parallel_for_;
+    void* user_;
+#ifdef _WIN32
+    static DWORD WINAPI thread_main(void* pool);
+    HANDLE handles_[MAX_THREADS];
+#else
+    static void* thread_main(void* pool);
+    pthread_t handles_[MAX_THREADS];
+    pid_t process_ = getpid();
+#endif
+};
+
+// The threads of a pool, for one call. Once that is cancelled, they begin nothing more.
+struct Workers {
+    ThreadPool& pool;
+    Canceller& canceller;
+
     // Calls function(index, thread) for each index from 0 to count - 1, and returns when all calls have returned.
     // `thread` is from 0 to threads() - 1; no two calls of this run that overlap in time have the same.
     template <class Function>
-    void run(int count, const Function& function) {
-        run_task(count, [](const void* context, int index, int thread) {
+    void run(int count, const Function& function) const {
+        pool.run(count, [](const void* context, int index, int thread) {
             (*static_cast<const Function*>(context))(index, thread);
-        }, &function);
+        }, &function, canceller);
     }
 
     // Calls function(rect, thread) on parts of rectangles that do not overlap, split at multiples of `multiple` rows.
     template <class Function>
-    void run_rects(const Rect* rects, int count, int multiple, const Function& function) {
+    void run_rects(const Rect* rects, int count, int multiple, const Function& function) const {
         int64_t area = 0;
         for (int k = 0; k < count; k++) area += area_of(rects[k]);
-        int parts = threads_ == 1 || area == 0 ? 1 : threads_ * PARTS_OF_THREAD;
+        int parts = pool.threads() == 1 || area == 0 ? 1 : pool.threads() * PARTS_OF_THREAD;
         run(parts, [&](int part, int thread) {
             int64_t before = 0;
             for (int k = 0; k < count; before += area_of(rects[k++])) {
@@ -89,34 +150,13 @@ class ThreadPool {
 
     // Calls function(y0, y1, thread) on parts of `rows` rows.
     template <class Function>
-    void run_rows(int rows, const Function& function) {
+    void run_rows(int rows, const Function& function) const {
         Rect rect{0, rows, 0, 1};
         run_rects(&rect, 1, 1, [&](Rect part, int thread) { function(part.y0, part.y1, thread); });
     }
 
    private:
-    using Task = void (*)(const void* context, int index, int thread);
-    struct Job;
-
     static int64_t area_of(Rect rect) { return int64_t{rect.y1 - rect.y0} * (rect.x1 - rect.x0); }
-    void run_task(int count, Task task, const void* context);
-    void start_threads();
-    void work();
-
-    int threads_, started_ = 0;
-    bool ends_ = false;
-    Job* jobs_ = nullptr;  // those with indices that no thread has begun
-    Lock lock_;
-    decltype(ss_options::parallel_for) parallel_for_;
-    void* user_;
-#ifdef _WIN32
-    static DWORD WINAPI thread_main(void* pool);
-    HANDLE handles_[MAX_THREADS];
-#else
-    static void* thread_main(void* pool);
-    pthread_t handles_[MAX_THREADS];
-    pid_t process_ = getpid();
-#endif
 };
 
 }  // namespace ss

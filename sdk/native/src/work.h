@@ -179,6 +179,45 @@ struct DownsampleWork {
 };
 constexpr int TAPS = 2 * classifier_large::REACH, RING = 8;  // a power of two, more than TAPS
 
+// What `guided-warp` works on. `previous` is the frame before the unshaded one, shaded or not.
+constexpr int WARP_PLANES = 10;
+struct WarpWork {
+    guided_warp::Config config;
+    const float *across, *down;  // offsets of the samples among which a pixel chooses, ring by ring
+    const int* strides;          // distance of each ring
+    int rings;
+    Size frame, shaded, previous;
+    View base_color, normal, depth, own_motion;
+    View shaded_color, shaded_base_color, shaded_normal, shaded_depth, previous_motion;
+    float jitter[2], shaded_jitter[2], previous_jitter[2];
+    float pre_exposure, shaded_pre_exposure;
+    float* samples;  // (WARP_PLANES, shaded height, stride) of the shaded frame: guides of surfaces, light
+    int stride;
+    float* rows;     // (shaded height,) 1 where a depth of the row is usable
+    float* motion;   // (2, previous height, previous_stride) from the previous frame back to the shaded one, sanitized
+    int previous_stride;
+    float* previous_rows;   // (previous height,) 1 where something of the row moved
+    bool has_depth, moved;  // whether any row is
+    View color, next_motion;
+    float* scratch;  // of each thread, `scratch_pitch` apart, packed rows
+    size_t scratch_pitch;
+};
+
+// A depth buffer, and the coefficients of its motion. At (x, y) with depth d, counted from far_depth, the motion is N / W with
+//     N = columns[0] d + columns[1] rows[0] + columns[2] in x,
+//     N = rows[1] d + rows[2] columns[3] + rows[3] in y,
+//     W = depth_w d + columns[4] + rows[4].
+struct CameraMotion {
+    static constexpr int BLOCK = 512, ROWS = 64;  // columns and rows of which there are coefficients
+    View depth, motion;
+    Size size;
+    const float* columns;  // (5, BLOCK) of columns x0 to x1 - 1
+    const float* rows;     // (rows, 5)
+    float depth_w, far_depth;
+    int x0, x1;
+};
+constexpr float CAMERA_BEHIND = 1e-6f;  // least W of what was before the previous camera
+
 struct ClassifierWork;
 struct RestWork;
 
@@ -206,11 +245,18 @@ struct Kernels {
     void (*copy_image)(const View& from, const View& to, int width, int y0, int y1, float factor);
     void (*pick_pixels)(const float* from, Size from_size, const View& to, Size size, int y0, int y1);
     void (*write_converged)(const RestWork&, const View& image, int y0, int y1);
+    void (*warp_read_shaded)(const WarpWork&, int y0, int y1, int thread);
+    void (*warp_read_motion)(const WarpWork&, int y0, int y1, int thread);
+    void (*warp_rows)(const WarpWork&, int y0, int y1, int thread);
+    void (*camera_motion_rows)(const CameraMotion&, int y0, int y1);
+    void (*rgba_rows)(const View& image, uint8_t* pixels, ptrdiff_t row, int width, int y0, int y1, float* scratch);
+    void (*merge_row)(float* image, const float* other, const float* weight, const float* other_weight, int width, float exposure);
     void (*keep_depth)(const ClassifierWork&, int y0, int y1);
     void (*prepare_surfaces)(const ClassifierWork&, int y0, int y1, int thread);
     void (*prepare_depth)(const ClassifierWork&, int y0, int y1, int thread);
     void (*encode_first)(const ClassifierWork&, int depth, Rect, int thread);
     void (*encode_others)(const ClassifierWork&, int depth, Rect, int thread);
+    void (*infer_rows)(const ClassifierWork&, int parameters, float* out, int y0, int y1);
     // by variant: 1 of own_motion, 2 of rectified; 4 of guided, which has own_motion, and 1 of rectified
     void (*const* classifier_gather)(const ClassifierWork&, Rect, int thread);
     void (*const* classifier_finish)(const ClassifierWork&, Rect, int thread);

@@ -1,36 +1,15 @@
 """Encode an image as the RGBA bytes that OpenGL takes."""
 
-from typing import NamedTuple
-
 import numpy as np
+from numpy.typing import NDArray
 
-from supersampler.backends.cpu.kernel_loader import kernel_if_possible
-from supersampler.backends.cpu.structs import Floats, Words, pack
+from supersampler.backends.cpu.library import Image, cpu_library, readable
 from supersampler.frame import Float32
 
 
-class EncodedImage(NamedTuple):
-    """An image and its pixels.
-
-    Attributes:
-        image: (height, width, 3) display values.
-        pixels: (height, width) words of RGBA bytes, written to; row 0 is the bottom one.
-        width, height: size of both.
-    """
-
-    image: Floats
-    pixels: Words
-    width: int
-    height: int
-
-
-def encode_rgba(image: Float32, pixels: Words) -> None:
+def encode_rgba(image: Float32, pixels: NDArray[np.int32]) -> None:
     """Write an image (h, w, 3) to opaque pixels (h, w), bottom row first; values are clamped to [0, 1]."""
     height, width = pixels.shape
-    kernel = kernel_if_possible("integrations.kernels.encode_image")
-    if kernel is not None:
-        kernel(pack(EncodedImage(np.ascontiguousarray(image), pixels, width, height)))
-        return
-    channels = pixels.view(np.uint8).reshape(height, width, 4)
-    channels[..., :3] = np.clip(image[::-1], 0.0, 1.0) * np.float32(255.0) + np.float32(0.5)
-    channels[..., 3] = 255
+    source, row = readable(image), pixels.strides[0]
+    last = pixels.ctypes.data + (height - 1) * row
+    cpu_library().call("ss_encode_rgba", Image.of(source), width, height, last, -row)

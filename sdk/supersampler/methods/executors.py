@@ -1,15 +1,16 @@
 """Choose the backend of a model, and check that its kernels or shaders support the model."""
 
-import os
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from supersampler.backends.base import Executor, ExtrapolationExecutor
-from supersampler.backends.cpu.threads import ThreadPool
+from supersampler.backends.cpu.executor import CpuExecutor, CpuExtrapolation, CpuModel
+from supersampler.backends.cpu.library import Options, cpu_library
+from supersampler.backends.cpu.model_bytes import model_bytes
 from supersampler.backends.onnx.executor import OnnxExecutor, OnnxExtrapolation
 from supersampler.backends.onnx.runtime import CPU
-from supersampler.errors import ArgumentError, BackendWarning, KernelError
+from supersampler.errors import ArgumentError, BackendWarning, LibraryError
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.registry import find_method, load, methods
 from supersampler.methods.spec import MethodSpec, constants_of, flags_of
@@ -39,9 +40,10 @@ def choose_executor(
         raise ArgumentError("device", got=f"given with {executor=}", want="executor='gpu'")
     if executor != "onnx" and list(providers) == [CPU]:
         required = executor == "cpu" or precision == "int8"
-        kernels: Executor | None = _with_kernels(info, threads, required=required)
-        if kernels is not None and precision in ("auto", kernels.precision):
-            return kernels
+        model = _cpu_model(info, threads, required=required)
+        own = "int8" if info.multiply_adds else "fp32"
+        if model is not None and precision in ("auto", own):
+            return CpuExecutor(model, own)
     kind = "fp32" if precision == "auto" else precision
     if executor == "cpu" or kind not in info.steps:
         got = f"{executor=}, {precision=}, providers {', '.join(providers)}"
@@ -56,13 +58,13 @@ def choose_extrapolation(
     """Return the backend of a model that extrapolates unshaded frames.
 
     Raises:
-        KernelError: kernels cannot be compiled, and `executor` is "cpu".
+        LibraryError: the CPU library cannot be loaded, and `executor` is "cpu".
         ModelError, ProviderError: ONNX Runtime cannot load the graph, or the provider cannot start.
     """
     if executor != "onnx" and list(providers) == [CPU]:
-        kernels: ExtrapolationExecutor | None = _with_kernels(info, threads, required=executor == "cpu")
-        if kernels is not None:
-            return kernels
+        model = _cpu_model(info, threads, required=executor == "cpu")
+        if model is not None:
+            return CpuExtrapolation(model)
     return OnnxExtrapolation(info, providers, threads)
 
 
@@ -101,33 +103,35 @@ def _gpu_executor(info: ModelInfo, precision: Precision, device: "wgpu.GPUDevice
 _warned: list[str] = []
 
 
-def _with_kernels(info: ModelInfo, threads: int, *, required: bool) -> Any:
-    """Return the CPU backend of a model; None where it has no kernels, or they do not compile.
+def _cpu_model(info: ModelInfo, threads: int, *, required: bool) -> CpuModel | None:
+    """Return a model in the CPU library; None where that does not compute it, or cannot be loaded.
 
     Raises:
-        KernelError: kernels cannot be compiled, and are required.
+        LibraryError: the library cannot be loaded, and is required.
+        ModelError: a constant is out of its range, or the weights cannot be read.
 
     Warns:
-        BackendWarning: kernels cannot be compiled; once in a process.
+        BackendWarning: the library cannot be loaded; once in a process.
     """
     spec = _supported(info)
     if spec is None or not spec.cpu:
         return None
     _check_constants(info, spec)
     try:
-        return load(spec.cpu)(info, ThreadPool(threads or _core_count()))
-    except KernelError as error:
+        library = cpu_library()
+    except LibraryError as error:
         if required:
             raise
         if not _warned:
             _warned.append(str(error))
             warnings.warn(
-                f"{error}. Steps run in ONNX Runtime instead: same images, several times slower, and static "
-                "tiles are not reused. `pip install numba` brings the kernels back.",
+                f"{error} Steps run in ONNX Runtime instead: same images, several times slower, and static "
+                "tiles are not reused.",
                 BackendWarning,
                 stacklevel=2,
             )
         return None
+    return CpuModel(library, model_bytes(info, spec), Options(threads=threads))
 
 
 def _supported(info: ModelInfo) -> MethodSpec | None:
@@ -151,9 +155,3 @@ def _check_constants(info: ModelInfo, spec: MethodSpec) -> None:
     for name in flags_of(spec):
         if type(config.get(name)) is not bool:
             raise info.config_error(name, config.get(name), "true or false")
-
-
-def _core_count() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

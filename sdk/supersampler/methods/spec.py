@@ -4,7 +4,6 @@ The `spec.py` in each method's folder registers a `MethodSpec` (see `registry`) 
 constants. Constants that kernels use are annotated with their range: `gamma: Number = 1.0`.
 """
 
-from collections import namedtuple
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
@@ -162,7 +161,7 @@ class MethodSpec:
         torch: the torch module that defines the step.
         task: the training task; "" where nothing is learned.
         weights: file of the released weights in supersampler_model/weights; "" where none ship.
-        cpu: the class of the CPU backend; "" without kernels.
+        cpu: the method of the CPU library that computes it; "" where there is none.
         gpu: the function that returns the program of the GPU backend; "" without shaders.
         kernel_files: files of the model folder that kernels and shaders read.
         kernels_support: whether kernels and shaders compute the step with a config.
@@ -208,7 +207,7 @@ def sized(shape: Shape, extents: Mapping[str, int]) -> tuple[int, ...]:
 
 
 def constants_of(spec: MethodSpec) -> dict[str, Range]:
-    """Return the range of each constant that kernels use, in the order of `constants_array`."""
+    """Return the range of each constant that kernels use, in the order of the config."""
     hints = get_type_hints(spec.config, include_extras=True)
     return {
         name: part for name, hint in hints.items() for part in get_args(hint)[1:] if isinstance(part, Range)
@@ -219,14 +218,3 @@ def flags_of(spec: MethodSpec) -> list[str]:
     """Return the names of the options for which kernels are compiled."""
     hints = get_type_hints(spec.config, include_extras=True)
     return [name for name, hint in hints.items() if hint == Flag]
-
-
-def constants_array(spec: MethodSpec, config: Mapping[str, Any]) -> Float32:
-    """Return the constants in a model.json's `config` for kernels: (n,), in the order of the spec."""
-    return np.array([config[name] for name in constants_of(spec)], np.float32)
-
-
-def constant_indices(spec: MethodSpec) -> Any:
-    """Return a named tuple of each constant's index in `constants_array`; kernels may read it as a global."""
-    names = list(constants_of(spec))
-    return namedtuple("Indices", names)(*range(len(names)))

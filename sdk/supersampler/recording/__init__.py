@@ -288,7 +288,7 @@ def open_recording(path: Path | str) -> Recording:
 
 def versions() -> dict[str, str]:
     """Return the versions of this package, Python and the packages that images depend on."""
-    return installed_versions(*_PACKAGES, "numba", "llvmlite") | {"Python": platform.python_version()}
+    return installed_versions(*_PACKAGES) | {"Python": platform.python_version()}
 
 
 def _state(record: StateRecord, arrays: Arrays) -> State:

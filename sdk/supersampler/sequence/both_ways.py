@@ -9,8 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from supersampler.arguments import ieee_arithmetic
-from supersampler.backends.cpu.kernel_loader import kernel_if_possible
-from supersampler.backends.cpu.structs import Floats, pack
+from supersampler.backends.cpu.library import cpu_library
 from supersampler.frame import Float32, Frame, checked_frame
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter
@@ -55,25 +54,6 @@ class Merged(NamedTuple):
 
     frame: Frame
     result: StepResult
-
-
-class MergedImages(NamedTuple):
-    """Two images of one frame, and their weights.
-
-    Attributes:
-        image: (pixels, 3) of the forward run; their weighted mean is written to it.
-        other: (pixels, 3) of the backward run.
-        weight, other_weight: (pixels,) weights of the images.
-        pixels: number of pixels.
-        exposure: multiplies the images before the tone curve.
-    """
-
-    image: Floats
-    other: Floats
-    weight: Floats
-    other_weight: Floats
-    pixels: int
-    exposure: float
 
 
 @dataclass
@@ -256,11 +236,9 @@ def merge_images(
 
     Images are (H, W, 3) float32 linear RGB, of the forward and the backward run; weights are (H, W).
     """
-    kernel = kernel_if_possible("sequence.kernels.merge_images")
-    images = MergedImages(image, other, weight, other_weight, weight.size, exposure)
-    if kernel is not None and all(array.flags.c_contiguous for array in images[:4]):
-        kernel(pack(images))
-        return
-    tone, other_tone = (1.0 + np.float32(exposure) * each.max(axis=2) for each in (image, other))
-    a, b = weight / tone, other_weight / other_tone
-    image += (b / np.maximum(a + b, np.float32(1e-30)))[..., None] * (other - image)
+    height, width = weight.shape
+    arrays = [np.ascontiguousarray(array, np.float32) for array in (image, other, weight, other_weight)]
+    addresses = [array.ctypes.data for array in arrays]
+    cpu_library().call("ss_merge_images", *addresses, width, height, exposure)
+    if arrays[0] is not image:
+        np.copyto(image, arrays[0])

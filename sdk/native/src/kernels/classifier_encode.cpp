@@ -66,7 +66,7 @@ void encode_first(const ClassifierWork& w, int depth, Rect box, int thread) {
         } else {
             const int here = min(y, n.half.height - 1);
             if (here == y) {
-                mean_difference_row(n, here, box.x0, min(box.x1, n.half.width), w.scratch[thread]);
+                if (n.means) mean_difference_row(n, here, box.x0, min(box.x1, n.half.width), w.scratch[thread]);
                 if (box.x1 == level.width) repeat_last(n, here, level.width);
             }
             const int32_t* row = n.records + (static_cast<ptrdiff_t>(here) * n.row + box.x0) * RECORD_WORDS;

@@ -212,21 +212,40 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
     }
 }
 
+// Runs the layers after the encoder on packed pixels p0 to p1 of row y: blend parameters and logits, see `blend_row`.
+static void infer_row(const Network& n, const ClassifierScratch& s, int outputs, int y, int p0, int p1, uint8_t* classes) {
+    concatenate_row(n, y, p0, p1, s.read);
+    pointwise_row(Input{s.read + 32 * p0, 32, 8}, n.decoder, s.decoded + 32 * p0, 32, p1 - p0);
+    const int32_t* records = n.records + (static_cast<ptrdiff_t>(y) * n.row + p0) * RECORD_WORDS;
+    pointwise_row(Input{reinterpret_cast<const uint8_t*>(records), 4 * RECORD_WORDS, INPUT_PLANES}, Input{s.decoded + 32 * p0, 32, 8},
+                  n.hidden, s.hidden + 4 * WIDE * p0, 4 * WIDE, p1 - p0);
+    blend_row(n, s.hidden, outputs, p0, p1, up_to(n.half.width, LANES), s.blend, classes);
+}
+
+// Writes the blend parameters of rows of packed pixels, (4 * parameters, height, width), and after them the logits.
+void infer_rows(const ClassifierWork& w, int parameters, float* out, int y0, int y1) {
+    const Size half = w.network->half;
+    const int outputs = up_to(4 * parameters, 8), pitch = up_to(half.width, LANES);
+    const float* blend = w.scratch->blend;
+    for (int y = y0; y < y1; y++) {
+        infer_row(*w.network, *w.scratch, outputs, y, 0, half.width, w.next_classes);
+        for (int c = 0; c < 4 * parameters + CLASSES; c++) {
+            const int from = c < 4 * parameters ? c % 4 * parameters + c / 4 : outputs + c - 4 * parameters;
+            memcpy(out + (static_cast<ptrdiff_t>(c) * half.height + y) * half.width, blend + from * pitch, sizeof(float) * half.width);
+        }
+    }
+}
+
 // Decodes and composes a rectangle of packed pixels: the image and the next history.
 template <bool rectified, bool own_motion, bool guided>
 static void finish_rows(const ClassifierWork& w, Rect rect, int thread) {
     constexpr Variant variant = {rectified, own_motion, guided};
     const Network& n = *w.network;
     const ClassifierScratch& s = w.scratch[thread];
-    const int pitch = up_to(n.half.width, LANES), count = rect.x1 - rect.x0, p0 = rect.x0;
+    const int pitch = up_to(n.half.width, LANES), p0 = rect.x0;
     for (int y = rect.y0; y < rect.y1; y++) {
         uint8_t* classes = w.next_classes + 8 * static_cast<ptrdiff_t>(y) * n.half.width;
-        concatenate_row(n, y, p0, rect.x1, s.read);
-        pointwise_row(Input{s.read + 32 * p0, 32, 8}, n.decoder, s.decoded + 32 * p0, 32, count);
-        const int32_t* records = n.records + (static_cast<ptrdiff_t>(y) * n.row + p0) * RECORD_WORDS;
-        pointwise_row(Input{reinterpret_cast<const uint8_t*>(records), 4 * RECORD_WORDS, INPUT_PLANES}, Input{s.decoded + 32 * p0, 32, 8},
-                      n.hidden, s.hidden + 4 * WIDE * p0, 4 * WIDE, count);
-        blend_row(n, s.hidden, variant.outputs(), p0, rect.x1, pitch, s.blend, classes);
+        infer_row(n, s, variant.outputs(), y, p0, rect.x1, classes);
         mark_unknown(w.gathered, variant.planes(), y, p0, rect.x1, classes);
         for (int row = 2 * y; row < min(2 * y + 2, w.target.height); row++)
             compose_row<rectified, own_motion, guided>(w, s.blend, pitch, row, 2 * p0, 2 * rect.x1);

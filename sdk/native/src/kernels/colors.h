@@ -28,6 +28,7 @@ SS_INLINE F3 lerp(F3 a, F3 b, F weight) { return {lerp(a.r, b.r, weight), lerp(a
 
 SS_INLINE F3 tone(F3 exposed) { return exposed * (1.0f / (largest(exposed) + 1.0f)); }
 SS_INLINE F3 ycocg(F3 c) {
+    c = {rounded(c.r), rounded(c.g), rounded(c.b)};  // grey has no chroma
     F half = (c.r + c.b) * 0.25f;
     return {half + c.g * 0.5f, (c.r - c.b) * 0.5f, c.g * 0.5f - half};
 }

@@ -70,7 +70,7 @@ void read_frame(const FrameImages& frame, const Samples& s, int y0, int y1, int 
 
 // Same as `filled` of the torch module, for rows of windows.
 void fill_windows(const Samples& s, int y0, int y1) {
-    const float grey = GREY_SHARE * __builtin_sqrtf(EXPOSURE_KEY / s.exposure);
+    const float grey = GREY_SHARE * __builtin_sqrtf(static_cast<float>(EXPOSURE_KEY) / s.exposure);
     constexpr float share = 1.0f / (FILL_WINDOW * FILL_WINDOW);
     for (int wy = y0; wy < y1; wy++)
         for (int wx = 0; wx < s.fill_across; wx++) {

@@ -45,7 +45,7 @@ SS_INLINE const float* whole_vector(const float* row, int x, int width, float (&
 SS_INLINE void store_value(const View& image, char* at, float value) {
     if (image.type == SS_FLOAT32) return store_as(at, value);
     if (image.type == SS_FLOAT16) return store_as(at, half_of_float(value));
-    *reinterpret_cast<uint8_t*>(at) = static_cast<uint8_t>(min(value, 1.0f) * 255.0f + 0.5f);
+    *reinterpret_cast<uint8_t*>(at) = to_unorm8(value);
 }
 
 // Writes up to W pixels from x on, before `end`, finite and >= 0.

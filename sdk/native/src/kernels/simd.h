@@ -142,6 +142,16 @@ SS_INLINE I to_int(F v) { return __builtin_convertvector(v, I); }  // towards ze
 SS_INLINE I bits_of(F v) { return reinterpret_cast<I>(v); }
 SS_INLINE F float_of(I v) { return reinterpret_cast<F>(v); }
 
+// The value itself, rounded: a product that is subtracted from another one must not be fused with the subtraction.
+SS_INLINE F rounded(F v) {
+#if defined(__x86_64__)
+    __asm__("" : "+v"(v));
+#elif defined(__aarch64__)
+    __asm__("" : "+w"(v));
+#endif
+    return v;
+}
+
 SS_INLINE F select(I mask, F first, F second) { return mask ? first : second; }
 SS_INLINE F select(I mask, float first, F second) { return mask ? spread(first) : second; }
 SS_INLINE F select(I mask, F first, float second) { return mask ? first : spread(second); }

@@ -28,11 +28,18 @@ void downsample_rows(const DownsampleWork&, int y0, int y1, int thread);
 void copy_image(const View& from, const View& to, int width, int y0, int y1, float factor);
 void pick_pixels(const float* from, Size from_size, const View& to, Size size, int y0, int y1);
 void write_converged(const RestWork&, const View& image, int y0, int y1);
+void warp_read_shaded(const WarpWork&, int y0, int y1, int thread);
+void warp_read_motion(const WarpWork&, int y0, int y1, int thread);
+void warp_rows(const WarpWork&, int y0, int y1, int thread);
+void camera_motion_rows(const CameraMotion&, int y0, int y1);
+void rgba_rows(const View& image, uint8_t* pixels, ptrdiff_t row, int width, int y0, int y1, float* scratch);
+void merge_row(float* image, const float* other, const float* weight, const float* other_weight, int width, float exposure);
 void keep_depth(const ClassifierWork&, int y0, int y1);
 void prepare_surfaces(const ClassifierWork&, int y0, int y1, int thread);
 void prepare_depth(const ClassifierWork&, int y0, int y1, int thread);
 void encode_first(const ClassifierWork&, int depth, Rect, int thread);
 void encode_others(const ClassifierWork&, int depth, Rect, int thread);
+void infer_rows(const ClassifierWork&, int parameters, float* out, int y0, int y1);
 extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread);
 extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread);
 
@@ -40,7 +47,7 @@ extern const Kernels KERNELS = {
     SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows, taau_shade,
     taau_compare, taau_rows, sign_blocks, sum_blocks, add_samples, show_mean, freeze_mean,
     downsample_rows, copy_image,
-    pick_pixels, write_converged, keep_depth, prepare_surfaces, prepare_depth, encode_first, encode_others, GATHER, FINISH,
+    pick_pixels, write_converged, warp_read_shaded, warp_read_motion, warp_rows, camera_motion_rows, rgba_rows, merge_row, keep_depth, prepare_surfaces, prepare_depth, encode_first, encode_others, infer_rows, GATHER, FINISH,
 };
 }  // namespace SS_ISA
 }  // namespace ss

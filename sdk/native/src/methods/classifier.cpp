@@ -110,7 +110,7 @@ static ss_status read_weights(Model& model, const Arrays& arrays, ss_error* erro
     if (good) {
         const float byte = *static_cast<const float*>(first->values());
         n->logits_scale = *static_cast<const float*>(scale->values());
-        good = byte >= 0.0f && byte <= 4 * WIDE - CLASSES && n->logits_scale >= 0.0f && n->logits_scale < 3e38f;
+        good = byte >= 0.0f && byte <= 4 * WIDE - CLASSES && n->logits_scale >= 0.0f && n->logits_scale - n->logits_scale == 0.0f;
         n->logits = good ? static_cast<int>(byte) : 0;
     }
     if (!good) return fail(error, SS_BAD_MODEL, "the weights are not those of a network that this library runs");
@@ -201,7 +201,7 @@ static void repeat_last_row(const Level& level, int rows) {
 
 // Runs the levels of the encoder on rectangles: the first layer on all of them, then the others, which read its pixels in
 // neighbouring rectangles.
-static void encode_tiles(const Step& step, const ClassifierWork& work) {
+static void encode_tiles(Step& step, const ClassifierWork& work) {
     for (int k = 0; k < LEVELS; k++) {
         const Level& level = work.network->level[k];
         const int rows = k ? level.height : work.network->half.height;
@@ -213,19 +213,19 @@ static void encode_tiles(const Step& step, const ClassifierWork& work) {
 }
 
 // Runs the levels of the encoder on whole images, each band of rows while it is in the cache.
-static void encode(const Step& step, const ClassifierWork& work) {
+static void encode(Step& step, const ClassifierWork& work) {
     for (int k = 0; k < LEVELS; k++) {
         const Level& level = work.network->level[k];
         const int rows = k ? level.height : work.network->half.height;
         const auto box = [&](int y0, int y1) { return Rect{y0, y1, 0, level.width}; };
         const auto first_end = [&](int y1) { return y1 < level.height ? y1 - 1 : y1; };
-        ThreadPool& pool = pool_of(step);
-        pool.run_rows(rows, [&](int y0, int y1, int thread) {  // rows that need none of other threads
+        const Workers workers = step.workers();
+        workers.run_rows(rows, [&](int y0, int y1, int thread) {  // rows that need none of other threads
             step.kernels().encode_first(work, k, box(y0, y1), thread);
             const int first = y0 ? y0 + 1 : 0;
             if (first < first_end(y1)) step.kernels().encode_others(work, k, box(first, first_end(y1)), thread);
         });
-        pool.run_rows(rows, [&](int y0, int y1, int thread) {  // the same parts
+        workers.run_rows(rows, [&](int y0, int y1, int thread) {  // the same parts
             if (y1 == rows) repeat_last_row(level, rows);
             if (y0) step.kernels().encode_others(work, k, box(y0, y0 + 1), thread);
             const int last = max(first_end(y1), y0 ? y0 + 1 : 0);
@@ -235,6 +235,39 @@ static void encode(const Step& step, const ClassifierWork& work) {
     }
 }
 
+ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out, ss_error* error) {
+    if (model.method->read_weights != read_weights) return fail(error, SS_BAD_ARGUMENT, "%s has no network", model.method->name);
+    if (ss_status status = check_size(2 * half.width, 2 * half.height, "the display", error)) return status;
+    const Size display = {2 * half.width, 2 * half.height};
+    Space space(model.arena.allocator(), {1, 1}, display, display);
+    Network n;
+    make_network(model, space, n);
+    const int outputs = variant_of(model).outputs(), pixels = half.width + LANES;
+    ClassifierScratch scratch = {};
+    scratch.read = space.arena.take<uint8_t>(32 * pixels), scratch.decoded = space.arena.take<uint8_t>(32 * pixels);
+    scratch.hidden = space.arena.take<uint8_t>(4 * WIDE * pixels);
+    scratch.blend = space.arena.take<float>(static_cast<size_t>(outputs + CLASSES) * up_to(half.width, LANES));
+    ClassifierWork work = {};
+    work.next_classes = space.arena.take<uint8_t>(8 * pixels);
+    if (space.arena.failed()) return fail(error, SS_NO_MEMORY, "no memory for a network");
+    work.network = &n, work.scratch = &scratch;
+    for (int y = 0; y < half.height; y++)
+        memcpy(n.records + static_cast<ptrdiff_t>(y) * n.row * RECORD_WORDS, inputs + static_cast<ptrdiff_t>(y) * half.width * 4 * RECORD_WORDS,
+               static_cast<size_t>(half.width) * 4 * RECORD_WORDS);
+    n.means = nullptr;
+    const IeeeArithmetic arithmetic;
+    const Kernels& kernels = *model.kernels;
+    for (int k = 0; k < LEVELS; k++) {
+        const Level& level = n.level[k];
+        const int rows = k ? level.height : half.height;
+        kernels.encode_first(work, k, {0, rows, 0, level.width}, 0);
+        repeat_last_row(level, rows);
+        kernels.encode_others(work, k, {0, level.height, 0, level.width}, 0);
+    }
+    kernels.infer_rows(work, variant_of(model).parameters(), out, 0, half.height);
+    return succeed(error);
+}
+
 static bool is_flash(const ss_frame& frame, float followed, float before) {
     const bool given = frame.exposure >= MIN_EXPOSURE && frame.exposure <= MAX_EXPOSURE;
     const float known = before < 0.0f ? -before : before, used = followed < 0.0f ? -followed : followed;
@@ -242,7 +275,7 @@ static bool is_flash(const ss_frame& frame, float followed, float before) {
     return !given && known > 0.0f && outlier;
 }
 
-static void prepare_guide(const Step& step, ClassifierWork& work) {
+static void prepare_guide(Step& step, ClassifierWork& work) {
     const ss_frame& f = step.frame;
     Guide& g = work.guide;
     const int width = step.target.width;
@@ -250,8 +283,8 @@ static void prepare_guide(const Step& step, ClassifierWork& work) {
     g.display_base_color = view_of(f.display_base_color, width, 3), g.display_normal = view_of(f.display_normal, width, 3);
     g.display_depth = view_of(f.display_depth, width, 1);
     g.before = static_cast<const uint8_t*>(step.before.planes[3]), g.next = static_cast<uint8_t*>(step.after.planes[3]);
-    pool_of(step).run_rows(f.height, [&](int y0, int y1, int thread) { step.kernels().prepare_surfaces(work, y0, y1, thread); });
-    pool_of(step).run_rows(step.target.height, [&](int y0, int y1, int thread) { step.kernels().prepare_depth(work, y0, y1, thread); });
+    step.workers().run_rows(f.height, [&](int y0, int y1, int thread) { step.kernels().prepare_surfaces(work, y0, y1, thread); });
+    step.workers().run_rows(step.target.height, [&](int y0, int y1, int thread) { step.kernels().prepare_depth(work, y0, y1, thread); });
 }
 
 static ss_status compute(Step& step) {
@@ -269,14 +302,16 @@ static ss_status compute(Step& step) {
     work.target = step.target, work.warps = step.space.warps;
     work.glares = step.after.glares || step.before.glares;
     if (is_guided(step.model)) prepare_guide(step, work);
+    step.clock.enter(SS_GATHER);
     const size_t groups = static_cast<size_t>(display.height) * work.gathered.pitch / LANES;
     memset(work.gathered.rising, 0, sizeof(float) * groups);
-    pool_of(step).run_rows(step.frame.height, [&](int y0, int y1, int) { kernels.keep_depth(work, y0, y1); });
+    step.workers().run_rows(step.frame.height, [&](int y0, int y1, int) { kernels.keep_depth(work, y0, y1); });
     run_tiles(step, step.space.rest.halo_runs, TILE, {work.gathered.pitch, display.height},
               [&](Rect rect, int thread) { kernels.classifier_gather[kernel](work, rect, thread); }, 2);
     const Runs& halo = step.space.rest.halo_runs;
     const bool whole = halo.count == 1 && work.network->level[LEVELS - 1].width >= PIXELS_AT_ONCE &&
                        halo.rects[0].x1 - halo.rects[0].x0 == tiles_of(display).width && halo.rects[0].y1 - halo.rects[0].y0 == tiles_of(display).height;
+    step.clock.enter(SS_NETWORK);
     whole ? encode(step, work) : encode_tiles(step, work);
     work.flash = is_flash(step.frame, step.exposure, step.before.exposure);
     double rising = 0.0;
@@ -288,6 +323,7 @@ static ss_status compute(Step& step) {
     work.rises = rising > FLASH_FRACTION * display.width * display.height;
     step.after.glares |= work.rises;
     work.glares = step.after.glares || step.before.glares;
+    step.clock.enter(SS_FINISH);
     run_tiles(step, computed_tiles(step), TILE / 2, work.network->half,
               [&](Rect rect, int thread) { kernels.classifier_finish[kernel](work, rect, thread); });
     return SS_OK;
@@ -302,14 +338,13 @@ static constexpr Layout LAYOUT = {
     .rests = true,
     .glare = "state",
 };
-constexpr int COUNT_OF_CONSTANTS = sizeof CONSTANTS / sizeof(Constant);
-extern const Method CLASSIFIER = {"classifier", {1, 3}, true, true, false, false, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
-                                  filters, make_space, compute, read_weights};
-extern const Method CLASSIFIER_SMALL = {"classifier-small", {1, 3}, true, true, false, false, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
-                                        filters, make_space, compute, read_weights};
-
-extern const Method CLASSIFIER_LARGE = {"classifier-large", {1, 2}, true, true, false, true, LAYOUT, CONSTANTS, COUNT_OF_CONSTANTS, nullptr,
-                                        filters, make_space, compute, read_weights};
+static constexpr Method learned(const char* name, float most, bool larger = false) {
+    return {.name = name, .ratios = {1, most}, .reads_surfaces = true, .reads_motion = true, .larger = larger, .layout = LAYOUT,
+            .constants = CONSTANTS, .constant_count = sizeof CONSTANTS / sizeof(Constant), .filters = filters, .make_space = make_space,
+            .compute = compute, .read_weights = read_weights};
+}
+extern const Method CLASSIFIER = learned("classifier", 3);
+extern const Method CLASSIFIER_LARGE = learned("classifier-large", 2, true);
 
 static constexpr Layout GUIDED_LAYOUT = {
     .planes = 4,
@@ -320,7 +355,9 @@ static constexpr Layout GUIDED_LAYOUT = {
     .rests = true,
     .glare = "state",
 };
-extern const Method GBUFFER_FAST = {"gbuffer-fast", {1, 4}, true, true, true, false, GUIDED_LAYOUT, gbuffer_fast::CONSTANTS,
-                                    sizeof gbuffer_fast::CONSTANTS / sizeof(Constant), nullptr, filters, make_space, compute, read_weights};
+extern const Method GBUFFER_FAST = {.name = "gbuffer-fast", .ratios = {1, 4}, .reads_surfaces = true, .reads_motion = true, .reads_gbuffers = true,
+                                    .layout = GUIDED_LAYOUT, .constants = gbuffer_fast::CONSTANTS,
+                                    .constant_count = sizeof gbuffer_fast::CONSTANTS / sizeof(Constant), .filters = filters,
+                                    .make_space = make_space, .compute = compute, .read_weights = read_weights};
 
 }  // namespace ss

@@ -25,13 +25,13 @@ static ss_status compute(Step& step) {
     fill_missing(step);
     make_tables(step);
     work.samples = step.samples(), work.tables = step.space.tables, work.target = step.target;
-    pool_of(step).run_rows(step.frame.height, [&](int y0, int y1, int) { step.kernels().spatial_read(work, y0, y1); });
+    step.workers().run_rows(step.frame.height, [&](int y0, int y1, int) { step.kernels().spatial_read(work, y0, y1); });
+    step.clock.enter(SS_FINISH);
     run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().spatial_rows(work, rect, thread); });
     return SS_OK;
 }
 
-static constexpr Layout NO_HISTORY = {};
-extern const Method BILINEAR = {"bilinear", {1, 4}, false, false, false, false, NO_HISTORY, nullptr, 0, nullptr, filters<LINEAR>, make_space, compute, nullptr};
-extern const Method BICUBIC = {"bicubic", {1, 4}, false, false, false, false, NO_HISTORY, nullptr, 0, nullptr, filters<CUBIC>, make_space, compute, nullptr};
+extern const Method BILINEAR = {.name = "bilinear", .ratios = {1, 4}, .filters = filters<LINEAR>, .make_space = make_space, .compute = compute};
+extern const Method BICUBIC = {.name = "bicubic", .ratios = {1, 4}, .filters = filters<CUBIC>, .make_space = make_space, .compute = compute};
 
 }  // namespace ss

@@ -81,7 +81,7 @@ static float kept_of(const TaauWork& work, const StaticBlocks& blocks, int wy, i
 }
 
 // Compares blocks that stand but are not frozen with the history: where it lags behind, it keeps few samples.
-static void limit_samples(const Step& step, TaauWork& work) {
+static void limit_samples(Step& step, TaauWork& work) {
     const RestWork& rest = *step.rest;
     const StaticBlocks& blocks = rest.blocks;
     const int across = blocks.size.width, down = blocks.size.height;
@@ -93,7 +93,7 @@ static void limit_samples(const Step& step, TaauWork& work) {
     }
     if (!any) return;
     work.nearest_rows = rest.nearest_rows, work.nearest_columns = rest.nearest_columns, work.kept_rows = rest.row_blocks;
-    pool_of(step).run_rows(down, [&](int y0, int y1, int) { step.kernels().taau_compare(work, y0, y1); });
+    step.workers().run_rows(down, [&](int y0, int y1, int) { step.kernels().taau_compare(work, y0, y1); });
     bool limits = false;
     float* const kept = blocks.windows;
     for (int wy = 0; wy < down; wy += LARGE_WINDOW)
@@ -122,11 +122,12 @@ static ss_status compute(Step& step) {
     work.surface = step.after.plane(1);
     work.scratch = step.space.warps;
     work.change = step.before.exposure != 0.0f ? s.exposure / (step.before.exposure < 0.0f ? -step.before.exposure : step.before.exposure) : 1.0f;
-    pool_of(step).run_rows(s.height, [&](int y0, int y1, int thread) { kernels.taau_shade(work, y0, y1, thread); });
+    step.workers().run_rows(s.height, [&](int y0, int y1, int thread) { kernels.taau_shade(work, y0, y1, thread); });
     write_light(step, work);
     work.unconfirmed = step.after.values[3];
     work.glares = work.unconfirmed > 0.0f || step.after.glares || step.before.glares;
     limit_samples(step, work);
+    step.clock.enter(SS_FINISH);
     run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().taau_rows(work, rect, thread); });
     return SS_OK;
 }
@@ -140,8 +141,8 @@ static constexpr Layout LAYOUT = {
     .rests = true,
     .glare = "samples",
 };
-static constexpr Config CONFIG;
-extern const Method TAAU = {"taau", {1, 4}, true, true, false, false, LAYOUT, CONSTANTS, sizeof CONSTANTS / sizeof(Constant), &CONFIG,
-                            filters, make_space, compute, nullptr};
+extern const Method TAAU = {.name = "taau", .ratios = {1, 4}, .reads_surfaces = true, .reads_motion = true, .layout = LAYOUT,
+                            .constants = CONSTANTS, .constant_count = sizeof CONSTANTS / sizeof(Constant),
+                            .filters = filters, .make_space = make_space, .compute = compute};
 
 }  // namespace ss

@@ -13,11 +13,14 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import INPUT_PLANES, RECORD_WORDS
 from supersampler.errors import ModelError
 from supersampler.methods.array_spec import LARGEST, ArraySpec, checked_arrays
 from supersampler.methods.model_info import ModelInfo
 
+INPUT_PLANES = 16
+"""Network inputs of a pixel, one byte each."""
+RECORD_WORDS = 18
+"""Words of a packed pixel (2x2 display pixels): INPUT_PLANES, then two of inputs at half display size."""
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 _BLOCK, _WORD, _LANES = 32, 4, 16  # outputs made at once; bytes multiplied at once; channels of a column
 _FEATURES, _HIDDEN, _CLASSES = (

@@ -203,7 +203,7 @@ CLASSIFIER = register(
         torch="supersampler_model.methods.classifier:Classifier",
         task="supersampler_model.training.classifier_tasks:ClassifierTask",
         weights="classifier.safetensors",
-        cpu="supersampler.methods.classifier.cpu:ClassifierCpu",
+        cpu="classifier",
         gpu="supersampler.methods.classifier.gpu:classifier_program",
         kernel_files=("network.npz",),
     )

@@ -38,7 +38,7 @@ CLASSIFIER_LARGE = register(
         torch="supersampler_model.methods.classifier:LargeClassifier",
         task="supersampler_model.training.classifier_tasks:LargeTask",
         weights="classifier-large.safetensors",
-        cpu="supersampler.methods.classifier_large.cpu:LargeCpu",
+        cpu="classifier-large",
         gpu="supersampler.methods.classifier_large.gpu:large_program",
     )
 )

@@ -93,7 +93,7 @@ GUIDED_WARP = register(
         ratios=(1.0, 1.0),
         config=GuidedWarpConfig,
         torch="supersampler_model.methods.guided_warp:GuidedWarp",
-        cpu="supersampler.methods.extrapolation.cpu:GuidedWarpCpu",
+        cpu="guided-warp",
         kernels_support=_kernels_support,
     )
 )

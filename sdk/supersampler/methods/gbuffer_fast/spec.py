@@ -59,7 +59,7 @@ GBUFFER_FAST = register(
         torch="supersampler_model.methods.gbuffer_fast:GuidedClassifier",
         task="supersampler_model.training.classifier_tasks:GuidedTask",
         weights="gbuffer-fast.safetensors",
-        cpu="supersampler.methods.gbuffer_fast.cpu:GuidedCpu",
+        cpu="gbuffer-fast",
         kernel_files=CLASSIFIER.kernel_files,
     )
 )

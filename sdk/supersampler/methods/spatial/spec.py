@@ -11,6 +11,7 @@ BILINEAR = register(
         source="bilinear interpolation",
         inputs=("color", "jitter", "pre_exposure", "display_size"),
         torch="supersampler_model.methods.spatial:Bilinear",
+        cpu="bilinear",
     )
 )
 BICUBIC = register(
@@ -19,5 +20,6 @@ BICUBIC = register(
         name="bicubic",
         source="Catmull-Rom interpolation (a = -0.5)",
         torch="supersampler_model.methods.spatial:Bicubic",
+        cpu="bicubic",
     )
 )

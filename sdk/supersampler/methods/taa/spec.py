@@ -47,7 +47,7 @@ TAA = register(
         maps={"weight": MapOf("weight", 0, 1)},
         config=TaaConfig,
         torch="supersampler_model.methods.taa:Taa",
-        cpu="supersampler.methods.taa.cpu:TaaCpu",
+        cpu="taa",
         gpu="supersampler.methods.taa.gpu:taa_program",
         kernels_support=_kernels_support,
     )

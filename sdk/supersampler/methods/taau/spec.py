@@ -100,7 +100,7 @@ TAAU = register(
         maps={"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1), **CONVERGED},
         config=TaauConfig,
         torch="supersampler_model.methods.taau:Taau",
-        cpu="supersampler.methods.taau.cpu:TaauCpu",
+        cpu="taau",
         gpu="supersampler.methods.taau.gpu:taau_program",
     )
 )

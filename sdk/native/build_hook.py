@@ -1,0 +1,54 @@
+"""Build hook of Hatchling: compiles the CPU library into wheels and editable installs.
+
+`pip install .` takes the machine's CMake, Ninja and C++ compiler. What is missing or too old comes from
+PyPI, for the time of the build; the compiler is Zig then. The environment variable SUPERSAMPLER_TARGET, a
+name of `TARGETS` in build.py, builds for another platform.
+"""
+
+import importlib.util
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+_spec = importlib.util.spec_from_file_location("native_build", Path(__file__).with_name("build.py"))
+assert _spec is not None  # noqa: S101
+assert _spec.loader is not None  # noqa: S101
+native_build = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(native_build)
+
+TARGET = os.environ.get("SUPERSAMPLER_TARGET")
+
+
+class LibraryHook(BuildHookInterface[Any]):
+    """Adds the library to a wheel; puts it into the source tree for an editable install."""
+
+    def dependencies(self) -> list[str]:
+        """Return requirements for what this machine lacks."""
+        needed = [] if native_build.has_cmake() else ["cmake>=3.20"]
+        needed += [] if shutil.which("ninja") else ["ninja"]
+        needs_zig = TARGET or native_build.machine_compiler() is None
+        return [*needed, "ziglang>=0.16,<0.18"] if needs_zig else needed
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile the library; `version` is "editable" or "standard"."""
+        self._folder = tempfile.TemporaryDirectory()
+        compiler, tag, name = native_build.machine_compiler(), native_build.machine_tag(), native_build.NAME
+        if TARGET or compiler is None:
+            target = native_build.TARGETS[TARGET] if TARGET else native_build.machine_target()
+            compiler, tag, name = native_build.zig_compiler(target), target.tag, target.library
+        native_build.compile_library(Path(self._folder.name), [*compiler, "-DCMAKE_SHARED_LINKER_FLAGS=-s"])
+        built = Path(self._folder.name, name)
+        if version == "editable":
+            native_build.install(built)
+            return
+        build_data["force_include"][str(built)] = str(native_build.PLACE / name)
+        build_data["pure_python"] = False
+        build_data["tag"] = f"py3-none-{tag}"  # ctypes loads it: any version of Python will do
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove the folder of the build."""
+        self._folder.cleanup()

@@ -1,0 +1,281 @@
+"""`CpuLibrary`: the functions of the CPU library, sdk/native, by ctypes."""
+
+import sys
+import threading
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
+from ctypes import (
+    CDLL,
+    CFUNCTYPE,
+    POINTER,
+    Structure,
+    c_char,
+    c_char_p,
+    c_double,
+    c_float,
+    c_int,
+    c_int64,
+    c_size_t,
+    c_ssize_t,
+    c_void_p,
+    cast,
+)
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import INCOMPLETE_PACKAGE, LibraryError, ModelError, SupersamplerError
+
+VERSION = 100
+"""`ss_version` of the library that this package is for."""
+_NAMES = {"win32": "supersampler.dll", "darwin": "libsupersampler.dylib"}
+_PATH = Path(__file__).with_name(_NAMES.get(sys.platform, "libsupersampler.so"))
+_FLOAT32, _FLOAT16 = 0, 1
+_BAD_MODEL, _NO_MEMORY, _CANCELLED = 3, 5, 6
+_LINE = 64
+"""Bytes of a cache line."""
+
+
+class ErrorText(Structure):
+    """`ss_error`."""
+
+    _fields_ = (("message", c_char * 256),)
+
+
+class Options(Structure):
+    """`ss_options`."""
+
+    _fields_ = (
+        ("threads", c_int),
+        *((name, c_void_p) for name in ("parallel_for", "allocate", "release", "log", "user")),
+        ("instructions", c_char_p),
+    )
+
+
+class Image(Structure):
+    """`ss_image`: the pixels of an array, which the caller keeps alive."""
+
+    _fields_ = (
+        ("data", c_void_p),
+        ("type", c_int),
+        ("row_stride", c_ssize_t),
+        ("pixel_stride", c_ssize_t),
+        ("channel_stride", c_ssize_t),
+    )
+
+    @classmethod
+    def of(cls, array: NDArray[Any], *, planes: bool = False) -> "Image":
+        """Return a view of (h, w) or (h, w, channels) values; with `planes` of (1, channels, h, w).
+
+        The array is float32 or float16, and no stride of it is 0; see `readable`.
+        """
+        if planes:
+            array = array[0].transpose(1, 2, 0)
+        # the stride of an axis of one element says nothing, and 0 stands for "packed"
+        rows, pixels, *channels = (
+            stride if count > 1 else 1 << 20 for stride, count in zip(array.strides, array.shape, strict=True)
+        )
+        kind = _FLOAT16 if array.dtype == np.float16 else _FLOAT32
+        data, _ = array.__array_interface__["data"]
+        return cls(data, kind, rows, pixels, *(channels or [array.itemsize]))
+
+
+def readable(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array that `Image.of` takes: this one, or a copy of another type or of repeated values."""
+    if array.dtype in (np.float32, np.float16) and 0 not in array.strides:
+        return array
+    return np.array(array, np.float16 if array.dtype == np.float16 else np.float32, order="C")
+
+
+GBUFFERS = ("base_color", "normal", "display_base_color", "display_normal", "display_depth")
+"""G-buffers in `FrameData`."""
+
+
+class FrameData(Structure):
+    """`ss_frame`."""
+
+    _fields_ = (
+        ("width", c_int),
+        ("height", c_int),
+        *((name, Image) for name in ("color", "depth", "motion", "reactive", *GBUFFERS)),
+        ("jitter", c_float * 2),
+        ("exposure", c_float),
+        ("pre_exposure", c_float),
+        ("reset", c_int),
+        ("adds_samples", c_float),
+    )
+
+
+class Outputs(Structure):
+    """`ss_outputs`."""
+
+    _fields_ = (
+        *((name, Image) for name in ("image", "weight", "converged")),
+        ("compute_all", c_int),
+        ("seconds", POINTER(c_double)),
+        ("cancelled", c_void_p),
+        ("user", c_void_p),
+    )
+
+
+class ShadedData(Structure):
+    """`ss_shaded`."""
+
+    _fields_ = (
+        ("width", c_int),
+        ("height", c_int),
+        *((name, Image) for name in ("color", "depth", "base_color", "normal")),
+        ("jitter", c_float * 2),
+        ("pre_exposure", c_float),
+        ("motion_width", c_int),
+        ("motion_height", c_int),
+        ("motion", Image),
+        ("motion_jitter", c_float * 2),
+    )
+
+
+class ExtrapolatedOutputs(Structure):
+    """`ss_extrapolated`."""
+
+    _fields_ = (("color", Image), ("motion", Image), ("cancelled", c_void_p), ("user", c_void_p))
+
+
+class ScatterData(Structure):
+    """`ss_scatter`."""
+
+    _fields_ = (
+        *((name, c_int) for name in ("width", "height", "next_width", "next_height")),
+        *((name, c_void_p) for name in ("depth", "next_depth", "next_motion")),
+        ("jitter", c_float * 2),
+        ("next_jitter", c_float * 2),
+    )
+
+
+_ERROR, _HANDLE = POINTER(ErrorText), POINTER(c_void_p)
+_FUNCTIONS: Mapping[str, tuple[Any, ...]] = {  # result, then arguments
+    "ss_version": (c_int,),
+    "ss_stage_name": (c_char_p, c_int),
+    "ss_model_create_from_bytes": (c_int, c_char_p, c_size_t, POINTER(Options), _HANDLE, _ERROR),
+    "ss_model_destroy": (None, c_void_p),
+    "ss_model_instructions": (c_char_p, c_void_p),
+    "ss_required_bytes": (c_int, c_void_p, *[c_int] * 4, *[POINTER(c_size_t)] * 2, _ERROR),
+    "ss_history_create": (c_int, c_void_p, *[c_int] * 4, _HANDLE, _ERROR),
+    "ss_history_destroy": (None, c_void_p),
+    "ss_history_fits": (c_int, c_void_p, c_int, c_int),
+    "ss_history_tensor": (c_char_p, c_void_p, c_int, POINTER(c_int64), POINTER(c_int)),
+    "ss_history_read": (c_int, c_void_p, c_int, c_void_p, _ERROR),
+    "ss_history_write": (c_int, c_void_p, c_int, c_void_p, _ERROR),
+    "ss_run": (c_int, c_void_p, POINTER(FrameData), c_void_p, c_void_p, POINTER(Outputs), _ERROR),
+    "ss_run_network": (c_int, c_void_p, c_void_p, c_int, c_int, c_void_p, _ERROR),
+    "ss_extrapolate": (
+        c_int, c_void_p, POINTER(FrameData), POINTER(ShadedData), POINTER(ExtrapolatedOutputs), _ERROR
+    ),
+    "ss_camera_motion": (
+        c_int, POINTER(Image), c_int, c_int, c_void_p, c_double, c_float * 2, POINTER(Image), _ERROR
+    ),
+    "ss_encode_rgba": (c_int, POINTER(Image), c_int, c_int, c_void_p, c_ssize_t, _ERROR),
+    "ss_merge_images": (c_int, *[c_void_p] * 4, c_int, c_int, c_float, _ERROR),
+    "ss_scatter_motion": (c_int, POINTER(ScatterData), c_void_p, c_void_p, _ERROR),
+}  # fmt: skip
+_Cancelled = CFUNCTYPE(c_int, c_void_p)
+
+
+class CpuLibrary:
+    """The functions of the library, by name.
+
+    Args:
+        path: the shared library.
+
+    Raises:
+        LibraryError: it cannot be loaded, or is of another version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._library = CDLL(str(path))
+            for name, (result, *arguments) in _FUNCTIONS.items():
+                function = getattr(self._library, name)
+                function.restype, function.argtypes = result, arguments
+            version = self._library.ss_version()
+        except (OSError, AttributeError) as error:
+            hint = "`pip install .` builds it"
+            if not path.exists():
+                raise LibraryError(f"{path} is missing. {hint}. {INCOMPLETE_PACKAGE}") from None
+            raise LibraryError(f"{path} cannot be loaded ({error}); {hint}.") from error
+        if version != VERSION:
+            raise LibraryError(f"{path} has the version {version}; want {VERSION}. Build it again.")
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._library, name)
+
+    def call(self, name: str, *arguments: Any) -> None:
+        """Call a function, and raise what it reports.
+
+        Raises:
+            ModelError: the bytes of a model are damaged.
+            MemoryError: there is no memory.
+            SupersamplerError: another error, which arguments that were checked before do not lead to.
+        """
+        error = ErrorText()
+        status = getattr(self._library, name)(*arguments, error)
+        if status == _NO_MEMORY:
+            raise MemoryError(error.message.decode())
+        if status and status != _CANCELLED:
+            kind = ModelError if status == _BAD_MODEL else SupersamplerError
+            raise kind(error.message.decode())
+
+    @contextmanager
+    def interruptible(self, outputs: Outputs | ExtrapolatedOutputs) -> Iterator[None]:
+        """Context of a call with these outputs: an exception of a signal handler ends it, as Ctrl-C does.
+
+        Python runs signal handlers in the main thread, between instructions of Python.
+        """
+        if threading.get_ident() != threading.main_thread().ident:
+            yield
+            return
+        raised: list[BaseException] = []
+        poll = _polled(raised)
+        next(poll)
+        callback = _Cancelled(poll.send)
+        outputs.cancelled = cast(callback, c_void_p)
+        yield
+        if raised:
+            raise raised[0]
+
+
+def _polled(raised: list[BaseException]) -> Generator[int, object, None]:
+    """Yield 0 to the library until a signal handler raises, then 1.
+
+    A handler runs where this generator goes on, which is inside of `try`. A plain function would run it at
+    its first instruction, before any `try`, and ctypes drops what a callback raises.
+    """
+    try:
+        while True:
+            yield 0
+    except GeneratorExit:
+        raise
+    except BaseException as error:  # of any handler
+        raised.append(error)
+    while True:
+        yield 1
+
+
+@cache
+def cpu_library() -> CpuLibrary:
+    """Return the library of this package.
+
+    Raises:
+        LibraryError: it is missing or cannot be loaded.
+    """
+    return CpuLibrary(_PATH)
+
+
+def aligned(shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return float32 zeros that start at a cache line, so that the library can write past the caches."""
+    size = int(np.prod(shape)) * 4
+    room = np.zeros(size + _LINE, np.uint8)
+    first = -room.ctypes.data % _LINE
+    return room[first : first + size].view(np.float32).reshape(shape)
