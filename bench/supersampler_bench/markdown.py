@@ -29,7 +29,7 @@ def figure(value: float | None, digits: int, unit: str = "") -> str:
 
 
 def update_block(path: Path, name: str, text: str) -> None:
-    """Replace the text between `<!-- bench:NAME -->` and `<!-- /bench -->`, whole or not at all.
+    """Replace the text between `<!-- bench:NAME -->` and `<!-- /bench -->`, atomically.
 
     Raises:
         ArgumentError: see `find_block`.

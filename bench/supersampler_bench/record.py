@@ -231,7 +231,7 @@ def is_record(path: Path) -> bool:
 
 
 def write_json(record: BenchRecord | JsonRecord, path: Path) -> None:
-    """Write a record, whole or not at all; NaN becomes null, because JSON has no NaN.
+    """Write a record atomically; NaN becomes null, because JSON has no NaN.
 
     Raises:
         ShotError: the file cannot be written.

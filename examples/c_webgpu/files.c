@@ -158,7 +158,7 @@ bool flag_of(const cJSON *object, const char *name)
     return cJSON_IsTrue(flag);
 }
 
-/* Whether a number is in a range; false for NaN, and for what is no number. */
+/* Whether a number is in a range; false for NaN, and for what is not a number. */
 static bool is_within(const cJSON *number, double min, double max)
 {
     return cJSON_IsNumber(number) && number->valuedouble >= min && number->valuedouble <= max;

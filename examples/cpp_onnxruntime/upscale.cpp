@@ -35,7 +35,7 @@ static Arguments parsed(int count, char** values) {
     if (value == "--fixed") arguments.fixed = true;
     else if (value == "--provider" && i + 1 < count) arguments.provider = values[++i];
     else if (value == "--threads" && i + 1 < count) arguments.threads = std::stoi(values[++i]);
-    else if (value.rfind("--", 0) == 0) throw std::invalid_argument(value + " is no option, or lacks its value");
+    else if (value.rfind("--", 0) == 0) throw std::invalid_argument(value + " is not an option, or lacks its value");
     else arguments.paths.push_back(value);
   }
   if (arguments.paths.size() != 3)

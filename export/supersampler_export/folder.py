@@ -25,7 +25,7 @@ from supersampler_export.graph import OPSET, export_graph, export_subgraph, hist
 from supersampler_export.half import to_half
 from supersampler_export.parity import (
     FRAMES,
-    SHARE,
+    QUANTILE,
     TOLERANCE,
     Parity,
     check_half,
@@ -194,7 +194,7 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         *(f"| {t['name']} | {t['type']} | {', '.join(map(str, t['shape']))} |" for t in tensors),
         "",
         f"Against torch over {FRAMES} recurrent frames of noise, on toned images in [0, 1): difference at "
-        f"{100 * SHARE:g} % of the values (tolerance {TOLERANCE:g}), and the median.",
+        f"{100 * QUANTILE:g} % of the values (tolerance {TOLERANCE:g}), and the median.",
         "",
         "| render | display | difference | median |",
         "|---|---|---|---|",
@@ -243,7 +243,7 @@ def _origin(learned: Mapping[str, Any] | None) -> str:
 def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
     return {
         "tolerance": TOLERANCE,
-        "share": SHARE,
+        "share": QUANTILE,
         "frames": FRAMES,
         "sizes": [dataclasses.asdict(p) for p in parity],
     }

@@ -41,7 +41,7 @@ SHADED = (True, False, True, False, False)
 """Frames of the gate for extrapolating methods: whether each is shaded."""
 AOV_CHANNELS = 3
 TOLERANCE = 1e-4
-SHARE = 0.999
+QUANTILE = 0.999
 """Fraction of the values of toned images that differ by at most TOLERANCE.
 
 At the others a rounding error decides a comparison (closest of two equal depths, floor of a position on a
@@ -61,7 +61,7 @@ class Parity:
     render: ops.Size
     display: ops.Size
     median: float
-    difference: float  # at SHARE of the values
+    difference: float  # at QUANTILE
     largest: float
 
 
@@ -148,8 +148,8 @@ def compare(method: Method, session: ort.InferenceSession, render: ops.Size, dis
 
 
 def _parity(render: ops.Size, display: ops.Size, difference: NDArray[np.float32]) -> Parity:
-    median, at_share = np.quantile(difference, [0.5, SHARE])
-    return Parity(render, display, float(median), float(at_share), float(difference.max()))
+    median, high = np.quantile(difference, [0.5, QUANTILE])
+    return Parity(render, display, float(median), float(high), float(difference.max()))
 
 
 def _differences(

@@ -47,15 +47,14 @@ class Frame:
             same between resets.
         motion: (h, w, 2) float32 or float16. Render pixels (x right, y down), without jitter, previous minus
             current: what is at p now was at p + motion[p] in the previous frame, shaded or not.
-        jitter: (x, y). Where in the pixel the sample was taken: pixel centre + jitter, render pixels,
-            in [-0.5, 0.5].
+        jitter: (x, y) in [-0.5, 0.5], render pixels. Samples lie at pixel centre + jitter.
         reset: True on the first frame after a cut: the history is dropped.
-        reactive: (h, w) float32 or float16 in [0, 1]. How little the history says there (particles, screens,
-            glass): the weight w of this frame becomes w + (1 - w) reactive. None is 0 everywhere.
+        reactive: (h, w) float32 or float16 in [0, 1]. How unreliable the history is there (particles,
+            screens, glass): the weight w of this frame becomes w + (1 - w) reactive. None is 0 everywhere.
         exposure: > 0, multiplies the colour before the tone curve. None measures it from the frames.
-        pre_exposure: in [2^-24, 2^24]. What the renderer has multiplied the colour by. It may change from
-            frame to frame: the history is kept without it, `exposure` applies to the colour without it, and
-            the image is multiplied by it again.
+        pre_exposure: in [2^-24, 2^24]. Factor that the renderer has applied to the colour. It may change
+            from frame to frame: history and `exposure` refer to the colour without it; the image is multiplied
+            by it again.
         gbuffer: render-size buffers by name: base_color (h, w, 3), normal (h, w, 3; world space, unit length,
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
             Linear, in [0, 1] except for the normal. Where a method reads a missing one at both sizes, it is

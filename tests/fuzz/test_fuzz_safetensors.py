@@ -103,7 +103,7 @@ CHANGES: dict[str, tuple[str, Any, str]] = {
     "too few cuts": ("camera_cut", np.zeros((1, 1), bool), "want a value for each of 2 frames"),
     "truth without sides": ("ground_truth_linear", np.zeros((FRAMES, 3), np.float32), r"want \(2, 3, H, W\)"),
     "whole numbers": ("depth", np.zeros((FRAMES, 1, HEIGHT, WIDTH), np.int32), "want floating point"),
-    "no rate": ("EmulatedFramerate", np.zeros((0,), np.int32), "is no number > 0"),
+    "no rate": ("EmulatedFramerate", np.zeros((0,), np.int32), "is not a number > 0"),
 }
 
 

@@ -148,7 +148,7 @@ def test_a_description_that_never_ends_or_is_too_large_is_refused(shot: Path) ->
         Shot.open(shot)
     (shot / "shot.json").unlink()
     os.mkfifo(shot / "shot.json")
-    with pytest.raises(ShotError, match="is no regular file"):
+    with pytest.raises(ShotError, match="is not a regular file"):
         Shot.open(shot)
 
 

@@ -114,7 +114,7 @@ def test_loops_that_are_not_marked_and_long_ones_stay() -> None:
     ("loop", "problem"),
     [
         ("for (var i = 4; i > 0; i--) { g(i); }", "no loop that can be unrolled: .*i--"),
-        ("for (var i = 0; i < count; i++) { g(i); }", "count is no constant number"),
+        ("for (var i = 0; i < count; i++) { g(i); }", "count is not a constant number"),
         ("for (var i = 0; i < 2; i++) { if (x) { continue; } }", "no break or continue"),
         ("for (var i = 0; i < 2; i++) { g(i);", "without an end"),
     ],

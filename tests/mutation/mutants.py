@@ -177,7 +177,7 @@ class _Finder(ast.NodeVisitor):
         """Skip texts."""
 
     def _returned(self, node: ast.FunctionDef) -> None:
-        """Return a default, where the annotation tells one that is no error at once."""
+        """Return a default that the annotation allows."""
         kind = ast.unparse(node.returns) if node.returns else ""
         default = "None" if kind.endswith("| None") else {"list": "[]", "dict": "{}"}.get(kind.split("[")[0])
         if default is None:

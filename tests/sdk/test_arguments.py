@@ -270,7 +270,7 @@ def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) ->
     disturbed, innocent = _session(model), _session(model)
     for make in HOSTILE.values():
         if refusal(lambda: SESSION[name](disturbed, make())) is None:  # noqa: B023  # called at once
-            SESSION[name](innocent, make())  # it was taken, and is no refusal
+            SESSION[name](innocent, make())  # it was accepted
     assert disturbed.stats.frames == innocent.stats.frames
     np.testing.assert_array_equal(disturbed.step(GOOD), innocent.step(GOOD))
 

@@ -77,7 +77,7 @@ def test_metadata_of_blenders_frames_is_kept_but_what_is_of_their_layout(tmp_pat
     stated = {name: metadata.pop(name) for name in ("chromaticities", "colorInteropID")}
     assert stated["colorInteropID"] == "lin_rec709_scene"
     assert metadata == read_header(RECORDED / "0006.exr").metadata
-    assert "BlenderMultiChannel" not in metadata  # the results are no multilayer files
+    assert "BlenderMultiChannel" not in metadata  # the results are not multilayer files
 
 
 def test_a_frame_is_upscaled_while_the_next_ones_render(tmp_path: Path) -> None:

@@ -377,7 +377,7 @@ def test_the_sky_has_no_distance_and_0_is_none_without_a_warning() -> None:
     )
     assert np.isposinf(linear.converter().from_frame(frame(depth=sky)).depth).all()
     assert (np.asarray(bounded.converter().from_frame(frame(depth=sky)).depth) == FAR).all()
-    assert not linear.converter().to_frame(raw(depth=sky)).depth.any()  # 0 is no distance of a surface
+    assert not linear.converter().to_frame(raw(depth=sky)).depth.any()  # 0 is not a distance of a surface
     assert not linear.converter().to_frame(raw(depth=sky + np.inf)).depth.any()
 
 

@@ -175,7 +175,7 @@ WIDTH, HEIGHT = SIZE_SPACES = 64, 32
 NEAR_SPACES, FAR_SPACES = 4.0, 8.0
 JITTER_SPACES = (0.25, -0.375)
 Matrix_SPACES = NDArray[np.floating[Any]]
-# Numbers of few bits: sums and products of them are exact, so that a difference is no rounding.
+# Numbers of few bits: sums and products of them are exact, so that no difference is rounding.
 DEPTHS = {  # rows z of a right-handed projection to a depth from 0 to 1, and the fields of its Conventions
     "forward": ((-2.0, -8.0), {"near": NEAR_SPACES, "far": FAR_SPACES}),
     "forward_infinite": ((-1.0, -NEAR_SPACES), {}),

@@ -133,7 +133,7 @@ def test_an_invalid_model_json_is_refused(content: bytes, match: str, folder: Pa
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 def test_a_pipe_or_device_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "model.json")
-    with pytest.raises(ShotError, match="is no regular file"):
+    with pytest.raises(ShotError, match="is not a regular file"):
         read_json(tmp_path / "model.json", 10)
 
 

@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 def _checked_json(path: Path | None) -> Path | None:
-    """Fail before the measurement, not after it, where this file exists and is no record."""
+    """Fail before the measurement, not after it, where this file exists and is not a record."""
     if path is not None:
         check_ours(path, is_record, "a record of `bench ... --json`")
     return path
@@ -116,7 +116,7 @@ def number_list(option: str, text: str) -> list[float]:
     """Return the numbers of an option.
 
     Raises:
-        ArgumentError: a part is no number.
+        ArgumentError: a part is not a number.
     """
     try:
         return [float(part) for part in split_list(text)]
@@ -163,7 +163,7 @@ def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[t
     """Open the SHOT argument; return its name, and each shot with what else is known of its pixels.
 
     Raises:
-        ArgumentError: the ratios are no numbers, or there is no such shot.
+        ArgumentError: a ratio is not a number, or there is no such shot.
         ShotError: the test shots are not there.
     """
     shots = public_shots.shots_named(shot)

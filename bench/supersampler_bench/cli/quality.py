@@ -186,7 +186,7 @@ def _scenes_of(text: str) -> list[tuple[str, float]]:
     """Return names and ratios of scenes.
 
     Raises:
-        ArgumentError: there is no such scene, or a ratio is no number.
+        ArgumentError: there is no such scene, or a ratio is not a number.
     """
     from supersampler_bench.quality.still import SCENES
 

@@ -259,7 +259,7 @@ def _json(path: Path) -> dict[str, Any]:
         return {}
     content = read_json(path)
     if not isinstance(content, dict):
-        raise ShotError(path, "is no description: want an object {...}", _HOW)
+        raise ShotError(path, "is not a description: want an object {...}", _HOW)
     return content
 
 

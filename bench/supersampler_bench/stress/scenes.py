@@ -61,13 +61,13 @@ def _round(index: int) -> Values:
 
 @cache
 def still(render: Size, every: int = 1) -> Sequence[Frame]:
-    """Return one jitter period of the static scene; `every`: see `frames_of`."""
+    """Return one jitter period of the static scene; `every`: see `scene_frames`."""
     return scene_frames(STILL, render, PERIOD * every, every)
 
 
 @cache
 def moving(render: Size, every: int = 1) -> Sequence[Frame]:
-    """Return one loop of the moving scene; `every`: see `frames_of`."""
+    """Return one loop of the moving scene; `every`: see `scene_frames`."""
     return scene_frames(Orbit(), render, lcm(PERIOD * every, LAP), every)
 
 

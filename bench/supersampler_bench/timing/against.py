@@ -255,7 +255,7 @@ def measure_against(
         on_round: called after each round of each method.
 
     Raises:
-        ArgumentError: `python` is no interpreter, has no supersampler, lacks a method, or a process died.
+        ArgumentError: `python` is not an interpreter, has no supersampler, lacks a method, or a process died.
     """
     size = {"display": list(display), "render": list(render_size(display, ratio))}
     results = [Compared(method, []) for method in methods]

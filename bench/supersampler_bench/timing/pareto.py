@@ -119,7 +119,7 @@ def scores_of(records: Sequence["QualityRecord | ParetoRecord"]) -> dict[float, 
             want = "of `bench quality test-shots --json` or `bench pareto --json`, all of the same shots"
             raise ArgumentError("record", got=got, want=want)
         for ratio, spec, known in scores:
-            if spec.passes > 1:  # two passes over a shot are no real-time step
+            if spec.passes > 1:  # two passes over a shot are not a real-time step
                 continue
             names = (c.name for c in CLIP_COLUMNS if c.name in known)
             found.setdefault(ratio, {})[spec] = {name: known[name] for name in names}

@@ -10,7 +10,7 @@ import { Testing } from "./testing.js";
 
 const SHIPPED_SHOT = new URL("../shot/", import.meta.url);
 const SOFTWARE_DEFAULTS = { size: "320x180", method: "taau" };
-const LONGEST_STEP = 1 / 15; // seconds; motion of more than that is no live scene
+const LONGEST_STEP = 1 / 15; // seconds; longer motion does not look live
 const nextAnimationFrame = () => new Promise(requestAnimationFrame);
 
 /**

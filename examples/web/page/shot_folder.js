@@ -166,7 +166,7 @@ export function readerOfFiles(files) {
 /**
  * The files of a dropped folder. Call it in the handler of the drop itself: its items are void afterwards.
  * @param {DataTransfer} dropped @returns {Promise<Map<string, File>>} by their paths below the folder
- * @throws {ShotError} what was dropped is no folder, or one of too many files or of folders in folders
+ * @throws {ShotError} what was dropped is not a folder, or one of too many files or of folders in folders
  */
 export function droppedFiles(dropped) {
   const entry = dropped.items[0]?.webkitGetAsEntry();

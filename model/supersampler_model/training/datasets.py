@@ -89,7 +89,7 @@ def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
     """Return a data set with the sequences rendered at one ratio, with G-buffers of both sizes.
 
     Raises:
-        ArgumentError: there are none, or a render pixel is no whole number of display pixels.
+        ArgumentError: there are none, or a render pixel is not a whole number of display pixels.
     """
     at, size = dataset.at(ratio), dataset.description.display_size
     if size[0] % ratio or size[1] % ratio:

@@ -241,7 +241,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint.
 
     Raises:
-        ArgumentError: the file is no checkpoint, or of another version.
+        ArgumentError: the file is not a checkpoint, or of another version.
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)

@@ -185,9 +185,7 @@ class ImageOptions:
                 )  # fmt: skip
         if not self.video:
             return None
-        if (
-            display_image is None or display_image.shape[2] == 4
-        ):  # a video has no alpha: it shows the image over black
+        if display_image is None or display_image.shape[2] == 4:  # a video shows it over black
             display_image = self.transform.show(output.image, output.exposure)
         return to_uint8(display_image)
 
@@ -299,7 +297,7 @@ class RunRecord:
             found += sorted(path for n, path in _numbered(folder, pattern) if self.lists(pattern, n))
         for path in found:
             if not is_regular(path):
-                raise _foreign(path, "is no regular file")
+                raise _foreign(path, "is not a regular file")
         return sorted(found)
 
     def differences(self, settings: Mapping[str, object], ignored: Collection[str] = ()) -> list[str]:
@@ -314,7 +312,7 @@ def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
     if not is_there(path):
         return None
     if not is_regular(path):
-        raise _foreign(path, "is no regular file")
+        raise _foreign(path, "is not a regular file")
     content = read_json(path)
     files = content.pop("files", None) if isinstance(content, dict) else None
     if not isinstance(files, dict):
@@ -518,7 +516,7 @@ def _numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
         return
     subfolders = [part for part in (place, *place.parents) if part != folder and part.is_relative_to(folder)]
     if not all(map(is_own_folder, subfolders)):
-        raise _foreign(place, "is no folder, or a link to one")
+        raise _foreign(place, "is not a folder, or a link to one")
     for path in place.iterdir():
         number = _frame_number(Path(pattern).name, path.name)
         if number is not None:

@@ -76,7 +76,7 @@ class Conventions(ConventionFields):
         """Return the conventions of a dict of `to_json`; missing fields are defaults.
 
         Raises:
-            ArgumentError: it is no mapping, a key is unknown, or a value is not allowed.
+            ArgumentError: it is not a mapping, a key is unknown, or a value is not allowed.
         """
         if not isinstance(content, Mapping):
             raise ArgumentError("conventions", got=shown(content), want="a mapping of fields to values")

@@ -21,8 +21,8 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
     """Raise FrameError unless a method with these ratios (min, max) upscales between the sizes.
 
     A range allows for the rounding of either size to whole pixels: some sizes less than a pixel larger or
-    smaller have a ratio in it. A method with one ratio computes whole
-    blocks of display pixels for each render pixel, and needs exactly that multiple of the render size.
+    smaller have a ratio in it. A method with one ratio computes whole blocks of display pixels for each
+    render pixel, and needs exactly that multiple of the render size.
     """
     low, high = ratios
     if low == high:

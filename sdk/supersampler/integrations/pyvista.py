@@ -19,11 +19,11 @@ from supersampler.model import Model
 def enable_supersampling(
     plotter: Any, *, scale: float = 2.0, model: Model | str | Path = "classifier", threads: int = 0
 ) -> SupersampledWindow:
-    """Let a plotter render at its window's size / `scale`, and show what an `Upscaler` makes of it.
+    """Make a plotter render at window size / `scale` and show upscaled images.
 
-    Whatever renders the plotter then shows upscaled images: `show`, `screenshot`, interaction, movies,
-    Trame's and Jupyter's server side. `SupersampledWindow` says which motion it computes and what is
-    rendered on top. The plotter's own anti-aliasing is turned off.
+    All output of the plotter is upscaled: `show`, `screenshot`, interaction, movies, and the server side of
+    Trame and Jupyter. `SupersampledWindow` documents the motion it computes and what is rendered on top. The
+    plotter's own anti-aliasing is turned off.
 
     Args:
         plotter: a `pyvista.Plotter` without subplots.
@@ -32,7 +32,7 @@ def enable_supersampling(
         threads: see `Upscaler`.
 
     Raises:
-        ArgumentError: `plotter` is no plotter, has subplots or is closed; or `scale` is below 1.
+        ArgumentError: `plotter` is not a plotter, has subplots or is closed; or `scale` is below 1.
         ModelError: see `Upscaler`.
     """
     window, renderers = getattr(plotter, "render_window", None), getattr(plotter, "renderers", None)

@@ -96,7 +96,9 @@ def write_site(folder: Path, files: SiteFiles) -> None:
         ShotError: the folder holds something; or the disk refuses.
     """
     if is_there(folder) and not (folder.is_dir() and next(folder.iterdir(), None) is None):
-        raise ShotError(folder, "is there already, and is no empty folder", "Choose another, or remove it.")
+        raise ShotError(
+            folder, "is there already, and is not an empty folder", "Choose another, or remove it."
+        )
     for name, content in files.items():
         write_bytes(folder / name, content())
 

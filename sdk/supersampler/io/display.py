@@ -62,7 +62,7 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
         (h, w, 3) float32 in [0, 1], sRGB encoded.
 
     Raises:
-        ArgumentError: the image is not of that shape, or has no numbers; or `exposure` is no number > 0.
+        ArgumentError: the image is not of that shape, or has no numbers; or `exposure` is not a number > 0.
     """
     number = as_number(exposure)
     if number is None or not 0.0 < number <= _LARGEST:

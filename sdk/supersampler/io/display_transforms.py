@@ -120,7 +120,7 @@ class DisplayTransform:
             (h, w, 3) float32 in [0, 1].
 
         Raises:
-            ArgumentError: the image has another shape, or has no numbers; or `exposure` is no number > 0.
+            ArgumentError: the image has another shape, or has no numbers; or `exposure` is not a number > 0.
             ShotError: a file of the OpenColorIO configuration cannot be read.
         """
         light = checked_image("image", image).astype(np.float32, copy=False)

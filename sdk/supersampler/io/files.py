@@ -96,7 +96,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def rename_partial(partial: Path, path: Path) -> None:
-    """Give the file of a temporary name its own name; ShotError where the disk refuses, or it is no file."""
+    """Rename a temporary file to its final name; ShotError if the disk refuses, or it is not a file."""
     if not is_regular(partial):
         raise ShotError(path, "was not written: its temporary file is missing, or a link", NO_ROOM)
     with os_errors_as_shot_error(path, "written", NO_ROOM):
@@ -210,7 +210,7 @@ def check_is_file(path: Path) -> None:
     if not is_there(path):
         raise ShotError(path, "there is no such file", NOT_FOUND)
     if not is_file(path):
-        raise ShotError(path, "is no regular file")
+        raise ShotError(path, "is not a regular file")
 
 
 def is_there(path: Path) -> bool:

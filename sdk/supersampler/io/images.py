@@ -250,7 +250,7 @@ UNKNOWN_COLOR_SPACE = "unknown"
 
 
 class TypedValues(NamedTuple):
-    """An entry of a header that is no plain text or number, such as a matrix or a timecode.
+    """A header entry other than plain text or a number, such as a matrix or a timecode.
 
     Attributes:
         type: OpenImageIO's name: "timecode", "rational", "matrix", "float[8]", "vector", "box2i".
@@ -354,7 +354,7 @@ def _metadata(spec: ImageSpec) -> Metadata:
 
 
 def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
-    """Return the frames a second of an entry `framesPerSecond`; None where it is no rate of a film."""
+    """Return the frames a second of an entry `framesPerSecond`; None if it is not a film rate."""
     match entry:
         case TypedValues("rational", (int(frames), int(seconds))) if seconds:
             rate = frames / seconds

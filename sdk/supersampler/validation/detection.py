@@ -59,7 +59,7 @@ def detect_conventions(
 
     Raises:
         ArgumentError: there are fewer than two frames, or an argument has a wrong type.
-        FrameError: depth or motion has a wrong shape, or is no array.
+        FrameError: depth or motion has a wrong shape, or is not an array.
     """
     stated = _stated(shot, conventions)
     raws = _middle(shot, frames)

@@ -74,7 +74,7 @@ export function fakeDevice(limits = {}) {
   const createBindGroup = ({ layout, entries }) => {
     layout.entries.forEach((wanted, index) => {
       const { resource } = entries[index];
-      if (!wanted.buffer) return check(resource?.texture, `binding ${wanted.binding} is no texture`);
+      if (!wanted.buffer) return check(resource?.texture, `binding ${wanted.binding} is not a texture`);
       const most =
         wanted.buffer.type === "uniform" ? all.maxUniformBufferBindingSize : all.maxStorageBufferBindingSize;
       const { size, buffer } = resource;
@@ -128,10 +128,10 @@ function encoder({ maxComputeWorkgroupsPerDimension: most }) {
   return {
     beginComputePass: pass,
     beginRenderPass: ({ colorAttachments: [{ view }] }) => {
-      check(view.texture, "an attachment is no texture");
+      check(view.texture, "an attachment is not a texture");
       return { end() {} };
     },
-    clearBuffer: ({ size }) => check(size, "what is cleared is no buffer"),
+    clearBuffer: ({ size }) => check(size, "what is cleared is not a buffer"),
     copyBufferToBuffer: (from, at, to, toAt, bytes) =>
       check(
         bytes % 4 === 0 && at + bytes <= from.size && toAt + bytes <= to.size,

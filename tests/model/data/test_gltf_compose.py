@@ -199,7 +199,7 @@ def test_missing_or_broken_input_is_named(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(SceneError, match=r"folder is .*empty, without any; want at least one \.glb"):
         compose(tmp_path / "empty", 0)
-    with pytest.raises(SceneError, match=r"folder is .*nowhere, which is none; want a folder"):
+    with pytest.raises(SceneError, match=r"folder is .*nowhere, which is not a folder; want a folder"):
         compose(tmp_path / "nowhere", 0)
     with pytest.raises(SceneError, match=r"spec\.frames is 0; want"):
         compose(folder, 0, 0)

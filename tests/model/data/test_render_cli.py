@@ -116,7 +116,7 @@ def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path
     ("options", "message"),
     [
         (("--scenes", "wires"), "error: families is 'wires'; want some of fences, "),
-        (("--gltf", "nowhere"), "error: folder is nowhere, which is none; want a folder"),
+        (("--gltf", "nowhere"), "error: folder is nowhere, which is not a folder; want a folder"),
         (("--gltf-fraction", "1.5"), "error: gltf_fraction is 1.5; want a fraction"),
         (("--ratio", "2;3"), "error: --ratio is '2;3'; want numbers"),
     ],

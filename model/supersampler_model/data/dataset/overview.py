@@ -77,7 +77,7 @@ def rows(folder: Path) -> dict[str, str]:
     """Return name and text of each row.
 
     Raises:
-        DatasetError: the folder is no training set, or a frame is damaged.
+        DatasetError: the folder is not a training set, or a frame is damaged.
     """
     dataset = open_dataset(folder)
     width, height = dataset.description.display_size

@@ -300,7 +300,7 @@ def _unroll(code: str, constants: Mapping[str, int]) -> str:
     name, first, unsigned, sign, last = loop.groups()
     end = _closing(code, loop.end())
     if last not in constants and not last.removesuffix("u").isdigit():
-        raise ValueError(f"{last} is no constant number: {_line(code, len(before))}")
+        raise ValueError(f"{last} is not a constant number: {_line(code, len(before))}")
     stop = (constants[last] if last in constants else int(last.removesuffix("u"))) + (sign == "<=")
     body, after = _unroll(code[loop.end() : end], constants), _unroll(code[end + 1 :], constants)
     if _JUMP.search(_COMMENT.sub("", body)):

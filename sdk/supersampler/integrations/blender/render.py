@@ -366,7 +366,7 @@ class BlenderRender:
         """Process a message of the script.
 
         Raises:
-            ShotError: it is no such message, or the frame cannot be stored.
+            ShotError: it is not such a message, or the frame cannot be stored.
             _ScriptError: the script reports an error.
         """
         answer = decoded(self._blend, text, _Answer, "Blender runs another script.")

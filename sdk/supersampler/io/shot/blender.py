@@ -46,7 +46,7 @@ class RenderedCamera(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         if not np.linalg.det(self.camera):
-            raise ValueError("the camera is no invertible matrix")
+            raise ValueError("the camera is not an invertible matrix")
 
     @property
     def matrix(self) -> NDArray[np.float64]:

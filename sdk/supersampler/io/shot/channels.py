@@ -160,7 +160,7 @@ def import_channels(
             without one are allowed.
         conventions: conventions of these channels and of the jitter.
         files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or `beauty_*.exr`.
-        frames: first and last number of the frames to open, both included; a gap outside is no error. By
+        frames: first and last number of the frames to open, both included; a gap outside is not an error. By
             default all. Jitter and cuts are counted from the first file, whatever the range is.
         display_size: (width, height) of references and display-size motion; by default the first reference's.
         frame_rate: frames a second; by default what the first file states, else 24.

@@ -41,7 +41,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
 
     A hyphen after a dot, an underscore or nothing is the number's sign: `beauty.-0012.exr` is frame -12. A
     hyphen after other characters separates (`beauty-0012.exr` is frame 12), unless a file is there with the
-    same name and no hyphen: then it is not clear.
+    same name and no hyphen: that is an error.
 
     Args:
         folder: the pattern is relative to it.
@@ -163,7 +163,7 @@ def _number_spans(place: Path, pattern: str) -> dict[str, _Span]:
         names = sorted(path.name for path in place.iterdir()) if place.is_dir() else []
     except (ValueError, OSError) as error:
         raise ShotError(place, f"has no files {pattern!r} ({error})") from error
-    names = [name for name in names if not name.startswith(".")]  # others are being written
+    names = [name for name in names if not name.startswith(".")]  # hidden files are being written
     found = {name: span for name in names if (span := number_in(name, signed=True)) is not None}
     plain = {_without(name, span) for name, span in found.items() if name[span[0]] != "-"}
     for name, (start, stop) in list(found.items()):
@@ -236,7 +236,7 @@ def _has_wildcard(name: str) -> bool:
 
 
 def suggestion(folder: Path) -> str:
-    """Return which sequences a folder has."""
+    """Return a hint that names the sequences in a folder."""
     if not folder.is_dir():
         return "Is this the folder of the frames?"
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in FRAME_SUFFIXES)

@@ -212,7 +212,7 @@ class Shot:
     def cropped(self, first: int, last: int) -> "Shot":
         """Return a shot of the frames with these numbers, both included; its first frame resets the history.
 
-        Numbers before the first frame and after the last have no frame, and are no error.
+        Numbers before the first frame and after the last have no frame, which is not an error.
 
         Raises:
             ShotError: no frame has such a number.

@@ -44,7 +44,7 @@ def open_source(
         layout: "auto" detects it from the files; else "shot", "render" (`supersampler blender` rendered it),
             "blender", "channels" or "arm".
         frames: first and last number of the frames to open, both included; by default all. Numbers before the
-            first frame and after the last are no error.
+            first frame and after the last are not an error.
         options: arguments of the layout's importer: `import_blender`, `import_channels`,
             `import_named_channels` or `import_arm`.
             Without a channel_map the layout "channels" reads the channels.json in the folder; without that,

@@ -213,7 +213,7 @@ class ShotWriter:
         if not is_there(self._note):
             return frozenset()
         if not is_regular(self._note):
-            raise ShotError(self._note, "is no regular file", _FOREIGN)
+            raise ShotError(self._note, "is not a regular file", _FOREIGN)
         try:
             names = read_json(self._note)
         except ShotError:  # the run was killed while it wrote the note, before any of the files

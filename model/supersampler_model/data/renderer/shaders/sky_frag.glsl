@@ -1,4 +1,4 @@
-// The panorama, where nothing is in front of it. It moves as what is infinitely far away does.
+// The panorama, where nothing is in front of it. It moves as if infinitely far away.
 
 in vec2 v_clip_plane;
 

@@ -111,7 +111,9 @@ def read_folder(path: Path) -> Folder:
         GltfError: one of the files is broken or not supported; names it, the primitive and the reason.
     """
     if not path.is_dir():
-        raise SceneError("folder", got=f"{path}, which is none", want="a folder of .glb or .gltf files")
+        raise SceneError(
+            "folder", got=f"{path}, which is not a folder", want="a folder of .glb or .gltf files"
+        )
     stages, props, panoramas = list[File](), list[File](), list[File]()
     for file in sorted(f for f in path.rglob("*") if f.suffix.lower() in (".glb", ".gltf", PANORAMA)):
         name = file.relative_to(path).as_posix()

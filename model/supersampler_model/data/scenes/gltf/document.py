@@ -73,7 +73,7 @@ def at(place: str) -> Iterator[None]:
     except KeyError as error:
         raise MalformedError(f"{error} is missing", place) from error
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
-        raise MalformedError(f"this is not as glTF 2.0 has it ({error})", place) from error
+        raise MalformedError(f"this is not valid glTF 2.0 ({error})", place) from error
 
 
 @contextmanager
@@ -112,7 +112,7 @@ class Document:
             problem = f"it is neither .glb nor .gltf: its JSON does not parse ({error})"
             raise MalformedError(problem) from error
         if not isinstance(self.content, dict):
-            raise MalformedError("its JSON is no object")
+            raise MalformedError("its JSON is not an object")
         version = self.content["asset"]["version"]
         if not str(version).startswith("2."):
             raise MalformedError(f"its version is {version}; only glTF 2.0 is read")
@@ -131,7 +131,7 @@ class Document:
             raise MalformedError(f"{kind} {index!r} is referred to, and there are {len(items)}")
         item = items[index]
         if not isinstance(item, dict):
-            raise MalformedError(f"{kind} {index} is no object")
+            raise MalformedError(f"{kind} {index} is not an object")
         return item
 
     def name(self, kind: str, index: int) -> str:
@@ -162,7 +162,7 @@ class Document:
         Only files in the folder of this one and below are read; links and `..` that lead out are refused.
         """
         if not isinstance(uri, str):
-            raise MalformedError(f"the URI {uri!r} is no text")
+            raise MalformedError(f"the URI {uri!r} is not a string")
         if not uri.startswith("data:"):
             return self._read(self._beside(uri), repr(uri))
         head, _, text = uri.partition(",")
@@ -179,18 +179,20 @@ class Document:
         path = PurePosixPath(name)
         outside = path.is_absolute() or ".." in path.parts or _OUTSIDE.search(name)
         if urlsplit(uri).netloc or not path.name or outside:
-            raise MalformedError(f"{uri!r} is elsewhere; only files in the folder of this one are read")
+            raise MalformedError(f"{uri!r} lies outside the folder of this file; only files in it are read")
         try:
             check_inside(self.path.parent, [self.path.parent / name])
         except ShotError as error:
-            raise MalformedError(f"{uri!r} is elsewhere, by a link; copy the file to this one") from error
+            raise MalformedError(
+                f"{uri!r} lies outside the folder through a link; copy the file here"
+            ) from error
         return self.path.parent / name
 
     def _read(self, path: Path, name: str) -> bytes:
         """Return the bytes of a regular file; `name` is what messages call it."""
         try:
             if path.exists() and not path.is_file():  # a pipe, say, which never ends
-                raise MalformedError(f"{name} is no regular file")
+                raise MalformedError(f"{name} is not a regular file")
             with path.open("rb") as file:
                 data = file.read(LARGEST_FILE + 1)
         except OSError as error:

@@ -190,7 +190,7 @@ class GltfScene:
             emission: multiplies what its materials emit.
 
         Raises:
-            SceneError: there is no such clip, or a transform is no matrix.
+            SceneError: there is no such clip, or a transform is not a matrix.
         """
         if self.clips and not 0 <= clip < len(self.clips):
             raise SceneError("clip", got=clip, want=f"0 to {len(self.clips) - 1}, as {self.path} has")
@@ -416,10 +416,10 @@ def _triangles(document: Document, content: Json, count: int) -> Integers:
         raise MalformedError(f"its indices refer to vertex {int(corners.max())} of {count}")
     if mode == _TRIANGLES:
         if len(corners) % 3:
-            raise MalformedError(f"it has {len(corners)} corners, which are no whole triangles")
+            raise MalformedError(f"it has {len(corners)} corners, not a multiple of 3")
         return corners.reshape(-1, 3)
     if len(corners) < 3:
-        raise MalformedError(f"it has {len(corners)} corners, which are no triangle")
+        raise MalformedError(f"it has {len(corners)} corners, too few for a triangle")
     a, b, c = corners[:-2], corners[1:-1], corners[2:]
     if mode == _FAN:
         return np.stack([b, c, np.full_like(b, corners[0])], axis=1)
