@@ -1,6 +1,6 @@
 /* Files, JSON, and the end of the program on an error.
  *
- * A folder may be damaged, or changed by somebody else. Each value is checked here, where it is read; one
+ * A folder may be damaged, or tampered with. Each value is checked here, where it is read; one
  * that does not fit ends the program with a line. Code that uses the values checks nothing. */
 
 #ifndef FILES_H

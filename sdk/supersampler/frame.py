@@ -53,7 +53,7 @@ class Frame:
             screens, glass): the weight w of this frame becomes w + (1 - w) reactive. None is 0 everywhere.
         exposure: > 0, multiplies the colour before the tone curve. None measures it from the frames.
         pre_exposure: in [2^-24, 2^24]. Factor that the renderer has applied to the colour. It may change
-            from frame to frame: history and `exposure` refer to the colour without it; the image is multiplied
+            from frame to frame: history and `exposure` are for the colour without it; the image is multiplied
             by it again.
         gbuffer: render-size buffers by name: base_color (h, w, 3), normal (h, w, 3; world space, unit length,
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).

@@ -1,6 +1,8 @@
 """Unshaded frames through an Upscaler: sources of the extrapolation, and refused frames."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -185,3 +187,27 @@ def test_a_replay_with_another_extrapolation_says_so(taau: Model, tmp_path: Path
         upscaler.step(noise(1, SIZE))
     plain = open_recording(tmp_path / "plain")
     assert not Replay(plain, extrapolation="guided-warp").is_recorded_model
+
+
+_LARGE = """
+import resource
+import numpy as np
+from supersampler import Frame
+from supersampler.extrapolation import Extrapolator
+h, w = 540, 960
+ones = np.full((h, w, 3), 0.5, np.float32)
+frame = dict(depth=ones[..., 0], motion=ones[..., :2], jitter=(0.0, 0.0),
+             gbuffer={"base_color": ones, "normal": ones})
+model = Extrapolator("guided-warp", ["CPUExecutionProvider"], 1)
+past = model.after_shaded(Frame(color=ones, **frame))
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+color, _ = model.extrapolate(Frame(color=None, **frame), past)
+assert np.allclose(color, 0.5, rtol=1e-4)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts in kilobytes")
+def test_a_frame_of_960x540_takes_less_than_a_gigabyte() -> None:
+    done = subprocess.run([sys.executable, "-c", _LARGE], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 800_000

@@ -299,7 +299,7 @@ class WindowPixels:
 class SupersampledWindow:
     """A render window that renders at its size / `scale`, and shows what an `Upscaler` makes of it.
 
-    Each `Render` of the window, whoever calls it, is one frame. While nothing moves, each adds samples to
+    Each `Render` of the window is one frame. While nothing moves, each adds samples to
     the image. Motion comes from the camera and the matrices of the props; a mesh whose points change has
     none, and blurs for a few frames. The background moves with the closest surface of each 16x16 pixels, so
     that outlines keep their history; beside thin objects, and without a surface, it is static. Lines and

@@ -34,7 +34,7 @@ class ChildProcess:
         output: "joined": stdout and stderr have one pipe; "apart": one each; "none": both are dropped.
 
     Attributes:
-        output: the pipe of stdout, binary, or None; whoever reads it closes it.
+        output: the pipe of stdout, binary, or None; the reader closes it.
 
     Raises:
         OSError: the program cannot be started.

@@ -9,13 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supersampler import ArgumentError
+from supersampler.upscaler import PRESETS
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, QualityRecord
 from supersampler_bench.quality.scores import MethodRow, ShotRow
+from supersampler_bench.record import SHIPPED_PARETO, read_record
 from supersampler_bench.report.figures import draw_pareto
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.pareto import (
     ParetoPoint,
     ParetoRecord,
+    at_ratio,
     best_within,
     frontier,
     measure_pareto,
@@ -175,6 +178,13 @@ def test_two_passes_are_no_steps() -> None:
     points = measure_pareto([quality("taau:x2")], (48, 27), threads=1, steps=1)
     assert "taau:x2" not in [p.spec for p in points]
     assert "taau" in [p.spec for p in points]
+
+
+def test_shipped_presets_are_chosen_by_their_rule() -> None:
+    chosen = presets(at_ratio(ParetoRecord.from_json(read_record(SHIPPED_PARETO)).points, 2.0))
+    specs = {name: parse_spec(text) for name, text in chosen.items()}
+    shipped = {name: (p.model, p.precision) for name, p in PRESETS.items()}
+    assert {name: (s.model, s.precision) for name, s in specs.items()} == shipped
 
 
 def test_presets_leave_out_methods_that_do_not_serve_all_ratios() -> None:

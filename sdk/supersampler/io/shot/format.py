@@ -455,5 +455,5 @@ def take_aovs(path: Path, channels: Mapping[str, Channel]) -> Array | None:
 
 
 def aov_channels(count: int) -> list[str]:
-    """Return the channel names of so many AOVs."""
+    """Return the channel names of `count` AOVs."""
     return [f"aovs.{index}" for index in range(count)]

@@ -134,7 +134,7 @@ def _arrays_of(path: Path, specs: Mapping[str, ArraySpec]) -> dict[str, NDArray[
                 raise _refused(path, f"with {name[:80]!r}", f"each of {', '.join(specs)} once")
             if entry.file_size > max_bytes[name] + _HEAD:
                 raise _refused(path, f"with {name!r} of {entry.file_size} bytes", f"{specs[name]}")
-            with file.open(entry) as data:  # which gives no more than it says, whatever is compressed in it
+            with file.open(entry) as data:  # reads at most the declared size
                 arrays[name] = _array_of(io.BytesIO(data.read()), max_bytes[name])
     return arrays
 

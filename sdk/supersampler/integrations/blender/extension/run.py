@@ -14,7 +14,7 @@ _LINES, _LINE = 1000, 4096  # of its messages, and characters of one
 
 
 class Run:
-    """A command in a process of its own; whoever waits for it calls `pump` now and then.
+    """A command in a process of its own; the caller polls it with `pump`.
 
     Attributes:
         total: number of frames.
