@@ -51,7 +51,7 @@ def render(
 ) -> None:
     """Render OUT, a training set: frames, references of many samples a pixel, and labels, split by scene.
 
-    A stopped run resumes when the same command is given again; --also may be added then.
+    The same command resumes a stopped run; --also may be added then.
 
     With --gltf, files 8 m wide or more are stages, the others props on them; every file is read before
     rendering begins. A quarter of the files is kept for validation sequences and used in no other; a kind

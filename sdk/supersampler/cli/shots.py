@@ -117,8 +117,8 @@ def import_shot(
     """Copy frames of other programs into a shot of this package's format.
 
     Pixels are not converted: the shot states their conventions, and `supersampler check` tests them. Motion
-    and depth packed into 8-bit channels are unpacked as --channels says (docs/shots.md). A run that was
-    stopped continues when the same command is given again.
+    and depth packed into 8-bit channels are unpacked as --channels says (docs/shots.md). The same command
+    resumes a stopped run.
 
     \b
     Examples:

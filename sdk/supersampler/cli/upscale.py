@@ -164,9 +164,8 @@ def upscale(
 ) -> None:
     """Upscale SHOT, frame by frame, into a folder of images.
 
-    A run that was stopped continues when the same command is given again: complete frames are kept, and the
-    history is rebuilt from the frames since the last cut. Exit codes: 0 done, 1 an error, 2 wrong arguments,
-    130 stopped.
+    The same command resumes a stopped run: complete frames are kept, and the history is rebuilt from the
+    frames since the last cut. Exit codes: 0 done, 1 an error, 2 wrong arguments, 130 stopped.
 
     \b
     Examples:
