@@ -6,6 +6,9 @@
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
 # make hashes compare every image of every method with bench/results/studies/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
+# make wheels wheels for Linux, macOS and Windows from this machine, checked: dist
+# make sanitize  the tests of the CPU library in C, under the sanitizers of clang: memory, undefined behaviour, threads
+# make fuzz-native  frames, models and images of any bytes for the CPU library, by clang's libFuzzer: SECONDS=60 for each
 # make traces the graph of every shipped method is what the exporter writes today; `make test-all` traces some
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # make test-integrations   `supersampler blender` with a real Blender, PyVista, Mitsuba: each where it can be had
@@ -27,7 +30,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz wheels sanitize fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -107,6 +110,30 @@ fuzz: $(DEVELOPMENT)
 	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_KILLS=200 SUPERSAMPLER_MODELS=3000 \
 	    .venv-dev/bin/pytest -q --timeout=14400 tests/fuzz tests/process tests/sdk/test_arguments.py
 
+wheels:
+	test -d .venv-wheels || $(PYTHON) -m venv .venv-wheels
+	.venv-wheels/bin/pip install -q --disable-pip-version-check hatchling cmake ninja 'ziglang>=0.16,<0.18' 'lief>=0.16'
+	mkdir -p dist
+	PATH="$(CURDIR)/.venv-wheels/bin:$$PATH" .venv-wheels/bin/python sdk/native/wheels.py dist
+
+SANITIZED := cmake -S sdk/native -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=Debug "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g1"
+
+sanitize:
+	for kind in address,undefined thread; do \
+	    $(SANITIZED) -B build/$$kind -DSS_SANITIZE=$$kind && cmake --build build/$$kind --parallel \
+	        && ctest --test-dir build/$$kind --output-on-failure || exit 1; \
+	done
+
+SECONDS ?= 60
+
+fuzz-native:
+	$(SANITIZED) -B build/fuzz -DSS_SANITIZE=address,undefined -DSS_FUZZ=ON
+	cmake --build build/fuzz --parallel
+	for name in step model images; do \
+	    mkdir -p build/fuzz/corpus/$$name && build/fuzz/fuzz_$$name -max_total_time=$(SECONDS) -max_len=120000 \
+	        -artifact_prefix=build/fuzz/$$name- build/fuzz/corpus/$$name $$(test $$name != model || echo sdk/native/models) || exit 1; \
+	done
+
 traces: $(DEVELOPMENT)
 	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q --timeout=1800 tests/export/test_export_traced.py
 
@@ -127,7 +154,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-mitsuba .venv-pygfx .venv-web .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-mitsuba .venv-pygfx .venv-web .venv-wheels .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

@@ -1,9 +1,11 @@
-"""Tests of the CPU library without Python: its interface in C, and examples/c_cpu with an installed one."""
+"""The CPU library without Python: its interface in C, and examples/c_cpu with an installed library."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
-from native_build import native_build
+from native_build import SOURCES, native_build
 from supersampler import Shot, Upscaler
 from supersampler.io.display import display_transform, to_uint8
 
@@ -140,3 +142,16 @@ def test_the_rasteriser_draws_in_a_terminal(programs: Path) -> None:
 def test_a_model_that_does_not_ship_is_named(programs: Path) -> None:
     done = subprocess.run([programs / "turntable", "-m", "other"], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (1, "there is no model 'other' in this library\n")
+
+
+def test_the_code_on_the_page_is_that_of_the_examples() -> None:
+    page = (ROOT / "docs/how-to/supersampler-in-c.md").read_text("utf-8")
+    sources = [
+        path.read_text("utf-8") for path in (*EXAMPLE.iterdir(), SOURCES / "include" / "supersampler.h")
+    ]
+    lines = ["\n".join(line.strip() for line in source.splitlines()) for source in sources]
+    snippets = re.findall("```(?:c|cpp|cmake)\n(.*?)```", page, re.DOTALL)
+    assert len(snippets) >= 4
+    for snippet in snippets:
+        wanted = "\n".join(line.strip() for line in textwrap.dedent(snippet).strip().splitlines())
+        assert any(wanted in source for source in lines), snippet
