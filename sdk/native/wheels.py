@@ -2,7 +2,8 @@
 
     python sdk/native/wheels.py dist [NAME ...]
 
-It needs hatchling, cmake, ninja, ziglang and lief of PyPI. NAME is one of `TARGETS` in build.py; all without one.
+It needs hatchling, cmake, ninja, ziglang and lief of PyPI. NAME is one of `TARGETS` in build.py; without one
+all are built.
 """
 
 import importlib.util
