@@ -34,6 +34,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages, CONTRIBUTING.md, and the linked files outside docs/."""
     files.append(File.generated(config, "reference/api.md", content=api_page()))
     files.append(File.generated(config, "reference/cli.md", content=cli_page()))
+    files.append(File.generated(config, "reference/c-header.md", content=header_page()))
     contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     contributing = re.sub(r"\]\((?!https?:|#)", "](../", contributing).replace("](../docs/", "](")
     files.append(File.generated(config, "contributing.md", content=contributing))
@@ -110,6 +111,12 @@ def api_page() -> str:
         for name in names:
             lines += [f"::: {package}.{name}", "    options: {heading_level: 3}", ""]
     return "\n".join(lines)
+
+
+def header_page() -> str:
+    """The header of the CPU library."""
+    header = (ROOT / "sdk/native/include/supersampler.h").read_text(encoding="utf-8")
+    return f"# supersampler.h\n\nThe header of the CPU library, in C99.\n\n```c\n{header}```\n"
 
 
 def cli_page() -> str:

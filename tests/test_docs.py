@@ -30,7 +30,9 @@ PACKAGES = (
     "export/supersampler_export",
     "bench/supersampler_bench",
 )
-GENERATED = {DOCS / "reference/api.md", DOCS / "reference/cli.md", DOCS / "contributing.md"}
+GENERATED = {
+    DOCS / f"{name}.md" for name in ("reference/api", "reference/cli", "reference/c-header", "contributing")
+}
 
 
 @pytest.mark.long  # traces a graph
