@@ -72,8 +72,8 @@ def platform(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 
 def test_the_interface_in_c(platform: Platform) -> None:
-    (program,) = (path for path in platform.folder.iterdir() if path.stem == "test_api" and path.is_file())
-    platform.run(program, SS_HOSTILE="4")
+    suffix = ".exe" if "windows" in platform.target else ""
+    platform.run(platform.folder / f"test_api{suffix}", SS_HOSTILE="4")
 
 
 def test_images_are_those_of_this_machine(platform: Platform, tmp_path: Path) -> None:
