@@ -67,7 +67,8 @@ typedef struct ss_options {
     void (*release)(void* user, void* memory, size_t bytes);
     void (*log)(void* user, const char* message);
     void* user;
-    const char* instructions; /* NULL: the best that this CPU has; "avx512", "avx2", "neon", "portable" */
+    const char* instructions; /* NULL: the best that this CPU has; "avx512", "avxvnni", "avx2", "neon",
+                                 "portable" */
 } ss_options;
 
 /* Creates a model of a method without a network ("bilinear", "bicubic", "taa", "taau"; "guided-warp" for

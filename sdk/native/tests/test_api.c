@@ -113,8 +113,8 @@ static void thread_counts_change_no_bit(void) {
         }
 }
 
-static const char* const instructions[] = {"avx512", "avx2", "neon", "portable"};
-enum { INSTRUCTIONS = 4 };
+static const char* const instructions[] = {"avx512", "avxvnni", "avx2", "neon", "portable"};
+enum { INSTRUCTIONS = 5 };
 
 static void instructions_agree(void) {
     for (int m = 0; m < METHODS; m++) {

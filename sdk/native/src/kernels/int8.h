@@ -13,6 +13,8 @@ namespace ss::SS_ISA {
 SS_INLINE I dot4(I total, I bytes, I weights) {
 #if defined(__AVX512VNNI__)
     return (I)_mm512_dpbusd_epi32((__m512i)total, (__m512i)bytes, (__m512i)weights);
+#elif defined(__AVXVNNI__)
+    return (I)_mm256_dpbusd_avx_epi32((__m256i)total, (__m256i)bytes, (__m256i)weights);
 #elif defined(__AVX2__)
     const __m256i u = (__m256i)bytes, s = (__m256i)weights, low = _mm256_set1_epi16(0xFF);
     __m256i even = _mm256_madd_epi16(_mm256_and_si256(u, low), _mm256_srai_epi16(_mm256_slli_epi16(s, 8), 8));

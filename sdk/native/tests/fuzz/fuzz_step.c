@@ -2,8 +2,8 @@
 #include "input.h"
 
 static const char* const methods[] = {"taau", "classifier", "bilinear", "bicubic", "taa", "classifier-small", "classifier-large", "gbuffer-fast"};
-static const char* const instructions[] = {"portable", "avx2", "avx512", "neon"};
-enum { METHODS = 8, INSTRUCTIONS = 4, INPUTS = 9, OUTPUTS = 3, MAX_SIDE = 70 };
+static const char* const instructions[] = {"portable", "avx2", "avxvnni", "avx512", "neon"};
+enum { METHODS = 8, INSTRUCTIONS = 5, INPUTS = 9, OUTPUTS = 3, MAX_SIDE = 70 };
 
 /* Models are kept: most of the time would go to them. */
 static ss_model* model_of(int method, int set) {
