@@ -65,7 +65,7 @@ typedef struct ss_options {
     void (*parallel_for)(void* user, void (*task)(void* context, int index), void* context, int count);
     void* (*allocate)(void* user, size_t bytes); /* any alignment; NULL where there is no memory */
     void (*release)(void* user, void* memory, size_t bytes);
-    void (*log)(void* user, const char* message);
+    void (*log)(void* user, const char* message); /* is told what a model runs with when it is created */
     void* user;
     const char* instructions; /* NULL: the best that this CPU has; "avx512", "avxvnni", "avx2", "neon",
                                  "portable" */
@@ -160,6 +160,23 @@ SS_API ss_status ss_step(ss_upscaler* upscaler, const ss_frame* frame, const ss_
 
 /* Drops the history, as `reset` of a frame does. */
 SS_API void ss_reset(ss_upscaler* upscaler);
+
+typedef struct ss_stats {
+    int64_t frames;       /* steps that have ended */
+    float converged;      /* fraction of the image that is frozen, [0, 1] */
+    size_t history_bytes; /* of both histories, with all that they hold when they have converged */
+} ss_stats;
+
+SS_API void ss_upscaler_stats(const ss_upscaler* upscaler, ss_stats* stats);
+
+/* States: an upscaler of the same model and display size that loads one computes the same next images, bit for bit. A
+ * state is of this version of the library. Bytes are at a multiple of 8, as malloc returns them.
+ *
+ * ss_state_save: count is what ss_state_bytes returns.
+ * ss_state_load: SS_BAD_STATE where the bytes are damaged, or of another model or display size; the history is as before. */
+SS_API size_t ss_state_bytes(const ss_upscaler* upscaler);
+SS_API ss_status ss_state_save(const ss_upscaler* upscaler, void* bytes, size_t count, ss_error* error);
+SS_API ss_status ss_state_load(ss_upscaler* upscaler, const void* bytes, size_t count, ss_error* error);
 
 /* Frames that were not shaded ------------------------------------------------------------------------------------- */
 

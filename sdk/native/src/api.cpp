@@ -1,4 +1,5 @@
 // The C interface.
+#include <stdio.h>
 #include <stdlib.h>
 #ifdef __linux__
 #include <sys/mman.h>
@@ -35,13 +36,6 @@ static void* allocate_default(void*, size_t bytes) { return malloc(bytes); }
 #endif
 static void release_default(void*, void* memory, size_t) { free(memory); }
 
-struct Upscaler {
-    Model& model;
-    Size display;
-    History* history = nullptr;
-    History* spare = nullptr;
-};
-
 static History* history_of(ss_history* handle) { return reinterpret_cast<History*>(handle); }
 static Model* model_of(ss_model* handle) { return reinterpret_cast<Model*>(handle); }
 static const Model* model_of(const ss_model* handle) { return reinterpret_cast<const Model*>(handle); }
@@ -52,7 +46,7 @@ static ss_status check_upscales(const Model& model, ss_error* error) {
     return fail(error, SS_BAD_ARGUMENT, "the model is of %s, which extrapolates; ss_extrapolate takes it", model.method->name);
 }
 
-static History* new_history(Model& model, Size display, Size render) {
+History* new_history(Model& model, Size display, Size render) {
     const Allocator& allocator = model.arena.allocator();
     History* history = create<History>(allocator, allocator, model, display, render);
     if (!history || !history->arena.failed()) return history;
@@ -82,6 +76,11 @@ static ss_status make_model(const Method* method, const ss_options* given, Model
     if (!*model) return fail(error, SS_NO_MEMORY, "no memory for a model");
     (*model)->method = method;
     (*model)->kernels = kernels;
+    if (options.log) {
+        char message[128];
+        snprintf(message, sizeof message, "%s: %s kernels, %d threads", method->name, kernels->name, (*model)->pool.threads());
+        options.log(options.user, message);
+    }
     return succeed(error);
 }
 
@@ -242,7 +241,17 @@ ss_status ss_step(ss_upscaler* handle, const ss_frame* frame, const ss_outputs* 
     if (empty != u.history) destroy(allocator, u.history);
     u.history = u.spare;
     u.spare = empty;
+    u.frames++;
     return status;
+}
+
+void ss_upscaler_stats(const ss_upscaler* handle, ss_stats* stats) {
+    const Upscaler& u = *reinterpret_cast<const Upscaler*>(handle);
+    *stats = {u.frames, 0.0f, (u.history ? u.history->most_bytes() : 0) + (u.spare ? u.spare->most_bytes() : 0)};
+    if (!u.history || !u.model.method->layout.rests) return;
+    const RestHistory& rest = u.history->rest;
+    for (int block = 0; block < rest.count(); block++) stats->converged += rest.ages[block] < 0.0f ? 1.0f : 0.0f;
+    stats->converged /= static_cast<float>(rest.count());
 }
 
 void ss_reset(ss_upscaler* upscaler) {

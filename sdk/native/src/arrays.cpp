@@ -5,7 +5,7 @@ namespace ss {
 static constexpr char MAGIC[8] = {'s', 's', 'a', 'r', 'r', 'a', 'y', '1'};
 
 // CRC-32 of zlib, four bits at once.
-uint64_t checksum_of(const void* bytes, size_t count) {
+static uint64_t checksum_of(const void* bytes, size_t count) {
     static constexpr uint32_t TABLE[16] = {0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4, 0x4DB26158, 0x5005713C,
                                            0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C, 0x9B64C2B0, 0x86D3D2D4, 0xA00AE278, 0xBDBDF21C};
     uint32_t sum = ~0u;
@@ -23,8 +23,6 @@ size_t Array::count() const {
     return total;
 }
 
-static constexpr size_t filled_up(size_t bytes) { return (bytes + 7) / 8 * 8; }
-
 static bool is_sound(const Array& array, size_t room) {
     if (array.name[0] == 0 || memchr(array.name, 0, sizeof array.name) == nullptr) return false;
     if (array.type > ArrayType::TEXT || array.axes < 1 || array.axes > 4) return false;
@@ -34,6 +32,16 @@ static bool is_sound(const Array& array, size_t room) {
         if (array.shape[axis] == 0 || count > room) return false;  // no more than 2^32 times `room`: no overflow
     }
     return filled_up(array.bytes()) <= room;
+}
+
+char* begin_arrays(void* bytes) {
+    memcpy(bytes, MAGIC, sizeof MAGIC);
+    return static_cast<char*>(bytes) + sizeof MAGIC;
+}
+
+void end_arrays(void* bytes, size_t count) {
+    const uint64_t sum = checksum_of(bytes, count - sizeof sum);
+    memcpy(static_cast<char*>(bytes) + count - sizeof sum, &sum, sizeof sum);
 }
 
 Arrays::Arrays(const void* bytes, size_t count) : begin_(static_cast<const char*>(bytes)), end_(begin_) {

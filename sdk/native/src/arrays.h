@@ -39,6 +39,10 @@ class Arrays {
     const char* message_ = nullptr;
 };
 
-uint64_t checksum_of(const void* bytes, size_t count);
+constexpr size_t ARRAYS_OVERHEAD = 16;  // bytes around arrays: a magic number, a checksum
+constexpr size_t filled_up(size_t bytes) { return (bytes + 7) / 8 * 8; }
+
+char* begin_arrays(void* bytes);              // writes what comes first; returns where the first array begins
+void end_arrays(void* bytes, size_t count);   // writes the checksum
 
 }  // namespace ss

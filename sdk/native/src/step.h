@@ -121,12 +121,10 @@ struct Model {
     ThreadPool pool;
     float config[64] = {};
     void* weights = nullptr;
-    void (*log)(void* user, const char* message);
-    void* user;
     int64_t generation = 0;  // last that was given
     Space* spaces = nullptr;  // free ones; without a lock, which a forked child might find held
 
-    Model(const Allocator& allocator, const ss_options& options) : arena(allocator), pool(options), log(options.log), user(options.user) {}
+    Model(const Allocator& allocator, const ss_options& options) : arena(allocator), pool(options) {}
     ~Model();
     template <class Config>
     const Config& config_of() const {
@@ -154,6 +152,16 @@ class StageClock {
     double since_ = seconds_now();
     ss_stage stage_ = SS_PREPROCESS;
 };
+
+// The images of one camera, in order.
+struct Upscaler {
+    Model& model;
+    Size display;
+    History* history = nullptr;
+    History* spare = nullptr;
+    int64_t frames = 0;
+};
+History* new_history(Model& model, Size display, Size render);  // null: no memory
 
 struct Step {
     Model& model;

@@ -325,7 +325,63 @@ static void hostile_frames_do_no_harm(void) {
     }
 }
 
+static void log_once(void* user, const char* message) {
+    (*(int*)user)++;
+    CHECK(strstr(message, "threads") != NULL, "%s", message);
+}
+
+/* A state restores the history, and damaged ones change nothing. */
+static void states_are_saved_and_loaded(void) {
+    static Pixels p;
+    static float images[2][DH][DW][3];
+    for (int m = 2; m < METHODS; m++) {
+        int logged = 0;
+        ss_options options;
+        memset(&options, 0, sizeof options);
+        options.threads = 2, options.log = log_once, options.user = &logged;
+        ss_error error;
+        ss_model* model = NULL;
+        ss_upscaler *one = NULL, *other = NULL;
+        CHECK(ss_model_create(methods[m], &options, &model, &error) == SS_OK, "%s", error.message);
+        CHECK(logged == 1, "%d", logged);
+        CHECK(ss_upscaler_create(model, DW, DH, &one, &error) == SS_OK, "%s", error.message);
+        CHECK(ss_upscaler_create(model, DW, DH, &other, &error) == SS_OK, "%s", error.message);
+        ss_outputs out;
+        memset(&out, 0, sizeof out);
+        for (int index = 0; index < 5; index++) {
+            fill(&p, index);
+            ss_frame frame = frame_of(&p, index);
+            frame.adds_samples = 1.0f;
+            if (index == 3) {
+                const size_t count = ss_state_bytes(one);
+                char* bytes = malloc(count);
+                CHECK(ss_state_save(one, bytes, count - 1, &error) == SS_BAD_ARGUMENT, "%s", methods[m]);
+                CHECK(ss_state_save(one, bytes, count, &error) == SS_OK, "%s", error.message);
+                bytes[count / 2] ^= 1;
+                CHECK(ss_state_load(other, bytes, count, &error) == SS_BAD_STATE, "%s", methods[m]);
+                bytes[count / 2] ^= 1;
+                CHECK(ss_state_load(other, bytes, count - 8, &error) == SS_BAD_STATE, "%s", methods[m]);
+                CHECK(ss_state_load(other, bytes, count, &error) == SS_OK, "%s", error.message);
+                free(bytes);
+            }
+            out.image.data = images[0];
+            CHECK(ss_step(one, &frame, &out, &error) == SS_OK, "%s", error.message);
+            if (index < 3) continue;
+            out.image.data = images[1];
+            CHECK(ss_step(other, &frame, &out, &error) == SS_OK, "%s", error.message);
+            CHECK(memcmp(images[0], images[1], sizeof images[0]) == 0, "%s", methods[m]);
+        }
+        ss_stats stats;
+        ss_upscaler_stats(one, &stats);
+        CHECK(stats.frames == 5 && stats.history_bytes > 0 && stats.converged == 0.0f, "%s", methods[m]);
+        ss_upscaler_destroy(one);
+        ss_upscaler_destroy(other);
+        ss_model_destroy(model);
+    }
+}
+
 int main(void) {
+    states_are_saved_and_loaded();
     CHECK(ss_version() == SS_VERSION, "%d", ss_version());
     thread_counts_change_no_bit();
     instructions_agree();
