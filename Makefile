@@ -26,7 +26,7 @@ PYTHON ?= python3
 RUNTIME := .venv/installed
 DEVELOPMENT := .venv-dev/installed
 DOCS := .venv-docs/installed
-SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl' -o -name '*.wgsl' -o -name '*.js')
+SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl' -o -name '*.wgsl' -o -name '*.js' -o -name '*.cpp' -o -name '*.h' -o -name '*.model' -o -name CMakeLists.txt)
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
