@@ -129,7 +129,7 @@ SECONDS ?= 60
 fuzz-native:
 	$(SANITIZED) -B build/fuzz -DSS_SANITIZE=address,undefined -DSS_FUZZ=ON
 	cmake --build build/fuzz --parallel
-	for name in step model images; do \
+	for name in step model state images; do \
 	    mkdir -p build/fuzz/corpus/$$name && build/fuzz/fuzz_$$name -max_total_time=$(SECONDS) -max_len=120000 \
 	        -artifact_prefix=build/fuzz/$$name- build/fuzz/corpus/$$name $$(test $$name != model || echo sdk/native/models) || exit 1; \
 	done
