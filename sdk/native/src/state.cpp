@@ -109,7 +109,9 @@ ss_status ss_state_load(ss_upscaler* handle, const void* bytes, size_t count, ss
     if (sizes[2] != 0.0f) {
         if (!(sizes[2] >= 1.0f && sizes[2] <= MAX_SIDE && sizes[3] >= 1.0f && sizes[3] <= MAX_SIDE && sizes[2] * sizes[3] <= MAX_PIXELS))
             return fail(error, SS_BAD_STATE, "the state is of a frame of %g x %g", sizes[2], sizes[3]);
-        made = new_history(u.model, u.display, {static_cast<int>(sizes[2]), static_cast<int>(sizes[3])});
+        const Size render = {static_cast<int>(sizes[2]), static_cast<int>(sizes[3])};
+        if (check_ratio(*u.model.method, render, u.display, error)) return SS_BAD_STATE;  // before memory is taken for it
+        made = new_history(u.model, u.display, render);
         if (!made) return fail(error, SS_NO_MEMORY, "no memory for a history");
         if (ss_status status = read_history(arrays, *made, error)) {
             destroy(allocator, made);

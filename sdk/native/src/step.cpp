@@ -43,9 +43,8 @@ ss_status check_input(const char* name, const ss_image& image, bool needed, ss_e
     return SS_OK;
 }
 
-static ss_status check_frame(const Method& method, const ss_frame& f, Size display, ss_error* error) {
-    if (check_size(f.width, f.height, "the frame", error)) return SS_BAD_FRAME;
-    const int of_display[] = {display.width, display.height}, of_frame[] = {f.width, f.height};
+ss_status check_ratio(const Method& method, Size render, Size display, ss_error* error) {
+    const int of_display[] = {display.width, display.height}, of_frame[] = {render.width, render.height};
     for (int axis = 0; axis < 2; axis++) {  // either size may have been rounded to whole pixels
         const float most = static_cast<float>(of_display[axis] + 1) / max(of_frame[axis] - 1, 1);
         const float least = static_cast<float>(of_display[axis] - 1) / (of_frame[axis] + 1);
@@ -53,6 +52,12 @@ static ss_status check_frame(const Method& method, const ss_frame& f, Size displ
             return fail(error, SS_BAD_FRAME, "%s is %d for a display of %d; %s takes a ratio from %g to %g",
                         axis ? "height" : "width", of_frame[axis], of_display[axis], method.name, method.ratios[0], method.ratios[1]);
     }
+    return SS_OK;
+}
+
+static ss_status check_frame(const Method& method, const ss_frame& f, Size display, ss_error* error) {
+    if (check_size(f.width, f.height, "the frame", error)) return SS_BAD_FRAME;
+    if (ss_status status = check_ratio(method, {f.width, f.height}, display, error)) return status;
     const struct {
         const char* name;
         const ss_image& image;

@@ -209,6 +209,7 @@ bool plan_tiles(const Step& step, RestWork& work, bool compute_all);  // returns
 bool show_rest(Step& step, RestWork& work, const RestHistory& before, RestHistory& after, int64_t generation);
 View view_of(const ss_image& image, int width, int channels);
 ss_status check_size(int width, int height, const char* name, ss_error* error);
+ss_status check_ratio(const Method& method, Size render, Size display, ss_error* error);
 ss_status check_output(const char* name, const ss_image& image, ss_error* error);
 ss_status check_input(const char* name, const ss_image& image, bool needed, ss_error* error);
 ss_status check_jitter(const float (&jitter)[2], ss_error* error);
