@@ -162,7 +162,7 @@ def test_a_folder_of_extrapolated_frames_with_another_history_is_refused(tmp_pat
 @pytest.mark.parametrize(
     ("method", "constants", "match"),
     [
-        ("taau", {"frame_sigma": 0}, r"config\.frame_sigma is 0; want a number from 0\.001 to 1000"),
+        ("taau", {"sample_sigma": 0}, r"config\.sample_sigma is 0; want a number from 0\.001 to 1000"),
         ("taau", {"samples": "many"}, "config.samples"),
         ("taau", {"settled": None}, "config.settled"),
         ("taa", {"alpha": 1e30}, "config.alpha"),

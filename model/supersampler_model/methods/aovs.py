@@ -4,6 +4,7 @@ It is exported as `aovs.onnx` in every model folder; frames without AOVs do not 
 the method's auxiliary output `weight`, or zeros for a method without history.
 """
 
+from functools import reduce
 from typing import ClassVar
 
 import torch
@@ -14,7 +15,7 @@ from supersampler.methods.aovs.spec import AOVS
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
 
-SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
+SIGMA = 0.35  # Gaussian that upsamples this frame, render pixels
 MIN_CERTAINTY = 1e-3  # sum of the weights below which samples are too far away
 
 
@@ -47,7 +48,21 @@ class BlendAovs(Method):
         current = total / certainty.clamp(min=ops.min_divisor(certainty, 1e-6))
         _, dilated = ops.dilate_motion_2x2(ops.usable_depth(depth), ops.usable_motion(motion))
         vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
-        history = ops.read(ops.finite(history_aovs), ops.reproject(vectors, display, grid).position)
+        history = read_bounded(ops.finite(history_aovs), ops.reproject(vectors, display, grid).position)
         keep = torch.where(certainty > MIN_CERTAINTY, weight.clamp(0.0, 1.0), 1.0)
         blend = current + keep * (history - current)
         return blend, blend * 1.0
+
+
+def read_bounded(image: Tensor, position: Tensor) -> Tensor:
+    """Resample with Catmull-Rom, bounded by the four pixels around: thin coverage blurs less, and none is added.
+
+    Args:
+        image: (1, c, h, w), finite.
+        position: (1, H, W, 2) in its pixels.
+    """
+    around, first = ops.neighbours_2x2(image), position.floor()
+    low, high = (
+        ops.read(reduce(bound, around), first, mode="nearest") for bound in (torch.minimum, torch.maximum)
+    )
+    return torch.minimum(torch.maximum(ops.read_cubic(image, position), low), high)

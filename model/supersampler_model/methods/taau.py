@@ -36,7 +36,6 @@ from supersampler.methods.constants import (
     DARKNESS,
     FULL_WEIGHT,
     GLARE,
-    MIN_CUBIC_WEIGHT,
     MIN_WEIGHT,
 )
 from supersampler.methods.taau.spec import (
@@ -177,26 +176,21 @@ class Taau(Method):
     def gather_current(
         self, toned: Tensor, usable: Tensor, glare: Tensor, surface: Tensor, grid: ops.Grid, view: ops.View
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame four ways, all separable.
+        """Upsample the usable samples of this frame.
 
         `toned`: (1, 3, h, w), filled where samples are missing; shown where no other is near.
         """
-        fill, toned = grid.pick(toned), toned * usable
-        samples = torch.cat([toned, usable], dim=1)
         c = self.config
-        smooth, found = grid.upsample(samples, ops.gaussian(c.frame_sigma)).split_with_sizes([3, 1], dim=1)
-        smooth = torch.where(found > MIN_WEIGHT, smooth / found.clamp(min=MIN_WEIGHT), fill)
-        sharp, whole = grid.upsample(samples, ops.catmull_rom).split_with_sizes([3, 1], dim=1)
-        sharpness = c.frame_sharpness * (
-            whole > MIN_CUBIC_WEIGHT
-        )  # with missing samples the negative weights dominate
+        frame = ops.upsample_along_edges(toned, usable, grid)
+        toned = toned * usable
+        samples = torch.cat([toned, usable], dim=1)
         near = grid.upsample(samples, ops.gaussian(c.sample_sigma), view.ratio)
         near, weight = near.split_with_sizes([3, 1], dim=1)
         fit = fit_of(toned[:, :1], usable, surface[:, 2:3])
         at_pixel = grid.pick(torch.cat([surface[:, 1:3], fit, ops.maximum_3x3(glare)], dim=1))
         shade, fit, glare = at_pixel.split_with_sizes([2, 1, 1], dim=1)
         return CurrentFrame(
-            frame=smooth + sharpness * (sharp / whole.clamp(min=1e-6) - smooth),
+            frame=frame,
             sample=near / weight.clamp(min=1e-6),
             confidence=weight.clamp(max=1.0),
             moments=plane_moments(toned, usable, fit, grid, c.moment_sigma),

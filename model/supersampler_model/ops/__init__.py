@@ -6,6 +6,7 @@ They have no weights and do not depend on a method; the CPU kernels compute the 
 
 from supersampler_model.ops.blending import *
 from supersampler_model.ops.color import *
+from supersampler_model.ops.edges import *
 from supersampler_model.ops.images import *
 from supersampler_model.ops.motion import *
 from supersampler_model.ops.sampling import *

@@ -26,6 +26,14 @@ FULL_WEIGHT = 0.999
 MIN_KERNEL_WEIGHT = 1e-4
 """Added to the Gaussian that a learned kernel multiplies: no sample around is out of its reach."""
 
+ACROSS, ACROSS_EDGE = -0.914, -0.209
+"""Logarithm of the deviation, render pixels, across an edge, of the Gaussian that upsamples one frame, and what
+is added times the edge's coherence. All of these are fitted to single frames of training sequences."""
+ALONG, ALONG_EDGE = -0.987, 0.73
+"""The logarithm along an edge, and what is added there."""
+EDGE_CONTRAST = 8.5e-4
+"""Sum of squared gradients of toned luma at four samples from which on they are an edge rather than noise."""
+
 FINITE_MOTION = 3e38
 """Render pixels: longer motion counts as none, as NaN does."""
 MAX_MOTION = 1e6

@@ -31,10 +31,6 @@ MIN_BOX_WEIGHT = 0.5
 class TaauConfig:
     """Constants, tuned with `supersampler bench quality` and the analytic scenes of the tests."""
 
-    frame_sigma: Sigma = 0.365
-    """Gaussian that upsamples this frame alone, render pixels."""
-    frame_sharpness: Number = 0.25
-    """Fraction of Catmull-Rom in that upsampling."""
     sample_sigma: Sigma = 0.47
     """Gaussian of a sample's influence on the accumulated colour, display pixels."""
     history_sharpness: Number = 0.7

@@ -8,6 +8,7 @@
 // import disocclusion
 // import variance_box
 // import contrast
+// import edges
 // import samples
 // import reactive
 // import show
@@ -27,7 +28,6 @@
 @group(0) @binding(13) var kept_samples: texture_2d<f32>;            // x: of the history, by block
 
 struct Current {          // this frame; colours are toned YCoCg
-    frame: vec3f,         // smooth upsampling
     sample: vec3f,        // mean of the samples near the pixel
     confidence: f32,      // sum of their weights
     center: vec3f,        // mean of the samples around, luma by the plane through them
@@ -69,16 +69,10 @@ fn gather_current(p: vec2i) -> Current {
     let first = floor(at) - 1.0;
     let dx = first.x + vec4f(0.0, 1.0, 2.0, 3.0) - at.x;
     let dy = first.y + vec4f(0.0, 1.0, 2.0, 3.0) - at.y;
-    let smooth_x = gaussian(dx, FRAME_SIGMA);
-    let smooth_y = gaussian(dy, FRAME_SIGMA);
-    let sharp_x = catmull_rom(dx);
-    let sharp_y = catmull_rom(dy);
     let near_x = gaussian(dx * scale.x, SAMPLE_SIGMA);
     let near_y = gaussian(dy * scale.y, SAMPLE_SIGMA);
     let line_x = line_filters(dx, MOMENT_SIGMA);
     let line_y = line_filters(dy, MOMENT_SIGMA);
-    var smoothed = vec4f(0.0);
-    var sharp = vec4f(0.0);
     var near = vec4f(0.0);
     var moment = vec4f(0.0);
     var square = vec3f(0.0);
@@ -90,8 +84,6 @@ fn gather_current(p: vec2i) -> Current {
             let tap = toned_sample(samples, vec2i(first) + vec2i(i, j));
             let color = ycocg(tap.rgb);
             let value = vec4f(color, tap.a);
-            smoothed += smooth_x[i] * smooth_y[j] * value;
-            sharp += sharp_x[i] * sharp_y[j] * value;
             near += near_x[i] * near_y[j] * value;
             moment += line_x.mean[i] * line_y.mean[j] * value;
             square += line_x.mean[i] * line_y.mean[j] * color * color;
@@ -100,9 +92,6 @@ fn gather_current(p: vec2i) -> Current {
             if (all(abs(away) <= vec2i(1))) { steps += vec3f(vec2f(away) * color.x, tap.a); }
         }
     }
-    var frame = smoothed.xyz / max(smoothed.w, MIN_WEIGHT);
-    if (smoothed.w <= MIN_WEIGHT) { frame = ycocg(filled_sample(samples, sample)); }
-    let sharpness = select(0.0, FRAME_SHARPNESS, sharp.w > MIN_CUBIC_WEIGHT);
     var center = moment.xyz / max(moment.w, 1e-6);
     var variance = max(square / max(moment.w, 1e-6) - center * center, vec3f(0.0));
     let shade = textureLoad(next_surface, sample, 0).zw;
@@ -112,7 +101,6 @@ fn gather_current(p: vec2i) -> Current {
     center.x -= fit * dot(slope, vec2f(line_x.shift, line_y.shift));
     variance.x = max(variance.x - fit * dot(slope, slope), 0.0);
     return Current(
-        frame + sharpness * (sharp.xyz / max(sharp.w, 1e-6) - frame),
         near.xyz / max(near.w, 1e-6),
         min(near.w, 1.0),
         center,
@@ -221,11 +209,13 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     var blend = decide(now, before);
     let reactive = mask_in(textureLoad(dilated, nearest(render_position(p)), 0).w);
     let settled_part = min(blend.samples / SETTLED, 1.0);
-    let sample = now.frame + settled_part * (now.sample - now.frame);
+    var frame = now.sample;
+    if (settled_part < 1.0 || reactive > 0.0) { frame = upsample_along_edges(samples, render_position(p)); }
+    let sample = frame + settled_part * (now.sample - frame);
     var color = blend.history + blend.weight * (sample - blend.history);
     let known = blend.samples > MIN_SAMPLES;
-    if (!known) { color = now.frame; }
-    color += reactive * (now.frame - color);
+    if (!known) { color = frame; }
+    color += reactive * (frame - color);
     blend.samples *= 1.0 - reactive;
     let exposure = exposure_of(next_state);
     let linear = bounded(inverse_tone(max(from_ycocg(color), vec3f(0.0))) / exposure);
