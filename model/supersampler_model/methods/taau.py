@@ -279,7 +279,7 @@ class Taau(Method):
         `reactive`, (1, 1, H, W), is the share of this frame alone in the image, whatever the samples.
         """
         settled = (blend.samples / self.config.settled).clamp(max=1.0)
-        sample = current.frame + settled * (current.sample - current.frame)
+        sample = current.sample + (1.0 - settled) * (current.frame - current.sample)
         color = blend.history + blend.weight * (sample - blend.history)
         color = torch.where(blend.samples > MIN_SAMPLES, color, current.frame)
         color = color + reactive * (current.frame - color)

@@ -2,7 +2,7 @@
 
 Steering kernel regression (Takeda, Farsiu and Milanfar 2007): the samples around a pixel are averaged under a
 Gaussian whose axes are those of the structure tensor of luma, and whose two deviations depend on the tensor's
-coherence. Gradients and samples are those of the 4x4 samples around the pixel.
+coherence. Gradients and samples are those of the 4x4 samples around the pixel, and their weights end at 0 there.
 """
 
 from typing import NamedTuple
@@ -13,14 +13,13 @@ from torch.nn import functional as F
 
 from supersampler.methods.constants import (
     ACROSS,
-    ACROSS_EDGE,
     ALONG,
-    ALONG_EDGE,
     EDGE_CONTRAST,
+    EDGE_SIGMA,
     MIN_WEIGHT,
 )
 from supersampler_model.ops.images import channels_of, padded_3x3, pick_columns, size_of, sum_of
-from supersampler_model.ops.sampling import Bands, Grid, GridAxis, bands, resample
+from supersampler_model.ops.sampling import Bands, Grid, GridAxis, bands, linear, resample
 
 
 class Form(NamedTuple):
@@ -48,21 +47,22 @@ def upsample_along_edges(color: Tensor, usable: Tensor, grid: Grid) -> Tensor:
         line, y = samples.index_select(2, row), y[:, None]
         for column, x in columns:
             distance = form.xx * (x * x) + form.xy * (y * x) + form.yy * (y * y)
-            sums.append((-0.5 * distance).exp() * pick_columns(line, column))
+            weight = (-0.5 * distance).exp() * (window(x) * window(y))
+            sums.append(weight * pick_columns(line, column))
     total, weight = sum_of(sums).split_with_sizes([3, 1], dim=1)
     return torch.where(weight > MIN_WEIGHT, total / weight.clamp(min=MIN_WEIGHT), grid.pick(color))
 
 
 def structure_tensor(luma: Tensor, grid: Grid) -> Form:
-    """Sum the products of the gradients at the four samples around each display pixel."""
+    """Interpolate the products of the gradients at the four samples around each display pixel."""
     slope = luma.new_tensor([[-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0], [-1.0, 0.0, 1.0]]) / 8.0  # Sobel
     slopes = F.conv2d(padded_3x3(padded_3x3(luma)), torch.stack([slope, slope.T])[:, None])
     x, y = channels_of(slopes)  # with one more sample at each side
 
-    def four(axis: GridAxis, size: int) -> Bands:
-        return bands(axis.position + 1.0, size + 2, axis.span, torch.ones_like, reach=1, aligned=grid.aligned)
+    def around(axis: GridAxis, size: int) -> Bands:
+        return bands(axis.position + 1.0, size + 2, axis.span, linear, reach=1, aligned=grid.aligned)
 
-    across, down = map(four, (grid.x, grid.y), size_of(luma))
+    across, down = map(around, (grid.x, grid.y), size_of(luma))
     return Form(*channels_of(resample(torch.cat([x * x, x * y, y * y], dim=1), across, down)))
 
 
@@ -71,10 +71,14 @@ def steering_form(tensor: Form) -> Form:
     difference = tensor.xx - tensor.yy
     contrast = (difference * difference + 4.0 * tensor.xy * tensor.xy + 1e-12).sqrt()
     coherence = contrast / (tensor.xx + tensor.yy + EDGE_CONTRAST)
-    across = (-2.0 * (ACROSS + ACROSS_EDGE * coherence)).exp()  # reciprocal variances
-    along = (-2.0 * (ALONG + ALONG_EDGE * coherence)).exp()
+    across, along = ((-2.0 * of * coherence).exp() / EDGE_SIGMA**2 for of in (ACROSS, ALONG))  # 1 / variance
     mean, turn = 0.5 * (across + along), 0.5 * (across - along) / contrast
     return Form(mean + turn * difference, 4.0 * turn * tensor.xy, mean - turn * difference)
+
+
+def window(distance: Tensor) -> Tensor:
+    """Return a weight that is 0 at a distance of two samples along an axis, where samples come and go."""
+    return 1.0 - 0.25 * distance * distance
 
 
 def _taps(axis: GridAxis, size: int) -> list[tuple[Tensor, Tensor]]:

@@ -27,6 +27,10 @@ constexpr float MIN_WEIGHT = 0.001f;
 constexpr float MIN_CUBIC_WEIGHT = 0.9f;
 constexpr float FULL_WEIGHT = 0.999f;
 constexpr float MIN_KERNEL_WEIGHT = 0.0001f;
+constexpr float EDGE_SIGMA = 0.407f;
+constexpr float ACROSS = -0.17f;
+constexpr float ALONG = 0.64f;
+constexpr float EDGE_CONTRAST = 0.0011f;
 constexpr float FINITE_MOTION = 3e+38f;
 constexpr float MAX_MOTION = 1000000.0f;
 constexpr float MAX_DEPTH = 1e+30f;
@@ -91,8 +95,6 @@ constexpr float MIN_CHANGE = 0.004f;
 constexpr float MIN_SAMPLES = 0.001f;
 constexpr float MIN_BOX_WEIGHT = 0.5f;
 struct Config {
-    float frame_sigma = 0.365f;
-    float frame_sharpness = 0.25f;
     float sample_sigma = 0.47f;
     float history_sharpness = 0.7f;
     float moment_sigma = 0.4f;
@@ -117,8 +119,6 @@ struct Config {
     float lag_samples = 0.014f;
 };
 constexpr Constant CONSTANTS[] = {
-    {"frame_sigma", 0.001f, 1000.0f},
-    {"frame_sharpness", 0.0f, 1000000.0f},
     {"sample_sigma", 0.001f, 1000.0f},
     {"history_sharpness", 0.0f, 1000000.0f},
     {"moment_sigma", 0.001f, 1000.0f},

@@ -71,7 +71,7 @@ struct Guide {
 };
 
 // A separable filter of the four samples around a display pixel.
-enum FilterKind { LINEAR, CUBIC, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };
+enum FilterKind { LINEAR, CUBIC, DISTANCE, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };  // DISTANCE: none, the distances
 struct Filter {
     FilterKind kind;
     float sigma = 0.0f;

@@ -174,6 +174,8 @@ static void filter_weights(const Filter& filter, const F (&distance)[4], F (&w)[
         } else if (filter.kind == CUBIC) {
             F near = (1.5f * d - 2.5f) * d * d + 1.0f, far = ((-0.5f * d + 2.5f) * d - 4.0f) * d + 2.0f;
             w[k] = select(d < 1.0f, near, select(d < 2.0f, far, 0.0f));
+        } else if (filter.kind == DISTANCE) {
+            w[k] = distance[k];
         } else {
             w[k] = exponential(d * d * scale);
         }

@@ -1,15 +1,16 @@
 // `taau`, temporal upsampling without a network; the same as supersampler_model.methods.taau, in one pass over the image.
 #include "disocclusion.h"
+#include "edges.h"
 #include "images.h"
 
 namespace ss::SS_ISA {
 
 using namespace taau;
 
-// Lines of filtered samples, by filter (see methods/taau.cpp): RGB and usable by three filters, YCoCg with its squares
-// and usable, and the slope of luma down.
-enum Line { OF_FRAME, OF_CUBIC = 4, OF_MEAN = 8, OF_MEAN_USABLE = 14, OF_SLOPE = 15, OF_SAMPLE = 16, TAAU_LINES = 20 };
-enum OfFilter { BY_FRAME, BY_CUBIC, BY_MEAN, BY_SAMPLE, BY_SLOPE, BY_SHIFT };
+// Lines of filtered samples, by filter (see methods/taau.cpp): YCoCg with its squares and usable, the slope of luma down,
+// RGB and usable.
+enum Line { OF_MEAN, OF_MEAN_USABLE = 6, OF_SLOPE = 7, OF_SAMPLE = 8 };
+enum OfFilter { BY_MEAN, BY_SAMPLE, BY_SLOPE, BY_SHIFT, BY_DISTANCE };
 
 // Whether 3x3 samples are on a plane, [0, 1]. across: sum of the samples to the right less that of those to the left.
 static F fit_of(F across, F down, F deviation) {
@@ -76,10 +77,9 @@ void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
 
 // This frame at display pixels, toned YCoCg; same as `CurrentFrame` of the torch module.
 struct CurrentFrame {
-    F3 frame, sample;
+    F3 sample;
     F confidence;
     F3 center, deviations;
-    I found;  // a usable sample is near
 };
 
 static CurrentFrame current_frame(const TaauWork& w, const float* lines, const Places& places, int y, int x, F fit) {
@@ -91,12 +91,7 @@ static CurrentFrame current_frame(const TaauWork& w, const float* lines, const P
     auto rgb = [&](int line, int filter) __attribute__((always_inline)) {
         return F3{across(line, filter), across(line + 1, filter), across(line + 2, filter)};
     };
-    F weight = across(OF_FRAME + 3, BY_FRAME), sharp_weight = across(OF_CUBIC + 3, BY_CUBIC);
-    F sharp = select(sharp_weight > MIN_CUBIC_WEIGHT, w.config.frame_sharpness, F{});
-    F3 smooth = rgb(OF_FRAME, BY_FRAME) * (1.0f / maximum(weight, 1e-6f));
     CurrentFrame c;
-    c.found = weight > MIN_WEIGHT;
-    c.frame = ycocg(lerp(smooth, rgb(OF_CUBIC, BY_CUBIC) * (1.0f / maximum(sharp_weight, 1e-6f)), sharp));
     F near = across(OF_SAMPLE + 3, BY_SAMPLE);
     c.sample = ycocg(rgb(OF_SAMPLE, BY_SAMPLE) * (1.0f / maximum(near, 1e-6f)));
     c.confidence = minimum(near, 1.0f);
@@ -135,8 +130,10 @@ struct Blended {
 // `Taau.network` and `Taau.finish`. around: mean toned luma of 3x3 samples; glare: 1 where this frame has light over
 // GLARE_EXPOSED nearby; flash: 1 where the light of this frame is unconfirmed; speed: display pixels; blur: of the
 // resampling, 0 on a pixel's centre, 1 on a corner of four; reactive: fraction of the image that is this frame alone.
-static Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& past, F around, F fit, F glare, F flash, F speed,
-                     F blur, F reactive) {
+// upsampled(): YCoCg of this frame alone, for where that is shown.
+template <class Upsampled>
+SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& past, F around, F fit, F glare, F flash, F speed,
+                        F blur, F reactive, const Upsampled& upsampled) {
     const Config& n = w.config;
     F gamma = minimum(speed * (1.0f / n.gamma_speed), 1.0f) * (n.gamma_moving - n.gamma_still) + n.gamma_still;
     F power = past.power, warped_glare = F{}, unchanged = past.unchanged;
@@ -157,11 +154,13 @@ static Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& pas
     F weight = now.confidence / maximum(samples + now.confidence, 1e-6f);
     I known = samples > MIN_SAMPLES;
     F settled = minimum(samples * (1.0f / n.settled), 1.0f);
-    F3 shown = select(known, lerp(rectified, lerp(now.frame, now.sample, settled), weight), now.frame);
+    const bool alone = !all((settled >= 1.0f) & (reactive <= 0.0f));
+    F3 frame = alone ? upsampled() : now.sample;
+    F3 shown = select(known, lerp(rectified, lerp(now.sample, frame, 1.0f - settled), weight), frame);
     Blended b;
     b.weight = select(known, 1.0f - weight, 0.0f);
     if (w.samples.has_reactive) {
-        shown = lerp(shown, now.frame, reactive);
+        shown = lerp(shown, frame, reactive);
         b.weight *= 1.0f - reactive;
         samples *= 1.0f - reactive;
     }
@@ -228,8 +227,6 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
         auto down = [&](int filter, int plane, int count, int line) __attribute__((always_inline)) {
             filter_down(Rows(ay, filter, y, s.color, row_pitch), span, plane, count, s.pitch, lines + line * s.pitch);
         };
-        down(BY_FRAME, TONED, 4, OF_FRAME);
-        down(BY_CUBIC, TONED, 4, OF_CUBIC);
         down(BY_MEAN, LUMA, 6, OF_MEAN);
         down(BY_MEAN, USABLE, 1, OF_MEAN_USABLE);
         down(BY_SLOPE, LUMA, 1, OF_SLOPE);
@@ -279,12 +276,12 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
             if (w.unconfirmed == 1.0f)
                 flash = select(deviation * deviation > deviation_before * deviation_before * FLASH + LEAST_FLASH, 1.0f, F{});
             CurrentFrame now = current_frame(w, lines, places, y, x, fit);
-            if (s.fill_across) now.frame = ycocg(or_fill(now.found, from_ycocg(now.frame), s, w.tables, y, x));
+            auto upsampled = [&] { return upsample_along_edges(s, w.tables, BY_DISTANCE, places, y, x); };
             F reactive = s.has_reactive ? reactive_at(s, w.tables, y, x) : F{};
             if (w.kept) past.samples = minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
             F tx = px - floor(px), ty = py - floor(py);
             Blended b = blend(w, now, past, mean, fit, glare, flash, square_root(mx * mx + my * my),
-                              (tx * (1.0f - tx) + ty * (1.0f - ty)) * 2.0f, reactive);
+                              (tx * (1.0f - tx) + ty * (1.0f - ty)) * 2.0f, reactive, upsampled);
             if (w.target.weight) write_plane(w.target.weight, y, x, rect.x1, b.weight);
             write_image(w.target, y, x, rect.x1, b.color);
             write_history(w.next_history, display.width, y, x, rect.x1, b, scratch);

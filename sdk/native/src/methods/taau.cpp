@@ -7,13 +7,15 @@ namespace ss {
 
 using namespace taau;
 
-constexpr int LINES = 20;
+constexpr int LINES = 12;
 
 static const Filter* filters(const Model& model, Filter* room, int* count, float*) {
     const Config& c = model.config_of<Config>();
-    const Filter made[] = {{GAUSSIAN, c.frame_sigma},         {CUBIC},
-                           {LINE_MEAN, c.moment_sigma},       {GAUSSIAN, c.sample_sigma, true},
-                           {LINE_SLOPE, c.moment_sigma},      {LINE_SHIFT, c.moment_sigma}};
+    const Filter made[] = {{LINE_MEAN, c.moment_sigma},
+                           {GAUSSIAN, c.sample_sigma, true},
+                           {LINE_SLOPE, c.moment_sigma},
+                           {LINE_SHIFT, c.moment_sigma},
+                           {DISTANCE}};
     *count = sizeof made / sizeof *made;
     memcpy(room, made, sizeof made);
     return room;

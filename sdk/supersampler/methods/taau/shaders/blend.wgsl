@@ -211,7 +211,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let settled_part = min(blend.samples / SETTLED, 1.0);
     var frame = now.sample;
     if (settled_part < 1.0 || reactive > 0.0) { frame = upsample_along_edges(samples, render_position(p)); }
-    let sample = frame + settled_part * (now.sample - frame);
+    let sample = now.sample + (1.0 - settled_part) * (frame - now.sample);
     var color = blend.history + blend.weight * (sample - blend.history);
     let known = blend.samples > MIN_SAMPLES;
     if (!known) { color = frame; }
