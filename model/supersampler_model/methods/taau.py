@@ -63,12 +63,15 @@ class Moments(NamedTuple):
 
     center: Tensor  # (1, 3, H, W)
     variance: Tensor  # (1, 3, H, W) 1 where most samples of the window are not usable
+    weight: Tensor  # (1, 1, H, W) fraction of the window that is usable, [0, 1]
 
 
 class CurrentFrame(NamedTuple):
     """This frame at display size; colours are toned YCoCg."""
 
-    frame: Tensor  # (1, 3, H, W) smooth upsampling
+    frame: (
+        Tensor  # (1, 3, H, W) this frame alone: luma upsampled along edges, mean chroma of the samples around
+    )
     sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
     confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
     moments: Moments  # of the samples around each pixel
@@ -181,19 +184,21 @@ class Taau(Method):
         `toned`: (1, 3, h, w), filled where samples are missing; shown where no other is near.
         """
         c = self.config
-        frame = ops.upsample_along_edges(toned, usable, grid)
-        toned = toned * usable
+        luma = ops.upsample_along_edges(toned[:, :1], usable, grid)
+        fill, toned = grid.pick(toned[:, 1:]), toned * usable
         samples = torch.cat([toned, usable], dim=1)
         near = grid.upsample(samples, ops.gaussian(c.sample_sigma), view.ratio)
         near, weight = near.split_with_sizes([3, 1], dim=1)
         fit = fit_of(toned[:, :1], usable, surface[:, 2:3])
         at_pixel = grid.pick(torch.cat([surface[:, 1:3], fit, ops.maximum_3x3(glare)], dim=1))
         shade, fit, glare = at_pixel.split_with_sizes([2, 1, 1], dim=1)
+        moments = plane_moments(toned, usable, fit, grid, c.moment_sigma)
+        chroma = torch.where(moments.weight > MIN_WEIGHT, moments.center[:, 1:], fill)
         return CurrentFrame(
-            frame=frame,
+            frame=torch.cat([luma, chroma], dim=1),
             sample=near / weight.clamp(min=1e-6),
             confidence=weight.clamp(max=1.0),
-            moments=plane_moments(toned, usable, fit, grid, c.moment_sigma),
+            moments=moments,
             fit=fit,
             shade=shade,
             glare=glare,
@@ -245,7 +250,7 @@ class Taau(Method):
         spread = warped.power.sqrt() * unchanged
         moving = (warped.speed / c.gamma_speed).clamp(max=1.0)
         gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * moving
-        center, variance = current.moments
+        center, variance = current.moments[:2]
         box = ops.Box(center, gamma * variance.sqrt() + c.gamma_time * spread)
 
         inside = 1.0 - (c.forget * (ops.overshoot(warped.color, box) - 1.0)).clamp(0.0, 1.0)
@@ -455,4 +460,5 @@ def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, si
     luma = mean[:, :1] - fit * (across * x.shift + down * y.shift[:, None])
     luma_variance = (variance[:, :1] - fit * (across * across + down * down)).clamp(min=0.0)
     variance = torch.cat([luma_variance, variance[:, 1:]], dim=1)
-    return Moments(torch.cat([luma, mean[:, 1:]], dim=1), torch.where(weight > MIN_BOX_WEIGHT, variance, 1.0))
+    variance = torch.where(weight > MIN_BOX_WEIGHT, variance, 1.0)
+    return Moments(torch.cat([luma, mean[:, 1:]], dim=1), variance, weight)

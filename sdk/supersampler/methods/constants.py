@@ -26,12 +26,11 @@ FULL_WEIGHT = 0.999
 MIN_KERNEL_WEIGHT = 1e-4
 """Added to the Gaussian that a learned kernel multiplies: no sample around is out of its reach."""
 
-EDGE_SIGMA = 0.407
-"""Deviation, render pixels, of the Gaussian that upsamples one frame, where there is no edge. Fitted, as the next,
-to single frames of training sequences, then narrowed by 8 %, as samples of later frames are added."""
-ACROSS, ALONG = -0.17, 0.64
-"""Logarithms of factors of that deviation across and along an edge."""
-EDGE_CONTRAST = 1.1e-3
+ROUND, ACROSS, ALONG = 0.5, 0.71, 0.27
+"""Reciprocal of the squared distance, render pixels, at which a sample has no weight when one frame is upsampled
+along its edges: without an edge, across one, and along it, where it is at least 1/4. Fitted to single frames of
+training sequences, then 8 % narrower, as samples of later frames are added."""
+EDGE_CONTRAST = 5e-4
 """Squared gradient of toned luma per render pixel from which on there is an edge rather than noise."""
 
 FINITE_MOTION = 3e38

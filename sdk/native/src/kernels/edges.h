@@ -10,29 +10,14 @@ struct Form {
     F xx, xy, yy;
 };
 
-// The form whose negative half is the exponent of the Gaussian, from the structure tensor.
-SS_INLINE Form steering_form(Form tensor) {
+// The form that is 1 at distances from which on samples have no weight, from the structure tensor.
+SS_INLINE Form kernel_form(Form tensor) {
     F difference = tensor.xx - tensor.yy;
     F contrast = square_root(difference * difference + 4.0f * tensor.xy * tensor.xy + 1e-12f);
     F coherence = contrast / (tensor.xx + tensor.yy + EDGE_CONTRAST);
-    constexpr float scale = 1.0f / (EDGE_SIGMA * EDGE_SIGMA);
-    F across = scale / exponential(2.0f * ACROSS * coherence);  // 1 / variance; `exponential` takes no positive numbers
-    F along = scale * exponential(-2.0f * ALONG * coherence);
-    F mean = 0.5f * (across + along), turn = 0.5f * (across - along) / contrast;
+    F mean = ROUND + (0.5f * (ACROSS + ALONG) - ROUND) * coherence;
+    F turn = 0.5f * (ACROSS - ALONG) * coherence / contrast;
     return {mean + turn * difference, 4.0f * turn * tensor.xy, mean - turn * difference};
-}
-
-// Luma of the 4x4 samples around W pixels, filled where they are missing.
-[[maybe_unused]] static void load_luma(const Samples& s, const Tables& t, const Places& places, int y, int x, F (&luma)[4][4]) {
-    for (int j = 0; j < 4; j++) {
-        const int row = t.y.clamped(t.y.start[y] - 1 + j);
-        for (int i = 0; i < 4; i++) {
-            luma[j][i] = places.at(sample_row(s, row, LUMA) - PAD, i - 1);
-            if (!s.fill_across) continue;
-            F3 fill = fill_at(s, row, clamped(load(t.x.start + x) + (i - 1), 0, s.width - 1), true);
-            luma[j][i] = select(places.at(sample_row(s, row, USABLE) - PAD, i - 1) > 0.0f, luma[j][i], ycocg(fill).r);
-        }
-    }
 }
 
 // The products of the gradients at the four samples around W pixels, interpolated; dx, dy: distances of the 4x4 samples.
@@ -50,30 +35,37 @@ SS_INLINE Form structure_tensor(const F (&luma)[4][4], const F (&dx)[4], const f
     return tensor;
 }
 
-// YCoCg of this frame alone at W pixels. `distance`: the filter of the tables that has the distances of the samples.
-[[maybe_unused]] static F3 upsample_along_edges(const Samples& s, const Tables& t, int distance, const Places& places, int y, int x) {
-    F luma[4][4];
-    load_luma(s, t, places, y, x, luma);
-    F dx[4];
+// Luma of this frame alone at W pixels. `distance`: the filter of the tables that has the distances of the samples.
+[[maybe_unused]] static F upsample_along_edges(const Samples& s, const Tables& t, int distance, const Places& places, int y, int x) {
+    F luma[4][4], usable[4][4], dx[4];
     float dy[4];
-    for (int k = 0; k < 4; k++) dx[k] = load(t.x.tap(distance, k) + x), dy[k] = t.y.tap(distance, k)[y];
-    const Form form = steering_form(structure_tensor(luma, dx, dy));
-    F3 total = {F{}, F{}, F{}};
-    F weights = F{};
     for (int j = 0; j < 4; j++) {
         const int row = t.y.clamped(t.y.start[y] - 1 + j);
+        dx[j] = load(t.x.tap(distance, j) + x), dy[j] = t.y.tap(distance, j)[y];
         for (int i = 0; i < 4; i++) {
-            auto plane = [&](int of) { return places.at(sample_row(s, row, of) - PAD, i - 1); };
-            F exponent = -0.5f * (form.xx * dx[i] * dx[i] + form.xy * dx[i] * dy[j] + form.yy * (dy[j] * dy[j]));
-            F window = (1.0f - 0.25f * dx[i] * dx[i]) * (1.0f - 0.25f * dy[j] * dy[j]);  // 0 where samples come and go
-            F weight = exponential(minimum(exponent, 0.0f)) * window * plane(USABLE);
-            total = total + F3{plane(LUMA), plane(LUMA + 1), plane(LUMA + 2)} * weight;
-            weights += weight;
+            luma[j][i] = places.at(sample_row(s, row, LUMA) - PAD, i - 1);
+            if (!s.fill_across) continue;
+            usable[j][i] = places.at(sample_row(s, row, USABLE) - PAD, i - 1);
+            F3 fill = fill_at(s, row, clamped(load(t.x.start + x) + (i - 1), 0, s.width - 1), true);
+            luma[j][i] = select(usable[j][i] > 0.0f, luma[j][i], ycocg(fill).r);
         }
     }
-    I found = weights > MIN_WEIGHT;
-    F3 color = total * (1.0f / maximum(weights, MIN_WEIGHT));
-    return s.fill_across ? select(found, color, ycocg(fill_at(s, t.y.nearest[y], load(t.x.nearest + x), true))) : color;
+    const Form form = kernel_form(structure_tensor(luma, dx, dy));
+    F total = F{}, weights = F{};
+    for (int i = 0; i < 4; i++) {
+        F square = 1.0f - form.xx * dx[i] * dx[i], product = form.xy * dx[i];
+        for (int j = 0; j < 4; j++) {
+            F near = maximum(square - (form.yy * dy[j] + product) * dy[j], 0.0f);
+            near *= near;
+            near *= near;
+            if (s.fill_across) near *= usable[j][i];
+            total += near * luma[j][i];
+            weights += near;
+        }
+    }
+    F upsampled = total * (1.0f / maximum(weights, MIN_WEIGHT));
+    if (!s.fill_across) return upsampled;
+    return select(weights > MIN_WEIGHT, upsampled, ycocg(fill_at(s, t.y.nearest[y], load(t.x.nearest + x), true)).r);
 }
 
 }  // namespace ss::SS_ISA

@@ -80,6 +80,7 @@ struct CurrentFrame {
     F3 sample;
     F confidence;
     F3 center, deviations;
+    I found;  // a usable sample is around
 };
 
 static CurrentFrame current_frame(const TaauWork& w, const float* lines, const Places& places, int y, int x, F fit) {
@@ -97,6 +98,7 @@ static CurrentFrame current_frame(const TaauWork& w, const float* lines, const P
     c.confidence = minimum(near, 1.0f);
     F usable = across(OF_MEAN_USABLE, BY_MEAN), scale = 1.0f / maximum(usable, 1e-6f);
     I known = usable > MIN_BOX_WEIGHT;
+    c.found = usable > MIN_WEIGHT;
     F3 mean = rgb(OF_MEAN, BY_MEAN) * scale, square = rgb(OF_MEAN + 3, BY_MEAN) * scale;
     F slope_x = across(OF_MEAN, BY_SLOPE), slope_y = across(OF_SLOPE, BY_MEAN);
     fit = select(usable > FULL_WEIGHT, fit, 0.0f);
@@ -276,7 +278,12 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
             if (w.unconfirmed == 1.0f)
                 flash = select(deviation * deviation > deviation_before * deviation_before * FLASH + LEAST_FLASH, 1.0f, F{});
             CurrentFrame now = current_frame(w, lines, places, y, x, fit);
-            auto upsampled = [&] { return upsample_along_edges(s, w.tables, BY_DISTANCE, places, y, x); };
+            auto upsampled = [&] {
+                F3 frame = now.center;
+                if (s.fill_across) frame = select(now.found, frame, ycocg(fill_at(s, ay.nearest[y], load(ax.nearest + x), true)));
+                frame.r = upsample_along_edges(s, w.tables, BY_DISTANCE, places, y, x);
+                return frame;
+            };
             F reactive = s.has_reactive ? reactive_at(s, w.tables, y, x) : F{};
             if (w.kept) past.samples = minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
             F tx = px - floor(px), ty = py - floor(py);

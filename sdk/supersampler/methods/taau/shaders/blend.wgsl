@@ -31,6 +31,7 @@ struct Current {          // this frame; colours are toned YCoCg
     sample: vec3f,        // mean of the samples near the pixel
     confidence: f32,      // sum of their weights
     center: vec3f,        // mean of the samples around, luma by the plane through them
+    found: bool,          // whether there are any
     variance: vec3f,      // about that
     fit: f32,             // whether 3x3 samples are on that plane, 0 to 1
     shade: vec2f,         // mean and deviation of luma over 3x3 samples
@@ -104,10 +105,19 @@ fn gather_current(p: vec2i) -> Current {
         near.xyz / max(near.w, 1e-6),
         min(near.w, 1.0),
         center,
+        moment.w > MIN_WEIGHT,
         select(vec3f(1.0), variance, moment.w > MIN_BOX_WEIGHT),
         fit,
         shade,
         glares_near(samples, sample));
+}
+
+// This frame alone: luma upsampled along edges, mean chroma of the samples around.
+fn frame_alone(p: vec2i, now: Current) -> vec3f {
+    let at = render_position(p);
+    var chroma = now.center.yz;
+    if (!now.found) { chroma = ycocg(filled_sample(samples, nearest(at))).yz; }
+    return vec3f(upsample_along_edges(samples, at), chroma);
 }
 
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
@@ -210,7 +220,7 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let reactive = mask_in(textureLoad(dilated, nearest(render_position(p)), 0).w);
     let settled_part = min(blend.samples / SETTLED, 1.0);
     var frame = now.sample;
-    if (settled_part < 1.0 || reactive > 0.0) { frame = upsample_along_edges(samples, render_position(p)); }
+    if (settled_part < 1.0 || reactive > 0.0) { frame = frame_alone(p, now); }
     let sample = now.sample + (1.0 - settled_part) * (frame - now.sample);
     var color = blend.history + blend.weight * (sample - blend.history);
     let known = blend.samples > MIN_SAMPLES;
