@@ -6,6 +6,8 @@ input-and-output: the shipped shot as rendered, upscaled, and its reference (REA
 both-ways: the shipped shot in one pass, in two passes, and its reference (docs/how-to/upscale-both-ways.md).
 by-eye: test shots by taau and classifier, and their references (docs/quality.md); run
     `supersampler bench shots` before.
+artifacts: bilinear, taau, classifier, the reference, where the eye sees artifacts first
+    (docs/explanation/artifacts.md); run `supersampler bench shots` before.
 families: a frame of each family of scenes, and the classes of its pixels (docs/data.md).
 """
 
@@ -84,6 +86,31 @@ def by_eye() -> Pixels:
     return np.concatenate(rows)
 
 
+ARTIFACTS = (
+    ("thin_movers", 16, (30, 196)),  # the first image after a cut
+    ("moving_shadows", 12, (408, 285)),  # the edge of a shadow that moves
+    ("thin_movers", 14, (468, 183)),  # what thin things have left
+    ("thin_movers", 22, (371, 237)),  # thin things that stand, from a camera that moves
+)
+"""Shot, frame and corner of each crop."""
+
+
+def artifacts() -> Pixels:
+    """Return crops where there is no history, light moves, thin things move, and thin things stand."""
+    cache, rows = Path(os.environ.get(CACHE_VARIABLE) or default_cache()), []
+    for name, index, corner in ARTIFACTS:
+        shot = Shot.open(shot_folder(cache, name) / f"{variant_name(2.0)}.json")
+        methods = ("bilinear", "taau", "classifier")
+        upscalers = [Upscaler(method, display_size=shot.display_size) for method in methods]
+        for item in islice(shot.frames(), index + 1):
+            images = [upscaler.step(item.frame) for upscaler in upscalers]
+        if item.reference is None:
+            raise SystemExit(f"frame {index} of {name} has no reference")
+        exposure = item.frame.exposure or auto_exposure(item.reference)
+        rows.append(crops(shown([*images, item.reference], exposure), corner, (120, 68), zoom=3))
+    return np.concatenate(rows)
+
+
 def families() -> Pixels:
     """Return a frame of each family of scenes, and the classes of its pixels."""
     size, index, columns = (240, 135), 12, 3
@@ -120,6 +147,7 @@ IMAGES = {
     "input-and-output": (input_and_output, 88),
     "both-ways": (both_ways, 88),
     "by-eye": (by_eye, 88),
+    "artifacts": (artifacts, 88),
     "families": (families, 85),
 }
 """Functions and JPEG qualities."""

@@ -55,7 +55,7 @@ class BlendAovs(Method):
 
 
 def read_bounded(image: Tensor, position: Tensor) -> Tensor:
-    """Resample with Catmull-Rom, bounded by the four pixels around: thin coverage blurs less, and none is added.
+    """Resample with Catmull-Rom, bounded by the four pixels around: coverage of thin things stays sharp.
 
     Args:
         image: (1, c, h, w), finite.

@@ -70,7 +70,7 @@ class CurrentFrame(NamedTuple):
     """This frame at display size; colours are toned YCoCg."""
 
     frame: (
-        Tensor  # (1, 3, H, W) this frame alone: luma upsampled along edges, mean chroma of the samples around
+        Tensor  # (1, 3, H, W) this frame alone: luma upsampled along edges, mean chroma
     )
     sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
     confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]

@@ -1,8 +1,8 @@
 """Upsampling of one frame along its edges, for pixels without history.
 
 Steering kernel regression (Takeda, Farsiu and Milanfar 2007): the samples around a pixel are averaged with
-weights that fall along the axes of the structure tensor of luma, faster across an edge than along it. Gradients
-and samples are those of the 4x4 samples around the pixel; where others take their place, weights are 0.
+weights that fall along the axes of the structure tensor of luma, faster across an edge than along it. Samples
+and gradients are of the 4x4 samples around the pixel. A sample enters and leaves these with a weight of 0.
 """
 
 from typing import NamedTuple
@@ -61,7 +61,7 @@ def structure_tensor(luma: Tensor, grid: Grid) -> Form:
 
 
 def kernel_form(tensor: Form) -> Form:
-    """Return the form that is 1 at distances from which on samples have no weight, from the structure tensor."""
+    """Return the form that is 1 where the weight of samples becomes 0, from the structure tensor."""
     difference = tensor.xx - tensor.yy
     contrast = (difference * difference + 4.0 * tensor.xy * tensor.xy + 1e-12).sqrt()
     coherence = contrast / (tensor.xx + tensor.yy + EDGE_CONTRAST)
