@@ -241,6 +241,7 @@ class Classifier(LearnedMethod):
             view: view of the frame.
             grid: grid of the display.
         """
+        luma = ops.upsample_along_edges(ops.ycocg(toned)[:, :1], usable, grid)
         fill, toned = grid.pick(toned), toned * usable
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
         sample, confidence = self.near_samples(samples, view, grid)
@@ -261,6 +262,7 @@ class Classifier(LearnedMethod):
             edge=edge,
             glare=glare,
             sampled=sampled,
+            luma=luma,
         )
 
     def near_samples(self, samples: Tensor, view: ops.View, grid: ops.Grid) -> tuple[Tensor, Tensor]:
@@ -400,6 +402,10 @@ class Classifier(LearnedMethod):
         color, weight, odds = ops.composite(
             history_colors, current_colors, factors, gathered.reactive, current.frame
         )
+        if current.luma is not None:
+            color = torch.where(
+                warped.samples * warped.surface > 0.0, color, along_edges(color, current.luma)
+            )
         image = ops.bounded(ops.TONES[c.tone_space].inverse(color) / gathered.exposure)
 
         classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)
@@ -449,6 +455,18 @@ def edge_of(depth: Tensor) -> Tensor:
     """Return the relative range of depth over 3x3 samples, (1, 1, h, w) in [0, 1]."""
     closest, farthest = ops.maximum_3x3(depth), ops.minimum_3x3(depth)
     return ((closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)).clamp(0.0, 1.0)
+
+
+def along_edges(color: Tensor, luma: Tensor) -> Tensor:
+    """Return the network's image of one frame, its luma averaged with that upsampled along edges.
+
+    The network's own filter of 3x3 samples leaves stairs, which history removes elsewhere.
+
+    Args:
+        color: (1, 3, H, W) toned RGB.
+        luma: (1, 1, H, W), as YCoCg has it.
+    """
+    return (color + 0.5 * (luma - ops.ycocg(color)[:, :1])).clamp(0.0, ops.TONED[torch.float32])
 
 
 def unexplained_light(

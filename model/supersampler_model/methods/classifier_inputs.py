@@ -39,6 +39,7 @@ class CurrentFrame(NamedTuple):
     edge: Tensor  # (1, 1, H, W) relative range of depth around
     glare: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is over GLARE_EXPOSED
     sampled: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is usable
+    luma: Tensor | None = None  # (1, 1, H, W) upsampled along edges; None where G-buffers have the edges
 
 
 class WarpedHistory(NamedTuple):

@@ -69,9 +69,7 @@ class Moments(NamedTuple):
 class CurrentFrame(NamedTuple):
     """This frame at display size; colours are toned YCoCg."""
 
-    frame: (
-        Tensor  # (1, 3, H, W) this frame alone: luma upsampled along edges, mean chroma
-    )
+    frame: Tensor  # (1, 3, H, W) this frame alone: luma upsampled along edges, mean chroma
     sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
     confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
     moments: Moments  # of the samples around each pixel

@@ -26,10 +26,10 @@ FULL_WEIGHT = 0.999
 MIN_KERNEL_WEIGHT = 1e-4
 """Added to the Gaussian that a learned kernel multiplies: no sample around is out of its reach."""
 
-ROUND, ACROSS, ALONG = 0.5, 0.71, 0.27
+ROUND, ACROSS, ALONG = 0.465, 0.66, 0.26
 """Reciprocals of the squared distance, render pixels, at which a sample has no weight when one frame is
-upsampled along its edges: without an edge, across one, and along it, where it is at least 1/4. Fitted to single
-frames of training sequences, then made 8 % narrower, as samples of later frames are added."""
+upsampled along its edges: without an edge, across one, and along it, where it is at least 1/4. Fitted to
+single frames of training sequences, then made 4 % narrower, as samples of later frames are added."""
 EDGE_CONTRAST = 5e-4
 """Squared gradient of toned luma per render pixel from which on there is an edge rather than noise."""
 

@@ -13,6 +13,9 @@ using namespace classifier;
 // First planes of `Gathered.rest`; `Variant` gives those after them.
 enum Rest { FRAME, SAMPLE = 3, CONFIDENCE = 6, DETAIL, SURFACE = 10, COUNT, MIN_LUMA, MAX_LUMA };
 
+// Filters of the tables, in the order of methods/classifier.cpp.
+enum OfFilter { BY_SAMPLE, BY_CUBIC, BY_MEAN, BY_DISTANCE };
+
 SS_INLINE F3 load_half3(const uint16_t* from) { return {load_half(from), load_half(from + W), load_half(from + 2 * W)}; }
 SS_INLINE void stream_half3(uint16_t* to, F3 v) {
     stream_half(to, v.r);

@@ -1,4 +1,5 @@
 // Finish of the classifiers: the last layers of the network, then the compositor; the same as `Classifier.finish`.
+#include "edges.h"
 #include "guided.h"
 
 namespace ss::SS_ISA {
@@ -101,6 +102,12 @@ SS_INLINE F3 clip_to_center(F3 color, F3 mean, F3 extents) {
     return clamped(from_ycocg(mean + apart * (1.0f / maximum(overshoot, 1.0f))), 0.0f, MAX_TONED);
 }
 
+// The network's image of one frame, its luma averaged with that upsampled along edges.
+SS_INLINE F3 along_edges(F3 color, F luma) {
+    F more = 0.5f * (luma - ycocg(color).r);
+    return clamped({color.r + more, color.g + more, color.b + more}, 0.0f, MAX_TONED);
+}
+
 // Writes up to W pixels of the next history.
 SS_INLINE void write_history(float* to, int count, F3 color, F samples, F low, F high) {
     F v[8] = {color.r, color.g, color.b, samples, low, high, F{}, F{}};
@@ -189,7 +196,12 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         if (rectified) past.add(clip_to_center(color, load_half3(rest + W * variant.mean()), load_half3(rest + W * (variant.mean() + 3))), second);
         if (own_motion) past.add(load_half3(rest + W * variant.own()), third);
         F total = history_weight + current.weight, scale = 1.0f / maximum(total, 1e-12f);
-        F3 image = linear_of(select(total > 0.0f, (past.color + current.color) * scale, frame), s.exposure);
+        F3 toned = select(total > 0.0f, (past.color + current.color) * scale, frame);
+        if (!guided && !all(known)) {
+            const Places around(ax.start, x);
+            toned = select(known, toned, along_edges(toned, upsample_along_edges(s, w.tables, BY_DISTANCE, around, y, x)));
+        }
+        F3 image = linear_of(toned, s.exposure);
         if (w.target.weight) write_plane(w.target.weight, y, x, min(x1, end), history_weight * scale);
         write_image(w.target, y, x, min(x1, end), image);
         // next history

@@ -47,7 +47,6 @@ struct CurrentFrame {
     F variance;  // the largest of three channels
     I found;
 };
-enum OfFilter { BY_SAMPLE, BY_CUBIC, BY_MEAN };
 enum Line { OF_SAMPLE, OF_CUBIC = 4, OF_MEAN = 8, OF_MEAN_USABLE = 14 };
 
 static void filter_all_down(const ClassifierWork& w, int y, Span span, float* lines, bool cubic) {

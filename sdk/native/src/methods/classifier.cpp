@@ -33,7 +33,8 @@ static const Filter* filters(const Model& model, Filter* room, int* count, float
     room[0] = {GAUSSIAN, c.sample_sigma, true};
     room[1] = {CUBIC};
     room[2] = {GAUSSIAN, c.moment_sigma};
-    *count = 3;
+    room[3] = {DISTANCE};
+    *count = 4;
     *window_sigma = c.kernel_sigma;
     return room;
 }

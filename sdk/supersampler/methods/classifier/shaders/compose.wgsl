@@ -3,6 +3,7 @@
 // import params
 // import state
 // import sampling
+// import edges
 // import current_frame
 // import warped_history
 // import unexplained_light
@@ -85,6 +86,11 @@ fn filter_samples(at: vec2f, blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
     return sum;
 }
 
+// The network's image of one frame, its luma averaged with that upsampled along edges.
+fn along_edges(color: vec3f, luma: f32) -> vec3f {
+    return clamp(color + 0.5 * (luma - ycocg(color).x), vec3f(0.0), vec3f(MAX_TONED));
+}
+
 // Range of luma after this frame's sample, and the number of frames with glare.
 fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, glared: f32) -> u32 {
     let known = before.samples > 0.0;
@@ -125,7 +131,8 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
     }
     let weights = history.weight + current.weight;
     let total = max(weights, 1e-12);
-    let toned = select(now.frame, (history.color + current.color) / total, weights > 0.0);
+    var toned = select(now.frame, (history.color + current.color) / total, weights > 0.0);
+    if (before.samples * visibility <= 0.0) { toned = along_edges(toned, upsample_along_edges(samples, at)); }
     let image = bounded(inverse_tone(toned) / exposure);
 
     let odds = history.weight / max(current.weight, 1e-12) * (sampled + 2.0 * FRAME_PRIOR * sampled_here);
