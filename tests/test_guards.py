@@ -51,7 +51,7 @@ READS = {
 KILOBYTES = {
     "step.onnx": 520,
     "aovs.onnx": 21,
-    "step.fp16.onnx": 340,
+    "step.fp16.onnx": 360,
     "network.onnx": 360,
     "network.int8.onnx": 116,
     "network.npz": 137,
