@@ -64,7 +64,7 @@ def present(
         plane(0.3, 0.0, 0.0),
         plane(0.5, 0.0, 0.0),
         plane(confidence),
-        Moments(plane(0.4, 0.0, 0.0), plane(0.2**2, 1e-2, 1e-2)),
+        Moments(plane(0.4, 0.0, 0.0), plane(0.2**2, 1e-2, 1e-2), plane(1.0)),
         plane(fit),
         plane(*shade),
         plane(0.0),
