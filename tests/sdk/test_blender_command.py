@@ -617,7 +617,7 @@ def test_a_record_is_read_as_it_was_written(folder: Path) -> None:
         ({"first": -1}, r"Expected `int` >= 0 - at `\$\.first`, is -1"),
         ({"jitter": []}, r"length >= 1 - at `\$\.jitter`, is \[\]"),
         ({"frames": [{"camera": [[1]], "shift": [0, 0]}]}, r"length 4 - at `\$\.frames\[0\]\.camera\[0\]`"),
-        ({"frames": [{"camera": [[0] * 4] * 4, "shift": [0, 0]}]}, "no invertible matrix"),
+        ({"frames": [{"camera": [[0] * 4] * 4, "shift": [0, 0]}]}, "not an invertible matrix"),
         ({"frames": [{"camera": np.eye(4).tolist()}]}, "missing required field `shift`"),
         ({"frames": []}, "has no complete frame"),
         ({"scene": {"name": "Scene"}}, r"missing required field `blender` - at `\$\.scene`"),
