@@ -132,7 +132,7 @@ def prepare_graphs() -> Callable[[int], object]:
         refused = refusal_of(content) is not None
         replace_file(folder, "step.onnx", content)
         read_model_info(folder)
-        Model.load(folder, threads=1)
+        Model.load(folder, threads=1, executor="onnx")
         assert not refused
 
     return run
