@@ -71,43 +71,50 @@ def both_ways() -> Pixels:
     return np.concatenate([crops(parts, corner, (width, height), zoom=4) for corner in corners])
 
 
-def by_eye() -> Pixels:
-    """Return crops of test shots by two methods, and their references."""
-    cache, rows = Path(os.environ.get(CACHE_VARIABLE) or default_cache()), []
-    for name, index, corner in (("rigging", 20, (60, 10)), ("court", 10, (160, 100))):
-        shot = Shot.open(shot_folder(cache, name) / f"{variant_name(2.0)}.json")
-        upscalers = [Upscaler(method, display_size=shot.display_size) for method in ("taau", "classifier")]
-        for item in islice(shot.frames(), index + 1):
-            images = [upscaler.step(item.frame) for upscaler in upscalers]
-        if item.reference is None:
-            raise SystemExit(f"frame {index} of {name} has no reference")
-        exposure = item.frame.exposure or auto_exposure(item.reference)
-        rows.append(crops(shown([*images, item.reference], exposure), corner, (240, 135), zoom=2))
-    return np.concatenate(rows)
-
-
+BY_EYE = (("rigging", 20, (60, 10)), ("court", 10, (160, 100)))
 ARTIFACTS = (
     ("thin_movers", 16, (30, 196)),  # the first image after a cut
     ("moving_shadows", 12, (408, 285)),  # the edge of a shadow that moves
     ("thin_movers", 14, (468, 183)),  # what thin things have left
-    ("thin_movers", 22, (371, 237)),  # thin things that stand, from a camera that moves
+    ("thin_movers", 22, (371, 237)),  # thin things at rest, from a moving camera
 )
-"""Shot, frame and corner of each crop."""
+"""Test shot, frame and corner of each crop."""
+
+
+def by_eye() -> Pixels:
+    """Return crops of test shots by two methods, and their references."""
+    return of_test_shots(BY_EYE, ("taau", "classifier"), (240, 135), zoom=2)
 
 
 def artifacts() -> Pixels:
-    """Return crops where there is no history, light moves, thin things move, and thin things stand."""
+    """Return crops without history, of moving light, of thin things that move, and of thin things at rest."""
+    return of_test_shots(ARTIFACTS, ("bilinear", "taau", "classifier"), (120, 68), zoom=3)
+
+
+def of_test_shots(
+    places: Iterable[tuple[str, int, tuple[int, int]]],
+    methods: Iterable[str],
+    size: tuple[int, int],
+    zoom: int,
+) -> Pixels:
+    """Return a row of crops for each place: an image of each method, then the reference.
+
+    Args:
+        places: name of a test shot, frame, and corner of the crop in display pixels.
+        methods: names of shipped models.
+        size: width and height of a crop in display pixels.
+        zoom: factor by which crops are enlarged.
+    """
     cache, rows = Path(os.environ.get(CACHE_VARIABLE) or default_cache()), []
-    for name, index, corner in ARTIFACTS:
+    for name, index, corner in places:
         shot = Shot.open(shot_folder(cache, name) / f"{variant_name(2.0)}.json")
-        methods = ("bilinear", "taau", "classifier")
         upscalers = [Upscaler(method, display_size=shot.display_size) for method in methods]
         for item in islice(shot.frames(), index + 1):
             images = [upscaler.step(item.frame) for upscaler in upscalers]
         if item.reference is None:
             raise SystemExit(f"frame {index} of {name} has no reference")
         exposure = item.frame.exposure or auto_exposure(item.reference)
-        rows.append(crops(shown([*images, item.reference], exposure), corner, (120, 68), zoom=3))
+        rows.append(crops(shown([*images, item.reference], exposure), corner, size, zoom))
     return np.concatenate(rows)
 
 

@@ -35,7 +35,7 @@ class Bound(NamedTuple):
 
 EXACT = Bound(2e-5, 8e-4, 8e-3)
 INT8 = Bound(2e-3, 3e-2, 8e-2)
-"""Of a network in int8: the rounding of one input changes some of its outputs by more."""
+"""Bounds for int8 networks, where rounding one input differently moves some outputs by several steps."""
 
 
 @pytest.fixture(scope="session")

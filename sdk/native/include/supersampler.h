@@ -7,8 +7,8 @@
  *     if (ss_upscaler_create(model, 1920, 1080, &upscaler, &error) != SS_OK) { puts(error.message); return 1; }
  *     for (each frame) ss_step(upscaler, &frame, &outputs, &error);
  *
- * All functions return SS_OK or say in `error`, which may be NULL, what came, what was wanted and what to do. After an
- * error the history is as before. There is no global state: models are independent of each other.
+ * Functions return SS_OK or an error. The message in `error`, which may be NULL, names the value received, the value
+ * expected, and how to fix it. An error leaves the history unchanged. There is no global state: models are independent.
  *
  * Threads: a model may be used by several threads at once. An upscaler or a history is used by one thread at a time.
  *
@@ -65,7 +65,7 @@ typedef struct ss_options {
     void (*parallel_for)(void* user, void (*task)(void* context, int index), void* context, int count);
     void* (*allocate)(void* user, size_t bytes); /* any alignment; NULL where there is no memory */
     void (*release)(void* user, void* memory, size_t bytes);
-    void (*log)(void* user, const char* message); /* is told what a model runs with when it is created */
+    void (*log)(void* user, const char* message); /* called when a model is created, with its instruction set and threads */
     void* user;
     const char* instructions; /* NULL: the best that this CPU has; "avx512", "avxvnni", "avx2", "neon",
                                  "portable" */

@@ -75,13 +75,13 @@ const Array* Arrays::next(const Array* array) const {
 }
 
 const Array* Arrays::find(const char* name, ArrayType type, uint32_t a, uint32_t b, uint32_t c, uint32_t d) const {
-    const uint32_t wanted[] = {a, b, c, d};
+    const uint32_t shape[] = {a, b, c, d};
     for (const Array* array = next(nullptr); array; array = next(array)) {
         if (strcmp(array->name, name) != 0 || array->type != type) continue;
         bool fits = true;
         for (uint32_t axis = 0; axis < 4; axis++) {
             uint32_t extent = axis < array->axes ? array->shape[axis] : 1;
-            fits = fits && (wanted[axis] == 0 || wanted[axis] == extent);
+            fits = fits && (shape[axis] == 0 || shape[axis] == extent);
         }
         return fits ? array : nullptr;
     }

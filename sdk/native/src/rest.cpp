@@ -54,7 +54,7 @@ bool make_rest(Space& space, RestWork& w) {
     StaticBlocks& s = w.blocks;
     s.size = blocks;
     uint8_t** masks[] = {&s.moving, &s.known, &s.changed, &s.restarts, &s.moves, &s.is_static, &s.verifies,
-                         &s.adds, &s.stays, &s.freezes, &s.wanted, &s.spare, &s.modes};
+                         &s.adds, &s.stays, &s.freezes, &s.selected, &s.spare, &s.modes};
     for (uint8_t** mask : masks) *mask = arena.take<uint8_t>(count);
     s.ages = arena.take<float>(count), s.tests = arena.take<float>(3 * count), s.shares = arena.take<float>(count);
     s.complete = arena.take<float>(count), s.signature = arena.take<float>(4 * count), s.sums = arena.take<float>(SUMS * count);
@@ -338,17 +338,17 @@ static void test_steadiness(Step& step, RestWork& w, const RestHistory& before, 
     StaticBlocks& s = w.blocks;
     const int count = s.count(), across = s.size.width;
     // residuals of the large windows with a small one that is read
-    memcpy(s.wanted, s.verifies, static_cast<size_t>(count));
-    dilate_mask(s.wanted, s.spare, s.size, SMALL_WINDOW);
+    memcpy(s.selected, s.verifies, static_cast<size_t>(count));
+    dilate_mask(s.selected, s.spare, s.size, SMALL_WINDOW);
     for (int wy = 0; wy < s.size.height; wy += LARGE_WINDOW)
         for (int wx = 0; wx < across; wx += LARGE_WINDOW) {
             const int rows = min(LARGE_WINDOW, s.size.height - wy), columns = min(LARGE_WINDOW, across - wx);
             bool read = false;
-            for (int y = 0; y < rows; y++) read |= any(s.wanted + (wy + y) * across + wx, columns);
+            for (int y = 0; y < rows; y++) read |= any(s.selected + (wy + y) * across + wx, columns);
             for (int y = 0; y < rows; y++)
                 for (int x = 0; x < columns; x++) {
                     const int block = (wy + y) * across + wx + x;
-                    s.wanted[block] = read && before.ages[block] != 0.0f;
+                    s.selected[block] = read && before.ages[block] != 0.0f;
                 }
         }
     sum_residuals(step, w, before, true);
@@ -387,7 +387,7 @@ static void test_steadiness(Step& step, RestWork& w, const RestHistory& before, 
 static void follow_noise(Step& step, RestWork& w, const RestHistory& before, float dark) {
     StaticBlocks& s = w.blocks;
     const int count = s.count();
-    memset(s.wanted, 1, static_cast<size_t>(count));
+    memset(s.selected, 1, static_cast<size_t>(count));
     sum_residuals(step, w, before, true);
     const float frames = NOISE_RATE / (2.0f - NOISE_RATE);
     for (int block = 0; block < count; block++) {
@@ -537,8 +537,8 @@ bool show_rest(Step& step, RestWork& w, const RestHistory& before, RestHistory& 
     if (adds || differ) {
         make_sample_tables(w, step.frame.jitter);
         any_in_tiles(w, s.spare, w.tiles);
-        for (int block = 0; block < s.count(); block++) s.wanted[block] = s.modes[block] != NO_MEAN;
-        any_in_tiles(w, s.wanted, w.stale);
+        for (int block = 0; block < s.count(); block++) s.selected[block] = s.modes[block] != NO_MEAN;
+        any_in_tiles(w, s.selected, w.stale);
         for (int k = 0; k < count; k++) {
             const bool stale = w.stale[k] && after.generations[k] != before.generations[k];
             if (w.tiles[k]) after.generations[k] = generation;

@@ -65,7 +65,7 @@ struct StaticBlocks {
     Size size;
     Cycle cycle;
     bool noisy;
-    uint8_t *moving, *known, *changed, *restarts, *moves, *is_static, *verifies, *adds, *stays, *freezes, *wanted, *spare;
+    uint8_t *moving, *known, *changed, *restarts, *moves, *is_static, *verifies, *adds, *stays, *freezes, *selected, *spare;
     uint8_t* modes;
     float *ages, *tests, *shares, *complete, *signature, *sums, *windows;
     float (*phases)[4];

@@ -55,7 +55,7 @@ void sign_blocks(const RestWork& w, int y0, int y1) {
         }
 }
 
-// Writes the SUMS of the wanted blocks of rows y0 to y1.
+// Writes the SUMS of the selected blocks of rows y0 to y1.
 void sum_blocks(const RestWork& w, int y0, int y1) {
     const Samples& s = w.samples;
     const StaticBlocks& blocks = w.blocks;
@@ -64,7 +64,7 @@ void sum_blocks(const RestWork& w, int y0, int y1) {
         for (int bx = 0; bx < across; bx++) {
             const int block = by * across + bx;
             float sums[SUMS] = {};
-            for (int k = 0; k < BLOCK * BLOCK && blocks.wanted[block]; k++) {
+            for (int k = 0; k < BLOCK * BLOCK && blocks.selected[block]; k++) {
                 const int y = min(by * BLOCK + k / BLOCK, s.height - 1), x = min(bx * BLOCK + k % BLOCK, s.width - 1);
                 const float* sample = linear_row(s, y) + x;
                 if (sample[0] != sample[0]) continue;

@@ -60,7 +60,7 @@ static float kept_of(const TaauWork& work, const StaticBlocks& blocks, int wy, i
     float difference[3] = {}, square[3] = {}, level[3] = {}, count = 0.0f;
     for (int y = wy; y < min(wy + LARGE_WINDOW, blocks.size.height); y++)
         for (int x = wx; x < min(wx + LARGE_WINDOW, blocks.size.width); x++) {
-            if (!blocks.wanted[y * blocks.size.width + x]) continue;
+            if (!blocks.selected[y * blocks.size.width + x]) continue;
             const float* sums = work.block_sums + y * work.blocks_pitch + x;
             for (int c = 0; c < 3; c++) {
                 const float apart = sums[c * plane] * share;
@@ -90,8 +90,8 @@ static void limit_samples(Step& step, TaauWork& work) {
     work.kept = nullptr;
     bool any = false;
     for (int block = 0; block < blocks.count(); block++) {
-        blocks.wanted[block] = !blocks.moves[block] && !blocks.stays[block];
-        any |= blocks.wanted[block] != 0;
+        blocks.selected[block] = !blocks.moves[block] && !blocks.stays[block];
+        any |= blocks.selected[block] != 0;
     }
     if (!any) return;
     work.nearest_rows = rest.nearest_rows, work.nearest_columns = rest.nearest_columns, work.kept_rows = rest.row_blocks;
@@ -104,7 +104,7 @@ static void limit_samples(Step& step, TaauWork& work) {
             limits |= number < MOST_SAMPLES;
             for (int y = wy; y < min(wy + LARGE_WINDOW, down); y++)
                 for (int x = wx; x < min(wx + LARGE_WINDOW, across); x++)
-                    kept[y * across + x] = blocks.wanted[y * across + x] ? number : MOST_SAMPLES;
+                    kept[y * across + x] = blocks.selected[y * across + x] ? number : MOST_SAMPLES;
         }
     if (!limits) return;
     work.kept = work.kept_room;
