@@ -231,33 +231,51 @@ def pareto(
 def device(
     methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large",
     display_size: DISPLAY_SIZES = "3840x2160,1920x1080",
-    ratio: Annotated[str, typer.Option(help="Display over render size, with commas between.")] = "2",
-    steps: STEPS = 100,
+    ratio: Annotated[str, typer.Option(help="Display over render size, with commas between.")] = "2,1.5,4",
+    steps: STEPS = 300,
+    minutes: Annotated[float, typer.Option(help="Nothing further is begun after this time.")] = 5.0,
     json: JSON = None,
 ) -> None:
-    """Time the GPU backend with frame and image in textures, by timestamps of the device.
+    """Measure the GPU backend: throughput of the device, images, steps and passes, other runtimes.
 
-    Also each pass, and steps on arrays. The record is written after each result.
+    Steps are timed by timestamps of the device, with frame and image in textures. Their floor is the time of
+    the bytes and multiply-adds at the device's own throughput. Images are compared with those of the CPU
+    backend. Torch on CUDA and ONNX Runtime's GPU providers are timed where they are installed, at the first
+    size. The record is written after each result.
 
     \b
     Example:
-      supersampler bench device --ratio 2,1.5,4 --steps 300 --json device.json
+      supersampler bench device --json device.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing.device_gpu import device_with_timestamps, measure_gpu
-    from supersampler_bench.timing.device_record import GpuRecord
+    from supersampler_bench.timing.gpu_images import compare_images
+    from supersampler_bench.timing.gpu_record import GpuRecord
+    from supersampler_bench.timing.gpu_steps import measure_gpu
+    from supersampler_bench.timing.gpu_stopwatch import device_with_timestamps
+    from supersampler_bench.timing.other_runtimes import measure_other_runtimes
 
     names, displays = split_list(methods), size_list("--display-size", display_size)
     ratios = number_list("--ratio", ratio)
     device, began = device_with_timestamps(), time.perf_counter()
     record = GpuRecord.of(device, names)
-    say(record.adapter["device"])
+    say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")
 
-    def keep(text: str) -> None:
+    def keep(text: str) -> bool:
+        """Write what is known; return whether there is time for more."""
         if json is not None:
             write_json(replace(record, provenance=Provenance.now()), json)
         say(f"{time.perf_counter() - began:6.1f} s: {text}")
+        return time.perf_counter() - began < 60.0 * minutes
 
+    for one in compare_images(device, names, on_left_out=warn):
+        record.images.append(one)
+        keep(f"{one.method}: {one.mean:.1e} from the CPU backend, at most {one.largest:.1e}")
     for step in measure_gpu(device, names, displays, ratios, steps=steps, on_left_out=warn):
         record.steps.append(step)
-        keep(f"{step.method} {step.render} to {step.display}: {step.median:.3f} ms, first {step.first:.1f} s")
+        size = f"{step.render} to {step.display}"
+        if not keep(f"{step.method} {size}: {step.median:.3f} ms, first {step.first:.1f} s"):
+            break
+    for other in measure_other_runtimes(names, displays[0], ratios[0], steps=50, on_left_out=warn):
+        record.others.append(other)
+        if not keep(f"{other.method}, {other.runtime}: {other.median:.2f} ms, first {other.first:.1f} s"):
+            break
     publish(replace(record, provenance=Provenance.now()), "device", json)

@@ -21,7 +21,7 @@ from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, JsonRecord, a
 from supersampler_bench.stress.runner import StressRecord
 from supersampler_bench.timing.against import AgainstRecord, StartupRecord
 from supersampler_bench.timing.cost import CostRecord
-from supersampler_bench.timing.device_record import GpuRecord
+from supersampler_bench.timing.gpu_record import GpuRecord
 from supersampler_bench.timing.latency import LatencyRecord
 from supersampler_bench.timing.pareto import ParetoRecord
 from supersampler_bench.timing.skip import SkipRecord

@@ -51,6 +51,11 @@ class PassSpec(NamedTuple):
     names: Mapping[str, str] = MappingProxyType({})
     variants: Mapping[str, str] = MappingProxyType({})
 
+    @property
+    def title(self) -> str:
+        """Name of its shader; with its level, where a method has it several times."""
+        return f"{self.shader} {self.constants['level']}" if "level" in self.constants else self.shader
+
 
 EXPOSURE_PASSES = (
     PassSpec("measure", SizeRule("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS}),

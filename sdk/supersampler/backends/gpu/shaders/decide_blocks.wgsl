@@ -12,10 +12,10 @@ const THREADS = SIDE * SIDE;
 
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var<storage, read> block_sums: array<Sums>;
-@group(0) @binding(3) var history_mean: texture_2d<f32>;
+@group(0) @binding(3) var history_mean: texture_2d<f32>;   // of static blocks
 @group(0) @binding(4) var history_blocks: texture_2d<f32>;   // age, negative where frozen; tests
-@group(0) @binding(5) var<storage, read> history_signatures: array<vec4f>;
-@group(0) @binding(6) var<storage, read_write> next_signatures: array<vec4f>;
+@group(0) @binding(5) var<storage, read> history_signatures: array<vec4f>;      // of 1 phase
+@group(0) @binding(6) var<storage, read_write> next_signatures: array<vec4f>;   // of 1 phase
 @group(0) @binding(7) var next_blocks: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(8) var block_states: texture_storage_2d<rg32uint, write>;   // flags, and bits of a float: see at_rest.wgsl
 @group(0) @binding(9) var<storage, read_write> awake: array<atomic<u32>>;

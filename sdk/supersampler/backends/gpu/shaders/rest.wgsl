@@ -5,8 +5,8 @@
 // import frame
 
 @group(1) @binding(5) var block_states: texture_2d<u32>;
-@group(1) @binding(6) var history_mean: texture_2d<f32>;   // linear RGB, and the sum of weights
-@group(1) @binding(7) var next_mean: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(6) var history_mean: texture_2d<f32>;   // of static blocks: linear RGB, and the sum of weights
+@group(1) @binding(7) var next_mean: texture_storage_2d<rgba32float, write>;   // of static blocks
 @group(1) @binding(8) var next_phases: texture_2d<f32>;
 
 struct Rested {

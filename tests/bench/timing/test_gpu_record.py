@@ -12,24 +12,28 @@ from gpu_steps import device_or_skip
 from supersampler.cli import app
 from supersampler.methods.model_file import find_model, sha256
 from supersampler_bench.report.doc_tables import blocks_of
-from supersampler_bench.timing.device_gpu import (
-    BURST,
-    GpuPass,
-    GpuStep,
-    Stopwatch,
-    device_with_timestamps,
-    measure_gpu,
-)
-from supersampler_bench.timing.device_record import GpuRecord
+from supersampler_bench.timing import gpu_limits
+from supersampler_bench.timing.gpu_images import GpuImages, compare_images
+from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
+from supersampler_bench.timing.gpu_record import GpuRecord
+from supersampler_bench.timing.gpu_steps import BURST, GpuPass, GpuStep, measure_gpu
+from supersampler_bench.timing.gpu_stopwatch import Stopwatch, device_with_timestamps
+from supersampler_bench.timing.other_runtimes import RuntimeStep, measure_other_runtimes
 
 DISPLAY = (128, 72)
-PASSES = GpuPass("gather", 0.2, 0.3), GpuPass("compose", 0.9, 1.0)
+LIMITS = GpuLimits(buffers=1e12, textures=2e12, multiplied=1e13)
+PASSES = (
+    GpuPass("gather", 0.2, 0.3, 400_000_000, 0),
+    GpuPass("compose", 0.9, 1.0, 200_000_000, 4_000_000_000),
+)
 STEP = GpuStep(
     "classifier", (960, 540), (1920, 1080), "int8", 300, 1.2, 1.3, 1.4, 20.0, 25.0, 3.0,
-    (GpuPass("measure", 0.01, 0.01), *PASSES),
+    (GpuPass("measure", 0.01, 0.01, 0, 0), *PASSES),
 )  # fmt: skip
 ADAPTER = {"device": "Some GPU", "backend_type": "Vulkan", "description": "1.2.3"}
-EMPTY = GpuRecord(ADAPTER, {"wgpu": "0.32.0"}, {"classifier": {"model.json": "00"}})
+EMPTY = GpuRecord(ADAPTER, {"wgpu": "0.32.0"}, {"classifier": {"model.json": "00"}}, LIMITS)
+IMAGES = GpuImages("classifier", (161, 91), (321, 181), 8, 4e-4, 8e-3, 6e-2)
+ELSEWHERE = RuntimeStep("taau", "torch, compiled", "2.13.0", (960, 540), (1920, 1080), 50, 7.0, 8.0, 30.0)
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +43,8 @@ def device() -> Any:
 
 
 def record() -> GpuRecord:
-    measured = replace(EMPTY, steps=[STEP, replace(STEP, display=(1440, 810))])
+    measured = replace(EMPTY, steps=[STEP, replace(STEP, display=(1440, 810))], images=[IMAGES])
+    measured = replace(measured, others=[ELSEWHERE])
     return GpuRecord.from_json(json.loads(json.dumps(measured.to_json())))
 
 
@@ -73,36 +78,63 @@ def test_a_stopwatch_counts_from_the_start_in_each_command_buffer(device: Any) -
         assert (times >= 0.0).all()
 
 
+def test_throughput_of_a_device_is_measured(device: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gpu_limits, "RUNS", 2)
+    limits = measure_limits(device, size=(4096, 16))
+    assert min(limits.buffers, limits.textures, limits.multiplied) > 0.0
+
+
+def test_the_floor_is_the_time_of_the_faster_copy_or_of_the_products() -> None:
+    assert LIMITS.floor_ms(2_000_000_000, 0) == pytest.approx(1.0)
+    assert LIMITS.floor_ms(2_000_000_000, 20_000_000_000) == pytest.approx(2.0)
+
+
+def test_images_are_compared_with_those_of_the_cpu_backend(device: Any) -> None:
+    (found,) = compare_images(device, ["taa"])
+    assert found.mean < 1e-4
+    assert found.mean < found.p999 < found.largest < 0.05
+
+
+def test_runtimes_without_a_gpu_are_left_out_with_the_reason() -> None:
+    notes: list[str] = []
+    found = list(measure_other_runtimes(["taau"], DISPLAY, 2.0, steps=1, on_left_out=notes.append))
+    assert found or "CUDA" in notes[0]
+
+
 def test_the_steps_of_a_record_are_restored() -> None:
     assert record().steps[0].passes == STEP.passes
+    assert (STEP.moved, STEP.multiply_adds) == (600_000_000, 4_000_000_000)
 
 
 def test_tables_have_steps_and_their_longest_passes() -> None:
     text = record().table()
-    assert "| 960x540 to 1920x1080 | classifier | 1.20 | 1.30 | 20 | 3.0 |" in text
+    assert "| 960x540 to 1920x1080 | classifier | 1.20 | 1.30 | 0.60 | 4.0 | 0.40 | 3.0 | 20 | 3.0 |" in text
     assert "Some GPU, Vulkan, driver 1.2.3, wgpu 0.32.0. 300 steps" in text
     passes = record().passes_table()
-    assert "| classifier | compose | 0.900 | 1.000 |" in passes
+    assert "| classifier | compose | 0.900 | 1.000 | 200 | 4.0 | 2.2 |" in passes
     assert "measure" not in passes, "less than 5 % of the step"
     assert passes.count("gather") == 1, "of the first size alone"
     assert "classifier 1.11 of 1.20" in passes
+    assert "| classifier | 4.0e-04 | 8.0e-03 | 6.0e-02 |" in record().images_table()
+    assert "| 960x540 to 1920x1080 | taau | torch, compiled | 7.00 | 8.00 | 30.0 |" in record().others_table()
 
 
 def test_a_record_without_results_has_tables() -> None:
     assert all(EMPTY.tables("device").values())
 
 
-def test_both_tables_of_a_record_fill_blocks_of_its_name() -> None:
+def test_all_tables_of_a_record_fill_blocks_of_its_name() -> None:
     blocks = blocks_of("device-some", record().to_json())
-    assert list(blocks) == ["device some", "device some passes"]
+    assert list(blocks) == [f"device some{table}" for table in ("", " passes", " images", " others")]
     assert blocks["device some passes"]() == record().passes_table()
 
 
-def test_the_command_records_what_it_measured(tmp_path: Path) -> None:
+def test_the_command_records_what_it_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     device_or_skip()
+    monkeypatch.setattr(gpu_limits, "RUNS", 1)
     path = tmp_path / "device.json"
-    command = ["bench", "device", "--methods", "taa", "--display-size", "128x72", "--steps", "1"]
-    result = CliRunner().invoke(app, [*command, "--json", str(path)])
+    options = ["--display-size", "128x72", "--ratio", "2", "--steps", "1", "--json", str(path)]
+    result = CliRunner().invoke(app, ["bench", "device", "--methods", "taa", *options])
     assert result.exit_code == 0, result.output
     found = json.loads(path.read_text("utf-8"))
     assert found["models"]["taa"]["model.json"] == sha256(find_model("taa") / "model.json")

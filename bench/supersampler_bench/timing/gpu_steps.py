@@ -10,131 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler
-from supersampler.backends.gpu.device import LIMITS, default_device, name_of
-from supersampler.backends.gpu.program import PassSpec
-from supersampler.errors import ArgumentError, DeviceError
+from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler_bench.specs import compatible
+from supersampler_bench.timing.gpu_stopwatch import EachDispatch, Stopwatch
 from supersampler_bench.timing.latency import plaza_frames, quantiles, take_turns
+from supersampler_bench.timing.pass_costs import pass_costs
 from supersampler_model.data.shots import render_size
 
 if TYPE_CHECKING:
     import wgpu
-
-TIMESTAMPS = "timestamp-query"
-_RESOLVE, _COPY_SRC = 512, 4  # usages, as WebGPU numbers them
-
-
-def device_with_timestamps() -> "wgpu.GPUDevice":
-    """Open another device on the adapter of `default_device`.
-
-    Raises:
-        DeviceError: there is no device, or it has no timestamp queries.
-    """
-    adapter = default_device().adapter
-    if TIMESTAMPS not in adapter.features:
-        raise DeviceError(f"adapter {name_of(adapter)} has no timestamp queries: steps cannot be timed on it")
-    return adapter.request_device_sync(required_features=[TIMESTAMPS], required_limits=dict(LIMITS))
-
-
-class Stopwatch:
-    """Pairs of timestamps in one command buffer.
-
-    Args:
-        device: see `device_with_timestamps`.
-        max_pairs: largest number of pairs in one command buffer.
-    """
-
-    def __init__(self, device: "wgpu.GPUDevice", max_pairs: int) -> None:
-        self._device, self._pairs = device, 0
-        self._queries = device.create_query_set(type="timestamp", count=2 * max_pairs)
-        self._times = device.create_buffer(size=16 * max_pairs, usage=_RESOLVE | _COPY_SRC)
-        self._period = _nanoseconds(device)
-
-    def around(self, encoder: "wgpu.GPUCommandEncoder", encode: Callable[[], object]) -> None:
-        """Time what `encode` encodes, between two empty passes."""
-        begin, end = 2 * self._pairs, 2 * self._pairs + 1
-        self._pairs += 1
-        self._mark(encoder, beginning_of_pass_write_index=begin)
-        encode()
-        self._mark(encoder, end_of_pass_write_index=end)
-
-    def timed_pass(self, encoder: "wgpu.GPUCommandEncoder") -> "wgpu.GPUComputePassEncoder":
-        """Begin a compute pass that is timed as a whole."""
-        begin, end = 2 * self._pairs, 2 * self._pairs + 1
-        self._pairs += 1
-        return encoder.begin_compute_pass(
-            timestamp_writes={
-                "query_set": self._queries,
-                "beginning_of_pass_write_index": begin,
-                "end_of_pass_write_index": end,
-            }
-        )
-
-    def submit(self, encoder: "wgpu.GPUCommandEncoder") -> NDArray[np.float64]:
-        """Submit the commands; wait, and return the milliseconds of each pair in order."""
-        pairs, self._pairs = self._pairs, 0
-        encoder.resolve_query_set(self._queries, 0, 2 * pairs, self._times, 0)
-        self._device.queue.submit([encoder.finish()])
-        read = self._device.queue.read_buffer(self._times, 0, 16 * pairs)
-        begin, end = np.frombuffer(read, np.uint64).reshape(-1, 2).T
-        return 1e-6 * self._period * (end - begin).astype(np.float64)
-
-    def _mark(self, encoder: "wgpu.GPUCommandEncoder", **write: int) -> None:
-        encoder.begin_compute_pass(timestamp_writes={"query_set": self._queries, **write}).end()
-
-
-def _nanoseconds(device: "wgpu.GPUDevice") -> float:
-    """Return the unit of timestamps: wgpu's native library gives those of the driver."""
-    from wgpu.backends.wgpu_native._ffi import lib
-
-    return float(lib.wgpuQueueGetTimestampPeriod(device.queue._internal))
-
-
-class EachDispatch:
-    """A command encoder with a timed pass for each dispatch.
-
-    Args:
-        encoder: encoder of the commands.
-        watch: gets a pair of timestamps for each dispatch.
-    """
-
-    def __init__(self, encoder: "wgpu.GPUCommandEncoder", watch: Stopwatch) -> None:
-        self._encoder, self._watch = encoder, watch
-        self._device = encoder._device  # as wgpu's encoders have it
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._encoder, name)
-
-    def begin_compute_pass(self) -> "_Dispatches":
-        """Begin a compute pass that becomes one per dispatch."""
-        return _Dispatches(self._encoder, self._watch)
-
-
-class _Dispatches:
-    """A compute pass that becomes one timed pass per dispatch."""
-
-    def __init__(self, encoder: "wgpu.GPUCommandEncoder", watch: Stopwatch) -> None:
-        self._encoder, self._watch = encoder, watch
-        self._before: list[tuple[str, tuple[Any, ...]]] = []
-
-    def set_pipeline(self, *given: Any) -> None:
-        self._before.append(("set_pipeline", given))
-
-    def set_bind_group(self, *given: Any) -> None:
-        self._before.append(("set_bind_group", given))
-
-    def dispatch_workgroups(self, *count: int) -> None:
-        compute = self._watch.timed_pass(self._encoder)
-        for name, given in self._before:
-            getattr(compute, name)(*given)
-        compute.dispatch_workgroups(*count)
-        compute.end()
-        self._before.clear()
-
-    def end(self) -> None:
-        """All passes have ended."""
-
 
 BURST = 10
 """Steps in a command buffer, so that the device does not rest between them."""
@@ -151,11 +36,15 @@ class GpuPass:
     Attributes:
         name: name of its shader; with its level, where a method has it several times.
         median, p95: milliseconds.
+        moved: bytes that it declares, read and written.
+        multiply_adds: multiply-adds of the network.
     """
 
     name: str
     median: float
     p95: float
+    moved: int
+    multiply_adds: int
 
 
 @dataclass(frozen=True)
@@ -186,6 +75,16 @@ class GpuStep:
     wall_p95: float
     first: float
     passes: tuple[GpuPass, ...]
+
+    @property
+    def moved(self) -> int:
+        """Bytes that all passes declare."""
+        return sum(one.moved for one in self.passes)
+
+    @property
+    def multiply_adds(self) -> int:
+        """Multiply-adds of the network, in all passes."""
+        return sum(one.multiply_adds for one in self.passes)
 
 
 def measure_gpu(
@@ -224,7 +123,7 @@ def measure_gpu(
 
 
 def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GPUTexture"]:
-    """Return textures of a frame's images, in formats that engines use."""
+    """Return textures of a frame's images, in the formats that `pass_costs` counts."""
     width, height = frame.size
     textures = {}
     for name, (texel, channels) in _CHANNELS.items():
@@ -236,10 +135,6 @@ def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GP
         device.queue.write_texture({"texture": texture}, values, layout, (width, height, 1))
         textures[name] = texture
     return textures
-
-
-def _name(spec: PassSpec) -> str:
-    return f"{spec.shader} {spec.constants['level']}" if "level" in spec.constants else spec.shader
 
 
 class _GpuRunner:
@@ -283,11 +178,10 @@ class _GpuRunner:
     def timed(self) -> GpuStep:
         """Summarise, after the last turn; time steps on arrays."""
         model, render = self._model, self._placed[0][0].size
+        costs = pass_costs(model.gpu, render, self._display)
         passes = tuple(
-            GpuPass(_name(spec), *quantiles(times)[:2])
-            for spec, times in zip(
-                model.gpu.program.passes, np.concatenate(self._passes).T.tolist(), strict=True
-            )
+            GpuPass(cost.name, *quantiles(times)[:2], cost.moved, cost.multiply_adds)
+            for cost, times in zip(costs, np.concatenate(self._passes).T.tolist(), strict=True)
         )
         setting = model.info.method, render, self._display, model.precision, BURST * len(self._steps)
         return GpuStep(

@@ -1,0 +1,57 @@
+"""Bytes and multiply-adds of the passes of the GPU backend."""
+
+import pytest
+
+from gpu_steps import device_or_skip, model
+from supersampler.backends.gpu.shader import Binding, Shader
+from supersampler_bench.specs import Spec, parse_spec
+from supersampler_bench.timing.pass_costs import pass_costs, products_of, touched_fraction
+
+RENDER, DISPLAY = (64, 36), (128, 72)
+CODE = """
+@group(0) @binding(0) var<storage, read> signatures: array<f32>;   // of 2 phases
+@group(0) @binding(1) var<storage, read> whole: array<f32>;
+@group(0) @binding(2) var<storage, read> mean: array<f32>;   // of static blocks: linear RGB
+"""
+NAMES = "signatures", "whole", "mean"
+SHADER = Shader("test", CODE, tuple(Binding(0, i, n, "read-only-storage") for i, n in enumerate(NAMES)))
+
+
+def test_notes_of_declarations_tell_what_a_moving_frame_touches() -> None:
+    fractions = [touched_fraction(SHADER, binding, phases=32) for binding in SHADER.bindings]
+    assert fractions == [2 / 32, 1.0, 0.0]
+
+
+def test_the_bytes_of_taa_are_those_of_its_textures() -> None:
+    device_or_skip()
+    render, display = (w * h for w, h in (RENDER, DISPLAY))
+    moved = {one.name: one.moved for one in pass_costs(model("taa").gpu, RENDER, DISPLAY)}
+    assert moved["measure"] >= 8 * render
+    assert moved["boxes"] >= (8 + 16) * render, "frame_color and tones"
+    shown = 8 * display
+    assert moved["blend"] >= 16 * render + 2 * 16 * display + shown, "tones, history before and after, image"
+
+
+@pytest.mark.parametrize("method", ["classifier", "classifier-large"])
+def test_the_passes_of_the_network_have_its_multiply_adds(method: str) -> None:
+    device_or_skip()
+    passes = pass_costs(model(method).gpu, RENDER, DISPLAY)
+    counted = model(method).info.multiply_adds * DISPLAY[0] * DISPLAY[1]
+    products = sum(one.multiply_adds for one in passes)
+    assert counted <= products <= 1.5 * counted, "channels fill up chunks"
+    named = [one.name for one in passes if one.multiply_adds]
+    assert named == ["encode_inputs 0", *(f"encode_pooled {level}" for level in (1, 2, 3)), "compose"]
+
+
+def test_the_multiply_adds_of_a_pass_are_those_of_its_layers() -> None:
+    level = {"level": 1, "inputs": 2, "channels": 3, "kept": 2, "pooled": 1}
+    assert products_of(level) == 48 * 32 + 48 * 9 + 48 * 48
+    assert products_of({"decoder": 0, "quads": 4}) == (32 * 32 + 64 * (32 + 64) + 4 * 16 * 64) / 4
+    assert products_of({"alpha": 0.1}) == 0
+
+
+@pytest.mark.parametrize("text", ["taau:gpu", "classifier:gpu"])
+def test_a_method_is_asked_to_run_on_the_gpu_by_its_suffix(text: str) -> None:
+    spec = parse_spec(text)
+    assert spec == Spec(text.removesuffix(":gpu"), executor="gpu")
+    assert str(spec) == text
