@@ -77,7 +77,7 @@ class ClassifierTask(Task):
             gathered: results of the gather stage.
             logits: (n, 6, H / 2, W / 2).
             blend: (n, 4 m, H / 2, W / 2) packed blend parameters.
-            ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error with invalid history.
+            ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error without valid history.
         """
         method, images, after = self.method, [], []
         # split at once: the gradient of each slice would be as large as the batch
@@ -92,11 +92,12 @@ class ClassifierTask(Task):
             after.append([done.image, state, classes, g.surfaces, crop.view.jitter, g.followed])
         ghost, alias = _ghost(crops, gathered), torch.cat([crop.alias for crop in crops])
         logits = ops.cut_to(logits, ops.half_of(gathered[0].display))
-        invalid = ((ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING)).float()[:, None]
+        samples = torch.cat([ops.cut_to(g.warped.samples, g.display) for g in gathered])[:, 0]
+        invalid = (ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING) | (samples <= 0.0)
         return Stepped(
             images=torch.cat(images),
             states=after,
-            weight=1.0 + ghost_weight * invalid,
+            weight=1.0 + ghost_weight * invalid.float()[:, None],
             terms={"classes": class_loss(logits, ghost, alias, self.losses)},
         )
 
@@ -107,6 +108,7 @@ class ClassifierTask(Task):
 
         def gather(crop: CropFrame, state: State) -> tuple[Gathered, tuple[Tensor, Tensor]]:
             gathered = self.gather(crop, state)
+            gathered = gathered._replace(reactive=crop.exposure.new_zeros(()))  # on the device of the crop
             return gathered, self.method.network_inputs(gathered)
 
         inputs = [crop.without_truth() for crop in crops]

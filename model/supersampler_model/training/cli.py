@@ -47,6 +47,7 @@ def train(
     rate: Annotated[float, typer.Option(help="Peak learning rate.")] = 6e-3,
     every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
     seed: Annotated[int, typer.Option(help="Seed of weights and crops.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes that cut crops ahead; the crops are the same.")] = 0,
     attributions: Annotated[
         Path | None, typer.Option(help="Text file: the attributions that the data requires, one per line.")
     ] = None,
@@ -89,7 +90,7 @@ def train(
     initial = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     authors = [] if attributions is None else _lines(attributions)
     plan = TrainingPlan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
-    trainer = Trainer(task, datasets, plan, output)
+    trainer = Trainer(task, datasets, plan, output, workers=workers)
     entries = validation_entries(trainer.datasets, task.ratios)
     baseline = validate(task.baseline.eval(), entries, task.runner) if entries else None
     updates: list[Update] = []

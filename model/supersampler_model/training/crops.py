@@ -55,8 +55,8 @@ class CropFrame(NamedTuple):
     view: ops.View
     reset: bool
     reference: Tensor  # (1, 3, H, W) linear RGB
-    ghost: Tensor  # (1, H, W) int64
-    alias: Tensor  # (1, H, W) int64
+    ghost: Tensor  # (1, H, W) uint8
+    alias: Tensor  # (1, H, W) uint8
     gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by input name
     unshaded: bool = False  # whether the method must extrapolate its colour
 
@@ -64,14 +64,6 @@ class CropFrame(NamedTuple):
         """Return the frame without reference, classes and reset: what a method reads."""
         none = self.exposure.new_empty(0)
         return self._replace(reset=False, reference=none, ghost=none, alias=none, gbuffer=dict(self.gbuffer))
-
-    def on(self, device: torch.device) -> Self:
-        """Return the frame with its tensors on `device`."""
-        moved = self._asdict()
-        moved |= {name: value.to(device) for name, value in moved.items() if isinstance(value, Tensor)}
-        moved["view"] = self.view._replace(jitter=self.view.jitter.to(device))
-        moved["gbuffer"] = {name: value.to(device) for name, value in self.gbuffer.items()}
-        return self._replace(**moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +141,7 @@ class CropRegion:
             jitter, ratio, motion = jitter[::-1], ratio[::-1], motion[..., ::-1]
 
         def classes(image: NDArray[np.uint8]) -> Tensor:
-            return torch.from_numpy(self.turn(image[self.display]).astype(np.int64))[None]
+            return torch.from_numpy(self.turn(image[self.display]).copy())[None]
 
         colors = list(self.colors)
         return CropFrame(

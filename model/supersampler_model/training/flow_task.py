@@ -7,7 +7,7 @@ once per frame and kept in memory, as half floats. The census loss of light (Wu 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -50,11 +50,6 @@ class LightCrop(NamedTuple):
     changed: Tensor  # 1 where the lighting changed since the previous frame
     exposure: Tensor  # (1,) of the augmentation
     reset: bool = True  # every crop is a single frame
-
-    def on(self, device: torch.device) -> Self:
-        """Return the crop with its tensors on `device`."""
-        there = {name: value.to(device) for name, value in self._asdict().items() if name != "reset"}
-        return type(self)(**there)
 
 
 class LightFrames(NamedTuple):

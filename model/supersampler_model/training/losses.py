@@ -32,7 +32,7 @@ class ClassifierWeights(ImageWeights):
     Attributes:
         rms: larger than the default: where a pixel may be on either side of an edge, squared errors lead to
             the mean, absolute errors to the median.
-        ghost: extra weight of the image error where the history is invalid.
+        ghost: extra weight of the image error where the history is invalid, or where there is none.
         classes: weight of the cross entropies.
         rarest: maximum weight of a rare class in them.
     """
@@ -106,8 +106,8 @@ def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: Classifier
 
     Args:
         logits: (n, 6, H / 2, W / 2).
-        ghost: (n, H, W) int64, 0 to 2; other values are unknown.
-        alias: (n, H, W) int64, as `ghost`.
+        ghost: (n, H, W) uint8, 0 to 2; other values are unknown.
+        alias: (n, H, W) uint8, as `ghost`.
         weights: weights of the loss terms.
     """
     return weights.classes * (

@@ -38,8 +38,8 @@ class Task(ABC):
     """A method and its training.
 
     Tasks are stateless: the trainer keeps the states of crops from frame to frame, detaches them between
-    updates, and saves them. A frame of a crop is a named tuple with `exposure`, `reference`, `reset` and
-    `on(device)`, as `CropFrame`.
+    updates, and saves them. A frame of a crop is a named tuple with `exposure`, `reference` and `reset`,
+    as `CropFrame`.
 
     Attributes:
         method: the trained method.

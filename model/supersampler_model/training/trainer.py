@@ -8,7 +8,7 @@ import math
 import pickle
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -28,6 +28,7 @@ from supersampler_model.training.crops import StreamPosition
 from supersampler_model.training.datasets import assets, data_hash
 from supersampler_model.training.losses import display_values, image_loss
 from supersampler_model.training.optimizer import Muon
+from supersampler_model.training.prefetch import frames_of
 from supersampler_model.training.task import State, Task
 
 CPU = torch.device("cpu")
@@ -78,13 +79,22 @@ class Trainer:
         datasets: training data.
         plan: settings.
         folder: holds the checkpoint and the log.
+        workers: processes that cut crops ahead; 0: none. The crops are the same.
 
     Raises:
         ArgumentError: there is no training data, the batch is empty, or the folder holds a run of other data,
             another method, other weights of the loss or another plan.
     """
 
-    def __init__(self, task: Task, datasets: Sequence[Dataset], plan: TrainingPlan, folder: Path) -> None:
+    def __init__(
+        self,
+        task: Task,
+        datasets: Sequence[Dataset],
+        plan: TrainingPlan,
+        folder: Path,
+        *,
+        workers: int = 0,
+    ) -> None:
         self.task, self.plan, self.folder = task, plan, folder
         self.device = torch.device("cuda", torch.cuda.current_device()) if torch.cuda.is_available() else CPU
         mean = partial(_running_mean, plan.average)
@@ -98,7 +108,7 @@ class Trainer:
             raise ArgumentError("batch", got=plan.batch, want="at least 1")
         seeds = [[plan.seed, number] for number in range(plan.batch)]
         self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds]
-        self._iterators: list[Iterator[Any]] = [iter(s) for s in self._streams]
+        self._frames = frames_of(self._streams, self.device, workers)
         self._states: Sequence[State | None] = [None] * plan.batch
         self._error: Tensor | None = None
         if (folder / CHECKPOINT).exists():
@@ -203,7 +213,10 @@ class Trainer:
 
     def _frame(self) -> dict[str, Tensor]:
         """Step all streams by one frame; return the terms of the loss."""
-        crops = [next(iterator).on(self.device) for iterator in self._iterators]
+        crops = []
+        for stream, (crop, position) in zip(self._streams, next(self._frames), strict=True):
+            stream.position = position
+            crops.append(crop)
         known = [None if crop.reset else state for crop, state in zip(crops, self._states, strict=True)]
         fresh = torch.tensor([state is None for state in known], device=self.device)[:, None, None, None]
         pairs = zip(crops, known, strict=True)

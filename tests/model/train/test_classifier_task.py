@@ -61,9 +61,12 @@ def labels(value: int) -> Tensor:
     return torch.full((1, *DISPLAY[::-1]), int(value))
 
 
-def weights(task: ClassifierTask, *samples: CropFrame) -> Tensor:
+def weights(task: ClassifierTask, *samples: CropFrame, frames: int = 2) -> Tensor:
+    """Return the weights of the error in the last of some frames; the first has no history."""
     with torch.no_grad():
-        weight = task.step(list(samples), [task.first_state(s) for s in samples]).weight
+        states = [task.first_state(s) for s in samples]
+        for _ in range(frames):
+            weight, states = (stepped := task.step(list(samples), states)).weight, stepped.states
     assert isinstance(weight, Tensor)
     return weight
 
@@ -78,15 +81,17 @@ def test_errors_weigh_more_where_the_history_is_of_no_use(
     assert (weights(task, sample(labels(ghost))) == 1.0 + heavy * task.losses.ghost).all()
 
 
-def test_pixels_from_outside_a_crop_count_as_hidden_unless_unknown(
-    task: ClassifierTask,
-) -> None:
+def test_errors_weigh_more_where_there_is_no_history(task: ClassifierTask) -> None:
+    assert (weights(task, sample(labels(Ghost.NONE)), frames=1) == 1.0 + task.losses.ghost).all()
+
+
+def test_pixels_from_outside_a_crop_count_as_hidden(task: ClassifierTask) -> None:
     """Motion of 3 render pixels leads the right quarter of the crop off it."""
     ghost = labels(Ghost.NONE)
     ghost[:, :4] = UNKNOWN
     weight = weights(task, sample(ghost, motion=3.0))[0, 0]
     expected = torch.ones(*DISPLAY[::-1])
-    expected[4:, 18:] += task.losses.ghost
+    expected[:, 18:] += task.losses.ghost
     torch.testing.assert_close(weight, expected)
 
 

@@ -58,14 +58,27 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return made
 
 
-def trainer(dataset: Dataset, folder: Path, plan: TrainingPlan = PLAN) -> Trainer:
+def trainer(dataset: Dataset, folder: Path, plan: TrainingPlan = PLAN, *, workers: int = 0) -> Trainer:
     folder.mkdir(exist_ok=True)
     torch.manual_seed(0)
-    return Trainer(ClassifierTask(Classifier()), [dataset], plan, folder)
+    return Trainer(ClassifierTask(Classifier()), [dataset], plan, folder, workers=workers)
 
 
 def test_a_stopped_and_resumed_run_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
     assert_resumes_exactly(partial(trainer, dataset), tmp_path)
+
+
+def test_crops_that_workers_cut_ahead_are_the_same(dataset: Dataset, tmp_path: Path) -> None:
+    plan = dataclasses.replace(PLAN, batch=3)  # one worker has two streams, the other one
+    alone = trainer(dataset, tmp_path / "alone", plan)
+    alone.run(until=3)
+    ahead = trainer(dataset, tmp_path / "ahead", plan, workers=2)
+    ahead.run(until=1)
+    ahead.save()
+    resumed = trainer(dataset, tmp_path / "ahead", plan, workers=2)
+    resumed.run(until=3)
+    for name, value in alone.method.state_dict().items():
+        assert torch.equal(value, resumed.method.state_dict()[name]), name
 
 
 class Interrupting(list[Update]):

@@ -1,0 +1,131 @@
+"""Frames of a batch's streams, cut in worker processes ahead of the updates that need them.
+
+A frame of a batch has hundreds of small tensors. A worker packs those of its streams into one buffer, which
+moves between processes, and to a GPU, at once.
+"""
+
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import torch
+from torch import Tensor
+from torch.utils import _pytree as pytree
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
+
+from supersampler_model.training.crops import CropStream, StreamPosition
+
+ALIGNMENT = 64  # bytes
+AHEAD = 8  # frames that each worker cuts in advance
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Place of a tensor in a buffer: its first byte, its shape and its type."""
+
+    start: int
+    shape: torch.Size
+    dtype: torch.dtype
+
+    def of(self, buffer: Tensor) -> Tensor:
+        """Return the tensor, a view of the buffer."""
+        size = self.shape.numel() * self.dtype.itemsize
+        return buffer[self.start : self.start + size].view(self.dtype).view(self.shape)
+
+
+@dataclass(frozen=True)
+class PackedCrops:
+    """One frame of some crops.
+
+    Attributes:
+        buffer: bytes of all tensors.
+        crops: the crops, with slots in the place of tensors.
+        positions: position of each stream after this frame.
+    """
+
+    buffer: Tensor
+    crops: list[Any]
+    positions: list[StreamPosition]
+
+    @classmethod
+    def of(cls, crops: list[Any], positions: list[StreamPosition]) -> "PackedCrops":
+        """Pack crops, which are nested tuples and dictionaries of tensors and other values."""
+        tensors: dict[Slot, Tensor] = {}
+        end = 0
+
+        def place(tensor: Tensor) -> Slot:
+            nonlocal end
+            slot = Slot(end, tensor.shape, tensor.dtype)
+            tensors[slot] = tensor
+            end += -(-tensor.nbytes // ALIGNMENT) * ALIGNMENT
+            return slot
+
+        slots = pytree.tree_map_only(Tensor, place, crops)
+        buffer = torch.empty(end, dtype=torch.uint8)
+        for slot, tensor in tensors.items():
+            slot.of(buffer).copy_(tensor)
+        return cls(buffer, slots, positions)
+
+    def pin_memory(self) -> "PackedCrops":
+        """Return the same in memory that a GPU copies without waiting; the loader calls it by this name."""
+        return replace(self, buffer=self.buffer.pin_memory())
+
+    def on(self, device: torch.device) -> list[Any]:
+        """Return the crops with their tensors on a device."""
+        buffer = self.buffer.to(device, non_blocking=True)
+        return list(pytree.tree_map_only(Slot, lambda slot: slot.of(buffer), self.crops))
+
+
+class _Frames(IterableDataset[PackedCrops]):
+    """The streams, frame by frame; those of one worker of n are every n-th."""
+
+    def __init__(self, streams: Sequence[CropStream]) -> None:
+        self._streams = streams
+
+    def __iter__(self) -> Iterator[PackedCrops]:
+        worker = get_worker_info()
+        own = self._streams if worker is None else self._streams[worker.id :: worker.num_workers]
+        iterators = [iter(stream) for stream in own]
+        while True:
+            crops = [next(iterator) for iterator in iterators]
+            yield PackedCrops.of(crops, [replace(stream.position) for stream in own])
+
+
+def frames_of(
+    streams: Sequence[CropStream], device: torch.device, workers: int
+) -> Iterator[list[tuple[Any, StreamPosition]]]:
+    """Yield the next frame of each stream, with the stream's position after it, whatever the workers.
+
+    Args:
+        streams: streams of crops.
+        device: device of the crops.
+        workers: processes that cut them ahead; 0: none, they are cut when they are asked for.
+    """
+    workers = min(workers, len(streams))
+    loader: DataLoader[PackedCrops] = DataLoader(
+        _Frames(streams),
+        batch_size=None,
+        num_workers=workers,
+        collate_fn=cast("Callable[[Any], Any]", _as_is),
+        pin_memory=device.type == "cuda",
+        worker_init_fn=_ignore_signals,
+        prefetch_factor=AHEAD if workers else None,
+    )
+    parts, turns = iter(loader), max(workers, 1)  # from each worker in turn
+    while True:
+        frame: list[Any] = [None] * len(streams)
+        for turn in range(turns):
+            packed: PackedCrops = next(parts)
+            frame[turn::turns] = zip(packed.on(device), packed.positions, strict=True)
+        yield frame
+
+
+def _as_is(crops: PackedCrops) -> PackedCrops:
+    return crops
+
+
+def _ignore_signals(_worker: int) -> None:
+    """Leave Ctrl-C, which reaches all processes, to the trainer."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
