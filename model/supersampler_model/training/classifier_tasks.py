@@ -29,7 +29,7 @@ from supersampler_model.methods.guided_warp import GuidedWarp
 from supersampler_model.training.crops import CropFrame, Stream, UnshadedStream
 from supersampler_model.training.datasets import UNKNOWN, unshaded_set
 from supersampler_model.training.losses import ClassifierWeights, class_loss
-from supersampler_model.training.task import State, Stepped, Task, in_batches
+from supersampler_model.training.task import State, Stepped, Task, fast_convolutions, in_batches
 from supersampler_model.training.validation import AlternatingRunner, SequenceRunner
 
 EXTRAPOLATED = 3
@@ -58,7 +58,7 @@ class ClassifierTask(Task):
         method = self.method
         gathered, inputs = self.gather_all(crops, states)
         packed, half_inputs = map(torch.cat, zip(*inputs, strict=True))
-        with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
+        with fast_convolutions(packed.device, training=method.training):
             logits, blend = method.net(packed, half_inputs)
         return self.stepped(crops, gathered, logits.float(), blend.float(), self.losses.ghost)
 
@@ -274,7 +274,7 @@ class ExtrapolateTask(ClassifierTask):
         inputs = [*method_inputs, *twin_inputs]
         surfaces = [_surface(one.frame) if one.unshaded else None for one in made]
         surfaces += [_surface(twin) for _, twin in twins]
-        with torch.autocast(crops[0].color.device.type, torch.bfloat16, enabled=self.method.training):
+        with fast_convolutions(crops[0].color.device, training=self.method.training):
             features = self._features(inputs, surfaces)
             packed = torch.cat([packed for packed, _ in method_inputs])
             logits, blend = net.decode(packed, features[: len(made)])

@@ -25,7 +25,7 @@ from supersampler_model.methods.guided_warp import GuidedWarp, reflectance, surf
 from supersampler_model.training.crops import CropStream, StreamPosition
 from supersampler_model.training.datasets import gbuffer_set, method_inputs, sequences_of
 from supersampler_model.training.losses import ImageWeights
-from supersampler_model.training.task import State, Stepped, Task
+from supersampler_model.training.task import State, Stepped, Task, fast_convolutions
 from supersampler_model.training.validation import ExtrapolationRunner, SequenceRunner
 
 RATIO = 2  # at which data sets are rendered a second time, with G-buffers of render size
@@ -255,7 +255,7 @@ class FlowTask(Task):
         """Step all crops as one batch."""
         together = (torch.cat(parts) for parts in zip(*(crop[:-1] for crop in crops), strict=True))
         later, earlier, light, guides, reflectance, _, changed, _ = together
-        with torch.autocast(later.device.type, torch.bfloat16, enabled=self.method.training):
+        with fast_convolutions(later.device, training=self.method.training):
             (inferred,) = self.method.net(later, earlier)
         light = self.method.refined(light, guides, inferred.float())
         return Stepped(light * reflectance, states, weight=1.0 + self.losses.changed * changed)

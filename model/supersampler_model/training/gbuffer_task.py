@@ -13,7 +13,7 @@ from supersampler_model.methods.gbuffer import FrameInputs, Gathered, GBuffer, H
 from supersampler_model.training.crops import CropFrame, Stream
 from supersampler_model.training.datasets import gbuffer_set
 from supersampler_model.training.losses import ImageWeights, display_values, dissimilarity
-from supersampler_model.training.task import State, Stepped, Task
+from supersampler_model.training.task import State, Stepped, Task, fast_convolutions
 
 COS_45 = 0.5**0.5
 METALLIC, SMOOTH = 0.95, 0.02  # thresholds of metallic and roughness from which a surface is a mirror
@@ -62,7 +62,7 @@ class GBufferTask(Task):
         """Step all crops; from frame to frame gradients flow through the image, not through the count."""
         method = self.method
         gathered = [self.gather(crop, state) for crop, state in zip(crops, states, strict=True)]
-        with torch.autocast(crops[0].color.device.type, torch.bfloat16, enabled=torch.is_grad_enabled()):
+        with fast_convolutions(crops[0].color.device, training=torch.is_grad_enabled()):
             (blend,) = method.net(*map(torch.cat, zip(*(g.inputs for g in gathered), strict=True)))
         blend = blend.float()
         images, after = [], []

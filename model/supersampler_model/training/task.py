@@ -23,6 +23,8 @@ from supersampler_model.training.validation import SequenceRunner
 State = list[Tensor]
 """State of one crop between frames; the task defines the order."""
 Result = TypeVar("Result")
+BFLOAT16 = "avx512_bf16", "amx_bf16", "bf16"
+"""Instructions of CPUs for bfloat16, as torch names them; the last one is Arm's."""
 
 
 class Stepped(NamedTuple):
@@ -87,6 +89,15 @@ class Task(ABC):
     @abstractmethod
     def step(self, crops: list[Any], states: list[State]) -> Stepped:
         """Step each crop once, with the network on the whole batch."""
+
+
+def fast_convolutions(device: torch.device, *, training: bool = True) -> torch.autocast:
+    """Return the context of a network in training: bfloat16, or float32 on a CPU that has no bfloat16.
+
+    Such a CPU takes several times as long with bfloat16 as with float32.
+    """
+    there = device.type != "cpu" or any(torch.cpu.get_capabilities().get(name) for name in BFLOAT16)
+    return torch.autocast(device.type, torch.bfloat16, enabled=training and there)
 
 
 def in_batches(stage: Callable[..., Result], crops: Sequence[tuple[Any, ...]]) -> list[Result]:

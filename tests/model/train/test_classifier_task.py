@@ -24,7 +24,7 @@ from supersampler_model.training.classifier_tasks import ClassifierTask, GuidedT
 from supersampler_model.training.crops import CropFrame, CropRegion
 from supersampler_model.training.datasets import UNKNOWN, unshaded_set
 from supersampler_model.training.losses import class_loss
-from supersampler_model.training.task import State, Stepped, in_batches, start_task
+from supersampler_model.training.task import State, Stepped, fast_convolutions, in_batches, start_task
 from torch_inputs import plain_inputs
 
 RENDER, DISPLAY = ops.Size(12, 8), ops.Size(24, 16)
@@ -69,6 +69,18 @@ def weights(task: ClassifierTask, *samples: CropFrame, frames: int = 2) -> Tenso
             weight, states = (stepped := task.step(list(samples), states)).weight, stepped.states
     assert isinstance(weight, Tensor)
     return weight
+
+
+@pytest.mark.parametrize(
+    ("instruction", "expected"), [("avx512_bf16", torch.bfloat16), ("avx2", torch.float32)]
+)
+def test_convolutions_are_in_bfloat16_where_the_cpu_has_it(
+    instruction: str, expected: torch.dtype, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {instruction: True})
+    with fast_convolutions(torch.device("cpu")):
+        image = nn.functional.conv2d(torch.ones(1, 1, 4, 4), torch.ones(1, 1, 3, 3))
+    assert image.dtype == expected
 
 
 @pytest.mark.parametrize(
