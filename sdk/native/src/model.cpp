@@ -1,4 +1,5 @@
 // Models and their pools of work buffers.
+#include "network.h"
 #include "step.h"
 
 namespace ss {
@@ -11,9 +12,14 @@ static void make_step_buffers(const Model& model, Space& space) {
     Samples& s = space.samples;
     s = {};
     s.width = render.width, s.height = render.height, s.stride = up_to(render.width, LANES), s.pitch = s.stride + 2 * PAD;
+    s.kept = render.height;
+    if (const int stages = model.method->stages) {  // that many bands are worked on, and one for each thread
+        space.bands = min(divided_up(display.height, BAND), stages + model.pool.threads());
+        s.kept = static_cast<int>(min<int64_t>(s.kept, space.bands * (int64_t{BAND} * render.height / display.height + 1)));
+    }
     s.linear = space.rows_of_samples(3, s.stride);
     s.reactive = space.rows_of_samples(1, s.stride);
-    s.rows = space.rows_of_samples(1, 4);
+    s.rows = space.arena.take<RowFacts>(render.height);
     s.fill = space.arena.take<float>(6 * divided_up(s.width, FILL_WINDOW) * divided_up(s.height, FILL_WINDOW));
     if (model.method->reads_motion) {
         s.motion_x = space.rows_of_samples(1, s.pitch);
@@ -21,11 +27,10 @@ static void make_step_buffers(const Model& model, Space& space) {
     }
     if (model.method->reads_surfaces) {
         s.depth = space.rows_of_samples(1, s.pitch);
-        s.eroded_depth = space.rows_of_samples(1, s.pitch);
-        s.color = space.rows_of_samples(SAMPLE_PLANES, s.pitch);
-        s.dilated = space.rows_of_samples(4, s.stride);
-        s.own = space.rows_of_samples(4, s.stride);
-        s.glares = space.rows_of_samples(1, 1);
+        s.eroded_depth = space.kept_rows_of_samples(1, s.pitch);
+        s.color = space.kept_rows_of_samples(SAMPLE_PLANES, s.pitch);
+        s.dilated = space.kept_rows_of_samples(4, s.stride);
+        s.own = space.kept_rows_of_samples(4, s.stride);
     }
     Tables& t = space.tables;
     t = {};

@@ -97,8 +97,8 @@ static float exposure_of(const ss_frame& frame, const Samples& samples, float be
     const bool given = frame.exposure >= MIN_EXPOSURE && frame.exposure <= MAX_EXPOSURE;
     double logs = 0.0, count = 0.0;
     for (int y = 0; y < samples.height && !given; y++) {
-        logs += samples.rows[4 * y];
-        count += samples.rows[4 * y + 1];
+        logs += samples.rows[y].logs;
+        count += samples.rows[y].count;
     }
     return static_cast<float>(followed_exposure(given ? frame.exposure : 0.0, count > 0.0 ? EXPOSURE_KEY * exp(-logs / count) : 0.0, before));
 }
@@ -118,8 +118,8 @@ static void read_samples(Step& step) {
     bool missing = false;
     s.has_reactive = false;
     for (int y = 0; y < s.height; y++) {
-        missing |= s.rows[4 * y + 2] > 0.0f;
-        s.has_reactive |= s.rows[4 * y + 3] > 0.0f;
+        missing |= s.rows[y].misses;
+        s.has_reactive |= s.rows[y].reacts;
     }
     s.fill_across = missing ? divided_up(s.width, FILL_WINDOW) : 0;
 }
@@ -132,15 +132,16 @@ void fill_missing(Step& step) {
 
 void make_tables(const Step& step) { step.kernels().make_tables(step.space.tables, step.frame.jitter[0], step.frame.jitter[1]); }
 
-bool resample(Step& step) {
+void resample(Step& step) {
     const Samples& s = step.samples();
     fill_missing(step);
     run_rows_with_neighbours(
         step.workers(), s.height, [&](int y0, int y1) { step.kernels().prepare(s, y0, y1); },
         [&](int y0, int y1) { step.kernels().dilate(s, y0, y1); });
-    bool glares = false;
-    for (int y = 0; y < s.height; y++) glares |= s.glares[y] > 0.0f;
-    return glares;
+}
+
+bool may_glare(const Step& step) {
+    return step.space.samples.may_glare(0, step.space.samples.height - 1) || (step.before.glares && rests_anywhere(step));
 }
 
 PreviousFrame previous_frame(const History& history, int plane) {

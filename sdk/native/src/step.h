@@ -45,6 +45,7 @@ struct Space {
     Arena arena;
     Size render, image_size, display;  // of the frame, of the image, and of what the method keeps
     Samples samples;
+    int bands = 0;  // bands of the image whose buffers are kept, see `Method::stages`
     Tables tables;
     WarpScratch* warps;
     float* scratch;  // of each thread a row of packed values
@@ -60,6 +61,9 @@ struct Space {
     float* rows_of_samples(int planes, int pitch) {
         return arena.take<float>(static_cast<size_t>(render.height) * planes * pitch);
     }
+    float* kept_rows_of_samples(int planes, int pitch) {
+        return arena.take<float>(static_cast<size_t>(samples.kept) * planes * pitch);
+    }
 };
 
 // The facts of a method, in a table of its own file.
@@ -70,6 +74,7 @@ struct Method {
     bool reads_motion = false;
     bool reads_gbuffers = false;
     bool larger = false;        // whether its history and image are LARGE, and filtered to the display
+    int stages = 0;             // of bands in which it is computed; 0: of the whole frame at once
     bool extrapolates = false;  // whether it computes the colour of unshaded frames, and has no steps
     Layout layout = {};
     const Constant* constants = nullptr;
@@ -142,6 +147,14 @@ class StageClock {
         seconds_[stage_] += now - since_;
         since_ = now, stage_ = stage;
     }
+    // Divides the time since `enter` among stages, in proportion to what threads have spent on them.
+    void divide(const double (&spent)[SS_STAGES]) {
+        const double now = seconds_now();
+        double total = 0.0;
+        for (double one : spent) total += one;
+        for (int k = 0; k < SS_STAGES && total > 0.0; k++) seconds_[k] += (now - since_) * spent[k] / total;
+        since_ = now;
+    }
     void read(double* seconds) {
         enter(stage_);
         memcpy(seconds, seconds_, sizeof seconds_);
@@ -182,7 +195,8 @@ struct Step {
 
 void fill_missing(Step& step);  // computes what missing samples show; the exposure is known
 void make_tables(const Step& step);
-bool resample(Step& step);     // fills and tones samples, dilates motion; returns whether a sample glares
+void resample(Step& step);     // fills and tones samples, dilates motion
+bool may_glare(const Step& step);  // whether a sample glares, or pixels that rest do
 PreviousFrame previous_frame(const History& history, int plane);
 // Calls function(rect, thread) on rectangles of pixels of an image of `size`, in which a tile has `unit` pixels.
 template <class Function>
@@ -195,6 +209,18 @@ void run_tiles(Step& step, const Runs& runs, int unit, Size size, const Function
         if (rect.y0 < rect.y1 && rect.x0 < rect.x1) rects[count++] = rect;
     }
     step.workers().run_rects(rects, count, multiple, function);
+}
+// Calls function(rect) on rectangles of rows y0 to y1 of an image of `size`, in which a tile has `unit` pixels.
+template <class Function>
+void run_tiles_of_rows(const uint8_t* tiles, Size across, int unit, Size size, int y0, int y1, const Function& function) {
+    const uint8_t* row = tiles + y0 / unit * across.width;
+    for (int x = 0; x < across.width; x++) {
+        if (!row[x]) continue;
+        const int first = x;
+        while (x < across.width && row[x]) x++;
+        const Rect rect = {y0, min(y1, size.height), first * unit, min(x * unit, size.width)};
+        if (rect.y0 < rect.y1 && rect.x0 < rect.x1) function(rect);
+    }
 }
 inline const Runs& computed_tiles(const Step& step) { return step.space.rest.runs; }
 inline bool rests_anywhere(const Step& step) {

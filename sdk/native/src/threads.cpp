@@ -1,6 +1,6 @@
 #include "threads.h"
 
-#ifdef __linux__
+#ifndef _WIN32
 #include <sched.h>
 #endif
 
@@ -38,6 +38,22 @@ IeeeArithmetic::IeeeArithmetic() : before_(control_word()) {
 
 IeeeArithmetic::~IeeeArithmetic() {
     if ((before_ & ~FLAGS) != IEEE_WORD) set_control_word(before_);
+}
+
+void pause_thread(int tries) {
+    if (tries < 100) {
+#if defined(__x86_64__)
+        __builtin_ia32_pause();
+#elif defined(__aarch64__)
+        __asm__ volatile("yield");
+#endif
+        return;
+    }
+#ifdef _WIN32
+    SwitchToThread();
+#else
+    sched_yield();
+#endif
 }
 
 // Work of one call of `run`, on the stack of its caller.

@@ -14,6 +14,7 @@
 namespace ss {
 
 constexpr int MAX_THREADS = 256;
+constexpr int MAX_BANDS = 4096;
 constexpr int PARTS_OF_THREAD = 3;  // a thread that is held up leaves parts to others
 
 // Mutex and condition of the system.
@@ -64,6 +65,8 @@ class Canceller {
     double next_;
     bool is_set_ = false;
 };
+
+void pause_thread(int tries);  // in a loop that waits for another thread
 
 // Makes this thread compute as IEEE 754 has it while it lives: subnormal numbers, rounding to nearest, no traps.
 class IeeeArithmetic {
@@ -153,6 +156,37 @@ struct Workers {
     void run_rows(int rows, const Function& function) const {
         Rect rect{0, rows, 0, 1};
         run_rects(&rect, 1, 1, [&](Rect part, int thread) { function(part.y0, part.y1, thread); });
+    }
+
+    // Calls function(stage, band, thread) for all stages of all bands of an image. A stage of a band begins after the stage
+    // before it has ended on the band and its two neighbours. `kept` bands have buffers: all of them, or more than `stages`.
+    //
+    // The work is a row of slots, each of which runs the first stage on band `slot`, the second on the one before, and so
+    // on; threads take them in order. So a slot needs what the two slots before it have done, which are ahead of it.
+    template <class Function>
+    void run_bands(int bands, int stages, int kept, const Function& function) const {
+        uint8_t progress[MAX_BANDS] = {};  // of each slot: 1 once it has begun, and the number of stages that have ended
+        int next = 0;
+        const int slots = bands + stages - 1;
+        const auto wait_for = [&](int slot, int ended) {  // returns whether the slot has begun, and so many stages have ended
+            for (int tries = 0; slot >= 0 && __atomic_load_n(&progress[slot], __ATOMIC_ACQUIRE) <= ended; tries++) {
+                if (canceller.is_set()) return false;
+                pause_thread(tries);
+            }
+            return true;
+        };
+        run(slots, [&](int, int thread) {
+            const int slot = __atomic_fetch_add(&next, 1, __ATOMIC_RELAXED);
+            // buffers of the last slot that has read them; all slots before that have ended, too, as slots begin in order
+            if (!wait_for(slot - 1, 0) || (kept < bands && !wait_for(slot - kept + stages, stages))) return;
+            for (int stage = 0; stage <= stages; stage++) {
+                __atomic_store_n(&progress[slot], static_cast<uint8_t>(stage + 1), __ATOMIC_RELEASE);
+                if (stage == stages) return;
+                if (!wait_for(slot - 1, stage) || !wait_for(slot - 2, stage)) return;
+                const int band = slot - stage;
+                if (band >= 0 && band < bands) function(stage, band, thread);
+            }
+        });
     }
 
    private:

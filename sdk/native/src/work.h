@@ -23,25 +23,39 @@ struct View {
     }
 };
 
+// What is known of a row of samples.
+struct RowFacts {
+    float logs, count;  // sum of log luminance, number of usable samples
+    float brightest;    // largest linear value
+    bool misses, reacts;  // whether a sample is missing, or reactive
+};
+
 // The samples of a frame. Rows are padded: those of `stride` values to whole vectors, those of `pitch` values are PAD +
 // stride + PAD, where the padding repeats the border.
 struct Samples {
     int width, height, stride, pitch;
+    int kept;  // rows that the four arrays below that name them have; row y is at `place(y)`
     float* linear;           // (height, 3, stride) linear RGB without pre-exposure, in [0, MAX_HALF]; NaN where missing
     float *depth, *motion_x, *motion_y;  // (height, pitch) sanitized; depth is UNKNOWN_DEPTH where it is not usable
     float* reactive;         // (height, stride) reactive mask; negative where the colour is missing
-    float* rows;             // (height, 4) of each row: sum of log luminance, usable samples; 1 where a sample is
-                             // missing, or reactive
-    float* color;            // (height, SAMPLE_PLANES, pitch) toned RGB, 1 where usable, YCoCg, squares of YCoCg
-    float* eroded_depth;     // (height, pitch) the farthest of 3x3
-    float* dilated;          // (height, stride, 4) depth and motion of the closest of 2x2
-    float* own;              // (height, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where
+    RowFacts* rows;          // (height,)
+    float* color;            // (kept, SAMPLE_PLANES, pitch) toned RGB, 1 where usable, YCoCg, squares of YCoCg
+    float* eroded_depth;     // (kept, pitch) the farthest of 3x3
+    float* dilated;          // (kept, stride, 4) depth and motion of the closest of 2x2
+    float* own;              // (kept, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where
                              // one of these is over GLARE_TONED
-    float* glares;           // (height,) 1 where a sample of the row is over GLARE_TONED, else 0
     float* fill;             // (down, across, 6) of each FILL_WINDOW: what its missing samples show, linear and toned
     int fill_across;         // windows in a row; 0 where no sample is missing
     bool has_reactive;
     float exposure;
+
+    ptrdiff_t place(int y) const { return y % kept; }
+    // Whether samples of rows first to last may be over GLARE_TONED.
+    bool may_glare(int first, int last) const {
+        bool found = false;
+        for (int y = max(first, 0); y <= min(last, height - 1); y++) found |= rows[y].brightest * exposure > 0.999f * GLARE_EXPOSED;
+        return found;
+    }
 };
 
 // What `read_frame` reads.
@@ -58,9 +72,8 @@ struct Guide {
     View base_color, normal;                   // of the frame's samples
     View display_base_color, display_normal;   // of display size, as the next
     View display_depth;
-    float* samples;  // (render height, SURFACE_PLANES, pitch) light, toned; normal and base colour, scaled
-    float* depth;    // (display height, PAD + pitch + PAD), UNKNOWN_DEPTH where it is not usable
-    int depth_pitch;
+    float* samples;  // (kept rows of samples, SURFACE_PLANES, pitch) light, toned; normal and base colour, scaled
+    float* depth;    // rows as `Gathered.luma`, UNKNOWN_DEPTH where it is not usable
     const uint8_t* before;  // (display height, display width, 4) reflectance of the history; 255 is one
     uint8_t* next;
     float normal_scale, color_scale;  // of features; their squared distance is an exponent
@@ -254,6 +267,7 @@ struct Kernels {
     void (*keep_depth)(const ClassifierWork&, int y0, int y1);
     void (*prepare_surfaces)(const ClassifierWork&, int y0, int y1, int thread);
     void (*prepare_depth)(const ClassifierWork&, int y0, int y1, int thread);
+    void (*confirm_none)(const ClassifierWork&, Rect);
     void (*encode_first)(const ClassifierWork&, int depth, Rect, int thread);
     void (*encode_others)(const ClassifierWork&, int depth, Rect, int thread);
     void (*infer_rows)(const ClassifierWork&, int parameters, float* out, int y0, int y1);

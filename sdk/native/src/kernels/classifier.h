@@ -16,16 +16,32 @@ enum Rest { FRAME, SAMPLE = 3, CONFIDENCE = 6, DETAIL, SURFACE = 10, COUNT, MIN_
 // Filters of the tables, in the order of methods/classifier.cpp.
 enum OfFilter { BY_SAMPLE, BY_CUBIC, BY_MEAN, BY_DISTANCE };
 
+// Words of a record of network inputs, by the names of `pixel_inputs`. `guided` has RELIT_TO_FRAME and AGREEMENT in
+// the places of MIN_LUMA and MAX_LUMA.
+enum InputWord {
+    IN_FRAME, IN_SAMPLE, IN_HISTORY, IN_HISTORY_TO_SAMPLE, IN_HISTORY_TO_FRAME, IN_CONTRAST, IN_HISTORY_CONTRAST,
+    IN_BEYOND_RANGE, IN_MIN_LUMA, IN_MAX_LUMA, IN_DETAIL, IN_CONFIDENCE, IN_COUNT, IN_DEPTH_DIFFERENCE, IN_SURFACE, IN_EDGE,
+};
+
+// Stores inputs in [0, 1] as bytes; 255 is one.
+SS_INLINE void store_input(uint8_t* to, F value) { store(to, to_int(clamped(value, 0.0f, 1.0f) * 255.0f + 0.5f)); }
+
+// Packed pixels of a plane, two bytes of each row in a word.
+SS_INLINE I packed_words(const uint8_t* upper, const uint8_t* lower) {
+    I a = load(upper), b = load(upper + W), c = load(lower), d = load(lower + W);
+    return evens(a, b) | odds(a, b) << 8 | evens(c, d) << 16 | odds(c, d) << 24;
+}
+
 SS_INLINE F3 load_half3(const uint16_t* from) { return {load_half(from), load_half(from + W), load_half(from + 2 * W)}; }
-SS_INLINE void stream_half3(uint16_t* to, F3 v) {
-    stream_half(to, v.r);
-    stream_half(to + W, v.g);
-    stream_half(to + 2 * W, v.b);
+SS_INLINE void store_half3(uint16_t* to, F3 v) {
+    store_half(to, v.r);
+    store_half(to + W, v.g);
+    store_half(to + 2 * W, v.b);
 }
 
 // A row of the guided colour; its planes are pitch + 2 * PAD apart.
 SS_INLINE uint16_t* guided_row(const ClassifierWork& w, int y) {
-    return w.gathered.image + 3 * static_cast<ptrdiff_t>(y) * (w.gathered.pitch + 2 * PAD) + PAD;
+    return w.gathered.image + 3 * w.gathered.padded(y) - 2 * PAD;
 }
 
 // Where light over white rises over all samples of the history; same as `unexplained_light`.

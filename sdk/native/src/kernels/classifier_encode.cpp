@@ -1,6 +1,5 @@
 // The encoder of the classifiers' network, level by level, row by row, so that layers read rows from the cache.
-#include "frame.h"
-#include "int8.h"
+#include "classifier.h"
 
 namespace ss::SS_ISA {
 
@@ -18,7 +17,7 @@ static void tent_row(const Network& n, int plane, int y, int p0, int p1, float* 
     const float* rows[5];
     F weights[5];
     for (int k = 0; k < 5; k++) {
-        rows[k] = n.means + (2 * static_cast<ptrdiff_t>(clamp(y + k - 2, 0, n.half.height - 1)) + plane) * n.means_pitch;
+        rows[k] = n.means_at(clamp(y + k - 2, 0, n.half.height - 1), plane);
         weights[k] = spread(y + k - 2 < 0 || y + k - 2 >= n.half.height ? 0.0f : tent_weight(y + k - 2, y, n.half.height));
     }
     for (int x = p0; x < p1 + 2 * PAD; x += W) {
@@ -38,15 +37,52 @@ static void tent_row(const Network& n, int plane, int y, int p0, int p1, float* 
 // the words at half size. Both blurs repeat the border.
 static void mean_difference_row(const Network& n, int y, int p0, int p1, const ClassifierScratch& s) {
     for (int plane = 0; plane < 2; plane++) tent_row(n, plane, y, p0, p1, s.tall[plane], s.line);
-    uint8_t* records = reinterpret_cast<uint8_t*>(n.records + static_cast<ptrdiff_t>(y) * n.row * RECORD_WORDS) + 4 * INPUT_PLANES + 6;
+    uint8_t* records = reinterpret_cast<uint8_t*>(n.records_at(y)) + 4 * INPUT_PLANES + 6;
     for (int p = p0; p < p1; p++)
         for (int plane = 0; plane < 2; plane++)
             records[4 * RECORD_WORDS * p + plane] = static_cast<uint8_t>(s.tall[plane][PAD + p]);
 }
 
+// Writes `history_contrast` and `beyond_range` of columns x0 to x1 of a row of the image to `lines`.
+static void contrast_row(const Gathered& g, int height, int y, int x0, int x1, uint8_t* lines) {
+    const float* rows[] = {g.luma + g.padded(max(y - 1, 0)), g.luma + g.padded(y), g.luma + g.padded(min(y + 1, height - 1))};
+    const uint8_t* samples = g.samples + g.place(y);
+    for (int x = x0; x < x1; x += W) {
+        F low = load(rows[1] + x), high = low;
+        for (const float* row : rows)
+            for (int k = -1; k <= 1; k++) {
+                F other = load(row + x + k);
+                low = minimum(other, low);
+                high = maximum(other, high);
+            }
+        F luma = to_float(load(samples + x)) * (1.0f / 255.0f);
+        store_input(lines + x, high - low);
+        store_input(lines + g.pitch + x, maximum(maximum(low - luma, luma - high), 0.0f));
+    }
+}
+
+// Writes the inputs of packed pixels p0 to p1 of row y that need neighbours to their records.
+static void complete_row(const ClassifierWork& w, int y, int p0, int p1, const ClassifierScratch& s) {
+    const int pitch = w.gathered.pitch, width = w.target.width, height = w.target.height;
+    uint8_t* lines[2] = {s.inputs, s.inputs + 2 * pitch};
+    for (int k = 0; k < 2; k++) {
+        contrast_row(w.gathered, height, min(2 * y + k, height - 1), 2 * p0, min(up_to(2 * p1, LANES), pitch), lines[k]);
+        for (int c = 0; c < 2 && width % 2; c++) lines[k][c * pitch + width] = lines[k][c * pitch + width - 1];
+    }
+    int32_t* records = w.network->records_at(y) + IN_HISTORY_CONTRAST;
+    for (int x = p0; x < p1; x += W) {
+        I contrast = packed_words(lines[0] + 2 * x, lines[1] + 2 * x), beyond = packed_words(lines[0] + pitch + 2 * x, lines[1] + pitch + 2 * x);
+        int32_t words[2 * W];
+        store(words, low_zip(contrast, beyond));
+        store(words + W, high_zip(contrast, beyond));
+        for (int i = 0; i < min(W, p1 - x); i++) memcpy(records + (x + i) * RECORD_WORDS, words + 2 * i, 2 * sizeof(int32_t));
+    }
+    mean_difference_row(*w.network, y, p0, p1, s);
+}
+
 // Repeats the last record of a row PIXELS_AT_ONCE times after the row, as far as it is read.
 static void repeat_last(const Network& n, int y, int width) {
-    int32_t* row = n.records + static_cast<ptrdiff_t>(y) * n.row * RECORD_WORDS;
+    int32_t* row = n.records_at(y);
     for (int p = n.half.width; p < width + PIXELS_AT_ONCE; p++)
         memcpy(row + p * RECORD_WORDS, row + (n.half.width - 1) * RECORD_WORDS, 4 * RECORD_WORDS);
 }
@@ -61,18 +97,18 @@ void encode_first(const ClassifierWork& w, int depth, Rect box, int thread) {
     for (int y = box.y0; y < box.y1; y++) {
         Input input = {line, level.inputs, level.first.words};  // channels are filled up to whole vectors
         if (depth) {
-            pool_row(level.above + 2 * static_cast<ptrdiff_t>(y) * level.above_row + 2 * box.x0 * level.above_pitch,
-                     level.above_pitch, level.above_row, level.inputs, line, count);
+            const Level& above = n.level[depth - 1];
+            pool_row(above.out_at(2 * y) + (KEPT[depth - 1] << 2 * (depth - 1)) + 2 * box.x0 * above.out_pitch, above.out_pitch, above.out_row, level.inputs, line, count);
         } else {
             const int here = min(y, n.half.height - 1);
             if (here == y) {
-                if (n.means) mean_difference_row(n, here, box.x0, min(box.x1, n.half.width), w.scratch[thread]);
+                if (n.means) complete_row(w, here, box.x0, min(box.x1, n.half.width), w.scratch[thread]);
                 if (box.x1 == level.width) repeat_last(n, here, level.width);
             }
-            const int32_t* row = n.records + (static_cast<ptrdiff_t>(here) * n.row + box.x0) * RECORD_WORDS;
+            const int32_t* row = n.records_at(here) + box.x0 * RECORD_WORDS;
             input = {reinterpret_cast<const uint8_t*>(row), 4 * RECORD_WORDS, RECORD_WORDS};
         }
-        uint8_t* to = level.x + static_cast<ptrdiff_t>(y + 1) * level.x_row + (box.x0 + 1) * level.x_pitch;
+        uint8_t* to = level.x_at(y) + (box.x0 + 1) * level.x_pitch;
         pointwise_row(input, level.first, to, level.x_pitch, count);
         if (box.x1 == level.width) memset(to + count * level.x_pitch, 0, level.x_pitch);
     }
@@ -85,9 +121,11 @@ void encode_others(const ClassifierWork& w, int depth, Rect box, int thread) {
     uint8_t* line = n.lines + thread * n.line_pitch;
     const int count = box.x1 - box.x0;
     for (int y = box.y0; y < box.y1; y++) {
-        depthwise_row(level.x + static_cast<ptrdiff_t>(y) * level.x_row + box.x0 * level.x_pitch, level.x_pitch, level.x_row,
-                      level.spatial, level.channels, line, count);
-        uint8_t* to = level.out + static_cast<ptrdiff_t>(y) * level.out_row + box.x0 * level.out_pitch;
+        const uint8_t* rows[3];
+        for (int k = 0; k < 3; k++)
+            rows[k] = (y + k - 1 < 0 || y + k - 1 >= level.height ? n.zeros : level.x_at(y + k - 1)) + box.x0 * level.x_pitch;
+        depthwise_row(rows, level.x_pitch, level.spatial, level.channels, line, count);
+        uint8_t* to = level.out_at(y) + box.x0 * level.out_pitch;
         pointwise_row(Input{line, level.channels, level.channels / 4}, level.last, to, level.out_pitch, count);
     }
 }

@@ -19,7 +19,7 @@ SS_INLINE F factor(F value) {
 static void concatenate_row(const Network& n, int y, int p0, int p1, uint8_t* out) {
     const uint8_t* rows[LEVELS];
     for (int k = 0; k < LEVELS; k++)
-        rows[k] = n.level[k].out + static_cast<ptrdiff_t>(y >> k) * n.level[k].out_row + (KEPT[k] << k) * (y & ((1 << k) - 1));
+        rows[k] = n.level[k].out_at(y >> k) + (KEPT[k] << k) * (y & ((1 << k) - 1));
     for (int p = p0; p < p1; p++) {
         prefetch(rows[3] + ((p + 16) >> 3) * n.level[3].out_pitch);
         uint8_t* to = out + 32 * p;
@@ -73,7 +73,7 @@ static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int 
 // Writes visibility for the ghosting of packed pixels p0 to p1 of row y that have no history.
 static void mark_unknown(const Gathered& g, int planes, int y, int p0, int p1, uint8_t* classes) {
     for (int x = 2 * p0; x < min(2 * p1, g.pitch); x += W) {
-        const uint32_t known = mask_bits(is_positive(load_half(g.rest + (2 * static_cast<ptrdiff_t>(y) * g.pitch + x) * planes + W * COUNT)));
+        const uint32_t known = mask_bits(is_positive(load_half(g.rest + (g.place(2 * y) + x) * planes + W * COUNT)));
         if (known == (1u << W) - 1) continue;
         for (int i = 0; i < min(W / 2, p1 - x / 2); i++)
             if (!(known >> 2 * i & 1)) {
@@ -110,16 +110,16 @@ SS_INLINE F3 along_edges(F3 color, F luma) {
 
 // Writes up to W pixels of the next history.
 SS_INLINE void write_history(float* to, int count, F3 color, F samples, F low, F high) {
-    F v[8] = {color.r, color.g, color.b, samples, low, high, F{}, F{}};
+    F v[HISTORY_VALUES] = {color.r, color.g, color.b, samples, low, high};
     to_pixels(v);
     if (count >= W) {
         const bool streams = is_aligned(to);
-        for (int k = 0; k < 8; k++) streams ? stream(to + k * W, v[k]) : store(to + k * W, v[k]);
+        for (int k = 0; k < HISTORY_VALUES; k++) streams ? stream(to + k * W, v[k]) : store(to + k * W, v[k]);
         return;
     }
-    float pixels[8 * W];
-    for (int k = 0; k < 8; k++) store(pixels + k * W, v[k]);
-    memcpy(to, pixels, sizeof(float) * 8 * count);
+    float pixels[HISTORY_VALUES * W];
+    for (int k = 0; k < HISTORY_VALUES; k++) store(pixels + k * W, v[k]);
+    memcpy(to, pixels, sizeof(float) * HISTORY_VALUES * count);
 }
 
 // Computes the image, linear RGB, and the next history of columns x0 to x1 of row y.
@@ -131,9 +131,16 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
     const Axis &ax = w.tables.x, &ay = w.tables.y;
     const int width = w.gathered.pitch, end = w.target.width, near = ay.nearest[y];
     blend += 2 * parameters * (y % 2) * blend_pitch;
+    const uint16_t* gathered = w.gathered.rest + variant.planes() * w.gathered.place(y);
+    const float *histories = w.gathered.history + 3 * w.gathered.place(y), *rows[3];
+    const uint16_t* images[3];
+    for (int i = 0; i < 3; i++) {
+        rows[i] = sample_row(s, ay.clamped(near + i - 1), TONED) - PAD;
+        images[i] = guided_row(w, clamp(y + i - 1, 0, w.target.height - 1));
+    }
     for (int x = x0; x < min(x1, end); x += W) {
-        const uint16_t* rest = w.gathered.rest + (static_cast<ptrdiff_t>(y) * width + x) * variant.planes();
-        const float* history = w.gathered.history + (static_cast<ptrdiff_t>(y) * width + x) * 3;
+        const uint16_t* rest = gathered + variant.planes() * x;
+        const float* history = histories + 3 * x;
         for (int line = 0; line < W * variant.planes(); line += LINE / 2) prefetch(rest + 2 * W * variant.planes() + line);
         for (int line = 0; line < 3 * W; line += LINE / 4) prefetch(history + 2 * 3 * W + line);
         auto parameter = [&](int index) __attribute__((always_inline)) {  // of the left and right pixel of packed pixels
@@ -144,20 +151,19 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         const Places places(ax.nearest, x);
         if constexpr (guided) unrolled<9>([&](auto index) __attribute__((always_inline)) {
             constexpr int k = index.k;
-            const uint16_t* at = guided_row(w, clamp(y + k / 3 - 1, 0, w.target.height - 1)) + x + k % 3 - 1;
+            const uint16_t* at = images[k / 3] + x + k % 3 - 1;
             const int pitch = width + 2 * PAD;
             window.add(F3{load_half(at), load_half(at + pitch), load_half(at + 2 * pitch)},
                        NEIGHBOUR_WEIGHTS[k] * factor(parameter(variant.kernel_weights() + k)));
         });
         else unrolled<3>([&](auto row_index) __attribute__((always_inline)) {
             constexpr int i = row_index.k;
-            const float* row = s.color + static_cast<ptrdiff_t>(ay.clamped(near + i - 1)) * SAMPLE_PLANES * s.pitch;
             const float down = ay.windows[i * ay.pitch + y];
             unrolled<3>([&](auto column_index) __attribute__((always_inline)) {
                 constexpr int j = column_index.k;
                 F weight = load(ax.windows + j * ax.pitch + x) * down + MIN_KERNEL_WEIGHT;
                 weight *= factor(parameter(variant.kernel_weights() + 3 * i + j));
-                auto plane = [&](int c) __attribute__((always_inline)) { return places.at(row + c * s.pitch, j - 1); };
+                auto plane = [&](int c) __attribute__((always_inline)) { return places.at(rows[i] + c * s.pitch, j - 1); };
                 window.add(F3{plane(0), plane(1), plane(2)}, weight * plane(USABLE));
             });
         });
@@ -212,23 +218,38 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         F warped_glare = F{};
         if (w.glares) {
             warped_glare = without_glare(high);
-            if (w.rises) warped_glare = maximum(warped_glare, select(light_rises(luma, high, count, surface), 1.0f, F{}));
             next_count = select((warped_glare > 0.0f) & (warped_glare < CONFIRMED), 0.0f, next_count);
         }
+        I rises = light_rises(luma, high, count, surface) & (warped_glare == 0.0f);
+        w.gathered.rises[(static_cast<ptrdiff_t>(y) * width + x) / 4] = static_cast<uint16_t>(mask_bits(rises));
         if (w.flash) next_count = F{};
         low = minimum(low, luma) + rate * maximum(luma - low, 0.0f);
         high = maximum(high, luma) - rate * maximum(high - luma, 0.0f);
         low = luma + trust * (low - luma);
         high = luma + trust * (high - luma) + warped_glare * GLARE;
-        write_history(w.next_history + 8 * (static_cast<ptrdiff_t>(y) * end + x), min(x1, end) - x, image, next_count, low, high);
+        write_history(w.next_history + HISTORY_VALUES * (static_cast<ptrdiff_t>(y) * end + x), min(x1, end) - x, image, next_count, low, high);
     }
+}
+
+// Makes light that rises in a rectangle of the next history unconfirmed, as in a first glaring frame.
+void confirm_none(const ClassifierWork& w, Rect rect) {
+    for (int y = rect.y0; y < rect.y1; y++)
+        for (int x = rect.x0; x < rect.x1; x += W) {
+            const uint32_t rises = w.gathered.rises[(static_cast<ptrdiff_t>(y) * w.gathered.pitch + x) / 4];
+            for (int k = 0; k < min(W, rect.x1 - x) && rises; k++) {
+                if (!(rises >> k & 1)) continue;
+                float* pixel = w.next_history + HISTORY_VALUES * (static_cast<ptrdiff_t>(y) * w.target.width + x + k);
+                pixel[3] = 0.0f;
+                pixel[5] += GLARE;
+            }
+        }
 }
 
 // Runs the layers after the encoder on packed pixels p0 to p1 of row y: blend parameters and logits, see `blend_row`.
 static void infer_row(const Network& n, const ClassifierScratch& s, int outputs, int y, int p0, int p1, uint8_t* classes) {
     concatenate_row(n, y, p0, p1, s.read);
     pointwise_row(Input{s.read + 32 * p0, 32, 8}, n.decoder, s.decoded + 32 * p0, 32, p1 - p0);
-    const int32_t* records = n.records + (static_cast<ptrdiff_t>(y) * n.row + p0) * RECORD_WORDS;
+    const int32_t* records = n.records_at(y) + p0 * RECORD_WORDS;
     pointwise_row(Input{reinterpret_cast<const uint8_t*>(records), 4 * RECORD_WORDS, INPUT_PLANES}, Input{s.decoded + 32 * p0, 32, 8},
                   n.hidden, s.hidden + 4 * WIDE * p0, 4 * WIDE, p1 - p0);
     blend_row(n, s.hidden, outputs, p0, p1, up_to(n.half.width, LANES), s.blend, classes);

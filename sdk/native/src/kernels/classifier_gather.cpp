@@ -6,20 +6,10 @@
 
 namespace ss::SS_ISA {
 
-// Words of a record of network inputs, by the names of `pixel_inputs`. `guided` has RELIT_TO_FRAME and AGREEMENT in
-// the places of MIN_LUMA and MAX_LUMA.
-enum InputWord {
-    IN_FRAME, IN_SAMPLE, IN_HISTORY, IN_HISTORY_TO_SAMPLE, IN_HISTORY_TO_FRAME, IN_CONTRAST, IN_HISTORY_CONTRAST,
-    IN_BEYOND_RANGE, IN_MIN_LUMA, IN_MAX_LUMA, IN_DETAIL, IN_CONFIDENCE, IN_COUNT, IN_DEPTH_DIFFERENCE, IN_SURFACE, IN_EDGE,
-};
-
 static F3 toned_at(const ClassifierWork& w, F r, F g, F b) { return tone(sanitize(F3{r, g, b}) * w.samples.exposure); }
 static F3 where(I mask, F3 v) { return {select(mask, v.r, 0.0f), select(mask, v.g, 0.0f), select(mask, v.b, 0.0f)}; }
 static F3 roots(F3 c) { return {root(c.r), root(c.g), root(c.b)}; }
 static F max_difference(F3 a, F3 b) { return largest(absolute(a.r - b.r), absolute(a.g - b.g), absolute(a.b - b.b)); }
-
-// Stores inputs in [0, 1] as bytes; 255 is one.
-static void store_input(uint8_t* to, F value) { store(to, to_int(clamped(value, 0.0f, 1.0f) * 255.0f + 0.5f)); }
 
 // The surface's previous visibility, [0, 1], and the depth difference, [-1, 1] (equation 10).
 static F gather_surface(const ClassifierWork& w, F depth, F px, F py, I on, F& difference) {
@@ -51,9 +41,8 @@ enum Line { OF_SAMPLE, OF_CUBIC = 4, OF_MEAN = 8, OF_MEAN_USABLE = 14 };
 
 static void filter_all_down(const ClassifierWork& w, int y, Span span, float* lines, bool cubic) {
     const Samples& s = w.samples;
-    const ptrdiff_t pitch = static_cast<ptrdiff_t>(SAMPLE_PLANES) * s.pitch;
     auto down = [&](int filter, int plane, int count, int line) __attribute__((always_inline)) {
-        filter_down(Rows(w.tables.y, filter, y, s.color, pitch), span, plane, count, s.pitch, lines + line * s.pitch);
+        filter_down(Rows(w.tables.y, filter, y, sample_rows(s)), span, plane, count, s.pitch, lines + line * s.pitch);
     };
     down(BY_SAMPLE, TONED, 4, OF_SAMPLE);
     if (cubic) down(BY_CUBIC, TONED, 4, OF_CUBIC);
@@ -101,7 +90,7 @@ static F confirmed_glare(F glare, F warped, F count, F luma) {
     return select(still_bright, 1.0f, glare) * minimum(counts + 1.0f, CONFIRMED);
 }
 
-// Resamples W pixels of eight values to 12 or 16 each: all linear; RGB and count by the cubic; by their own motion.
+// Resamples W pixels of HISTORY_VALUES to 12 or 16 each: all linear; RGB and count by the cubic; by their own motion.
 template <bool own_motion>
 SS_INLINE void warp8(const float* h, bool same_motion, WarpScratch& s) {
     typedef float F8 __attribute__((vector_size(32)));
@@ -109,7 +98,7 @@ SS_INLINE void warp8(const float* h, bool same_motion, WarpScratch& s) {
     for (int i = 0; i < W; i++) {
         const int a = s.offsets[0][i], b = s.offsets[1][i], c = s.offsets[2][i], d = s.offsets[3][i];
         const float *j = h + s.offsets[4][i], *k = h + s.offsets[5][i], *m = h + s.offsets[6][i], *n = h + s.offsets[7][i];
-        prefetch(n + d + 15 * 8);  // the lower right sample of a pixel of the next step
+        prefetch(n + d + 15 * HISTORY_VALUES);  // the lower right sample of a pixel of the next step
         const float x0 = s.weights[0][i], x1 = s.weights[1][i], x2 = s.weights[2][i], x3 = s.weights[3][i];
         const F8 kb = load_as<F8>(k + b), kc = load_as<F8>(k + c), mb = load_as<F8>(m + b), mc = load_as<F8>(m + c);
         F4 top = load4(j + b) * x1 + load4(j + c) * x2, bottom = load4(n + b) * x1 + load4(n + c) * x2;
@@ -138,7 +127,7 @@ static void warp_classes(const ClassifierWork& w, const float* places, int p0, i
     typedef uint8_t B8 __attribute__((vector_size(8)));
     typedef float F8 __attribute__((vector_size(32)));
     const Size display = {w.target.width, w.target.height}, half = w.network->half;
-    int32_t* records = w.network->records + static_cast<ptrdiff_t>(y) * w.network->row * RECORD_WORDS + INPUT_PLANES;
+    int32_t* records = w.network->records_at(y) + INPUT_PLANES;
     for (int x = p0; x < p1; x += W) {
         const float *at = places + 2 * x, *below = at + w.gathered.pitch;
         F px = evens(load(at), load(at + W)), py = evens(load(below), load(below + W));
@@ -158,28 +147,6 @@ static void warp_classes(const ClassifierWork& w, const float* places, int p0, i
     }
 }
 
-// Writes `history_contrast` and `beyond_range` of a row, whose luma lies in the ring between its neighbours.
-static void contrast_row(const float* const (&ring)[3], uint8_t* inputs, int width, int x0, int x1) {
-    for (int x = x0; x < x1; x += W) {
-        F low = load(ring[1] + x), high = low;
-        for (const float* line : ring)
-            for (int k = -1; k <= 1; k++) {
-                F other = load(line + x + k);
-                low = minimum(other, low);
-                high = maximum(other, high);
-            }
-        F luma = to_float(load(inputs + IN_SAMPLE * width + x)) * (1.0f / 255.0f);
-        store_input(inputs + IN_HISTORY_CONTRAST * width + x, high - low);
-        store_input(inputs + IN_BEYOND_RANGE * width + x, maximum(maximum(low - luma, luma - high), 0.0f));
-    }
-}
-
-// Packed pixels of a plane, two bytes of each row in a word.
-static I packed_words(const uint8_t* upper, const uint8_t* lower) {
-    I a = load(upper), b = load(upper + W), c = load(lower), d = load(lower + W);
-    return evens(a, b) | odds(a, b) << 8 | evens(c, d) << 16 | odds(c, d) << 24;
-}
-
 // Writes two rows of inputs to records p0 to p1.
 static void pack_rows(const uint8_t* upper, const uint8_t* lower, int width, int p0, int p1, int32_t* records) {
     for (int x = p0; x < p1; x += W) {
@@ -195,7 +162,7 @@ static void pack_rows(const uint8_t* upper, const uint8_t* lower, int width, int
 
 // Writes the means over four pixels of the difference of history and frame, and of its absolute value.
 static void pack_means(const Network& n, const float* upper, const float* lower, int p0, int p1, int y) {
-    float* means = n.means + static_cast<ptrdiff_t>(y) * 2 * n.means_pitch + PAD;
+    float* means = n.means_at(y, 0) + PAD;
     for (int x = p0; x < p1; x += W) {
         F a = load(upper + 2 * x), b = load(upper + 2 * x + W), c = load(lower + 2 * x), d = load(lower + 2 * x + W);
         F i = evens(a, b), j = odds(a, b), k = evens(c, d), m = odds(c, d);
@@ -206,24 +173,21 @@ static void pack_means(const Network& n, const float* upper, const float* lower,
     repeat_ends(means + n.means_pitch + p0, p1 - p0);
 }
 
-// Completes the inputs of columns x0 to x1 of row y, whose neighbour rows are in the ring; packs pairs of rows.
-static void complete_row(const ClassifierWork& w, const ClassifierScratch& s, int y, int below, int x0, int x1) {
-    const int width = w.gathered.pitch, big_w = w.target.width, pitch = width + 2 * PAD;
-    auto ring = [&](int row) { return s.ring + row % 3 * pitch + PAD; };
-    auto inputs = [&](int row) { return s.inputs + row % 4 * INPUT_PLANES * width; };
-    auto differences = [&](int row) { return s.differences + row % 4 * width; };
-    contrast_row({ring(max(y - 1, 0)), ring(y), ring(below)}, inputs(y), width, x0, x1);
-    if (big_w % 2) {
-        for (int c = 0; c < INPUT_PLANES; c++) inputs(y)[c * width + big_w] = inputs(y)[c * width + big_w - 1];
-        differences(y)[big_w] = differences(y)[big_w - 1];
-    }
-    if (y % 2 == 0 && y != w.target.height - 1) return;
+// Packs the inputs of columns x0 to x1 of rows y - 1 and y, or of the last row alone, but for those that need neighbours.
+static void pack_inputs(const ClassifierWork& w, const ClassifierScratch& s, int y, int x0, int x1) {
+    const int width = w.gathered.pitch, big_w = w.target.width;
+    auto inputs = [&](int row) { return s.inputs + row % 2 * INPUT_PLANES * width; };
+    auto differences = [&](int row) { return s.differences + row % 2 * width; };
     const int first = y - y % 2, p0 = x0 / 2, p1 = (min(x1, big_w) + 1) / 2;
-    pack_rows(inputs(first), inputs(y), width, p0, p1, w.network->records + static_cast<ptrdiff_t>(y / 2) * w.network->row * RECORD_WORDS);
+    for (int row = first; row <= y && big_w % 2; row++) {
+        for (int c = 0; c < INPUT_PLANES; c++) inputs(row)[c * width + big_w] = inputs(row)[c * width + big_w - 1];
+        differences(row)[big_w] = differences(row)[big_w - 1];
+    }
+    pack_rows(inputs(first), inputs(y), width, p0, p1, w.network->records_at(y / 2));
     pack_means(*w.network, differences(first), differences(y), p0, p1, y / 2);
 }
 
-// Computes `gathered` and the network inputs of a rectangle of an even number of rows, unless it ends the image.
+// Computes `gathered` and the network inputs of a rectangle, whose first row is even.
 template <bool rectified, bool own_motion, bool guided>
 static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
     constexpr Variant variant = {rectified, own_motion, guided};
@@ -236,15 +200,14 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
     const ClassifierScratch& scratch = w.scratch[thread];
     WarpScratch& warps = w.warps[thread];
     const Span span(ax, rect.x0, end);
-    for (int y = max(rect.y0 - 1, 0); y < min(rect.y1 + 1, display.height); y++) {
-        const bool inside = rect.y0 <= y && y < rect.y1;
-        float* ring = scratch.ring + y % 3 * (width + 2 * PAD) + PAD;
-        uint8_t* inputs = scratch.inputs + y % 4 * INPUT_PLANES * width;
-        if (inside) filter_all_down(w, y, span, scratch.lines, !guided);
-        const float* dilated = s.dilated + 4 * static_cast<ptrdiff_t>(ay.clamped(ay.start[y])) * s.stride;
-        const float* nearest = s.own + 4 * static_cast<ptrdiff_t>(ay.nearest[y]) * s.stride;
+    for (int y = rect.y0; y < rect.y1; y++) {
+        float *lumas = w.gathered.luma + w.gathered.padded(y), *history = w.gathered.history + 3 * w.gathered.place(y);
+        uint16_t* rest = w.gathered.rest + variant.planes() * w.gathered.place(y);
+        uint8_t *samples = w.gathered.samples + w.gathered.place(y), *inputs = scratch.inputs + y % 2 * INPUT_PLANES * width;
+        filter_all_down(w, y, span, scratch.lines, !guided);
+        const float *dilated = fours_row(s, s.dilated, ay.clamped(ay.start[y])), *nearest = fours_row(s, s.own, ay.nearest[y]);
         const float *base_color = nullptr, *normals = nullptr;
-        if (guided && inside) {
+        if (guided) {
             float* room = w.guide.scratch + thread * w.guide.scratch_pitch;
             base_color = packed_row(w.guide.display_base_color, 3, y, display.width, room);
             normals = packed_row(w.guide.display_normal, 3, y, display.width, room + 3 * display.width);
@@ -261,18 +224,18 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             F edge = own[2];
             Surface surface_here = {};
             Guided guided_here = {};
-            if (guided && inside) {
+            if (guided) {
                 surface_here = surface_at(base_color, normals, x, display.width);
-                depth = load(depth_row(w.guide, y) + x);
+                depth = load(depth_row(w, y) + x);
                 guided_here = guide_pixels(w, y, x, surface_here, depth);
                 own[0] = guided_here.motion_x, own[1] = guided_here.motion_y;
-                edge = edge_at(w.guide, y, x, display.height);
+                edge = edge_at(w, y, x);
             }
             F surface_x = px, surface_y = py;
             I surface_on = on;
             store(scratch.places + x, px);
             store(scratch.places + width + x, py);
-            prepare_warp(px, py, display, 8, w.config.history_sharpness, warps);
+            prepare_warp(px, py, display, HISTORY_VALUES, w.config.history_sharpness, warps);
             bool same_motion = true;
             if (own_motion) {
                 F ox = previous_position(lane, own[0] * scale_x, display.width);
@@ -280,8 +243,8 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
                 same_motion = !guided && all((ox == px) & (oy == py));
                 if (guided) surface_x = ox, surface_y = oy, surface_on = on_screen(ox, oy, display);
                 if (!same_motion) {
-                    store(warps.weights[10], store_offsets(ox, 0, 1, display.width, 8, warps.offsets + 8));
-                    store(warps.weights[11], store_offsets(oy, 0, 1, display.height, 8 * display.width, warps.offsets + 10));
+                    store(warps.weights[10], store_offsets(ox, 0, 1, display.width, HISTORY_VALUES, warps.offsets + 8));
+                    store(warps.weights[11], store_offsets(oy, 0, 1, display.height, HISTORY_VALUES * display.width, warps.offsets + 10));
                 }
             }
             warp8<own_motion>(w.history, same_motion, warps);
@@ -289,18 +252,16 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             load_four(warps.pixels, 2, sharp);
             F3 color = where(on, toned_at(w, sharp[0], sharp[1], sharp[2])), color_roots = roots(color);
             F luma = luminance(color_roots);
-            store(ring + x, luma);
-            if (!inside) continue;
+            store(lumas + x, luma);
             F first[4], second[4], third[4];
             load_four(warps.pixels, 0, first);
             load_four(warps.pixels, 1, second);
             if (own_motion) load_four(warps.pixels, 3, third);
             F3 linear = where(on, toned_at(w, first[0], first[1], first[2])), detail = color - linear;
             F count = select(on, first[3], 0.0f), low = select(on, second[0], 0.0f), high = select(on, second[1], 0.0f);
-            float* history = w.gathered.history + (static_cast<ptrdiff_t>(y) * width + x) * 3;
-            stream(history, color.r);
-            stream(history + W, color.g);
-            stream(history + 2 * W, color.b);
+            store(history + 3 * x, color.r);
+            store(history + 3 * x + W, color.g);
+            store(history + 3 * x + 2 * W, color.b);
             F3 by_own = own_motion && !guided && !same_motion ? toned_at(w, third[0], third[1], third[2]) : linear;
             F3 reflected = {};
             if (guided) {
@@ -327,28 +288,29 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             }
             I sparse = (sample_luma > now.mean.r + CONTRAST) & (lane < static_cast<float>(display.width));
             rising += select(sparse & light_rises(sample_luma, high, count, surface), 1.0f, F{});
-            uint16_t* rest = w.gathered.rest + (static_cast<ptrdiff_t>(y) * width + x) * variant.planes();
-            stream_half3(rest + W * FRAME, now.frame);
-            stream_half3(rest + W * SAMPLE, now.sample);
-            stream_half(rest + W * CONFIDENCE, now.confidence);
-            stream_half3(rest + W * DETAIL, detail);
-            stream_half(rest + W * SURFACE, surface);
-            stream_half(rest + W * COUNT, count);
-            stream_half(rest + W * MIN_LUMA, low);
-            stream_half(rest + W * MAX_LUMA, high + glares);
+            uint16_t* planes = rest + variant.planes() * x;
+            store_half3(planes + W * FRAME, now.frame);
+            store_half3(planes + W * SAMPLE, now.sample);
+            store_half(planes + W * CONFIDENCE, now.confidence);
+            store_half3(planes + W * DETAIL, detail);
+            store_half(planes + W * SURFACE, surface);
+            store_half(planes + W * COUNT, count);
+            store_half(planes + W * MIN_LUMA, low);
+            store_half(planes + W * MAX_LUMA, high + glares);
             if (rectified) {
-                stream_half3(rest + W * variant.mean(), now.mean);
-                stream_half3(rest + W * (variant.mean() + 3), now.extents);
+                store_half3(planes + W * variant.mean(), now.mean);
+                store_half3(planes + W * (variant.mean() + 3), now.extents);
             }
-            if (own_motion) stream_half3(rest + W * variant.own(), by_own);
-            if (guided) stream_half(rest + W * variant.sampled(), guided_here.sampled);
+            if (own_motion) store_half3(planes + W * variant.own(), by_own);
+            if (guided) store_half(planes + W * variant.sampled(), guided_here.sampled);
 
             F3 frame_roots = roots(now.frame), sample_roots = roots(now.sample);
             F frame_luma = luminance(frame_roots);
-            store(scratch.differences + y % 4 * width + x, luma - frame_luma);
+            store(scratch.differences + y % 2 * width + x, luma - frame_luma);
             auto input = [&](InputWord word, F value) __attribute__((always_inline)) { store_input(inputs + word * width + x, value); };
             input(IN_FRAME, frame_luma);
             input(IN_SAMPLE, luminance(sample_roots));
+            store(samples + x, load(inputs + IN_SAMPLE * width + x));
             input(IN_HISTORY, luma);
             input(IN_HISTORY_TO_SAMPLE, max_difference(color_roots, sample_roots));
             input(IN_HISTORY_TO_FRAME, max_difference(color_roots, frame_roots));
@@ -362,18 +324,16 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             input(IN_SURFACE, surface);
             input(IN_EDGE, edge);
         }
-        for (int c = 0; guided && inside && c < 3; c++) {  // the pixels beside the image
+        for (int c = 0; guided && c < 3; c++) {  // the pixels beside the image
             uint16_t* row = guided_row(w, y) + c * (width + 2 * PAD);
             if (rect.x0 == 0) row[-1] = row[0];
             if (end == display.width) row[end] = row[end - 1];
         }
-        if (inside) w.gathered.rising[(static_cast<ptrdiff_t>(y) * width + rect.x0) / LANES] = sum_of_lanes(rising);
-        if (inside && y % 2 == 0) warp_classes(w, scratch.places, rect.x0 / 2, (end + 1) / 2, y / 2, warps);
-        repeat_ends(ring + rect.x0, end - rect.x0);
-        if (y - 1 >= rect.y0) complete_row(w, scratch, y - 1, y, rect.x0, rect.x1);
+        w.gathered.rising[(static_cast<ptrdiff_t>(y) * width + rect.x0) / LANES] = sum_of_lanes(rising);
+        if (y % 2 == 0) warp_classes(w, scratch.places, rect.x0 / 2, (end + 1) / 2, y / 2, warps);
+        repeat_ends(lumas + rect.x0, end - rect.x0);
+        if (y % 2 || y + 1 == rect.y1) pack_inputs(w, scratch, y, rect.x0, rect.x1);
     }
-    if (rect.y1 == display.height) complete_row(w, scratch, display.height - 1, display.height - 1, rect.x0, rect.x1);
-    end_streams();
 }
 
 // Writes the depth for disocclusion tests of the next frame: unchanged, and occluding.

@@ -47,12 +47,13 @@ SS_INLINE F whole_steps(F motion) {
 // Occluding depth of W samples, negative of what leaves; same as `occluding_depth` of the torch module.
 [[maybe_unused]] static F occluding_at(const Samples& s, int y, int x) {
     const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
-    F opened = load(s.eroded_depth + here);
+    const auto eroded = [&](int row) { return s.eroded_depth + s.place(row) * s.pitch + PAD + x; };
+    F own = load(eroded(y)), opened = own;
     for (int row = max(y - 1, 0); row <= min(y + 1, s.height - 1); row++)
-        for (int k = -1; k <= 1; k++) opened = maximum(load(s.eroded_depth + static_cast<ptrdiff_t>(row) * s.pitch + PAD + x + k), opened);
+        for (int k = -1; k <= 1; k++) opened = maximum(load(eroded(row) + k), opened);
     opened = maximum(opened, 0.0f);
     F depth = load(s.depth + here);
-    if (all(load(s.eroded_depth + here) >= SAME_THIN_DEPTH * depth)) return opened;
+    if (all(own >= SAME_THIN_DEPTH * depth)) return opened;
     F across, down, farthest = motion_over_background(s, y, x, across, down);
     across = whole_steps(across), down = whole_steps(down);
     I apart = (farthest >= 0.0f) & (farthest < SAME_THIN_DEPTH * depth);

@@ -15,13 +15,14 @@ struct Span {
         : first((PAD + x.start[x0] - 1) / LANES * LANES), last(PAD + x.start[min(x1, x.pixels) - 1] + 3) {}
 };
 
-// The four rows of samples around a display row, of images whose rows are `pitch` apart, and their weights.
+// The four rows of samples around a display row, and their weights. row_of(y): a row of samples.
 struct Rows {
     const float* row[4];
     float weight[4];
-    Rows(const Axis& y, int filter, int at, const float* image, ptrdiff_t pitch) {
+    template <class RowOf>
+    Rows(const Axis& y, int filter, int at, const RowOf& row_of) {
         for (int k = 0; k < 4; k++) {
-            row[k] = image + y.clamped(y.start[at] - 1 + k) * pitch;
+            row[k] = row_of(y.clamped(y.start[at] - 1 + k));
             weight[k] = y.tap(filter, k)[at];
         }
     }

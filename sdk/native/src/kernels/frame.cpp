@@ -25,26 +25,25 @@ void read_frame(const FrameImages& frame, const Samples& s, int y0, int y1, int 
             logs += logarithm(maximum(luminance(c), DARKEST)) * one;
             count += one;
             F missing = spread(__builtin_nanf(""));
+            brightest = maximum(brightest, select(good, largest(c), F{}));
             c = select(good, c, F3{missing, missing, missing});
             store(linear + x, c.r);
             store(linear + s.stride + x, c.g);
             store(linear + 2 * s.stride + x, c.b);
         }
-        float* row = s.rows + 4 * y;
-        row[0] = sum_of_lanes(logs);
-        row[1] = sum_of_lanes(count);
-        row[2] = row[1] < static_cast<float>(s.width) ? 1.0f : 0.0f;
+        RowFacts& row = s.rows[y];
+        row = {sum_of_lanes(logs), sum_of_lanes(count), largest_of_lanes(brightest), false, false};
+        row.misses = row.count < static_cast<float>(s.width);
         if (frame.reactive) {
             const float* mask = packed_row(frame.reactive, 1, y, s.width, scratch);
             float* reactive = s.reactive + static_cast<ptrdiff_t>(y) * s.stride;
             for (int x = 0; x < s.width; x += W) {
                 F value = load(whole_vector<1>(mask, x, s.width, tail));
                 value = select(value > 0.0f, minimum(value, 1.0f), 0.0f);
-                brightest = maximum(value, brightest);
+                row.reacts |= !all(value <= 0.0f);
                 store(reactive + x, select(is_number(load(linear + x)), value, 0.0f - value));
             }
         }
-        row[3] = sum_of_lanes(brightest) > 0.0f ? 1.0f : 0.0f;
         const ptrdiff_t to = static_cast<ptrdiff_t>(y) * s.pitch + PAD;
         if (frame.depth) {
             const float* depth = packed_row(frame.depth, 1, y, s.width, scratch);
@@ -104,19 +103,16 @@ void fill_windows(const Samples& s, int y0, int y1) {
 void prepare(const Samples& s, int y0, int y1) {
     for (int y = y0; y < y1; y++) {
         const float* linear = linear_row(s, y);
-        float* color = s.color + static_cast<ptrdiff_t>(y) * SAMPLE_PLANES * s.pitch + PAD;
-        F brightest = F{};
+        float* color = const_cast<float*>(sample_row(s, y, TONED));
         for (int x = 0; x < s.width; x += W) {
             F3 c = {load(linear + x), load(linear + s.stride + x), load(linear + 2 * s.stride + x)};
             I good = is_number(c.r);
             c = select(good, c, F3{F{}, F{}, F{}});
             c = tone(c * s.exposure);
-            brightest = maximum(brightest, largest(c));
             F3 k = ycocg(c);
             const F planes[SAMPLE_PLANES] = {c.r, c.g, c.b, select(good, 1.0f, F{}), k.r, k.g, k.b, k.r * k.r, k.g * k.g, k.b * k.b};
             for (int p = 0; p < SAMPLE_PLANES; p++) store(color + p * s.pitch + x, planes[p]);
         }
-        s.glares[y] = all(brightest <= GLARE_TONED) ? 0.0f : 1.0f;
         for (int p = 0; p < SAMPLE_PLANES; p++) repeat_ends(color + p * s.pitch, s.width);
     }
 }
@@ -125,9 +121,14 @@ void prepare(const Samples& s, int y0, int y1) {
 static F glare_near(const Samples& s, int y, int x) {
     F brightest = F{};
     for (int row = max(y - 1, 0); row <= min(y + 1, s.height - 1); row++)
-        for (int c = 0; c < 3; c++)
-            for (int k = -1; k <= 1; k++) brightest = maximum(brightest, load(sample_row(s, row, c) + x + k));
-    return select(brightest > GLARE_TONED, 1.0f, F{});
+        for (int k = -1; k <= 1; k++) {
+            const float* at = linear_row(s, row);
+            I column = clamped(ramp() + (x + k), 0, s.width - 1);
+            F light = largest(gather(at, column), gather(at + s.stride, column), gather(at + 2 * s.stride, column));
+            brightest = maximum(light, brightest);  // a missing one is NaN
+        }
+    brightest *= s.exposure;
+    return select(brightest * (1.0f / (brightest + 1.0f)) > GLARE_TONED, 1.0f, F{});
 }
 
 void dilate(const Samples& s, int y0, int y1) {
@@ -135,7 +136,8 @@ void dilate(const Samples& s, int y0, int y1) {
         const int above = max(y - 1, 0), below = min(y + 1, s.height - 1);
         const ptrdiff_t rows[] = {static_cast<ptrdiff_t>(above) * s.pitch + PAD, static_cast<ptrdiff_t>(y) * s.pitch + PAD,
                                   static_cast<ptrdiff_t>(below) * s.pitch + PAD};
-        const bool glares = s.glares[above] + s.glares[y] + s.glares[below] > 0.0f;
+        const bool glares = s.may_glare(y - 1, y + 1);
+        float *eroded = s.eroded_depth + s.place(y) * s.pitch + PAD, *owns = fours_row(s, s.own, y), *dilations = fours_row(s, s.dilated, y);
         for (int x = 0; x < s.width; x += W) {
             F closest = load(s.depth + rows[1] + x), farthest = closest;
             for (ptrdiff_t row : rows)
@@ -144,11 +146,11 @@ void dilate(const Samples& s, int y0, int y1) {
                     closest = maximum(d, closest);
                     farthest = minimum(d, farthest);
                 }
-            store(s.eroded_depth + rows[1] + x, farthest);
+            store(eroded + x, farthest);
             F d = load(s.depth + rows[1] + x), mx = load(s.motion_x + rows[1] + x), my = load(s.motion_y + rows[1] + x);
             F edge = clamped((closest - maximum(farthest, 0.0f)) / maximum(closest, 1e-12f), 0.0f, 1.0f);
             F own[4] = {mx, my, edge, glares ? glare_near(s, y, x) : F{}};
-            store_pixels(s.own + 4 * (static_cast<ptrdiff_t>(y) * s.stride + x), own);
+            store_pixels(owns + 4 * x, own);
             const ptrdiff_t others[] = {rows[1] + x + 1, rows[2] + x, rows[2] + x + 1};
             for (ptrdiff_t at : others) {
                 F other = load(s.depth + at);
@@ -158,9 +160,9 @@ void dilate(const Samples& s, int y0, int y1) {
                 my = select(closer, load(s.motion_y + at), my);
             }
             F dilated[4] = {d, mx, my, F{}};
-            store_pixels(s.dilated + 4 * (static_cast<ptrdiff_t>(y) * s.stride + x), dilated);
+            store_pixels(dilations + 4 * x, dilated);
         }
-        repeat_ends(s.eroded_depth + rows[1], s.width);
+        repeat_ends(eroded, s.width);
     }
 }
 

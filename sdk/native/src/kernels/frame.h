@@ -17,8 +17,16 @@ SS_INLINE void repeat_ends(float* first, int count) {
 
 // Returns the first sample of a row of a plane; padding surrounds it.
 SS_INLINE const float* sample_row(const Samples& s, int y, int plane) {
-    return s.color + (static_cast<ptrdiff_t>(y) * SAMPLE_PLANES + plane) * s.pitch + PAD;
+    return s.color + (s.place(y) * SAMPLE_PLANES + plane) * s.pitch + PAD;
 }
+
+// Returns a row of the planes of samples, with its padding.
+SS_INLINE auto sample_rows(const Samples& s) {
+    return [&s](int y) __attribute__((always_inline)) { return sample_row(s, y, TONED) - PAD; };
+}
+
+// The four values of each sample of a row of `dilated` or `own`.
+SS_INLINE float* fours_row(const Samples& s, float* image, int y) { return image + 4 * s.place(y) * s.stride; }
 
 SS_INLINE void store_pixels(float* to, F (&v)[4]) {
     to_pixels(v);

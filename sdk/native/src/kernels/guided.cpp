@@ -32,7 +32,7 @@ void prepare_depth(const ClassifierWork& w, int y0, int y1, int thread) {
     float tail[W];
     for (int y = y0; y < y1; y++) {
         const float* row = packed_row(g.display_depth, 1, y, width, g.scratch + thread * g.scratch_pitch);
-        float* to = const_cast<float*>(depth_row(g, y));
+        float* to = const_cast<float*>(depth_row(w, y));
         for (int x = 0; x < width; x += W) {
             F d = load(whole_vector<1>(row, x, width, tail));
             store(to + x, select((d >= 0.0f) & (d <= MAX_DEPTH), d, UNKNOWN_DEPTH));

@@ -33,16 +33,16 @@ SS_INLINE F3 reflectance(const Surface& s, float least) {
 }
 
 SS_INLINE const float* surface_row(const ClassifierWork& w, int y) {
-    return w.guide.samples + static_cast<ptrdiff_t>(y) * SURFACE_PLANES * w.samples.pitch;
+    return w.guide.samples + w.samples.place(y) * SURFACE_PLANES * w.samples.pitch;
 }
-SS_INLINE const float* depth_row(const Guide& g, int y) { return g.depth + static_cast<ptrdiff_t>(y) * g.depth_pitch + PAD; }
+SS_INLINE const float* depth_row(const ClassifierWork& w, int y) { return w.guide.depth + w.gathered.padded(y); }
 
 // Relative range of depth in 3x3 pixels; same as `edge_of`.
-SS_INLINE F edge_at(const Guide& g, int y, int x, int height) {
-    F closest = load(depth_row(g, y) + x), farthest = closest;
+SS_INLINE F edge_at(const ClassifierWork& w, int y, int x) {
+    F closest = load(depth_row(w, y) + x), farthest = closest;
     for (int row = -1; row <= 1; row++)
         for (int k = -1; k <= 1; k++) {
-            F d = load(depth_row(g, clamp(y + row, 0, height - 1)) + x + k);
+            F d = load(depth_row(w, clamp(y + row, 0, w.target.height - 1)) + x + k);
             closest = maximum(d, closest);
             farthest = minimum(d, farthest);
         }
@@ -113,12 +113,12 @@ SS_INLINE F3 keep_reflectance(F3 reflected, uint8_t* to, int count) {
     return F3{to_float(r), to_float(g), to_float(b)} * (1.0f / 255.0f);
 }
 
-// Reflectance of the history, read linearly at the places of `prepare_own_warp`: half the offsets of pixels of eight values.
+// Reflectance of the history, read linearly at the places of the own warp.
 SS_INLINE F3 warp_reflectance(const uint8_t* before, WarpScratch& s) {
     typedef uint8_t B4 __attribute__((vector_size(4)));
     for (int i = 0; i < W; i++) {
         auto bytes = [&](int row, int column) __attribute__((always_inline)) {
-            return __builtin_convertvector(load_as<B4>(before + (s.offsets[10 + row][i] + s.offsets[8 + column][i]) / 2), F4);
+            return __builtin_convertvector(load_as<B4>(before + (s.offsets[10 + row][i] + s.offsets[8 + column][i]) / HISTORY_VALUES * 4), F4);
         };
         store4(four_at(s.pixels, 0, i), linear4(bytes(0, 0), bytes(0, 1), bytes(1, 0), bytes(1, 1), s.weights[10][i], s.weights[11][i]));
     }

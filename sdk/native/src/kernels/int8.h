@@ -81,20 +81,20 @@ SS_INLINE void pointwise_row(Input one, const Layer& layer, uint8_t* out, int ou
     pointwise_row(one, Input{one.pixels, 0, 0}, layer, out, out_pitch, width);
 }
 
-// Three rows of W channels; each word holds the three bytes of a channel.
-SS_INLINE I column(const uint8_t* x, int row) { return load(x) | load(x + row) << 8 | load(x + 2 * row) << 16; }
-
-// Computes a depthwise 3x3 convolution of a row; x: the upper left neighbour, in the border. weights: (channels / 16, 3,
-// 16) words, a column of three weights for each channel.
-SS_INLINE void depthwise_row(const uint8_t* x, int pitch, int row, const Layer& layer, int channels, uint8_t* out, int width) {
+// Computes a depthwise 3x3 convolution of a row; rows: from the left neighbour on. weights: (channels / 16, 3, 16) words,
+// a column of three weights for each channel.
+SS_INLINE void depthwise_row(const uint8_t* const (&rows)[3], int pitch, const Layer& layer, int channels, uint8_t* out, int width) {
     for (int c = 0; c < channels; c += W) {
         const int8_t* weights = layer.weights + 4 * (3 * (c / LANES * LANES) + c % LANES);
         const I left = load_words(weights), middle = load_words(weights + 4 * LANES), right = load_words(weights + 8 * LANES);
         const F scale = load(layer.scale + c), bias = load(layer.bias + c);
-        I a = column(x + c, row), b = column(x + c + pitch, row);
+        const uint8_t *above = rows[0] + c, *here = rows[1] + c, *below = rows[2] + c;
+        // three rows of W channels; each word holds the three bytes of a channel
+        auto column = [&](int at) __attribute__((always_inline)) { return load(above + at) | load(here + at) << 8 | load(below + at) << 16; };
+        I a = column(0), b = column(pitch);
         for (int p = 0; p < width; p++) {
-            prefetch(x + c + 2 * row + (p + 16) * pitch);
-            I d = column(x + c + (p + 2) * pitch, row);
+            prefetch(below + (p + 16) * pitch);
+            I d = column((p + 2) * pitch);
             I total = dot4(dot4(dot4(I{}, a, left), b, middle), d, right);
             store(out + p * channels + c, to_int(clamped(to_float(total) * scale + bias, 0.0f, 255.0f) + 0.5f));
             a = b;

@@ -214,6 +214,12 @@ SS_INLINE float sum_of_lanes(F v) {
     return total;
 }
 
+SS_INLINE float largest_of_lanes(F v) {
+    float found = v[0];
+    for (int k = 1; k < W; k++) found = v[k] > found ? v[k] : found;
+    return found;
+}
+
 // Loads a value for each lane.
 template <int... K>
 SS_INLINE F gather_of(const float* from, I index, Sequence<int, K...>) {
@@ -271,16 +277,15 @@ template <int first>
 struct ThirdOfLast {
     static constexpr int at(int i) { return 3 * i + first < 2 * W ? i : W + 3 * i + first - 2 * W; }
 };
-template <int part>   // third `part` of three vectors, interleaved
+template <int part, int lanes>   // third `part` of three vectors, interleaved
 struct PartOfTwo {
-    static constexpr int place(int i) { return (part * W + i) % 3 * W + (part * W + i) / 3; }
-    static constexpr int at(int i) { return place(i) < 2 * W ? place(i) : 0; }
+    static constexpr int place(int i) { return (part * lanes + i) % 3 * lanes + (part * lanes + i) / 3; }
+    static constexpr int at(int i) { return place(i) < 2 * lanes ? place(i) : 0; }
 };
-template <int part>
+template <int part, int lanes>
 struct PartOfLast {
-    static constexpr int at(int i) {
-        return PartOfTwo<part>::place(i) < 2 * W ? i : W + PartOfTwo<part>::place(i) - 2 * W;
-    }
+    using Two = PartOfTwo<part, lanes>;
+    static constexpr int at(int i) { return Two::place(i) < 2 * lanes ? i : lanes + Two::place(i) - 2 * lanes; }
 };
 
 template <class V>
@@ -384,13 +389,26 @@ SS_INLINE F3 load_rgb(const float* from) {  // of W pixels
             third(Constant<2>{})};
 }
 
-// Three vectors of interleaved pixels.
-SS_INLINE F3 interleaved(F3 v) {
-    auto part = [&]<int k>(Constant<k>) __attribute__((always_inline)) {
-        return shuffled<PartOfLast<k>>(shuffled<PartOfTwo<k>>(v.r, v.g, Lanes{}), v.b, Lanes{});
-    };
-    return {part(Constant<0>{}), part(Constant<1>{}), part(Constant<2>{})};
+// Part k of three vectors of `lanes` channels, interleaved.
+template <int k, int lanes, class V>
+SS_INLINE V interleaved(V a, V b, V c) {
+    return shuffled<PartOfLast<k, lanes>>(shuffled<PartOfTwo<k, lanes>>(a, b, Count<lanes>{}), c, Count<lanes>{});
 }
+SS_INLINE F3 interleaved(F3 v) { return {interleaved<0, W>(v.r, v.g, v.b), interleaved<1, W>(v.r, v.g, v.b), interleaved<2, W>(v.r, v.g, v.b)}; }
+
+// Six channels of W pixels as six vectors of pixels.
+SS_INLINE void to_pixels(F (&v)[6]) {
+    typedef int64_t Pairs __attribute__((vector_size(4 * W)));
+    const Pairs a[] = {reinterpret_cast<Pairs>(low_zip(v[0], v[1])), reinterpret_cast<Pairs>(high_zip(v[0], v[1]))};
+    const Pairs b[] = {reinterpret_cast<Pairs>(low_zip(v[2], v[3])), reinterpret_cast<Pairs>(high_zip(v[2], v[3]))};
+    const Pairs c[] = {reinterpret_cast<Pairs>(low_zip(v[4], v[5])), reinterpret_cast<Pairs>(high_zip(v[4], v[5]))};
+    for (int half = 0; half < 2; half++) {
+        v[3 * half] = reinterpret_cast<F>(interleaved<0, W / 2>(a[half], b[half], c[half]));
+        v[3 * half + 1] = reinterpret_cast<F>(interleaved<1, W / 2>(a[half], b[half], c[half]));
+        v[3 * half + 2] = reinterpret_cast<F>(interleaved<2, W / 2>(a[half], b[half], c[half]));
+    }
+}
+
 SS_INLINE void store_rgb(float* to, F3 v) {
     F3 parts = interleaved(v);
     store(to, parts.r);

@@ -44,7 +44,7 @@ void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
             line[-1] = line[0];
             line[s.width] = line[s.width - 1];
         }
-        const bool glares = s.glares[above] + s.glares[y] + s.glares[below] > 0.0f;
+        const bool glares = s.may_glare(y - 1, y + 1);
         float* surface = w.surface + 4 * (static_cast<ptrdiff_t>(y) * s.pitch + PAD);
         F means = F{}, squares = F{};
         for (int x = 0; x < s.width; x += W) {
@@ -55,7 +55,7 @@ void taau_shade(const TaauWork& w, int y0, int y1, int thread) {
             F glare = F{};
             if (glares) {
                 F own[4];
-                load_channels(s.own + 4 * (static_cast<ptrdiff_t>(y) * s.stride + x), own);
+                load_channels(fours_row(s, s.own, y) + 4 * x, own);
                 glare = own[3];
             }
             F fit = fit_of(load(lines + x + 1) - load(lines + x - 1), sum3(lines + 3 * s.pitch + x), deviation);
@@ -223,17 +223,16 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
     const float exposure = s.exposure, change = w.change;
     WarpScratch& scratch = w.scratch[thread];
     float* lines = w.lines + static_cast<ptrdiff_t>(thread) * w.line_pitch;
-    const ptrdiff_t row_pitch = static_cast<ptrdiff_t>(SAMPLE_PLANES) * s.pitch;
     const Span span(ax, rect.x0, rect.x1);
     for (int y = rect.y0; y < rect.y1; y++) {
         auto down = [&](int filter, int plane, int count, int line) __attribute__((always_inline)) {
-            filter_down(Rows(ay, filter, y, s.color, row_pitch), span, plane, count, s.pitch, lines + line * s.pitch);
+            filter_down(Rows(ay, filter, y, sample_rows(s)), span, plane, count, s.pitch, lines + line * s.pitch);
         };
         down(BY_MEAN, LUMA, 6, OF_MEAN);
         down(BY_MEAN, USABLE, 1, OF_MEAN_USABLE);
         down(BY_SLOPE, LUMA, 1, OF_SLOPE);
         down(BY_SAMPLE, TONED, 4, OF_SAMPLE);
-        const float* dilated = s.dilated + 4 * static_cast<ptrdiff_t>(ay.clamped(ay.start[y])) * s.stride;
+        const float* dilated = fours_row(s, s.dilated, ay.clamped(ay.start[y]));
         const float* surface = w.surface + 4 * (static_cast<ptrdiff_t>(ay.nearest[y]) * s.pitch + PAD);
         for (int x = rect.x0; x < rect.x1; x += W) {
             const Places places(ax.start, x);

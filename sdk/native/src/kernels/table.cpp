@@ -37,6 +37,7 @@ void merge_row(float* image, const float* other, const float* weight, const floa
 void keep_depth(const ClassifierWork&, int y0, int y1);
 void prepare_surfaces(const ClassifierWork&, int y0, int y1, int thread);
 void prepare_depth(const ClassifierWork&, int y0, int y1, int thread);
+void confirm_none(const ClassifierWork&, Rect);
 void encode_first(const ClassifierWork&, int depth, Rect, int thread);
 void encode_others(const ClassifierWork&, int depth, Rect, int thread);
 void infer_rows(const ClassifierWork&, int parameters, float* out, int y0, int y1);
@@ -47,7 +48,7 @@ extern const Kernels KERNELS = {
     SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows, taau_shade,
     taau_compare, taau_rows, sign_blocks, sum_blocks, add_samples, show_mean, freeze_mean,
     downsample_rows, copy_image,
-    pick_pixels, write_converged, warp_read_shaded, warp_read_motion, warp_rows, camera_motion_rows, rgba_rows, merge_row, keep_depth, prepare_surfaces, prepare_depth, encode_first, encode_others, infer_rows, GATHER, FINISH,
+    pick_pixels, write_converged, warp_read_shaded, warp_read_motion, warp_rows, camera_motion_rows, rgba_rows, merge_row, keep_depth, prepare_surfaces, prepare_depth, confirm_none, encode_first, encode_others, infer_rows, GATHER, FINISH,
 };
 }  // namespace SS_ISA
 }  // namespace ss

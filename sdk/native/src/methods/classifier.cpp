@@ -10,8 +10,6 @@ namespace ss {
 
 using namespace classifier;
 
-constexpr int HISTORY_VALUES = 8;
-
 static bool is_guided(const Model& model) { return model.method->layout.planes == 4; }
 
 // Constants of the model; those of `gbuffer-fast` have others between them.
@@ -127,34 +125,33 @@ static void make_network(const Model& model, Space& space, Network& n) {
     n.half = half_of(space.display);
     n.row = up_to(n.half.width, ALIGNED) + ROOM;
     n.means_pitch = up_to(n.half.width, LANES) + 2 * PAD;
-    n.records = space.arena.take<int32_t>(static_cast<size_t>(n.half.height) * n.row * RECORD_WORDS);
-    n.means = space.arena.take<float>(static_cast<size_t>(n.half.height) * 2 * n.means_pitch);
+    n.kept = space.bands * ALIGNED;
+    n.records = space.arena.take<int32_t>(static_cast<size_t>(n.kept) * n.row * RECORD_WORDS);
+    n.means = space.arena.take<float>(static_cast<size_t>(n.kept) * 2 * n.means_pitch);
+    size_t longest = 0;
     for (int k = 0; k < LEVELS; k++) {
         Level& l = n.level[k];
         l.width = up_to(n.half.width, ALIGNED) >> k, l.height = up_to(n.half.height, ALIGNED) >> k;
         l.x_pitch = l.first.outputs, l.x_row = (l.width + ROOM) * l.x_pitch;
         l.out_pitch = l.last.outputs, l.out_row = (l.width + ROOM) * l.out_pitch;
-        l.x = space.arena.take<uint8_t>(static_cast<size_t>(l.height + 2) * l.x_row);
-        l.out = space.arena.take<uint8_t>(static_cast<size_t>(l.height) * l.out_row);
-        if (space.arena.failed()) return;
-        if (k) {
-            const Level& above = n.level[k - 1];
-            l.above = above.out + (KEPT[k - 1] << 2 * (k - 1));
-            l.above_pitch = above.out_pitch, l.above_row = above.out_row;
-        }
+        l.kept = n.kept >> k;
+        l.x = space.arena.take<uint8_t>(static_cast<size_t>(l.kept) * l.x_row);
+        l.out = space.arena.take<uint8_t>(static_cast<size_t>(l.kept) * l.out_row);
+        longest = max(longest, static_cast<size_t>(l.x_row));
         n.line_pitch = max(n.line_pitch, static_cast<size_t>((l.width + ROOM) * max(l.inputs, l.channels)));
     }
     n.line_pitch = (n.line_pitch + 2 * LINE) / LINE * LINE;
     n.lines = space.arena.take<uint8_t>(n.line_pitch * model.pool.threads());
+    n.zeros = space.arena.take<uint8_t>(longest);
 }
 
 static void make_guide(const Model& model, Space& space, ClassifierWork& work) {
     const gbuffer_fast::Config& c = model.config_of<gbuffer_fast::Config>();
     Guide& g = work.guide;
-    g.depth_pitch = work.gathered.pitch + 2 * PAD;
-    work.gathered.image = space.arena.take<uint16_t>(static_cast<size_t>(3) * space.display.height * g.depth_pitch);
-    g.samples = space.rows_of_samples(SURFACE_PLANES, space.samples.pitch);
-    g.depth = space.arena.take<float>(static_cast<size_t>(space.display.height) * g.depth_pitch);
+    const size_t padded = static_cast<size_t>(work.gathered.kept) * (work.gathered.pitch + 2 * PAD);
+    work.gathered.image = space.arena.take<uint16_t>(3 * padded);
+    g.samples = space.kept_rows_of_samples(SURFACE_PLANES, space.samples.pitch);
+    g.depth = space.arena.take<float>(padded);
     g.scratch_pitch = static_cast<size_t>(up_to(6 * max(space.display.width, space.render.width), LANES));
     g.scratch = space.arena.take<float>(g.scratch_pitch * model.pool.threads());
     g.normal_scale = sqrtf(c.normal_falloff), g.color_scale = sqrtf(c.base_color_falloff);
@@ -169,17 +166,20 @@ static bool make_space(const Model& model, Space& space) {
     make_network(model, space, *network);
     const Variant variant = variant_of(model);
     const int width = up_to(space.display.width, LANES), half = space.display.width / 2 + 1 + LANES;
-    const size_t pixels = static_cast<size_t>(space.display.height) * width;
+    const size_t all = static_cast<size_t>(space.display.height) * width;
     work->network = network, work->scratch = scratch;
-    work->gathered = {space.arena.take<float>(pixels * 3), space.arena.take<uint16_t>(pixels * variant.planes()),
-                      space.arena.take<float>(pixels / LANES), nullptr, width};
+    Gathered& g = work->gathered;
+    g.pitch = width, g.kept = space.bands * BAND;
+    const size_t kept = static_cast<size_t>(g.kept) * width;
+    g.history = space.arena.take<float>(kept * 3), g.rest = space.arena.take<uint16_t>(kept * variant.planes());
+    g.luma = space.arena.take<float>(kept + static_cast<size_t>(g.kept) * 2 * PAD), g.samples = space.arena.take<uint8_t>(kept);
+    g.rising = space.arena.take<float>(all / LANES), g.rises = space.arena.take<uint16_t>(all / 4);
     if (variant.guided) make_guide(model, space, *work);
     for (int k = 0; k < model.pool.threads(); k++) {
         ClassifierScratch& s = scratch[k];
-        s.ring = space.arena.take<float>(3 * (width + 2 * PAD));
         s.places = space.arena.take<float>(2 * width + LANES);
-        s.inputs = space.arena.take<uint8_t>(4 * INPUT_PLANES * width + 2 * LANES);
-        s.differences = space.arena.take<float>(4 * width + 2 * LANES);
+        s.inputs = space.arena.take<uint8_t>(2 * INPUT_PLANES * width + 2 * LANES);
+        s.differences = space.arena.take<float>(2 * width + 2 * LANES);
         s.lines = space.arena.take<float>(static_cast<size_t>(16) * space.samples.pitch);
         for (float*& tall : s.tall) tall = space.arena.take<float>(network->means_pitch);
         s.line = space.arena.take<float>(network->means_pitch);
@@ -194,53 +194,12 @@ static bool make_space(const Model& model, Space& space) {
 
 // Steps ---------------------------------------------------------------------------------------------------------------
 
-// Repeats the last row of the first level beyond the image.
-static void repeat_last_row(const Level& level, int rows) {
-    for (int y = rows; y < level.height; y++)
-        memcpy(level.x + static_cast<size_t>(y + 1) * level.x_row, level.x + static_cast<size_t>(rows) * level.x_row, level.x_row);
-}
-
-// Runs the levels of the encoder on rectangles: the first layer on all of them, then the others, which read its pixels in
-// neighbouring rectangles.
-static void encode_tiles(Step& step, const ClassifierWork& work) {
-    for (int k = 0; k < LEVELS; k++) {
-        const Level& level = work.network->level[k];
-        const int rows = k ? level.height : work.network->half.height;
-        const Runs& runs = step.space.rest.halo_runs;
-        run_tiles(step, runs, TILE / 2 >> k, {level.width, rows}, [&](Rect rect, int thread) { step.kernels().encode_first(work, k, rect, thread); });
-        repeat_last_row(level, rows);
-        run_tiles(step, runs, TILE / 2 >> k, {level.width, level.height}, [&](Rect rect, int thread) { step.kernels().encode_others(work, k, rect, thread); });
-    }
-}
-
-// Runs the levels of the encoder on whole images, each band of rows while it is in the cache.
-static void encode(Step& step, const ClassifierWork& work) {
-    for (int k = 0; k < LEVELS; k++) {
-        const Level& level = work.network->level[k];
-        const int rows = k ? level.height : work.network->half.height;
-        const auto box = [&](int y0, int y1) { return Rect{y0, y1, 0, level.width}; };
-        const auto first_end = [&](int y1) { return y1 < level.height ? y1 - 1 : y1; };
-        const Workers workers = step.workers();
-        workers.run_rows(rows, [&](int y0, int y1, int thread) {  // rows that need none of other threads
-            step.kernels().encode_first(work, k, box(y0, y1), thread);
-            const int first = y0 ? y0 + 1 : 0;
-            if (first < first_end(y1)) step.kernels().encode_others(work, k, box(first, first_end(y1)), thread);
-        });
-        workers.run_rows(rows, [&](int y0, int y1, int thread) {  // the same parts
-            if (y1 == rows) repeat_last_row(level, rows);
-            if (y0) step.kernels().encode_others(work, k, box(y0, y0 + 1), thread);
-            const int last = max(first_end(y1), y0 ? y0 + 1 : 0);
-            if (last < y1) step.kernels().encode_others(work, k, box(last, y1), thread);
-            if (y1 == rows && rows < level.height) step.kernels().encode_others(work, k, box(rows, level.height), thread);
-        });
-    }
-}
-
 ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out, ss_error* error) {
     if (model.method->read_weights != read_weights) return fail(error, SS_BAD_ARGUMENT, "%s has no network", model.method->name);
     if (ss_status status = check_size(2 * half.width, 2 * half.height, "the display", error)) return status;
     const Size display = {2 * half.width, 2 * half.height};
     Space space(model.arena.allocator(), {1, 1}, display, display);
+    space.bands = divided_up(half.height, ALIGNED);
     Network n;
     make_network(model, space, n);
     const int outputs = variant_of(model).outputs(), pixels = half.width + LANES;
@@ -253,17 +212,15 @@ ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out
     if (space.arena.failed()) return fail(error, SS_NO_MEMORY, "no memory for a network");
     work.network = &n, work.scratch = &scratch;
     for (int y = 0; y < half.height; y++)
-        memcpy(n.records + static_cast<ptrdiff_t>(y) * n.row * RECORD_WORDS, inputs + static_cast<ptrdiff_t>(y) * half.width * 4 * RECORD_WORDS,
+        memcpy(n.records_at(y), inputs + static_cast<ptrdiff_t>(y) * half.width * 4 * RECORD_WORDS,
                static_cast<size_t>(half.width) * 4 * RECORD_WORDS);
     n.means = nullptr;
     const IeeeArithmetic arithmetic;
     const Kernels& kernels = *model.kernels;
     for (int k = 0; k < LEVELS; k++) {
-        const Level& level = n.level[k];
-        const int rows = k ? level.height : half.height;
-        kernels.encode_first(work, k, {0, rows, 0, level.width}, 0);
-        repeat_last_row(level, rows);
-        kernels.encode_others(work, k, {0, level.height, 0, level.width}, 0);
+        const Rect all = {0, n.level[k].height, 0, n.level[k].width};
+        kernels.encode_first(work, k, all, 0);
+        kernels.encode_others(work, k, all, 0);
     }
     kernels.infer_rows(work, variant_of(model).parameters(), out, 0, half.height);
     return succeed(error);
@@ -276,7 +233,19 @@ static bool is_flash(const ss_frame& frame, float followed, float before) {
     return !given && known > 0.0f && outlier;
 }
 
-static void prepare_guide(Step& step, ClassifierWork& work) {
+// Prepares the arrays of kernels.
+static void make_work(const Step& step, ClassifierWork& work) {
+    work.samples = step.space.samples, work.tables = step.space.tables, work.config = config_of(step.model);
+    work.history = step.before.plane(0), work.classes = static_cast<const uint8_t*>(step.before.planes[1]);
+    work.previous = previous_frame(step.before, 2);
+    work.next_history = step.after.plane(0), work.next_classes = static_cast<uint8_t*>(step.after.planes[1]);
+    work.next_depth = step.after.plane(2);
+    work.target = step.target, work.warps = step.space.warps;
+    work.glares = step.after.glares || step.before.glares;
+    work.flash = is_flash(step.frame, step.exposure, step.before.exposure);
+    memset(work.gathered.rising, 0, sizeof(float) * step.target.height * work.gathered.pitch / LANES);
+    for (int k = 0; k < step.model.pool.threads(); k++) memset(work.scratch[k].spent, 0, sizeof work.scratch[k].spent);
+    if (!is_guided(step.model)) return;
     const ss_frame& f = step.frame;
     Guide& g = work.guide;
     const int width = step.target.width;
@@ -284,49 +253,80 @@ static void prepare_guide(Step& step, ClassifierWork& work) {
     g.display_base_color = view_of(f.display_base_color, width, 3), g.display_normal = view_of(f.display_normal, width, 3);
     g.display_depth = view_of(f.display_depth, width, 1);
     g.before = static_cast<const uint8_t*>(step.before.planes[3]), g.next = static_cast<uint8_t*>(step.after.planes[3]);
-    step.workers().run_rows(f.height, [&](int y0, int y1, int thread) { step.kernels().prepare_surfaces(work, y0, y1, thread); });
-    step.workers().run_rows(step.target.height, [&](int y0, int y1, int thread) { step.kernels().prepare_depth(work, y0, y1, thread); });
+}
+
+// The stages of a band. Each reads what the one before it has written of the band and its neighbours: the encoder has a stage
+// for the first layer of each level, which is in one with the other layers of the level above.
+enum BandStage { PREPARE, GATHER, ENCODE, FINISH = ENCODE + LEVELS, BAND_STAGES };
+
+static ss_stage run_stage(const Step& step, const ClassifierWork& work, int stage, int band, int thread) {
+    const Kernels& kernels = step.kernels();
+    const Samples& s = work.samples;
+    const Network& n = *work.network;
+    const Size display = {work.target.width, work.target.height}, tiles = tiles_of(display);
+    const int kernel = kernel_of(variant_of(step.model)), y0 = band * BAND, y1 = min(y0 + BAND, display.height);
+    // a band has three samples or more, so that filters read none but those of its neighbours
+    const auto sample_at = [&](int y) { return static_cast<int>(int64_t{y} * s.height / display.height); };
+    const auto of_level = [&](int k, auto encode) {
+        const Level& level = n.level[k];
+        const int rows = ALIGNED >> k;
+        run_tiles_of_rows(step.space.rest.gathered, tiles, TILE / 2 >> k, {level.width, level.height}, band * rows, (band + 1) * rows,
+                          [&](Rect rect) { encode(work, k, rect, thread); });
+    };
+    if (stage == PREPARE) {
+        kernels.prepare(s, sample_at(y0), sample_at(y1));
+        kernels.dilate(s, sample_at(y0), sample_at(y1));
+        if (!is_guided(step.model)) return SS_PREPROCESS;
+        kernels.prepare_surfaces(work, sample_at(y0), sample_at(y1), thread);
+        kernels.prepare_depth(work, y0, y1, thread);
+        return SS_PREPROCESS;
+    }
+    if (stage == GATHER) {
+        kernels.keep_depth(work, sample_at(y0), sample_at(y1));
+        run_tiles_of_rows(step.space.rest.gathered, tiles, TILE, {work.gathered.pitch, display.height}, y0, y1,
+                          [&](Rect rect) { kernels.classifier_gather[kernel](work, rect, thread); });
+        return SS_GATHER;
+    }
+    if (stage > ENCODE) of_level(stage - ENCODE - 1, kernels.encode_others);
+    if (stage < FINISH) {
+        of_level(stage - ENCODE, kernels.encode_first);
+        return SS_NETWORK;
+    }
+    run_tiles_of_rows(step.space.rest.computed, tiles, TILE / 2, n.half, y0 / 2, y0 / 2 + BAND / 2,
+                      [&](Rect rect) { kernels.classifier_finish[kernel](work, rect, thread); });
+    return SS_FINISH;
+}
+
+// Returns whether more light rises over the history than movement explains.
+static bool is_unconfirmed(const Step& step, const ClassifierWork& work) {
+    const Size display = {work.target.width, work.target.height};
+    const int across = work.gathered.pitch / LANES;
+    double rising = 0.0;
+    for (int y = 0; y < display.height; y++)
+        for (int x = 0; x < across; x++)
+            if (!step.space.rest.resting[y / TILE * tiles_of(display).width + x * LANES / TILE])
+                rising += work.gathered.rising[static_cast<size_t>(y) * across + x];
+    return rising > FLASH_FRACTION * display.width * display.height;
 }
 
 static ss_status compute(Step& step) {
     ClassifierWork& work = *static_cast<ClassifierWork*>(step.space.own);
-    const Kernels& kernels = step.kernels();
-    const int kernel = kernel_of(variant_of(step.model));
-    const Size display = {step.target.width, step.target.height};
     make_tables(step);
-    step.after.glares = resample(step) || (step.before.glares && rests_anywhere(step));
-    work.samples = step.samples(), work.tables = step.space.tables, work.config = config_of(step.model);
-    work.history = step.before.plane(0), work.classes = static_cast<const uint8_t*>(step.before.planes[1]);
-    work.previous = previous_frame(step.before, 2);
-    work.next_history = step.after.plane(0), work.next_classes = static_cast<uint8_t*>(step.after.planes[1]);
-    work.next_depth = step.after.plane(2);
-    work.target = step.target, work.warps = step.space.warps;
-    work.glares = step.after.glares || step.before.glares;
-    if (is_guided(step.model)) prepare_guide(step, work);
-    step.clock.enter(SS_GATHER);
-    const size_t groups = static_cast<size_t>(display.height) * work.gathered.pitch / LANES;
-    memset(work.gathered.rising, 0, sizeof(float) * groups);
-    step.workers().run_rows(step.frame.height, [&](int y0, int y1, int) { kernels.keep_depth(work, y0, y1); });
-    run_tiles(step, step.space.rest.halo_runs, TILE, {work.gathered.pitch, display.height},
-              [&](Rect rect, int thread) { kernels.classifier_gather[kernel](work, rect, thread); }, 2);
-    const Runs& halo = step.space.rest.halo_runs;
-    const bool whole = halo.count == 1 && work.network->level[LEVELS - 1].width >= PIXELS_AT_ONCE &&
-                       halo.rects[0].x1 - halo.rects[0].x0 == tiles_of(display).width && halo.rects[0].y1 - halo.rects[0].y0 == tiles_of(display).height;
-    step.clock.enter(SS_NETWORK);
-    whole ? encode(step, work) : encode_tiles(step, work);
-    work.flash = is_flash(step.frame, step.exposure, step.before.exposure);
-    double rising = 0.0;
-    const int across = work.gathered.pitch / LANES;
-    for (size_t k = 0; k < groups; k++) {
-        const size_t tile = k / across / TILE * tiles_of(display).width + k % across * LANES / TILE;
-        if (!step.space.rest.resting[tile]) rising += work.gathered.rising[k];
-    }
-    work.rises = rising > FLASH_FRACTION * display.width * display.height;
-    step.after.glares |= work.rises;
-    work.glares = step.after.glares || step.before.glares;
-    step.clock.enter(SS_FINISH);
-    run_tiles(step, computed_tiles(step), TILE / 2, work.network->half,
-              [&](Rect rect, int thread) { kernels.classifier_finish[kernel](work, rect, thread); });
+    fill_missing(step);
+    step.after.glares = may_glare(step);
+    make_work(step, work);
+    step.workers().run_bands(divided_up(work.target.height, BAND), BAND_STAGES, step.space.bands, [&](int stage, int band, int thread) {
+        const double began = seconds_now();
+        const ss_stage named = run_stage(step, work, stage, band, thread);
+        work.scratch[thread].spent[named] += seconds_now() - began;
+    });
+    double spent[SS_STAGES] = {};
+    for (int thread = 0; thread < step.model.pool.threads(); thread++)
+        for (int k = 0; k < SS_STAGES; k++) spent[k] += work.scratch[thread].spent[k];
+    step.clock.divide(spent);
+    if (!is_unconfirmed(step, work)) return SS_OK;
+    step.after.glares = true;
+    run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int) { step.kernels().confirm_none(work, rect); });
     return SS_OK;
 }
 
@@ -340,7 +340,7 @@ static constexpr Layout LAYOUT = {
     .glare = "state",
 };
 static constexpr Method learned(const char* name, float most, bool larger = false) {
-    return {.name = name, .ratios = {1, most}, .reads_surfaces = true, .reads_motion = true, .larger = larger, .layout = LAYOUT,
+    return {.name = name, .ratios = {1, most}, .reads_surfaces = true, .reads_motion = true, .larger = larger, .stages = BAND_STAGES, .layout = LAYOUT,
             .constants = CONSTANTS, .constant_count = sizeof CONSTANTS / sizeof(Constant), .filters = filters, .make_space = make_space,
             .compute = compute, .read_weights = read_weights};
 }
@@ -357,7 +357,7 @@ static constexpr Layout GUIDED_LAYOUT = {
     .glare = "state",
 };
 extern const Method GBUFFER_FAST = {.name = "gbuffer-fast", .ratios = {1, 4}, .reads_surfaces = true, .reads_motion = true, .reads_gbuffers = true,
-                                    .layout = GUIDED_LAYOUT, .constants = gbuffer_fast::CONSTANTS,
+                                    .stages = BAND_STAGES, .layout = GUIDED_LAYOUT, .constants = gbuffer_fast::CONSTANTS,
                                     .constant_count = sizeof gbuffer_fast::CONSTANTS / sizeof(Constant), .filters = filters,
                                     .make_space = make_space, .compute = compute, .read_weights = read_weights};
 

@@ -116,7 +116,8 @@ static ss_status compute(Step& step) {
     TaauWork& work = *static_cast<TaauWork*>(step.space.own);
     const Kernels& kernels = step.kernels();
     make_tables(step);
-    step.after.glares = resample(step) || (step.before.glares && rests_anywhere(step));
+    resample(step);
+    step.after.glares = may_glare(step);
     const Samples& s = work.samples = step.samples();
     work.tables = step.space.tables, work.target = step.target, work.config = step.model.config_of<Config>();
     work.history = step.before.plane(0), work.next_history = step.after.plane(0);
