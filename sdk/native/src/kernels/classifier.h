@@ -33,10 +33,10 @@ SS_INLINE I packed_words(const uint8_t* upper, const uint8_t* lower) {
 }
 
 SS_INLINE F3 load_half3(const uint16_t* from) { return {load_half(from), load_half(from + W), load_half(from + 2 * W)}; }
-SS_INLINE void store_half3(uint16_t* to, F3 v) {
-    store_half(to, v.r);
-    store_half(to + W, v.g);
-    store_half(to + 2 * W, v.b);
+SS_INLINE void stream_half3(uint16_t* to, F3 v) {
+    stream_half(to, v.r);
+    stream_half(to + W, v.g);
+    stream_half(to + 2 * W, v.b);
 }
 
 // A row of the guided colour; its planes are pitch + 2 * PAD apart.

@@ -259,9 +259,9 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             if (own_motion) load_four(warps.pixels, 3, third);
             F3 linear = where(on, toned_at(w, first[0], first[1], first[2])), detail = color - linear;
             F count = select(on, first[3], 0.0f), low = select(on, second[0], 0.0f), high = select(on, second[1], 0.0f);
-            store(history + 3 * x, color.r);
-            store(history + 3 * x + W, color.g);
-            store(history + 3 * x + 2 * W, color.b);
+            stream(history + 3 * x, color.r);
+            stream(history + 3 * x + W, color.g);
+            stream(history + 3 * x + 2 * W, color.b);
             F3 by_own = own_motion && !guided && !same_motion ? toned_at(w, third[0], third[1], third[2]) : linear;
             F3 reflected = {};
             if (guided) {
@@ -289,20 +289,20 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             I sparse = (sample_luma > now.mean.r + CONTRAST) & (lane < static_cast<float>(display.width));
             rising += select(sparse & light_rises(sample_luma, high, count, surface), 1.0f, F{});
             uint16_t* planes = rest + variant.planes() * x;
-            store_half3(planes + W * FRAME, now.frame);
-            store_half3(planes + W * SAMPLE, now.sample);
-            store_half(planes + W * CONFIDENCE, now.confidence);
-            store_half3(planes + W * DETAIL, detail);
-            store_half(planes + W * SURFACE, surface);
-            store_half(planes + W * COUNT, count);
-            store_half(planes + W * MIN_LUMA, low);
-            store_half(planes + W * MAX_LUMA, high + glares);
+            stream_half3(planes + W * FRAME, now.frame);
+            stream_half3(planes + W * SAMPLE, now.sample);
+            stream_half(planes + W * CONFIDENCE, now.confidence);
+            stream_half3(planes + W * DETAIL, detail);
+            stream_half(planes + W * SURFACE, surface);
+            stream_half(planes + W * COUNT, count);
+            stream_half(planes + W * MIN_LUMA, low);
+            stream_half(planes + W * MAX_LUMA, high + glares);
             if (rectified) {
-                store_half3(planes + W * variant.mean(), now.mean);
-                store_half3(planes + W * (variant.mean() + 3), now.extents);
+                stream_half3(planes + W * variant.mean(), now.mean);
+                stream_half3(planes + W * (variant.mean() + 3), now.extents);
             }
-            if (own_motion) store_half3(planes + W * variant.own(), by_own);
-            if (guided) store_half(planes + W * variant.sampled(), guided_here.sampled);
+            if (own_motion) stream_half3(planes + W * variant.own(), by_own);
+            if (guided) stream_half(planes + W * variant.sampled(), guided_here.sampled);
 
             F3 frame_roots = roots(now.frame), sample_roots = roots(now.sample);
             F frame_luma = luminance(frame_roots);
@@ -334,6 +334,7 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
         repeat_ends(lumas + rect.x0, end - rect.x0);
         if (y % 2 || y + 1 == rect.y1) pack_inputs(w, scratch, y, rect.x0, rect.x1);
     }
+    end_streams();
 }
 
 // Writes the depth for disocclusion tests of the next frame: unchanged, and occluding.

@@ -49,8 +49,10 @@ SS_INLINE F whole_steps(F motion) {
     const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
     const auto eroded = [&](int row) { return s.eroded_depth + s.place(row) * s.pitch + PAD + x; };
     F own = load(eroded(y)), opened = own;
-    for (int row = max(y - 1, 0); row <= min(y + 1, s.height - 1); row++)
-        for (int k = -1; k <= 1; k++) opened = maximum(load(eroded(row) + k), opened);
+    for (int row = max(y - 1, 0); row <= min(y + 1, s.height - 1); row++) {
+        const float* at = eroded(row);
+        for (int k = -1; k <= 1; k++) opened = maximum(load(at + k), opened);
+    }
     opened = maximum(opened, 0.0f);
     F depth = load(s.depth + here);
     if (all(own >= SAME_THIN_DEPTH * depth)) return opened;

@@ -41,11 +41,12 @@ SS_INLINE Form structure_tensor(const F (&luma)[4][4], const F (&dx)[4], const f
     float dy[4];
     for (int j = 0; j < 4; j++) {
         const int row = t.y.clamped(t.y.start[y] - 1 + j);
+        const float *lumas = sample_row(s, row, LUMA) - PAD, *usables = sample_row(s, row, USABLE) - PAD;
         dx[j] = load(t.x.tap(distance, j) + x), dy[j] = t.y.tap(distance, j)[y];
         for (int i = 0; i < 4; i++) {
-            luma[j][i] = places.at(sample_row(s, row, LUMA) - PAD, i - 1);
+            luma[j][i] = places.at(lumas, i - 1);
             if (!s.fill_across) continue;
-            usable[j][i] = places.at(sample_row(s, row, USABLE) - PAD, i - 1);
+            usable[j][i] = places.at(usables, i - 1);
             F3 fill = fill_at(s, row, clamped(load(t.x.start + x) + (i - 1), 0, s.width - 1), true);
             luma[j][i] = select(usable[j][i] > 0.0f, luma[j][i], ycocg(fill).r);
         }

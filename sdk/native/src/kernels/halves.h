@@ -32,6 +32,6 @@ SS_INLINE H to_half(F v) {  // ties to even; subnormal numbers round as floats d
 SS_INLINE I is_positive(F v) { return bits_of(v) > 0; }
 
 SS_INLINE F load_half(const uint16_t* from) { return from_half(load_as<H>(from)); }
-SS_INLINE void store_half(uint16_t* to, F v) { store_as(to, to_half(v)); }
+SS_INLINE void stream_half(uint16_t* to, F v) { stream_as(to, to_half(v)); }
 
 }  // namespace ss::SS_ISA
