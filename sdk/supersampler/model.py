@@ -23,7 +23,7 @@ from supersampler.backends.base import Executor
 from supersampler.backends.cpu.library import aligned
 from supersampler.backends.onnx.executor import AovBlender, OnnxExecutor, check_aovs
 from supersampler.backends.onnx.runtime import CPU, resolve_providers
-from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs
+from supersampler.backends.onnx.session import pixels_of, vector_inputs
 from supersampler.backends.onnx.tensors import (
     Tensor,
     checked_tensors,
@@ -101,7 +101,7 @@ class Model:
         self.info, self.threads = info, threads
         self.providers: list[str] = getattr(executor, "providers", [CPU])
         self._executor = executor
-        self._aov_blender = AovBlender(info, session_options(threads))
+        self._aov_blender = AovBlender(info, threads)
         self._kind = type(executor), self.device, info.history
         self.on_extrapolated = on_extrapolated or self
 

@@ -53,7 +53,7 @@ struct Samples {
     // Whether samples of rows first to last may be over GLARE_TONED.
     bool may_glare(int first, int last) const {
         bool found = false;
-        for (int y = max(first, 0); y <= min(last, height - 1); y++) found |= rows[y].brightest * exposure > 0.999f * GLARE_EXPOSED;
+        for (int y = max(first, 0); y <= min(last, height - 1); y++) found |= rows[y].brightest * exposure > GLARE_EXPOSED - 1.0f;
         return found;
     }
 };

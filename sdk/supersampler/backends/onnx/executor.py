@@ -16,7 +16,6 @@ from supersampler.backends.onnx.session import (
     pixels_of,
     run_bound,
     running,
-    session_options,
 )
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.errors import FrameError, ModelError
@@ -25,7 +24,7 @@ from supersampler.methods.aovs.spec import AOVS
 from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.spec import TENSORS, dtype_of
 
-Tensors = dict[str, ort.OrtValue]
+Tensors = dict[str, "ort.OrtValue"]
 
 
 class OnnxExecutor:
@@ -38,9 +37,9 @@ class OnnxExecutor:
 
     def __init__(self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str) -> None:
         self._info, self.precision = info, precision
-        self._path, options = info.steps[precision], session_options(threads)
+        self._path = info.steps[precision]
         self._session = open_session(
-            self._path, options, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
+            self._path, threads, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
         )
         self.providers: list[str] = self._session.get_providers()
         self.device = device_of(self.providers[0])
@@ -89,8 +88,8 @@ class OnnxExecutor:
         display: Size,
         history: Tensors,
         next_history: Tensors,
-        image: ort.OrtValue | None,
-    ) -> ort.OrtValue:
+        image: "ort.OrtValue | None",
+    ) -> "ort.OrtValue":
         """Upscale a frame on the device to an image on the device.
 
         `given` has all inputs of the graph. The image is (1, 3, H, W); None allocates it.
@@ -145,23 +144,23 @@ class OnnxExtrapolation:
 
     def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
         self._info = info
-        path, options = info.steps["fp32"], session_options(threads)
+        path = info.steps["fp32"]
         self._session = open_session(
-            path, options, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
+            path, threads, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
         )
         self._device = device_of(self._session.get_providers()[0])
 
-    def upload(self, array: NDArray[Any]) -> ort.OrtValue:
+    def upload(self, array: NDArray[Any]) -> "ort.OrtValue":
         """See `ExtrapolationExecutor`."""
         return ort.OrtValue.ortvalue_from_numpy(array, self._device, 0)
 
-    def download(self, tensor: ort.OrtValue) -> NDArray[Any]:
+    def download(self, tensor: "ort.OrtValue") -> NDArray[Any]:
         """See `ExtrapolationExecutor`."""
         return np.array(tensor.numpy())
 
     def extrapolate(
-        self, frame: Frame, history: Mapping[str, ort.OrtValue]
-    ) -> tuple[Float32, Mapping[str, ort.OrtValue]]:
+        self, frame: Frame, history: "Mapping[str, ort.OrtValue]"
+    ) -> "tuple[Float32, Mapping[str, ort.OrtValue]]":
         """See `ExtrapolationExecutor`."""
         inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self._info.inputs])
         planes = np.empty((1, 3, *frame.size[::-1]), np.float32)
@@ -193,8 +192,8 @@ def check_aovs(frame: Frame, history: Float32 | None) -> None:
 class AovBlender:
     """Runs a model's graph for AOVs, loaded on first use; threads may share it."""
 
-    def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
-        self._path, self._options = info.aovs_path, options
+    def __init__(self, info: ModelInfo, threads: int) -> None:
+        self._path, self._threads = info.aovs_path, threads
         self._lock = ForkSafeLock()
         self._session: ort.InferenceSession | None = None
 
@@ -221,10 +220,10 @@ class AovBlender:
             raise ModelError(f"{self._path}: gives {image.shape} for 'image'; want {shape}.")
         return image
 
-    def _loaded(self) -> ort.InferenceSession:
+    def _loaded(self) -> "ort.InferenceSession":
         with self._lock.lock:
             if self._session is None:
                 self._session = open_session(
-                    self._path, self._options, ["CPUExecutionProvider"], inputs=_INPUTS, outputs=_OUTPUTS
+                    self._path, self._threads, ["CPUExecutionProvider"], inputs=_INPUTS, outputs=_OUTPUTS
                 )
             return self._session

@@ -1,5 +1,7 @@
 """ONNX Runtime without telemetry, which all modules import from here, and its execution providers.
 
+It is imported when it is first used: the CPU and GPU backends do without it.
+
 Since 1.29, official builds for Linux and macOS write a device id and a database to the user's cache during
 the import, and later send names and hashes of models to Microsoft. The variable `ORT_DISABLE_TELEMETRY`
 prevents all of that. It is read during the import only, so it is set for the import and then removed.
@@ -13,24 +15,45 @@ import os
 import time
 from _thread import get_ident
 from collections.abc import Sequence
+from functools import cache
 from importlib import metadata
 from threading import Event
-from types import TracebackType
+from types import ModuleType, TracebackType
+from typing import TYPE_CHECKING, Any
 
 from supersampler.arguments import is_row
 from supersampler.errors import ArgumentError, ProviderError, did_you_mean, shown
 
 _VARIABLE = "ORT_DISABLE_TELEMETRY"
 
-if _VARIABLE in os.environ:
+
+@cache
+def _onnx_runtime() -> ModuleType:
+    if _VARIABLE in os.environ:
+        import onnxruntime
+    else:
+        os.environ[_VARIABLE] = "1"
+        try:
+            import onnxruntime
+        finally:
+            os.environ.pop(_VARIABLE, None)
+        onnxruntime.disable_telemetry_events()
+    atexit.register(_wait_for_runs)  # so that it is called before handlers of ONNX Runtime
+    module: ModuleType = onnxruntime
+    return module
+
+
+class _OnUse:
+    """ONNX Runtime, imported at its first attribute."""
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(_onnx_runtime(), name)
+
+
+if TYPE_CHECKING:
     import onnxruntime as ort
 else:
-    os.environ[_VARIABLE] = "1"
-    try:
-        import onnxruntime as ort
-    finally:
-        os.environ.pop(_VARIABLE, None)
-    ort.disable_telemetry_events()
+    ort = _OnUse()
 
 __all__ = ["CPU", "NAMES", "OnnxRun", "device_of", "ort", "precise", "resolve_providers"]
 
@@ -58,7 +81,6 @@ class OnnxRun:
         _running.discard(get_ident())
 
 
-@atexit.register
 def _wait_for_runs() -> None:
     _ended.set()
     latest = time.monotonic() + _MAX_SECONDS
@@ -102,7 +124,8 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
     if not is_row(given) or not all(isinstance(name, str) for name in given) or not len(given):
         want = "'auto', a provider's name, or several in a list"
         raise ArgumentError("providers", got=shown(providers), want=want)
-    _check_one_distribution()
+    if _distribution() == "onnxruntime" and providers in ("auto", "cpu"):
+        return [CPU]  # what that distribution has of `_AUTOMATIC`
     available = ort.get_available_providers()
     if isinstance(providers, str) and providers == "auto":
         return [NAMES[name] for name in _AUTOMATIC if NAMES[name] in available][:1]
@@ -133,11 +156,16 @@ def precise(providers: Sequence[str]) -> list[str | tuple[str, dict[str, str]]]:
     return [(name, _PRECISE[name]) if name in _PRECISE else name for name in providers]
 
 
-def _check_one_distribution() -> None:
-    """Raise ProviderError if two distributions of ONNX Runtime overwrite each other's files."""
+def _distribution() -> str | None:
+    """Return the distribution of ONNX Runtime that is installed, if known.
+
+    Raises:
+        ProviderError: there are two, which overwrite each other's files.
+    """
     found = [name for name in _DISTRIBUTIONS if any(metadata.distributions(name=name))]
     if len(found) > 1:
         raise ProviderError(
             f"{' and '.join(found)} are installed at once and overwrite each other's files. "
             f"Uninstall all of them (pip uninstall {' '.join(found)}), then install the one you want."
         )
+    return found[0] if found else None

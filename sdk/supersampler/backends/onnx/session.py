@@ -23,7 +23,7 @@ ORT_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
 """Names of types in ONNX Runtime."""
 
 
-def session_options(threads: int) -> ort.SessionOptions:
+def _session_options(threads: int) -> "ort.SessionOptions":
     """Return the options of all sessions; 0 threads uses every core."""
     options = ort.SessionOptions()
     options.log_severity_level = 3  # errors only: other messages would disturb a progress bar
@@ -34,12 +34,12 @@ def session_options(threads: int) -> ort.SessionOptions:
 
 def open_session(
     path: Path,
-    options: ort.SessionOptions,
+    threads: int,
     providers: Sequence[str],
     *,
     inputs: Sequence[TensorInfo] = (),
     outputs: Sequence[TensorInfo] = (),
-) -> ort.InferenceSession:
+) -> "ort.InferenceSession":
     """Load the graph at `path`.
 
     Graphs that do not ship with this package are first checked: those with data in other files, or with
@@ -54,7 +54,9 @@ def open_session(
     """
     output_names = {tensor.name for tensor in outputs}
     try:
-        session = ort.InferenceSession(_content(path), options, providers=precise(providers))
+        session = ort.InferenceSession(
+            _content(path), _session_options(threads), providers=precise(providers)
+        )
         _check_in_use(providers[0], session.get_providers())
         if inputs:
             _check_tensors(path, "input", inputs, session.get_inputs())
@@ -78,11 +80,11 @@ def running(path: Path) -> Iterator[None]:
 
 
 def run_bound(
-    session: ort.InferenceSession,
+    session: "ort.InferenceSession",
     path: Path,
-    inputs: Mapping[str, ort.OrtValue],
-    outputs: Mapping[str, ort.OrtValue | str],
-) -> ort.IOBinding:
+    inputs: "Mapping[str, ort.OrtValue]",
+    outputs: "Mapping[str, ort.OrtValue | str]",
+) -> "ort.IOBinding":
     """Run the graph at `path`, and return the binding, which has its outputs.
 
     Outputs are values to write to, or names of devices to allocate them on.

@@ -35,7 +35,7 @@ def checked_tensors(tensors: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
     return tensors
 
 
-def ort_value_of(tensor: Tensor, name: str) -> ort.OrtValue:
+def ort_value_of(tensor: Tensor, name: str) -> "ort.OrtValue":
     """Return a value of ONNX Runtime that shares a tensor's memory.
 
     Raises:
@@ -58,7 +58,7 @@ def graph_inputs(
     tensors: Mapping[str, Tensor],
     vectors: Mapping[str, NDArray[Any]],
     device: str,
-) -> dict[str, ort.OrtValue]:
+) -> "dict[str, ort.OrtValue]":
     """Return the inputs of a graph, by name: a frame's tensors, and `vectors`; a missing mask is zeros.
 
     Raises:
@@ -78,12 +78,12 @@ def graph_inputs(
 
 
 @lru_cache(2)
-def _zeros(size: Size, device: str) -> ort.OrtValue:
+def _zeros(size: Size, device: str) -> "ort.OrtValue":
     """Return a reactive mask of zeros, which graphs only read."""
     return ort.OrtValue.ortvalue_from_numpy(np.zeros((1, 1, *size[::-1]), np.float32), device, 0)
 
 
-def render_size_of(color: ort.OrtValue) -> Size:
+def render_size_of(color: "ort.OrtValue") -> Size:
     """Return (width, height) of a frame's colour, (1, 3, h, w).
 
     Raises:
@@ -106,7 +106,7 @@ def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
     return render_size_of(ort_value_of(tensors["color"], "color"))
 
 
-def check_tensor(value: ort.OrtValue, info: TensorInfo, shape: tuple[int, ...], device: str) -> None:
+def check_tensor(value: "ort.OrtValue", info: TensorInfo, shape: tuple[int, ...], device: str) -> None:
     """Raise FrameError unless a value has the type, shape and device that the graph needs."""
     got = value.data_type(), tuple(value.shape()), value.device_name().lower()
     wanted = ORT_TYPES[info.type], shape, device
