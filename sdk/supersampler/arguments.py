@@ -35,8 +35,8 @@ def as_number(value: object) -> float | None:
     """Return a real number as a float, NaN and Inf included; None for bool, text, arrays, complex numbers."""
     if type(value) is float:
         return value
-    if isinstance(value, (bool, str, bytes, bytearray, np.ma.MaskedArray)):
-        return None
+    if type(value) is not int and isinstance(value, (bool, str, bytes, bytearray, np.ma.MaskedArray)):
+        return None  # numpy imports `ma` when it is first read
     kind = getattr(getattr(value, "dtype", None), "kind", "f")  # only numpy's dtypes have a kind
     if kind not in "iuf" or getattr(value, "ndim", 0) != 0:
         return None
