@@ -74,17 +74,33 @@ class HistoryPlane(NamedTuple):
         return PixelBuffer(4 * self.words, extent)
 
 
-def _unpack_halves(words: Packed) -> Float32:
-    return np.ascontiguousarray(words).view(np.float16).astype(np.float32)
+PIXEL_EXPONENT = 80
+"""Smallest shared exponent of a pixel, as in a float's bits."""
+_PART_BITS, _PARTS = 14, (1 << 14) - 1
 
 
-def _pack_halves(pixels: Float32) -> Packed:
-    halves: Packed = np.clip(pixels[..., :4], -MAX_HALF, MAX_HALF).astype(np.float16)
-    return halves
+def _unpack_pixels(words: Packed) -> Float32:
+    first, second = words[..., 0], words[..., 1]
+    exponent = (first >> 28 | second >> 10 & 0x30).astype(np.int32) + PIXEL_EXPONENT - 127
+    parts = np.stack([first & _PARTS, first >> _PART_BITS & _PARTS, second & _PARTS], -1)
+    colors = np.ldexp(parts.astype(np.float32), exponent[..., None] - _PART_BITS + 1)
+    samples = (second >> 16).astype(np.uint16).view(np.float16).astype(np.float32)
+    return np.concatenate([colors, samples[..., None]], -1, dtype=np.float32)
 
 
-HALVES = Codec(_unpack_halves, _pack_halves)
-"""Four half floats in two words."""
+def _pack_pixels(pixels: Float32) -> Packed:
+    colors = np.ascontiguousarray(np.clip(pixels[..., :3], 0.0, MAX_HALF), np.float32)
+    most = colors.max(-1).view(np.uint32) >> 23
+    exponent = np.clip(most, PIXEL_EXPONENT, PIXEL_EXPONENT + 63) - np.uint32(PIXEL_EXPONENT)
+    shift = 127 + _PART_BITS - 1 - PIXEL_EXPONENT - exponent.astype(np.int32)
+    parts = np.minimum(np.floor(np.ldexp(colors, shift[..., None]) + 0.5), _PARTS).astype(np.uint32)
+    samples = pixels[..., 3].astype(np.float16).view(np.uint16).astype(np.uint32)
+    first = parts[..., 0] | parts[..., 1] << _PART_BITS | exponent << 28
+    return np.stack([first, parts[..., 2] | exponent >> 4 << _PART_BITS | samples << 16], -1)
+
+
+PIXELS = HistoryPlane("color", 2, "rg32uint", Codec(_unpack_pixels, _pack_pixels))
+"""Colour and number of samples in two words; see history_pixel.wgsl."""
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ SHARED_CONSTANTS = (
     "supersampler.io.display",
     "supersampler.methods.constants",
     "supersampler.methods.at_rest",
+    "supersampler.backends.gpu.history",
 )
 """Modules whose constants all shaders can use."""
 MAX_ROUNDS = 16

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from supersampler.backends.gpu.history import Codec, HistoryLayout, HistoryPlane, Packed, of_plane
+from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
 from supersampler.backends.gpu.memory import (
     DISPLAY,
     HALF,
@@ -74,7 +74,7 @@ def _pack_classes(pixels: Float32) -> Packed:
 LAYOUT = HistoryLayout(
     CLASSIFIER,
     {
-        "pixels": HistoryPlane("color"),
+        "pixels": PIXELS,
         "ranges": HistoryPlane("state", 1, "r32uint", Codec(_unpack_ranges, _pack_ranges)),
         "classes": HistoryPlane("classes", 2, None, Codec(_unpack_classes, _pack_classes)),
         "surface": HistoryPlane("depth", 2, "rg32float"),

@@ -1,13 +1,13 @@
 """Shaders of `taa`."""
 
-from supersampler.backends.gpu.history import HistoryLayout, HistoryPlane, of_plane
+from supersampler.backends.gpu.history import PIXELS, HistoryLayout, of_plane
 from supersampler.backends.gpu.memory import RENDER, PixelTexture
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taa.spec import TAA
 
-LAYOUT = HistoryLayout(TAA, {"pixels": HistoryPlane("color")}, {"color": of_plane("pixels", 0, 1, 2)})
+LAYOUT = HistoryLayout(TAA, {"pixels": PIXELS}, {"color": of_plane("pixels", 0, 1, 2)})
 
 
 def taa_program(info: ModelInfo) -> GpuProgram:

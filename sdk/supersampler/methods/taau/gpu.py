@@ -1,6 +1,6 @@
 """Shaders of `taau`."""
 
-from supersampler.backends.gpu.history import HistoryLayout, HistoryPlane, of_plane
+from supersampler.backends.gpu.history import PIXELS, HistoryLayout, HistoryPlane, of_plane
 from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
 from supersampler.backends.gpu.program import (
     BLOCK_PASSES,
@@ -22,7 +22,7 @@ from supersampler.methods.taau.spec import TAAU
 LAYOUT = HistoryLayout(
     TAAU,
     {
-        "pixels": HistoryPlane("color"),
+        "pixels": PIXELS,
         "power": HistoryPlane("samples", 1, None),
         "surface": HistoryPlane("surface"),
         **REST_PLANES,

@@ -1,16 +1,15 @@
 // Upsampling of this frame along its edges, for pixels without history. Same as ops/edges.py.
-// import samples
-// import sampling
+// import sample_tile
 
 // Luma of the usable ones of the 4x4 samples around a position, with a kernel that is long along the edge through them.
-fn upsample_along_edges(samples: texture_2d<f32>, at: vec2f) -> f32 {
+fn upsample_along_edges(at: vec2f) -> f32 {
     let first = vec2i(floor(at)) - 1;
     let part = fract(at);
     var taps: array<vec2f, 16>;    // luma, filled where the sample is missing; 1 where it is usable
     /* unroll */ for (var j = 0; j < 4; j++) {
         /* unroll */ for (var i = 0; i < 4; i++) {
-            let p = clamped(first + vec2i(i, j), render_size());
-            taps[4 * j + i] = vec2f(ycocg(filled_sample(samples, p)).x, toned_sample(samples, p).a);
+            let tap = tile_sample(first + vec2i(i, j));
+            taps[4 * j + i] = vec2f(ycocg(tap.rgb).x, tap.a);
         }
     }
     var tensor = vec3f(0.0);       // products xx, xy, yy of the gradients at the four samples around
@@ -37,7 +36,7 @@ fn upsample_along_edges(samples: texture_2d<f32>, at: vec2f) -> f32 {
             sum += near * near * near * near * taps[4 * j + i].y * vec2f(taps[4 * j + i].x, 1.0);
         }
     }
-    if (sum.y <= MIN_WEIGHT) { return ycocg(filled_sample(samples, nearest(at))).x; }
+    if (sum.y <= MIN_WEIGHT) { return ycocg(tile_sample(nearest(at)).rgb).x; }
     return sum.x / sum.y;
 }
 

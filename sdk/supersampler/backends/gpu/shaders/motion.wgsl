@@ -1,6 +1,7 @@
 // Reprojection into the previous frame and resampling of the history. Same as ops/motion.py.
 // import params
 // import sanitize
+// import history_pixel
 
 struct Reprojection {
     at: vec2f,        // in the previous image, display pixels
@@ -42,7 +43,7 @@ struct Resampled {
 
 // Resample with a cubic from twelve reads, and bilinearly from four of them. The four corners have small
 // weights; they are skipped, and the others are normalised. Positions are clamped at the border.
-fn resample(history: texture_2d<f32>, at: vec2f, sharpness: f32) -> Resampled {
+fn resample(history: texture_2d<u32>, at: vec2f, sharpness: f32) -> Resampled {
     let whole = floor(at);
     let t = at - whole;
     let across = cubic_weights(t.x, sharpness);
@@ -57,7 +58,7 @@ fn resample(history: texture_2d<f32>, at: vec2f, sharpness: f32) -> Resampled {
         /* unroll */ for (var i = 0; i < 4; i++) {
             let is_corner = (i == 0 || i == 3) && (j == 0 || j == 3);
             if (!is_corner) {
-                let value = textureLoad(history, clamped(first + vec2i(i, j), display_size()), 0);
+                let value = pixel_at(history, clamped(first + vec2i(i, j), display_size()));
                 let weight = across[i] * down[j];
                 cubic += weight * value;
                 total += weight;
@@ -66,6 +67,18 @@ fn resample(history: texture_2d<f32>, at: vec2f, sharpness: f32) -> Resampled {
         }
     }
     return Resampled(cubic / total, linear);
+}
+
+// Bilinear read of the history, clamped at the border.
+fn resample_linear(history: texture_2d<u32>, at: vec2f) -> vec4f {
+    let whole = floor(at);
+    let t = at - whole;
+    let p = vec2i(whole);
+    let size = display_size();
+    let upper = mix(pixel_at(history, clamped(p, size)), pixel_at(history, clamped(p + vec2i(1, 0), size)), t.x);
+    let lower = mix(pixel_at(history, clamped(p + vec2i(0, 1), size)),
+                    pixel_at(history, clamped(p + vec2i(1, 1), size)), t.x);
+    return mix(upper, lower, t.y);
 }
 
 // Bilinear read, clamped at the border.

@@ -6,11 +6,13 @@
 // Toned RGB, and 1 where the sample is usable; zeros where it is not.
 fn toned_sample(samples: texture_2d<f32>, p: vec2i) -> vec4f {
     let sample = textureLoad(samples, clamped(p, render_size()), 0);
-    let usable = sample.a - 2.0 * floor(0.5 * sample.a);
+    let usable = usable_in(sample.a);
     return vec4f(usable * tone(sample.rgb), usable);
 }
 
 // Toned RGB, filled where the sample is missing.
 fn filled_sample(samples: texture_2d<f32>, p: vec2i) -> vec3f { return tone(textureLoad(samples, p, 0).rgb); }
+
+fn usable_in(alpha: f32) -> f32 { return alpha - 2.0 * floor(0.5 * alpha); }
 
 fn glares_near(samples: texture_2d<f32>, p: vec2i) -> bool { return textureLoad(samples, p, 0).a >= 2.0; }

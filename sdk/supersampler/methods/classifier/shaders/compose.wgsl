@@ -2,7 +2,6 @@
 // Same as `Classifier.finish`.
 // import params
 // import state
-// import sampling
 // import edges
 // import current_frame
 // import warped_history
@@ -14,6 +13,8 @@
 // import show
 
 const SIDE = 16;
+const PIXELS_ACROSS = SIDE;
+const PIXELS_DOWN = SIDE;
 
 @group(0) @binding(2) var<storage, read> network: array<vec4u>;
 @group(0) @binding(3) var<storage, read> next_state: State;
@@ -21,7 +22,7 @@ const SIDE = 16;
 @group(0) @binding(5) var dilated: texture_2d<f32>;
 @group(0) @binding(6) var own_motion: texture_2d<f32>;
 @group(0) @binding(7) var history_surface: texture_2d<f32>;
-@group(0) @binding(8) var history_pixels: texture_2d<f32>;
+@group(0) @binding(8) var history_pixels: texture_2d<u32>;
 @group(0) @binding(9) var<storage, read> history_classes: array<vec2u>;
 @group(0) @binding(10) var inputs: texture_2d<u32>;
 @group(0) @binding(11) var kept0: texture_2d<u32>;
@@ -29,7 +30,7 @@ const SIDE = 16;
 @group(0) @binding(13) var kept2: texture_2d<u32>;
 @group(0) @binding(14) var kept3: texture_2d<u32>;
 @group(0) @binding(15) var<storage, read> tiles: array<vec2u>;
-@group(0) @binding(16) var next_pixels: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(16) var next_pixels: texture_storage_2d<rg32uint, write>;
 @group(0) @binding(17) var next_ranges: texture_storage_2d<r32uint, write>;
 @group(0) @binding(18) var<storage, read_write> next_classes: array<vec2u>;
 @group(0) @binding(19) var<storage, read_write> aux: array<vec2f>;   // weight, converged
@@ -65,7 +66,7 @@ fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility:
     }
     if (OWN_MOTION) {
         let motion = textureLoad(own_motion, nearest(render_position(p)), 0).xy;
-        let own = read_linear(history_pixels, reproject(p, motion).at, display_size()).rgb;
+        let own = resample_linear(history_pixels, reproject(p, motion).at).rgb;
         let toned = toned_history(own, exposure_of(next_state));
         sum = add(sum, other * exp(parameter(blend, COLORS - 4u)), toned);
     }
@@ -80,7 +81,7 @@ fn filter_samples(at: vec2f, blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
         let q = center + vec2i(k % 3, k / 3) - 1;
         let distance = vec2f(q) - at;
         let initial = gaussian1(distance.x, KERNEL_SIGMA) * gaussian1(distance.y, KERNEL_SIGMA) + MIN_KERNEL_WEIGHT;
-        let tap = toned_sample(samples, q);
+        let tap = usable_tile_sample(q);
         sum = add(sum, tap.a * initial * exp(parameter(blend, KERNEL_AT + u32(k))), tap.rgb);
     }
     return sum;
@@ -107,7 +108,7 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
     let depth = textureLoad(dilated, upper_left(at), 0).z;
     let there = previous_position(p);
     let exposure = exposure_of(next_state);
-    let now = gather_current(samples, at);
+    let now = gather_current(at);
     let before = gather_history(history_pixels, there, exposure);
     let visibility = gather_surface(history_surface, there, depth).visibility;
     if (corner == 0u && !rests) {
@@ -132,7 +133,7 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
     let weights = history.weight + current.weight;
     let total = max(weights, 1e-12);
     var toned = select(now.frame, (history.color + current.color) / total, weights > 0.0);
-    if (before.samples * visibility <= 0.0) { toned = along_edges(toned, upsample_along_edges(samples, at)); }
+    if (before.samples * visibility <= 0.0) { toned = along_edges(toned, upsample_along_edges(at)); }
     let image = bounded(inverse_tone(toned) / exposure);
 
     let odds = history.weight / max(current.weight, 1e-12) * (sampled + 2.0 * FRAME_PRIOR * sampled_here);
@@ -148,7 +149,8 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
         keep_history(p, corner);
     } else {
         textureStore(next_ranges, p, vec4u(next_range(luma, now, before, odds, glared), 0u, 0u, 0u));
-        textureStore(next_pixels, p, vec4f(image, select(count, 0.0, unconfirmed || next_state.flash > 0.0)));
+        let kept = select(count, 0.0, unconfirmed || next_state.flash > 0.0);
+        textureStore(next_pixels, p, vec4u(pack_pixel(vec4f(image, kept)), 0u, 0u));
     }
     show(p, image, history.weight / total);
 }
@@ -179,6 +181,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) th
         }
         return;
     }
+    load_samples(origin, i32(thread));
     if (on_image && corner < FEATURES) { decode(packed, cell, corner); }
     workgroupBarrier();
     if (on_image) { hide(packed, cell, corner); }

@@ -1,8 +1,7 @@
 // This frame at a display pixel. Same as `Classifier.gather_current`.
 // import params
 // import colors
-// import sampling
-// import samples
+// import sample_tile
 
 struct CurrentFrame {       // colours are toned RGB
     frame: vec3f,           // cubic upsampling
@@ -12,7 +11,7 @@ struct CurrentFrame {       // colours are toned RGB
     second: vec3f,          // E[c^2]
 }
 
-fn gather_current(samples: texture_2d<f32>, at: vec2f) -> CurrentFrame {
+fn gather_current(at: vec2f) -> CurrentFrame {
     let scale = display_extent() / params.render;
     let start = floor(at) - 1.0;
     let dx = start.x + vec4f(0.0, 1.0, 2.0, 3.0) - at.x;
@@ -29,7 +28,7 @@ fn gather_current(samples: texture_2d<f32>, at: vec2f) -> CurrentFrame {
     var square = vec3f(0.0);
     /* unroll */ for (var j = 0; j < 4; j++) {
         /* unroll */ for (var i = 0; i < 4; i++) {
-            let tap = toned_sample(samples, vec2i(start) + vec2i(i, j));
+            let tap = usable_tile_sample(vec2i(start) + vec2i(i, j));
             let color = ycocg(tap.rgb);
             near += near_x[i] * near_y[j] * tap;
             sharp += sharp_x[i] * sharp_y[j] * tap;
@@ -42,7 +41,7 @@ fn gather_current(samples: texture_2d<f32>, at: vec2f) -> CurrentFrame {
     let second = select(vec3f(1.0), square / total, moment.w > MIN_WEIGHT);
     // with missing samples the negative weights of the cubic dominate
     var frame = select(from_ycocg(first), sharp.rgb / max(sharp.w, 1e-6), sharp.w > MIN_CUBIC_WEIGHT);
-    if (moment.w <= MIN_WEIGHT) { frame = filled_sample(samples, nearest(at)); }
+    if (moment.w <= MIN_WEIGHT) { frame = tile_sample(nearest(at)).rgb; }
     return CurrentFrame(
         clamp(frame, vec3f(0.0), vec3f(MAX_TONED)),
         clamp(near.rgb / max(near.w, 1e-6), vec3f(0.0), vec3f(MAX_TONED)),

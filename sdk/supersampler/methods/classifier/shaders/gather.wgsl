@@ -2,7 +2,6 @@
 // at half display size are means. Same as classifier_inputs.py.
 // import params
 // import state
-// import sampling
 // import current_frame
 // import warped_history
 // import unexplained_light
@@ -10,13 +9,15 @@
 // import tiles
 
 const SIDE = 16;
+const PIXELS_ACROSS = SIDE;
+const PIXELS_DOWN = SIDE;
 const WIDE = SIDE + 2;
 
 @group(0) @binding(2) var<storage, read> next_state: State;
 @group(0) @binding(3) var samples: texture_2d<f32>;
 @group(0) @binding(4) var dilated: texture_2d<f32>;
 @group(0) @binding(5) var history_surface: texture_2d<f32>;
-@group(0) @binding(6) var history_pixels: texture_2d<f32>;
+@group(0) @binding(6) var history_pixels: texture_2d<u32>;
 @group(0) @binding(7) var inputs: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(8) var<storage, read_write> differences: array<u32>;    // of history and frame: mean, absolute
 @group(0) @binding(9) var<storage, read_write> tiles: array<atomic<u32>>;   // see tiles.wgsl; two words a tile
@@ -50,7 +51,7 @@ fn history_contrast(p: vec2i, origin: vec2i) -> vec2f {
 fn write_inputs(p: vec2i, origin: vec2i, there: Reprojection, before: WarpedHistory) -> f32 {
     let at = render_position(p);
     let closest = textureLoad(dilated, upper_left(at), 0);
-    let now = gather_current(samples, at);
+    let now = gather_current(at);
     let surface = gather_surface(history_surface, there, closest.z);
 
     let luma_now = luminance(now.sample);
@@ -108,6 +109,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
         @builtin(local_invocation_index) index: u32) {
     if (next_state.rests * params.skips > 0.0) { return; }
     let origin = SIDE * vec2i(group.xy);
+    load_samples(origin, i32(index));
     let p = origin + vec2i(local.xy);
     let there = previous_position(clamped(p, display_size()));
     let before = gather_history(history_pixels, there, exposure_of(next_state));

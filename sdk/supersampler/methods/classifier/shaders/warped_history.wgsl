@@ -24,7 +24,7 @@ struct WarpedSurface {
 
 fn toned_history(linear: vec3f, exposure: f32) -> vec3f { return tone(sanitize(linear) * exposure); }
 
-fn gather_history(pixels: texture_2d<f32>, there: Reprojection, exposure: f32) -> WarpedHistory {
+fn gather_history(pixels: texture_2d<u32>, there: Reprojection, exposure: f32) -> WarpedHistory {
     if (!there.on_screen) { return WarpedHistory(vec3f(0.0), vec3f(0.0), 0.0, vec2f(0.0), 0.0); }
     let history = resample(pixels, there.at, HISTORY_SHARPNESS);
     let color = toned_history(history.cubic.rgb, exposure);
@@ -34,7 +34,7 @@ fn gather_history(pixels: texture_2d<f32>, there: Reprojection, exposure: f32) -
 }
 
 // The toned colour alone.
-fn warped_color(pixels: texture_2d<f32>, there: Reprojection, exposure: f32) -> vec3f {
+fn warped_color(pixels: texture_2d<u32>, there: Reprojection, exposure: f32) -> vec3f {
     if (!there.on_screen) { return vec3f(0.0); }
     return toned_history(resample(pixels, there.at, HISTORY_SHARPNESS).cubic.rgb, exposure);
 }

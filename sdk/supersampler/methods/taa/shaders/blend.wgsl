@@ -16,8 +16,8 @@ const SLACK = 1e-5;   // more than rounding: in a box of one colour, enter and l
 @group(0) @binding(4) var lows: texture_2d<f32>;
 @group(0) @binding(5) var highs: texture_2d<f32>;
 @group(0) @binding(6) var longest: texture_2d<f32>;
-@group(0) @binding(7) var history_pixels: texture_2d<f32>;
-@group(0) @binding(8) var next_pixels: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(7) var history_pixels: texture_2d<u32>;
+@group(0) @binding(8) var next_pixels: texture_storage_2d<rg32uint, write>;
 @group(0) @binding(9) var<storage, read_write> aux: array<vec2f>;   // weight; there is no mean
 
 // The segment from the history to the new sample, where it enters the box. A segment that misses the box (the
@@ -54,6 +54,6 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let weight = given + (1.0 - given) * motion.w;
     let blend = from_ycocg(history + weight * (sample - history));
     let image = bounded(inverse_tone(max(blend, vec3f(0.0))) / exposure);
-    textureStore(next_pixels, p, vec4f(image, 0.0));
+    textureStore(next_pixels, p, vec4u(pack_pixel(vec4f(image, 0.0)), 0u, 0u));
     store(p, image, vec2f(1.0 - weight, 0.0));
 }

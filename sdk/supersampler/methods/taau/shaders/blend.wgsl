@@ -3,13 +3,11 @@
 // import params
 // import sanitize
 // import colors
-// import sampling
 // import motion
 // import disocclusion
 // import variance_box
 // import contrast
 // import edges
-// import samples
 // import reactive
 // import show
 
@@ -19,13 +17,16 @@
 @group(0) @binding(4) var dilated: texture_2d<f32>;
 @group(0) @binding(5) var history_surface: texture_2d<f32>;    // depth, occluding depth, mean and deviation of luma
 @group(0) @binding(6) var next_surface: texture_2d<f32>;
-@group(0) @binding(7) var history_pixels: texture_2d<f32>;     // linear RGB, number of samples
+@group(0) @binding(7) var history_pixels: texture_2d<u32>;     // linear RGB, number of samples
 @group(0) @binding(8) var<storage, read> history_power: array<f32>;
-@group(0) @binding(9) var next_pixels: texture_storage_2d<rgba32float, write>;
+@group(0) @binding(9) var next_pixels: texture_storage_2d<rg32uint, write>;
 @group(0) @binding(10) var<storage, read_write> next_power: array<f32>;
 @group(0) @binding(11) var<storage, read> tiles: array<vec2u>;
 @group(0) @binding(12) var<storage, read_write> aux: array<vec2f>;   // weight, converged
 @group(0) @binding(13) var kept_samples: texture_2d<f32>;            // x: of the history, by block
+
+const PIXELS_ACROSS = 32;
+const PIXELS_DOWN = 4;
 
 struct Current {          // this frame; colours are toned YCoCg
     sample: vec3f,        // mean of the samples near the pixel
@@ -82,7 +83,7 @@ fn gather_current(p: vec2i) -> Current {
     var steps = vec3f(0.0);    // sums over 3x3 samples: to the right less to the left, below less above; usable
     /* unroll */ for (var j = 0; j < 4; j++) {
         /* unroll */ for (var i = 0; i < 4; i++) {
-            let tap = toned_sample(samples, vec2i(first) + vec2i(i, j));
+            let tap = usable_tile_sample(vec2i(first) + vec2i(i, j));
             let color = ycocg(tap.rgb);
             let value = vec4f(color, tap.a);
             near += near_x[i] * near_y[j] * value;
@@ -116,8 +117,8 @@ fn gather_current(p: vec2i) -> Current {
 fn frame_alone(p: vec2i, now: Current) -> vec3f {
     let at = render_position(p);
     var chroma = now.center.yz;
-    if (!now.found) { chroma = ycocg(filled_sample(samples, nearest(at))).yz; }
-    return vec3f(upsample_along_edges(samples, at), chroma);
+    if (!now.found) { chroma = ycocg(tile_sample(nearest(at)).rgb).yz; }
+    return vec3f(upsample_along_edges(at), chroma);
 }
 
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
@@ -199,48 +200,57 @@ fn power_after(now: Current, before: Warped, blend: Blend, known: bool) -> f32 {
     return select(0.0, blend.holds, known) * power;
 }
 
-fn store_history(p: vec2i, pixel: vec4f, power: f32) {
-    textureStore(next_pixels, p, pixel);
+fn store_history(p: vec2i, pixel: vec2u, power: f32) {
+    textureStore(next_pixels, p, vec4u(pixel, 0u, 0u));
     next_power[index_of(p, display_size())] = power;
 }
 
-@compute @workgroup_size(32, 4)
-fn main(@builtin(global_invocation_id) id: vec3u) {
-    let p = vec2i(id.xy);
-    if (!inside(p, display_size())) { return; }
-    let tile = tiles[tile_of(p)];
-    if (is_left_out(tile)) {
-        store_history(p, textureLoad(history_pixels, p, 0), power_at(p));
-        show(p, vec3f(0.0), 0.0);
-        return;
-    }
+fn blend(p: vec2i, rests: bool) {
     let now = gather_current(p);
     let before = gather_history(p);
-    var blend = decide(now, before);
+    var mixed = decide(now, before);
     let reactive = mask_in(textureLoad(dilated, nearest(render_position(p)), 0).w);
-    let settled_part = min(blend.samples / SETTLED, 1.0);
+    let settled_part = min(mixed.samples / SETTLED, 1.0);
     var frame = now.sample;
     if (settled_part < 1.0 || reactive > 0.0) { frame = frame_alone(p, now); }
     let sample = now.sample + (1.0 - settled_part) * (frame - now.sample);
-    var color = blend.history + blend.weight * (sample - blend.history);
-    let known = blend.samples > MIN_SAMPLES;
+    var color = mixed.history + mixed.weight * (sample - mixed.history);
+    let known = mixed.samples > MIN_SAMPLES;
     if (!known) { color = frame; }
     color += reactive * (frame - color);
-    blend.samples *= 1.0 - reactive;
+    mixed.samples *= 1.0 - reactive;
     let exposure = exposure_of(next_state);
     let linear = bounded(inverse_tone(max(from_ycocg(color), vec3f(0.0))) / exposure);
 
-    var pixel = vec4f(linear, blend.samples + now.confidence);
-    var power = power_after(now, before, blend, known) + select(0.0, GLARE * CONFIRMED, now.glares);
-    if (blend.unconfirmed) {
+    var pixel = vec4f(linear, mixed.samples + now.confidence);
+    var power = power_after(now, before, mixed, known) + select(0.0, GLARE * CONFIRMED, now.glares);
+    if (mixed.unconfirmed) {
         let glare = min(before.glare + select(0.0, 1.0, now.glares), CONFIRMED);
-        pixel = vec4f(before.light, blend.kept);
-        power = blend.trusted * before.power + GLARE * glare;
+        pixel = vec4f(before.light, mixed.kept);
+        power = mixed.trusted * before.power + GLARE * glare;
     }
-    if (tile.x > 0u) {
-        pixel = textureLoad(history_pixels, p, 0);
-        power = power_at(p);
+    if (rests) {
+        store_history(p, textureLoad(history_pixels, p, 0).xy, power_at(p));
+    } else {
+        store_history(p, pack_pixel(pixel), power);
     }
-    store_history(p, pixel, power);
-    show(p, linear, select(0.0, 1.0 - blend.weight, known) * (1.0 - reactive));
+    show(p, linear, select(0.0, 1.0 - mixed.weight, known) * (1.0 - reactive));
+}
+
+@compute @workgroup_size(PIXELS_ACROSS, PIXELS_DOWN)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: vec3u,
+        @builtin(local_invocation_index) thread: u32) {
+    let p = vec2i(id.xy);
+    let origin = vec2i(PIXELS_ACROSS, PIXELS_DOWN) * vec2i(group.xy);
+    let tile = tiles[tile_of(origin)];
+    if (is_left_out(tile)) {
+        if (inside(p, display_size())) {
+            store_history(p, textureLoad(history_pixels, p, 0).xy, power_at(p));
+            show(p, vec3f(0.0), 0.0);
+        }
+        return;
+    }
+    load_samples(origin, i32(thread));
+    workgroupBarrier();
+    if (inside(p, display_size())) { blend(p, tile.x > 0u); }
 }

@@ -1,6 +1,7 @@
 // Number of samples of the history that are kept, by block; a workgroup is a window. Same as `samples_kept`.
 // import at_rest
 // import samples
+// import history_pixel
 // import state
 
 const SIDE = 8;                  // blocks of a workgroup in either direction
@@ -10,7 +11,7 @@ const STEPS = BLOCK / LAG_STEP;  // samples of a block that are compared, in eit
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var samples: texture_2d<f32>;
 @group(0) @binding(3) var block_states: texture_2d<u32>;
-@group(0) @binding(4) var history_pixels: texture_2d<f32>;
+@group(0) @binding(4) var history_pixels: texture_2d<u32>;
 @group(0) @binding(5) var kept_samples: texture_storage_2d<rg32float, write>;   // x
 
 struct Sums {
@@ -27,7 +28,7 @@ fn compared(block: vec2i) -> Sums {
     for (var i = 0; i < STEPS * STEPS; i++) {
         let step = min(STEPS * block + vec2i(i % STEPS, i / STEPS), (render_size() - 1) / LAG_STEP);   // edges repeat
         let now = toned_sample(samples, LAG_STEP * step);
-        let history = textureLoad(history_pixels, pixel_of(LAG_STEP * step), 0).rgb;
+        let history = pixel_at(history_pixels, pixel_of(LAG_STEP * step)).rgb;
         let before = tone(history * exposure_of(next_state));
         difference += now.a * (now.rgb - before);
         level += now.a * before;
