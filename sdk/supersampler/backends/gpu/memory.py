@@ -63,7 +63,7 @@ def allocate(device: "wgpu.GPUDevice", spec: MemorySpec) -> Memory:
     """Allocate memory, zeros."""
     if isinstance(spec, BufferSpec):
         size = max(-(-spec.bytes // 4) * 4, 16)
-        return Memory(device.create_buffer(size=size, usage=_STORAGE | _COPY_SRC | _COPY_DST))
+        return Memory(device.create_buffer(size=size, usage=_STORAGE | _UNIFORM | _COPY_SRC | _COPY_DST))
     usage = _TEXTURE_COPY_SRC | _TEXTURE_COPY_DST | _SAMPLED | _STORED
     check_texture_size(device, spec.size)
     texture = device.create_texture(size=(*spec.size, 1), format=spec.format, usage=usage)

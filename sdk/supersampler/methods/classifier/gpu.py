@@ -23,7 +23,6 @@ from supersampler.backends.gpu.program import (
     TILE_PASS,
     GpuProgram,
     PassSpec,
-    display_pass,
     preprocess,
 )
 from supersampler.backends.gpu.shader import Constants
@@ -39,6 +38,12 @@ LOW_STEPS, HIGH_STEPS = 65535.0, 16383.0
 """Steps of the minimum and of the maximum luma in a word."""
 TILES = ((16, 8), (8, 8), (8, 8), (4, 4))
 """Pixels of a workgroup at each level: its features fit into 16 KiB."""
+COMPOSED = 32, 16
+"""Display pixels of a workgroup of `compose`."""
+LAST = "_last"
+"""Name of the weights of the last layers, after `network`."""
+UNIFORM_BYTES = 64 << 10
+"""Largest uniform buffer that every device has."""
 ALIGNED = 8
 """The first level, of 2x2 display pixels, repeats its border up to a multiple of it."""
 TEXELS_ACROSS = {1: 1, 2: 2, 4: 2, 16: 4}
@@ -106,10 +111,11 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
         "sharpness_at": variant.sharpness,
         "kernel_at": variant.kernel_weights,
     }
-    levels = [_level_pass(one, tile) for one, tile in zip(network.levels, TILES, strict=True)]
+    levels = [_level_pass(one.constants, tile) for one, tile in zip(network.levels, TILES, strict=True)]
+    last = _with_network(PassSpec("compose", DISPLAY, COMPOSED, {**network.last.constants, **blend}), LAST)
     passes = (
         *BLOCK_PASSES, TILE_PASS, preprocess("depth"), PassSpec("gather"), *levels,
-        display_pass("compose", {**network.last, **blend}),
+        last,
     )  # fmt: skip
     memory: dict[str, PixelMemory] = {
         **REST_MEMORY,
@@ -120,9 +126,11 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
         "differences": PixelBuffer(4, HALF),
     }
     for level in network.levels:
-        memory |= _level_memory(level)
+        memory |= _level_memory(level.constants)
+    weights = {f"network{i}": level.words for i, level in enumerate(network.levels)}
+    weights[f"network{LAST}"] = network.last.words
     packages = ("supersampler.methods.classifier",)
-    return GpuProgram(LAYOUT, packages, constants, passes, memory, {"network": network.words}, "int8")
+    return GpuProgram(LAYOUT, packages, constants, passes, memory, weights, "int8")
 
 
 def _level_size(level: int, across: int = 1, down: int = 1) -> SizeRule:
@@ -133,13 +141,21 @@ def _level_size(level: int, across: int = 1, down: int = 1) -> SizeRule:
 
 def _level_pass(constants: Constants, tile: tuple[int, int]) -> PassSpec:
     level, kept = int(constants["level"]), int(constants["kept"])
-    return PassSpec(
+    spec = PassSpec(
         "encode_pooled" if level else "encode_inputs",
         _level_size(level),
         tile,
         {**constants, "kept_across": TEXELS_ACROSS[kept], "tile_x": tile[0], "tile_y": tile[1]},
         {"kept": f"kept{level}", "pooled": f"pooled{level}", "pooled_above": f"pooled{level - 1}"},
     )
+    return _with_network(spec, str(level))
+
+
+def _with_network(spec: PassSpec, name: str) -> PassSpec:
+    """Return a pass that reads the weights `network` and a name."""
+    fits = CHUNK * spec.constants["network_size"] <= UNIFORM_BYTES
+    variants = {**spec.variants, "network": "network_uniform" if fits else "network_storage"}
+    return spec._replace(names={**spec.names, "network": f"network{name}"}, variants=variants)
 
 
 def _level_memory(constants: Constants) -> dict[str, PixelMemory]:

@@ -1,4 +1,4 @@
-"""The int8 network of `classifier` as shaders read it: one buffer, and where each layer begins in it."""
+"""The int8 network of `classifier` as shaders read it: a buffer for each pass, and where its layers begin."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,14 +23,30 @@ class GpuNetwork:
     """The weights of all layers.
 
     Attributes:
+        levels: weights and constants of the shader of each level of the encoder.
+        last: those of the shader of the last layers.
+    """
+
+    levels: list["GpuLayers"]
+    last: "GpuLayers"
+
+
+@dataclass(frozen=True)
+class GpuLayers:
+    """The layers of a pass.
+
+    Attributes:
         words: (n, 4) uint32, the buffer `network` (see int8.wgsl).
-        levels: constants of the shader of each level of the encoder.
-        last: constants of the shader of the last layers.
+        constants: constants of the shader.
     """
 
     words: NDArray[np.uint32]
-    levels: list[dict[str, int]]
-    last: dict[str, float | int]
+    constants: dict[str, float | int]
+
+    @classmethod
+    def of(cls, writer: "_Writer", constants: dict[str, float | int]) -> "GpuLayers":
+        """Return what a writer has collected, with its size among the constants."""
+        return cls(np.concatenate(writer.parts), {**constants, "network_size": writer.size})
 
 
 @dataclass
@@ -73,13 +89,13 @@ def read_gpu_network(info: ModelInfo, variant: Variant) -> GpuNetwork:
         ModelError: see `read_network`.
     """
     arrays, widths = read_network(info, variant.outputs), info.config["network"]
-    writer, levels, given = _Writer(), [], CORNERS * INPUTS + CHUNK
+    levels, given = [], CORNERS * INPUTS + CHUNK
     for level, (channels, kept) in enumerate(zip(widths["levels"], KEPT, strict=True)):
         deepest = level + 1 == len(KEPT)
         pooled = 0 if deepest else channels // 2
-        levels.append(_add_level(writer, arrays, level, (given, channels, kept * 4**level, pooled)))
+        levels.append(_level(arrays, level, (given, channels, kept * 4**level, pooled)))
         given = -(-pooled // CHUNK) * CHUNK
-    quads = -(-variant.blend_parameters // 4)
+    quads, writer = -(-variant.blend_parameters // 4), _Writer()
     last = {
         "decoder": writer.pointwise(*_pointwise(arrays, "decoder", 2 * CHUNK)),
         "hidden": writer.pointwise(*_hidden(arrays)),
@@ -88,13 +104,12 @@ def read_gpu_network(info: ModelInfo, variant: Variant) -> GpuNetwork:
         "logits": arrays["logits.first"].item(),
         "logits_scale": arrays["logits.scale"].item(),
     }
-    return GpuNetwork(np.concatenate(writer.parts), levels, last)
+    return GpuNetwork(levels, GpuLayers.of(writer, last))
 
 
-def _add_level(
-    writer: _Writer, arrays: Arrays, level: int, sizes: tuple[int, int, int, int]
-) -> dict[str, int]:
-    """Add a level, with bytes of its inputs, channels, and what is kept and pooled; return its constants."""
+def _level(arrays: Arrays, level: int, sizes: tuple[int, int, int, int]) -> GpuLayers:
+    """Return a level; sizes: bytes of its inputs, of its channels, and of what is kept and pooled."""
+    writer = _Writer()
     given, channels, kept, pooled = sizes
     first, scale, bias = _pointwise(arrays, f"{level}.first", channels)
     if level == 0:
@@ -102,7 +117,7 @@ def _add_level(
     columns = arrays[f"{level}.spatial.weights"]  # (channels / 16, 3 columns, 16, 3 rows and padding)
     taps = columns[..., :3].transpose(3, 1, 0, 2).reshape(9, channels)
     spatial = (arrays[f"{level}.spatial.{part}"] for part in ("scale", "bias"))
-    return {
+    constants: dict[str, float | int] = {
         "level": level,
         "inputs": given // CHUNK,
         "channels": channels // CHUNK,
@@ -112,6 +127,7 @@ def _add_level(
         "spatial": writer.depthwise(taps, *spatial),
         "last": writer.pointwise(*_pointwise(arrays, f"{level}.last", kept + -(-pooled // CHUNK) * CHUNK)),
     }
+    return GpuLayers.of(writer, constants)
 
 
 def _pointwise(

@@ -3,8 +3,8 @@
 // import sampling
 // import samples
 //
-// Files that import this define PIXELS_ACROSS and PIXELS_DOWN, the display pixels of a workgroup. A pixel reads 4x4
-// samples, and a sample is at least as large as a pixel.
+// Files that import this define PIXELS_ACROSS and PIXELS_DOWN, the display pixels of a workgroup, and TILE_THREADS, its
+// threads. A pixel reads 4x4 samples, and a sample is at least as large as a pixel.
 
 const SAMPLES_ACROSS = PIXELS_ACROSS + 3;
 const SAMPLES_DOWN = PIXELS_DOWN + 3;
@@ -15,7 +15,7 @@ var<private> tile_first: vec2i;                                            // it
 // Every thread calls this, with the first display pixel of its workgroup, before a barrier.
 fn load_samples(origin: vec2i, thread: i32) {
     tile_first = vec2i(floor(render_position(origin))) - 1;
-    for (var i = thread; i < SAMPLES_ACROSS * SAMPLES_DOWN; i += PIXELS_ACROSS * PIXELS_DOWN) {
+    for (var i = thread; i < SAMPLES_ACROSS * SAMPLES_DOWN; i += TILE_THREADS) {
         let p = clamped(tile_first + vec2i(i % SAMPLES_ACROSS, i / SAMPLES_ACROSS), render_size());
         let sample = textureLoad(samples, p, 0);
         sample_tile[i] = vec4f(tone(sample.rgb), usable_in(sample.a));

@@ -12,11 +12,12 @@
 // import tiles
 // import show
 
-const SIDE = 16;
-const PIXELS_ACROSS = SIDE;
-const PIXELS_DOWN = SIDE;
+const PACKED_ACROSS = 16;     // packed pixels of a workgroup, one for each thread
+const PACKED_DOWN = 8;
+const PIXELS_ACROSS = 2 * PACKED_ACROSS;
+const PIXELS_DOWN = 2 * PACKED_DOWN;
+const TILE_THREADS = PACKED_ACROSS * PACKED_DOWN;
 
-@group(0) @binding(2) var<storage, read> network: array<vec4u>;
 @group(0) @binding(3) var<storage, read> next_state: State;
 @group(0) @binding(4) var samples: texture_2d<f32>;
 @group(0) @binding(5) var dilated: texture_2d<f32>;
@@ -102,8 +103,8 @@ fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, gl
     return pack_range(luma + trust * (low - luma), luma + trust * (high - luma), glared);
 }
 
-fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
-    var blend = blend_parameters(cell, corner);
+fn compose(p: vec2i, corner: u32, hidden: ptr<function, array<vec4u, 4>>, rests: bool) {
+    var blend = blend_parameters(hidden, corner);
     let at = render_position(p);
     let depth = textureLoad(dilated, upper_left(at), 0).z;
     let there = previous_position(p);
@@ -112,7 +113,7 @@ fn compose(p: vec2i, cell: u32, corner: u32, rests: bool) {
     let before = gather_history(history_pixels, there, exposure);
     let visibility = gather_surface(history_surface, there, depth).visibility;
     if (corner == 0u && !rests) {
-        next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(cell, before.samples > 0.0);
+        next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(hidden, before.samples > 0.0);
     }
 
     var history = blend_history(p, now, before, visibility, &blend);
@@ -164,27 +165,28 @@ fn keep_history(p: vec2i, corner: u32) {
     }
 }
 
-@compute @workgroup_size(SIDE * SIDE)
-fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
-    let origin = SIDE * vec2i(group.xy);
-    let cell = thread % PACKED;      // threads of a subgroup have one corner, and so the same weights
-    let corner = thread / PACKED;
-    let size = (display_size() + 1) / 2;
-    let packed = origin / 2 + vec2i(vec2u(cell % 8u, cell / 8u));
-    let on_image = inside(packed, size);
-    let p = 2 * packed + vec2i(vec2u(corner & 1u, corner >> 1u));
+@compute @workgroup_size(PACKED_ACROSS, PACKED_DOWN)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: vec3u,
+        @builtin(local_invocation_index) thread: u32) {
+    let origin = vec2i(PIXELS_ACROSS, PIXELS_DOWN) * vec2i(group.xy);
+    let first = 2 * vec2i(id.xy);
     let tile = tiles[tile_of(origin)];
     if (is_left_out(tile)) {
-        if (inside(p, display_size())) {
-            keep_history(p, corner);
-            show(p, vec3f(0.0), 0.0);
+        for (var corner = 0u; corner < 4u; corner++) {
+            let p = first + vec2i(vec2u(corner & 1u, corner >> 1u));
+            if (inside(p, display_size())) {
+                keep_history(p, corner);
+                show(p, vec3f(0.0), 0.0);
+            }
         }
         return;
     }
     load_samples(origin, i32(thread));
-    if (on_image && corner < FEATURES) { decode(packed, cell, corner); }
     workgroupBarrier();
-    if (on_image) { hide(packed, cell, corner); }
-    workgroupBarrier();
-    if (inside(p, display_size())) { compose(p, cell, corner, tile.x > 0u); }
+    if (!inside(first, display_size())) { return; }
+    var hidden = hidden_layer(first / 2);
+    for (var corner = 0u; corner < 4u; corner++) {
+        let p = first + vec2i(vec2u(corner & 1u, corner >> 1u));
+        if (inside(p, display_size())) { compose(p, corner, &hidden, tile.x > 0u); }
+    }
 }

@@ -9,7 +9,6 @@
 // channels between the layers, and of the two outputs; KEPT_ACROSS: texels of a pixel in a row of `kept`;
 // FIRST, SPATIAL, LAST: of weights in `network`.
 
-@group(0) @binding(1) var<storage, read> network: array<vec4u>;
 @group(0) @binding(2) var kept: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(3) var<storage, read_write> pooled: array<vec4u>;
 @group(0) @binding(8) var<storage, read> next_state: State;
@@ -34,11 +33,7 @@ fn first_layer(p: vec2i, chunk: u32) -> vec4u {
         }
     }
     let values = FIRST + 4u * CHANNELS * INPUTS * 4u;
-    var bytes = vec4u();
-    /* unroll */ for (var q = 0u; q < 4u; q++) {
-        bytes[q] = to_bytes(scaled(sums[q], values, 4u * CHANNELS, 4u * chunk + q));
-    }
-    return bytes;
+    return bytes_of(sums, values, 4u * CHANNELS, 4u * chunk);
 }
 
 fn spatial_layer(cell: vec2u, chunk: u32) -> vec4u {
@@ -48,11 +43,7 @@ fn spatial_layer(cell: vec2u, chunk: u32) -> vec4u {
         let x = features[((cell.y + k / 3u) * WIDE_X + cell.x + k % 3u) * CHANNELS + chunk];
         /* unroll */ for (var q = 0u; q < 4u; q++) { sums[q] += vec4i(unpack4xU8(x[q])) * unpack4xI8(weights[q]); }
     }
-    var bytes = vec4u();
-    /* unroll */ for (var q = 0u; q < 4u; q++) {
-        bytes[q] = to_bytes(scaled(sums[q], SPATIAL + 9u * CHANNELS, 4u * CHANNELS, 4u * chunk + q));
-    }
-    return bytes;
+    return bytes_of(sums, SPATIAL + 9u * CHANNELS, 4u * CHANNELS, 4u * chunk);
 }
 
 fn last_layer(cell: u32, chunk: u32) -> vec4u {
@@ -64,11 +55,7 @@ fn last_layer(cell: u32, chunk: u32) -> vec4u {
         }
     }
     let values = LAST + 4u * OUTPUTS * CHANNELS * 4u;
-    var bytes = vec4u();
-    /* unroll */ for (var q = 0u; q < 4u; q++) {
-        bytes[q] = to_bytes(scaled(sums[q], values, 4u * OUTPUTS, 4u * chunk + q));
-    }
-    return bytes;
+    return bytes_of(sums, values, 4u * OUTPUTS, 4u * chunk);
 }
 
 fn largest_bytes(a: vec4u, b: vec4u) -> vec4u {

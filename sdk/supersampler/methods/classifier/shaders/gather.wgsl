@@ -11,6 +11,7 @@
 const SIDE = 16;
 const PIXELS_ACROSS = SIDE;
 const PIXELS_DOWN = SIDE;
+const TILE_THREADS = PIXELS_ACROSS * PIXELS_DOWN;
 const WIDE = SIDE + 2;
 
 @group(0) @binding(2) var<storage, read> next_state: State;

@@ -27,6 +27,7 @@
 
 const PIXELS_ACROSS = 32;
 const PIXELS_DOWN = 4;
+const TILE_THREADS = PIXELS_ACROSS * PIXELS_DOWN;
 
 struct Current {          // this frame; colours are toned YCoCg
     sample: vec3f,        // mean of the samples near the pixel
