@@ -36,7 +36,7 @@ from supersampler.methods.spec import constants_of
 
 LOW_STEPS, HIGH_STEPS = 65535.0, 16383.0
 """Steps of the minimum and of the maximum luma in a word."""
-TILES = ((16, 8), (8, 8), (8, 8), (4, 4))
+TILES = ((14, 14), (8, 8), (8, 8), (4, 4))
 """Pixels of a workgroup at each level: its features fit into 16 KiB."""
 COMPOSED = 32, 16
 """Display pixels of a workgroup of `compose`."""

@@ -73,9 +73,12 @@ class _Writer:
         return self.add(quads, *self._values(outputs, scale, bias), 128 * padded.sum(1, np.int32))
 
     def depthwise(self, weights: NDArray[np.int8], scale: NDArray[Any], bias: NDArray[Any]) -> int:
-        """Add a 3x3 convolution of each channel, weights (9, channels)."""
+        """Add a 3x3 convolution of each channel, weights (9, channels): see `depthwise` in int8.wgsl."""
         channels = weights.shape[1]
-        return self.add(weights, *self._values(channels, scale, bias), np.zeros(channels, np.int32))
+        quads = weights.reshape(9, channels // 4, 4).transpose(1, 2, 0)  # [quad][channel][pixel]
+        last = np.eye(4, dtype=np.int8) * quads[..., 8:]
+        groups = np.stack([quads[..., :4], quads[..., 4:8], last], 1)
+        return self.add(groups, *self._values(channels, scale, bias), 128 * weights.sum(0, np.int32))
 
     @staticmethod
     def _values(outputs: int, *values: NDArray[Any]) -> list[NDArray[np.float32]]:
@@ -123,6 +126,8 @@ def _level(arrays: Arrays, level: int, sizes: tuple[int, int, int, int]) -> GpuL
         "channels": channels // CHUNK,
         "kept": kept // CHUNK,
         "pooled": -(-pooled // CHUNK),
+        "channel_quads": channels // 4,
+        "output_quads": (kept + -(-pooled // CHUNK) * CHUNK) // 4,
         "first": writer.pointwise(first, scale, bias),
         "spatial": writer.depthwise(taps, *spatial),
         "last": writer.pointwise(*_pointwise(arrays, f"{level}.last", kept + -(-pooled // CHUNK) * CHUNK)),

@@ -1,17 +1,8 @@
-// One level of the encoder on a tile: 1x1, depthwise 3x3, 1x1, then 2x2 maximum of what the next level takes.
-// Chunks are sixteen bytes, the channels of a pixel side by side.
+// A level of the encoder on a tile: 1x1, depthwise 3x3, 1x1, then 2x2 maximum of what the next level takes.
 // import params
-// import int8
-// import state
+// import level
 //
 // Files that import this define input_chunk(p, c): chunk c of the input at pixel p.
-// Constants of a level: LEVEL; TILE_X, TILE_Y; INPUTS, CHANNELS, KEPT, POOLED: chunks of the input, of the
-// channels between the layers, and of the two outputs; KEPT_ACROSS: texels of a pixel in a row of `kept`;
-// FIRST, SPATIAL, LAST: of weights in `network`.
-
-@group(0) @binding(2) var kept: texture_storage_2d<rgba32uint, write>;
-@group(0) @binding(3) var<storage, read_write> pooled: array<vec4u>;
-@group(0) @binding(8) var<storage, read> next_state: State;
 
 const THREADS = 128u;
 const WIDE_X = TILE_X + 2;
@@ -20,9 +11,6 @@ const OUTPUTS = KEPT + POOLED;
 
 var<workgroup> features: array<vec4u, WIDE_X * WIDE_Y * CHANNELS>;   // of the first layer, one pixel around
 var<workgroup> spatial: array<vec4u, TILE_X * TILE_Y * CHANNELS>;    // of the depthwise layer
-
-// Size of a level: the deepest one has 1/8 of the first, which repeats its last row and column.
-fn level_size(level: u32) -> vec2i { return (((display_size() + 1) / 2 + 7) / 8 * 8) >> vec2u(level); }
 
 fn first_layer(p: vec2i, chunk: u32) -> vec4u {
     var sums = array<vec4i, 4>();
@@ -38,12 +26,14 @@ fn first_layer(p: vec2i, chunk: u32) -> vec4u {
 
 fn spatial_layer(cell: vec2u, chunk: u32) -> vec4u {
     var sums = array<vec4i, 4>();
-    /* unroll */ for (var k = 0u; k < 9u; k++) {
-        let weights = network[SPATIAL + k * CHANNELS + chunk];
-        let x = features[((cell.y + k / 3u) * WIDE_X + cell.x + k % 3u) * CHANNELS + chunk];
-        /* unroll */ for (var q = 0u; q < 4u; q++) { sums[q] += vec4i(unpack4xU8(x[q])) * unpack4xI8(weights[q]); }
+    /* unroll */ for (var q = 0u; q < 4u; q++) {
+        var around = array<u32, 9>();
+        /* unroll */ for (var k = 0u; k < 9u; k++) {
+            around[k] = features[((cell.y + k / 3u) * WIDE_X + cell.x + k % 3u) * CHANNELS + chunk][q];
+        }
+        sums[q] = depthwise(&around, SPATIAL + 3u * (4u * chunk + q));
     }
-    return bytes_of(sums, SPATIAL + 9u * CHANNELS, 4u * CHANNELS, 4u * chunk);
+    return bytes_of(sums, SPATIAL + 12u * CHANNELS, 4u * CHANNELS, 4u * chunk);
 }
 
 fn last_layer(cell: u32, chunk: u32) -> vec4u {
@@ -58,9 +48,8 @@ fn last_layer(cell: u32, chunk: u32) -> vec4u {
     return bytes_of(sums, values, 4u * OUTPUTS, 4u * chunk);
 }
 
-fn largest_bytes(a: vec4u, b: vec4u) -> vec4u {
-    return vec4u(pack4xU8(max(unpack4xU8(a.x), unpack4xU8(b.x))), pack4xU8(max(unpack4xU8(a.y), unpack4xU8(b.y))),
-                 pack4xU8(max(unpack4xU8(a.z), unpack4xU8(b.z))), pack4xU8(max(unpack4xU8(a.w), unpack4xU8(b.w))));
+fn largest_chunk(a: vec4u, b: vec4u) -> vec4u {
+    return vec4u(largest_bytes(a.x, b.x), largest_bytes(a.y, b.y), largest_bytes(a.z, b.z), largest_bytes(a.w, b.w));
 }
 
 fn pool(origin: vec2i, thread: u32) {
@@ -71,9 +60,9 @@ fn pool(origin: vec2i, thread: u32) {
         let cell = vec2u(q % (TILE_X / 2u), q / (TILE_X / 2u));
         let p = origin / 2 + vec2i(cell);
         let first = (2u * cell.y * TILE_X + 2u * cell.x) * POOLED + chunk;
-        let upper = largest_bytes(features[first], features[first + POOLED]);
-        let lower = largest_bytes(features[first + TILE_X * POOLED], features[first + (TILE_X + 1u) * POOLED]);
-        if (inside(p, size)) { pooled[index_of(p, size) * POOLED + chunk] = largest_bytes(upper, lower); }
+        let upper = largest_chunk(features[first], features[first + POOLED]);
+        let lower = largest_chunk(features[first + TILE_X * POOLED], features[first + (TILE_X + 1u) * POOLED]);
+        if (inside(p, size)) { pooled[index_of(p, size) * POOLED + chunk] = largest_chunk(upper, lower); }
     }
 }
 

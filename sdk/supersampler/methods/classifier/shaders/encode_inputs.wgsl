@@ -1,5 +1,8 @@
-// The first level of the encoder: reads the network inputs. Pixels are 2x2 display pixels.
-// import encode
+// The first level of the encoder: 1x1, depthwise 3x3, 1x1, then 2x2 maximum of what the next level takes. Pixels are
+// 2x2 display pixels. It has most of the network's pixels, so that a thread has one, and all threads read the same
+// weights at the same time; threads around a tile compute the first layer alone.
+// import params
+// import level
 // import half_inputs
 
 @group(0) @binding(4) var inputs: texture_2d<u32>;
@@ -7,13 +10,93 @@
 @group(0) @binding(6) var<storage, read> history_classes: array<vec2u>;
 @group(0) @binding(7) var<storage, read> differences: array<u32>;
 
+const WIDE_X = TILE_X + 2u;
+const CELLS = WIDE_X * (TILE_Y + 2u);
+
+var<workgroup> features: array<u32, CELLS * CHANNEL_QUADS>;   // of the first layer, then what is pooled
+
 // Chunks 0 to 3: the display pixels; chunk 4: the inputs at half display size.
-fn input_chunk(p: vec2i, chunk: u32) -> vec4u {
+fn given_inputs(p: vec2i) -> array<vec4u, INPUTS> {
     let size = (display_size() + 1) / 2;
     let q = min(p, size - 1);
-    if (chunk == 4u) {
-        let classes = warp_classes(q, size);
-        return vec4u(classes.x, classes.y | difference_means(q, size), 0u, 0u);
+    let last = display_size() - 1;
+    let classes = warp_classes(q, size);
+    return array(
+        textureLoad(inputs, 2 * q, 0),
+        textureLoad(inputs, min(2 * q + vec2i(1, 0), last), 0),
+        textureLoad(inputs, min(2 * q + vec2i(0, 1), last), 0),
+        textureLoad(inputs, min(2 * q + vec2i(1, 1), last), 0),
+        vec4u(classes.x, classes.y | difference_means(q, size), 0u, 0u));
+}
+
+fn first_layer(p: vec2i, cell: u32) {
+    var given = given_inputs(p);
+    /* unroll on hardware */ for (var quad = 0u; quad < CHANNEL_QUADS; quad++) {
+        var sums = vec4i(0);
+        /* unroll */ for (var c = 0u; c < INPUTS; c++) { sums += products16(given[c], FIRST + (quad * INPUTS + c) * 4u); }
+        let values = FIRST + CHANNEL_QUADS * INPUTS * 4u;
+        features[quad * CELLS + cell] = to_bytes(scaled(sums, values, CHANNEL_QUADS, quad));
     }
-    return textureLoad(inputs, min(2 * q + vec2i(vec2u(chunk & 1u, chunk >> 1u)), display_size() - 1), 0);
+}
+
+fn spatial_layer(cell: u32) -> array<vec4u, CHANNELS> {
+    var found = array<vec4u, CHANNELS>();
+    /* unroll on hardware */ for (var c = 0u; c < CHANNELS; c++) {
+        /* unroll on hardware */ for (var q = 0u; q < 4u; q++) {
+            let quad = 4u * c + q;
+            var around = array<u32, 9>();
+            /* unroll */ for (var k = 0u; k < 9u; k++) {
+                around[k] = features[quad * CELLS + cell + (k / 3u) * WIDE_X + k % 3u - WIDE_X - 1u];
+            }
+            let sums = depthwise(&around, SPATIAL + 3u * quad);
+            found[c][q] = to_bytes(scaled(sums, SPATIAL + 3u * CHANNEL_QUADS, CHANNEL_QUADS, quad));
+        }
+    }
+    return found;
+}
+
+// Four outputs of the last layer.
+fn last_layer(given: ptr<function, array<vec4u, CHANNELS>>, quad: u32) -> u32 {
+    var sums = vec4i(0);
+    /* unroll */ for (var c = 0u; c < CHANNELS; c++) { sums += products16((*given)[c], LAST + (quad * CHANNELS + c) * 4u); }
+    return to_bytes(scaled(sums, LAST + OUTPUT_QUADS * CHANNELS * 4u, OUTPUT_QUADS, quad));
+}
+
+fn pooled_word(quad: u32, cell: u32) -> u32 {
+    let first = quad * CELLS + cell;
+    return largest_bytes(largest_bytes(features[first], features[first + 1u]),
+                         largest_bytes(features[first + WIDE_X], features[first + WIDE_X + 1u]));
+}
+
+@compute @workgroup_size(CELLS)
+fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) cell: u32) {
+    if (next_state.rests * params.skips > 0.0) { return; }   // nothing is read of it
+    let place = vec2i(vec2u(cell % WIDE_X, cell / WIDE_X)) - 1;
+    let p = vec2i(group.xy) * vec2i(i32(TILE_X), i32(TILE_Y)) + place;
+    let exists = inside(p, level_size(LEVEL));
+    if (exists) {
+        first_layer(p, cell);
+    } else {
+        for (var quad = 0u; quad < CHANNEL_QUADS; quad++) { features[quad * CELLS + cell] = 0u; }
+    }
+    workgroupBarrier();
+    let computes = exists && inside(place, vec2i(i32(TILE_X), i32(TILE_Y)));
+    var middle = array<vec4u, CHANNELS>();
+    if (computes) { middle = spatial_layer(cell); }
+    workgroupBarrier();
+    if (computes) {
+        textureStore(kept, p, vec4u(last_layer(&middle, 0u), last_layer(&middle, 1u), last_layer(&middle, 2u),
+                                    last_layer(&middle, 3u)));
+        /* unroll on hardware */ for (var quad = 4u; quad < OUTPUT_QUADS; quad++) {
+            features[(quad - 4u) * CELLS + cell] = last_layer(&middle, quad);
+        }
+    }
+    workgroupBarrier();
+    if (computes && all((place & vec2i(1)) == vec2i(0))) {
+        let first = index_of(p / 2, level_size(LEVEL + 1u)) * POOLED;
+        for (var chunk = 0u; chunk < POOLED; chunk++) {
+            pooled[first + chunk] = vec4u(pooled_word(4u * chunk, cell), pooled_word(4u * chunk + 1u, cell),
+                                          pooled_word(4u * chunk + 2u, cell), pooled_word(4u * chunk + 3u, cell));
+        }
+    }
 }

@@ -1,0 +1,18 @@
+// A level of the encoder: what it writes, and its size. Chunks are sixteen bytes, the channels of a pixel side by side;
+// quads are four.
+// import params
+// import int8
+// import state
+//
+// Constants of a level: LEVEL; TILE_X, TILE_Y; INPUTS, CHANNELS, KEPT, POOLED: chunks of the input, of the
+// channels between the layers, and of the two outputs; CHANNEL_QUADS, OUTPUT_QUADS: quads of channels and outputs; KEPT_ACROSS: texels of a pixel in a row of `kept`;
+// FIRST, SPATIAL, LAST: of weights in `network`.
+
+@group(0) @binding(2) var kept: texture_storage_2d<rgba32uint, write>;
+@group(0) @binding(3) var<storage, read_write> pooled: array<vec4u>;
+@group(0) @binding(8) var<storage, read> next_state: State;
+
+// Size of a level: the deepest one has 1/8 of the first, which repeats its last row and column.
+fn level_size(level: u32) -> vec2i { return (((display_size() + 1) / 2 + 7) / 8 * 8) >> vec2u(level); }
+
+fn largest_bytes(a: u32, b: u32) -> u32 { return pack4xU8(max(unpack4xU8(a), unpack4xU8(b))); }
