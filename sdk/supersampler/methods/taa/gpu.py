@@ -1,7 +1,6 @@
 """Shaders of `taa`."""
 
 from supersampler.backends.gpu.history import PIXELS, HistoryLayout, of_plane
-from supersampler.backends.gpu.memory import RENDER, PixelTexture
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
@@ -16,6 +15,6 @@ def taa_program(info: ModelInfo) -> GpuProgram:
         LAYOUT,
         ("supersampler.methods.taa",),
         {name: info.config[name] for name in constants_of(TAA)},
-        (PassSpec("boxes", RENDER), PassSpec("blend")),
-        {name: PixelTexture(RENDER) for name in ("tones", "lows", "highs", "longest")},
+        (PassSpec("blend"),),
+        {},
     )
