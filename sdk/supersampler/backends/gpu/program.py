@@ -153,7 +153,7 @@ REST_MEMORY: Mapping[str, PixelMemory] = {
 TILE_MEMORY: Mapping[str, PixelMemory] = {"tiles": PixelBuffer(8, TILES)}
 SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
     "samples": Texture(RENDER, "rgba16float"),
-    "dilated": Texture(RENDER),
+    "dilated": Texture(RENDER, "rg32uint"),
     "light": PixelBuffer(8, SizeRule("render", SIDE)),
 }
 """Memory that `preprocess` writes for later passes, beside the history."""

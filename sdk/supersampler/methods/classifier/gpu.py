@@ -121,7 +121,6 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
         **REST_MEMORY,
         **TILE_MEMORY,
         **SAMPLE_MEMORY,
-        "own_motion": PixelTexture(RENDER, "rg32float"),
         "inputs": PixelTexture(DISPLAY, "rgba32uint"),
         "differences": PixelBuffer(4, HALF),
     }

@@ -4,6 +4,8 @@
 // import colors
 // import state
 // import reactive
+// import dilated
+// import samples
 // import frame
 // import missing
 // import surface
@@ -14,7 +16,7 @@ const WIDE = SIDE + 2;     // with one sample around
 
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var samples: texture_storage_2d<rgba16float, write>;       // see samples.wgsl
-@group(0) @binding(3) var dilated: texture_storage_2d<rgba32float, write>;       // motion, depth, edge and mask
+@group(0) @binding(3) var dilated: texture_storage_2d<rg32uint, write>;
 @group(0) @binding(6) var<storage, read_write> light: array<vec2f>;           // sums of shade, by workgroup
 
 var<workgroup> depths: array<f32, DEPTHS * DEPTHS>;
@@ -66,7 +68,7 @@ fn load_tile(origin: vec2i, thread: i32) {
 }
 
 // Motion, depth and relative range of depth: of the closest of each sample and its right and lower neighbours.
-fn dilate(p: vec2i, origin: vec2i) -> vec4f {
+fn dilate(p: vec2i, origin: vec2i) -> Closest {
     var best = p;
     /* unroll */ for (var k = 1; k < 4; k++) {
         let q = clamped(p + vec2i(k & 1, k >> 1), render_size());
@@ -82,7 +84,7 @@ fn dilate(p: vec2i, origin: vec2i) -> vec4f {
         }
     }
     let edge = clamp((closest - max(farthest, 0.0)) / max(closest, 1e-12), 0.0, 1.0);
-    return vec4f(usable_motion(motion_at(best)), depth_near(best, origin), edge);
+    return Closest(usable_motion(motion_at(best)), depth_near(best, origin), edge);
 }
 
 // Depth without thin things, and minus the depth of what leaves: see `occluding_depth` of the torch methods.
@@ -170,16 +172,15 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
     if (inside(p, render_size())) {
         let s = sample_at(p);
         let shaded = shade(p, origin);
-        textureStore(samples, p, vec4f(s.exposed, s.usable + 2.0 * shaded.z));
-        var closest = dilate(p, origin);
-        if (params.has_reactive > 0.0) { closest.w = with_mask(closest.w, usable_mask(reactive_at(p), s.usable)); }
-        textureStore(dilated, p, closest);
+        var mask = 0.0;
+        if (params.has_reactive > 0.0) { mask = floor(usable_mask(reactive_at(p), s.usable) * MASK_STEPS + 0.5); }
+        textureStore(samples, p, vec4f(s.exposed, s.usable + 2.0 * shaded.z + 4.0 * mask));
+        textureStore(dilated, p, vec4u(pack_closest(dilate(p, origin)), 0u, 0u));
         if (next_state.rests > 0.0) {
             keep_surface(p);
         } else {
             store_surface(p, depth_near(p, origin), occluding(p, origin), shaded.xy);
         }
-        store_motion(p, usable_motion(motion_at(p)));
         shades[index] = vec2f(shaded.x, shaded.y * shaded.y);
     }
     for (var half = SIDE * SIDE / 2; half > 0; half /= 2) {

@@ -1,7 +1,10 @@
 // The samples of this frame, as `preprocess` writes them to `samples`: exposed linear RGB, filled where a sample is
-// missing, and in alpha 1 where it is usable, plus 2 where one of 3x3 samples glares.
+// missing, and in alpha 1 where it is usable, plus 2 where one of 3x3 samples glares, plus 4 times the reactive mask in
+// MASK_STEPS steps.
 // import params
 // import colors
+
+const MASK_STEPS = 255.0;    // halves hold all values of alpha
 
 // Toned RGB, and 1 where the sample is usable; zeros where it is not.
 fn toned_sample(samples: texture_2d<f32>, p: vec2i) -> vec4f {
@@ -13,6 +16,6 @@ fn toned_sample(samples: texture_2d<f32>, p: vec2i) -> vec4f {
 // Toned RGB, filled where the sample is missing.
 fn filled_sample(samples: texture_2d<f32>, p: vec2i) -> vec3f { return tone(textureLoad(samples, p, 0).rgb); }
 
-fn usable_in(alpha: f32) -> f32 { return alpha - 2.0 * floor(0.5 * alpha); }
-
-fn glares_near(samples: texture_2d<f32>, p: vec2i) -> bool { return textureLoad(samples, p, 0).a >= 2.0; }
+fn usable_in(alpha: f32) -> f32 { return f32(u32(alpha) & 1u); }
+fn glares_in(alpha: f32) -> bool { return (u32(alpha) & 2u) != 0u; }
+fn mask_in(alpha: f32) -> f32 { return f32(u32(alpha) >> 2u) / MASK_STEPS; }

@@ -8,7 +8,7 @@
 // import unexplained_light
 // import variance_box
 // import decode
-// import reactive
+// import frame
 // import tiles
 // import show
 
@@ -20,11 +20,10 @@ const TILE_THREADS = PACKED_ACROSS * PACKED_DOWN;
 
 @group(0) @binding(3) var<storage, read> next_state: State;
 @group(0) @binding(4) var samples: texture_2d<f32>;
-@group(0) @binding(5) var dilated: texture_2d<f32>;
-@group(0) @binding(6) var own_motion: texture_2d<f32>;
+@group(0) @binding(5) var dilated: texture_2d<u32>;
 @group(0) @binding(7) var history_surface: texture_2d<f32>;
 @group(0) @binding(8) var history_pixels: texture_2d<u32>;
-@group(0) @binding(9) var<storage, read> history_classes: array<vec2u>;
+@group(0) @binding(9) var<storage, read> history_classes: array<vec2u>;   // of static blocks
 @group(0) @binding(10) var inputs: texture_2d<u32>;
 @group(0) @binding(11) var kept0: texture_2d<u32>;
 @group(0) @binding(12) var kept1: texture_2d<u32>;
@@ -66,7 +65,7 @@ fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility:
         sum = add(sum, other * exp(parameter(blend, 1u)), clipped);
     }
     if (OWN_MOTION) {
-        let motion = textureLoad(own_motion, nearest(render_position(p)), 0).xy;
+        let motion = usable_motion(motion_at(nearest(render_position(p))));
         let own = resample_linear(history_pixels, reproject(p, motion).at).rgb;
         let toned = toned_history(own, exposure_of(next_state));
         sum = add(sum, other * exp(parameter(blend, COLORS - 4u)), toned);
@@ -106,7 +105,7 @@ fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, gl
 fn compose(p: vec2i, corner: u32, hidden: ptr<function, array<vec4u, 4>>, rests: bool) {
     var blend = blend_parameters(hidden, corner);
     let at = render_position(p);
-    let depth = textureLoad(dilated, upper_left(at), 0).z;
+    let depth = closest_at(dilated, upper_left(at)).depth;
     let there = previous_position(p);
     let exposure = exposure_of(next_state);
     let now = gather_current(at);
@@ -125,7 +124,8 @@ fn compose(p: vec2i, corner: u32, hidden: ptr<function, array<vec4u, 4>>, rests:
     current = add(current, sampled * exp(parameter(&blend, COLORS - 3u)), now.sample);
     current = add(current, FRAME_PRIOR * sampled_here * exp(parameter(&blend, COLORS - 2u)), now.frame);
     current = add(current, FRAME_PRIOR * sampled_here * exp(parameter(&blend, COLORS - 1u)), learned);
-    let reactive = mask_in(textureLoad(dilated, nearest(at), 0).w);
+    let alpha = textureLoad(samples, nearest(at), 0).a;
+    let reactive = mask_in(alpha);
     if (reactive > 0.0) {
         let present = max(current.weight, 1e-12);
         let kept = (1.0 - reactive) * (present / (present + reactive * history.weight));
@@ -139,7 +139,7 @@ fn compose(p: vec2i, corner: u32, hidden: ptr<function, array<vec4u, 4>>, rests:
 
     let odds = history.weight / max(current.weight, 1e-12) * (sampled + 2.0 * FRAME_PRIOR * sampled_here);
     let luma = luminance(now.sample);
-    let glares = glares_near(samples, nearest(at));
+    let glares = glares_in(alpha);
     let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);
     let flash_fraction = f32(tiles[0].y) / (display_extent().x * display_extent().y);
     let rises = flash_fraction > FLASH_FRACTION && light_rises(luma, before, visibility);

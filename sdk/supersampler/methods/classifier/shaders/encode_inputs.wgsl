@@ -6,7 +6,7 @@
 // import half_inputs
 
 @group(0) @binding(4) var inputs: texture_2d<u32>;
-@group(0) @binding(5) var dilated: texture_2d<f32>;
+@group(0) @binding(5) var dilated: texture_2d<u32>;
 @group(0) @binding(6) var<storage, read> history_classes: array<vec2u>;
 @group(0) @binding(7) var<storage, read> differences: array<u32>;
 

@@ -5,7 +5,6 @@
 // import current_frame
 // import warped_history
 // import unexplained_light
-// import reactive
 // import tiles
 
 const SIDE = 16;
@@ -16,7 +15,7 @@ const WIDE = SIDE + 2;
 
 @group(0) @binding(2) var<storage, read> next_state: State;
 @group(0) @binding(3) var samples: texture_2d<f32>;
-@group(0) @binding(4) var dilated: texture_2d<f32>;
+@group(0) @binding(4) var dilated: texture_2d<u32>;
 @group(0) @binding(5) var history_surface: texture_2d<f32>;
 @group(0) @binding(6) var history_pixels: texture_2d<u32>;
 @group(0) @binding(7) var inputs: texture_storage_2d<rgba32uint, write>;
@@ -51,9 +50,9 @@ fn history_contrast(p: vec2i, origin: vec2i) -> vec2f {
 //   there, before: of the pixel in the previous frame
 fn write_inputs(p: vec2i, origin: vec2i, there: Reprojection, before: WarpedHistory) -> f32 {
     let at = render_position(p);
-    let closest = textureLoad(dilated, upper_left(at), 0);
+    let depth = closest_at(dilated, upper_left(at)).depth;
     let now = gather_current(at);
-    let surface = gather_surface(history_surface, there, closest.z);
+    let surface = gather_surface(history_surface, there, depth);
 
     let luma_now = luminance(now.sample);
     if (luma_now > now.first.x + CONTRAST && light_rises(luma_now, before, surface.visibility)) {
@@ -66,7 +65,7 @@ fn write_inputs(p: vec2i, origin: vec2i, there: Reprojection, before: WarpedHist
     let history_luma_here = luminance(history);
     let around = history_contrast(p, origin);
     let contrast = largest(now.second - now.first * now.first);
-    let edge = edge_in(textureLoad(dilated, nearest(at), 0).w);
+    let edge = closest_at(dilated, nearest(at)).edge;
     textureStore(inputs, p, vec4u(
         pack4x8unorm(vec4f(luminance(frame), luma, history_luma_here, largest(abs(history - sample)))),
         pack4x8unorm(vec4f(largest(abs(history - frame)), root(root(contrast)), around.y - around.x,

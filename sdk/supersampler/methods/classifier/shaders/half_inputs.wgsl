@@ -3,6 +3,7 @@
 // import params
 // import sampling
 // import motion
+// import dilated
 
 fn classes_at(p: vec2i, size: vec2i) -> array<vec4f, 2> {
     let word = history_classes[index_of(clamped(p, size), size)];
@@ -11,7 +12,7 @@ fn classes_at(p: vec2i, size: vec2i) -> array<vec4f, 2> {
 
 // Class probabilities of the previous frame, resampled bilinearly; 255 is one.
 fn warp_classes(p: vec2i, size: vec2i) -> vec2u {
-    let there = reproject(2 * p, textureLoad(dilated, upper_left(render_position(2 * p)), 0).xy);
+    let there = reproject(2 * p, closest_at(dilated, upper_left(render_position(2 * p))).motion);
     if (!there.on_screen) { return vec2u(0u); }
     let at = 0.5 * there.at;
     let q = vec2i(floor(at));

@@ -6,6 +6,7 @@
 // import disocclusion
 // import ranges
 // import sampling
+// import dilated
 //
 // Files that import this declare the texture `dilated` and `next_state`.
 
@@ -50,5 +51,5 @@ fn gather_surface(surface: texture_2d<f32>, there: Reprojection, depth: f32) -> 
 
 // Where a display pixel was in the previous frame, by the motion of the closest sample around it.
 fn previous_position(p: vec2i) -> Reprojection {
-    return reproject(p, textureLoad(dilated, upper_left(render_position(p)), 0).xy);
+    return reproject(p, closest_at(dilated, upper_left(render_position(p))).motion);
 }

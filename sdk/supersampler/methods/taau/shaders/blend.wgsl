@@ -8,13 +8,13 @@
 // import variance_box
 // import contrast
 // import edges
-// import reactive
+// import dilated
 // import show
 
 @group(0) @binding(1) var<storage, read> history_state: State;
 @group(0) @binding(2) var<storage, read> next_state: State;
 @group(0) @binding(3) var samples: texture_2d<f32>;
-@group(0) @binding(4) var dilated: texture_2d<f32>;
+@group(0) @binding(4) var dilated: texture_2d<u32>;
 @group(0) @binding(5) var history_surface: texture_2d<f32>;    // depth, occluding depth, mean and deviation of luma
 @group(0) @binding(6) var next_surface: texture_2d<f32>;
 @group(0) @binding(7) var history_pixels: texture_2d<u32>;     // linear RGB, number of samples
@@ -38,6 +38,7 @@ struct Current {          // this frame; colours are toned YCoCg
     fit: f32,             // whether 3x3 samples are on that plane, 0 to 1
     shade: vec2f,         // mean and deviation of luma over 3x3 samples
     glares: bool,
+    reactive: f32,        // mask
 }
 
 struct Warped {           // the history
@@ -98,6 +99,7 @@ fn gather_current(p: vec2i) -> Current {
     var center = moment.xyz / max(moment.w, 1e-6);
     var variance = max(square / max(moment.w, 1e-6) - center * center, vec3f(0.0));
     let shade = textureLoad(next_surface, sample, 0).zw;
+    let alpha = textureLoad(samples, sample, 0).a;
     let whole = moment.w > FULL_WEIGHT && steps.z > 9.0 * FULL_WEIGHT;
     let explained = dot(steps.xy, steps.xy) * (6.0 / 9.0 / 36.0) / max(shade.y * shade.y, 1e-7);
     let fit = select(0.0, clamp((explained - UNFIT) / (FIT - UNFIT), 0.0, 1.0), whole);
@@ -111,7 +113,8 @@ fn gather_current(p: vec2i) -> Current {
         select(vec3f(1.0), variance, moment.w > MIN_BOX_WEIGHT),
         fit,
         shade,
-        glares_near(samples, sample));
+        glares_in(alpha),
+        mask_in(alpha));
 }
 
 // This frame alone: luma upsampled along edges, mean chroma of the samples around.
@@ -125,10 +128,10 @@ fn frame_alone(p: vec2i, now: Current) -> vec3f {
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
 
 fn gather_history(p: vec2i) -> Warped {
-    let moved = textureLoad(dilated, upper_left(render_position(p)), 0);
-    let there = reproject(p, moved.xy);
+    let closest = closest_at(dilated, upper_left(render_position(p)));
+    let there = reproject(p, closest.motion);
     let at = previous_render_position(there.at, next_state.previous_jitter);
-    let same = select(0.0, visibility(history_surface, moved.z, at, DEPTH_MARGIN, DEPTH_RAMP), there.on_screen);
+    let same = select(0.0, visibility(history_surface, closest.depth, at, DEPTH_MARGIN, DEPTH_RAMP), there.on_screen);
     let change = exposure_change(history_state, next_state);
     let shade = read_linear(history_surface, at, previous_size()).zw;
     let dim = 1.0 + (change - 1.0) * shade.x;   // c / (1 + c) at another exposure, and its slope
@@ -210,7 +213,7 @@ fn blend(p: vec2i, rests: bool) {
     let now = gather_current(p);
     let before = gather_history(p);
     var mixed = decide(now, before);
-    let reactive = mask_in(textureLoad(dilated, nearest(render_position(p)), 0).w);
+    let reactive = now.reactive;
     let settled_part = min(mixed.samples / SETTLED, 1.0);
     var frame = now.sample;
     if (settled_part < 1.0 || reactive > 0.0) { frame = frame_alone(p, now); }
