@@ -73,7 +73,7 @@ Resource read_resource(const cJSON *json, const cJSON *item)
     };
     bool is_texture = resource.kind == TEXTURE;
     if (is_given(&resource) && !is_texture) refuse(item, "kind", "\"texture\"");
-    if (resource.role == WEIGHTS && resource.kind != BUFFER) refuse(item, "kind", "\"buffer\"");
+    if (resource.role == WEIGHTS && is_texture) refuse(item, "kind", "\"uniform\" or \"buffer\"");
     if (resource.role == FRAME) resource.index = choice_of(item, "name", given_names, GIVEN - 1);
     if (resource.role == IMAGE)
         resource.index = GIVEN - 1 + choice_of(item, "name", given_names + GIVEN - 1, 1);

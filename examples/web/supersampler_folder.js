@@ -27,7 +27,7 @@ const PARAMS = {
 /** Kinds of resources, by role. */
 const ROLES = {
   params: ["uniform"],
-  weights: ["buffer"],
+  weights: ["uniform", "buffer"],
   history: ["buffer", "texture"],
   next: ["buffer", "texture"],
   work: ["buffer", "texture"],

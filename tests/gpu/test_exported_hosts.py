@@ -54,7 +54,7 @@ def test_a_host_in_c_computes_the_images_of_the_gpu_backend(
         ("upscaler.json", None, "cannot be opened"),
         ("upscaler.json", "{", "is no JSON"),
         ("upscaler.json", '{"format": "other"}', "want supersampler-shaders version 3"),
-        ("02_boxes.wgsl", "fn main( {", "expected"),
+        ("02_blend.wgsl", "fn main( {", "expected"),
     ],
 )
 def test_the_host_in_c_reports_errors_in_one_line(

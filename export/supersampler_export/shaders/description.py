@@ -66,7 +66,7 @@ def described(
         images: key of VARIANTS.
         passes: passes of a step.
     """
-    used = {one.resource(binding) for one in passes for binding in one.shader.bindings}
+    used = {one.resource(binding): binding.kind for one in passes for binding in one.shader.bindings}
     inputs = [name for name in texts.INPUTS if f"frame_{name}" in used]
     return {
         "format": FORMAT,
@@ -92,7 +92,7 @@ def described(
             "resize": texts.RESIZE,
         },
         "sizes": texts.SIZES,
-        "resources": [one for one in _resources(program, images) if one["name"] in used],
+        "resources": [one for one in _resources(program, images, used) if one["name"] in used],
         "step": texts.STEP,
         "passes": [_pass(one) for one in passes],
     }
@@ -141,12 +141,12 @@ def _size(extent: SizeRule) -> dict[str, Any]:
     return {"of": of, "divide": divide, "multiply": [across, down]}
 
 
-def _resources(program: GpuProgram, images: str) -> Iterator[dict[str, Any]]:
-    """Yield all resources, those of frame and image last."""
+def _resources(program: GpuProgram, images: str, used: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+    """Yield all resources, those of frame and image last; `used`: kinds of the bindings of each."""
     yield {"name": "params", "role": "params", "kind": "uniform", **_buffer(PixelBuffer(_params()["bytes"]))}
     for name, words in program.weights.items():
-        memory = PixelBuffer(words.nbytes)
-        yield {"name": name, "role": "weights", "kind": "buffer", **_buffer(memory), "file": f"{name}.bin"}
+        kind, memory = "uniform" if used[name] == "uniform" else "buffer", PixelBuffer(words.nbytes)
+        yield {"name": name, "role": "weights", "kind": kind, **_buffer(memory), "file": f"{name}.bin"}
     for prefix, frame in (("history", "previous"), ("next", "render")):
         for name, one in program.layout.memory("previous" if frame == "previous" else "render").items():
             yield {"name": f"{prefix}_{name}", "role": prefix, **_memory(one)}

@@ -15,7 +15,7 @@ from supersampler_export.shaders.description import FORMAT, described, exported_
 
 Images = Literal["textures", "buffers"]
 DESCRIPTION = "upscaler.json"
-_NAMES = re.compile(r"\d+_\w+\.wgsl|network\.bin")
+_NAMES = re.compile(r"\d+_\w+\.wgsl|network\w*\.bin")
 """Names that an export writes; other files that a description lists are never removed."""
 LONGEST_LINE = 140
 """Longest line of upscaler.json that holds a whole list or object."""

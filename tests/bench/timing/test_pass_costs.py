@@ -27,9 +27,8 @@ def test_the_bytes_of_taa_are_those_of_its_textures() -> None:
     render, display = (w * h for w, h in (RENDER, DISPLAY))
     moved = {one.name: one.moved for one in pass_costs(model("taa").gpu, RENDER, DISPLAY)}
     assert moved["measure"] >= 8 * render
-    assert moved["boxes"] >= (8 + 16) * render, "frame_color and tones"
-    shown = 8 * display
-    assert moved["blend"] >= 16 * render + 2 * 16 * display + shown, "tones, history before and after, image"
+    frame = (8 + 4) * render
+    assert moved["blend"] == frame + 2 * 8 * display + 8 * display + 2 * 64, "history before and after, image"
 
 
 @pytest.mark.parametrize("method", ["classifier", "classifier-large"])

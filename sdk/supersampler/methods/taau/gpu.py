@@ -1,6 +1,8 @@
 """Shaders of `taau`."""
 
-from supersampler.backends.gpu.history import PIXELS, HistoryLayout, HistoryPlane, of_plane
+import numpy as np
+
+from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
 from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
 from supersampler.backends.gpu.program import (
     BLOCK_PASSES,
@@ -15,22 +17,35 @@ from supersampler.backends.gpu.program import (
     display_pass,
     preprocess,
 )
+from supersampler.frame import Float32
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taau.spec import TAAU
+
+
+
+def _unpack_surface(words: Packed) -> Float32:
+    shade = np.ascontiguousarray(words[..., 1:]).view(np.float16)
+    return np.concatenate([words[..., :1].view(np.float32), shade], -1, dtype=np.float32)
+
+
+def _pack_surface(pixels: Float32) -> Packed:
+    shade = np.ascontiguousarray(pixels[..., 1:3]).astype(np.float16).view(np.uint32)
+    return np.concatenate([np.ascontiguousarray(pixels[..., :1]).view(np.uint32), shade], -1)
+
 
 LAYOUT = HistoryLayout(
     TAAU,
     {
         "pixels": PIXELS,
         "power": HistoryPlane("samples", 1, None),
-        "surface": HistoryPlane("surface"),
+        "surface": HistoryPlane("surface", 2, "rg32uint", Codec(_unpack_surface, _pack_surface)),
         **REST_PLANES,
     },
     {
         "color": of_plane("pixels", 0, 1, 2),
         "samples": (("pixels", 3), ("power", 0)),
-        "surface": of_plane("surface", 1, 2, 3),
+        "surface": of_plane("surface", 0, 1, 2),
         **REST_CHANNELS,
     },
 )

@@ -80,14 +80,3 @@ fn resample_linear(history: texture_2d<u32>, at: vec2f) -> vec4f {
                     pixel_at(history, clamped(p + vec2i(1, 1), size)), t.x);
     return mix(upper, lower, t.y);
 }
-
-// Bilinear read, clamped at the border.
-fn read_linear(image: texture_2d<f32>, at: vec2f, size: vec2i) -> vec4f {
-    let whole = floor(at);
-    let t = at - whole;
-    let p = vec2i(whole);
-    let upper = mix(textureLoad(image, clamped(p, size), 0), textureLoad(image, clamped(p + vec2i(1, 0), size), 0), t.x);
-    let lower = mix(textureLoad(image, clamped(p + vec2i(0, 1), size), 0),
-                    textureLoad(image, clamped(p + vec2i(1, 1), size), 0), t.x);
-    return mix(upper, lower, t.y);
-}

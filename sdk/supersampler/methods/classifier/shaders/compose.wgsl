@@ -110,7 +110,7 @@ fn compose(p: vec2i, corner: u32, hidden: ptr<function, array<vec4u, 4>>, rests:
     let exposure = exposure_of(next_state);
     let now = gather_current(at);
     let before = gather_history(history_pixels, there, exposure);
-    let visibility = gather_surface(history_surface, there, depth).visibility;
+    let visibility = gather_surface(there, depth).visibility;
     if (corner == 0u && !rests) {
         next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(hidden, before.samples > 0.0);
     }

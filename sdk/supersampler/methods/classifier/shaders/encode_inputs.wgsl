@@ -10,8 +10,8 @@
 @group(0) @binding(6) var<storage, read> history_classes: array<vec2u>;
 @group(0) @binding(7) var<storage, read> differences: array<u32>;
 
-const WIDE_X = TILE_X + 2u;
-const CELLS = WIDE_X * (TILE_Y + 2u);
+const SIDE = 16u;             // pixels of a workgroup in either direction: a tile with one pixel around
+const CELLS = SIDE * SIDE;
 
 var<workgroup> features: array<u32, CELLS * CHANNEL_QUADS>;   // of the first layer, then what is pooled
 
@@ -46,7 +46,7 @@ fn spatial_layer(cell: u32) -> array<vec4u, CHANNELS> {
             let quad = 4u * c + q;
             var around = array<u32, 9>();
             /* unroll */ for (var k = 0u; k < 9u; k++) {
-                around[k] = features[quad * CELLS + cell + (k / 3u) * WIDE_X + k % 3u - WIDE_X - 1u];
+                around[k] = features[quad * CELLS + cell + (k / 3u) * SIDE + k % 3u - SIDE - 1u];
             }
             let sums = depthwise(&around, SPATIAL + 3u * quad);
             found[c][q] = to_bytes(scaled(sums, SPATIAL + 3u * CHANNEL_QUADS, CHANNEL_QUADS, quad));
@@ -65,14 +65,14 @@ fn last_layer(given: ptr<function, array<vec4u, CHANNELS>>, quad: u32) -> u32 {
 fn pooled_word(quad: u32, cell: u32) -> u32 {
     let first = quad * CELLS + cell;
     return largest_bytes(largest_bytes(features[first], features[first + 1u]),
-                         largest_bytes(features[first + WIDE_X], features[first + WIDE_X + 1u]));
+                         largest_bytes(features[first + SIDE], features[first + SIDE + 1u]));
 }
 
-@compute @workgroup_size(CELLS)
+@compute @workgroup_size(SIDE, SIDE)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) cell: u32) {
     if (next_state.rests * params.skips > 0.0) { return; }   // nothing is read of it
-    let place = vec2i(vec2u(cell % WIDE_X, cell / WIDE_X)) - 1;
-    let p = vec2i(group.xy) * vec2i(i32(TILE_X), i32(TILE_Y)) + place;
+    let place = vec2i(vec2u(cell % SIDE, cell / SIDE)) - 1;
+    let p = vec2i(group.xy) * (i32(SIDE) - 2) + place;
     let exists = inside(p, level_size(LEVEL));
     if (exists) {
         first_layer(p, cell);
@@ -80,7 +80,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) ce
         for (var quad = 0u; quad < CHANNEL_QUADS; quad++) { features[quad * CELLS + cell] = 0u; }
     }
     workgroupBarrier();
-    let computes = exists && inside(place, vec2i(i32(TILE_X), i32(TILE_Y)));
+    let computes = exists && inside(place, vec2i(i32(SIDE) - 2));
     var middle = array<vec4u, CHANNELS>();
     if (computes) { middle = spatial_layer(cell); }
     workgroupBarrier();

@@ -52,7 +52,7 @@ fn write_inputs(p: vec2i, origin: vec2i, there: Reprojection, before: WarpedHist
     let at = render_position(p);
     let depth = closest_at(dilated, upper_left(at)).depth;
     let now = gather_current(at);
-    let surface = gather_surface(history_surface, there, depth);
+    let surface = gather_surface(there, depth);
 
     let luma_now = luminance(now.sample);
     if (luma_now > now.first.x + CONTRAST && light_rises(luma_now, before, surface.visibility)) {

@@ -8,7 +8,7 @@
 // import sampling
 // import dilated
 //
-// Files that import this declare the texture `dilated` and `next_state`.
+// Files that import this declare the textures `dilated` and `history_surface`, and `next_state`.
 
 struct WarpedHistory {
     color: vec3f,           // toned RGB
@@ -40,11 +40,13 @@ fn warped_color(pixels: texture_2d<u32>, there: Reprojection, exposure: f32) -> 
     return toned_history(resample(pixels, there.at, HISTORY_SHARPNESS).cubic.rgb, exposure);
 }
 
-//   surface: depth, and occluding depth, of the previous frame; depth: of the pixel
-fn gather_surface(surface: texture_2d<f32>, there: Reprojection, depth: f32) -> WarpedSurface {
+fn occluding_at(p: vec2i) -> f32 { return textureLoad(history_surface, p, 0).y; }
+
+//   depth: of the pixel
+fn gather_surface(there: Reprojection, depth: f32) -> WarpedSurface {
     let at = previous_render_position(there.at, next_state.previous_jitter);
-    let visible = visibility(surface, depth, at, DEPTH_MARGIN, DEPTH_RAMP);
-    let sample = textureLoad(surface, clamped(vec2i(floor(at + 0.5)), previous_size()), 0).x;
+    let visible = visibility(depth, at, DEPTH_MARGIN, DEPTH_RAMP);
+    let sample = textureLoad(history_surface, clamped(vec2i(floor(at + 0.5)), previous_size()), 0).x;
     let change = relative_depth_change(select(0.0, sample, there.on_screen), depth);
     return WarpedSurface(select(clamp(change, -1.0, 1.0), 0.0, depth < 0.0), select(0.0, visible, there.on_screen));
 }

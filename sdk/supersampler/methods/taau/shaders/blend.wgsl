@@ -15,8 +15,8 @@
 @group(0) @binding(2) var<storage, read> next_state: State;
 @group(0) @binding(3) var samples: texture_2d<f32>;
 @group(0) @binding(4) var dilated: texture_2d<u32>;
-@group(0) @binding(5) var history_surface: texture_2d<f32>;    // depth, occluding depth, mean and deviation of luma
-@group(0) @binding(6) var next_surface: texture_2d<f32>;
+@group(0) @binding(5) var history_surface: texture_2d<u32>;    // see surface_shade.wgsl
+@group(0) @binding(6) var next_surface: texture_2d<u32>;
 @group(0) @binding(7) var history_pixels: texture_2d<u32>;     // linear RGB, number of samples
 @group(0) @binding(8) var<storage, read> history_power: array<f32>;
 @group(0) @binding(9) var next_pixels: texture_storage_2d<rg32uint, write>;
@@ -98,7 +98,7 @@ fn gather_current(p: vec2i) -> Current {
     }
     var center = moment.xyz / max(moment.w, 1e-6);
     var variance = max(square / max(moment.w, 1e-6) - center * center, vec3f(0.0));
-    let shade = textureLoad(next_surface, sample, 0).zw;
+    let shade = shade_in(textureLoad(next_surface, sample, 0));
     let alpha = textureLoad(samples, sample, 0).a;
     let whole = moment.w > FULL_WEIGHT && steps.z > 9.0 * FULL_WEIGHT;
     let explained = dot(steps.xy, steps.xy) * (6.0 / 9.0 / 36.0) / max(shade.y * shade.y, 1e-7);
@@ -125,15 +125,24 @@ fn frame_alone(p: vec2i, now: Current) -> vec3f {
     return vec3f(upsample_along_edges(at), chroma);
 }
 
+fn occluding_at(p: vec2i) -> f32 { return bitcast<f32>(textureLoad(history_surface, p, 0).x); }
+
+// Mean and deviation of luma around a sample.
+fn shade_in(words: vec4u) -> vec2f { return unpack2x16float(words.y); }
+fn shade_at(p: vec2i) -> vec2f { return shade_in(textureLoad(history_surface, clamped(p, previous_size()), 0)); }
+
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
 
 fn gather_history(p: vec2i) -> Warped {
     let closest = closest_at(dilated, upper_left(render_position(p)));
     let there = reproject(p, closest.motion);
     let at = previous_render_position(there.at, next_state.previous_jitter);
-    let same = select(0.0, visibility(history_surface, closest.depth, at, DEPTH_MARGIN, DEPTH_RAMP), there.on_screen);
+    let same = select(0.0, visibility(closest.depth, at, DEPTH_MARGIN, DEPTH_RAMP), there.on_screen);
     let change = exposure_change(history_state, next_state);
-    let shade = read_linear(history_surface, at, previous_size()).zw;
+    let s = fract(at);
+    let first = vec2i(floor(at));
+    let shade = mix(mix(shade_at(first), shade_at(first + vec2i(1, 0)), s.x),
+                    mix(shade_at(first + vec2i(0, 1)), shade_at(first + vec2i(1, 1)), s.x), s.y);
     let dim = 1.0 + (change - 1.0) * shade.x;   // c / (1 + c) at another exposure, and its slope
     let history = resample(history_pixels, there.at, HISTORY_SHARPNESS);
     let light = sanitize(history.cubic.rgb);
