@@ -7,6 +7,7 @@
 # make hashes compare every image of every method with bench/results/studies/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make wheels wheels for Linux, macOS and Windows from this machine, checked: dist
+# make kit     dist/measuring-kit: measures the GPU of a machine that has Python KIT_PYTHON=3.12 on Linux and no network
 # make sanitize  the tests of the CPU library in C, under the sanitizers of clang: memory, undefined behaviour, threads
 # make fuzz-native  frames, models and images of any bytes for the CPU library, by clang's libFuzzer: SECONDS=60 for each
 # make traces the graph of every shipped method is what the exporter writes today; `make test-all` traces some
@@ -30,7 +31,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz wheels sanitize fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz wheels kit sanitize fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -110,11 +111,29 @@ fuzz: $(DEVELOPMENT)
 	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_KILLS=200 SUPERSAMPLER_MODELS=3000 \
 	    .venv-dev/bin/pytest -q --timeout=14400 tests/fuzz tests/process tests/sdk/test_arguments.py
 
-wheels:
+WHEELS := PATH="$(CURDIR)/.venv-wheels/bin:$$PATH" .venv-wheels/bin/python sdk/native/wheels.py
+
+.venv-wheels/installed:
 	test -d .venv-wheels || $(PYTHON) -m venv .venv-wheels
 	.venv-wheels/bin/pip install -q --disable-pip-version-check hatchling cmake ninja 'ziglang>=0.16,<0.18' 'lief>=0.16'
+	touch $@
+
+wheels: .venv-wheels/installed
 	mkdir -p dist
-	PATH="$(CURDIR)/.venv-wheels/bin:$$PATH" .venv-wheels/bin/python sdk/native/wheels.py dist
+	$(WHEELS) dist
+
+# ONNX Runtime is left out: the kit is to be small, and uses the one of the machine, if it has one.
+KIT_PYTHON ?= 3.12
+KIT := dist/measuring-kit
+kit: .venv-wheels/installed
+	rm -rf $(KIT) && mkdir -p $(KIT)/wheels
+	$(WHEELS) $(KIT)/wheels manylinux-x86_64
+	.venv-wheels/bin/pip download -q --disable-pip-version-check -d $(KIT)/wheels --only-binary=:all: \
+	    --python-version $(KIT_PYTHON) --implementation cp --platform manylinux_2_28_x86_64 \
+	    --platform manylinux_2_27_x86_64 --platform manylinux_2_17_x86_64 --platform manylinux2014_x86_64 \
+	    numpy msgspec typer rich OpenImageIO 'wgpu>=0.32'
+	cp bench/measuring_kit/measure.sh $(KIT)/
+	du -sh $(KIT)
 
 SANITIZED := cmake -S sdk/native -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=Debug "-DCMAKE_CXX_FLAGS_DEBUG=-O1 -g1"
 

@@ -226,6 +226,12 @@ def test_help_of_a_tool_works_in_a_runtime_only_install(command: str) -> None:
     assert (marked in " ".join(done.stdout.split())) == (command != "render")
 
 
+def test_info_says_which_providers_of_onnx_runtime_run_a_models_nodes() -> None:
+    done = run("info", "taau", "--providers")
+    assert done.exit_code == 0
+    assert re.search(r"^cpu +\d{3,} nodes by CPUExecutionProvider$", done.stdout, re.MULTILINE)
+
+
 @pytest.mark.parametrize("name", methods())
 def test_info_knows_every_method_and_says_where_no_weights_ship(name: str) -> None:
     done = run("info", name)

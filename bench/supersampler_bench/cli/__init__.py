@@ -19,6 +19,7 @@ for command in (
     quality.quality,
     quality.extrapolation,
     timing.cost,
+    timing.traffic,
     timing.latency,
     timing.against,
     timing.startup,

@@ -1,4 +1,4 @@
-"""`supersampler bench` commands about time: cost, startup, latency, against, device, skip and pareto."""
+"""`supersampler bench` commands about time and cost, from `cost` and `traffic` to `device` and `pareto`."""
 
 import os
 import time
@@ -44,6 +44,24 @@ def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) ->
     from supersampler_bench.timing import cost as bench
 
     publish(bench.CostRecord([bench.cost_of(name) for name in split_list(methods)]), "cost", json)
+
+
+def traffic(
+    methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large",
+    display_size: DISPLAY_SIZE = "3840x2160",
+    ratio: Annotated[str, typer.Option(help="Display over render size, with commas between.")] = "2,4",
+    json: JSON = None,
+) -> None:
+    """Count the bytes that a step on a GPU moves, its multiply-adds and its passes. No GPU is needed.
+
+    \b
+    Example:
+      supersampler bench traffic --methods classifier --ratio 1.5,2
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.timing import traffic as bench
+
+    size, ratios = parse_size(display_size, "--display-size"), number_list("--ratio", ratio)
+    publish(bench.TrafficRecord(bench.traffic_of(split_list(methods), size, ratios)), "traffic", json)
 
 
 def startup(

@@ -25,10 +25,20 @@ from supersampler_bench.timing.gpu_record import GpuRecord
 from supersampler_bench.timing.latency import LatencyRecord
 from supersampler_bench.timing.pareto import ParetoRecord
 from supersampler_bench.timing.skip import SkipRecord
+from supersampler_bench.timing.traffic import TrafficRecord
 
 RECORDS: tuple[type[BenchRecord], ...] = (
     *(QualityRecord, ExtrapolationRecord, StillRecord, ParityRecord, StressRecord),
-    *(LatencyRecord, AgainstRecord, StartupRecord, SkipRecord, ParetoRecord, GpuRecord, CostRecord),
+    *(
+        LatencyRecord,
+        AgainstRecord,
+        StartupRecord,
+        SkipRecord,
+        ParetoRecord,
+        GpuRecord,
+        CostRecord,
+        TrafficRecord,
+    ),
 )
 """Types of the records whose tables the documentation has."""
 RESULTS = Path("bench/results")

@@ -15,7 +15,7 @@ from supersampler.frame import Size
 from supersampler_bench.specs import compatible
 from supersampler_bench.timing.gpu_stopwatch import EachDispatch, Stopwatch
 from supersampler_bench.timing.latency import plaza_frames, quantiles, take_turns
-from supersampler_bench.timing.pass_costs import pass_costs
+from supersampler_bench.timing.traffic import pass_costs
 from supersampler_model.data.shots import render_size
 
 if TYPE_CHECKING:
@@ -178,7 +178,7 @@ class _GpuRunner:
     def timed(self) -> GpuStep:
         """Summarise, after the last turn; time steps on arrays."""
         model, render = self._model, self._placed[0][0].size
-        costs = pass_costs(model.gpu, render, self._display)
+        costs = pass_costs(model.gpu.program, render, self._display)
         passes = tuple(
             GpuPass(cost.name, *quantiles(times)[:2], cost.moved, cost.multiply_adds)
             for cost, times in zip(costs, np.concatenate(self._passes).T.tolist(), strict=True)

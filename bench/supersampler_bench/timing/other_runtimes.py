@@ -125,8 +125,11 @@ def _on_cuda(
 def _onnx_steps(
     name: str, display: Size, frames: Sequence[Frame], steps: int, on_left_out: Callable[[str], None]
 ) -> Iterator[RuntimeStep]:
-    import onnxruntime
-
+    try:
+        import onnxruntime
+    except ImportError as error:
+        on_left_out(f"ONNX Runtime is left out: {error}")
+        return
     for key, provider in NAMES.items():
         if key == "cpu" or provider not in onnxruntime.get_available_providers():
             continue

@@ -9,7 +9,7 @@ import typer
 from supersampler.cli import arguments
 from supersampler.cli.arguments import open_shot, open_with, size_text, source_notes
 from supersampler.cli.terminal import Terminal, echo
-from supersampler.errors import ShotError, did_you_mean
+from supersampler.errors import ShotError, SupersamplerError, did_you_mean
 
 if TYPE_CHECKING:
     from supersampler.io.shot import Shot
@@ -21,12 +21,19 @@ def info(
     what: Annotated[
         str | None, typer.Argument(metavar="METHOD|SHOT", help="A method's name, a model folder, or a shot.")
     ] = None,
+    providers: Annotated[
+        bool, typer.Option("--providers", help="Print which providers of ONNX Runtime run a method's nodes.")
+    ] = False,
 ) -> None:
     """Print a method's inputs and outputs, or a shot's properties; without argument, all names and the GPU.
+
+    With --providers, its graph is loaded by each provider that is installed. Nodes that a GPU's provider
+    leaves to the CPU are listed by operator: each costs a copy between both.
 
     \b
     Examples:
       supersampler info taau
+      supersampler info classifier --providers
       supersampler info renders/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.backends.gpu.device import adapter_text
@@ -44,7 +51,8 @@ def info(
             "GPU": adapter_text(),
         }
     elif what in [*models, *extrapolations] or (Path(what) / "model.json").is_file():
-        rows = _model_rows(read_model_info(find_model(what)))
+        model = read_model_info(find_model(what))
+        rows = _provider_rows(model) if providers else _model_rows(model)
     elif what in untrained and not Path(what).exists():
         rows = _untrained_rows(untrained[what])
     elif (Path(what) / "dataset.json").is_file():
@@ -151,6 +159,27 @@ def _untrained_rows(method: "MethodSpec") -> dict[str, str]:
         "G-buffers": listed([name for name in method.inputs if name in GBUFFERS]),
         "weights": f"none ship\ntrain it: {train}\nand export it: {export}",
     }
+
+
+def _provider_rows(model: "ModelInfo") -> dict[str, str]:
+    from supersampler.backends.onnx.runtime import NAMES, ort
+    from supersampler.backends.onnx.session import node_placement
+
+    rows, installed = {}, ort.get_available_providers()
+    for name in (name for name, provider in NAMES.items() if provider in installed):
+        try:
+            placed = node_placement(model.steps["fp32"], NAMES[name])
+        except SupersamplerError as error:
+            rows[name] = f"does not load it: {error}"
+            continue
+        lines = [f"{counts.total()} nodes by {provider}" for provider, counts in placed.items()]
+        left = placed.get(NAMES["cpu"]) if name != "cpu" else None
+        if left:
+            lines.append(
+                "by the CPU: " + ", ".join(f"{kind} {number}" for kind, number in left.most_common())
+            )
+        rows[name] = "\n".join(lines)
+    return rows
 
 
 def _model_rows(model: "ModelInfo") -> dict[str, str]:

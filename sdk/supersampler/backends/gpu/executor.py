@@ -164,7 +164,8 @@ class GpuExecutor:
             with raising(self.device, "compiling shaders"):
                 on_hardware = self.device.adapter.info["adapter_type"] != "CPU"
                 shaders = [
-                    self.program.shader(spec, variants, on_hardware=on_hardware) for spec in self.program.passes
+                    self.program.shader(spec, variants, on_hardware=on_hardware)
+                    for spec in self.program.passes
                 ]
                 self._compiled[key] = [
                     Pass(self.device, shader, spec.tile, spec.names)

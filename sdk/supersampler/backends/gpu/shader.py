@@ -290,8 +290,8 @@ def unroll(code: str, *, on_hardware: bool = True) -> str:
     """Write out marked loops: a block with a constant for each round.
 
     A marked loop is `/* unroll */ for (var i = FIRST; i < END; i++) {`, or with `<=`. FIRST is a number; END
-    is a number or a constant of the module that is a number. The loop neither breaks nor continues. Loops that
-    are marked with `/* unroll on hardware */` are written out where `on_hardware`.
+    is a number or a constant of the module that is a number. The loop neither breaks nor continues. Loops
+    that are marked with `/* unroll on hardware */` are written out where `on_hardware`.
 
     Raises:
         ValueError: a marked loop is of another form.
@@ -313,7 +313,8 @@ def _unroll(code: str, constants: Mapping[str, int], *, on_hardware: bool) -> st
         raise ValueError(f"{last} is not a constant number: {_line(code, mark.start())}")
     stop = (constants[last] if last in constants else int(last.removesuffix("u"))) + (sign == "<=")
     body, after = (
-        _unroll(part, constants, on_hardware=on_hardware) for part in (code[loop.end() : end], code[end + 1 :])
+        _unroll(part, constants, on_hardware=on_hardware)
+        for part in (code[loop.end() : end], code[end + 1 :])
     )
     if _JUMP.search(_COMMENT.sub("", body)):
         raise ValueError(f"a loop that is unrolled has no break or continue: {_line(code, mark.start())}")

@@ -1,5 +1,6 @@
 """Sessions of ONNX Runtime, and the inputs that graphs read from a frame."""
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from supersampler.backends.onnx.graph_file import refusal_of
-from supersampler.backends.onnx.runtime import OnnxRun, ort, precise
+from supersampler.backends.onnx.runtime import CPU, OnnxRun, ort, precise
 from supersampler.errors import ModelError, ProviderError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
@@ -67,6 +68,24 @@ def open_session(
     except Exception as error:  # exceptions of ONNX Runtime have no other common base
         raise ModelError(f"{path}: ONNX Runtime cannot load it: {error}") from error
     return session
+
+
+def node_placement(path: Path, provider: str) -> dict[str, Counter[str]]:
+    """Return the operators of the graph at `path` that each provider runs: numbers of nodes, by type.
+
+    ONNX Runtime assigns nodes when it loads a graph. Those that `provider` cannot run go to the CPU's.
+
+    Raises:
+        ModelError, ProviderError: see `open_session`.
+    """
+    options = session_options(threads=1)
+    options.add_session_config_entry("session.record_ep_graph_assignment_info", "1")
+    session = open_session(path, options, list(dict.fromkeys([provider, CPU])))
+    found: dict[str, Counter[str]] = {}
+    for subgraph in session.get_provider_graph_assignment_info():
+        counts = found.setdefault(subgraph.ep_name, Counter())
+        counts.update(node.op_type for node in subgraph.get_nodes())
+    return found
 
 
 @contextmanager

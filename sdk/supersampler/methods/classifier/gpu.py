@@ -7,7 +7,6 @@ from supersampler.backends.gpu.memory import (
     DISPLAY,
     HALF,
     ONE,
-    RENDER,
     PixelBuffer,
     PixelMemory,
     PixelTexture,

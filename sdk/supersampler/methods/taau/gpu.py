@@ -23,7 +23,6 @@ from supersampler.methods.spec import constants_of
 from supersampler.methods.taau.spec import TAAU
 
 
-
 def _unpack_surface(words: Packed) -> Float32:
     shade = np.ascontiguousarray(words[..., 1:]).view(np.float16)
     return np.concatenate([words[..., :1].view(np.float32), shade], -1, dtype=np.float32)

@@ -2,10 +2,18 @@
 
 import pytest
 
-from gpu_steps import device_or_skip, model
+from supersampler.backends.gpu.program import GpuProgram
 from supersampler.backends.gpu.shader import Binding, Shader
+from supersampler.methods.executors import gpu_program
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.specs import Spec, parse_spec
-from supersampler_bench.timing.pass_costs import pass_costs, products_of, touched_fraction
+from supersampler_bench.timing.traffic import (
+    TrafficRecord,
+    pass_costs,
+    products_of,
+    touched_fraction,
+    traffic_of,
+)
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 CODE = """
@@ -17,15 +25,20 @@ NAMES = "signatures", "whole", "mean"
 SHADER = Shader("test", CODE, tuple(Binding(0, i, n, "read-only-storage") for i, n in enumerate(NAMES)))
 
 
+def program_of(method: str) -> GpuProgram:
+    program = gpu_program(read_model_info(find_model(method)))
+    assert program is not None
+    return program
+
+
 def test_notes_of_declarations_tell_what_a_moving_frame_touches() -> None:
     fractions = [touched_fraction(SHADER, binding, phases=32) for binding in SHADER.bindings]
     assert fractions == [2 / 32, 1.0, 0.0]
 
 
 def test_the_bytes_of_taa_are_those_of_its_textures() -> None:
-    device_or_skip()
     render, display = (w * h for w, h in (RENDER, DISPLAY))
-    moved = {one.name: one.moved for one in pass_costs(model("taa").gpu, RENDER, DISPLAY)}
+    moved = {one.name: one.moved for one in pass_costs(program_of("taa"), RENDER, DISPLAY)}
     assert moved["measure"] >= 8 * render
     frame = (8 + 4) * render
     assert moved["blend"] == frame + 2 * 8 * display + 8 * display + 2 * 64, "history before and after, image"
@@ -33,9 +46,8 @@ def test_the_bytes_of_taa_are_those_of_its_textures() -> None:
 
 @pytest.mark.parametrize("method", ["classifier", "classifier-large"])
 def test_the_passes_of_the_network_have_its_multiply_adds(method: str) -> None:
-    device_or_skip()
-    passes = pass_costs(model(method).gpu, RENDER, DISPLAY)
-    counted = model(method).info.multiply_adds * DISPLAY[0] * DISPLAY[1]
+    passes = pass_costs(program_of(method), RENDER, DISPLAY)
+    counted = read_model_info(find_model(method)).multiply_adds * DISPLAY[0] * DISPLAY[1]
     products = sum(one.multiply_adds for one in passes)
     assert counted <= products <= 1.5 * counted, "channels fill up chunks"
     named = [one.name for one in passes if one.multiply_adds]
@@ -47,6 +59,18 @@ def test_the_multiply_adds_of_a_pass_are_those_of_its_layers() -> None:
     assert products_of(level) == 48 * 32 + 48 * 9 + 48 * 48
     assert products_of({"decoder": 0, "quads": 4}) == (32 * 32 + 64 * (32 + 64) + 4 * 16 * 64) / 4
     assert products_of({"alpha": 0.1}) == 0
+
+
+MOST = {"taa": 0.25, "taau": 0.60, "classifier": 1.28}
+"""Gigabytes of a step from 1920x1080 to 3840x2160: peers move .58 to .84."""
+
+
+@pytest.mark.parametrize("method", MOST)
+def test_a_step_to_4k_moves_no_more_than_its_limit(method: str) -> None:
+    (step,) = traffic_of([method], (3840, 2160), [2.0])
+    assert step.moved <= 1e9 * MOST[method]
+    assert step.passes <= 13
+    assert f"| {method} | 1920x1080 to 3840x2160 |" in TrafficRecord([step]).table()
 
 
 @pytest.mark.parametrize("text", ["taau:gpu", "classifier:gpu"])

@@ -1,0 +1,155 @@
+"""Bytes and multiply-adds of the passes of the GPU backend, from the accesses that its shaders declare.
+
+A pass reads and writes each of its resources once: workgroups share what their threads read, and
+neighbouring workgroups find their common border in the cache. In the step that is counted, all pixels move:
+resources that only static blocks touch are declared with `// of static blocks`, and signatures of which a
+step touches those of one or two phases of the jitter with `// of 1 phase` and `// of 2 phases`.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from supersampler.backends.gpu.program import TEXTURES, GpuProgram
+from supersampler.backends.gpu.shader import Binding, Constants, Shader
+from supersampler.cli.arguments import size_text
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+from supersampler.methods.at_rest import phase_count
+from supersampler.methods.classifier.gpu_network import CHUNK, CORNERS, INPUTS
+from supersampler.methods.executors import gpu_program
+from supersampler.methods.model_file import find_model, read_model_info
+from supersampler_bench.markdown import table
+from supersampler_bench.record import BenchRecord
+from supersampler_model.data.shots import render_size
+
+PIXEL_BYTES = {"frame_color": 8, "frame_depth": 4, "frame_motion": 4, "image": 8}
+"""Bytes of a pixel of an engine's textures: rgba16float, r32float, rg16float, rgba16float."""
+UNTOUCHED = ("aux", "params", "frame_reactive")
+"""Resources that an ordinary step does not touch, or hardly."""
+_NOTE = re.compile(r"// of (?:static blocks|(\d) phases?)")
+
+
+class PassCost(NamedTuple):
+    """Cost of one pass of a step, as it declares its resources.
+
+    Attributes:
+        name: name of its shader; with its level, where a method has it several times.
+        moved: bytes, read and written.
+        multiply_adds: multiply-adds of the network, with the channels that fill up chunks.
+    """
+
+    name: str
+    moved: int
+    multiply_adds: int
+
+
+def pass_costs(program: GpuProgram, render: Size, display: Size) -> list[PassCost]:
+    """Return the cost of each pass of a step, on a frame and an image in textures."""
+    pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
+    sizes = {name: spec.bytes for name, spec in program.specs(render, display).items()}
+    sizes |= {name: words.nbytes for name, words in program.weights.items()}
+    sizes |= {name: size * pixels[name.partition("_")[0]] for name, size in PIXEL_BYTES.items()}
+    costs, phases = [], phase_count(display, render)
+    for spec in program.passes:
+        shader, (width, height) = program.shader(spec, TEXTURES), spec.extent.size(render, display)
+        moved = sum(
+            touched_fraction(shader, binding, phases) * sizes[spec.names.get(binding.name, binding.name)]
+            for binding in shader.bindings
+            if binding.name not in UNTOUCHED
+        )
+        products = round(products_of(spec.constants) * width * height)
+        costs.append(PassCost(spec.title, round(moved), products))
+    return costs
+
+
+def touched_fraction(shader: Shader, binding: Binding, phases: int) -> float:
+    """Return the fraction of a resource that a step touches, by the note of its declaration."""
+    line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
+    note = _NOTE.search(line[0]) if line else None
+    if note is None:
+        return 1.0
+    return 0.0 if note[1] is None else int(note[1]) / phases
+
+
+def products_of(constants: Constants) -> float:
+    """Return the multiply-adds of the network in a pass, for each pixel of its extent."""
+    if "level" in constants:  # 1x1, depthwise 3x3, 1x1
+        names = ("inputs", "channels", "kept", "pooled")
+        inputs, channels, kept, pooled = (CHUNK * constants[name] for name in names)
+        return channels * (inputs + 9 + kept + pooled)
+    if "decoder" in constants:  # of a packed pixel, which is four of the display
+        features, hidden = 2 * CHUNK, CORNERS * CHUNK
+        layers = features * features + hidden * (features + CORNERS * INPUTS)
+        return (layers + CORNERS * 4 * constants["quads"] * hidden) / CORNERS
+    return 0.0
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Cost of a step.
+
+    Attributes:
+        method: the model's name.
+        render: (width, height) of the frame.
+        display: (width, height) of the image.
+        passes: number of dispatches.
+        moved: bytes, read and written.
+        multiply_adds: multiply-adds of the network, with the channels that fill up chunks.
+    """
+
+    method: str
+    render: Size
+    display: Size
+    passes: int
+    moved: int
+    multiply_adds: int
+
+
+def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -> list[Traffic]:
+    """Count a step of each method at each ratio.
+
+    Raises:
+        ArgumentError: a method has no shaders.
+        ModelError: there is no such model.
+    """
+    found = []
+    for method in methods:
+        info = read_model_info(find_model(method))
+        program = gpu_program(info)
+        if program is None:
+            raise ArgumentError("--methods", got=method, want="methods with shaders")
+        for ratio in ratios:
+            render = render_size(display, ratio)
+            costs = pass_costs(program, render, display)
+            moved, products = (sum(values) for values in list(zip(*costs, strict=True))[1:])
+            found.append(Traffic(info.method, render, display, len(costs), moved, products))
+    return found
+
+
+@dataclass(frozen=True)
+class TrafficRecord(BenchRecord):
+    """What steps of the GPU backend move and multiply."""
+
+    steps: list[Traffic]
+    BENCH = "traffic"
+
+    def table(self) -> str:
+        """Return the table as Markdown, with its caption."""
+        rows = [
+            [
+                s.method,
+                f"{size_text(s.render)} to {size_text(s.display)}",
+                s.passes,
+                f"{s.moved / 1e9:.2f}",
+                f"{s.multiply_adds / 1e9:.1f}",
+            ]
+            for s in self.steps
+        ]
+        caption = (
+            "A step on frame and image in textures of half floats (depth in single precision), where all "
+            "pixels move and the exposure is measured. Bytes of all resources that passes declare, each read or "
+            "written once; multiply-adds of the int8 network."
+        )
+        return table(["method", "size", "passes:", "GB:", "10^9 multiply-adds:"], rows, caption)
