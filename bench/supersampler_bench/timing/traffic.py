@@ -149,7 +149,7 @@ class TrafficRecord(BenchRecord):
         ]
         caption = (
             "A step on frame and image in textures of half floats (depth in single precision), where all "
-            "pixels move and the exposure is measured. Bytes of all resources that passes declare, each read or "
-            "written once; multiply-adds of the int8 network."
+            "pixels move and the exposure is measured. Bytes of all resources that passes declare, each "
+            "read or written once; multiply-adds of the int8 network."
         )
         return table(["method", "size", "passes:", "GB:", "10^9 multiply-adds:"], rows, caption)

@@ -94,7 +94,7 @@ def _pack_pixels(pixels: Float32) -> Packed:
     exponent = np.clip(most, PIXEL_EXPONENT, PIXEL_EXPONENT + 63) - np.uint32(PIXEL_EXPONENT)
     shift = 127 + _PART_BITS - 1 - PIXEL_EXPONENT - exponent.astype(np.int32)
     parts = np.minimum(np.floor(np.ldexp(colors, shift[..., None]) + 0.5), _PARTS).astype(np.uint32)
-    samples = pixels[..., 3].astype(np.float16).view(np.uint16).astype(np.uint32)
+    samples = np.clip(pixels[..., 3], 0.0, MAX_HALF).astype(np.float16).view(np.uint16).astype(np.uint32)
     first = parts[..., 0] | parts[..., 1] << _PART_BITS | exponent << 28
     return np.stack([first, parts[..., 2] | exponent >> 4 << _PART_BITS | samples << 16], -1)
 
