@@ -162,14 +162,9 @@ class GpuExecutor:
         key = tuple(variants.values())
         if key not in self._compiled:
             with raising(self.device, "compiling shaders"):
-                on_hardware = self.device.adapter.info["adapter_type"] != "CPU"
-                shaders = [
-                    self.program.shader(spec, variants, on_hardware=on_hardware)
-                    for spec in self.program.passes
-                ]
                 self._compiled[key] = [
-                    Pass(self.device, shader, spec.tile, spec.names)
-                    for spec, shader in zip(self.program.passes, shaders, strict=True)
+                    Pass(self.device, self.program.shader(spec, variants), spec.tile, spec.names)
+                    for spec in self.program.passes
                 ]
         return self._compiled[key]
 

@@ -116,10 +116,10 @@ class GpuProgram:
         """Return `memory` at these sizes, after a frame of the same size."""
         return {name: memory.spec(render, display) for name, memory in self.memory().items()}
 
-    def shader(self, spec: PassSpec, variants: Mapping[str, str], *, on_hardware: bool = True) -> Shader:
-        """Return the shader of a pass for frames and images in buffers, or in textures; see `unroll`."""
-        constants, variants = {**self.constants, **spec.constants}, {**variants, **spec.variants}
-        return load_shader(spec.shader, self.packages, constants, variants, on_hardware=on_hardware)
+    def shader(self, spec: PassSpec, variants: Mapping[str, str]) -> Shader:
+        """Return the shader of a pass for frames and images in buffers, or in textures."""
+        constants = {**self.constants, **spec.constants}
+        return load_shader(spec.shader, self.packages, constants, {**variants, **spec.variants})
 
 
 SIDE = 16

@@ -2,8 +2,7 @@
 
 Loops that are marked with `/* unroll */` are written out: wgpu adds a counter to every loop, and drivers then
 unroll none, so that vectors and arrays that a loop indexes stay in memory. Written out, the indices are
-constants. Mark small loops that index; others only cost time to compile. Loops of the network are marked with
-`/* unroll on hardware */`: software adapters take minutes to compile what they become.
+constants. Mark small loops that index; others only cost time to compile.
 """
 
 import re
@@ -37,8 +36,8 @@ _COMMENT = re.compile(r"//[^\n]*")
 _WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
 _LOCAL = re.compile(r"\b(?:let|var|const)\s+(\w+)")
 _PARAMETER = re.compile(r"(\w+)\s*:")
-_MARK = re.compile(r"/\* unroll( on hardware)? \*/ ")
-_LOOP = re.compile(r"for \(var (\w+) = (-?\d+)(u?); \1 (<=?) (\w+); \1\+\+\) \{")
+_MARK = "/* unroll */"
+_LOOP = re.compile(r"/\* unroll \*/ for \(var (\w+) = (-?\d+)(u?); \1 (<=?) (\w+); \1\+\+\) \{")
 _CONSTANT = re.compile(r"^const (\w+) = (\d+)u?;", re.MULTILINE)
 _JUMP = re.compile(r"\b(?:break|continue)\b")
 
@@ -121,12 +120,7 @@ class Shader:
 
 
 def load_shader(
-    name: str,
-    folders: Sequence[str],
-    constants: Constants,
-    variants: Mapping[str, str] | None = None,
-    *,
-    on_hardware: bool = True,
+    name: str, folders: Sequence[str], constants: Constants, variants: Mapping[str, str] | None = None
 ) -> Shader:
     """Return a shader after what it needs of the files that it imports (`// import NAME`), each once.
 
@@ -138,14 +132,13 @@ def load_shader(
             are always found.
         constants: declared first, as `const NAME = value;`, after those of SHARED_CONSTANTS and of the specs.
         variants: files to import in place of a name.
-        on_hardware: see `unroll`.
     """
     modules = *SHARED_CONSTANTS, *(f"{folder}.spec" for folder in reversed(folders))
     known = {key: value for module in modules for key, value in numbers_of(module).items()}
     known |= {key.upper(): value for key, value in constants.items()}
     parts = {"": Part("", [one for key, value in known.items() for one in _declarations(key, value)])}
     _collect(name, (*folders, SHARED), variants or {}, parts)
-    code = unroll(reachable_code(parts.values()), on_hardware=on_hardware)
+    code = unroll(reachable_code(parts.values()))
     return Shader(name, code, tuple(_bindings(code)))
 
 
@@ -286,40 +279,35 @@ def _declaration(text: str) -> Declaration:
     return Declaration(name[1], text, frozenset(words))
 
 
-def unroll(code: str, *, on_hardware: bool = True) -> str:
+def unroll(code: str) -> str:
     """Write out marked loops: a block with a constant for each round.
 
     A marked loop is `/* unroll */ for (var i = FIRST; i < END; i++) {`, or with `<=`. FIRST is a number; END
-    is a number or a constant of the module that is a number. The loop neither breaks nor continues. Loops
-    that are marked with `/* unroll on hardware */` are written out where `on_hardware`.
+    is a number or a constant of the module that is a number. The loop neither breaks nor continues.
 
     Raises:
         ValueError: a marked loop is of another form.
     """
-    constants = {name: int(value) for name, value in _CONSTANT.findall(code)}
-    return _unroll(code, constants, on_hardware=on_hardware)
+    return _unroll(code, {name: int(value) for name, value in _CONSTANT.findall(code)})
 
 
-def _unroll(code: str, constants: Mapping[str, int], *, on_hardware: bool) -> str:
-    mark = _MARK.search(code)
-    if mark is None:
+def _unroll(code: str, constants: Mapping[str, int]) -> str:
+    before, mark, _ = code.partition(_MARK)
+    if not mark:
         return code
-    before, loop = code[: mark.start()], _LOOP.match(code, mark.end())
+    loop = _LOOP.match(code, len(before))
     if loop is None:
-        raise ValueError(f"no loop that can be unrolled: {_line(code, mark.start())}")
+        raise ValueError(f"no loop that can be unrolled: {_line(code, len(before))}")
     name, first, unsigned, sign, last = loop.groups()
     end = _closing(code, loop.end())
     if last not in constants and not last.removesuffix("u").isdigit():
-        raise ValueError(f"{last} is not a constant number: {_line(code, mark.start())}")
+        raise ValueError(f"{last} is not a constant number: {_line(code, len(before))}")
     stop = (constants[last] if last in constants else int(last.removesuffix("u"))) + (sign == "<=")
-    body, after = (
-        _unroll(part, constants, on_hardware=on_hardware)
-        for part in (code[loop.end() : end], code[end + 1 :])
-    )
+    body, after = _unroll(code[loop.end() : end], constants), _unroll(code[end + 1 :], constants)
     if _JUMP.search(_COMMENT.sub("", body)):
-        raise ValueError(f"a loop that is unrolled has no break or continue: {_line(code, mark.start())}")
-    if stop - int(first) > MAX_ROUNDS or (mark[1] and not on_hardware):
-        return f"{before}{loop[0]}{body}}}{after}"
+        raise ValueError(f"a loop that is unrolled has no break or continue: {_line(code, len(before))}")
+    if stop - int(first) > MAX_ROUNDS:
+        return f"{before}{loop[0].removeprefix(_MARK + ' ')}{body}}}{after}"
     kind = "u32" if unsigned else "i32"
     rounds = [f"{{ const {name}: {kind} = {i}{unsigned};{body}}}" for i in range(int(first), stop)]
     return before + "\n".join(rounds) + after

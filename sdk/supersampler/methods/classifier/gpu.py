@@ -37,7 +37,7 @@ LOW_STEPS, HIGH_STEPS = 65535.0, 16383.0
 """Steps of the minimum and of the maximum luma in a word."""
 TILES = ((14, 14), (8, 8), (8, 8), (4, 4))
 """Pixels of a workgroup at each level: its features fit into 16 KiB."""
-COMPOSED = 32, 16
+COMPOSED = 16, 16
 """Display pixels of a workgroup of `compose`."""
 LAST = "_last"
 """Name of the weights of the last layers, after `network`."""

@@ -101,7 +101,7 @@ def read_gpu_network(info: ModelInfo, variant: Variant) -> GpuNetwork:
     quads, writer = -(-variant.blend_parameters // 4), _Writer()
     last = {
         "decoder": writer.pointwise(*_pointwise(arrays, "decoder", 2 * CHUNK)),
-        "hidden": writer.pointwise(*_hidden(arrays)),
+        "hidden_weights": writer.pointwise(*_hidden(arrays)),
         "blend": writer.pointwise(*_blend(arrays, variant.blend_parameters, quads)),
         "quads": quads,
         "logits": arrays["logits.first"].item(),

@@ -12,11 +12,11 @@
 // import tiles
 // import show
 
-const PACKED_ACROSS = 16;     // packed pixels of a workgroup, one for each thread
-const PACKED_DOWN = 8;
-const PIXELS_ACROSS = 2 * PACKED_ACROSS;
-const PIXELS_DOWN = 2 * PACKED_DOWN;
-const TILE_THREADS = PACKED_ACROSS * PACKED_DOWN;
+const SIDE = 8;          // packed pixels of a workgroup in either direction, one for each thread
+const PIXELS_ACROSS = 2 * SIDE;
+const PIXELS_DOWN = 2 * SIDE;
+const TILE_THREADS = SIDE * SIDE;
+const THREADS = 64u;
 
 @group(0) @binding(3) var<storage, read> next_state: State;
 @group(0) @binding(4) var samples: texture_2d<f32>;
@@ -102,8 +102,8 @@ fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, gl
     return pack_range(luma + trust * (low - luma), luma + trust * (high - luma), glared);
 }
 
-fn compose(p: vec2i, corner: u32, hidden: ptr<function, array<vec4u, 4>>, rests: bool) {
-    var blend = blend_parameters(hidden, corner);
+fn compose(p: vec2i, corner: u32, thread: u32, rests: bool) {
+    var blend = blend_parameters(thread, corner);
     let at = render_position(p);
     let depth = closest_at(dilated, upper_left(at)).depth;
     let there = previous_position(p);
@@ -112,7 +112,7 @@ fn compose(p: vec2i, corner: u32, hidden: ptr<function, array<vec4u, 4>>, rests:
     let before = gather_history(history_pixels, there, exposure);
     let visibility = gather_surface(there, depth).visibility;
     if (corner == 0u && !rests) {
-        next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(hidden, before.samples > 0.0);
+        next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(thread, before.samples > 0.0);
     }
 
     var history = blend_history(p, now, before, visibility, &blend);
@@ -165,7 +165,7 @@ fn keep_history(p: vec2i, corner: u32) {
     }
 }
 
-@compute @workgroup_size(PACKED_ACROSS, PACKED_DOWN)
+@compute @workgroup_size(SIDE, SIDE)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: vec3u,
         @builtin(local_invocation_index) thread: u32) {
     let origin = vec2i(PIXELS_ACROSS, PIXELS_DOWN) * vec2i(group.xy);
@@ -184,9 +184,9 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: 
     load_samples(origin, i32(thread));
     workgroupBarrier();
     if (!inside(first, display_size())) { return; }
-    var hidden = hidden_layer(first / 2);
+    hide(first / 2, thread);
     for (var corner = 0u; corner < 4u; corner++) {
         let p = first + vec2i(vec2u(corner & 1u, corner >> 1u));
-        if (inside(p, display_size())) { compose(p, corner, &hidden, tile.x > 0u); }
+        if (inside(p, display_size())) { compose(p, corner, thread, tile.x > 0u); }
     }
 }

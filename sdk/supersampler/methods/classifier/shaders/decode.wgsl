@@ -1,11 +1,14 @@
 // The last layers of the network at a packed pixel, which is 2x2 display pixels.
 // import int8
 //
-// HIDDEN_WORDS: of the hidden layer; PARAMETERS: blend parameters of a display pixel; DECODER, HIDDEN, BLEND: of
-// weights in `network`; LOGITS: first of six bytes of the hidden layer.
+// DECODER, HIDDEN_WEIGHTS, BLEND: of weights in `network`; QUADS: of a display pixel's blend parameters; LOGITS: first of
+// six bytes of the hidden layer. Files that import this define THREADS, the threads of a workgroup.
 
-const FEATURES = 2u;       // chunks of the decoder's input and output
-const HIDDEN_CHUNKS = 6u;  // of the hidden layer's input: four display pixels, and FEATURES
+const FEATURES = 2u;         // chunks of the decoder's input and output
+const HIDDEN = 4u;           // of the hidden layer
+const HIDDEN_INPUTS = 6u;    // of its input: four display pixels, and FEATURES
+
+var<workgroup> hidden: array<u32, THREADS * 4u * HIDDEN>;   // of the decoder, then of the hidden layer; by quad
 
 // Bytes of all levels at a packed pixel: 16 + 8 + 4 + 4.
 fn feature_chunk(p: vec2i, chunk: u32) -> vec4u {
@@ -18,56 +21,56 @@ fn feature_chunk(p: vec2i, chunk: u32) -> vec4u {
     return vec4u(pair, two, three);
 }
 
-// Bytes of the hidden layer at a packed pixel. All threads read the same weights at the same time.
-fn hidden_layer(p: vec2i) -> array<vec4u, 4> {
-    var given = array<vec4u, HIDDEN_CHUNKS>();
-    /* unroll on hardware */ for (var c = 0u; c < 4u; c++) {
-        given[c] = textureLoad(inputs, min(2 * p + vec2i(vec2u(c & 1u, c >> 1u)), display_size() - 1), 0);
-    }
+// Write the bytes of the hidden layer at a packed pixel. All threads read the same weights at the same time.
+fn hide(p: vec2i, thread: u32) {
+    let last = display_size() - 1;
+    let given = array(textureLoad(inputs, 2 * p, 0), textureLoad(inputs, min(2 * p + vec2i(1, 0), last), 0),
+                      textureLoad(inputs, min(2 * p + vec2i(0, 1), last), 0),
+                      textureLoad(inputs, min(2 * p + vec2i(1, 1), last), 0));
     let features = array(feature_chunk(p, 0u), feature_chunk(p, 1u));
-    /* unroll on hardware */ for (var group = 0u; group < FEATURES; group++) {
-        var sums = array<vec4i, 4>();
-        /* unroll on hardware */ for (var c = 0u; c < FEATURES; c++) {
-            /* unroll on hardware */ for (var q = 0u; q < 4u; q++) {
-                sums[q] += products16(features[c], DECODER + ((4u * group + q) * FEATURES + c) * 4u);
-            }
+    for (var quad = 0u; quad < 4u * FEATURES; quad++) {
+        var sums = vec4i(0);
+        /* unroll */ for (var c = 0u; c < FEATURES; c++) {
+            sums += products16(features[c], DECODER + (quad * FEATURES + c) * 4u);
         }
-        given[4u + group] = bytes_of(sums, DECODER + 8u * FEATURES * 4u, 8u, 4u * group);
+        hidden[quad * THREADS + thread] = to_bytes(scaled(sums, DECODER + 8u * FEATURES * 4u, 8u, quad));
     }
-    var hidden = array<vec4u, 4>();
-    /* unroll on hardware */ for (var group = 0u; group < 4u; group++) {
-        var sums = array<vec4i, 4>();
-        /* unroll on hardware */ for (var c = 0u; c < HIDDEN_CHUNKS; c++) {
-            /* unroll on hardware */ for (var q = 0u; q < 4u; q++) {
-                sums[q] += products16(given[c], HIDDEN + ((4u * group + q) * HIDDEN_CHUNKS + c) * 4u);
-            }
-        }
-        hidden[group] = bytes_of(sums, HIDDEN + 16u * HIDDEN_CHUNKS * 4u, 16u, 4u * group);
+    let decoded = array(hidden_chunk(0u, thread), hidden_chunk(1u, thread));
+    for (var quad = 0u; quad < 4u * HIDDEN; quad++) {
+        let weights = HIDDEN_WEIGHTS + quad * HIDDEN_INPUTS * 4u;
+        var sums = products16(decoded[0], weights + 16u) + products16(decoded[1], weights + 20u);
+        /* unroll */ for (var c = 0u; c < 4u; c++) { sums += products16(given[c], weights + 4u * c); }
+        let values = HIDDEN_WEIGHTS + 4u * HIDDEN * HIDDEN_INPUTS * 4u;
+        hidden[quad * THREADS + thread] = to_bytes(scaled(sums, values, 4u * HIDDEN, quad));
     }
-    return hidden;
+}
+
+fn hidden_chunk(chunk: u32, thread: u32) -> vec4u {
+    let first = 4u * chunk * THREADS + thread;
+    return vec4u(hidden[first], hidden[first + THREADS], hidden[first + 2u * THREADS], hidden[first + 3u * THREADS]);
 }
 
 // Blend parameters of a display pixel, four by four. corner: which of the packed pixel's four.
-fn blend_parameters(hidden: ptr<function, array<vec4u, 4>>, corner: u32) -> array<vec4f, QUADS> {
+fn blend_parameters(thread: u32, corner: u32) -> array<vec4f, QUADS> {
+    var sums = array<vec4i, QUADS>();
+    for (var c = 0u; c < HIDDEN; c++) {
+        let given = hidden_chunk(c, thread);
+        /* unroll */ for (var i = 0u; i < QUADS; i++) {
+            sums[i] += products16(given, BLEND + ((corner * QUADS + i) * HIDDEN + c) * 4u);
+        }
+    }
     var found = array<vec4f, QUADS>();
     let values = BLEND + 4u * QUADS * 16u;
-    /* unroll on hardware */ for (var i = 0u; i < QUADS; i++) {
-        let quad = corner * QUADS + i;
-        var sums = vec4i(0);
-        /* unroll on hardware */ for (var c = 0u; c < 4u; c++) {
-            sums += products16((*hidden)[c], BLEND + (quad * 4u + c) * 4u);
-        }
-        found[i] = scaled(sums, values, 4u * QUADS, quad);
-    }
+    /* unroll */ for (var i = 0u; i < QUADS; i++) { found[i] = scaled(sums[i], values, 4u * QUADS, corner * QUADS + i); }
     return found;
 }
 
 // Class probabilities of a packed pixel, 255 is one: twice a softmax of three. Without history, ghosting is visibility.
-fn class_bytes(hidden: ptr<function, array<vec4u, 4>>, known: bool) -> vec2u {
+fn class_bytes(thread: u32, known: bool) -> vec2u {
     var likely = array<f32, 6>();
     /* unroll */ for (var i = 0u; i < 6u; i++) {
         let byte = LOGITS + i;
-        let value = (*hidden)[byte / 16u][byte / 4u % 4u] >> (8u * (byte % 4u));
+        let value = hidden[byte / 4u * THREADS + thread] >> (8u * (byte % 4u));
         likely[i] = exp(clamp((f32(value & 0xffu) - 128.0) * LOGITS_SCALE, -16.0, 16.0));
     }
     let ghosting = 255.0 / (likely[0] + likely[1] + likely[2]);

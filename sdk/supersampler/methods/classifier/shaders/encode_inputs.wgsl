@@ -13,7 +13,8 @@
 const SIDE = 16u;             // pixels of a workgroup in either direction: a tile with one pixel around
 const CELLS = SIDE * SIDE;
 
-var<workgroup> features: array<u32, CELLS * CHANNEL_QUADS>;   // of the first layer, then what is pooled
+var<workgroup> features: array<u32, CELLS * CHANNEL_QUADS>;   // of the first layer, then what is pooled; by quad
+var<workgroup> spatial: array<u32, CELLS * CHANNEL_QUADS>;    // of the depthwise layer
 
 // Chunks 0 to 3: the display pixels; chunk 4: the inputs at half display size.
 fn given_inputs(p: vec2i) -> array<vec4u, INPUTS> {
@@ -31,34 +32,35 @@ fn given_inputs(p: vec2i) -> array<vec4u, INPUTS> {
 
 fn first_layer(p: vec2i, cell: u32) {
     var given = given_inputs(p);
-    /* unroll on hardware */ for (var quad = 0u; quad < CHANNEL_QUADS; quad++) {
+    for (var quad = 0u; quad < CHANNEL_QUADS; quad++) {
         var sums = vec4i(0);
-        /* unroll */ for (var c = 0u; c < INPUTS; c++) { sums += products16(given[c], FIRST + (quad * INPUTS + c) * 4u); }
+        /* unroll */ for (var c = 0u; c < INPUTS; c++) {
+            sums += products16(given[c], FIRST + (quad * INPUTS + c) * 4u);
+        }
         let values = FIRST + CHANNEL_QUADS * INPUTS * 4u;
         features[quad * CELLS + cell] = to_bytes(scaled(sums, values, CHANNEL_QUADS, quad));
     }
 }
 
-fn spatial_layer(cell: u32) -> array<vec4u, CHANNELS> {
-    var found = array<vec4u, CHANNELS>();
-    /* unroll on hardware */ for (var c = 0u; c < CHANNELS; c++) {
-        /* unroll on hardware */ for (var q = 0u; q < 4u; q++) {
-            let quad = 4u * c + q;
-            var around = array<u32, 9>();
-            /* unroll */ for (var k = 0u; k < 9u; k++) {
-                around[k] = features[quad * CELLS + cell + (k / 3u) * SIDE + k % 3u - SIDE - 1u];
-            }
-            let sums = depthwise(&around, SPATIAL + 3u * quad);
-            found[c][q] = to_bytes(scaled(sums, SPATIAL + 3u * CHANNEL_QUADS, CHANNEL_QUADS, quad));
+fn spatial_layer(cell: u32) {
+    for (var quad = 0u; quad < CHANNEL_QUADS; quad++) {
+        var around = array<u32, 9>();
+        /* unroll */ for (var k = 0u; k < 9u; k++) {
+            around[k] = features[quad * CELLS + cell + (k / 3u) * SIDE + k % 3u - SIDE - 1u];
         }
+        let sums = depthwise(&around, SPATIAL + 3u * quad);
+        spatial[quad * CELLS + cell] = to_bytes(scaled(sums, SPATIAL + 3u * CHANNEL_QUADS, CHANNEL_QUADS, quad));
     }
-    return found;
 }
 
 // Four outputs of the last layer.
-fn last_layer(given: ptr<function, array<vec4u, CHANNELS>>, quad: u32) -> u32 {
+fn last_layer(cell: u32, quad: u32) -> u32 {
     var sums = vec4i(0);
-    /* unroll */ for (var c = 0u; c < CHANNELS; c++) { sums += products16((*given)[c], LAST + (quad * CHANNELS + c) * 4u); }
+    /* unroll */ for (var c = 0u; c < CHANNELS; c++) {
+        let first = 4u * c * CELLS + cell;
+        let given = vec4u(spatial[first], spatial[first + CELLS], spatial[first + 2u * CELLS], spatial[first + 3u * CELLS]);
+        sums += products16(given, LAST + (quad * CHANNELS + c) * 4u);
+    }
     return to_bytes(scaled(sums, LAST + OUTPUT_QUADS * CHANNELS * 4u, OUTPUT_QUADS, quad));
 }
 
@@ -81,15 +83,19 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) ce
     }
     workgroupBarrier();
     let computes = exists && inside(place, vec2i(i32(SIDE) - 2));
-    var middle = array<vec4u, CHANNELS>();
-    if (computes) { middle = spatial_layer(cell); }
-    workgroupBarrier();
+    if (computes) { spatial_layer(cell); }
+    workgroupBarrier();    // before others' features are replaced
     if (computes) {
-        textureStore(kept, p, vec4u(last_layer(&middle, 0u), last_layer(&middle, 1u), last_layer(&middle, 2u),
-                                    last_layer(&middle, 3u)));
-        /* unroll on hardware */ for (var quad = 4u; quad < OUTPUT_QUADS; quad++) {
-            features[(quad - 4u) * CELLS + cell] = last_layer(&middle, quad);
+        var parts = vec4u();
+        for (var quad = 0u; quad < OUTPUT_QUADS; quad++) {
+            let word = last_layer(cell, quad);
+            if (quad < 4u) {
+                parts = vec4u(parts.yzw, word);
+            } else {
+                features[(quad - 4u) * CELLS + cell] = word;
+            }
         }
+        textureStore(kept, p, parts);
     }
     workgroupBarrier();
     if (computes && all((place & vec2i(1)) == vec2i(0))) {
