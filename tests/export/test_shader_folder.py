@@ -169,9 +169,9 @@ def test_workgroups_and_limits_are_within_webgpus_defaults(folders: dict[str, Pa
     described = about(folders["classifier"])
     threads = {one["name"]: one["workgroup_size"] for one in described["passes"]}
     assert threads["00_measure"] == [256, 1, 1]
-    assert threads["06_preprocess"] == [16, 16, 1]
-    assert threads["09_encode_pooled"] == [128, 1, 1]
-    assert threads["12_compose"] == [8, 8, 1]
+    assert threads["05_preprocess"] == [16, 16, 1]
+    assert threads["08_encode_pooled"] == [128, 1, 1]
+    assert threads["11_compose"] == [8, 8, 1]
     limits = described["requires"]["limits"]
     assert limits["maxStorageBuffersPerShaderStage"] <= LIMITS["max-storage-buffers-per-shader-stage"]
     assert limits["maxStorageTexturesPerShaderStage"] <= LIMITS["max-storage-textures-per-shader-stage"]

@@ -96,7 +96,7 @@ def test_every_file_that_a_module_or_page_names_is_there_and_below_the_root(site
         ("style.css", "text/css; charset=utf-8"),
         ("scene/scene.wgsl", "text/plain; charset=utf-8"),
         ("models/classifier/upscaler.json", "application/json"),
-        ("models/classifier/network.bin", "application/octet-stream"),
+        ("models/classifier/network0.bin", "application/octet-stream"),
     ],
 )
 def test_files_are_served_with_the_types_that_browsers_demand(url: str, name: str, kind: str) -> None:

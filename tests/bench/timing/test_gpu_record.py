@@ -61,7 +61,7 @@ def test_steps_are_timed_by_the_devices_clock_and_methods_without_shaders_are_na
         assert one.steps == BURST
         assert 0.0 < one.median <= one.p95 <= one.p99
         assert 0.0 < one.wall <= one.wall_p95
-        assert [part.name for part in one.passes] == ["measure", "follow_exposure", "blend"]
+        assert [part.name for part in one.passes] == ["measure", "follow_frame", "blend"]
         assert all(0.0 <= part.median <= part.p95 for part in one.passes)
     assert len(notes) == 2
     assert "bilinear" in notes[0]

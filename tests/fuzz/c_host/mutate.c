@@ -20,7 +20,7 @@ static const char *const hostile[] = {
     "0", "-1", "1", "2", "3", "63", "64", "65", "999", "5000", "16384", "65536", "4294967295", "4294967296",
     "1e308", "1e999", "-0.0", "0.5", "1e-45", "null", "true", "false", "[]", "{}", "[1]", "[1,1]",
     "[1,1,1]", "[0,0]", "[16384,16384]", "[[]]", "\"\"", "\"x\"", "\"../x\"", "\"/etc/passwd\"",
-    "\"\\u0000\"", "\"00_measure.wgsl\"", "\"network.bin\"", "\"params\"", "\"image\"", "\"history\"",
+    "\"\\u0000\"", "\"00_measure.wgsl\"", "\"network0.bin\"", "\"params\"", "\"image\"", "\"history\"",
     "\"next\"", "\"texture\"", "\"buffer\"", "\"uniform\"", "\"storage-texture\"", "\"uint-texture\"",
     "\"rg32uint\"", "\"r32uint\"", "\"rgba32float\"",
 };

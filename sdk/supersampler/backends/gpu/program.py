@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from supersampler.backends.gpu.frame import frame_buffers
-from supersampler.backends.gpu.history import HistoryLayout, HistoryPlane, of_plane
+from supersampler.backends.gpu.history import PHASE_TABLE, HistoryLayout, HistoryPlane, of_plane
 from supersampler.backends.gpu.memory import (
     BLOCKS,
     DISPLAY,
@@ -57,10 +57,8 @@ class PassSpec(NamedTuple):
         return f"{self.shader} {self.constants['level']}" if "level" in self.constants else self.shader
 
 
-EXPOSURE_PASSES = (
-    PassSpec("measure", SizeRule("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS}),
-    PassSpec("follow_exposure", ONE, (1, 1), {"parts": PARTS}),
-)
+MEASURE = PassSpec("measure", SizeRule("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS})
+FOLLOW = PassSpec("follow_frame", ONE, (1, 1), {"parts": PARTS})
 """The first passes of every method."""
 EXPOSURE_MEMORY: Mapping[str, PixelMemory] = {"measured": PixelBuffer(8 * PARTS)}
 
@@ -73,7 +71,7 @@ class GpuProgram:
         layout: layout of the method's history.
         packages: packages with the method's shaders in their folders `shaders`, in the order of the search.
         constants: constants of the method, by name.
-        method_passes: method passes in order, after those of the exposure.
+        method_passes: method passes in order, after those of the whole frame.
         method_memory: between these passes, by the names that shaders use.
         weights: weights of a network, by the names that shaders use; rows of four words.
         precision: precision of the network, or of all where there is none.
@@ -90,7 +88,8 @@ class GpuProgram:
     @property
     def passes(self) -> tuple[PassSpec, ...]:
         """All passes, in order."""
-        return (*EXPOSURE_PASSES, *self.method_passes)
+        phases = "phases" if PHASE_TABLE in self.layout.planes else "no_phases"
+        return MEASURE, FOLLOW._replace(variants={"phases": phases}), *self.method_passes
 
     @property
     def work(self) -> dict[str, PixelMemory]:
@@ -125,7 +124,6 @@ class GpuProgram:
 SIDE = 16
 """Samples of a workgroup of `preprocess` in either direction."""
 BLOCK_PASSES = (
-    PassSpec("follow_jitter", ONE, (1, 1)),
     PassSpec("compare_blocks", BLOCKS, (4, 4)),
     PassSpec("decide_blocks", BLOCKS, (8, 8)),
 )

@@ -1,6 +1,7 @@
-// The exposure of this frame, from the PARTS sums of `measure`.
+// Values of this whole frame: its exposure, from the PARTS sums of `measure`, and its jitter in the table of phases.
 // import params
 // import state
+// import phases
 
 @group(0) @binding(1) var<storage, read> measured: array<vec2f>;
 @group(0) @binding(2) var<storage, read> history_state: State;
@@ -23,5 +24,6 @@ fn main(@builtin(local_invocation_index) thread: u32) {
         next_state.previous_jitter = history_state.jitter;
         next_state.jitter = params.jitter;
         next_state.rests = 0.0;
+        follow_jitter();
     }
 }

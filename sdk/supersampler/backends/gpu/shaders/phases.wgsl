@@ -1,20 +1,17 @@
-// Find the frame's jitter in the table of phases, or replace the least recently used row: one thread.
-// Same as `follow_jitter`.
+// The table of phases, for methods whose history has one. Same as `follow_jitter` in torch.
 // import at_rest
 // import state
 
-@group(0) @binding(1) var history_phases: texture_2d<f32>;   // jitter, frames since it was seen and between its last two
-@group(0) @binding(2) var next_phases: texture_storage_2d<rgba32float, write>;
-@group(0) @binding(3) var<storage, read> history_state: State;
-@group(0) @binding(4) var<storage, read_write> next_state: State;
-@group(0) @binding(5) var<storage, read_write> awake: array<u32>;   // 1 where a later pass finds a block not frozen
+@group(1) @binding(10) var history_phases: texture_2d<f32>;   // jitter, frames since it was seen and between its last two
+@group(1) @binding(11) var next_phases: texture_storage_2d<rgba32float, write>;
+@group(1) @binding(12) var<storage, read_write> awake: array<u32>;   // 1 where a later pass finds a block not frozen
 
 fn phase_at(row: i32) -> vec4f {
     return select(vec4f(0.0), textureLoad(history_phases, vec2i(row, 0), 0), has_blocks());
 }
 
-@compute @workgroup_size(1)
-fn main() {
+// Find the frame's jitter in the table, or replace the least recently used row.
+fn follow_jitter() {
     let count = phase_count();
     var highest = -OLDEST;
     var slot = 0;
