@@ -205,7 +205,7 @@ def test_a_tampered_folder_of_shaders_is_refused_by_name(
     program: Path, exported: Path, tmp_path: Path, case: str
 ) -> None:
     path, value, message = SHADERS[case]
-    method = "classifier-small" if "network" in path else "taau"
+    method = "classifier-small" if "network0" in path else "taau"
     shutil.copytree(exported, tmp_path, dirs_exist_ok=True)
     change(tmp_path / method / "upscaler.json", path, value)
     assert_refused(run(program, tmp_path, method), message)
