@@ -13,7 +13,7 @@ import pytest
 from gpu_steps import METHODS, device_or_skip, model, moving
 from supersampler import Frame, Upscaler
 from supersampler.backends.gpu import device as devices
-from supersampler.backends.gpu.device import LIMITS, TEXTURE_SIDE
+from supersampler.backends.gpu.device import LIMITS, SIZES, TEXTURE_SIDE
 from supersampler.backends.gpu.executor import Pass
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
 from supersampler.backends.gpu.shader import reachable_code
@@ -51,7 +51,7 @@ def test_passes_stay_within_webgpus_default_limits() -> None:
         assert sum(kind.endswith("texture") and not form for kind, form in kinds) <= 16, spec.shader
     limits = model("classifier").gpu.device.limits
     for name, value in LIMITS.items():
-        assert limits[name] == value or name == TEXTURE_SIDE, name
+        assert limits[name] == value or name in SIZES, name
 
 
 def flat(width: int, height: int) -> Frame:
@@ -63,7 +63,7 @@ def flat(width: int, height: int) -> Frame:
 
 def test_textures_are_as_large_as_those_of_the_adapter() -> None:
     device = model("taau").gpu.device
-    assert device.limits[TEXTURE_SIDE] == device.adapter.limits[TEXTURE_SIDE]
+    assert [device.limits[name] for name in SIZES] == [device.adapter.limits[name] for name in SIZES]
     if device.limits[TEXTURE_SIDE] >= 8400:
         with Upscaler("taau", scale=2.0, executor="gpu") as upscaler:
             np.testing.assert_allclose(upscaler.step(flat(4200, 2)), 0.5, rtol=1e-3)

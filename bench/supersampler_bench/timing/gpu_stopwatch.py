@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.device import LIMITS, default_device, name_of
+from supersampler.backends.gpu.device import default_device, name_of, requested_limits
 from supersampler.errors import DeviceError
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def device_with_timestamps() -> "wgpu.GPUDevice":
     adapter = default_device().adapter
     if TIMESTAMPS not in adapter.features:
         raise DeviceError(f"adapter {name_of(adapter)} has no timestamp queries: steps cannot be timed on it")
-    return adapter.request_device_sync(required_features=[TIMESTAMPS], required_limits=dict(LIMITS))
+    return adapter.request_device_sync(required_features=[TIMESTAMPS], required_limits=requested_limits(adapter))
 
 
 class Stopwatch:

@@ -1,4 +1,4 @@
-"""The GPU device: opened once per process, with WebGPU's default limits and the adapter's texture size."""
+"""The GPU device: opened once per process, with WebGPU's default limits and the adapter's sizes."""
 
 import os
 from collections.abc import Iterator
@@ -24,7 +24,8 @@ LIMITS = {
 }
 """WebGPU's defaults, which every implementation supports, so that the same shaders run in browsers."""
 TEXTURE_SIDE = "max-texture-dimension-2d"
-"""Limit that is requested at the adapter's maximum: wide displays need it, shaders do not."""
+SIZES = TEXTURE_SIDE, "max-storage-buffer-binding-size", "max-buffer-size"
+"""Limits that are requested at the adapter's maximum: large displays need them, shaders do not."""
 _lock = ForkSafeLock()
 _devices: list["wgpu.GPUDevice"] = []
 """The device of this process, if there is one."""
@@ -88,10 +89,14 @@ def _open_device() -> "wgpu.GPUDevice":
     if lacking:
         raise DeviceError(f"adapter {name_of(adapter)} is below WebGPU's default {', '.join(lacking)}")
     try:
-        limits = {**LIMITS, TEXTURE_SIDE: adapter.limits.get(TEXTURE_SIDE, LIMITS[TEXTURE_SIDE])}
-        return adapter.request_device_sync(label="supersampler", required_limits=limits)
+        return adapter.request_device_sync(label="supersampler", required_limits=requested_limits(adapter))
     except Exception as error:
         raise DeviceError(f"adapter {name_of(adapter)} cannot create a device: {error}") from error
+
+
+def requested_limits(adapter: "wgpu.GPUAdapter") -> dict[str, int]:
+    """Return WebGPU's default limits with the sizes of an adapter."""
+    return LIMITS | {name: int(adapter.limits.get(name, LIMITS[name])) for name in SIZES}
 
 
 def name_of(adapter: "wgpu.GPUAdapter") -> str:
