@@ -18,6 +18,7 @@ from supersampler.backends.gpu.program import (
     preprocess,
 )
 from supersampler.frame import Float32
+from supersampler.io.display import MAX_HALF
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taau.spec import TAAU
@@ -29,7 +30,7 @@ def _unpack_surface(words: Packed) -> Float32:
 
 
 def _pack_surface(pixels: Float32) -> Packed:
-    shade = np.ascontiguousarray(pixels[..., 1:3]).astype(np.float16).view(np.uint32)
+    shade = np.ascontiguousarray(pixels[..., 1:3]).clip(0.0, MAX_HALF).astype(np.float16).view(np.uint32)
     return np.concatenate([np.ascontiguousarray(pixels[..., :1]).view(np.uint32), shade], -1)
 
 
