@@ -25,7 +25,9 @@ def device_with_timestamps() -> "wgpu.GPUDevice":
     adapter = default_device().adapter
     if TIMESTAMPS not in adapter.features:
         raise DeviceError(f"adapter {name_of(adapter)} has no timestamp queries: steps cannot be timed on it")
-    return adapter.request_device_sync(required_features=[TIMESTAMPS], required_limits=requested_limits(adapter))
+    return adapter.request_device_sync(
+        required_features=[TIMESTAMPS], required_limits=requested_limits(adapter)
+    )
 
 
 class Stopwatch:
