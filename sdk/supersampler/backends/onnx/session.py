@@ -40,6 +40,7 @@ def open_session(
     *,
     inputs: Sequence[TensorInfo] = (),
     outputs: Sequence[TensorInfo] = (),
+    records_placement: bool = False,
 ) -> "ort.InferenceSession":
     """Load the graph at `path`.
 
@@ -47,17 +48,17 @@ def open_session(
     operators that are not ONNX's own, are refused.
 
     The graph must have exactly these inputs (an empty list disables the check), and these outputs,
-    perhaps among others.
+    perhaps among others. `records_placement`: see `node_placement`.
 
     Raises:
         ModelError: the graph is too large, refused, has other tensors, or ONNX Runtime cannot load it.
         ProviderError: the first provider cannot start.
     """
-    output_names = {tensor.name for tensor in outputs}
+    output_names, options = {tensor.name for tensor in outputs}, _session_options(threads)
+    if records_placement:
+        options.add_session_config_entry("session.record_ep_graph_assignment_info", "1")
     try:
-        session = ort.InferenceSession(
-            _content(path), _session_options(threads), providers=precise(providers)
-        )
+        session = ort.InferenceSession(_content(path), options, providers=precise(providers))
         _check_in_use(providers[0], session.get_providers())
         if inputs:
             _check_tensors(path, "input", inputs, session.get_inputs())
@@ -78,9 +79,7 @@ def node_placement(path: Path, provider: str) -> dict[str, Counter[str]]:
     Raises:
         ModelError, ProviderError: see `open_session`.
     """
-    options = session_options(threads=1)
-    options.add_session_config_entry("session.record_ep_graph_assignment_info", "1")
-    session = open_session(path, options, list(dict.fromkeys([provider, CPU])))
+    session = open_session(path, 1, list(dict.fromkeys([provider, CPU])), records_placement=True)
     found: dict[str, Counter[str]] = {}
     for subgraph in session.get_provider_graph_assignment_info():
         counts = found.setdefault(subgraph.ep_name, Counter())
