@@ -113,6 +113,50 @@ static void thread_counts_change_no_bit(void) {
         }
 }
 
+enum { TALL_W = 16, TALL_H = 200 };
+
+/* Steps three frames of which a model of few threads keeps but some bands at a time. */
+static void run_tall(const char* method, int threads, float* image) {
+    static float color[TALL_H][TALL_W][3], depth[TALL_H][TALL_W], motion[TALL_H][TALL_W][2];
+    ss_error error;
+    ss_options options;
+    memset(&options, 0, sizeof options);
+    options.threads = threads;
+    ss_model* model = NULL;
+    ss_upscaler* upscaler = NULL;
+    CHECK(ss_model_create(method, &options, &model, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_upscaler_create(model, 2 * TALL_W, 2 * TALL_H, &upscaler, &error) == SS_OK, "%s", error.message);
+    state = 3;
+    for (int index = 0; index < 3; index++) {
+        for (int y = 0; y < TALL_H; y++)
+            for (int x = 0; x < TALL_W; x++) {
+                for (int c = 0; c < 3; c++) color[y][x][c] = 2.0f * random_unit();
+                depth[y][x] = 0.01f + 0.1f * random_unit();
+                for (int c = 0; c < 2; c++) motion[y][x][c] = 20.0f * random_unit() - 10.0f;
+            }
+        ss_frame frame;
+        memset(&frame, 0, sizeof frame);
+        frame.width = TALL_W, frame.height = TALL_H, frame.adds_samples = 1.0f;
+        frame.color.data = color, frame.depth.data = depth, frame.motion.data = motion;
+        ss_outputs outputs = outputs_of(image);
+        CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+    }
+    ss_upscaler_destroy(upscaler);
+    ss_model_destroy(model);
+}
+
+static void bands_share_buffers_without_a_trace(void) {
+    static float all[4 * TALL_W * TALL_H * 3], few[4 * TALL_W * TALL_H * 3];
+    for (int m = 0; m < METHODS; m++) {
+        if (strcmp(methods[m], "gbuffer-fast") == 0) continue; /* reads G-buffers */
+        run_tall(methods[m], 64, all); /* keeps all bands */
+        for (int threads = 1; threads <= 7; threads += 2) {
+            run_tall(methods[m], threads, few);
+            CHECK(memcmp(all, few, sizeof all) == 0, "%s with %d threads", methods[m], threads);
+        }
+    }
+}
+
 static const char* const instructions[] = {"avx512", "avxvnni", "avx2", "neon", "portable"};
 enum { INSTRUCTIONS = 5 };
 
@@ -384,6 +428,7 @@ int main(void) {
     states_are_saved_and_loaded();
     CHECK(ss_version() == SS_VERSION, "%d", ss_version());
     thread_counts_change_no_bit();
+    bands_share_buffers_without_a_trace();
     instructions_agree();
     views_of_any_strides_are_read();
     images_of_any_strides_are_written();
