@@ -31,7 +31,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz wheels kit sanitize fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz wheels kit sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -142,6 +142,11 @@ sanitize:
 	    $(SANITIZED) -B build/$$kind -DSS_SANITIZE=$$kind && cmake --build build/$$kind --parallel \
 	        && ctest --test-dir build/$$kind --output-on-failure || exit 1; \
 	done
+
+# Ten million hostile values for each method on each instruction set that this CPU has.
+hostile:
+	cmake -S sdk/native -B build/tests && cmake --build build/tests --parallel
+	SS_HOSTILE=1300 build/tests/test_api
 
 SECONDS ?= 60
 
