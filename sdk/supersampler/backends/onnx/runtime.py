@@ -17,6 +17,7 @@ from _thread import get_ident
 from collections.abc import Sequence
 from functools import cache
 from importlib import metadata
+from importlib.util import find_spec
 from threading import Event
 from types import ModuleType, TracebackType
 from typing import TYPE_CHECKING, Any
@@ -124,8 +125,9 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
     if not is_row(given) or not all(isinstance(name, str) for name in given) or not len(given):
         want = "'auto', a provider's name, or several in a list"
         raise ArgumentError("providers", got=shown(providers), want=want)
-    if _distribution() == "onnxruntime" and providers in ("auto", "cpu"):
-        return [CPU]  # what that distribution has of `_AUTOMATIC`
+    is_plain = _distribution() == "onnxruntime" or find_spec("onnxruntime") is None
+    if is_plain and providers in ("auto", "cpu"):
+        return [CPU]  # what that distribution has of `_AUTOMATIC`; other backends run without any
     available = ort.get_available_providers()
     if isinstance(providers, str) and providers == "auto":
         return [NAMES[name] for name in _AUTOMATIC if NAMES[name] in available][:1]
