@@ -19,9 +19,10 @@ SHARED_CONSTANTS = (
     "supersampler.io.display",
     "supersampler.methods.constants",
     "supersampler.methods.at_rest",
-    "supersampler.backends.gpu.history",
 )
-"""Modules whose constants all shaders can use."""
+"""Modules whose constants shaders and the CPU library can use."""
+GPU_CONSTANTS = "supersampler.backends.gpu.history"
+"""Module whose constants shaders can use, too."""
 MAX_ROUNDS = 16
 """Loops with more rounds stay loops: they would take long to compile."""
 Number = float | int | bool
@@ -130,10 +131,11 @@ def load_shader(
         name: name of its file, without the suffix.
         folders: packages of methods, with a folder `shaders` and a module `spec`. Shaders of `backends.gpu`
             are always found.
-        constants: declared first, as `const NAME = value;`, after those of SHARED_CONSTANTS and of the specs.
+        constants: declared first, as `const NAME = value;`, after those of SHARED_CONSTANTS,
+            GPU_CONSTANTS and the specs.
         variants: files to import in place of a name.
     """
-    modules = *SHARED_CONSTANTS, *(f"{folder}.spec" for folder in reversed(folders))
+    modules = *SHARED_CONSTANTS, GPU_CONSTANTS, *(f"{folder}.spec" for folder in reversed(folders))
     known = {key: value for module in modules for key, value in numbers_of(module).items()}
     known |= {key.upper(): value for key, value in constants.items()}
     parts = {"": Part("", [one for key, value in known.items() for one in _declarations(key, value)])}

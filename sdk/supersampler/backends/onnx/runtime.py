@@ -126,7 +126,7 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
         want = "'auto', a provider's name, or several in a list"
         raise ArgumentError("providers", got=shown(providers), want=want)
     is_plain = _distribution() == "onnxruntime" or find_spec("onnxruntime") is None
-    if is_plain and providers in ("auto", "cpu"):
+    if is_plain and isinstance(providers, str) and providers in ("auto", "cpu"):
         return [CPU]  # what that distribution has of `_AUTOMATIC`; other backends run without any
     available = ort.get_available_providers()
     if isinstance(providers, str) and providers == "auto":
