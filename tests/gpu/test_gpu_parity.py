@@ -49,8 +49,8 @@ SIZES_OF_LARGE = [
 ]
 """`classifier-large` has ratios to 2."""
 FOUR_TIMES = ((9, 5), (36, 20))
-FRAMES = 200
-LEARNED_FRAMES = 25  # of a network in torch and ONNX Runtime, which are slow; `bench parity` compares more
+FRAMES = 100
+LEARNED_FRAMES = 15  # of a network in torch and ONNX Runtime, which are slow; `bench parity` compares more
 
 
 def lit(index: int) -> Frame:
