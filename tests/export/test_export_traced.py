@@ -40,6 +40,7 @@ def structure(model: onnx.ModelProto) -> tuple[Counter[str], list[Any]]:
     return Counter(node.op_type for node in model.graph.node), sorted(constants, key=str)
 
 
+@pytest.mark.timeout(900)  # a trace of `classifier` takes two to six minutes, by machine
 @pytest.mark.parametrize("name", TRACED)
 def test_the_shipped_graph_is_up_to_date(name: str) -> None:
     folder = find_model(name)
