@@ -4,16 +4,21 @@ import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
-import numpy as np
-
-from supersampler import Frame, Model, Upscaler
-from supersampler.backends.onnx.runtime import NAMES
+from supersampler import Frame
+from supersampler.backends.onnx.runtime import NAMES, ort
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import SupersamplerError
 from supersampler.frame import Size
-from supersampler_bench.timing.latency import WARM_UP, plaza_frames, quantiles
+from supersampler_bench.timing.latency import (
+    WARM_UP,
+    Setting,
+    measure_settings,
+    plaza_frames,
+    quantiles,
+)
 from supersampler_model.data.shots import render_size
 
 
@@ -62,8 +67,8 @@ def measure_other_runtimes(
     """
     frames = plaza_frames(render_size(display, ratio))
     for method in methods:
-        for measure in (_torch_steps, _onnx_steps):
-            yield from measure(method, display, frames, steps, on_left_out)
+        yield from _torch_steps(method, display, frames, steps, on_left_out)
+    yield from _onnx_steps(methods, display, ratio, steps, on_left_out)
 
 
 def _torch_steps(
@@ -85,7 +90,9 @@ def _torch_steps(
         except Exception as error:  # the compiler raises whatever it stumbles over
             on_left_out(f"{name} in {runtime} is left out: {str(error)[:200]}")
             continue
-        yield _summary(name, runtime, torch.__version__, display, frames, timed, first)
+        median, p95, _ = quantiles(timed)
+        where = str(torch.__version__), frames[0].size, display, steps
+        yield RuntimeStep(name, runtime, *where, median, p95, first)
 
 
 def _on_cuda(
@@ -123,42 +130,25 @@ def _on_cuda(
 
 
 def _onnx_steps(
-    name: str, display: Size, frames: Sequence[Frame], steps: int, on_left_out: Callable[[str], None]
+    methods: Sequence[str], display: Size, ratio: float, steps: int, on_left_out: Callable[[str], None]
 ) -> Iterator[RuntimeStep]:
-    try:
-        import onnxruntime
-    except ImportError as error:
-        on_left_out(f"ONNX Runtime is left out: {error}")
+    if find_spec("onnxruntime") is None:
+        on_left_out("ONNX Runtime is left out: it is not installed")
         return
-    for key, provider in NAMES.items():
-        if key == "cpu" or provider not in onnxruntime.get_available_providers():
+    settings = [Setting(method, display, "onnx", 0) for method in methods]
+    installed = ort.get_available_providers()
+    for name, provider in NAMES.items():
+        if name == "cpu" or provider not in installed:
             continue
         try:
-            began = time.perf_counter()
-            model = Model.load(name, executor="onnx", providers=key)
-            upscaler = Upscaler(model, display_size=display, validate="off")
-            image = np.empty((*display[::-1], 3), np.float32)
-            upscaler.step(frames[0], out=image)
-            first, times = time.perf_counter() - began, []
-            for frame in itertools.islice(itertools.cycle(frames), steps + WARM_UP):
-                started = time.perf_counter()
-                upscaler.step(frame, out=image)
-                times.append(1e3 * (time.perf_counter() - started))
+            timed = measure_settings(
+                settings, providers=name, ratio=ratio, steps=steps, on_left_out=on_left_out
+            )
         except SupersamplerError as error:
-            on_left_out(f"{name} by {provider} is left out: {error}")
+            on_left_out(f"{provider} is left out: {error}")
             continue
-        runtime = f"onnx, {provider}"
-        yield _summary(name, runtime, onnxruntime.__version__, display, frames, times[WARM_UP:], first)
-
-
-def _summary(
-    name: str,
-    runtime: str,
-    version: str,
-    display: Size,
-    frames: Sequence[Frame],
-    times: list[float],
-    first: float,
-) -> RuntimeStep:
-    median, p95, _ = quantiles(times)
-    return RuntimeStep(name, runtime, version, frames[0].size, display, len(times), median, p95, first)
+        for one in timed[1:]:  # after the reference on the CPU
+            where = ort.__version__, render_size(display, ratio), display, steps
+            yield RuntimeStep(
+                one.setting.method, f"onnx, {name}", *where, one.median, one.p95, 1e-3 * one.first
+            )

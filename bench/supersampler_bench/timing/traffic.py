@@ -130,7 +130,7 @@ def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -
 
 @dataclass(frozen=True)
 class TrafficRecord(BenchRecord):
-    """What steps of the GPU backend move and multiply."""
+    """Bytes, multiply-adds and passes of steps of the GPU backend."""
 
     steps: list[Traffic]
     BENCH = "traffic"

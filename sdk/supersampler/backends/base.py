@@ -64,7 +64,7 @@ class Executor(Protocol):
             next_history: written to; not `history`.
             image: (H, W, 3), written to.
             aux_outputs: names of auxiliary outputs to return.
-            adds_samples: 1 adds the frame's samples to the mean of what stands still; 0 adds none, for
+            adds_samples: 1 adds the frame's samples to the mean of static blocks; 0 does not, as for
                 extrapolated frames; NOISY: see `methods.at_rest`.
             skip: whether tiles whose image is frozen may be left out. It changes no bit of the result.
         """

@@ -1,5 +1,4 @@
 // The reactive mask: minimum weight of this frame.
-// import params
 // import sanitize
 
 // The mask of a sample, in [0, 1]; 0 where the sample is missing. NaN counts as 0.

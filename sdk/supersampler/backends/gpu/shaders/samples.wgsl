@@ -13,9 +13,6 @@ fn toned_sample(samples: texture_2d<f32>, p: vec2i) -> vec4f {
     return vec4f(usable * tone(sample.rgb), usable);
 }
 
-// Toned RGB, filled where the sample is missing.
-fn filled_sample(samples: texture_2d<f32>, p: vec2i) -> vec3f { return tone(textureLoad(samples, p, 0).rgb); }
-
 fn usable_in(alpha: f32) -> f32 { return f32(u32(alpha) & 1u); }
 fn glares_in(alpha: f32) -> bool { return (u32(alpha) & 2u) != 0u; }
 fn mask_in(alpha: f32) -> f32 { return f32(u32(alpha) >> 2u) / MASK_STEPS; }

@@ -16,8 +16,6 @@ fn gaussian(distance: vec4f, sigma: f32) -> vec4f { return exp(distance * distan
 
 fn gaussian1(distance: f32, sigma: f32) -> f32 { return exp(distance * distance * (-0.5 / (sigma * sigma))); }
 
-fn tent(distance: f32) -> f32 { return max(1.0 - abs(distance), 0.0); }
-
 fn catmull_rom(distance: vec4f) -> vec4f {
     let d = abs(distance);
     let near = (1.5 * d - 2.5) * d * d + 1.0;

@@ -16,7 +16,6 @@ const SIDE = 8;          // packed pixels of a workgroup in either direction, on
 const PIXELS_ACROSS = 2 * SIDE;
 const PIXELS_DOWN = 2 * SIDE;
 const TILE_THREADS = SIDE * SIDE;
-const THREADS = 64u;
 
 @group(0) @binding(3) var<storage, read> next_state: State;
 @group(0) @binding(4) var samples: texture_2d<f32>;

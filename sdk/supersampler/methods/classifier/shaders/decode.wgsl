@@ -2,13 +2,13 @@
 // import int8
 //
 // DECODER, HIDDEN_WEIGHTS, BLEND: of weights in `network`; QUADS: of a display pixel's blend parameters; LOGITS: first of
-// six bytes of the hidden layer. Files that import this define THREADS, the threads of a workgroup.
+// six bytes of the hidden layer. Files that import this define TILE_THREADS, the threads of a workgroup.
 
 const FEATURES = 2u;         // chunks of the decoder's input and output
 const HIDDEN = 4u;           // of the hidden layer
 const HIDDEN_INPUTS = 6u;    // of its input: four display pixels, and FEATURES
 
-var<workgroup> hidden: array<u32, THREADS * 4u * HIDDEN>;   // of the decoder, then of the hidden layer; by quad
+var<workgroup> hidden: array<u32, TILE_THREADS * 4u * HIDDEN>;   // of the decoder, then of the hidden layer; by quad
 
 // Bytes of all levels at a packed pixel: 16 + 8 + 4 + 4.
 fn feature_chunk(p: vec2i, chunk: u32) -> vec4u {
@@ -33,7 +33,7 @@ fn hide(p: vec2i, thread: u32) {
         /* unroll */ for (var c = 0u; c < FEATURES; c++) {
             sums += products16(features[c], DECODER + (quad * FEATURES + c) * 4u);
         }
-        hidden[quad * THREADS + thread] = to_bytes(scaled(sums, DECODER + 8u * FEATURES * 4u, 8u, quad));
+        hidden[quad * TILE_THREADS + thread] = to_bytes(scaled(sums, DECODER + 8u * FEATURES * 4u, 8u, quad));
     }
     let decoded = array(hidden_chunk(0u, thread), hidden_chunk(1u, thread));
     for (var quad = 0u; quad < 4u * HIDDEN; quad++) {
@@ -41,13 +41,13 @@ fn hide(p: vec2i, thread: u32) {
         var sums = products16(decoded[0], weights + 16u) + products16(decoded[1], weights + 20u);
         /* unroll */ for (var c = 0u; c < 4u; c++) { sums += products16(given[c], weights + 4u * c); }
         let values = HIDDEN_WEIGHTS + 4u * HIDDEN * HIDDEN_INPUTS * 4u;
-        hidden[quad * THREADS + thread] = to_bytes(scaled(sums, values, 4u * HIDDEN, quad));
+        hidden[quad * TILE_THREADS + thread] = to_bytes(scaled(sums, values, 4u * HIDDEN, quad));
     }
 }
 
 fn hidden_chunk(chunk: u32, thread: u32) -> vec4u {
-    let first = 4u * chunk * THREADS + thread;
-    return vec4u(hidden[first], hidden[first + THREADS], hidden[first + 2u * THREADS], hidden[first + 3u * THREADS]);
+    let first = 4u * chunk * TILE_THREADS + thread;
+    return vec4u(hidden[first], hidden[first + TILE_THREADS], hidden[first + 2u * TILE_THREADS], hidden[first + 3u * TILE_THREADS]);
 }
 
 // Blend parameters of a display pixel, four by four. corner: which of the packed pixel's four.
@@ -70,7 +70,7 @@ fn class_bytes(thread: u32, known: bool) -> vec2u {
     var likely = array<f32, 6>();
     /* unroll */ for (var i = 0u; i < 6u; i++) {
         let byte = LOGITS + i;
-        let value = hidden[byte / 4u * THREADS + thread] >> (8u * (byte % 4u));
+        let value = hidden[byte / 4u * TILE_THREADS + thread] >> (8u * (byte % 4u));
         likely[i] = exp(clamp((f32(value & 0xffu) - 128.0) * LOGITS_SCALE, -16.0, 16.0));
     }
     let ghosting = 255.0 / (likely[0] + likely[1] + likely[2]);

@@ -1,6 +1,6 @@
 // The first level of the encoder: 1x1, depthwise 3x3, 1x1, then 2x2 maximum of what the next level takes. Pixels are
 // 2x2 display pixels. It has most of the network's pixels, so that a thread has one, and all threads read the same
-// weights at the same time; threads around a tile compute the first layer alone.
+// weights at the same time; threads around a tile compute the first layer alone. It keeps one chunk of a pixel.
 // import params
 // import level
 // import half_inputs

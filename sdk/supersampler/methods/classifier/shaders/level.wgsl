@@ -4,9 +4,9 @@
 // import int8
 // import state
 //
-// Constants of a level: LEVEL; TILE_X, TILE_Y; INPUTS, CHANNELS, KEPT, POOLED: chunks of the input, of the
-// channels between the layers, and of the two outputs; CHANNEL_QUADS, OUTPUT_QUADS: quads of channels and outputs; KEPT_ACROSS: texels of a pixel in a row of `kept`;
-// FIRST, SPATIAL, LAST: of weights in `network`.
+// Constants of a level: LEVEL; TILE_X, TILE_Y; INPUTS, CHANNELS, KEPT, POOLED: chunks of the input, of the channels
+// between the layers, and of the two outputs; CHANNEL_QUADS, OUTPUT_QUADS: quads of channels and outputs; KEPT_ACROSS:
+// texels of a pixel in a row of `kept`; FIRST, SPATIAL, LAST: of weights in `network`.
 
 @group(0) @binding(2) var kept: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(3) var<storage, read_write> pooled: array<vec4u>;
