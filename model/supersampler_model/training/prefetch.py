@@ -68,7 +68,7 @@ class PackedCrops:
         return cls(buffer, slots, positions)
 
     def pin_memory(self) -> "PackedCrops":
-        """Return the same in memory that a GPU copies without waiting; the loader calls it by this name."""
+        """Return a copy in page-locked memory, from which a GPU copies by itself; the loader calls this."""
         return replace(self, buffer=self.buffer.pin_memory())
 
     def on(self, device: torch.device) -> list[Any]:
@@ -78,7 +78,7 @@ class PackedCrops:
 
 
 class _Frames(IterableDataset[PackedCrops]):
-    """The streams, frame by frame; those of one worker of n are every n-th."""
+    """Streams, frame by frame; each of n workers cuts every n-th stream."""
 
     def __init__(self, streams: Sequence[CropStream]) -> None:
         self._streams = streams
@@ -95,7 +95,9 @@ class _Frames(IterableDataset[PackedCrops]):
 def frames_of(
     streams: Sequence[CropStream], device: torch.device, workers: int
 ) -> Iterator[list[tuple[Any, StreamPosition]]]:
-    """Yield the next frame of each stream, with the stream's position after it, whatever the workers.
+    """Yield the next frame of each stream, with the stream's position after it.
+
+    Crops do not depend on the number of workers.
 
     Args:
         streams: streams of crops.

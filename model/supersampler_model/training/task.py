@@ -96,8 +96,8 @@ def fast_convolutions(device: torch.device, *, training: bool = True) -> torch.a
 
     Such a CPU takes several times as long with bfloat16 as with float32.
     """
-    there = device.type != "cpu" or any(torch.cpu.get_capabilities().get(name) for name in BFLOAT16)
-    return torch.autocast(device.type, torch.bfloat16, enabled=training and there)
+    is_fast = device.type != "cpu" or any(torch.cpu.get_capabilities().get(name) for name in BFLOAT16)
+    return torch.autocast(device.type, torch.bfloat16, enabled=training and is_fast)
 
 
 def in_batches(stage: Callable[..., Result], crops: Sequence[tuple[Any, ...]]) -> list[Result]:

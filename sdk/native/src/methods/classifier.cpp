@@ -259,6 +259,9 @@ static void make_work(const Step& step, ClassifierWork& work) {
 // for the first layer of each level, which is in one with the other layers of the level above.
 enum BandStage { PREPARE, GATHER, ENCODE, FINISH = ENCODE + LEVELS, BAND_STAGES };
 
+// The history of classifier-large has 7/5 of the display's rows.
+static_assert(MAX_SIDE / 5 * 7 / BAND + BAND_STAGES + 1 <= MAX_BANDS);
+
 static ss_stage run_stage(const Step& step, const ClassifierWork& work, int stage, int band, int thread) {
     const Kernels& kernels = step.kernels();
     const Samples& s = work.samples;
