@@ -24,3 +24,9 @@ def scene_file(folder: Path, **plan: Any) -> Path:
     path.write_text("BLENDER")
     path.with_name("plan.json").write_text(json.dumps({n.replace("_", " "): v for n, v in plan.items()}))
     return path
+
+
+def is_running(pid: int) -> bool:
+    """Return whether a process exists and is no zombie (Linux)."""
+    state = Path(f"/proc/{pid}/stat")
+    return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"

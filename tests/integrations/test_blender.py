@@ -280,7 +280,7 @@ def test_every_second_frame_is_refused_as_motion_leads_to_the_one_before(tmp_pat
     blend = make_scene(tmp_path, properties={"scene.frame_step": 2})
     command = ["blender", blend, "-o", tmp_path / "out", "--blender", PROGRAM]
     done = CliRunner().invoke(app, [str(word) for word in command])
-    assert "give --frames 5-10" in done.stderr
+    assert "pass --frames 5-10" in done.stderr
 
 
 def test_the_extension_installs_renders_upscales_and_says_what_is_wrong(tmp_path: Path) -> None:

@@ -12,21 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 import supersampler
-from blender_files import fake_blender, scene_file
+from blender_files import fake_blender, is_running, scene_file
+from supersampler.cli import app
 from supersampler.io.child_process import ChildProcess, end_text, run
 
 SDK = Path(supersampler.__file__).parent
 SECONDS = 40.0
-
-
-def is_running(pid: int) -> bool:
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text()
-    except FileNotFoundError:
-        return False
-    return state.rpartition(")")[2].split()[0] != "Z"
 
 
 def wait_until(what: Callable[[], object], seconds: float = SECONDS) -> None:
@@ -101,8 +95,8 @@ def test_signals_that_are_ignored_stay_ignored_and_sigterm_ends_the_command(tmp_
 
 @pytest.fixture(scope="module")
 def extension() -> Any:
-    """The module run.py, whose package imports bpy."""
-    file = SDK / "integrations" / "blender" / "extension" / "run.py"
+    """The extension's module run.py, loaded without its package, which imports bpy."""
+    file = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension" / "run.py"
     spec = importlib.util.spec_from_file_location("extension_run", file)
     assert spec is not None
     assert spec.loader is not None
@@ -183,23 +177,75 @@ time.sleep(600)
     wait_until(lambda: not is_running(command_pid) and not is_running(pid))
 
 
+LISTS_FRAMES = """
+import json, pathlib, sys, time
+out = pathlib.Path(sys.argv[1])
+print("motion blur is off", file=sys.stderr, flush=True)
+for count in (1, 2, 3):
+    part = out / "part"
+    part.write_text(json.dumps({"files": {"exr/####.exr": count, "png/####.png": count, "compare.html": 1}}))
+    part.replace(out / "upscale.json")
+    while not (out / f"go{count}").exists():
+        time.sleep(0.01)
+"""
+
+
+def ended(running: Any) -> Any:
+    """Wait until a command of the extension has ended, and return it."""
+    while running.wait(0.1):
+        pass
+    return running
+
+
+def test_progress_is_the_number_of_listed_frames(extension: Any, tmp_path: Path) -> None:
+    running = extension.Run([sys.executable, "-c", LISTS_FRAMES, str(tmp_path)], tmp_path, 3)
+    for count in (1, 2, 3):
+        wait_until(lambda: running.pump() and running.done == count)  # noqa: B023  # called at once
+        (tmp_path / f"go{count}").touch()
+    ended(running)
+    assert (running.done, running.error, running.notes) == (3, "", ["motion blur is off"])
+
+
+def test_the_last_line_of_a_failed_command_is_the_error(extension: Any, tmp_path: Path) -> None:
+    for code, error in (
+        ("import sys; print('error: no camera', file=sys.stderr); sys.exit(1)", "no camera"),
+        ("raise SystemExit(7)", "the command ended with 7"),
+    ):
+        running = ended(extension.Run([sys.executable, "-c", code], tmp_path, 3))
+        assert (running.done, running.error) == (0, error)
+    with pytest.raises(OSError, match="nowhere"):
+        extension.Run([str(tmp_path / "nowhere")], tmp_path, 3)
+
+
+def test_the_extensions_commands_are_accepted(extension: Any, tmp_path: Path) -> None:
+    common = {"scale": 2.0, "image_format": "png"}
+    blender = str(fake_blender(tmp_path))
+    rendered = extension.render_command(
+        "supersampler", str(scene_file(tmp_path)), tmp_path / "out", blender=blender, frames=(5, 6),
+        scene="Scene", samples=4, overwrite=True, **common,
+    )  # fmt: skip
+    rendered = ["exr" if word == "png" else word for word in rendered]  # the recorded scene has no view
+    frames = tmp_path / "out" / "render"
+    upscaled = extension.upscale_command("supersampler", frames, tmp_path / "again", **common)
+    for command in (rendered, upscaled):
+        done = CliRunner().invoke(app, [*command[1:], "--method", "bilinear"])
+        assert done.exit_code == 0, done.output
+    assert sorted(path.name for path in (tmp_path / "again").glob("*.png")) == ["0005.png", "0006.png"]
+
+
 @pytest.mark.parametrize(
     "content",
-    ["", "[]", "{}", '{"files": []}', '{"files": {"#": "x"}}', '{"files": {"#": []}}', "[" * 100_000],
+    ["", "[]", '{"files": {"#": []}}', "[" * 100_000],
 )
 def test_a_foreign_record_counts_as_no_progress(extension: Any, tmp_path: Path, content: str) -> None:
     (tmp_path / "upscale.json").write_text(content)
-    running = extension.Run([sys.executable, "-c", "print('x' * 10**6)"], tmp_path, 3)
-    while running.wait(0.1):
-        pass
+    running = ended(extension.Run([sys.executable, "-c", "print('x' * 10**6)"], tmp_path, 3))
     assert (running.done, running.error) == (0, "")
 
 
 def test_messages_of_a_command_are_bounded(extension: Any, tmp_path: Path) -> None:
     code = "import sys; sys.stderr.write('x' * 10**6 + '\\n' + 'line\\n' * 5000 + 'last\\n'); sys.exit(1)"
-    running = extension.Run([sys.executable, "-c", code], tmp_path, 3)
-    while running.wait(0.1):
-        pass
+    running = ended(extension.Run([sys.executable, "-c", code], tmp_path, 3))
     assert running.error == "last"
     assert len(running.notes) <= 1000
     assert max(map(len, running.notes)) <= 4096

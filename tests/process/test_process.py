@@ -95,12 +95,6 @@ def test_without_the_library_the_graph_runs_and_one_warning_says_so(tmp_path: Pa
     assert "pip install" in done.stdout
 
 
-def test_a_file_that_is_no_library_is_named(tmp_path: Path) -> None:
-    (tmp_path / "other.so").write_bytes(b"no library")
-    done = run_apart(STEP + WARNED.format(path=str(tmp_path / "other.so")))
-    assert "other.so cannot be loaded" in done.stdout
-
-
 def test_a_step_changes_nothing_of_its_process() -> None:
     run_apart(
         f"""{STEP}

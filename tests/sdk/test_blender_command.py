@@ -1,6 +1,5 @@
 """Tests of `supersampler blender` with a recorded render: resuming, errors, frames upscaled meanwhile."""
 
-import importlib.util
 import json
 import re
 import shutil
@@ -8,23 +7,20 @@ import sys
 import threading
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-import supersampler
-from blender_files import NUMBERS, RECORDED, fake_blender, scene_file
+from blender_files import NUMBERS, RECORDED, fake_blender, is_running, scene_file
 from blender_motion import camera_motion_of
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
 from supersampler.integrations.blender.render import find_blender
-from supersampler.io.images import read_exr, read_header, write_exr
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import open_source
 from supersampler.io.shot.blender import read_render_record
-from supersampler.io.shot.numbered import FrameRange
 from supersampler.upscaler import Upscaler
 from supersampler.validation import detect_conventions
 
@@ -68,16 +64,6 @@ def test_images_have_blenders_numbers_and_are_those_of_the_rendered_shot(tmp_pat
         assert channels.keys() == {"R", "G", "B", "A"}
         image = np.stack([channels[axis] for axis in "RGB"], axis=-1)
         np.testing.assert_array_equal(image, upscaler.step(item.frame).astype(np.float16))
-
-
-def test_metadata_of_blenders_frames_is_kept_but_what_is_of_their_layout(tmp_path: Path) -> None:
-    blender(tmp_path)
-    metadata = read_header(tmp_path / "out" / "0006.exr").metadata
-    assert metadata.items() >= {"Camera": "Camera", "Frame": "6", "Scene": "Scene"}.items()
-    stated = {name: metadata.pop(name) for name in ("chromaticities", "colorInteropID")}
-    assert stated["colorInteropID"] == "lin_rec709_scene"
-    assert metadata == read_header(RECORDED / "0006.exr").metadata
-    assert "BlenderMultiChannel" not in metadata  # the results are not multilayer files
 
 
 def test_a_frame_is_upscaled_while_the_next_ones_render(tmp_path: Path) -> None:
@@ -241,37 +227,10 @@ def test_a_missing_scene_is_an_error(tmp_path: Path) -> None:
     assert "no.blend: there is no such file" in one_line(done)
 
 
-@pytest.mark.parametrize("text", ["", "a", "8-5", "-5", "5-", "1.5", "1-2-3", "9999999999"])
-def test_other_ranges_of_frames_are_refused(text: str) -> None:
-    with pytest.raises(ArgumentError, match=r"--frames is .*; want FIRST-LAST"):
-        FrameRange.parse(text, "--frames", lowest=0)
-
-
-def test_ranges_of_frames_are_read() -> None:
-    found = [FrameRange.parse(text, "--frames", lowest=0) for text in ("1-48", "12", " 0 - 0 ")]
-    assert found == [FrameRange(1, 48), FrameRange(12, 12), FrameRange(0, 0)]
-
-
 # --- attacks by a .blend file, an add-on or a hanging Blender: on files, on the terminal, and hangs ---
 
 
 CAMERA = json.loads((RECORDED / "render.json").read_text())["frames"][0]
-
-
-def attack(folder: Path, *options: object, **plan: Any) -> Result:
-    command = ["blender", scene_file(folder, **plan), "-o", folder / "out", "--method", "bilinear"]
-    command += ["--blender", fake_blender(folder), *options]
-    before = threading.active_count()
-    result = CliRunner().invoke(app, [str(word) for word in command])
-    until = time.monotonic() + 5.0
-    while threading.active_count() > before and time.monotonic() < until and "daughter" not in plan:
-        time.sleep(0.01)
-    return result
-
-
-def error_of(result: Result) -> str:
-    assert result.exit_code == 1, result.output
-    return result.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize("prefix", ["supersampler ", "", "0" * 32, "\x1b[2K"])
@@ -280,16 +239,16 @@ def test_a_forged_message_of_a_scene_moves_no_file(tmp_path: Path, prefix: str) 
     secret = tmp_path / "id_ed25519"
     secret.write_text("key")
     forged = json.dumps({"frame": 5, "file": str(secret), **CAMERA})
-    done = attack(tmp_path, prints=f"cannot read 'a\n{prefix}{forged}\n{prefix}{{}}\nb'\n")
+    done = blender(tmp_path, prints=f"cannot read 'a\n{prefix}{forged}\n{prefix}{{}}\nb'\n")
     assert done.exit_code == 0, done.output
     assert secret.read_text() == "key"
     assert len(list((tmp_path / "out" / "render").glob("*.exr"))) == 4
-    assert attack(tmp_path, "--overwrite").exit_code == 0
+    assert blender(tmp_path, "--overwrite").exit_code == 0
     assert secret.read_text() == "key"
 
 
 def test_an_unterminated_line_does_not_hide_the_next_message(tmp_path: Path) -> None:
-    assert attack(tmp_path, prints="Warning: " + "x" * 3_000_000).exit_code == 0
+    assert blender(tmp_path, prints="Warning: " + "x" * 3_000_000).exit_code == 0
 
 
 @pytest.mark.parametrize(
@@ -309,15 +268,15 @@ def test_an_unterminated_line_does_not_hide_the_next_message(tmp_path: Path) -> 
     ],
 )
 def test_an_invalid_message_ends_the_render_with_one_line(tmp_path: Path, line: str, want: str) -> None:
-    assert want in error_of(attack(tmp_path, ours=[line]))
+    assert want in one_line(blender(tmp_path, ours=[line]))
     assert not list((tmp_path / "out").rglob("*.exr"))
 
 
 def test_names_are_printed_without_markup_or_control_codes(tmp_path: Path) -> None:
-    done = attack(tmp_path, note="view layer 'beauty [/x] [red]\x1b]0;title\x07\u202e' is rendered :smile:")
+    done = blender(tmp_path, note="view layer 'beauty [/x] [red]\x1b]0;title\x07\u202e' is rendered :smile:")
     assert done.exit_code == 0, done.output
     assert "view layer 'beauty [/x] [red]?]0;title??' is rendered :smile:" in done.stderr
-    log = attack(tmp_path, "--overwrite", prints="\x1b[31mred\x07\n")
+    log = blender(tmp_path, "--overwrite", prints="\x1b[31mred\x07\n")
     assert log.exit_code == 0, log.output
     text = (tmp_path / "out" / "render" / "blender.log").read_text("utf-8")
     assert "?[31mred?" in text
@@ -334,15 +293,7 @@ def test_foreign_files_beside_the_frames_are_kept(
     (other if linked else path).write_text("mine")
     if linked:
         path.symlink_to(other)
-    assert name in error_of(attack(tmp_path, *options))
-    assert path.read_text() == "mine"
-
-
-def test_foreign_settings_are_kept_and_do_not_block(tmp_path: Path) -> None:
-    path = tmp_path / "out" / "render" / "settings.json"
-    path.parent.mkdir(parents=True)
-    path.write_text("mine")
-    assert attack(tmp_path).exit_code == 0
+    assert name in one_line(blender(tmp_path, *options))
     assert path.read_text() == "mine"
 
 
@@ -357,7 +308,7 @@ def test_a_foreign_file_that_appears_during_the_run_is_kept(tmp_path: Path) -> N
 
     thread = threading.Thread(target=appear)
     thread.start()
-    line = error_of(attack(tmp_path, wait_at=7, **{"for": str(tmp_path / "go")}))
+    line = one_line(blender(tmp_path, wait_at=7, **{"for": str(tmp_path / "go")}))
     thread.join(60)
     assert "0007.exr: is there already, and render.json does not list it" in line
     assert late.read_text() == "mine"
@@ -372,14 +323,14 @@ def test_a_link_in_place_of_a_frame_is_not_accepted(tmp_path: Path, monkeypatch:
     (render / ".0005.01234567.partial.exr").symlink_to(tmp_path / "secret")
     record = json.loads((RECORDED / "render.json").read_text())
     scene, message = json.dumps({"scene": record["scene"]}), json.dumps({"frame": 5, **CAMERA})
-    assert "0005.exr: was not written" in error_of(attack(tmp_path, ours=[scene, message], error="end"))
+    assert "0005.exr: was not written" in one_line(blender(tmp_path, ours=[scene, message], error="end"))
     assert (tmp_path / "secret").read_text() == "key"
 
 
 @pytest.mark.long  # waits for seconds
 def test_a_blender_that_ignores_signals_is_killed(tmp_path: Path) -> None:
     began = time.monotonic()
-    assert "no camera" in error_of(attack(tmp_path, stubborn=True, error="no camera"))
+    assert "no camera" in one_line(blender(tmp_path, stubborn=True, error="no camera"))
     assert time.monotonic() - began < 60
     assert not is_running(int((tmp_path / "pid").read_text()))
 
@@ -389,115 +340,8 @@ def test_a_process_orphaned_by_blender_does_not_block_the_command(
     tmp_path: Path,
 ) -> None:
     began = time.monotonic()
-    assert "SIGABRT" in error_of(attack(tmp_path, daughter=120, crash_at=6))
+    assert "SIGABRT" in one_line(blender(tmp_path, daughter=120, crash_at=6))
     assert time.monotonic() - began < 60
-
-
-def is_running(pid: int) -> bool:
-    state = Path(f"/proc/{pid}/stat")
-    return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
-
-
-# --- the extension's `Run` without Blender: progress, errors, cancelling; and of its commands ---
-
-
-EXTENSION = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension"
-WORKS = """
-import json, os, pathlib, sys, threading, time
-def end():
-    sys.stdin.read()
-    os._exit(130)
-threading.Thread(target=end, daemon=True).start()
-out = pathlib.Path(sys.argv[1])
-print("motion blur is off", file=sys.stderr, flush=True)
-for count in (1, 2, 3):
-    part = out / "part"
-    part.write_text(json.dumps({"files": {"exr/####.exr": count, "png/####.png": count, "compare.html": 1}}))
-    part.replace(out / "upscale.json")
-    while not (out / f"go{count}").exists():
-        time.sleep(0.01)
-sys.exit(int(sys.argv[2]))
-"""
-
-
-@pytest.fixture(scope="module")
-def extension() -> Any:
-    """The module run.py, whose package imports bpy."""
-    spec = importlib.util.spec_from_file_location("extension_run", EXTENSION / "run.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def run(extension: Any, folder: Path, code: int = 0) -> Any:
-    return extension.Run([sys.executable, "-c", WORKS, str(folder), str(code)], folder, 3)
-
-
-def wait_until(run: Any, done: int) -> None:
-    until = time.monotonic() + 30
-    while run.done < done:
-        assert run.pump()
-        assert time.monotonic() < until
-        time.sleep(0.01)
-
-
-def test_progress_is_the_number_of_listed_frames_and_the_end_is_reported(
-    extension: Any, tmp_path: Path
-) -> None:
-    running = run(extension, tmp_path)
-    for count in (1, 2, 3):
-        wait_until(running, count)
-        (tmp_path / f"go{count}").touch()
-    while running.wait(1.0):
-        pass
-    assert (running.done, running.error, running.notes) == (3, "", ["motion blur is off"])
-
-
-def test_the_last_line_of_a_command_that_fails_is_the_error(extension: Any, tmp_path: Path) -> None:
-    code = "import sys; print('error: no camera', file=sys.stderr); sys.exit(1)"
-    running = extension.Run([sys.executable, "-c", code], tmp_path, 3)
-    while running.wait(1.0):
-        pass
-    assert (running.done, running.error) == (0, "no camera")
-    silent = extension.Run([sys.executable, "-c", "raise SystemExit(7)"], tmp_path, 3)
-    while silent.wait(1.0):
-        pass
-    assert silent.error == "the command ended with 7"
-    with pytest.raises(OSError, match="nowhere"):
-        extension.Run([str(tmp_path / "nowhere")], tmp_path, 3)
-
-
-def test_a_cancelled_command_ends_without_an_error(extension: Any, tmp_path: Path) -> None:
-    running = run(extension, tmp_path)
-    wait_until(running, 1)
-    running.cancel()
-    while running.wait(1.0):
-        pass
-    assert (running.done, running.error) == (1, "")
-
-
-def test_the_extensions_commands_are_accepted(extension: Any, tmp_path: Path) -> None:
-    rendered = extension.render_command(
-        "supersampler",
-        str(scene_file(tmp_path)),
-        tmp_path / "out",
-        blender=str(fake_blender(tmp_path)),
-        frames=(5, 6),
-        scene="Scene",
-        scale=2.0,
-        samples=4,
-        overwrite=True,
-    )
-    done = CliRunner().invoke(app, [*rendered[1:], "--method", "bilinear"])
-    assert done.exit_code == 0, done.output
-    upscaled = extension.upscale_command(
-        "supersampler", tmp_path / "out" / "render", tmp_path / "again", scale=1.5, image_format="png"
-    )
-    done = CliRunner().invoke(app, [*upscaled[1:], "--method", "bilinear"])
-    assert done.exit_code == 0, done.output
-    assert sorted(path.name for path in (tmp_path / "again").glob("*.png")) == ["0005.png", "0006.png"]
 
 
 # --- the shot that `supersampler blender` renders: motion, sky, jitter, and its render.json ---
@@ -560,25 +404,6 @@ def test_vectors_of_eevee_hold_all_but_their_jitter_is_taken_out(folder: Path) -
     np.testing.assert_allclose(open_source(folder).read(2).frame.motion, truth, atol=1e-5)
 
 
-def test_passes_that_can_be_blended_are_aovs_by_their_names(folder: Path) -> None:
-    for path in folder.glob("*.exr"):
-        channels = read_exr(path)
-        color = channels["ViewLayer.Combined.R"]
-        extra = ("GlossDir.R", "GlossDir.G", "GlossDir.B", "CryptoObject00.R", "Mist.Z")
-        write_exr(path, channels | {f"ViewLayer.{name}": color * 0.5 for name in extra})
-    raw = open_source(folder).read_raw(1)
-    assert raw.aov_names is not None
-    assert sorted(raw.aov_names) == ["A", "GlossDir.B", "GlossDir.G", "GlossDir.R", "Mist.Z"]
-    assert raw.aovs is not None
-    assert raw.color is not None
-    index = list(raw.aov_names).index("GlossDir.G")
-    np.testing.assert_array_equal(raw.aovs[..., index], raw.color[..., 0] * 0.5)
-    out = folder.parent / "out"
-    done = CliRunner().invoke(app, ["upscale", str(folder), "-o", str(out), "--method", "bilinear"])
-    assert done.exit_code == 0, done.output
-    assert read_exr(out / "0006.exr").keys() == {"R", "G", "B", *raw.aov_names}
-
-
 def test_without_a_vector_pass_motion_is_the_cameras(folder: Path) -> None:
     record = read_render_record(folder)
     for path in folder.glob("*.exr"):
@@ -586,21 +411,6 @@ def test_without_a_vector_pass_motion_is_the_cameras(folder: Path) -> None:
     with_engine(folder, "BLENDER_WORKBENCH")
     shot = open_source(folder)
     np.testing.assert_allclose(shot.read(3).frame.motion, camera_motion_of(shot, record, 3), atol=1e-4)
-
-
-def test_an_engine_that_is_not_supported_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace())
-    path = Path(supersampler.__file__).parent / "integrations" / "blender" / "render_frames.py"
-    spec = importlib.util.spec_from_file_location("render_frames", path)
-    assert spec is not None
-    assert spec.loader is not None
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    scene = SimpleNamespace(render=SimpleNamespace(engine="LUXCORE"))
-    with pytest.raises(
-        script.BlenderSceneError, match=r"^engine LUXCORE is not supported; use --engine cycles, .*$"
-    ):
-        script.set_engine(scene, None, None, None)
 
 
 def test_a_record_is_read_as_it_was_written(folder: Path) -> None:

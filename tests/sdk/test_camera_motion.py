@@ -157,13 +157,6 @@ def test_a_jittered_projection_samples_where_camera_motion_takes_it(kind: Kind) 
     assert np.abs(camera_motion(*arguments, clip=clip_of(kind)) - motion).max() > 1e-2  # jitter counts
 
 
-def test_a_camera_at_rest_gives_no_motion_at_any_distance() -> None:
-    for kind in KINDS:
-        both = perspective(kind) @ CURRENT
-        depth = np.linspace(0.0, 1.0, HEIGHT * WIDTH, dtype=np.float32).reshape(HEIGHT, WIDTH)
-        assert np.abs(camera_motion(depth, both, both, clip=clip_of(kind))).max() < 1e-5
-
-
 def test_motion_of_points_behind_the_previous_camera_leads_off_screen() -> None:
     projection = perspective("reversed_infinite")
     depth = np.full((HEIGHT, WIDTH), NEAR / 1.0, np.float32)  # a wall at a distance of 1

@@ -20,7 +20,6 @@ from supersampler.frame import Float32, Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker
 from supersampler.validation.checker import Validate
-from supersampler.validation.single_frame import mixed_edges
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
 
 DISPLAY = (640, 360)
@@ -304,17 +303,6 @@ def test_colours_may_be_negative_in_a_hundredth_of_the_values(share: float, foun
     assert complaint(frame(color=spread(-1e-7, 0.5, color * 0 + 0.4))) == ""
 
 
-@pytest.mark.parametrize("channels", [1, 2, 3])
-def test_light_that_is_clipped_at_1_in_one_channel_or_two_is_hinted_at(channels: int) -> None:
-    color = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)
-    color[:1, :30, :channels] = 1.0  # 0.6 % of the pixels
-    assert ("never above 1" in complaint(frame(color=color))) is (channels < 3)
-    color[30, 30] = 1.5
-    assert complaint(frame(color=color)) == ""
-    color[30, 30], color[:1, 20:30] = 0.5, 0.5  # 0.4 %
-    assert complaint(frame(color=color)) == ""
-
-
 @pytest.mark.parametrize("field", ["color", "depth", "motion"])
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_single_nan_is_found_and_located(field: str, value: float) -> None:
@@ -339,33 +327,6 @@ def test_a_sky_of_1_is_that_of_forward_depth(share: float, found: bool) -> None:
     assert ("forward" in complaint(frame(depth=depth))) is found
     depth[-1] = 0.0  # a sky of reversed depth, too
     assert complaint(frame(depth=depth)) == ""
-
-
-@pytest.mark.parametrize(
-    ("least", "most", "found"),
-    [(0.901, 0.99, True), (0.901, 0.974, False), (0.89, 0.99, False), (0.901, 0.976, True)],
-)
-def test_depth_all_close_to_1_that_spans_four_distances_is_forward(
-    least: float, most: float, found: bool
-) -> None:
-    """Taken as reversed all would be within a tenth of the near plane's distance."""
-    depth = np.full((SIZE[1], SIZE[0]), most, np.float32)
-    depth[0] = least
-    assert ("forward" in complaint(frame(depth=depth))) is found
-
-
-@pytest.mark.parametrize(("value", "found"), [(0.9e6, False), (1.1e6, True)])
-def test_a_depth_of_a_million_is_a_distance(value: float, found: bool) -> None:
-    depth = frame().depth.copy()
-    depth[3, 4] = value
-    assert ("linear" in complaint(frame(depth=depth))) is found
-
-
-def test_a_slope_whose_distance_is_linear_in_perspective_is_a_distance() -> None:
-    y = np.mgrid[: SIZE[1], : SIZE[0]][0]
-    inverse = (0.002 + 0.01 * y).astype(np.float32)  # a plane: near / distance is linear on the screen
-    assert complaint(frame(depth=inverse)) == ""
-    assert "linear" in complaint(frame(depth=1.0 / inverse))
 
 
 @pytest.mark.parametrize(("share", "found"), [(0.04, False), (0.06, True)])
@@ -397,28 +358,6 @@ def test_one_depth_everywhere_is_doubted_where_motion_is_not_that_of_a_card() ->
     assert complaint(frame(depth=0.0 * card, motion=parallax(4.0))) == "", "the sky"
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_colour_whose_edges_are_where_those_of_depth_are_upside_down_is_turned(turned: bool) -> None:
-    depth, light = np.full((SIZE[1], SIZE[0]), 0.1, np.float32), np.full((SIZE[1], SIZE[0]), 0.2, np.float32)
-    for top in (7, 19, 40):
-        depth[top : top + 5], light[top : top + 5] = 0.3, 0.9
-    color = np.repeat((light[::-1] if turned else light)[..., None], 3, axis=2)
-    assert ("upside down" in complaint(frame(depth=depth, color=color))) is turned
-    narrow = depth.copy()
-    narrow[:, 30:] = 0.1  # 180 edges are too few
-    assert "upside down" not in complaint(frame(depth=narrow, color=color))
-
-
-def test_colour_that_looks_the_same_upside_down_is_left_alone() -> None:
-    height = SIZE[1]
-    depth, light = np.full((height, SIZE[0]), 0.1, np.float32), np.full((height, SIZE[0]), 0.2, np.float32)
-    for top in (7, 19):
-        for rows in (slice(top, top + 5), slice(height - top - 5, height - top)):
-            depth[rows], light[rows] = 0.3, 0.9
-    color = np.repeat(light[..., None], 3, axis=2)
-    assert "upside down" not in complaint(frame(depth=depth, color=color))
-
-
 def test_three_frames_of_a_start_are_read_and_each_kind_is_warned_of_once() -> None:
     checker = FrameChecker("warn")
 
@@ -448,14 +387,6 @@ def test_frames_kept_for_checks_are_freed_after_the_last_read() -> None:
         assert checker._seen.previous is not None
     checker.check(frame(jitter=halton_jitter(3, 2.0)), (160, 120))
     assert checker._seen.previous is None
-
-
-@pytest.mark.parametrize(("edges", "mixed"), [(59, 0.0), (60, 1.0)])
-def test_mixed_edges_are_judged_from_sixty_on(edges: int, mixed: float) -> None:
-    height = edges + 2  # the first and the last row have no neighbours to compare
-    light = np.tile(np.array([0.1, 0.1, 0.1, 0.4, 1.0, 1.0, 1.0], np.float32), (height, 1))
-    depth = np.tile(np.array([0.1, 0.1, 0.1, 0.5, 0.5, 0.5, 0.5], np.float32), (height, 1))
-    assert mixed_edges(light, depth) == mixed
 
 
 # --- the check of colour as it is displayed ---

@@ -478,13 +478,6 @@ def test_messages_name_only_options_that_exist(folder: str) -> None:
     assert not wrong, wrong
 
 
-@pytest.mark.parametrize("option", ["--size", "--sizes", "--ratios", "--provider", "--extrapolation"])
-def test_options_have_one_name_in_all_commands(option: str) -> None:
-    """Other names are in use: --display-size, --render-size, --ratio, --providers, --extrapolate."""
-    others = {"--size": {"train"}}  # of crops
-    assert {name for name, options in commands().items() if option in options} == others.get(option, set())
-
-
 # --- what is printed where an extra is missing or the reader of a pipe has gone: a line, or nothing ---
 
 
@@ -543,14 +536,6 @@ def test_a_closed_output_pipe_ends_without_a_message(words: list[str]) -> None:
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("words", [["bench"], ["bench", "cost"], ["render"], ["train"], ["export"]])
-def test_help_of_all_tools_is_in_one_style(words: list[str]) -> None:
-    said = CliRunner().invoke(app, [*words, "--help"], prog_name="supersampler").output
-    assert "--install-completion" not in said
-    assert said.startswith("Usage: supersampler")
-    assert "╭" not in said
-
-
 # --- `supersampler demo` in a folder that is not empty ---
 
 
@@ -575,14 +560,6 @@ def test_a_demo_of_another_method_replaces_the_earlier_one_and_leaves_other_file
     assert first.keys() == second.keys()
     assert first["png/0001.png"] != second["png/0001.png"]
     assert (tmp_path / "exr" / "mine.exr").read_bytes() == b"mine"
-
-
-@pytest.mark.usefixtures("short")
-def test_the_same_demo_again_keeps_its_images(tmp_path: Path) -> None:
-    run("demo", "-o", tmp_path, "--method", "bilinear")
-    again = run("demo", "-o", tmp_path, "--method", "bilinear")
-    assert again.exit_code == 0
-    assert "are there already" in again.stderr
 
 
 @pytest.mark.usefixtures("short")

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageInput
 
-from supersampler.aux_outputs import LEGENDS
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
 from supersampler.io.compare import (
     ERROR_SCALE,
-    MEANINGS,
     PSNR,
     About,
     compare_layers,
@@ -65,13 +62,6 @@ def test_the_summary_lists_frames_layers_and_numbers(html: str) -> None:
     ]
 
 
-def test_the_page_explains_each_usual_layer_and_number(html: str) -> None:
-    assert summary(html)["meanings"] == MEANINGS
-    assert {*LEGENDS, "input", "bicubic", "output", "reference", "error", PSNR} <= set(MEANINGS)
-    assert html.count("meaning(name)") == 2  # of facts and of numbers
-    assert 'title: page.meanings[layer] ?? ""' in html
-
-
 def test_text_from_a_shot_cannot_become_markup(html: str) -> None:
     assert summary(html)["title"] == ABOUT.title
     assert ABOUT.title not in html
@@ -84,23 +74,6 @@ def test_small_images_come_back_to_the_byte(html: str, tmp_path: Path) -> None:
     image = ImageInput.open(str(tmp_path / "back.png"))
     assert image is not None
     np.testing.assert_array_equal(image.read_image("uint8"), pixels(5))
-
-
-def test_large_images_are_jpeg(tmp_path: Path) -> None:
-    with compare_page(tmp_path / "compare.html", ABOUT) as page:
-        page.add(0, {"output": pixels(0, 640, 360)})
-    kind, _ = images((tmp_path / "compare.html").read_text(encoding="utf-8"))["0/output"]
-    assert kind == "jpeg"
-
-
-def test_a_run_that_stops_leaves_the_page_that_was_there(tmp_path: Path) -> None:
-    path = tmp_path / "compare.html"
-    path.write_text("the old one")
-    with suppress(KeyboardInterrupt), compare_page(path, ABOUT) as page:
-        page.add(0, {"output": pixels(0)})
-        raise KeyboardInterrupt
-    assert path.read_text() == "the old one"
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_page_without_frames_is_not_written(tmp_path: Path) -> None:

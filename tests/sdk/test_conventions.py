@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -428,13 +428,6 @@ def test_a_display_smaller_than_the_frame_is_refused(display: tuple[int, int]) -
         converter.from_frame(frame())
 
 
-@pytest.mark.parametrize("background", [0.0, -0.0, np.inf])
-def test_the_background_of_linear_depth_is_sky_beside_surfaces(background: float) -> None:
-    depth = np.array([[2.0, background, 1.0], [np.nan, 4.0, 8.0]], np.float32)
-    got = Conventions(depth="linear", near=1.0).converter().to_frame(raw(depth=depth))
-    np.testing.assert_array_equal(got.depth, np.array([[0.5, 0.0, 1.0], [np.nan, 0.25, 0.125]], np.float32))
-
-
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
@@ -458,12 +451,6 @@ def test_the_background_of_linear_depth_is_sky_beside_surfaces(background: float
 def test_a_wrong_field_is_named(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ArgumentError, match=message):
         Conventions.from_json(fields)
-
-
-def test_every_field_is_explained() -> None:
-    assert Conventions.__doc__
-    explained = {line.strip().partition(":")[0] for line in Conventions.__doc__.splitlines()}
-    assert {f.name for f in fields(Conventions)} <= explained
 
 
 def test_the_command_line_and_the_docs_list_every_preset() -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from supersampler import ShotError
 from supersampler.conventions import Conventions
-from supersampler.io.images import write_exr, write_png, write_tiff
-from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
+from supersampler.io.images import write_exr
+from supersampler.io.shot import Shot, import_channels, open_source
 from upscale_runs import files, upscale
 
 FRAME = ("R", "G", "B", "Z", "motion.X", "motion.Y")
@@ -48,15 +48,6 @@ def test_negative_numbers_are_in_the_order_of_time(
     for path in (tmp_path, tmp_path / pattern):
         shot = open_source(path, conventions=OURS)
         assert (places_of(shot), shot.first_number) == ([0, 1, 2, 3], -2)
-
-
-def test_negative_frames_alone_are_in_the_order_of_time(tmp_path: Path) -> None:
-    write_frames(tmp_path / "in", "s.-0012.exr", "s.-0011.exr", "s.-0010.exr")
-    shot = open_source(tmp_path / "in", conventions=OURS)
-    assert places_of(shot) == [0, 1, 2]
-    copied = copy_shot(shot, tmp_path / "copy")
-    assert (copied.first_number, copied.info.file_names) == (-12, "s.####")
-    assert places_of(copied.cropped(-11, -10)) == [1, 2]
 
 
 def test_a_hyphen_that_every_name_has_separates(tmp_path: Path) -> None:
@@ -104,12 +95,6 @@ def test_brackets_and_the_like_in_a_pattern_are_text(tmp_path: Path, name: str) 
     assert places_of(open_source(tmp_path / f"{name}.*.exr", conventions=OURS)) == [0, 1]
 
 
-def test_results_keep_brackets_in_their_names(tmp_path: Path) -> None:
-    write_frames(tmp_path / "in", "shot[v2].0001.exr", "shot[v2].0002.exr")
-    upscale(tmp_path / "in" / "shot[v2].####.exr", tmp_path / "out", "--conventions", "{}")
-    assert files(tmp_path / "out").keys() == {"shot[v2].0001.exr", "shot[v2].0002.exr", "upscale.json"}
-
-
 @pytest.mark.parametrize("folder", ["a[1]", "w*", "which?", "n####", "%04d"])
 def test_names_of_folders_are_text(tmp_path: Path, folder: str) -> None:
     write_frames(tmp_path / folder / folder, "s.0001.exr", "s.0002.exr")
@@ -139,20 +124,6 @@ def test_metadata_of_a_file_with_a_large_extension_is_kept(tmp_path: Path) -> No
     write_exr(tmp_path / "s.0001.exr", channels, metadata={"comments": "night"})
     (tmp_path / "s.0001.exr").rename(tmp_path / "s.0001.EXR")
     assert open_source(tmp_path, conventions=OURS).read_metadata(0)["ImageDescription"] == "night"
-
-
-@pytest.mark.parametrize("extension", ["PNG", "Tif", "TIFF"])
-def test_colour_of_png_and_tiff_is_found_with_an_extension_in_any_case(
-    tmp_path: Path, extension: str
-) -> None:
-    write_frames(tmp_path, "s.0001.exr")
-    write = write_png if extension == "PNG" else write_tiff
-    write(tmp_path / "c" / f"c.0001.{extension}", np.full((6, 8, 3), 255, np.uint8))
-    mapped = {"depth": "Z", "motion": ["motion.X", "motion.Y"]}
-    for pattern in (f"c/c.####.{extension}", f"c/*.{extension.lower()}"):
-        colors = {"color": [f"{pattern}:{name}" for name in "RGB"]}
-        shot = import_channels(tmp_path, {**colors, **mapped}, conventions=Conventions(srgb=True))
-        np.testing.assert_array_equal(shot.read_raw(0).color, np.ones((6, 8, 3)))
 
 
 def test_two_files_whose_extensions_differ_in_case_only_are_refused(tmp_path: Path) -> None:

@@ -45,24 +45,6 @@ def write_parts(path: Path, *parts: tuple[ImageSpec, np.ndarray]) -> Path:
     return path
 
 
-def assert_holds(path: Path, values: np.ndarray = VALUES) -> None:
-    image = read_exr(path)
-    assert image.keys() == set(NAMES)
-    for index, name in enumerate(NAMES):
-        np.testing.assert_array_equal(image[name], values[..., index])
-
-
-def test_half_and_float_in_one_file_keep_their_types(tmp_path: Path) -> None:
-    types = ("half", "half", "half", "float", "half", "float")
-    mixed = spec_of(channelformats=tuple(map(TypeDesc, types)))
-    path = write_parts(tmp_path / "mixed.exr", (mixed, VALUES))
-    assert_holds(path)
-    assert read_header(path).types == dict(zip(NAMES, types, strict=True))
-    assert {name: str(array.dtype) for name, array in read_exr(path).items()} == {
-        name: "float16" if kind == "half" else "float32" for name, kind in read_header(path).types.items()
-    }
-
-
 def test_parts_with_different_data_windows_are_one_image(tmp_path: Path) -> None:
     color, data = spec_of(NAMES[:3]), spec_of(NAMES[3:], x=2, width=5)
     data.full_width = WIDTH
@@ -74,13 +56,6 @@ def test_parts_with_different_data_windows_are_one_image(tmp_path: Path) -> None
     want[:, 2:7] = VALUES[:, 2:7, 3]
     np.testing.assert_array_equal(image["data.depth.Z"], want)
     np.testing.assert_array_equal(image["rgba.G"], VALUES[..., 1])
-
-
-def test_overscan_is_cut_off(tmp_path: Path) -> None:
-    spec = spec_of(full_x=2, full_y=1, full_width=5, full_height=4)
-    assert_holds(write_parts(tmp_path / "over.exr", (spec, VALUES)), VALUES[1:5, 2:7])
-    moved = spec_of(x=-2, y=-1, full_x=0, full_y=0, full_width=5, full_height=4)
-    assert_holds(write_parts(tmp_path / "moved.exr", (moved, VALUES)), VALUES[1:5, 2:7])
 
 
 @pytest.mark.parametrize(("x", "y"), [(2, 1), (-3, -2), (4, -5), (20, 20)])
@@ -193,14 +168,6 @@ def test_png_and_tiff_are_read_to_their_values(
     assert (shot.stored_as, shot.info.file_names) == (stored, "c.####")
 
 
-def test_srgb_integers_are_decoded_to_linear_light(tmp_path: Path) -> None:
-    values = write_frames(tmp_path, "uint8", "png")
-    color = import_channels(tmp_path, {**MAP, **color_map("png")}, conventions=SRGB).read(0).frame.color
-    assert color is not None
-    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    np.testing.assert_allclose(color, linear, rtol=1e-5)
-
-
 def test_integers_without_srgb_are_refused(tmp_path: Path) -> None:
     write_frames(tmp_path, "uint8", "png")
     message = r"conventions is without srgb=True, and c\.0001\.png holds uint8; want srgb=True for integers"
@@ -250,13 +217,6 @@ def test_a_palette_is_read_as_its_colours_and_grey_is_refused(tmp_path: Path) ->
     write_parts(tmp_path / "color" / "c.0001.png", (spec_of(("Y",), "uint8"), VALUES[..., :1]))
     with pytest.raises(ShotError, match=r"c\.0001\.png: has no channel R\. It has Y"):
         import_channels(tmp_path, {**MAP, **color_map("png")}, conventions=SRGB)
-
-
-def test_the_color_encoding_of_an_exr_is_known(tmp_path: Path) -> None:
-    for kind, dtype in (("half", np.float16), ("float", np.float32)):
-        image = {name: VALUES[..., 0].astype(dtype if name in "RGB" else np.float32) for name in NAMES}
-        write_exr(tmp_path / kind / "1.exr", image)
-        assert open_source(tmp_path / kind, conventions=OURS).stored_as == ("exr", kind)
 
 
 def test_only_the_first_page_of_a_tiff_is_read(tmp_path: Path) -> None:
@@ -426,29 +386,6 @@ def test_luminance_alone_is_a_grey_image(tmp_path: Path) -> None:
     np.testing.assert_allclose(pixels(tmp_path / "out" / "s.0001.exr"), color, rtol=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("compression", "tolerance"),
-    [
-        *((name, 0.0) for name in ("none", "rle", "zips", "zip", "piz", "pxr24")),
-        *((name, 0.02) for name in ("b44", "b44a", "dwaa", "dwab")),
-    ],
-)
-def test_every_compression_is_read(tmp_path: Path, compression: str, tolerance: float) -> None:
-    path = write(tmp_path / "s.0001.exr", smooth(), compression=compression)
-    image = read_exr(path)
-    for index, name in enumerate(NAMES_FEATURES):
-        np.testing.assert_allclose(image[name], smooth()[..., index], atol=tolerance)
-
-
-def test_tiles_and_rows_from_the_bottom_are_the_image(tmp_path: Path) -> None:
-    tiled = write(tmp_path / "tiled.exr", smooth(), tile_width=7, tile_height=9)
-    rows = write(tmp_path / "rows.exr", smooth(), **{"openexr:lineOrder": "decreasingY"})
-    for path in (tiled, rows):
-        image = read_exr(path)
-        for index, name in enumerate(NAMES_FEATURES):
-            np.testing.assert_array_equal(image[name], smooth()[..., index])
-
-
 def test_the_largest_level_of_a_mipmapped_file_is_read(tmp_path: Path) -> None:
     image = smooth(64, 32)[..., :3]  # powers of two are not resampled
     write(tmp_path / "plain.exr", image, NAMES_FEATURES[:3])
@@ -491,10 +428,3 @@ def test_whole_numbers_for_colour_are_refused_by_the_channel(tmp_path: Path) -> 
     write(tmp_path / "s.0001.exr", smooth(), channelformats=spec_types)
     with pytest.raises(ShotError, match="channel R is uint32; want half or float"):
         open_source(tmp_path, conventions=OURS_FEATURES).read(0)
-
-
-def test_channels_of_a_view_alone_are_listed_with_what_to_do(tmp_path: Path) -> None:
-    names = tuple(f"left.{name}" for name in NAMES_FEATURES)
-    write(tmp_path / "s.0001.exr", smooth(), names)
-    with pytest.raises(ShotError, match=r"left\.R, left\.G.* A channels\.json says which is which"):
-        open_source(tmp_path, conventions=OURS_FEATURES)

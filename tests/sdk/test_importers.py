@@ -134,20 +134,6 @@ def test_a_list_of_jitter_of_another_length_repeats(tmp_path: Path) -> None:
         assert [shot.read(index).frame.jitter for index in range(COUNT)] == [*pairs, pairs[0]]
 
 
-def test_blenders_frame_numbers_and_names_are_kept(tmp_path: Path) -> None:
-    write_blender(tmp_path / "renders", "V")
-    shot = import_blender(tmp_path / "renders")
-    assert shot.first_number == 8
-    copied = copy_shot(shot, tmp_path / "shot")
-    assert copied.first_number == 8
-    done = CliRunner().invoke(
-        app, ["upscale", str(tmp_path / "shot"), "-o", str(tmp_path / "out"), "--method", "bilinear"]
-    )
-    assert done.exit_code == 0, done.output
-    names = sorted(path.name for path in (tmp_path / "out").glob("*.exr"))
-    assert names == ["kitchen_0008.exr", "kitchen_0009.exr", "kitchen_0010.exr"]
-
-
 # --- `import_channels`: signs, units and order of the imported frames ---
 
 
@@ -166,16 +152,6 @@ def test_a_channel_map_reads_files_of_any_renderer(tmp_path: Path) -> None:
     gbuffer = shot.read(2).frame.gbuffer
     assert gbuffer is not None
     assert (gbuffer["roughness"] == np.float32(0.3)).all()
-
-
-def test_the_map_can_lie_in_the_folder(tmp_path: Path) -> None:
-    write_channels(tmp_path)
-    described = {"channels": MAP, "conventions": CONVENTIONS.to_json(), "frame_rate": 60, "cuts": [CUT]}
-    (tmp_path / "channels.json").write_text(json.dumps(described))
-    (tmp_path / "jitter.json").write_text(json.dumps(UNREAL_JITTER))
-    shot = open_source(tmp_path)
-    assert_is_the_scene(shot)
-    assert shot.frame_rate == 60
 
 
 @pytest.mark.parametrize(
@@ -221,41 +197,11 @@ def test_a_wrong_map_is_named(tmp_path: Path, change: dict[str, Any], message: s
         import_channels(tmp_path, channel_map, conventions=CONVENTIONS)
 
 
-def test_a_missing_channel_is_named_with_those_that_are_there(tmp_path: Path) -> None:
-    write_channels(tmp_path, 1)
-    with pytest.raises(ShotError, match=r"0000\.exr: has no channel Z\. It has R, G, B, rough, depth\.V"):
-        import_channels(tmp_path, {**MAP, "depth": "Z"}, conventions=CONVENTIONS)
-
-
-def test_a_gap_in_the_numbers_is_an_error(tmp_path: Path) -> None:
-    write_channels(tmp_path, 5)
-    (tmp_path / "0002.exr").unlink()
-    with pytest.raises(ShotError, match=r"frame 2 between 0001\.exr and 0003\.exr is missing"):
-        import_channels(tmp_path, MAP, conventions=CONVENTIONS)
-
-
 def test_files_that_do_not_pair_up_are_named(tmp_path: Path) -> None:
     write_channels(tmp_path)
     (tmp_path / "motion" / "0002.exr").unlink()
     with pytest.raises(ShotError, match=r"frame 2 is among \*\.exr and not among motion/\*\.exr"):
         import_channels(tmp_path, MAP, conventions=CONVENTIONS)
-
-
-def test_two_sequences_in_one_folder_are_told_apart_by_a_pattern(tmp_path: Path) -> None:
-    write_channels(tmp_path)
-    write_exr(tmp_path / "preview_0001.exr", {"Z": plane(0)})
-    with pytest.raises(
-        ShotError, match=r"has the same frame number as 0001\.exr. Choose one sequence by a pattern"
-    ):
-        import_channels(tmp_path, MAP, conventions=CONVENTIONS)
-
-
-def test_a_frame_of_another_size_is_named(tmp_path: Path) -> None:
-    write_channels(tmp_path)
-    write_exr(tmp_path / "0001.exr", {name: plane(0, (8, 8)) for name in ("R", "G", "B", "depth.V")})
-    shot = import_channels(tmp_path, MAP, conventions=CONVENTIONS)
-    with pytest.raises(ShotError, match=r"0001\.exr: is 8x8; the shot says 64x36"):
-        shot.read(1)
 
 
 def test_references_of_other_numbers_are_refused(tmp_path: Path) -> None:

@@ -109,19 +109,6 @@ def test_a_surface_that_moved_agrees_where_it_was_and_not_off_screen() -> None:
     assert (surface_agreement(now, away) == MIN_AGREEMENT).all()
 
 
-def test_a_computed_colour_is_stepped_like_an_extrapolated_one() -> None:
-    upscaler = Upscaler("taau", display_size=DISPLAY_SIZE, validate="off")
-    upscaler.step(lit(0, light=1.0))
-    unshaded = lit(1, light=1.0, shaded=False)
-    color = lit(1, light=1.0).color
-    assert color is not None
-    image = upscaler.step_computed(unshaded, color)
-    assert isinstance(image, np.ndarray)
-    assert image.shape == (36, 64, 3)
-    with pytest.raises(FrameError, match="want None, as it is computed"):
-        upscaler.step_computed(lit(1, light=1.0), color)
-
-
 def test_the_command_takes_both_options(tmp_path: Path) -> None:
     with ShotWriter(tmp_path / "shot", name="s", display_size=DISPLAY_SIZE, frame_rate=24) as writer:
         for frame in alternating(5):

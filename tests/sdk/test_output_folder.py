@@ -11,10 +11,9 @@ from typer.testing import Result
 
 from noise import noise
 from supersampler import ShotError
-from supersampler.cli.results import ImageOptions, OutputImage, Results, read_run_record
-from supersampler.io.images import read_exr, write_exr
+from supersampler.cli.results import read_run_record
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
-from upscale_runs import refusal, run
+from upscale_runs import refusal, run, write_shot
 
 COUNT = 4
 FOREIGN = "upscale.json does not list it"
@@ -32,10 +31,7 @@ def content(folder: Path) -> dict[str, bytes | str]:
 
 @pytest.fixture
 def shot(tmp_path: Path) -> Path:
-    with ShotWriter(tmp_path / "shot", name="tiny", display_size=(64, 36), frame_rate=30) as writer:
-        for index in range(COUNT):
-            writer.write(noise(index))
-    return tmp_path / "shot"
+    return write_shot(tmp_path / "shot", COUNT)
 
 
 def upscale(shot: Path, output: Path, *options: object) -> Result:
@@ -99,20 +95,6 @@ def test_a_foreign_file_in_the_way_is_named_and_nothing_changes(
     before = content(tmp_path)
     assert f"{path}: is there already, and {FOREIGN}" in refused(shot, out, *options)
     assert content(tmp_path) == before
-
-
-def test_a_resumed_run_neither_counts_nor_replaces_a_foreign_file(shot: Path, tmp_path: Path) -> None:
-    results = Results(tmp_path / "out", ImageOptions())
-    assert results.begin({}, 4, overwrite=False) == 0
-    results.list_files(0)
-    results.options.write(results.folder, 0, OutputImage(image=IMAGE, exposure=1.0))
-    write_exr(tmp_path / "out" / "0001.exr", IMAGE + 1)
-    assert results.count_complete(4) == 1
-    with pytest.raises(ShotError, match=rf"0001\.exr: is there already, and {FOREIGN}"):
-        results.list_files(1)
-    with pytest.raises(ShotError, match=rf"0001\.exr: is there already, and {FOREIGN}"):
-        Results(tmp_path / "out", ImageOptions()).begin({}, 4, overwrite=False)
-    assert read_exr(tmp_path / "out" / "0001.exr")["R"].max() == 1.0
 
 
 def test_a_foreign_page_is_not_replaced(shot: Path, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 import json
 import re
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -68,12 +67,6 @@ def test_a_pattern_opens_frames_with_a_channels_json(tmp_path: Path) -> None:
     assert_is_the_scene(open_source(tmp_path / "####.exr"))
 
 
-def test_a_pattern_opens_frames_with_known_channel_names(tmp_path: Path) -> None:
-    write_frames(tmp_path, "beauty.0010", "beauty.0011", "other.0010")
-    shot = open_source(tmp_path / "beauty.####.exr", conventions=CONVENTIONS)
-    assert (numbers_of(shot), shot.info.file_names) == ([10, 11], "beauty.####")
-
-
 @pytest.mark.parametrize(
     ("pattern", "numbers"),
     [
@@ -87,15 +80,6 @@ def test_a_pattern_opens_frames_with_known_channel_names(tmp_path: Path) -> None
 def test_a_field_takes_its_digits_or_more(tmp_path: Path, pattern: str, numbers: list[int]) -> None:
     write_frames(tmp_path, "a.9998", "a.9999", "a.10000")
     assert numbers_of(open_source(tmp_path / pattern, conventions=CONVENTIONS)) == numbers
-
-
-def test_a_field_need_not_be_the_last_number(tmp_path: Path) -> None:
-    for number in (3, 4):
-        write_exr(
-            tmp_path / f"s2_{number:04d}_v07.exr", {channel: plane(number, (8, 6)) for channel in FRAME}
-        )
-    shot = open_source(tmp_path / "s2_####_v07.exr", conventions=CONVENTIONS)
-    assert (numbers_of(shot), shot.info.file_names) == ([3, 4], "s2_####_v07")
 
 
 @pytest.mark.parametrize(
@@ -263,18 +247,3 @@ def test_the_record_of_any_range_is_found_again(
     record.write(folder)
     assert read_run_record(folder, record.file_name) == record
     assert [path.name for path in folder.iterdir()] == [record.file_name]
-
-
-@given(st.text("0123456789-, ax:#", max_size=12))
-def test_any_text_is_refused_or_is_that_of_a_range(text: str) -> None:
-    with suppress(ArgumentError):  # and no other error
-        numbers = FrameRange.parse(text, "--frames")
-        parsed = [int(number) for number in re.findall(r"(?:(?<=\d)\s*-)?\s*(-?\d+)", text)]
-        assert numbers == FrameRange(parsed[0], parsed[-1])
-        assert len(parsed) <= 2
-
-
-@pytest.mark.parametrize("text", ["1000000001", "5-1000000001", "99999999999"])
-def test_numbers_beyond_the_largest_are_refused(text: str) -> None:
-    with pytest.raises(ArgumentError, match="want FIRST-LAST"):
-        FrameRange.parse(text, "--frames")

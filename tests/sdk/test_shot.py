@@ -499,25 +499,6 @@ def test_invalid_fields_of_shot_json_are_named(
     assert caught.value.path == path
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"{", r"is not JSON \(Input data was truncated"),
-        (b"\xff\xfe\x00", "is not JSON"),
-        (b"[]", r"is not as expected: Expected `object`, got `array`"),
-    ],
-)
-def test_a_file_that_is_not_json_is_named(tmp_path: Path, content: bytes, message: str) -> None:
-    (tmp_path / "shot.json").write_bytes(content)
-    with pytest.raises(ShotError, match=rf"shot\.json: {message}"):
-        load_shot_json(tmp_path / "shot.json")
-
-
-def test_a_folder_without_shot_json_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ShotError, match=r"shot\.json: there is no such file"):
-        load_shot_json(tmp_path / "shot.json")
-
-
 def test_the_files_shown_in_the_docs_are_read(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "docs" / "shots.md").read_text(encoding="utf-8")
     shot, channels, _ = re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)
@@ -604,15 +585,6 @@ def test_a_variant_is_resumed_without_the_others(tmp_path: Path) -> None:
         writer(tmp_path, "4x")
 
 
-def test_a_missing_shared_file_is_named_with_the_description_that_lists_it(tmp_path: Path) -> None:
-    write_all(tmp_path)
-    (tmp_path / "display" / "0001.exr").unlink()
-    with pytest.raises(
-        ShotError, match=r"display.0001\.exr: the file of frame 1 is missing\. 4x\.json lists it"
-    ):
-        Shot.open(tmp_path / "4x.json")
-
-
 @pytest.mark.parametrize("compression", ["zip", "dwab:45"])
 @pytest.mark.parametrize("thin", [None, CLASSES.ghost % 2])
 def test_classes_are_read_as_they_were_written(
@@ -642,21 +614,6 @@ def test_classes_are_read_as_they_were_written(
     assert set(read_exr(tmp_path / "a" / "reference" / "0001.exr")) == {"R", "G", "B"}
 
 
-def test_classes_of_another_size_or_without_a_reference_are_refused(tmp_path: Path) -> None:
-    out, small = writer(tmp_path, "2x"), ClassMaps(CLASSES.ghost[:-1], CLASSES.alias[:-1])
-    with pytest.raises(ArgumentError, match=r"classes\.ghost is 32x17; want the shot's display size"):
-        out.write(sized_frame(0, (16, 9)), reference=SCENE.truth(0, DISPLAY_SIZE, 1), classes=small)
-    with pytest.raises(ArgumentError, match=r"classes\.thin is 32x17"):
-        out.write(
-            sized_frame(0, (16, 9)),
-            reference=SCENE.truth(0, DISPLAY_SIZE, 1),
-            classes=replace(CLASSES, thin=small.alias),
-        )
-    with pytest.raises(ArgumentError, match="classes is without a reference"):
-        out.write(sized_frame(0, (16, 9)), classes=CLASSES)
-    assert len(out) == 0
-
-
 def test_planes_of_truth_are_read_as_they_were_written(tmp_path: Path) -> None:
     planes = {name: RANDOM.random((18, 32)).astype(np.float16) for name in ("thin", "moving")}
     with ShotWriter(tmp_path / "a", name="test", display_size=DISPLAY_SIZE, frame_rate=30) as out:
@@ -670,17 +627,6 @@ def test_planes_of_truth_are_read_as_they_were_written(tmp_path: Path) -> None:
         for name, plane in planes.items():
             np.testing.assert_array_equal(read[name], plane)
     assert shot.read_truth(1) == shot.read_truth(3) == {}
-
-
-def test_planes_of_truth_of_another_size_or_without_a_reference_are_refused(tmp_path: Path) -> None:
-    out, reference = writer(tmp_path, "2x"), SCENE.truth(0, DISPLAY_SIZE, 1)
-    with pytest.raises(ArgumentError, match=r"truth\.thin is 32x17; want the shot's display size"):
-        out.write(
-            sized_frame(0, (16, 9)), reference=reference, truth={"thin": np.zeros((17, 32), np.float16)}
-        )
-    with pytest.raises(ArgumentError, match="truth is without a reference"):
-        out.write(sized_frame(0, (16, 9)), truth={"thin": np.zeros((18, 32), np.float16)})
-    assert len(out) == 0
 
 
 # --- the shipped shot, which opens by its name ---
@@ -711,11 +657,3 @@ def test_a_shipped_shot_opens_by_name_unless_a_folder_has_that_name(
     assert len(open_shot("plaza")) == 32
     shutil.copytree(open_shot("plaza").path, "plaza")
     assert open_shot("plaza").path == Path("plaza")
-
-
-@pytest.mark.parametrize(
-    ("name", "hint"), [("sponza", "Shots that ship: plaza."), ("Plazza", "Did you mean 'plaza'?")]
-)
-def test_an_unknown_shot_name_is_answered_with_the_shipped_shots(name: str, hint: str) -> None:
-    with pytest.raises(ShotError, match=re.escape(hint)):
-        Shot.open(name)

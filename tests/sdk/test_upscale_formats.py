@@ -1,6 +1,5 @@
 """Tests of the files that `upscale` writes: EXR, PNG, TIFF and video, and how they show colours."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -233,14 +232,6 @@ def test_the_colour_space_of_the_shot_is_that_of_the_view(tmp_path: Path) -> Non
     assert np.abs(a - b).mean() > 3
 
 
-def test_a_page_of_another_view_needs_overwrite(shot: Path, tmp_path: Path) -> None:
-    upscale(shot, tmp_path, "--compare")
-    command = ("upscale", shot, "-o", tmp_path, "--method", "bilinear", "--compare", "--view", VIEW)
-    assert "display transform was" in refusal(*command)
-    assert run(*command, "--overwrite").exit_code == 0
-    assert VIEW in (tmp_path / "compare.html").read_text(encoding="utf-8")
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -260,17 +251,3 @@ def test_a_missing_display_or_codec_is_one_line_and_nothing_is_written(
     monkeypatch.setattr(video, "_CODEC", "libnone")
     assert message in refusal("upscale", shot, "-o", "out", "--format", "png", *options)
     assert [*tmp_path.iterdir()] == []
-
-
-def test_without_pyav_one_line_says_what_to_install_and_nothing_is_written(
-    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    upscale(shot, tmp_path)
-    before = files(tmp_path)
-    monkeypatch.setitem(sys.modules, "av", None)
-    for folder, more in ((tmp_path, ("--overwrite",)), (tmp_path / "new", ())):
-        message = refusal(
-            "upscale", shot, "-o", folder, "--method", "bilinear", *formats("exr", "mp4"), *more
-        )
-        assert 'pip install "supersampler[video]"' in message
-    assert files(tmp_path) == before

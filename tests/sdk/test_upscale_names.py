@@ -33,16 +33,6 @@ def test_results_have_the_names_of_the_frames(
     assert [*images(tmp_path / "out")] == [f"{name}.exr" for name in want]
 
 
-def test_one_of_two_sequences_in_a_folder_is_upscaled_by_its_pattern(tmp_path: Path) -> None:
-    renders = write_renders(tmp_path / "in", {1: "left.0001", 2: "left.0002"})
-    write_renders(renders, {1: "right.0001", 2: "right.0002"})
-    assert "has the same frame number as left.0001.exr" in refusal(
-        "upscale", renders, "-o", tmp_path / "out", *OURS
-    )
-    upscale(renders / "left.####.exr", tmp_path / "out", *OURS)
-    assert [*images(tmp_path / "out")] == ["left.0001.exr", "left.0002.exr"]
-
-
 def test_frames_of_a_shot_json_are_called_by_four_digits(shot: Path, tmp_path: Path) -> None:
     upscale(shot, tmp_path / "out")
     upscale(shot / "shot.json", tmp_path / "again")

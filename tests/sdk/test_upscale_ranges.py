@@ -28,22 +28,6 @@ def numbers(folder: Path) -> list[int]:
     return [int(Path(name).stem) for name in images(folder)]
 
 
-@pytest.mark.parametrize(
-    ("ranges", "want"), [("3-5", [3, 4, 5]), ("0", [0]), ("23", [23]), ("0-23", [*range(24)])]
-)
-def test_exactly_the_frames_of_the_range_are_written(
-    shot: Path, tmp_path: Path, ranges: str, want: list[int]
-) -> None:
-    upscale(shot, tmp_path, "--frames", ranges, "--preroll", "2")
-    assert numbers(tmp_path) == want
-
-
-def test_numbers_are_those_of_the_files_not_indices(tmp_path: Path) -> None:
-    renders = write_renders(tmp_path / "in", {n: f"beauty.{n:04d}" for n in range(100, 106)})
-    upscale(renders, tmp_path / "out", "--frames", "102-103", *OURS)
-    assert [*images(tmp_path / "out")] == ["beauty.0102.exr", "beauty.0103.exr"]
-
-
 def test_a_range_whose_preroll_reaches_a_cut_has_the_bits_of_the_whole_run(
     shot: Path, tmp_path: Path
 ) -> None:
@@ -103,13 +87,6 @@ def test_a_frame_missing_from_the_shot_is_named(
 def test_an_invalid_range_is_refused(shot: Path, tmp_path: Path, ranges: str) -> None:
     message = refusal("upscale", shot, "-o", tmp_path / "out", f"--frames={ranges}")
     assert "want FIRST-LAST, such as 10-50" in message
-
-
-def test_a_range_across_a_cut_has_the_bits_of_two_ranges(shot: Path, tmp_path: Path) -> None:
-    upscale(shot, tmp_path / "across", "--frames", "8-12", "--preroll", "2", method="taau")
-    for ranges in ("8-9", "10-12"):
-        upscale(shot, tmp_path / "apart", "--frames", ranges, "--preroll", "2", method="taau")
-    assert images(tmp_path / "across") == images(tmp_path / "apart")
 
 
 @pytest.mark.long  # in two processes

@@ -15,13 +15,11 @@ import pytest
 
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, Shot, ShotError, Upscaler, halton_jitter, upscale_sequence
-from supersampler.history import StepResult
 from supersampler.io.display import display_transform
 from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
 from supersampler.sequence import both_ways
 from supersampler.sequence.backward_motion import reversed_frame
-from supersampler.sequence.both_ways import weight_of
 from supersampler.sequence.frame_store import FrameStore, Stored
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, zone_plate
@@ -110,11 +108,6 @@ def test_two_passes_are_nearer_to_the_truth_than_one(scene: AnalyticScene, metho
     gain = scores(2) - scores(1)
     assert gain.mean() > 0.4
     assert gain[-1] > -0.2  # there the backward run has one sample
-
-
-def test_a_method_without_counts_has_less_weight_in_its_first_steps() -> None:
-    result = StepResult(np.zeros((2, 3, 3), np.float32))
-    assert [float(weight_of(result, steps).mean()) for steps in (1, 2, 4, 9)] == [0.25, 0.5, 1.0, 1.0]
 
 
 def psnr(image: np.ndarray, truth: np.ndarray) -> float:

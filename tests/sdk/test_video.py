@@ -10,7 +10,6 @@ from OpenImageIO import ImageBuf
 
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
-from supersampler.io import video
 from supersampler.io.images import Metadata, TypedValues, exact_rate, write_exr
 from supersampler.io.shot import copy_shot, import_named_channels, open_source
 from supersampler.io.video import video_writer
@@ -113,18 +112,6 @@ def test_a_video_that_fails_leaves_the_older_file_and_nothing_else(tmp_path: Pat
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_missing_encoder_and_a_wrong_rate_are_refused_before_anything_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with pytest.raises(ArgumentError, match="frame_rate is 0"):
-        write(tmp_path / "a.mp4", [], rate=0)
-    monkeypatch.setattr(video, "_CODEC", "libx999")
-    missing = r"a\.mp4: cannot be written: this PyAV has no encoder libx999\. Install PyAV"
-    with pytest.raises(ShotError, match=missing):
-        write(tmp_path / "a.mp4", [])
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_size_that_the_encoder_refuses_and_a_folder_that_is_a_file_are_one_line(tmp_path: Path) -> None:
     with pytest.raises(ShotError, match=r"a\.mp4: cannot be written \(.+\)"):
         write(tmp_path / "a.mp4", [np.zeros((2, 40000, 3), np.uint8)], size=(40000, 2))
@@ -168,11 +155,6 @@ def test_the_pixel_aspect_ratio_is_kept_in_every_format(tmp_path: Path) -> None:
     for name in ("exr", "png", "tif"):
         assert header(out / name / f"s.0002.{name}")["PixelAspectRatio"] == pytest.approx(2.0)
     assert rate_and_aspect(out / "video.mp4")[1] == 2
-
-
-def test_square_pixels_are_not_stated_in_png(tmp_path: Path) -> None:
-    out = results(tmp_path, {"owner": "me"}, "--format", "png")
-    assert header(out / "s.0002.png").getattribute("XResolution") is None
 
 
 def test_the_pixel_aspect_ratio_of_unequal_ratios_is_that_of_the_image(tmp_path: Path) -> None:
