@@ -1,8 +1,8 @@
 """`Converter`: `RawFrame` to `Frame` and back, for the frames of one sequence."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from supersampler.conventions.encodings import (
     srgb_encoded,
     to_reversed_infinite,
 )
-from supersampler.conventions.fields import ConventionFields, jitter_factor, motion_factor, motion_next_factor
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import (
     Array,
@@ -27,6 +26,9 @@ from supersampler.frame import (
     checked_reset,
     pair_of,
 )
+
+if TYPE_CHECKING:
+    from supersampler.conventions.conventions import Conventions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,7 +68,6 @@ class RawFrame:
 
 
 _Pair = tuple[float, float]
-_Factor = Callable[[ConventionFields, Size, Size], _Pair]
 
 
 class Converter:
@@ -76,7 +77,7 @@ class Converter:
     unchanged. The two directions are independent of each other.
     """
 
-    def __init__(self, conventions: ConventionFields, *, display_size: Size | None = None) -> None:
+    def __init__(self, conventions: "Conventions", *, display_size: Size | None = None) -> None:
         self.conventions = conventions
         self.display_size = None if display_size is None else checked_size("display_size", display_size)
         self._previous_in: _Pair | None = None  # in UV, as the render size may change
@@ -98,18 +99,12 @@ class Converter:
         reset = checked_reset(raw.reset)
         shift = self._shift(jitter, size, None if reset else self._previous_in)
         frame = Frame(
-            color=None if raw.color is None else self._color(_floating("color", raw.color)),
             depth=self._depth(depth),
-            motion=self._vectors_in("motion", raw.motion, jitter, motion_factor, size, shift),
-            motion_next=self._motion_next_in(raw, size, jitter),
+            motion=self._vectors_in("motion", raw.motion, jitter, size, shift),
+            motion_next=self._motion_next_in(raw, jitter, size),
             jitter=jitter,
             reset=reset,
-            exposure=raw.exposure,
-            pre_exposure=raw.pre_exposure,
-            reactive=None if raw.reactive is None else self._rows(_floating("reactive", raw.reactive)),
-            gbuffer=self._gbuffer("gbuffer", raw.gbuffer),
-            gbuffer_display=self._gbuffer("gbuffer_display", raw.gbuffer_display),
-            aovs=None if raw.aovs is None else self._rows(_floating("aovs", raw.aovs)),
+            **self._converted(raw),
         )
         self._previous_in = _in_uv(jitter, size)
         return frame
@@ -124,19 +119,16 @@ class Converter:
         """
         checked_frame(frame)
         shift = self._shift(frame.jitter, frame.size, None if frame.reset else self._previous_out)
+        # Jittered vectors to the next frame would need its jitter, which is not known yet.
+        no_next = frame.motion_next is None or self.conventions.motion_jittered
+        scale_x, scale_y = self.conventions.jitter_factor(frame.size)
         raw = RawFrame(
-            color=None if frame.color is None else self._color(frame.color, encode=True),
             depth=self._rows(self._depth(frame.depth, encode=True)),
-            motion=self._rows(self._motion_out(frame, shift)),
-            motion_next=self._motion_next_out(frame),
-            jitter=self._jitter_out(frame),
+            motion=self._vectors_out("motion", frame, shift),
+            motion_next=None if no_next else self._vectors_out("motion_next", frame),
+            jitter=(frame.jitter[0] / scale_x, frame.jitter[1] / scale_y),
             reset=frame.reset,
-            exposure=frame.exposure,
-            pre_exposure=frame.pre_exposure,
-            reactive=None if frame.reactive is None else self._rows(frame.reactive),
-            gbuffer=self._gbuffer("gbuffer", frame.gbuffer, encode=True),
-            gbuffer_display=self._gbuffer("gbuffer_display", frame.gbuffer_display, encode=True),
-            aovs=None if frame.aovs is None else self._rows(frame.aovs),
+            **self._converted(frame, encode=True),
         )
         self._previous_out = _in_uv(frame.jitter, frame.size)
         return raw
@@ -148,11 +140,23 @@ class Converter:
     def _rows(self, array: Array) -> Array:
         return np.ascontiguousarray(array[::-1]) if self.conventions.bottom_up else array
 
-    def _color(self, color: Array, *, encode: bool = False) -> Array:
-        rows = self._rows(color)
-        if not self.conventions.srgb:
-            return rows
-        return srgb_encoded(rows) if encode else srgb_decoded(rows)
+    def _converted(self, source: RawFrame | Frame, *, encode: bool = False) -> dict[str, Any]:
+        """Return the fields that both directions convert alike, but for sRGB and the kind of depth."""
+        color, reactive, aovs = (
+            None if array is None else self._rows(_floating(name, array))
+            for name, array in (("color", source.color), ("reactive", source.reactive), ("aovs", source.aovs))
+        )
+        if color is not None and self.conventions.srgb:
+            color = srgb_encoded(color) if encode else srgb_decoded(color)
+        return {
+            "color": color,
+            "reactive": reactive,
+            "aovs": aovs,
+            "gbuffer": self._gbuffer("gbuffer", source.gbuffer, encode=encode),
+            "gbuffer_display": self._gbuffer("gbuffer_display", source.gbuffer_display, encode=encode),
+            "exposure": source.exposure,
+            "pre_exposure": source.pre_exposure,
+        }
 
     def _depth(self, depth: Array, *, encode: bool = False) -> NDArray[np.float32]:
         kind = self.conventions
@@ -174,12 +178,8 @@ class Converter:
 
     def _jitter_in(self, jitter: _Pair | None, size: Size) -> _Pair:
         x, y = (0.0, 0.0) if jitter is None else pair_of(jitter)
-        scale_x, scale_y = jitter_factor(self.conventions, size)
+        scale_x, scale_y = self.conventions.jitter_factor(size)
         return checked_jitter((_snapped(x * scale_x), _snapped(y * scale_y)))
-
-    def _jitter_out(self, frame: Frame) -> _Pair:
-        scale_x, scale_y = jitter_factor(self.conventions, frame.size)
-        return frame.jitter[0] / scale_x, frame.jitter[1] / scale_y
 
     def _shift(self, jitter: _Pair, size: Size, previous: _Pair | None) -> _Pair:
         """Return what jitter adds to a vector: current minus previous jitter, in render pixels.
@@ -190,65 +190,53 @@ class Converter:
             return 0.0, 0.0
         return jitter[0] - previous[0] * size[0], jitter[1] - previous[1] * size[1]
 
+    def _factor(self, name: str, size: Size, buffer_size: Size) -> _Pair:
+        stated = self.conventions
+        factor = stated.motion_factor if name == "motion" else stated.motion_next_factor
+        return factor(size, buffer_size)
+
     def _vectors_in(
-        self, name: str, stored: Array, jitter: _Pair, factor: _Factor, size: Size, shift: _Pair = (0.0, 0.0)
+        self, name: str, stored: Array, jitter: _Pair, size: Size, shift: _Pair = (0.0, 0.0)
     ) -> Array:
         """Return the vectors of the render pixels, in render pixels."""
-        motion = self._rows(_floating(name, stored))
-        own_size = _checked_motion_size(name, motion, size, self.conventions.motion_resolution)
+        vectors = self._rows(_floating(name, stored))
+        buffer_size = _checked_motion_size(name, vectors, size, self.conventions.motion_resolution)
         if self.conventions.motion_resolution == "display":
-            rows, columns = (
-                _nearest(
-                    (np.arange(size[axis]) + 0.5 + jitter[axis]) * own_size[axis] / size[axis], own_size[axis]
-                )
-                for axis in (1, 0)
+            x, y = (
+                (np.arange(size[axis]) + 0.5 + jitter[axis]) * buffer_size[axis] / size[axis]
+                for axis in (0, 1)
             )
-            motion = motion[rows[:, None], columns]
-        scale = factor(self.conventions, size, own_size)
-        if scale == (1.0, 1.0) and shift == (0.0, 0.0):
-            return motion
-        pixels: NDArray[np.float32] = motion.astype(np.float32) * _vector(scale) - _vector(shift)
+            vectors = _sampled(vectors, x, y)
+        factor = self._factor(name, size, buffer_size)
+        if factor == (1.0, 1.0) and shift == (0.0, 0.0):
+            return vectors
+        pixels: NDArray[np.float32] = vectors.astype(np.float32) * _vector(factor) - _vector(shift)
         return pixels
 
-    def _vectors_out(self, motion: Array, frame: Frame, factor: _Factor) -> tuple[Array, _Pair]:
-        """Return the vector of each pixel of the buffer, in render pixels, and the factor to its unit."""
-        size = own_size = frame.size
+    def _vectors_out(self, name: str, frame: Frame, shift: _Pair = (0.0, 0.0)) -> Array:
+        """Return the vectors of the buffer's pixels, in its unit."""
+        vectors, size = getattr(frame, name), frame.size
+        buffer_size = size
         if self.conventions.motion_resolution == "display":
-            own_size = self._display_size(frame)
-            rows, columns = (
-                _nearest(
-                    (np.arange(own_size[axis]) + 0.5) * size[axis] / own_size[axis] - frame.jitter[axis],
-                    size[axis],
-                )
-                for axis in (1, 0)
+            buffer_size = self._display_size(frame)
+            x, y = (
+                (np.arange(buffer_size[axis]) + 0.5) * size[axis] / buffer_size[axis] - frame.jitter[axis]
+                for axis in (0, 1)
             )
-            motion = motion[rows[:, None], columns]
-        return motion, factor(self.conventions, size, own_size)
+            vectors = _sampled(vectors, x, y)
+        factor = self._factor(name, size, buffer_size)
+        if factor != (1.0, 1.0) or shift != (0.0, 0.0):
+            vectors = (vectors.astype(np.float32) + _vector(shift)) / _vector(factor)
+        return self._rows(vectors)
 
-    def _motion_out(self, frame: Frame, shift: _Pair) -> Array:
-        motion, factor = self._vectors_out(frame.motion, frame, motion_factor)
-        if factor == (1.0, 1.0) and shift == (0.0, 0.0):
-            return motion
-        own: NDArray[np.float32] = (motion.astype(np.float32) + _vector(shift)) / _vector(factor)
-        return own
-
-    def _motion_next_in(self, raw: RawFrame, size: Size, jitter: _Pair) -> Array | None:
+    def _motion_next_in(self, raw: RawFrame, jitter: _Pair, size: Size) -> Array | None:
         """Return `Frame.motion_next`; FrameError where it contains jitter, the next frame's."""
         if raw.motion_next is None:
             return None
         if self.conventions.motion_jittered:
             hint = "Leave it out, or write vectors without jitter."
             raise FrameError("motion_next", got="given, with jitter in it", want="without jitter", hint=hint)
-        return self._vectors_in("motion_next", raw.motion_next, jitter, motion_next_factor, size)
-
-    def _motion_next_out(self, frame: Frame) -> Array | None:
-        """Return `RawFrame.motion_next`; None also where these conventions have jitter in vectors."""
-        if frame.motion_next is None or self.conventions.motion_jittered:
-            return None
-        motion, (x, y) = self._vectors_out(frame.motion_next, frame, motion_next_factor)
-        if (x, y) != (1.0, 1.0):
-            motion = motion.astype(np.float32) * _vector((1.0 / x, 1.0 / y))
-        return self._rows(motion)
+        return self._vectors_in("motion_next", raw.motion_next, jitter, size)
 
     def _display_size(self, frame: Frame) -> Size:
         if self.display_size is None:
@@ -295,9 +283,13 @@ def _checked_motion_size(name: str, motion: NDArray[Any], size: Size, resolution
     )
 
 
-def _nearest(position: NDArray[np.float64], count: int) -> NDArray[np.intp]:
-    """Return the indices of the pixels that contain the positions, clamped to the image."""
-    return np.clip(np.floor(position).astype(np.intp), 0, count - 1)
+def _sampled(vectors: Array, x: NDArray[np.float64], y: NDArray[np.float64]) -> Array:
+    """Return the vectors of the pixels that contain the positions, clamped to the image."""
+    rows, columns = (
+        np.clip(np.floor(position).astype(np.intp), 0, count - 1)
+        for position, count in zip((y, x), vectors.shape, strict=False)
+    )
+    return vectors[rows[:, None], columns]
 
 
 def _vector(pair: _Pair) -> NDArray[np.float32]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from supersampler.arguments import as_index, ieee_arithmetic
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.conventions.fields import Resolution
+from supersampler.conventions.conventions import Resolution
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.validation.checker import frame_mistakes
 from supersampler.validation.mistakes import (

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.encodings import srgb_decoded
-from supersampler.conventions.fields import Direction, Unit, jitter_factor, motion_factor
+from supersampler.conventions.conventions import Direction, Unit
 from supersampler.errors import FrameError
 from supersampler.frame import Array, Float32, Frame, Size, as_array
 from supersampler.io.display import BT709
@@ -96,7 +96,7 @@ class FrameProbe:
 
     def jitter_pixels(self, conventions: Conventions) -> NDArray[np.float64]:
         """Return the jitter (x, y) in render pixels, interpreted by these conventions."""
-        return np.multiply(self.jitter, jitter_factor(conventions, self.size))
+        return np.multiply(self.jitter, conventions.jitter_factor(self.size))
 
     def vectors(self, conventions: Conventions, pixels: PixelGrid, *, swapped: bool = False) -> Float32:
         """Return (n, 2) motion of some pixels in render pixels, interpreted by these conventions.
@@ -107,7 +107,7 @@ class FrameProbe:
         rows = (pixels[0] * 2 + 1) * height // (2 * self.size[1])
         columns = (pixels[1] * 2 + 1) * width // (2 * self.size[0])
         vectors = self.motion[rows, columns].astype(np.float32)
-        factor = np.array(motion_factor(conventions, self.size, (width, height)), np.float32)
+        factor = np.array(conventions.motion_factor(self.size, (width, height)), np.float32)
         result: Float32 = (vectors[:, ::-1] if swapped else vectors) * factor
         return result
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
-from supersampler.conventions.fields import motion_factor
 from supersampler.frame import Size
 from supersampler.validation import mistakes
 from supersampler.validation.mistakes import Mistake
@@ -181,7 +180,7 @@ def _errors(pair: FramePair, display_size: Size) -> Sums:
     own_all = pair.error(pair.offset(as_stated))
     errors = {}
     for call, reading in _readings(size, display_size).items():
-        about_motion = motion_factor(reading, size, size) != (1.0, 1.0)
+        about_motion = reading.motion_factor(size, size) != (1.0, 1.0)
         if about_motion and few:
             continue
         own = own_moving if about_motion else own_all
