@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.conventions.encodings import srgb_decoded
 from supersampler.conventions.conventions import Direction, Unit
+from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import FrameError
 from supersampler.frame import Array, Float32, Frame, Size, as_array
 from supersampler.io.display import BT709

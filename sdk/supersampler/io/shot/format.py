@@ -4,7 +4,7 @@ import json
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any
 
@@ -29,8 +29,7 @@ _HINT = "docs/shots.md lists the keys."
 _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ShotInfo:
+class ShotInfo(msgspec.Struct, frozen=True, kw_only=True):
     """Properties of all frames of a shot.
 
     Attributes:
@@ -50,16 +49,16 @@ class ShotInfo:
     """
 
     name: str
-    render_size: Size
-    display_size: Size | None
-    frame_rate: float | None
+    render_size: FileSize
+    display_size: FileSize | None = None
+    frame_rate: Rate | None = None
     conventions: Conventions
     license: str = ""
     attribution: tuple[str, ...] = ()
-    first_number: int = 0
-    file_names: str = "####"
-    aov_names: tuple[str, ...] = ()
-    color_space: str = REC709
+    first_number: Annotated[int, msgspec.Meta(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 0
+    file_names: Annotated[str, msgspec.Meta(max_length=_LONGEST)] = "####"
+    aov_names: Annotated[tuple[Text, ...], msgspec.Meta(max_length=IMAGE_CHANNELS)] = ()
+    color_space: Text = REC709
 
 
 class FrameEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -91,21 +90,11 @@ class FrameEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         check_sizes(self.render_size)
 
 
-class _ShotFile(msgspec.Struct, kw_only=True, forbid_unknown_fields=True):
-    """Content of shot.json but its version; see `ShotInfo`."""
+class _ShotFile(ShotInfo, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Content of shot.json."""
 
     version: int
-    name: str
-    render_size: FileSize
-    display_size: FileSize | None = None
-    frame_rate: Rate | None = None
-    conventions: dict[str, Any]
-    license: str = ""
-    attribution: tuple[str, ...] = ()
-    first_number: Annotated[int, msgspec.Meta(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 0
-    file_names: Annotated[str, msgspec.Meta(max_length=_LONGEST)] = "####"
-    aov_names: Annotated[tuple[Text, ...], msgspec.Meta(max_length=IMAGE_CHANNELS)] = ()
-    color_space: Text = REC709
+    conventions: dict[str, Any]  # type: ignore[assignment]  # see `Conventions.from_json`
     frames: Annotated[list[FrameEntry], msgspec.Meta(min_length=1, max_length=SHOT_FRAMES)]
 
     def __post_init__(self) -> None:
@@ -134,8 +123,8 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
         conventions = Conventions.from_json(content.conventions)
     except ArgumentError as error:
         raise ShotError(path, f'"conventions" is not valid: {error}') from error
-    names = [field.name for field in fields(ShotInfo) if field.name != "conventions"]
-    info = ShotInfo(conventions=conventions, **{name: getattr(content, name) for name in names})
+    stated = {name: getattr(content, name) for name in ShotInfo.__struct_fields__}
+    info = ShotInfo(**{**stated, "conventions": conventions})
     _check_names(path, info)
     for index, entry in enumerate(content.frames):
         for name in (entry.file, entry.display_file, entry.reference):
@@ -147,8 +136,8 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
 
 def shot_json(info: ShotInfo, entries: Sequence[FrameEntry]) -> str:
     """Return the text of a shot.json, with one line for each key and for each frame."""
-    header = {"version": FORMAT_VERSION, **{field.name: getattr(info, field.name) for field in fields(info)}}
-    header["conventions"] = info.conventions.to_json()
+    stated = {name: getattr(info, name) for name in ShotInfo.__struct_fields__}
+    header = {"version": FORMAT_VERSION, **stated, "conventions": info.conventions.to_json()}
     head = "".join(f'  "{key}": {json.dumps(value, ensure_ascii=False)},\n' for key, value in header.items())
     frames = ",\n".join("    " + json.dumps(entry_json(entry)) for entry in entries)
     return f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n'

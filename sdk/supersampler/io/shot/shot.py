@@ -4,6 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -119,6 +120,7 @@ class Shot:
         color_channel: str = "R",
     ) -> None:
         self.path, self.info = path, info
+        self._offset = 0  # index of the first frame for the callables: see `cropped`
         self._stop_waiting = stop_waiting  # ends a `read_raw` that waits for a frame to appear
         self._entries, self._raw = tuple(entries), read_raw
         self._reference, self._classes, self._truth = read_reference, read_classes, read_truth
@@ -223,22 +225,9 @@ class Shot:
             numbers = f"{self.first_number} to {self.first_number + len(self) - 1}"
             raise ShotError(self.path, f"has no frame from {first} to {last}", f"Its frames are {numbers}.")
         entries[0] = msgspec.structs.replace(entries[0], reset=True)
-
-        def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
-            return replace(self._raw(begin + index, gbuffers), reset=entries[index].reset)
-
-        shot = Shot(
-            self.path,
-            replace(self.info, first_number=self.first_number + begin),
-            entries,
-            read_raw,
-            lambda index: self._reference(begin + index),
-            lambda index: self._classes(begin + index),
-            lambda index: self._truth(begin + index),
-            self._stop_waiting,
-            self._color_channel,
-        )
-        shot.ignored_channels = self.ignored_channels
+        shot = copy(self)
+        shot.info = msgspec.structs.replace(self.info, first_number=self.first_number + begin)
+        shot._entries, shot._offset = tuple(entries), self._offset + begin
         return shot
 
     def __len__(self) -> int:
@@ -319,15 +308,16 @@ class Shot:
 
     def read_raw(self, index: int, *, gbuffers: Collection[str] | None = None) -> RawFrame:
         """Read one frame as stored, without its reference; for `gbuffers` see `frames`."""
-        return self._raw(index, gbuffers)
+        raw = self._raw(self._offset + index, gbuffers)
+        return replace(raw, reset=self._entries[index].reset)
 
     def read_reference(self, index: int) -> Float32 | None:
         """Read a frame's reference, (H, W, 3) float32, linear RGB; None where it has none."""
-        return None if self._entries[index].reference is None else self._reference(index)
+        return None if self._entries[index].reference is None else self._reference(self._offset + index)
 
     def read_classes(self, index: int) -> ClassMaps | None:
         """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
-        return None if self._entries[index].reference is None else self._classes(index)
+        return None if self._entries[index].reference is None else self._classes(self._offset + index)
 
     def read_truth(self, index: int) -> dict[str, Array]:
         """Read what else the renderer knows of the pixels of a frame's reference: planes (H, W) by name.
@@ -335,7 +325,7 @@ class Shot:
         They are the channels `truth.NAME` of the reference's file: coverage by kinds of things, light that no
         shadow takes. Empty where there are none.
         """
-        return {} if self._entries[index].reference is None else self._truth(index)
+        return {} if self._entries[index].reference is None else self._truth(self._offset + index)
 
     def read_metadata(self, index: int) -> Metadata:
         """Return the description of a frame by the program that rendered it; {} for files other than EXR."""

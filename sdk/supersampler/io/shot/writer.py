@@ -4,10 +4,10 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame
@@ -160,7 +160,9 @@ class ShotWriter:
         height, width = raw.depth.shape
         info = self._info
         if not self._entries:
-            info = replace(info, render_size=(width, height), aov_names=tuple(raw.aov_names or ()))
+            info = msgspec.structs.replace(
+                info, render_size=(width, height), aov_names=tuple(raw.aov_names or ())
+            )
         self._check_display(raw, reference, classes, truth or {})
         number = f"{len(self._entries):04d}.exr"
         entry = FrameEntry(
@@ -283,7 +285,7 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
     """
     check_apart(Path(path), shot.source)
     of_frames = ("render_size", "aov_names")  # the first frame has them
-    info = {name: getattr(shot.info, name) for name in ShotInfo.__slots__ if name not in of_frames}
+    info = {name: getattr(shot.info, name) for name in ShotInfo.__struct_fields__ if name not in of_frames}
     writer = ShotWriter(path, **info, resume=resume)
     for index in range(len(writer), len(shot)):
         reference, classes = shot.read_reference(index), shot.read_classes(index)
