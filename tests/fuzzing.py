@@ -34,6 +34,8 @@ HOSTILE: tuple[Any, ...] = (
     [], [0] * 300, [[]], {}, {"": None},
 )  # fmt: skip
 """JSON values that few readers expect; json.loads gives all of them."""
+NUMBERS = (0, 1, -1, 7, 255, 65536, 10**5, 10**9, 2**31 - 1, -(2**31))
+EXTREMES = (np.nan, np.inf, -np.inf, -1, 0, 1, 255, 2**31 - 1, -(2**31), 2**62, 1e30, -1e30, 1e-45, 3e38)
 
 
 def examples(few: int = 25) -> int:
@@ -122,6 +124,62 @@ def replaced(value: Any, rng: np.random.Generator) -> Any:
     if isinstance(value, (int, float)) and not isinstance(value, bool) and rng.random() < 0.3:
         return value + (1 if rng.random() < 0.5 else -1)
     return HOSTILE[int(rng.integers(len(HOSTILE)))]
+
+
+def dumped(value: Any) -> bytes:
+    """Return JSON; "[[[..." for a value that is too deep, or has a number of too many digits."""
+    try:
+        return json.dumps(value).encode()
+    except (ValueError, RecursionError):
+        return b"[" * 200_000
+
+
+def with_other_numbers(data: bytes, rng: np.random.Generator, end: int) -> bytes:
+    """Set one to three numbers before byte `end` to hostile ones: sizes, windows, counts, lengths."""
+    content = bytearray(data)
+    for _ in range(int(rng.integers(1, 4))):
+        at = int(rng.integers(8, min(len(content), end) - 8))
+        number = NUMBERS[int(rng.integers(len(NUMBERS)))]
+        content[at : at + 4] = number.to_bytes(4, "little", signed=True)
+    return bytes(content)
+
+
+def hostile_array(array: Any, rng: np.random.Generator) -> Any:
+    """Return a similar array with other values, shape or type, or an unrelated value."""
+    if array.dtype.kind not in "biuf" or array.size > 1 << 20:  # it has been changed before
+        return array
+    match int(rng.integers(0, 12)):
+        case 0:
+            return HOSTILE[int(rng.integers(len(HOSTILE)))]
+        case 1:
+            return array[tuple(slice(None, None, int(rng.choice([1, 1, 2, -1]))) for _ in array.shape)]
+        case 2:
+            return array[tuple(slice(int(rng.integers(0, 2)), None) for _ in array.shape)]
+        case 3:
+            return np.zeros([int(rng.choice([0, 1, 2, 3, 40, 80])) for _ in array.shape], array.dtype)
+        case 4:
+            with np.errstate(all="ignore"):
+                return array.astype(rng.choice(["f2", "f8", "i1", "i8", "u8", ">f4", "O", "?", "c16"]))
+        case 5:
+            side = int(rng.choice([1, 1 << 12, 1 << 16, 1 << 20]))
+            return np.broadcast_to(array[(0,) * array.ndim], tuple(side if n > 4 else n for n in array.shape))
+        case 6:
+            return np.ma.MaskedArray(array)
+        case 7:
+            return array.T
+        case 8:
+            return np.frombuffer(rng.bytes(array.nbytes), array.dtype).reshape(array.shape)
+        case _:
+            return with_extremes(array, rng)
+
+
+def with_extremes(array: Any, rng: np.random.Generator) -> Any:
+    """Return an array with one extreme value in some or all of its elements."""
+    changed = array.copy()
+    with np.errstate(all="ignore"):
+        extreme = np.float64(EXTREMES[int(rng.integers(len(EXTREMES)))]).astype(array.dtype)
+    changed[rng.random(array.shape) < rng.choice([0.01, 0.5, 1.0])] = extreme
+    return changed
 
 
 def _child(

@@ -15,6 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import msgspec
+
 from compact_frames import compact, cropped
 from supersampler.cli import app
 from supersampler.conventions import halton_jitter
@@ -37,7 +39,8 @@ def record_render(blender: str, folder: Path, work: Path) -> None:
     run_command(blender, work, "recorded", "--samples", "1", "--no-denoise")
     record = read_render_record(work / "recorded" / "render")
     assert record.scene is not None
-    replace(record, scene=replace(record.scene, ocio="/blender/config.ocio")).write(folder)
+    scene = msgspec.structs.replace(record.scene, ocio="/blender/config.ocio")
+    msgspec.structs.replace(record, scene=scene).write(folder)
     for path in (work / "recorded" / "render").glob("*.exr"):
         shutil.copy(path, folder / path.name)
 

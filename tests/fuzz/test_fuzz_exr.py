@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from OpenImageIO import ImageOutput, ImageSpec
 
-from fuzzing import damaged, examples, run_apart
+from fuzzing import damaged, examples, run_apart, with_other_numbers
 from supersampler import ShotError
 from supersampler.errors import SupersamplerError
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot.format import read_classes
 
 COMPRESSIONS = ("zip", "zips", "piz", "rle", "none", "dwaa:45", "dwab:45", "pxr24", "b44", "b44a")
-NUMBERS = (0, 1, -1, 7, 255, 65536, 10**5, 10**9, 2**31 - 1, -(2**31))
 
 
 def whole_files() -> list[bytes]:
@@ -29,18 +28,7 @@ def whole_files() -> list[bytes]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.exr"
         found = []
-        for compression in (
-            "zip",
-            "zips",
-            "piz",
-            "rle",
-            "none",
-            "dwaa:45",
-            "dwab:45",
-            "pxr24",
-            "b44",
-            "b44a",
-        ):
+        for compression in COMPRESSIONS:
             write_exr(path, image, compression=compression)
             found.append(path.read_bytes())
         tiles = ImageSpec(40, 30, 4, "half")
@@ -65,23 +53,13 @@ def write_parts(path: Path, specs: list[ImageSpec]) -> None:
     assert output.close()
 
 
-def with_other_numbers(data: bytes, rng: np.random.Generator) -> bytes:
-    """Set a few aligned or unaligned numbers of the header: sizes, windows, counts, lengths of attributes."""
-    content = bytearray(data)
-    for _ in range(int(rng.integers(1, 4))):
-        at = int(rng.integers(8, min(len(content), 700)))
-        number = NUMBERS[int(rng.integers(len(NUMBERS)))]
-        content[at : at + 4] = number.to_bytes(4, "little", signed=True)
-    return bytes(content)
-
-
 def prepare() -> Callable[[int], object]:
     files = whole_files()
 
     def run(case: int) -> None:
         rng = np.random.default_rng(case)
         data = files[case % len(files)]
-        data = with_other_numbers(data, rng) if rng.random() < 0.4 else damaged(data, rng)
+        data = with_other_numbers(data, rng, 700) if rng.random() < 0.4 else damaged(data, rng)
         path = Path("case.exr")
         path.write_bytes(data)
         for read in (read_header, read_exr, lambda path: read_classes(path, None)):

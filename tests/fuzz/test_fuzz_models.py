@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing import damaged, examples, replaced, run_apart
+from fuzzing import damaged, dumped, examples, hostile_array, replaced, run_apart
 from noise import noise
 from supersampler import Model, Upscaler
 from supersampler.backends.onnx.graph_file import refusal_of
@@ -34,10 +34,7 @@ def described(folder: Path) -> dict[str, Any]:
 
 
 def describe(folder: Path, description: Any) -> None:
-    try:
-        (folder / "model.json").write_text(json.dumps(description))
-    except RecursionError:
-        (folder / "model.json").write_text("[" * 100_000)
+    (folder / "model.json").write_bytes(dumped(description))
 
 
 def replace_file(folder: Path, name: str, content: bytes) -> None:
@@ -97,29 +94,11 @@ def prepare_networks() -> Callable[[int], object]:
             replace_file(folder, "network.npz", damaged(network, rng))
         else:
             name = str(rng.choice(list(arrays)))
-            np.savez(folder / "made.npz", **{**arrays, name: _another(arrays[name], rng)})
+            np.savez(folder / "made.npz", **{**arrays, name: hostile_array(arrays[name], rng)})
             replace_file(folder, "network.npz", (folder / "made.npz").read_bytes())
         step(Model.load(folder, threads=1, executor="cpu"))
 
     return run
-
-
-def _another(array: Any, rng: Rng) -> Any:
-    match int(rng.integers(0, 5)):
-        case 0:
-            return array[..., 1:]
-        case 1:
-            return np.zeros([int(rng.choice([0, 1, 8, 64])) for _ in array.shape], array.dtype)
-        case 2:
-            return array.astype(str(rng.choice(["f2", "f8", "i1", "i4", "u1", "O"])))
-        case 3:
-            return array.T
-        case _:
-            changed = array.copy()
-            extreme = np.float64(rng.choice([np.nan, np.inf, -1, 1e38, 127]))
-            with np.errstate(all="ignore"):
-                changed[rng.random(array.shape) < 0.3] = extreme.astype(array.dtype)
-            return changed
 
 
 def prepare_graphs() -> Callable[[int], object]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing import damaged, examples, replaced, run_apart
+from fuzzing import damaged, dumped, examples, replaced, run_apart, with_extremes
 from recorded_files import read, rewrite
 from still_states import FRAMES, frame, loaded, still_state
 from supersampler import ShotError, Upscaler
@@ -56,7 +56,7 @@ def hostile(files: dict[str, bytes], rng: Rng, folder: Path) -> None:
                     rewrite(path, _changed(text.encode(), rng).decode(errors="replace"), arrays)
                 case 3:
                     text, arrays = read(path)
-                    rewrite(path, text, {name: _with_extremes(array, rng) for name, array in arrays.items()})
+                    rewrite(path, text, {name: with_extremes(array, rng) for name, array in arrays.items()})
                 case 4:
                     rewrite(path, read(path)[0], read(other)[1])
                 case 5:
@@ -68,19 +68,9 @@ def hostile(files: dict[str, bytes], rng: Rng, folder: Path) -> None:
 def _changed(text: bytes, rng: Rng) -> bytes:
     try:
         value: Any = replaced(json.loads(text), rng)
-        return json.dumps(value).encode()
     except ValueError:  # damaged before
         return text
-    except RecursionError:
-        return b"[" * 5000
-
-
-def _with_extremes(array: np.ndarray, rng: Rng) -> np.ndarray:
-    changed = array.copy()
-    extreme = rng.choice([np.nan, np.inf, -1.0, 1e30, 1e-42])
-    with np.errstate(all="ignore"):
-        changed[rng.random(array.shape) < rng.choice([0.01, 1.0])] = extreme
-    return changed
+    return dumped(value)
 
 
 def prepare() -> Callable[[int], object]:

@@ -12,7 +12,7 @@ from safetensors.numpy import save
 from safetensors.torch import save as save_torch
 from torch import zeros
 
-from fuzzing import damaged, examples, replaced, run_apart
+from fuzzing import damaged, dumped, examples, replaced, run_apart
 from supersampler import ShotError
 from supersampler.io.shot import import_arm
 from supersampler_model.data.dataset import TrainingFrame, read_training_frame
@@ -63,10 +63,7 @@ def weights() -> bytes:
 def with_other_header(data: bytes, rng: np.random.Generator) -> bytes:
     """Change one value of the JSON header, and keep its length right, mostly."""
     length = int.from_bytes(data[:8], "little")
-    try:
-        header = json.dumps(replaced(json.loads(data[8 : 8 + length]), rng)).encode()
-    except (ValueError, RecursionError):
-        header = b"[" * 100_000
+    header = dumped(replaced(json.loads(data[8 : 8 + length]), rng))
     claimed = len(header) if rng.random() < 0.9 else int(rng.choice([0, 1, 2**31, 2**62]))
     return claimed.to_bytes(8, "little") + header + data[8 + length :]
 
@@ -125,17 +122,7 @@ def test_an_invalid_sequence_is_a_shot_error(tmp_path: Path, case: str) -> None:
 
 @pytest.mark.parametrize(
     "shape",
-    [
-        "[0, 1e30]",
-        f"[0, {10**30}]",
-        "[-2, -3]",
-        "[[0]]",
-        "0",
-        '"00"',
-        "[2.0, 3]",
-        f"[{10**400}, 0.5]",
-        "[" * 100_000,
-    ],
+    ["[0, 1e30]", f"[0, {10**30}]", "[-2, -3]", "[[0]]", "0", "[2.0, 3]", "[" * 100_000],
 )
 def test_an_invalid_shape_is_a_shot_error(tmp_path: Path, shape: str) -> None:
     size = 0 if shape.startswith("[0,") else 24

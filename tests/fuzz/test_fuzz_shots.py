@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fuzzing import damaged, examples, replaced, run_apart
+from fuzzing import damaged, dumped, examples, replaced, run_apart
 from noise import noise
 from supersampler import ShotError
 from supersampler.cli.results import RunRecord, read_run_record
@@ -47,15 +47,11 @@ def write_tiny(folder: Path) -> None:
 
 def text_of(content: Any, rng: np.random.Generator) -> bytes:
     """JSON in which something is other than it was, or bytes in which something is."""
-    text = json.dumps(content).encode()
     if rng.random() < 0.3:
-        return damaged(text, rng)
+        return damaged(json.dumps(content).encode(), rng)
     for _ in range(int(rng.integers(1, 4))):
         content = replaced(content, rng)
-    try:
-        return json.dumps(content).encode()
-    except (ValueError, RecursionError):  # 10**400 has too many digits, or too deep to be written here
-        return b"[" * 200_000
+    return dumped(content)
 
 
 def prepare() -> Callable[[int], object]:
@@ -109,28 +105,12 @@ def change(shot: Path, text: str, other: str) -> None:
 
 CHANGES = {
     "a number without end": ('"frame_rate": 30.0', f'"frame_rate": {10**400}', r"\$.frame_rate`, is 1000"),
-    "an exposure without end": (
-        '"exposure": 0.5',
-        f'"exposure": {10**400}',
-        r"frames\[1\].exposure`, is 1000",
-    ),
-    "a jitter without end": (
-        '"jitter": [',
-        f'"jitter": [{10**400}, 0], "reference": [',
-        r"jitter\[0\]`, is 1000",
-    ),
-    "a huge size": (
-        '"render_size": [32, 18]',
-        f'"render_size": [{10**9}, {10**9}]',
-        r"<= 32768 - at `\$.render_size\[0\]`",
-    ),
+    "a huge size": ("[32, 18]", f"[{10**9}, {10**9}]", r"<= 32768 - at `\$.render_size\[0\]`"),
     "many pixels": ('"display_size": [64, 36]', '"display_size": [32768, 32768]', "134217728 pixels"),
     "a long name": ('"0001.exr"', f'"{"a" * 300}.exr"', "a name longer than 255 bytes"),
     "a long path": ('"0001.exr"', f'"{"a/" * 5000}a.exr"', "the file of frame 1 is missing"),
     "deep nesting": ('"attribution": ["Me"]', f'"attribution": {"[" * 100_000}', "is not JSON"),
     "a zero byte": ('"0001.exr"', '"00\\u000001.exr"', "a file inside the shot's folder"),
-    "half a character": ('"0001.exr"', '"00\\ud80001.exr"', "is not JSON"),
-    "the folder itself": ('"0001.exr"', '"."', "a file inside the shot's folder"),
 }
 
 

@@ -6,46 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from fuzzing import HOSTILE, examples, run_apart
+from fuzzing import HOSTILE, examples, hostile_array, run_apart
 from still_states import DISPLAY, FRAMES, frame, still_state, upscaler
 from supersampler import ArgumentError
 
 Rng = np.random.Generator
 SUBJECTS = [("taau", "cpu"), ("taa", "cpu"), ("classifier-small", "cpu"), ("taau", "onnx")]
-EXTREMES = (np.nan, np.inf, -np.inf, -1, 0, 1, 255, 2**31 - 1, -(2**31), 2**62, 1e30, -1e30, 1e-45, 3e38)
-
-
-def hostile_array(array: Any, rng: Rng) -> Any:
-    """A similar value, or an unrelated one."""
-    if array.dtype.kind not in "biuf" or array.size > 1 << 20:  # it has been made so before
-        return array
-    match int(rng.integers(0, 12)):
-        case 0:
-            return HOSTILE[int(rng.integers(len(HOSTILE)))]
-        case 1:
-            return array[tuple(slice(None, None, int(rng.choice([1, 1, 2, -1]))) for _ in array.shape)]
-        case 2:
-            return array[tuple(slice(int(rng.integers(0, 2)), None) for _ in array.shape)]
-        case 3:
-            return np.zeros([int(rng.choice([0, 1, 2, 3, 40, 80])) for _ in array.shape], array.dtype)
-        case 4:
-            with np.errstate(all="ignore"):
-                return array.astype(rng.choice(["f2", "f8", "i1", "i8", "u8", ">f4", "O", "?", "c16"]))
-        case 5:
-            side = int(rng.choice([1, 1 << 12, 1 << 16, 1 << 20]))
-            return np.broadcast_to(array[(0,) * array.ndim], tuple(side if n > 4 else n for n in array.shape))
-        case 6:
-            return np.ma.MaskedArray(array)
-        case 7:
-            return array.T
-        case 8:
-            return np.frombuffer(rng.bytes(array.nbytes), array.dtype).reshape(array.shape)
-        case _:
-            changed = array.copy()
-            with np.errstate(all="ignore"):
-                extreme = np.float64(EXTREMES[int(rng.integers(len(EXTREMES)))]).astype(array.dtype)
-            changed[rng.random(array.shape) < rng.choice([0.01, 0.5, 1.0])] = extreme
-            return changed
 
 
 def hostile_state(method: str, executor: str, rng: Rng) -> Any:

@@ -277,7 +277,7 @@ def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
     monkeypatch.setattr("supersampler.io.child_process.GRACE", 0.5)
     if frozen:
         monkeypatch.setattr(sys, "executable", str(shutil.which("sleep")))
-    child = ChildProcess(["sh", "-c", f"trap '' TERM; echo $$ > {tmp_path}/pid; sleep 300"], output="none")
+    child = ChildProcess(["sh", "-c", f"trap '' TERM; echo $$ > {tmp_path}/pid; sleep 300"])
     wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
     if not frozen:
         os.kill(child._process.pid, signal.SIGSTOP)
@@ -288,6 +288,6 @@ def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
 def test_a_child_is_not_inherited_by_another_one() -> None:
     """Otherwise the pipe of the first stays open as long as the second runs."""
     words = ["sleep", "300"]
-    with ChildProcess(words, output="none") as first, ChildProcess(words, output="none"):
+    with ChildProcess(words) as first, ChildProcess(words):
         first.stop()
         assert first.wait(SECONDS) is not None

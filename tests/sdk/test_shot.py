@@ -454,7 +454,7 @@ ENTRY_KEYS = ("file", "jitter", "reset", "exposure", "reference", "typo")
 
 @pytest.mark.parametrize("display_size", [None, (16, 12)])
 def test_written_values_are_read_back(tmp_path: Path, display_size: tuple[int, int] | None) -> None:
-    info = replace(INFO, display_size=display_size)
+    info = msgspec.structs.replace(INFO, display_size=display_size)
     (tmp_path / "shot.json").write_text(shot_json(info, ENTRIES), encoding="utf-8")
     assert load_shot_json(tmp_path / "shot.json") == (info, ENTRIES)
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from supersampler.cli.arguments import open_shot
 from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.io.files import check_ours
@@ -67,6 +66,7 @@ def train(
         raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(_LEARNED)}", hint=hint)
     import torch
 
+    from supersampler.io.shot import open_source
     from supersampler_model.data.dataset import open_dataset
     from supersampler_model.methods.base import load_trained, shipped_weights
     from supersampler_model.training.datasets import dataset_of_shots
@@ -80,7 +80,7 @@ def train(
     datasets = [open_dataset(folder) for folder in data or []]
     for paths, split in ((shot, "train"), (validation_shot, "validation")):
         if paths:
-            shots = [open_shot(str(path)) for path in paths]
+            shots = [open_source(path) for path in paths]
             datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")

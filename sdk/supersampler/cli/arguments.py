@@ -112,13 +112,6 @@ class Format(StrEnum):
     mp4 = "mp4"
 
 
-def open_shot(text: str) -> "Shot":
-    """Open a shot of any layout, or a shipped one by name; ShotError where there is none."""
-    from supersampler.io.shot import open_source
-
-    return open_source(text)
-
-
 def open_with(source: str, options: dict[str, Any], frames: tuple[int, int] | None = None) -> "Shot":
     """Open a shot, a folder, a pattern or a file.
 

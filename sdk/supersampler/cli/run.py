@@ -159,7 +159,7 @@ class _UpscaleRun:
             steps = self._both_ways(plan, needed, on_step, references=add_to_page is not None)
         with closing(steps):
             for stepped in steps:
-                exposure = _measured(meter, stepped.frame) / stepped.frame.pre_exposure  # of the images
+                exposure = meter.read_frame(stepped.frame) / stepped.frame.pre_exposure  # of the images
                 position = plan.position(stepped.index)
                 if position is None:
                     continue
@@ -251,7 +251,7 @@ class _UpscaleRun:
             return stated
         meter, exposure, start = ExposureMeter(), 0.0, max(cut, index - EXPOSURE_FRAMES)
         for item in self._shot.frames(start, index + 1, gbuffers=(), references=False):
-            exposure = _measured(meter, item.frame)
+            exposure = meter.read_frame(item.frame)
         return exposure
 
     @contextmanager
@@ -342,7 +342,3 @@ class _UpscaleRun:
                 page.add(shot.first_number + stepped.index, layers, numbers)
 
             yield add
-
-
-def _measured(meter: ExposureMeter, frame: Frame) -> float:
-    return meter.read(frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure)

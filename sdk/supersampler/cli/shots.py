@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supersampler.cli import arguments
-from supersampler.cli.arguments import open_shot, open_with, size_text, source_notes
+from supersampler.cli.arguments import open_with, size_text, source_notes
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ShotError, SupersamplerError, did_you_mean
 
@@ -37,6 +37,7 @@ def info(
       supersampler info renders/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.backends.gpu.device import adapter_text
+    from supersampler.io.shot import open_source
     from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
     from supersampler.methods.registry import methods
 
@@ -59,7 +60,7 @@ def info(
         rows = import_module("supersampler_model.data.dataset.overview").rows(Path(what))
     else:
         try:
-            rows = _shot_rows(open_shot(what))
+            rows = _shot_rows(open_source(what))
         except ShotError as error:
             hint = did_you_mean(what, methods())
             raise ShotError(error.path, error.problem, hint or error.hint) from None

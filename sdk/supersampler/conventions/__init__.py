@@ -4,8 +4,7 @@ No file is read here.
 """
 
 from supersampler.conventions.camera_motion import camera_motion
-from supersampler.conventions.conventions import PRESETS, Conventions
-from supersampler.conventions.converter import Converter, RawFrame
+from supersampler.conventions.conventions import PRESETS, Conventions, Converter, RawFrame
 from supersampler.conventions.jitter import (
     halton_jitter,
     jitter_phase_count,

@@ -18,7 +18,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext, suppress
 from pathlib import Path
-from typing import IO, Literal
+from typing import IO
 
 GRACE = 3.0
 """Seconds that a program has to end by itself."""
@@ -31,10 +31,10 @@ class ChildProcess:
         command: the program and its arguments.
         environment: environment of the program; None is that of this process.
         folder: its working directory; None is that of this process.
-        output: "joined": stdout and stderr have one pipe; "apart": one each; "none": both are dropped.
+        joined: whether stdout and stderr share one pipe.
 
     Attributes:
-        output: the pipe of stdout, binary, or None; the reader closes it.
+        output: the pipe of stdout, binary; the reader closes it.
 
     Raises:
         OSError: the program cannot be started.
@@ -46,9 +46,8 @@ class ChildProcess:
         *,
         environment: Mapping[str, str] | None = None,
         folder: Path | None = None,
-        output: Literal["joined", "apart", "none"] = "joined",
+        joined: bool = True,
     ) -> None:
-        stderr = {"joined": subprocess.STDOUT, "apart": subprocess.PIPE, "none": subprocess.DEVNULL}[output]
         if shutil.which(command[0]) is None:  # the supervisor could say so only later
             number = errno.EACCES if os.path.exists(command[0]) else errno.ENOENT  # noqa: PTH110  # never raises
             raise OSError(number, os.strerror(number), command[0])
@@ -61,8 +60,8 @@ class ChildProcess:
             self._process = subprocess.Popen(  # noqa: S603  # the caller names the program
                 [*supervisor, *command],
                 stdin=read_end if self._supervised else subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL if output == "none" else subprocess.PIPE,
-                stderr=stderr,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT if joined else subprocess.PIPE,
                 cwd=folder,
                 env=environment,
                 start_new_session=True,  # Ctrl-C at a terminal is for this process, which ends the program
@@ -124,7 +123,7 @@ def run(
         OSError: it cannot be started.
         subprocess.TimeoutExpired: it took longer, and was ended.
     """
-    child = ChildProcess(command, environment=environment, folder=folder, output="apart")
+    child = ChildProcess(command, environment=environment, folder=folder, joined=False)
     with child._process.stdout or nullcontext(), child._process.stderr or nullcontext(), child:
         output, errors = child._process.communicate(timeout=seconds)
         return subprocess.CompletedProcess(command, child.poll() or 0, output, errors)
@@ -144,7 +143,7 @@ def has_interpreter() -> bool:
 
 
 _TERMINATE = signal.SIGTERM
-_KILL = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has one way alone
+_KILL = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows knows one way only
 
 
 def _signal_group(process: "subprocess.Popen[bytes]", number: int) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from supersampler.arguments import as_number, ieee_arithmetic
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.errors import ArgumentError, shown
-from supersampler.frame import Array, Float32, as_array
+from supersampler.frame import Array, Float32, Frame, as_array
 
 EXPOSURE_KEY = 0.18
 """Middle grey: the log-average luminance that `auto_exposure` maps an image to."""
@@ -178,6 +178,12 @@ class ExposureMeter:
 
     def __init__(self) -> None:
         self._before = 0.0
+
+    def read_frame(self, frame: Frame) -> float:
+        """Return the exposure of a frame; see `read`."""
+        return self.read(
+            frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
+        )
 
     @ieee_arithmetic
     def read(

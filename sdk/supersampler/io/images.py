@@ -61,25 +61,7 @@ def read_exr(
     without: Iterable[str] = (),
     outside: Outside | None = None,
 ) -> dict[str, Channel]:
-    """Read the channels of an EXR file, in OpenImageIO's order (R, G, B, A first, then by name).
-
-    The parts of a multi-part file are read as one image. A part's name is prefixed to its channels where they
-    do not begin with it. Overscan, pixels outside of the display window, is cut off.
-
-    Args:
-        path: the file.
-        only: names of the channels to return; missing ones are left out.
-        without: names of channels to leave out.
-        outside: values where the data window is smaller than the display window; None refuses such a file.
-
-    Returns:
-        Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32. The arrays
-        may be views of one that interleaves them.
-
-    Raises:
-        ShotError: the file is missing, truncated, not EXR or deep, has a data window that is not allowed,
-            or exceeds `supersampler.io.files`.
-    """
+    """Read the channels of an EXR file; files of other formats are refused. See `read_image`."""
     return read_image(path, only=only, without=without, outside=outside, formats=("exr",))
 
 
@@ -91,10 +73,27 @@ def read_image(
     outside: Outside | None = None,
     formats: Collection[str] = FORMATS,
 ) -> dict[str, Channel]:
-    """Read the channels of an EXR, PNG or TIFF file, as `read_exr` does.
+    """Read the channels of an EXR, PNG or TIFF file, in OpenImageIO's order (R, G, B, A first, then by name).
 
-    Integers of PNG and TIFF are returned as float32, value / largest value; a palette as its colours. RGB is
-    not multiplied by alpha. Of a TIFF with several pages the first is read.
+    The parts of a multi-part EXR file are read as one image. A part's name is prefixed to its channels where
+    they do not begin with it. Overscan, pixels outside of the display window, is cut off. Of a TIFF with
+    several pages the first is read. RGB is not multiplied by alpha.
+
+    Args:
+        path: the file.
+        only: names of the channels to return; missing ones are left out.
+        without: names of channels to leave out.
+        outside: values where the data window is smaller than the display window; None refuses such a file.
+        formats: formats to accept, of FORMATS.
+
+    Returns:
+        Channel name to (h, w) array. EXR: half stays float16, float float32, uint uint32. Integers of PNG and
+        TIFF are float32, value / largest value; a palette is read as its colours. The arrays may be views of
+        one that interleaves them.
+
+    Raises:
+        ShotError: the file is missing, truncated, of another format or deep, has a data window that is not
+            allowed, or exceeds the limits of `supersampler.io.files`.
     """
     wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
@@ -320,7 +319,7 @@ class ImageHeader:
 
 
 def read_header(path: Path | str) -> ImageHeader:
-    """Read the header of an EXR, PNG or TIFF file; see `read_exr` for errors."""
+    """Read the header of an EXR, PNG or TIFF file; see `read_image` for errors."""
     with open_image(path) as (source, kind):
         types: dict[str, str] = {}
         for part, names in enumerate(_part_names(source, path, kind)):

@@ -170,10 +170,7 @@ class Replay:
         except Exception as error:  # any type: the recorded step may have raised the same
             return _compare_errors(call, raised(error))
         frame, recorded = call.frame, call.outcome
-        exposure = self._meter.read(
-            frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
-        )
-        exposure /= frame.pre_exposure  # images contain pre-exposure
+        exposure = self._meter.read_frame(frame) / frame.pre_exposure  # images contain pre-exposure
         if recorded is None:
             return Replayed(call.index, result, exposure)
         if any(recorded.error):

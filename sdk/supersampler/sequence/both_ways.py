@@ -165,9 +165,7 @@ class BothWays:
         with self._around(window.first + place, "forward"):
             result = self._step(self._forward, frame, place, self._outputs)
         self._steps = 1 if frame.reset else self._steps + 1
-        exposure = self._meter.read(
-            frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
-        )
+        exposure = self._meter.read_frame(frame)
         if backward is not None:
             other, weight = self._store.get(backward), weight_of(result, self._steps)
             self._store.drop(backward)
