@@ -9,12 +9,12 @@ from typing import Annotated, Any, TypeVar, cast
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from supersampler.cli.arguments import open_shot, parse_size
+from supersampler.cli.arguments import parse_size
 from supersampler.cli.terminal import LOG_SECONDS, Terminal
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.files import check_ours
-from supersampler.io.shot import Shot
+from supersampler.io.shot import Shot, open_source
 from supersampler.model import ExecutorName
 from supersampler_bench.record import BenchRecord, is_record, write_json
 from supersampler_bench.shots import public_shots
@@ -168,7 +168,7 @@ def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[t
     """
     shots = public_shots.shots_named(shot)
     if shots is None:
-        one = open_shot(shot)
+        one = open_source(shot)
         return one.name, [(one, {})]
     ratios = number_list("--ratio", ratio)
     folder = cache or public_shots.default_cache()
