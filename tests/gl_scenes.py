@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler_model.data.scenes.procedural import shapes
 from supersampler_model.data.scenes.procedural.paths import turned_by
 from supersampler_model.data.scenes.scene import (
     Camera,
@@ -20,7 +21,6 @@ from supersampler_model.data.scenes.scene import (
     Sun,
     Texture,
     directions,
-    tangents_of,
 )
 
 Values = NDArray[np.float64]
@@ -29,73 +29,24 @@ Values = NDArray[np.float64]
 # --- shapes ---
 
 
-def mesh_of(
-    positions: Values, normals: Values, uv: Values, indices: Values, skin: Skin | None = None
-) -> Mesh:
-    p, n, t = (np.ascontiguousarray(array, np.float32) for array in (positions, normals, uv))
-    i = np.ascontiguousarray(indices, np.uint32)
-    return Mesh(positions=p, normals=n, uv=t, tangents=tangents_of(p, n, t, i), indices=i, skin=skin)
-
-
-def grid_faces(rows: int, columns: int) -> Values:
-    """Two triangles for each cell of rows x columns vertices."""
-    y, x = np.mgrid[: rows - 1, : columns - 1]
-    a = (y * columns + x).ravel()
-    b, c = a + 1, a + columns
-    return np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, c + 1], 1)])
-
-
 def plane(repeat: float) -> Mesh:
-    """2 x 2, facing +y; u along x, v along z."""
-    corners = np.array([[-1, 0, -1], [1, 0, -1], [-1, 0, 1], [1, 0, 1]], float)
-    uv = (corners[:, [0, 2]] + 1) / 2 * repeat
-    return mesh_of(corners, np.tile([0.0, 1.0, 0.0], (4, 1)), uv, grid_faces(2, 2))
+    """2 x 2, facing +y; u along x, v along z; the texture repeats so many times."""
+    return shapes.plane(2.0, 2.0, 0.5 * repeat)
 
 
 def box() -> Mesh:
-    """2 x 2 x 2."""
-    parts: list[tuple[Values, Values, Values, Values]] = []
-    for axis in range(3):
-        for side in (-1.0, 1.0):
-            normal, u = np.zeros(3), np.zeros(3)
-            normal[axis], u[(axis + 1) % 3] = side, 1.0
-            v = np.cross(normal, u)
-            square = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
-            corners = np.array([normal + s * u + t * v for s, t in square])
-            faces = grid_faces(2, 2)[:, ::-1] + 4 * len(parts)
-            parts.append((corners, np.tile(normal, (4, 1)), (np.array(square, float) + 1) / 2, faces))
-    positions, normals, uv, indices = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    return mesh_of(positions, normals, uv, indices)
-
-
-def turned(
-    radii: Values, heights: Values, slopes: Values, sides: int = 32
-) -> tuple[Values, Values, Values, Values]:
-    """A surface of revolution around y, from below; `slopes` are the normals' y. Arrays for mesh_of."""
-    phi = np.linspace(0.0, 2.0 * np.pi, sides + 1)
-    around = np.stack([np.sin(phi), np.zeros_like(phi), np.cos(phi)], axis=-1)
-    up = np.array([0.0, 1.0, 0.0])
-    positions = radii[:, None, None] * around + heights[:, None, None] * up
-    normals = np.sqrt(1.0 - slopes**2)[:, None, None] * around + slopes[:, None, None] * up
-    u, v = np.meshgrid(np.linspace(0.0, 2.0, sides + 1), np.linspace(2.0, 0.0, len(radii)))
-    faces = grid_faces(len(radii), sides + 1)[:, ::-1]
-    return positions.reshape(-1, 3), normals.reshape(-1, 3), np.stack([u, v], -1).reshape(-1, 2), faces
-
-
-def ball() -> Mesh:
-    """Radius 1."""
-    theta = np.linspace(-np.pi / 2, np.pi / 2, 24)
-    return mesh_of(*turned(np.maximum(np.cos(theta), 1e-4), np.sin(theta), np.sin(theta)))
+    """2 x 2 x 2, about the origin."""
+    return shapes.merged([(shapes.box(2.0, 2.0, 2.0, 0.5), moved(0.0, -1.0, 0.0))])
 
 
 def bending_tube() -> Mesh:
     """Radius 0.25, height 2 from 0 up, bound to two joints, the upper one ever more from half way up."""
     heights = np.linspace(0.0, 2.0, 17)
-    arrays = turned(np.full(17, 0.25), heights, np.zeros(17))
-    upper = np.clip(arrays[0][:, 1] - 0.5, 0.0, 1.0).astype(np.float32)
+    mesh = shapes.lathe([(0.25, float(height)) for height in heights], 32, smooth=True)
+    upper = np.clip(mesh.positions[:, 1] - 0.5, 0.0, 1.0)
     weights = np.stack([1 - upper, upper, 0 * upper, 0 * upper], axis=1)
     joints = np.tile(np.array([0, 1, 0, 0], np.uint16), (len(upper), 1))
-    return mesh_of(*arrays, skin=Skin(joints=joints, weights=weights))
+    return replace(mesh, skin=Skin(joints=joints, weights=weights))
 
 
 # --- matrices ---
@@ -183,7 +134,7 @@ class Yard:
             base_color_texture=fence_texture(), alpha_cutoff=0.5, double_sided=True, roughness=0.6
         )
         self.lamp = Material(base_color=(0.0, 0.0, 0.0), emissive=(4.0, 2.0, 0.5))
-        self.shapes = {"plane": plane(10.0), "box": box(), "ball": ball(), "tube": bending_tube()}
+        self.plane, self.box, self.ball, self.tube = plane(10.0), box(), shapes.ball(1.0, 23), bending_tube()
         self.fence_shape = plane(8.0)
         self.sky = sky(seed)
 
@@ -196,9 +147,9 @@ class Yard:
     def instances(self, index: int) -> tuple[Instance, ...]:
         now, before = self.poses(index), self.poses(index - 1)
         things = [
-            (self.shapes["plane"], self.floor, "floor"), (self.shapes["box"], self.paint, "box"),
-            (self.shapes["ball"], self.metal, "ball"), (self.fence_shape, self.fence, "fence"),
-            (self.shapes["ball"], self.lamp, "lamp"),
+            (self.plane, self.floor, "floor"), (self.box, self.paint, "box"),
+            (self.ball, self.metal, "ball"), (self.fence_shape, self.fence, "fence"),
+            (self.ball, self.lamp, "lamp"),
         ]  # fmt: skip
         rigid = [
             Instance(
@@ -212,7 +163,7 @@ class Yard:
         ]
         bent, bent_before = self.palette(index), self.palette(index - 1)
         place = moved(-1.0, 0.0, 0.8)
-        tube = self.shapes["tube"]
+        tube = self.tube
         return (
             *rigid,
             Instance(mesh=tube, material=self.skin, model=place, palette=bent, palette_before=bent_before),

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler_model.data.labels import LabelInputs, PixelStatistics, Values, toned
 from supersampler_model.data.scenes.analytic import EXTENT, AnalyticScene, grids, places
@@ -26,14 +25,9 @@ def statistics_of(samples: Iterable[Sample], exposure: float = 1.0) -> PixelStat
     Args:
         samples: at least one; the first gives the normals that the others are compared with.
         exposure: multiplies the colours before they are toned, > 0.
-
-    Raises:
-        ArgumentError: there is no sample.
     """
     rest = iter(samples)
-    first = next(rest, None)
-    if first is None:
-        raise ArgumentError("samples", got="none", want="at least one")
+    first = next(rest)
     color = toned(first.color, exposure)
     low, high, nearest, farthest = color, color, first.depth, first.depth
     total = np.array(first.color, np.float64)

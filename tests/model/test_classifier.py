@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from noise import noise
-from supersampler import ArgumentError, Upscaler
+from supersampler import Upscaler
 from supersampler.methods.at_rest import AT_REST_HISTORY
 from supersampler.methods.classifier.spec import (
     CLASSES,
@@ -203,12 +203,6 @@ def test_the_image_is_that_of_the_classifier_at_the_larger_size_filtered(
         torch.testing.assert_close(image, ops.downsample(whole, ops.Size(*display), torch.tensor([2.0])))
         assert image.shape[2:] == display[::-1]
         assert [m.shape[2:] for m in maps] == [display[::-1]] * 2
-
-
-def test_weights_of_another_method_are_refused() -> None:
-    trained = load_trained(shipped_weights("classifier-small"))
-    with pytest.raises(ArgumentError, match="of classifier-small; want of classifier"):
-        LargeClassifier.from_classifier(trained)
 
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
@@ -123,12 +122,3 @@ def test_the_compositor_moves_the_image_towards_the_colours_of_this_frame(value:
     assert none.max() == 0.0
     torch.testing.assert_close(left, (1.0 - value) * weight, rtol=1e-4, atol=1e-6)
     torch.testing.assert_close(color, plain + value * (alone - plain), rtol=1e-4, atol=1e-5)
-
-
-def test_an_ordinary_frame_is_bit_for_bit_that_of_a_mask_of_zeros() -> None:
-    pairs = [(torch.rand(1, 3, 4, 4), torch.rand(1, 1, 4, 4)) for _ in range(3)]
-    factors = torch.randn(1, 3, 4, 4)
-    whole = ops.composite(pairs[:1], pairs[1:], factors, torch.zeros(()), pairs[1][0])
-    planes = ops.composite(pairs[:1], pairs[1:], factors, torch.zeros(1, 1, 4, 4), pairs[1][0])
-    for one, other in zip(whole, planes, strict=True):
-        np.testing.assert_array_equal(one.numpy(), other.numpy())

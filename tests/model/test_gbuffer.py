@@ -9,10 +9,8 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
-from supersampler.methods.registry import methods
 from supersampler_bench.quality import metrics
 from supersampler_model import ops
-from supersampler_model.methods import method_class
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.gbuffer import DepthGBuffer, GBuffer, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer_network import (
@@ -193,13 +191,6 @@ def test_a_surface_reflects_its_base_colour_and_the_sky_is_white() -> None:
     torch.testing.assert_close(reflectance(sky), torch.ones(1, 3, 1, 1))
 
 
-def test_nan_surfaces_become_black_and_far() -> None:
-    bad = with_base_color(torch.full((1, 3, 1, 1), float("nan")), depth=float("inf"))
-    made = usable_surfaces(bad, torch.float32)
-    assert float(made.base_color.abs().max()) == 0.0
-    assert float(made.depth) == -1.0
-
-
 @pytest.mark.parametrize(("stops", "changed"), [(5.9, 0.0), (6.1, 1.0)])
 def test_light_has_changed_where_it_is_six_stops_off_on_average(stops: float, changed: float) -> None:
     previous, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
@@ -309,12 +300,6 @@ def test_a_frame_and_the_edges_of_its_surfaces_attend_to_each_other() -> None:
     expected = frame + torch.sigmoid(query(frame) * key(edges)) * value(edges)
     expected = expected + torch.sigmoid(query_2(edges) * key_2(frame)) * value_2(frame)
     torch.testing.assert_close(enhancer(frame, gradients), expected)
-
-
-@pytest.mark.parametrize("config", [GBufferNetworkConfig(), SMALL_NETWORK], ids=["gbuffer", "gbuffer-small"])
-def test_the_networks_that_are_used_have_all_parts_of_the_paper(config: GBufferNetworkConfig) -> None:
-    assert (config.gated, config.attention, config.refined) == (True, "both", True)
-    assert len(Enhancer(2, 4, config.attention).projections) == 6
 
 
 def test_the_gate_is_of_the_branch_that_sees_base_colour_and_depth_alone() -> None:
@@ -474,21 +459,3 @@ def test_values_out_of_range_count_as_unknown_and_those_in_range_are_kept(field:
     assert not made[..., 0, :2].any()
     assert (made[..., 0, 2] == 1.0).all()
     torch.testing.assert_close(made[..., 1:, :], values[..., 1:, :])
-
-
-@pytest.mark.parametrize("name", [name for name in methods() if issubclass(method_class(name), GBuffer)])
-def test_a_method_of_one_ratio_has_a_network_of_that_ratio(name: str) -> None:
-    ratio = 4 if name.endswith("4x") else 2
-    method = method_class(name)()
-    assert isinstance(method, GBuffer)
-    assert method.ratios == (method.config.ratio,) * 2 == (ratio, ratio)
-
-
-def test_surfaces_of_known_depth_alone_are_grey_rough_and_face_one_way() -> None:
-    depth = torch.rand(1, 1, 2, 3)
-    made = neutral_surfaces(depth)
-    assert [float(value.mean()) for value in made[:1]] == [0.5]
-    assert made.base_color.shape == made.normal.shape == (1, 3, 2, 3)
-    assert made.normal[0, :, 0, 0].tolist() == [0.0, 0.0, 1.0]
-    assert [float(value[0, 0, 1, 1]) for value in made[2:5]] == [0.5, 0.0, 0.5]
-    assert torch.equal(made.depth, depth)

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from supersampler.methods.gbuffer_fast.spec import GBUFFER_FAST, GuidedConfig
+from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler_model import ops
 from supersampler_model.methods.gbuffer_fast import (
     DisplaySurfaces,
@@ -138,9 +138,3 @@ def test_the_history_shows_the_light_of_then_on_the_surfaces_of_now() -> None:
     image, _ = step(method, other, history)
     least = method.config.min_reflectance
     np.testing.assert_allclose(image, least + (1.0 - least) * other, rtol=0.05)
-
-
-def test_the_history_has_reflectance_beside_that_of_the_classifier() -> None:
-    names = list(GBUFFER_FAST.history)
-    assert names[6] == "reflectance"
-    assert names[-4:] == ["static_mean", "static_blocks", "signatures", "phases"]

@@ -11,7 +11,6 @@ from torch import Tensor
 from flow_method import Shadow, random_flow
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Size
-from supersampler.methods.constants import MAX_TONED
 from supersampler.methods.extrapolation.spec import GuidedFlowConfig
 from supersampler_export.half import HalfNetwork
 from supersampler_model import ops
@@ -23,7 +22,6 @@ from supersampler_model.methods.guided_flow import (
     flow_history,
     halved,
     motions_of,
-    moved,
 )
 from supersampler_model.methods.guided_warp import GuidedWarp, surface_of
 from torch_inputs import tensors_of
@@ -245,16 +243,6 @@ def test_light_as_bright_and_as_dark_as_there_is_stays_in_the_range_of_halves() 
         assert 0.0 <= image.min() <= image.max() <= 65504.0
 
 
-def test_the_network_sees_no_light_brighter_than_toned_allows() -> None:
-    """One lamp in a dim frame."""
-    frames = [tensors(Shadow(0.0).frame(index)) for index in range(4)]
-    for frame in frames:
-        frame["color"][:, :, :12, :12] = 65504.0
-    for light in gathered_from(frames).lights:
-        assert float(light[:, :3].max()) == pytest.approx(MAX_TONED, abs=1e-7)
-        assert MAX_TONED < 1.0
-
-
 def test_the_networks_output_in_half_precision_is_close() -> None:
     net, lights = random_flow().net, torch.rand(2, 1, 4, 21, 45)
     with torch.no_grad():
@@ -268,10 +256,3 @@ def test_the_image_does_not_depend_on_the_unit_of_light() -> None:
     bright = [{**frame, "color": 64.0 * frame["color"]} for frame in frames]
     one, other = (run(method, f, "susu")[1] for f in (frames, bright))
     torch.testing.assert_close(64.0 * one, other, rtol=1e-3, atol=1e-3)
-
-
-def test_reading_at_whole_pixels_is_shifting() -> None:
-    image = torch.rand(2, 3, 8, 12)
-    flow = torch.zeros(2, 2, 8, 12)
-    flow[:, 0], flow[:, 1] = -2.0, 1.0
-    torch.testing.assert_close(moved(image, flow)[:, :, :-1, 2:], image[:, :, 1:, :-2], rtol=1e-4, atol=1e-5)

@@ -128,10 +128,6 @@ def coloured_zone_plate(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArr
     return np.stack([zone_plate(x + d, y - d)[..., 0] for d in (0.0, 1.1, 2.3)], axis=-1)
 
 
-def flat(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.full((*x.shape, 3), 0.3)
-
-
 @pytest.mark.parametrize("option", OPTIONS)
 def test_every_option_of_salvi_changes_the_image_and_integrates_over_time(option: str) -> None:
     scene = Plane(coloured_zone_plate)
@@ -149,11 +145,6 @@ def test_a_larger_gamma_keeps_more_of_the_history() -> None:
         run_torch(Taa(TaaConfig(gamma=g, intersect_extent=False)), step, 16)[15] for g in (0.75, 3.0)
     )
     assert psnr(small, truth) > psnr(large, truth)  # "more temporally stable results at the cost of ghosting"
-
-
-def test_without_jitter_and_motion_taa_of_a_flat_image_is_that_image() -> None:
-    image = run("taa", Plane(flat), 5)[-1]
-    np.testing.assert_allclose(image, 0.3, rtol=1e-4)
 
 
 CHOICES: list[dict[str, Any]] = [

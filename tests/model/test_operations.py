@@ -85,17 +85,6 @@ def test_resampling_by_blocks_is_the_sum_over_the_taps_of_each_output(size: int,
     torch.testing.assert_close(result, expected, rtol=1e-5, atol=1e-5)
 
 
-def test_upsampling_removes_the_jitter() -> None:
-    y, x = torch.meshgrid(torch.arange(12.0), torch.arange(16.0), indexing="ij")
-    for jitter in ((0.3, -0.4), (-0.5, 0.5)):
-        ramp = (x + jitter[0] + 10 * (y + jitter[1]))[None, None]  # sampled at centre + jitter
-        grid = ops.grid_of(ops.Size(32, 24), ops.Size(16, 12), torch.tensor([jitter]))
-        result = grid.upsample(ramp, ops.catmull_rom)
-        rows, columns = torch.meshgrid(torch.arange(24.0), torch.arange(32.0), indexing="ij")
-        expected = (columns + 0.5) / 2 - 0.5 + 10 * ((rows + 0.5) / 2 - 0.5)
-        torch.testing.assert_close(result[0, 0, 6:-6, 6:-6], expected[6:-6, 6:-6], rtol=1e-4, atol=1e-3)
-
-
 @settings(max_examples=30)
 @given(size=SIZES, sharpness=st.sampled_from([0.5, 0.7]), seed=st.integers(0, 99))
 def test_five_bilinear_reads_are_a_cross_of_twelve_cubic_taps(
@@ -204,16 +193,6 @@ def test_thin_things_are_taken_out_of_depth_and_broad_ones_stay() -> None:
     both[..., 10:11, :] = 0.2  # a wire across
     both[..., :, 12] = 0.2  # and one down
     torch.testing.assert_close(ops.morphological_opening(both), broad)
-
-
-@settings(max_examples=30)
-@given(size=SIZES, seed=st.integers(0, 99))
-def test_neighbours_repeat_the_edge(size: tuple[int, int], seed: int) -> None:
-    image = random_image(seed, size)
-    window = ops.neighbours_3x3(image)
-    for i, (dy, dx) in enumerate((dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)):
-        for x, y in ((0, 0), (size[0] - 1, size[1] - 1)):
-            torch.testing.assert_close(window[i][0, :, y, x], at(image, x + dx, y + dy))
 
 
 def test_moments_are_unweighted_and_raw() -> None:

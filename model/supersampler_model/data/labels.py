@@ -5,7 +5,7 @@ where the supplement is silent or contradicts itself.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import product
 from typing import Any
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
 
@@ -25,8 +24,7 @@ class PixelStatistics:
     """Ranges over all samples in each pixel of one frame, at display size (W, H).
 
     A renderer gathers linear ranges. For the labels, `toned` converts them, at one exposure for all frames
-    that are compared; the curve rises and treats each channel on its own, so the ranges stay ranges. Shapes
-    and types are checked, values are not.
+    that are compared. The curve rises and treats each channel on its own, so the ranges stay ranges.
 
     Attributes:
         depth_min: (H, W) float32, smallest reversed depth (near / view distance): the farthest sample.
@@ -37,9 +35,6 @@ class PixelStatistics:
         normal_spread: (H, W) float32, largest L1 distance from the first sample's normal, [0, 2 sqrt(3)],
             without normal maps.
         normal_mapped_spread: (H, W) float32, the same with normal maps.
-
-    Raises:
-        ArgumentError: an array has the wrong shape or type.
     """
 
     depth_min: Float32
@@ -49,11 +44,6 @@ class PixelStatistics:
     color: Float32
     normal_spread: Float32
     normal_mapped_spread: Float32
-
-    def __post_init__(self) -> None:
-        size = (*self.depth_min.shape, 0, 0)[:2]  # depth_min leads: the others must match it
-        for field in fields(self):
-            _check(field.name, getattr(self, field.name), (*size, 3) if "color" in field.name else size)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -73,14 +63,11 @@ class LabelInputs:
 
     Attributes:
         pixels: ranges over the samples of each pixel.
-        motion: (H, W, 2) float32, display pixels (x right, y down), previous minus current, of what the
-            pixel's centre sees. On a cut: motion for a camera that does not move.
-        depth_before: (H, W) float32, expected previous depth: the reversed depth which the point that the
-            pixel's centre sees had one frame ago, whether or not it was in sight then.
+        motion: (H, W, 2) float32, display pixels (x right, y down), previous minus current, of the surface at
+            the pixel's centre. On a cut: motion for a static camera.
+        depth_before: (H, W) float32, expected previous depth: the reversed depth of that surface point in the
+            previous frame, whether or not it was visible.
         cut: True on the first frame after a cut, which has no history.
-
-    Raises:
-        ArgumentError: an array has the wrong shape or type.
     """
 
     pixels: PixelStatistics
@@ -88,21 +75,11 @@ class LabelInputs:
     depth_before: Float32
     cut: bool = False
 
-    def __post_init__(self) -> None:
-        _check("motion", self.motion, (*self.pixels.shape, 2))
-        _check("depth_before", self.depth_before, self.pixels.shape)
-
 
 def toned(color: Values, exposure: float = 1.0) -> Values:
     """Convert exposed linear RGB to [0, 1): c / (1 + c), each channel alone, after a clamp to [0, 65504]."""
     exposed = np.clip(color * exposure, 0.0, MAX_HALF)
     return np.asarray(exposed / (1.0 + exposed))
-
-
-def _check(name: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
-    if array.shape != shape or array.dtype != np.float32 or 0 in shape:
-        want = "at least one pixel, (H, W) float32" if 0 in shape else f"{shape} float32"
-        raise ArgumentError(name, got=f"{array.shape} {array.dtype}", want=want)
 
 
 Mask = NDArray[np.bool_]
@@ -173,21 +150,12 @@ class Labels:
 def label(now: LabelInputs, before: LabelInputs | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
     """Label one frame.
 
-    Args:
-        now: the frame.
-        before: the frame before it, toned at the same exposure; None where there is none, as on a cut.
-        thresholds: thresholds of the rules.
-
-    Raises:
-        ArgumentError: the frames differ in size.
+    The previous frame, None on a cut, has the same size and is toned at the same exposure.
     """
     geometry, aliased = aliasing(now.pixels, thresholds)
     if before is None or now.cut:
         occluded, relit = np.ones_like(geometry), np.zeros_like(geometry)
     else:
-        if before.pixels.shape != now.pixels.shape:
-            want = f"{now.pixels.shape}, as the frame after it"
-            raise ArgumentError("before", got=before.pixels.shape, want=want)
         occluded = _visibility_ghosting(now, before, thresholds)
         relit = _shading_ghosting(now, before, thresholds) & ~aliased
     # The paper's "shading ghosting label correction": occluded and aliased pixels are not relit.

@@ -21,9 +21,7 @@ _POLL_SECONDS, _EXIT_SECONDS = 0.5, 10.0  # between checks for dead processes; t
 def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> None:
     """Run each part in a process; software OpenGL uses cores / parts threads in each.
 
-    Args:
-        parts: the work.
-        on_frame: called after each frame, in this process.
+    `on_frame` is called after each frame, in this process.
 
     Raises:
         DataError: a part failed (a full disk, no OpenGL, a file that has changed) or its process ended.

@@ -111,11 +111,7 @@ class Rendered:
         return replace(frame, reset=self.reset)
 
     def label_inputs(self, exposure: float | None = None) -> LabelInputs:
-        """Return the inputs of the label rules.
-
-        Args:
-            exposure: exposure at which colours are compared, the same for both frames; None: the frame's own.
-        """
+        """Return the inputs of the label rules, toned at an exposure; None: the frame's own."""
         return LabelInputs(
             pixels=self.reference.toned(self.exposure if exposure is None else exposure),
             motion=self.display.motion, depth_before=self.display.previous_depth, cut=self.reset,

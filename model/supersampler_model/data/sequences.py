@@ -78,13 +78,7 @@ class StagedSequence(Sequence):
 
 
 class HeldSequence(StagedSequence):
-    """A staged sequence with the camera and exposure of frame `at` throughout.
-
-    Args:
-        spec: spec of the sequence.
-        at: number of the frame.
-        time_stands: whether the scene stands still too.
-    """
+    """A staged sequence with the camera and exposure of one frame throughout; time may stand still too."""
 
     _time: float | None = None  # of all frames; None: it passes
 

@@ -97,14 +97,8 @@ def render_shot(
 ) -> None:
     """Render the missing frames; a stopped run resumes.
 
-    References include the classes of their pixels (`Shot.read_classes`).
-
-    Args:
-        folder: folder of the shot.
-        sequence: the scenes.
-        renderer: renderer with display size and samples.
-        form: content and encoding of the shot.
-        on_frame: called after each frame, written at all ratios.
+    References include the classes of their pixels (`Shot.read_classes`). `on_frame` is called after each
+    frame, written at all ratios.
 
     Raises:
         ShotError: writing failed, or the folder holds a shot of other properties.

@@ -103,10 +103,7 @@ class Method(nn.Module):
         """Return the history of an extrapolating method after a shaded frame (docs/contract.md).
 
         Such methods take no step on shaded frames: the history is a copy of the frame, without pre-exposure.
-
-        Args:
-            frame: the inputs of the step and `color`, by name.
-            history: the history after the previous frame; None after a start or a cut.
+        `frame` has the inputs of the step and `color`, by name; `history` is None after a start or a cut.
         """
         previous = None if history is None else dict(zip(cls.history, history, strict=True))
         next_history: dict[str, Tensor] = {}

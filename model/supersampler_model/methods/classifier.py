@@ -136,13 +136,8 @@ class Classifier(LearnedMethod):
     ) -> tuple[Tensor, ...]:
         """Return the outputs of a step that converges where nothing changes.
 
-        Args:
-            gathered: result of `gather`.
-            frame: this frame.
-            history: the method's own.
-            before: (1, 2) jitter of the previous frame.
-            rest: history of `ops.at_rest`.
-            others: more planes of the method's own history, before and after this frame.
+        `before`, (1, 2), is the jitter of the previous frame, `rest` the history of `ops.at_rest`; `others`
+        are more planes of the method's own history, before and after this frame.
         """
         display = ops.size_of(rest.mean)
         blocks = at_rest.compare(frame, rest, ops.size_of(history.depth), display)
@@ -180,12 +175,8 @@ class Classifier(LearnedMethod):
     ) -> tuple[Tensor, ...]:
         """Return the method's own image and next history, and the weight of the history.
 
-        Args:
-            gathered: result of `gather`.
-            logits: logits from `infer`, as `blend`.
-            blend: blend parameters.
-            jitter: (1, 2) of this frame.
-            resting: (1, 1, H, W) 1 where the history will be kept; None: nowhere.
+        `logits` and `blend` come from `infer`. `resting`, (1, 1, H, W), is 1 where the history will be kept;
+        None: nowhere.
         """
         done = self.finish(gathered, logits, blend, resting)
         history = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
@@ -232,14 +223,9 @@ class Classifier(LearnedMethod):
     def gather_current(
         self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: ops.View, grid: ops.Grid
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame.
+        """Upsample the usable samples of this frame; `at_pixel` holds its glare, edge and sampled planes.
 
-        Args:
-            toned: (1, 3, h, w), filled where samples are missing; shown where no other is near.
-            usable: (1, 1, h, w) 0 where a sample is missing, else 1.
-            at_pixel: its glare, edge, sampled.
-            view: view of the frame.
-            grid: grid of the display.
+        `toned`, (1, 3, h, w), is filled where samples are missing; it is shown where no other is near.
         """
         luma = ops.upsample_along_edges(ops.ycocg(toned)[:, :1], usable, grid)
         fill, toned = grid.pick(toned), toned * usable
@@ -292,17 +278,11 @@ class Classifier(LearnedMethod):
         exposure: Tensor,
         relit: Tensor | None = None,
     ) -> WarpedHistory:
-        """Warp the history.
+        """Warp the history by the dilated motion, `front`, and by the pixel's own, `own`.
 
-        Args:
-            history: after the previous frame.
-            front: by the dilated motion.
-            own: by the pixel's own motion.
-            depth: (1, 1, H, W) of the closest sample around; with G-buffers of the pixel's own surface.
-            before: view of the previous frame.
-            exposure: (1,) of this frame.
-            relit: (1, 3, H, W) factor of the colour warped by the pixel's own motion, with G-buffers of
-                display size. The history's depth is then that of this motion, too.
+        `depth`, (1, 1, H, W), is of the closest sample around; with G-buffers of the pixel's own surface.
+        `relit`, (1, 3, H, W), is a factor of the colour warped by the pixel's own motion, with G-buffers of
+        display size. The history's depth is then read by that motion, too.
         """
         c, on = self.config, front.on_screen  # zeros off screen, as before a first frame
         surface = front if relit is None else own
@@ -382,11 +362,7 @@ class Classifier(LearnedMethod):
     ) -> Finished:
         """Blend, update count, luma range and classes, and return to linear RGB.
 
-        Args:
-            gathered: result of `gather`.
-            logits: (1, 6, H / 2, W / 2).
-            blend: (1, m, H, W) blend parameters.
-            resting: see `step_outputs`.
+        `logits` are (1, 6, H / 2, W / 2), the blend parameters (1, m, H, W); `resting`: see `step_outputs`.
         """
         c, current, warped, display = self.config, gathered.current, gathered.warped, gathered.display
         blend = blend.clamp(-MAX_LOG_FACTOR, MAX_FACTOR[blend.dtype])
@@ -460,11 +436,7 @@ def edge_of(depth: Tensor) -> Tensor:
 def along_edges(color: Tensor, luma: Tensor) -> Tensor:
     """Return the network's image of one frame, its luma averaged with that upsampled along edges.
 
-    The network's own filter of 3x3 samples leaves stairs, which history removes elsewhere.
-
-    Args:
-        color: (1, 3, H, W) toned RGB.
-        luma: (1, 1, H, W), as YCoCg has it.
+    The network's own filter of 3x3 samples leaves stairs, which the history removes elsewhere.
     """
     return (color + 0.5 * (luma - ops.ycocg(color)[:, :1])).clamp(0.0, ops.TONED[torch.float32])
 
@@ -474,12 +446,8 @@ def unexplained_light(
 ) -> Tensor:
     """Return whether light rises over all samples of the history, (1, 1, H, W), in a frame that is a flash.
 
-    Args:
-        luma: (1, 1, H, W) of the samples near each pixel, toned.
-        around: (1, 1, H, W) mean luma of a neighbourhood, toned.
-        warped: the history.
-        display: (width, height) of the image; planes may extend beyond it.
-        resting: (1, 1, H, W) 1 where pixels do not count; None: all do.
+    `luma` is of the samples near each pixel, `around` the mean of a neighbourhood, toned. Planes may extend
+    beyond the display. Pixels where `resting` is 1 do not count.
     """
     known = warped.samples * warped.surface > 0.0
     rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
@@ -504,14 +472,10 @@ def adapted(method: Adapted, trained: Trained) -> Adapted:
 
 
 def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tensor]:
-    """Return the weights of `classifier` for another config of the same widths.
+    """Return the weights of `classifier` for a config of other inputs or blended colours, of equal widths.
 
     Inputs and blended colours that `classifier` lacks begin at weights of 0; those that it has alone are left
     out.
-
-    Args:
-        trained: weights of `classifier`.
-        config: config of a method whose network has other inputs, or blends other colours.
 
     Raises:
         ArgumentError: they are of another method.

@@ -67,11 +67,7 @@ class Encoder(nn.Module):
 class ClassifierNetwork(nn.Module):
     """Classifies each packed pixel, and infers the blend parameters of its four display pixels.
 
-    Args:
-        config: widths.
-        packed: channels of the packed input.
-        half_inputs: channels of the input at half display size.
-        blend_parameters: number of blend parameters per display pixel.
+    The inputs have `packed` channels, and `half_inputs` channels at half display size.
     """
 
     def __init__(
@@ -90,20 +86,15 @@ class ClassifierNetwork(nn.Module):
     def forward(self, packed: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Infer logits of CLASSES (n, 6, h, w) and packed blend parameters (n, 4 m, h, w).
 
-        Args:
-            packed: (n, 4 c, h, w) from `pack`.
-            half_inputs: (n, d, h, w) inputs at half display size.
+        `packed` is (n, 4 c, h, w) from `pack`, `half_inputs` (n, d, h, w) at half display size.
         """
         return self.decode(packed, encode(self.encoder, packed, half_inputs))
 
     def on_pixels(self, pixels: Sequence[Tensor], half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Infer logits (n, 6, H / 2, W / 2) and blend parameters (n, m, H, W), as `forward` and `unpack`.
 
-        Packing and 1x1 convolutions move more bytes than 2x2 convolutions at a stride of 2.
-
-        Args:
-            pixels: (n, c, H, W) in parts, not packed; H and W are multiples of 2 ALIGNED.
-            half_inputs: (n, d, H / 2, W / 2) inputs at half display size.
+        Packing and 1x1 convolutions move more bytes than 2x2 convolutions at a stride of 2. `pixels` are
+        (n, c, H, W) in parts, not packed; H and W are multiples of 2 ALIGNED.
         """
         missing = -half_inputs.shape[1] % 4
         if missing:
@@ -185,12 +176,7 @@ def unpack(packed: Tensor) -> Tensor:
 
 
 def classes_of(logits: Tensor, known: Tensor) -> Tensor:
-    """Return the probabilities of CLASSES; without history the ghosting class is visibility, as in labels.
-
-    Args:
-        logits: (1, 6, h, w).
-        known: (1, 1, h, w) bool: whether there is a history.
-    """
+    """Return the probabilities of CLASSES; where no history is `known`, the ghosting class is visibility."""
     visibility = logits.new_tensor([0.0, 1.0, 0.0]).reshape(1, 3, 1, 1)
     ghosting = torch.where(known, class_probabilities(logits[:, :3]), visibility)
     return torch.cat([ghosting, class_probabilities(logits[:, 3:])], dim=1)

@@ -24,15 +24,7 @@ SURFACE = 3  # channels of an extrapolated pixel's surface in the network inputs
 
 
 class ExtraSSNetwork(ClassifierNetwork):
-    """Classifies packed pixels and infers blend parameters, for shaded and extrapolated frames.
-
-    Args:
-        config: widths.
-        packed: see `ClassifierNetwork`.
-        half_inputs: see `ClassifierNetwork`.
-        surface: packed channels of base colour of an extrapolated frame.
-        blend_parameters: see `ClassifierNetwork`.
-    """
+    """`ClassifierNetwork` for shaded and extrapolated frames; these have `surface` more packed channels."""
 
     def __init__(
         self, config: NetworkConfig, *, packed: int, half_inputs: int, surface: int, blend_parameters: int
@@ -45,10 +37,7 @@ class ExtraSSNetwork(ClassifierNetwork):
     ) -> tuple[Tensor, Tensor]:
         """Infer classes and blend parameters; see `ClassifierNetwork`.
 
-        Args:
-            packed: (n, 4 c, h, w).
-            half_inputs: (n, d, h, w).
-            surface: (n, 4 s, h, w) of extrapolated frames; None: the frames are shaded.
+        `surface`, (n, 4 s, h, w), is the packed base colour of extrapolated frames; None of shaded ones.
         """
         return self.decode(packed, self.encode(packed, half_inputs, surface))
 
@@ -91,13 +80,10 @@ class Extrapolate(TwoEncoders):
 
     @classmethod
     def from_classifier(cls, trained: Trained) -> Self:
-        """Return the method before its training: both encoders have the classifier's weights.
-
-        Args:
-            trained: weights of `classifier` or `classifier-small`, whose widths the method takes.
+        """Return the method before its training: both encoders have the classifier's weights and widths.
 
         Raises:
-            ArgumentError: they are of another method.
+            ArgumentError: the weights are of neither `classifier` nor `classifier-small`.
         """
         names = (Classifier.name, SmallClassifier.name)
         if trained.method not in names:
@@ -150,9 +136,7 @@ class UnshadedExtrapolate(TwoEncoders):
 def packed_base_color(base_color: Tensor, view: ops.View) -> Tensor:
     """Return the square root of the nearest sample's base colour, packed: (1, 4 SURFACE, H / 2, W / 2).
 
-    Args:
-        base_color: (1, 3, h, w); NaN and Inf count as black.
-        view: view of the display.
+    NaN and Inf count as black.
     """
     known = ops.finite(base_color).clamp(0.0, 1.0)
     return pack(view.grid(ops.size_of(base_color), aligned=True).pick(known).sqrt())

@@ -203,13 +203,7 @@ class GBuffer(LearnedMethod):
         return Gathered(inputs, current, warped, stored)
 
     def gather_current(self, frame: FrameInputs, usable: Tensor, followed: Tensor) -> CurrentFrame:
-        """Resample this frame at the display pixels, weighted by surface similarity.
-
-        Args:
-            frame: sanitized, with the exposure to use.
-            usable: (1, 1, h, w) 1 where the colour was valid, else 0.
-            followed: (1,) see `CurrentFrame`.
-        """
+        """Resample a sanitized frame at the display pixels, weighted by surface similarity."""
         c, exposed = self.config, frame.color * frame.exposure
         grid = frame.view.grid(ops.size_of(exposed))
         toned, reflected = ops.tone(exposed), reflectance(frame.display)
@@ -318,12 +312,7 @@ def _toned(color: Tensor, place: ops.Reprojection) -> Tensor:
 
 
 def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
-    """Average each pixel and its neighbours.
-
-    Args:
-        image: (1, 3, H, W).
-        kernel: (1, 9, H, W) logarithms of factors to NEIGHBOUR_WEIGHTS.
-    """
+    """Average each pixel and its neighbours; `kernel` holds logarithms of factors to NEIGHBOUR_WEIGHTS."""
     weights = [w * factor for w, factor in zip(NEIGHBOUR_WEIGHTS, ops.channels_of(kernel.exp()), strict=True)]
     total = ops.sum_of(weights)
     return (
@@ -363,15 +352,7 @@ class DepthGBuffer(GBuffer):
 def network_inputs(
     current: CurrentFrame, warped: WarpedHistory, before: NearestSamples, history: History, *, masked: bool
 ) -> NetworkInputs:
-    """Compute the network inputs, in the type of the surfaces.
-
-    Args:
-        current: this frame.
-        warped: the warped history at display size.
-        before: samples of the previous frame, nearest to where the motion points.
-        history: the history tensors.
-        masked: see `GBufferConfig`.
-    """
+    """Compute the network inputs, in the type of the surfaces; `before` are samples of the previous frame."""
     _, motion, _, render, display, view = current.inputs
     dtype = display.base_color.dtype
     depth = relative_depth(render.depth, closest_around(render.depth))
@@ -406,14 +387,7 @@ def network_inputs(
 def _warped(
     current: CurrentFrame, nearest: NearestSamples, motion: Tensor, *, masked: bool
 ) -> tuple[Tensor, Tensor]:
-    """Return a previous frame, warped and masked (equations 3 and 4), and its inputs of the refiner.
-
-    Args:
-        current: this frame.
-        nearest: samples of the previous frame.
-        motion: (1, 2, h, w) that points to them.
-        masked: whether occluded samples are masked.
-    """
+    """Return a previous frame, warped and masked (equations 3 and 4), and its inputs of the refiner."""
     render, jitter = current.inputs.render, current.inputs.view.jitter
     dtype = render.base_color.dtype
     color, previous_depth, base, normal, usable = nearest.values.split_with_sizes([3, 1, 3, 3, 1], dim=1)

@@ -146,13 +146,7 @@ class FusionNetwork(nn.Module):
 
 
 class GBufferNetwork(nn.Module):
-    """Figure 2 of the paper, up to the pixel shuffling.
-
-    Args:
-        config: widths.
-        ratio: display over render size.
-        blend_parameters: number of blend parameters per display pixel.
-    """
+    """Figure 2 of the paper; `ratio` is display over render size, blend parameters are per display pixel."""
 
     def __init__(self, config: GBufferNetworkConfig, *, ratio: int, blend_parameters: int) -> None:
         super().__init__()

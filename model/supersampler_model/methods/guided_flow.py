@@ -49,12 +49,9 @@ AGE_RATIO = 3.0  # age of the earlier input over that of the later one, where ev
 
 
 class Decoder(nn.Module):
-    """One level: refines the flow and passes features to the next finer level.
+    """One level: refines the flow and passes features to the next finer level, of width `above`.
 
-    Args:
-        width: width of the level's features.
-        above: width of the next finer level; None at the finest, which infers all OUTPUTS instead.
-        deepest: whether this is the coarsest level, without features from another.
+    The finest level has none above and infers all OUTPUTS; the deepest receives no features from another.
     """
 
     def __init__(self, width: int, above: int | None, *, deepest: bool) -> None:
@@ -89,11 +86,7 @@ class FlowNetwork(nn.Module):
         )
 
     def forward(self, later: Tensor, earlier: Tensor) -> tuple[Tensor]:
-        """Infer the flow from the light of two shaded frames, (n, LIGHT, h, w) in [0, 1].
-
-        Returns:
-            (n, sum(OUTPUTS), h, w).
-        """
+        """Infer OUTPUTS (n, sum(OUTPUTS), h, w) from the light of two shaded frames, (n, LIGHT, h, w)."""
         n = later.shape[0]
         pyramid = self.features(torch.cat([later, earlier]))  # in one pass
         outputs, features = self.decoder[-1](torch.cat([pyramid[-1][:n], pyramid[-1][n:]], dim=1))
@@ -221,12 +214,8 @@ class GuidedFlow(LearnedMethod):
     def refined(self, light: Tensor, guides: Tensor, flow: Tensor) -> Tensor:
         """Move the light by the inferred flow, multiply it by the gain, and blend by the inferred weight.
 
-        The blend weight, as in IFRNet, replaces the thresholds of equations 5 and 6.
-
-        Args:
-            light: (n, 3, h, w) guided light.
-            guides: (n, 4, h, w) see `guides`.
-            flow: (n, sum(OUTPUTS), h / 2, w / 2) from the network.
+        The blend weight, as in IFRNet, replaces the thresholds of equations 5 and 6. `light` is guided light,
+        (n, 3, h, w); `flow` is the network's output, (n, sum(OUTPUTS), h / 2, w / 2).
         """
         c = self.config
         flow, gain, logit = doubled_linear(flow, ops.size_of(light)).split_with_sizes(OUTPUTS, dim=1)

@@ -80,12 +80,7 @@ def reflectance(surface: Surface, config: GuidedWarpConfig) -> Tensor:
 def guided_light(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Tensor:
     """Return the light (1, 3, h, w) on surfaces of this frame, from similar samples of a shaded frame.
 
-    Args:
-        surface: (h, w) of all pixels of this frame, or of some.
-        shaded: the shaded frame.
-        x: (1, 1, h, w) position of each pixel in it, see `samples_at`; clamped to the screen.
-        y: (1, 1, h, w) vertical position.
-        config: constants.
+    `x` and `y`, (1, 1, h, w), are positions in that frame as of `samples_at`; they are clamped to the screen.
     """
     guide = _guide(surface, shaded, x, y, config)
     light = _rows(shaded.color / reflectance(shaded.surface, config))
@@ -147,14 +142,7 @@ def _mean(candidates: Sequence[Candidate], light: Tensor, size: ops.Size) -> Ten
 def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor | None = None) -> Surface:
     """Sanitize the G-buffers of a frame.
 
-    Args:
-        base_color: (1, 3, h, w).
-        normal: (1, 3, h, w).
-        depth: (1, 1, h, w) reversed.
-        usable: (1, 1, h, w) 1 where the sample's colour is valid, else 0; None: everywhere.
-
-    Returns:
-        The surfaces; their depth is UNKNOWN_DEPTH where a G-buffer is invalid or the sample is not usable.
+    Depth is UNKNOWN_DEPTH where a G-buffer is invalid or the sample is not `usable` (None: all are).
     """
     depth = ops.usable_depth(depth)
     known = torch.cat([base_color, normal], dim=1).abs() <= MAX_HALF
@@ -166,12 +154,8 @@ def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor
 def back_to_shaded(motion: Tensor, jitter: Tensor, before: Tensor, jitter_before: Tensor) -> Tensor:
     """Return the motion (1, 2, h, w) from this frame to the last shaded frame, through the previous frame.
 
-    Args:
-        motion: (1, 2, h, w) to the previous frame, in pixels of this frame.
-        jitter: (1, 2) of this frame.
-        before: (1, 2, h'', w'') from the previous frame to the last shaded one, in pixels of the previous
-            frame; zeros if the previous frame was shaded.
-        jitter_before: (1, 2) of the previous frame.
+    `motion`, (1, 2, h, w), is in pixels of this frame. `before`, (1, 2, h'', w''), points from the previous
+    frame to the last shaded one, in pixels of the previous frame; it is zero if that was shaded.
     """
     motion = ops.usable_motion(motion)
     render, previous = ops.size_of(motion), ops.size_of(before)
@@ -187,11 +171,7 @@ def samples_at(
 ) -> tuple[Tensor, Tensor]:
     """Return the positions x and y, (1, 1, h, w) each, that motion points to among another frame's samples.
 
-    Args:
-        motion: (1, 2, h, w) in pixels of its own frame, without jitter.
-        jitter: (1, 2) of that frame.
-        other: size of the other frame.
-        other_jitter: (1, 2) of the other frame; position 0 is its first sample.
+    The motion, (1, 2, h, w), is in pixels of its own frame, without jitter. Position 0 is the first sample.
     """
     w, h = ops.size_of(motion)
     x = torch.arange(w, device=motion.device) + motion[:, :1] + (jitter[0, 0] + 0.5)
@@ -204,11 +184,7 @@ def indices_of_smallest(values: Sequence[Tensor], count: int) -> list[Tensor]:
 
     A partial insertion sort of minima and maxima, as TopK differs between ONNX providers. A key holds a value
     in steps of 1 / KEY_STEPS and, below them, its index: one comparison sorts both, and the first of equal
-    values wins.
-
-    Args:
-        values: (n) each, >= 0; larger ones than MAX_KEY / KEY_STEPS count as equal.
-        count: number of indices.
+    values wins. Values are >= 0, (n) each; those above MAX_KEY / KEY_STEPS count as equal.
     """
     smallest: list[Tensor] = []
     for number, value in enumerate(values):

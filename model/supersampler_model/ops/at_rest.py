@@ -122,11 +122,9 @@ class StaticBlocks(NamedTuple):
         return spread(-F.max_pool2d(-whole, spec.TILE), spec.TILE, size)
 
     def kept(self, before: Tensor, after: Tensor) -> Tensor:
-        """Return a tensor of the method's own next history: as it was where the whole frame rests.
+        """Return the next history's tensor: `before` where the whole frame rests, else `after`.
 
-        Args:
-            before: the tensor of the history, of any size where the frame does not rest.
-            after: as this frame leaves it.
+        `before` may have another size where the frame does not rest.
         """
         for axis in range(2, after.dim()):
             before = fit_axis(before, axis, after.shape[axis])
@@ -144,11 +142,7 @@ class Converged(NamedTuple):
 def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Size) -> StaticBlocks:
     """Compare each block with its signature of this phase.
 
-    Args:
-        frame: this frame.
-        history: history of the previous frame.
-        previous: render size of the previous frame.
-        display: (width, height) of the image.
+    `previous` is the render size of the previous frame, `display` the size of the image.
     """
     render = size_of(frame.color)
     history = of_frame(history, previous, display, render)
@@ -196,13 +190,9 @@ def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Siz
 
 
 def converge(image: Tensor, frame: RestFrame, blocks: StaticBlocks, grid: Grid) -> Converged:
-    """Fade the image to the mean of the samples where nothing changes, and freeze it there.
+    """Fade the method's image to the mean of the samples where nothing changes, and freeze it there.
 
-    Args:
-        image: (1, 3, H, W) the method's, linear RGB.
-        frame: this frame.
-        blocks: its static blocks.
-        grid: grid of the frame; it may extend beyond the image.
+    The image is (1, 3, H, W) linear RGB; the grid may extend beyond it.
     """
     display, render = size_of(image), size_of(frame.color)
     usable, color = valid(frame.color), sanitize(frame.color, 0.0)
@@ -381,8 +371,8 @@ def _moments(jitter: Tensor, display: int, render: int) -> tuple[Tensor, Tensor]
 def at_centres(mean: Tensor, complete: Tensor, offsets: tuple[Tensor, Tensor]) -> Tensor:
     """Move a mean from the mean place of its samples to the pixel's centre, along its slope.
 
-    The slope is that between the neighbours, at most twice the smaller of those to each neighbour: none at
-    edges and on thin lines. Where a neighbour is not complete, it is none.
+    The slope is that between the neighbours, at most twice the smaller of those to each neighbour: 0 at edges
+    and on thin lines. It is 0 where a neighbour is not complete.
     """
     moved = torch.zeros_like(mean)
     for axis, offset in zip((3, 2), offsets, strict=True):
@@ -420,14 +410,9 @@ class WindowMoments(NamedTuple):
 def residuals_of(
     color: Tensor, usable: Tensor, mean: Tensor, jitter: Tensor, blocks: Tensor
 ) -> tuple[WindowMoments, WindowMoments]:
-    """Compare the samples with the mean, in the small and the large windows.
+    """Compare the samples, (1, 3, h, w) linear RGB, with the mean, in the small and the large windows.
 
-    Args:
-        color: (1, 3, h, w) linear RGB.
-        usable: (1, 1, h, w) 1 where a sample counts.
-        mean: (1, 4, H, W) the mean, and the sum of its weights.
-        jitter: (1, 2) of the frame.
-        blocks: (1, 1, hb, wb) any image of this size.
+    `usable`, (1, 1, h, w), is 1 where a sample counts; `blocks` is any image of blocks, for its size.
     """
     enough = (mean[:, 3:] >= spec.LEAST_WEIGHT).float()
     expected = at_samples(torch.cat([mean[:, :3], enough], dim=1), size_of(color), jitter)
@@ -459,7 +444,7 @@ def moments_of(sums: Tensor, side: int, size: Size) -> WindowMoments:
 def steadiness(small: WindowMoments, large: WindowMoments, exposure: Tensor) -> Tensor:
     """Return the excess of residuals over UNIFORM, COMMON and UNRESOLVED, (1, 3, hb, wb); below 0 is steady.
 
-    Beside a window above UNIFORM the limit is PARTIAL: a light reaches into the windows around.
+    Beside a window above UNIFORM the limit is PARTIAL: light reaches into the windows around.
     """
     uniform = excess(small.square, small.variance, spec.UNIFORM, small, exposure)
     partial = excess(small.square, small.variance, spec.PARTIAL, small, exposure)

@@ -65,13 +65,11 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     """Return the depth that the next frame tests disocclusion against.
 
     Samples hit thin geometry in one frame and miss it in the next, so it must not occlude its own history:
-    its background takes its place (`morphological_opening`). But what moves over its background by
-    THIN_MOTION leaves: it occludes what the next frame shows there, unless another part of it moves to that
-    place, as of a rail that moves along itself. Its motion is assumed to continue.
+    its background takes its place (`morphological_opening`). Geometry that moves over its background by
+    THIN_MOTION or more leaves: it occludes what the next frame shows there, unless another part of it moves
+    to that place, as with a rail that moves along itself. Its motion is assumed to continue.
 
-    Args:
-        depth: (1, 1, h, w) reversed, usable.
-        motion: (1, 2, h, w) render pixels, previous minus current, usable.
+    Depth, (1, 1, h, w), and motion, (1, 2, h, w) render pixels, are usable.
 
     Returns:
         (1, 1, h, w): minus the depth of what leaves; else that of the background, >= 0, 0 where unknown.
@@ -117,14 +115,8 @@ def disocclusion(
     """Return (1, 1, H, W) in [0, 1]: the degree of occlusion of the surface in the previous frame.
 
     The bilinear mean over the four samples around each position. A sample counts as an occluder if it was
-    closer by the relative `margin`, and counts fully from `margin` + `ramp` on.
-
-    Args:
-        depth: (1, 1, H, W) of the surface.
-        history_depth: (1, 1, h, w) of the previous frame.
-        position: (1, H, W, 2) in samples of the previous frame.
-        margin: relative depth.
-        ramp: relative depth.
+    closer by the relative `margin`, and counts fully from `margin` + `ramp` on. `depth`, (1, 1, H, W), is of
+    the surface, `history_depth`, (1, 1, h, w), of the previous frame, in whose samples `position` is given.
     """
     first = position.floor()
     right, below = (part[:, None] for part in (position - first).unbind(dim=3))
@@ -139,8 +131,8 @@ def disocclusion(
 def occlusion(depth: Tensor, occluders: Tensor, position: Tensor, margin: float, ramp: float) -> Tensor:
     """Return `disocclusion` by the occluding depth of the previous frame, (1, 1, h, w) of `occluding_depth`.
 
-    An occluder that leaves counts fully wherever it is one of the four samples around a position: motion is
-    that of the closest of these (`dilate_motion_2x2`), so that the history there has its colour.
+    An occluder that leaves counts fully where it is one of the four samples around a position: motion is that
+    of the closest of these (`dilate_motion_2x2`), so the history there has the occluder's colour.
     """
     first = position.floor()
     right, below = (part[:, None] for part in (position - first).unbind(dim=3))
@@ -213,12 +205,9 @@ def to_display(motion: Tensor, display: Size, render: Size | Extent) -> Tensor:
 
 
 def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
-    """Reproject display pixels by their motion.
+    """Reproject the display pixels of a grid into the previous image, of size `display`.
 
-    Args:
-        motion: (1, H, W, 2) display pixels, previous minus current, see `to_display`.
-        display: (width, height) of the previous image.
-        grid: grid of the pixels.
+    `motion` is (1, H, W, 2) display pixels, previous minus current, see `to_display`.
     """
     x, y = grid.x.pixel.to(motion.dtype), grid.y.pixel.to(motion.dtype)
     columns = torch.stack([x, 0.0 * x], dim=1)
@@ -274,12 +263,8 @@ def read_cubic(image: Tensor, position: Tensor, sharpness: float = CATMULL_ROM) 
     """Resample with a cubic (sharpness 0.5: Catmull-Rom) from five bilinear reads.
 
     The middle two samples of an axis share a read. The four corner reads have small weights; they are
-    skipped, and the remaining weights are normalised.
-
-    Args:
-        image: (1, c, h, w).
-        position: (1, H, W, 2) in its pixels.
-        sharpness: minus the slope of the cubic at distance 1.
+    skipped, and the remaining weights are normalised. Positions are (1, H, W, 2) in pixels of the image;
+    `sharpness` is minus the slope of the cubic at distance 1.
     """
     size, whole = size_of(image), position.floor()
     t = position - whole

@@ -136,9 +136,7 @@ class View(NamedTuple):
     def grid(self, render: Size, *, aligned: bool = False) -> Grid:
         """Return the grid of the display pixels in an input of size `render`.
 
-        Args:
-            render: (width, height) of the input.
-            aligned: extend the grid to multiples of ALIGNED, see `extended`.
+        An `aligned` grid is extended to multiples of ALIGNED, see `extended`.
         """
 
         def axis(display: int, extent: float, samples: int, jitter: Tensor) -> GridAxis:
@@ -182,13 +180,9 @@ def extended(size: int, device: torch.device) -> Tensor:
 
 
 def positions(pixel: Tensor, display: int, render: float, jitter: Tensor) -> Tensor:
-    """Return the positions of display pixels of one axis, (n,) render pixels.
+    """Return the positions, (n,) render pixels, of pixels (n,) of an axis of the display.
 
-    Args:
-        pixel: (n,) of `display`.
-        display: extent of the display.
-        render: extent of the display in render pixels.
-        jitter: (1,) render pixels.
+    `display` is the extent of the axis, `render` its extent in render pixels, `jitter` (1,) render pixels.
     """
     return (pixel + 0.5) * render / display - 0.5 - jitter
 
@@ -201,9 +195,7 @@ def nearest(position: Tensor, size: int) -> Tensor:
 def span(size: float, outputs: float) -> int:
     """Return the number of samples that the positions of BLOCK neighbouring outputs span at most.
 
-    Args:
-        size: samples of an axis; fractional for a crop.
-        outputs: positions along it.
+    `size` is the number of samples of the axis, fractional for a crop, `outputs` that of the positions.
     """
     whole = (BLOCK - 1) * size // outputs
     return (int(whole) if isinstance(whole, float) else whole) + 3  # one of them for rounding errors
@@ -267,15 +259,10 @@ def _resample_rows(image: Tensor, y: Bands) -> Tensor:
 
 
 def downsample(image: Tensor, display: Size, exposure: Tensor) -> Tensor:
-    """Filter an image that is larger than the display by a Lanczos filter on toned colours.
+    """Filter an image of linear RGB, at most 1.4 times the display per axis, to the size of the display.
 
-    Args:
-        image: (1, 3, H', W') linear RGB, at most 1.4 times the display, per axis.
-        display: (width, height) of the result.
-        exposure: (1,) > 0. Colours are filtered as a screen shows them: dark sides of bright edges stay dark.
-
-    Returns:
-        (1, 3, H, W) linear RGB.
+    A Lanczos filter is applied to toned colours, as a screen shows them: dark sides of bright edges stay
+    dark. `exposure` is (1,) > 0.
     """
 
     def axis(size: int, outputs: int) -> Bands:
@@ -312,11 +299,9 @@ class Window(NamedTuple):
     weight: Tensor  # (1, WINDOW, H, W) Gaussian, 0 where a sample is not usable
 
     def mean(self, kernel: Tensor, otherwise: Tensor) -> Tensor:
-        """Average the samples under a learned kernel.
+        """Average the samples under a learned kernel; `otherwise` is the result where none is usable.
 
-        Args:
-            kernel: (1, WINDOW, H, W) logarithms of factors to the weights.
-            otherwise: (1, 3, H, W) the result where no sample is usable.
+        The kernel, (1, WINDOW, H, W), holds the logarithms of factors to the weights.
         """
         weights = self.weight * kernel.exp()
         total = weights.sum(dim=1, keepdim=True)
@@ -328,10 +313,7 @@ class Window(NamedTuple):
 def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
     """Gather the 3x3 samples around each display pixel's nearest one, with Gaussian weights.
 
-    Args:
-        samples: (1, 4, h, w) colour, and 1 where it is usable.
-        grid: grid of the display.
-        sigma: sigma of the Gaussian, render pixels.
+    `samples`, (1, 4, h, w), are colours, and 1 where they are usable; `sigma` is in render pixels.
     """
     width, height = size_of(samples)
     row, column = (

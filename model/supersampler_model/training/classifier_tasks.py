@@ -70,14 +70,9 @@ class ClassifierTask(Task):
         blend: Tensor,
         ghost_weight: Tensor | float,
     ) -> Stepped:
-        """Finish all crops from the network's outputs.
+        """Finish all crops from logits (n, 6, H / 2, W / 2) and packed blend parameters, 4 m channels.
 
-        Args:
-            crops: this frame of each.
-            gathered: results of the gather stage.
-            logits: (n, 6, H / 2, W / 2).
-            blend: (n, 4 m, H / 2, W / 2) packed blend parameters.
-            ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error without valid history.
+        `ghost_weight`, (n, 1, 1, 1) or one for all, is the extra weight of the error without valid history.
         """
         method, images, after = self.method, [], []
         # split at once: the gradient of each slice would be as large as the batch
@@ -228,12 +223,8 @@ class AlternatingCrop(NamedTuple):
 class ExtrapolateTask(ClassifierTask):
     """Image, classification and feature losses on shaded and unshaded frames.
 
-    States are in the order of `Classifier.history`, then the history of the extrapolator, if any.
-
-    Args:
-        method: to be trained.
-        losses: weights of the loss terms.
-        extrapolator: name of the method that extrapolates unshaded frames, with its released weights.
+    States are in the order of `Classifier.history`, then the history of the extrapolator, if any: the method,
+    with its released weights, that extrapolates unshaded frames.
     """
 
     method: Extrapolate

@@ -239,12 +239,7 @@ class PathNoise(NamedTuple):
         )
 
     def factors(self, certain: NDArray[np.float32], random: np.random.Generator) -> NDArray[np.float32]:
-        """Return random factors of the pixels' colours, with a mean of 1.
-
-        Args:
-            certain: certain fraction of each pixel's light, [0, 1].
-            random: of this frame.
-        """
+        """Return random factors of colours of mean 1; the `certain` fraction of light does not vary."""
         shape = self.samples, *certain.shape
         logarithm = self.spread * random.standard_normal(shape, np.float32) - 0.5 * self.spread**2
         found = random.random(shape, np.float32) >= self.missed
@@ -299,13 +294,8 @@ class CropStream(ABC):
 class Stream(CropStream):
     """Crops of one split: crop after crop, the frames of each in order.
 
-    Args:
-        datasets: sets as `supersampler render` makes them.
-        ratios: minimum and maximum ratio.
-        size: size of the crops, display pixels.
-        seed: seed of the random choices; two streams of the same seed and position are the same.
-        gbuffers: sizes of the G-buffers of the crops.
-        aligned: whether crops consist of whole render pixels; the ratio is then one whole number.
+    Ratios are drawn between a minimum and a maximum; `size` is in display pixels. Two streams of the same
+    seed and position are the same. Aligned crops consist of whole render pixels, at one whole ratio.
 
     Raises:
         ArgumentError: no sequence can be trained on, crops are larger than a display, or aligned crops are of

@@ -29,11 +29,6 @@ def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Datas
 
     Shots usually have no class labels. Frames without a reference stay, as history; their references are NaN.
 
-    Args:
-        shots: shots of one display size, each with some references.
-        folder: folder of the data set.
-        split: its split.
-
     Raises:
         ShotError: a shot has no reference, or another display size than the first.
         OSError: writing failed.

@@ -60,11 +60,7 @@ class LightFrames(NamedTuple):
 
 
 class LightCache:
-    """Computes and caches the guided light of sequences.
-
-    Args:
-        method: whose gather stage computes the network inputs.
-    """
+    """Computes the guided light of sequences in the gather stage of a method, and caches it."""
 
     def __init__(self, method: GuidedFlow) -> None:
         self._method = method
@@ -120,14 +116,9 @@ class LightCache:
 
 
 class LightStream(CropStream):
-    """Crops of light; frames with changing light are sampled more often.
+    """Crops of light from sets of `gbuffer_set`; frames with changing light are sampled more often.
 
-    Args:
-        datasets: sets that `gbuffer_set` returned.
-        lights: computes the light; may be shared by streams.
-        ratio: display over render size.
-        size: size of the crops, render pixels.
-        seed: see `Stream`.
+    `ratio` is display over render size, `size` is in render pixels. Streams may share one cache of light.
 
     Raises:
         ArgumentError: no sequence can be trained on, or crops are larger than what was rendered.
@@ -152,13 +143,7 @@ class LightStream(CropStream):
 
 
 def draw_light(random: np.random.Generator, frames: LightFrames, size: int) -> LightCrop:
-    """Cut a random, augmented crop out of the unshaded frames.
-
-    Args:
-        random: generator.
-        frames: frames of one sequence.
-        size: size of the crop, pixels at half the render size; smaller than the frames.
-    """
+    """Cut a random, augmented crop out of unshaded frames; `size` is in pixels at half the render size."""
     chances = frames.full[:, -1].float().mean(dim=(1, 2)).numpy().astype(np.float64) + MIN_CHANCE
     index = int(random.choice(len(chances), p=chances / chances.sum()))
     corner = [1 + int(random.integers(many // 2 - size)) for many in frames.full.shape[2:]]

@@ -51,13 +51,9 @@ def display_values(image: Tensor, exposure: Tensor) -> Tensor:
 
 
 def image_loss(error: Tensor, before: Tensor | None, weight: Tensor | float, weights: ImageWeights) -> Tensor:
-    """Return the error of display values where the reference is known.
+    """Return the loss of an error in display values, (n, 3, H, W) and NaN without reference.
 
-    Args:
-        error: (n, 3, H, W) image minus reference, NaN without reference.
-        before: error of the previous frame; None: there is none.
-        weight: (n, 1, H, W) of the error, not of its change.
-        weights: weights of the terms.
+    Its change since the error `before` counts too. `weight`, (n, 1, H, W), applies to the error alone.
     """
     loss = _mean_error(error, weights.rms, weight)
     if before is not None:
@@ -104,11 +100,7 @@ def _gaussian_means(maps: Tensor) -> Tensor:
 def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: ClassifierWeights) -> Tensor:
     """Return the cross entropy of both groups of classes; rare classes have larger weights.
 
-    Args:
-        logits: (n, 6, H / 2, W / 2).
-        ghost: (n, H, W) uint8, 0 to 2; other values are unknown.
-        alias: (n, H, W) uint8, as `ghost`.
-        weights: weights of the loss terms.
+    Logits are (n, 6, H / 2, W / 2), classes (n, H, W) uint8 from 0 to 2; other values are unknown.
     """
     return weights.classes * (
         _entropy(logits[:, :3], class_fractions(ghost), weights.rarest)

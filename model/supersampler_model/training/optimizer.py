@@ -20,13 +20,7 @@ _COEFFICIENTS = (3.4445, -4.775, 2.0315)  # of the quintic iteration whose limit
 
 
 class Muon(torch.optim.Optimizer):
-    """One optimizer for a whole network.
-
-    Args:
-        parameters: parameters of the network.
-        rate: learning rate.
-        decay: decoupled weight decay, of matrices alone.
-    """
+    """One optimizer for a whole network; the weight decay is decoupled, and of matrices alone."""
 
     def __init__(self, parameters: Iterable[nn.Parameter], *, rate: float, decay: float) -> None:
         super().__init__(parameters, {"lr": rate, "decay": decay})

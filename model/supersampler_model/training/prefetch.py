@@ -97,12 +97,7 @@ def frames_of(
 ) -> Iterator[list[tuple[Any, StreamPosition]]]:
     """Yield the next frame of each stream, with the stream's position after it.
 
-    Crops do not depend on the number of workers.
-
-    Args:
-        streams: streams of crops.
-        device: device of the crops.
-        workers: processes that cut them ahead; 0: none, they are cut when they are asked for.
+    Worker processes cut crops ahead; without any, crops are cut when they are asked for. The crops are equal.
     """
     workers = min(workers, len(streams))
     loader: DataLoader[PackedCrops] = DataLoader(

@@ -15,13 +15,9 @@ FILES = ("log.csv", "tensorboard")
 
 
 def write_log(folder: Path, step: int, values: Mapping[str, float], image: Float32 | None = None) -> None:
-    """Add a row to `log.csv`, and the same to TensorBoard.
+    """Add a row to `log.csv`, and the same with an image (H, W, 3) of display values to TensorBoard.
 
-    Args:
-        folder: folder of the run; an existing log is continued.
-        step: updates done; rows of later steps, from a killed run, are dropped.
-        values: values by column.
-        image: (H, W, 3) display values, for TensorBoard alone.
+    `step` is the number of updates done. Rows of later steps, from a killed run, are dropped.
     """
     path = folder / "log.csv"
     rows = [row for row in _read(path) if row["step"] < step]

@@ -104,12 +104,8 @@ def in_batches(stage: Callable[..., Result], crops: Sequence[tuple[Any, ...]]) -
     """Return `stage(*crop)` of each crop, and run crops of equal shapes as one batch.
 
     A stage is hundreds of small operations. A batch needs as many of them as one crop does, each larger: less
-    overhead on a CPU, and much less on a GPU.
-
-    Args:
-        stage: a function of tensors, and of named tuples, lists and dictionaries of them; its operations must
-            not depend on values of tensors. Other values in them, as sizes, are the same in one batch.
-        crops: arguments.
+    overhead on a CPU, and much less on a GPU. The arguments of a stage are tensors, and named tuples, lists
+    and dictionaries of them; its operations must not depend on values of tensors.
     """
     batches: dict[Any, list[int]] = {}
     found: list[list[Tensor]] = []
@@ -156,9 +152,7 @@ def _joined(tensors: Iterable[Tensor], structure: tuple[Any, Any]) -> Any:
 def start_task(name: str, weights: Trained | None = None) -> Task:
     """Return the training task of a method.
 
-    Args:
-        name: name of the method.
-        weights: initial weights of the method, or of `classifier` if the method extends it; None: random.
+    Its initial weights are random, or those of the method, or of `classifier` if the method extends it.
 
     Raises:
         ArgumentError: the method does not exist or is not trainable, or the weights do not fit.

@@ -72,14 +72,9 @@ class Update(NamedTuple):
 
 
 class Trainer:
-    """A run in a folder; it resumes from a checkpoint if there is one.
+    """A run in a folder with its checkpoint and log; it resumes from the checkpoint if there is one.
 
-    Args:
-        task: the method and its training step.
-        datasets: training data.
-        plan: settings.
-        folder: holds the checkpoint and the log.
-        workers: processes that cut crops ahead; 0: none. The crops are the same.
+    `workers` is the number of processes that cut crops ahead; it does not change the crops.
 
     Raises:
         ArgumentError: there is no training data, the batch is empty, or the folder holds a run of other data,
@@ -121,12 +116,9 @@ class Trainer:
         on_update: Callable[[Update], None] = lambda _: None,
         stops: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Update until `until` updates are done; None: the whole plan.
+        """Update until `until` updates are done, those of earlier runs included; None: the whole plan.
 
-        Args:
-            until: of all updates, with those of earlier runs.
-            on_update: called after each.
-            stops: asked before each; True: no further one.
+        `stops` is called before each update and ends the run with True.
         """
         target = self.plan.steps if until is None else min(until, self.plan.steps)
         while self.done < target and not stops():

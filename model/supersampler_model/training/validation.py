@@ -27,10 +27,6 @@ CLASS_NAMES = ("ghost.none", "visibility", "shading", "alias.none", "geometry", 
 class SequenceRunner:
     """Runs a method over frames, in order.
 
-    Args:
-        method: the method.
-        display: size of its images.
-
     Attributes:
         history: the method's history tensors after the previous frame.
         unshaded: whether the previous frame was unshaded.
@@ -61,10 +57,7 @@ class SequenceRunner:
 class AlternatingRunner(SequenceRunner):
     """Treats every second frame after a cut as unshaded, and extrapolates its colour.
 
-    Args:
-        method: steps on shaded frames, and on extrapolated ones by itself or its `on_extrapolated`.
-        display: size of its images.
-        extrapolator: computes the colour of unshaded frames.
+    The method steps on shaded frames, and on extrapolated ones by itself or its `on_extrapolated`.
     """
 
     def __init__(self, method: Method, display: ops.Size, extrapolator: Method) -> None:

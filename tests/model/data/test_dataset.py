@@ -10,8 +10,7 @@ import pytest
 
 from gl_scenes import Yard
 from gltf_files import cube, strip
-from supersampler import ArgumentError, Upscaler, halton_jitter
-from supersampler.io.display import display_transform
+from supersampler import ArgumentError, halton_jitter
 from supersampler_model.data.dataset import (
     Dataset,
     Description,
@@ -130,19 +129,6 @@ def test_a_cut_is_visibility_ghosting_everywhere_and_the_frame_between_is_not(
     assert fraction == pytest.approx((between.ghost == 1).mean())
 
 
-def test_a_frame_can_be_stepped_and_its_reference_is_better_than_its_input(
-    tmp_path: Path, small_renderer: Renderer
-) -> None:
-    dataset, entry = rendered(tmp_path, small_renderer, gbuffers=True)
-    frame = dataset.read(entry, 0)
-    assert frame.gbuffer_display is not None
-    assert frame.gbuffer_display["base_color"].dtype == np.uint8
-    assert frame.frame().gbuffer_display is not None
-    image = Upscaler("bilinear", display_size=DISPLAY, validate="off").step(frame.frame())
-    off = display_transform(image) - display_transform(np.asarray(frame.reference, np.float32))
-    assert np.abs(off).mean() < 0.1
-
-
 def test_a_stopped_run_goes_on_with_the_same_images(tmp_path: Path, small_renderer: Renderer) -> None:
     whole, entry = rendered(tmp_path / "whole", small_renderer)
     dataset = create_dataset(tmp_path / "stopped", description())
@@ -189,12 +175,6 @@ def test_foreign_folders_are_not_taken_for_rendered_frames(tmp_path: Path) -> No
     with pytest.raises(DatasetError, match=r"yard-1: is there already, and no dataset\.json lists it"):
         create_dataset(tmp_path, description())
     assert not (tmp_path / "dataset.json").exists()
-
-
-def test_another_description_in_the_same_folder_is_refused(tmp_path: Path) -> None:
-    create_dataset(tmp_path, description())
-    with pytest.raises(DatasetError, match="differs in its gbuffers"):
-        create_dataset(tmp_path, description(gbuffers=True))
 
 
 def test_damaged_files_are_named(tmp_path: Path, small_renderer: Renderer) -> None:

@@ -85,15 +85,6 @@ def test_egl_comes_first_and_osmesa_where_it_does_not_work(
     assert seen == tried
 
 
-def test_where_neither_works_one_line_gives_both_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(context, "_open_egl", opener("egl", [], "no\ndevice"))
-    monkeypatch.setattr(context, "_open_osmesa", opener("osmesa", [], "gone"))
-    with pytest.raises(
-        GraphicsError, match=r"^no OpenGL 4\.5 \(egl: no device; osmesa: gone\)\. Do one of: "
-    ):
-        context.open_graphics()
-
-
 def test_without_opengl_one_line_says_why_and_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(context, "find_library", lambda _: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "lavavu" else FOUND(name))

@@ -115,17 +115,6 @@ def test_static_objects_have_zero_motion(renderer: Renderer) -> None:
     assert not renderer.display(Yard(still=True).scene(5)).motion.any()
 
 
-def test_motion_is_counted_in_pixels_of_its_grid(renderer: Renderer) -> None:
-    scene = Yard().scene(4)
-    small = renderer.frame(scene, (80, 45), jitter=(0.25, 0.25))[
-        1
-    ]  # the centres of every other display pixel
-    large = renderer.display(scene)
-    same = np.isclose(small.depth, large.depth[1::2, 1::2], rtol=1e-4)
-    assert same.mean() > 0.95
-    np.testing.assert_allclose(2.0 * small.motion[same], large.motion[1::2, 1::2][same], atol=1e-3)
-
-
 def scattered(renderer: Renderer, scene: Scene, sign: float) -> Values:
     """Average jittered frames of half size, each sample into the display pixel where it was taken."""
     width, height = renderer.display_size

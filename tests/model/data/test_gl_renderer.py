@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gl_scenes import Yard, ball, box, fence_texture, moved, plane, unlit
-from supersampler_model.data.errors import SceneError
+from gl_scenes import Yard, box, fence_texture, moved, plane, unlit
 from supersampler_model.data.rendered import SurfaceBuffers
 from supersampler_model.data.renderer import renderer as module
 from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.procedural import shapes
 from supersampler_model.data.scenes.procedural.paths import turned_by
 from supersampler_model.data.scenes.scene import (
     Camera,
@@ -69,7 +69,7 @@ def test_a_matte_floor_reflects_its_albedo_of_all_lights(renderer: Renderer) -> 
 
 def test_a_metal_ball_nearly_vanishes_in_a_uniform_room(renderer: Renderer) -> None:
     chrome = Material(roughness=0.1, metallic=1.0)
-    here = Instance(mesh=ball(), material=chrome, model=moved(0, 0, 0))
+    here = Instance(mesh=shapes.ball(), material=chrome, model=moved(0, 0, 0))
     color = renderer.reference(seen_from(ABOVE, here, radiance=0.7)).color
     np.testing.assert_allclose(color, 0.7, rtol=0.06)  # what the fit of the BRDF's integral loses
 
@@ -303,27 +303,6 @@ def test_the_same_scene_gives_the_same_bytes(renderer: Renderer) -> None:
 def assert_same_surfaces(a: SurfaceBuffers, b: SurfaceBuffers) -> None:
     for name in type(a).__slots__:
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
-
-
-def test_a_rendered_frame_is_a_frame_and_evidence(renderer: Renderer) -> None:
-    scene = Yard().scene(0)
-    scene = replace(scene, camera=replace(scene.camera, exposure=2.0))
-    rendered = renderer.render(scene, (80, 45), jitter=(0.125, -0.25), reset=True)
-    frame, evidence = rendered.frame(), rendered.label_inputs()
-    assert (frame.size, frame.jitter, frame.reset, frame.exposure) == ((80, 45), (0.125, -0.25), True, 2.0)
-    assert frame.gbuffer is not None
-    assert frame.gbuffer_display is not None
-    assert set(frame.gbuffer_display) == {*frame.gbuffer, "depth"}
-    assert evidence.cut
-    assert evidence.pixels.shape == (90, 160)
-    lengths = np.linalg.norm(np.asarray(frame.gbuffer["normal"], np.float64), axis=-1)
-    np.testing.assert_allclose(lengths, frame.depth > 0.0, atol=2e-3)
-
-
-@pytest.mark.parametrize("arguments", [{"samples": 60}, {"display_size": (0, 9)}])
-def test_a_renderer_refuses_what_it_cannot_draw(arguments: dict[str, object]) -> None:
-    with pytest.raises(SceneError, match=next(iter(arguments))):
-        Renderer(**{"display_size": (16, 9), **arguments})  # type: ignore[arg-type]
 
 
 # --- the environment's two other forms ---

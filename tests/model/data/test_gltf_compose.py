@@ -12,9 +12,8 @@ from OpenImageIO import ImageOutput, ImageSpec
 from gl_scenes import box, plane
 from gltf_files import GltfFile, cube, strip
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.gltf import Composition, GltfError, GltfScene, compose
-from supersampler_model.data.scenes.gltf.compose import Course, ping_pong, read_folder
+from supersampler_model.data.scenes.gltf.compose import read_folder
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
 from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
@@ -68,11 +67,6 @@ def floor(width: float, depth: float, x: float = 0.0, y: float = 0.0, *, up: boo
     corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]) * (width / 2, 0, depth / 2)
     corners += np.array([x, y, 0])
     return corners[[[0, 1, 2], [0, 2, 3]] if up else [[0, 2, 1], [0, 3, 2]]]
-
-
-def test_the_ground_is_as_high_as_the_floor() -> None:
-    ground, rng = Ground(np.concatenate([floor(9, 9), floor(9, 9, y=-0.37)])), np.random.default_rng(0)
-    assert np.abs([ground.spot(rng)[1] for _ in range(50)]).max() < 1e-6
 
 
 def test_there_is_no_ground_without_a_floor_or_on_its_underside() -> None:
@@ -172,13 +166,6 @@ def test_without_a_stage_things_stand_on_a_bare_floor(tmp_path: Path) -> None:
     assert len(sequence.scene(0).instances) > 2
 
 
-def test_a_composition_can_be_rendered(sequences: list[Composition], renderer: Renderer) -> None:
-    scene = sequences[1].scene(1)
-    surfaces, reference = renderer.display(scene), renderer.reference(scene)
-    assert (surfaces.depth > 0.0).mean() > 0.2
-    assert 0.01 < reference.color.mean() < 20.0
-
-
 def test_panoramas_of_the_folder_are_used_and_bad_ones_named(folder: Path) -> None:
     def write(height: int) -> None:
         output = ImageOutput.create("some.hdr")
@@ -234,26 +221,3 @@ def test_a_spec_without_its_files_or_with_others_is_refused(change: dict[str, ob
     content = {"family": "gltf", "seed": 0, "frames": 1, "folder": "here", "files": (("a.glb", "0"),)}
     with pytest.raises(SceneError, match=r"spec\.folder, files is .*; want both of a gltf sequence"):
         SequenceSpec(**{**content, **change})  # type: ignore[arg-type]
-
-
-def test_files_for_validation_are_used_in_no_other_sequence(folder: Path) -> None:
-    training, validation = read_folder(folder).split(0)
-    assert validation is not None
-    assert len(training.props) == len(validation.props) == 1
-    assert set(training.props) | set(validation.props) == {
-        file for seed in range(8) for file in read_folder(folder).spec(seed, 1).files if "props" in file[0]
-    }
-    assert [name for name, _ in training.stages] == ["room.glb"]  # there is one only, to learn from
-    assert not validation.stages
-    (folder / "props" / "cube.glb").unlink()
-    assert read_folder(folder).split(0)[1] is None
-
-
-def test_clips_run_to_and_fro_and_courses_stay_between_their_ends() -> None:
-    assert [ping_pong(t, 2.0) for t in (-0.5, 0.0, 1.5, 2.5, 4.5)] == [0.5, 0.0, 1.5, 1.5, 0.5]
-    assert ping_pong(3.0, 0.0) == 0.0
-    course = Course(np.zeros(3), np.array([4.0, 0, 0]), speed=2.0)
-    places = np.array([course.at(t)[0] for t in np.linspace(0.0, 2.0, 21)])
-    assert (np.diff(places) > 0.0).all()
-    assert (places[0], places[-1]) == (0.0, pytest.approx(4.0))
-    assert course.at(4.0)[0] == pytest.approx(0.0)

@@ -1,6 +1,5 @@
 """Each label rule computes its equation, per pixel and at any image size."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +11,6 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from label_samples import Sample, statistics_of
-from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler_model.data.labels import (
     Alias,
@@ -283,21 +281,3 @@ def test_any_two_frames_of_any_size_have_labels(seed: int, shape: tuple[int, ...
         assert map_.dtype == np.uint8
         assert map_.max() <= 2
     assert not labels.alias[labels.ghost == Ghost.SHADING].any()
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: replace(evidence().pixels, color_min=np.zeros((9, 12), np.float32)),
-         r"color_min is \(9, 12\) float32; want \(9, 12, 3\) float32"),
-        (lambda: replace(evidence(), motion=np.zeros((9, 12, 2))),  # type: ignore[arg-type]
-         r"motion is .* float64; want .* float32"),
-        (lambda: replace(evidence(), depth_before=np.zeros((2, 2), np.float32)), r"depth_before is \(2, 2\)"),
-        (lambda: evidence((0, 4)), "depth_min is .*; want at least one pixel"),
-        (lambda: label(evidence((9, 12)), evidence((9, 13))), r"before is \(9, 13\); want \(9, 12\)"),
-        (lambda: statistics_of(()), "samples is none; want at least one"),
-    ],
-)  # fmt: skip
-def test_a_bad_input_is_named(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(ArgumentError, match=message):
-        make()

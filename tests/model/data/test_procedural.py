@@ -1,7 +1,7 @@
 """Procedural families: pure functions of their spec; exposure is usable, things move, lights change."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from functools import cache
 
@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gl_scenes import Yard, bending_tube, box, moved, sky
-from label_samples import label_inputs, samples
+from gl_scenes import bending_tube
 from more_scenes import Cut, Floor, ShadingStep, dots, near, ripples, thin_lines
 from supersampler import Frame, halton_jitter
 from supersampler.conventions import camera_motion
@@ -31,26 +30,12 @@ from supersampler_model.data.scenes.analytic import (
     WiresOverPlane,
     checker,
     places,
-    plain,
-    still_scene,
-    still_scene_with_mover,
     zone_plate,
 )
-from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.stage import CASTERS, Stage, caster
+from supersampler_model.data.scenes.procedural import lighting, shapes
 from supersampler_model.data.scenes.scene import (
-    Camera,
-    Environment,
-    Instance,
-    Material,
     Mesh,
-    Particles,
-    PointLight,
     Scene,
-    Skin,
-    Spot,
-    Sun,
-    Texture,
     tangents_of,
 )
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
@@ -117,6 +102,51 @@ def test_the_previous_state_is_that_of_the_previous_frame(family: str) -> None:
         before = scene
 
 
+SUMMARIES: dict[str, tuple[float, ...]] = {
+    "plaza": (18446, 3.7476, 107.02, 65.062, 1.3102, 0.37037),
+    "fences": (9362, 4.6305, 91.893, 56.551, -0.51764, 0.077339),
+    "floors": (8004, 4.9894, 119.22, 17.578, -8.1886, 0.28389),
+    "metals": (9910, 1.6484, 97.901, 11.026, 1.762, 0.24792),
+    "movers": (11568, 4.5814, 94.454, 66.775, -12.733, 0.30624),
+    "foliage": (30828, 2.9119, 106.5, 8.3553, -0.94957, 0.20251),
+    "flicker": (1396, 2.5847, 111.06, 3.3978, -4.7224, 0.032128),
+    "station": (2094, 4.0767, 109.86, 5.1642, -3.4997, 0.40165),
+    "machine_hall": (12650, 3.401, 102.87, 23.166, 4.2698, 0.1621),
+    "market": (31922, 3.2298, 102.13, 9.8496, -0.51654, 0.32749),
+    "night_garden": (34680, 2.9839, 68.382, 6.4614, -2.005, 0.020836),
+    "gallery": (11810, 3.0539, 129.47, 22.483, 1.4526, 0.47964),
+    "court": (12576, 4.0461, 130.16, 19.103, 4.1229, 0.4314),
+    "rigging": (58117, 8.0903, 107.27, 7.5114, 2.4708, 0.47312),
+    "thin_movers": (19028, 3.6646, 61.627, 5.28, 1.9583, 0.63624),
+    "moving_shadows": (15450, 4.5619, 132.96, 11.58, -0.61016, 0.35645),
+}
+"""Frame 5 of seed 3: triangles, then means of positions, textures and lights, the camera and the sky."""
+
+
+def summary(scene: Scene) -> tuple[float, ...]:
+    materials = [instance.material for instance in scene.instances]
+    textures = [t for m in materials for t in (m.base_color_texture, m.emissive_texture) if t is not None]
+    lights = [*scene.points, *(light for light in (scene.sun, scene.spot) if light is not None)]
+    extents = [
+        np.abs(instance.mesh.positions @ instance.model[:3, :3].T + instance.model[:3, 3]).mean()
+        for instance in scene.instances
+    ]
+    return (
+        sum(len(instance.mesh.indices) for instance in scene.instances),
+        float(np.mean(extents)),
+        float(np.mean([texture.pixels.mean() for texture in textures])),
+        float(np.mean([light.color for light in lights])),
+        float(np.sum([scene.camera.position, scene.camera.target]) * scene.camera.exposure),
+        float(scene.environment.pixels.mean()),
+    )
+
+
+@pytest.mark.parametrize("name", SUMMARIES)
+def test_a_seed_keeps_its_scene(name: str) -> None:
+    sequence = Plaza() if name == "plaza" else sequence_of(name)
+    assert summary(sequence.scene(5)) == pytest.approx(SUMMARIES[name], rel=1e-3)
+
+
 def test_some_sequences_have_cuts_and_cuts_move_the_camera() -> None:
     seen = 0
     for seed in range(12):
@@ -142,12 +172,6 @@ def test_some_exposures_change_and_some_are_left_to_be_measured() -> None:
     assert 0 < measured < 12
     assert min(ranges) == pytest.approx(1.0)
     assert 1.3 < max(ranges) < 3.0
-
-
-def test_test_and_training_families_are_disjoint() -> None:
-    assert len(set(FAMILIES)) == len(FAMILIES)
-    assert len(TRAIN_FAMILIES) >= 6
-    assert len(TEST_FAMILIES) >= 5
 
 
 @pytest.mark.parametrize(
@@ -192,13 +216,6 @@ def test_scenes_are_cheap_things_move_and_lights_change(family: str) -> None:
     assert (scene.sun, scene.spot, scene.points) != (later.sun, later.spot, later.points)
 
 
-def test_seeds_give_other_scenes() -> None:
-    one, other = (sequence_of("floors", seed).scene(4) for seed in (3, 4))
-    assert one.camera != other.camera
-    assert not np.array_equal(one.environment.pixels, other.environment.pixels)
-    assert one.points != other.points
-
-
 @pytest.fixture(scope="session")
 def display_renderer() -> Renderer:
     return Renderer((320, 180))
@@ -230,60 +247,6 @@ def test_shading_changes_between_frames_where_nothing_moves(small_renderer: Rend
 # --- the parts of scenes ---
 
 
-def test_every_third_hour_is_dusk_or_night_and_then_the_sun_is_low_or_gone() -> None:
-    dark, low = 0, 0
-    for seed in range(30):
-        weather = lighting.weather(np.random.default_rng(seed), 12.0)
-        sun = weather.sun(0.0)
-        assert sun.direction[2] < 0.0  # from behind those who look along -z
-        assert weather.dark == (max(sun.color) < 8.0 and weather.environment.pixels.mean() < 0.02)
-        dark += weather.dark
-        low += not weather.dark and -sun.direction[1] < 0.5
-    assert 2 <= dark <= 12
-    assert low >= 2
-
-
-def test_a_caster_is_never_seen_but_its_shadow_is(small_renderer: Renderer) -> None:
-    for kind in CASTERS:
-        pictures = []
-        for cast in (False, True):
-            rng = np.random.default_rng(5)
-            weather = lighting.weather(rng, 12.0)
-            sun = lighting.sunlight(rng, 6.0, 12.0, azimuth=(4.6, 4.8), elevation=(40.0, 41.0))
-            stage = Stage(environment=weather.environment, sun=sun)
-            stage.put(shapes.plane(40.0, 40.0), materials.plaster(rng, (0.6, 0.6, 0.6)))
-            if cast:
-                caster(rng, stage, sun, kind)
-            camera = Camera(position=(0.0, 3.0, -14.0), target=(0.0, 3.0, 0.0))  # towards caster and sun
-            pictures.append(small_renderer.reference(stage.scene(0.2, 0.2, camera, camera)))
-        without, shadowed = pictures
-        np.testing.assert_array_equal(without.depth_max, shadowed.depth_max)
-        darker = (shadowed.color < 0.8 * without.color).all(axis=-1)
-        assert 0.005 < darker.mean() < 0.6, kind
-
-
-def test_brisk_cameras_seldom_stand_still_and_some_turn_fast() -> None:
-    vantage = paths.Vantage(position=(0.0, 1.6, 4.0), target=(0.0, 1.0, -3.0), brisk=True)
-    still, turns = 0, []
-    for seed in range(100):
-        camera = paths.camera_path(np.random.default_rng(seed), vantage, lambda _: 1.0)
-        one, other = camera(0.5), camera(0.5 + 1.0 / 30.0)
-        still += (one.position, one.target) == (other.position, other.target)
-        if one.position == other.position:
-            away = np.linalg.norm(np.subtract(one.target, one.position))
-            turns.append(float(np.linalg.norm(np.subtract(other.target, one.target)) / away))
-    assert still <= 10
-    assert 0.013 < max(turns) < 0.08  # 5 to 30 pixels a frame, 640 wide
-
-
-def test_a_pendulum_keeps_its_length() -> None:
-    pivot = np.array([1.0, 4.0, -2.0])
-    hanging = paths.pendulum(np.random.default_rng(6), pivot.tolist(), 1.5, 0.8)
-    places = np.array([hanging(t) for t in np.linspace(0.0, 4.0, 60)])
-    np.testing.assert_allclose(np.linalg.norm(places - pivot, axis=1), 1.5)
-    assert np.ptp(places, axis=0).max() > 0.5
-
-
 @pytest.mark.parametrize(
     "mesh",
     [
@@ -301,19 +264,6 @@ def test_faces_and_normals_of_shapes_agree(mesh: Mesh) -> None:
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-3)
 
 
-def test_closed_shapes_point_outwards() -> None:
-    for mesh in (shapes.ball(1.0), shapes.cylinder(0.5, 1.0), shapes.box(1.0, 1.0, 1.0)):
-        middle = mesh.positions.mean(axis=0)
-        assert ((mesh.positions - middle) * mesh.normals).sum(axis=1).min() > -1e-4
-
-
-def test_textures_repeat_without_a_seam() -> None:
-    rng = np.random.default_rng(1)
-    for field in (materials.fractal(rng, 2.0), materials.chain_link(8, 0.2), materials.bars(8, 8, 0.3)):
-        seam = np.abs(field[0] - field[-1]).max()
-        assert seam <= np.abs(np.diff(field, axis=0)).max() + 1e-9
-
-
 def test_pulses_are_never_negative_and_vary() -> None:
     kinds = [lambda rng, kind=kind: lighting.pulse(rng, kind) for kind in lighting.PULSES]
     for make in (*kinds, lighting.nervous, lighting.clouds, lighting.lightning):
@@ -323,115 +273,7 @@ def test_pulses_are_never_negative_and_vary() -> None:
         assert np.ptp(values) > 0.3
 
 
-def test_wind_holds_the_ground_still_and_bends_the_rest() -> None:
-    anchors = np.random.default_rng(3).uniform(-3.0, 3.0, (20, 3))
-    palette = paths.wind(np.random.default_rng(4), anchors, 0.2)
-    np.testing.assert_array_equal(palette(1.3)[0], np.eye(4))
-    assert 0.0 < np.abs(palette(1.3)[1:, :3, 3]).max() < 0.4
-    assert not np.array_equal(palette(1.3), palette(1.4))
-
-
-@pytest.mark.parametrize("rows", [1, 3, 16])
-def test_every_row_has_words_that_end_at_different_columns(rows: int) -> None:
-    page = materials.lettering(np.random.default_rng(1), rows, 256)
-    assert page.shape == (256, 256)
-    assert page.min() == 0.0
-    assert page.max() == 1.0
-    lines = np.split(page[: 256 // rows * rows], rows)
-    ends = [int(np.flatnonzero(line.max(axis=0))[-1]) for line in lines]
-    assert len(set(ends)) >= rows // 3
-    assert all(0.02 < line[:, :end].mean() < 0.5 for line, end in zip(lines, ends, strict=True))
-
-
-def test_words_have_gaps_between_them() -> None:
-    line = materials.lettering(np.random.default_rng(2), 8, 512)[:64]
-    inked = line.max(axis=0) > 0.0
-    gaps = np.diff(np.flatnonzero(inked))
-    assert gaps.max() > 0.5 * 64 * 0.62  # a space is a glyph wide
-
-
-def test_signs_reflect_and_screens_shine() -> None:
-    rng = np.random.default_rng(3)
-    board, lit, page = materials.sign(rng, 4), materials.sign(rng, 4, shine=2.0), materials.screen(rng, 1.5)
-    assert board.base_color_texture is not None
-    assert max(board.emissive) == 0.0
-    assert lit.emissive == (2.0,) * 3
-    assert page.emissive_texture is not None
-    assert page.emissive_texture.pixels.std() > 20.0  # not one colour
-
-
 # --- errors of invalid scenes name the field that is wrong ---
-
-
-WHITE = np.full((2, 2, 3), 255, np.uint8)
-PAINT = Texture(pixels=WHITE)
-ROWS = np.ones((2, 4), np.float32)
-HERE = moved(0, 0, 0)
-LAMP = PointLight(position=(0.0, 1.0, 0.0), color=(1.0, 1.0, 1.0))
-WIDER = Camera(position=(0.0, 0.0, 1.0), target=(0.0, 0.0, 0.0), near=0.2)
-
-
-def scene(**changes: object) -> Scene:
-    return replace(Yard().scene(0), **changes)  # type: ignore[arg-type]
-
-
-def tube(**changes: object) -> Instance:
-    pose = np.stack([HERE, HERE])
-    fields = {"mesh": bending_tube(), "material": Material(), "model": HERE, "palette": pose, **changes}
-    return Instance(**fields)  # type: ignore[arg-type]
-
-
-def mesh(**changes: object) -> Mesh:
-    return replace(box(), **changes)  # type: ignore[arg-type]
-
-
-BAD: list[tuple[Callable[[], object], str]] = [
-    (lambda: mesh(indices=np.zeros((0, 3), np.uint32)), r"mesh\.indices is \(0, 3\) uint32; want \(n, 3\)"),
-    (lambda: mesh(positions=np.zeros((0, 3), np.float32)), r"mesh\.positions is \(0, 3\)"),
-    (lambda: mesh(indices=np.full((1, 3), 99, np.uint32)), r"mesh\.indices is 99; want vertices below 24"),
-    (lambda: mesh(normals=np.full((24, 3), np.nan, np.float32)), r"mesh\.normals is NaN"),
-    (lambda: mesh(skin=bending_tube().skin), r"mesh\.skin is \d+ vertices; want 24"),
-    (lambda: Skin(joints=np.zeros((3, 4), np.uint16), weights=np.ones((3, 4), np.float32)), r"skin\.weights"),
-    (lambda: Texture(pixels=WHITE.astype(np.float32)), r"texture\.pixels is .* float32; want .* uint8"),
-    (lambda: Texture(pixels=np.zeros((0, 4, 3), np.uint8)), r"texture\.pixels is \(0, 4, 3\)"),
-    (lambda: Material(alpha_cutoff=0.5), r"material\.base_color_texture is missing; want an RGBA"),
-    (lambda: Material(alpha_cutoff=0.5, base_color_texture=PAINT), r"base_color_texture is without opacity"),
-    (lambda: Material(normal_texture=PAINT), r"material\.normal_texture\.srgb is True; want False"),
-    (lambda: Material(base_color_texture="paint.png"), r"base_color_texture is str; want a Texture"),  # type: ignore[arg-type]
-    (lambda: Material(base_color=(2.0, 0.0, 0.0)), r"material\.base_color is 2\.0; want .* <= 1"),
-    (lambda: Material(roughness=float("nan")), r"material\.roughness is nan"),
-    (lambda: tube(palette=None), r"instance\.palette is None; want a pose"),
-    (lambda: tube(mesh=box()), r"instance\.palette is given; want None"),
-    (lambda: tube(palette=np.eye(4)[None]), r"instance\.palette is 1 joints; want 2 to 128"),
-    (lambda: tube(palette=np.tile(np.eye(4), (200, 1, 1))), r"instance\.palette is 200 joints"),
-    (lambda: tube(model=moved(1, 2, 3).T), r"instance\.model.* Matrices act on column vectors"),
-    (lambda: tube(emission=-1.0), r"instance\.emission is -1\.0"),
-    (lambda: Environment(pixels=np.ones((32, 32, 3), np.float32)), r"environment\.pixels is \(32, 32, 3\)"),
-    (lambda: Environment(pixels=-sky().pixels), r"environment\.pixels is negative"),
-    (lambda: Camera(position=(0, 0, 0), target=(0, 0, 0)), r"camera\.target .* some distance"),
-    (lambda: Camera(position=(0, 0, 0), target=(0, 0, 1), near=0.0), r"camera\.near is 0\.0; want .* > 0"),
-    (lambda: Sun(direction=(0, 0, 0), color=(1, 1, 1)), r"sun\.direction is \(0, 0, 0\); want a direction"),
-    (lambda: Spot(position=(0, 0, 0), target=(1, 0, 0), color=(1, 1, 1), outer=95.0), r"spot\.outer is 95"),
-    (lambda: PointLight(position=(0, 0, 0), color=(1, -1, 1)), r"point\.color is -1"),
-    (lambda: scene(points=(LAMP,) * 17), r"scene\.points is 17 lights; .* 16"),
-    (lambda: scene(camera_before=WIDER), r"camera_before\.near"),
-    (
-        lambda: Particles(centers=ROWS[:, :3], radii=ROWS[0, :3], colors=ROWS),
-        r"radii is \(3,\) float32; want \(2\)",
-    ),
-]
-
-
-@pytest.mark.parametrize(("make", "message"), BAD, ids=[message[:40] for _, message in BAD])
-def test_a_bad_scene_is_named(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(SceneError, match=message):
-        make()
-
-
-def test_an_instance_without_a_previous_state_is_at_rest() -> None:
-    instance = tube()
-    assert instance.model_before is instance.model
-    assert instance.palette_before is instance.palette
 
 
 def test_tangents_follow_u_and_stand_on_the_normal() -> None:
@@ -473,18 +315,6 @@ def test_many_jittered_frames_average_to_the_truth_and_only_with_the_right_sign(
     right = psnr(accumulated(scene, 1024, sign=1), truth)
     assert right > 40
     assert psnr(accumulated(scene, 1024, sign=-1), truth) < right - 10
-
-
-@PATTERNS
-def test_one_frame_alone_is_aliased(pattern: Pattern) -> None:
-    scene = Plane(pattern)
-    assert psnr(np.asarray(scene.frame(0, RENDER).color), scene.truth(0, RENDER)) < 25
-
-
-def test_the_truth_is_the_same_scene_at_every_size() -> None:
-    scene = DiscOverPlane()
-    large, small = scene.truth(3, (256, 144), samples=8), scene.truth(3, (128, 72), samples=16)
-    np.testing.assert_allclose(large.reshape(72, 2, 128, 2, 3).mean(axis=(1, 3)), small, atol=1e-6)
 
 
 def followed(scene: AnalyticScene, index: int, sign: float = 1.0) -> tuple[float, Mask]:
@@ -553,29 +383,6 @@ def test_motion_and_depth_agree_with_the_previous_frame(scene: AnalyticScene) ->
     np.testing.assert_allclose(before.normal_mapped[seen], now.normal_mapped[seen], atol=1e-6)
 
 
-def test_evidence_holds_the_ranges_and_the_mean_of_the_samples() -> None:
-    scene = DiscOverPlane()
-    drawn = label_inputs(scene, 3, RENDER, count=4)
-    np.testing.assert_array_equal(drawn.pixels.color, scene.truth(3, RENDER, samples=4))
-    np.testing.assert_array_equal(drawn.motion, scene.frame(3, RENDER).motion)
-    np.testing.assert_array_equal(drawn.depth_before, scene.frame(3, RENDER).depth)  # nothing comes closer
-    depths = np.array([sample.depth for sample in samples(scene, 3, RENDER, 4)], np.float32)
-    np.testing.assert_array_equal(drawn.pixels.depth_min, depths.min(axis=0))
-    np.testing.assert_array_equal(drawn.pixels.depth_max, depths.max(axis=0))
-    assert [label_inputs(scene, i, RENDER, count=1).cut for i in (0, 1)] == [True, False]
-
-
-def test_a_normal_map_changes_nothing_but_the_mapped_normals() -> None:
-    flat, bumpy = (
-        label_inputs(Plane(plain, bumps=bumps), 0, RENDER) for bumps in (Plane(plain).bumps, ripples)
-    )
-    assert bumpy.pixels.normal_mapped_spread.min() > 0.3
-    assert not flat.pixels.normal_mapped_spread.any()
-    assert not bumpy.pixels.normal_spread.any()
-    normals = Plane(plain, bumps=ripples).surface(0, *places(RENDER)).normal_mapped
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0)
-
-
 def test_camera_motion_is_that_of_a_plane_that_an_analytic_camera_passes() -> None:
     """A camera that moves along a plane sees it pan; depth is 1 / distance."""
     velocity, jitter, (width, height) = (0.75, -0.5), (0.25, -0.375), RENDER
@@ -592,28 +399,3 @@ def test_camera_motion_is_that_of_a_plane_that_an_analytic_camera_passes() -> No
 
 
 # --- the static scene of `bench still` ---
-
-
-def test_nothing_moves_but_the_disc() -> None:
-    size = (64, 36)
-    frame = still_scene().frame(5, size)
-    assert not np.asarray(frame.motion).any()
-    with_mover = still_scene_with_mover()
-    near = np.asarray(with_mover.frame(40, size).depth) > 0.05
-    moves = np.asarray(with_mover.frame(40, size).motion)[..., 0] != 0
-    assert near.any()
-    np.testing.assert_array_equal(near, moves)
-
-
-def test_a_frame_depends_on_its_jitter_alone() -> None:
-    scene, jitter = still_scene(), halton_jitter(3, 2.0)
-    one, later = (scene.frame(index, (80, 45), jitter) for index in (3, 35))
-    np.testing.assert_array_equal(one.color, later.color)
-
-
-def test_colors_are_in_range_and_the_disc_leaves_the_lower_half_alone() -> None:
-    still, moving = (scene.truth(40, (64, 36), 4) for scene in (still_scene(), still_scene_with_mover()))
-    assert still.min() >= 0.0
-    assert still.max() <= 1.0
-    np.testing.assert_array_equal(still[18:], moving[18:])
-    assert np.abs(still[:18] - moving[:18]).max() > 0.1

@@ -8,8 +8,6 @@ import pytest
 from gl_scenes import Yard
 from supersampler import ArgumentError, halton_jitter
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_model.data.labels import Alias, Ghost, label
-from supersampler_model.data.product_shot import Plaza
 from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Camera, Scene
@@ -138,18 +136,6 @@ def test_a_plain_shot_has_one_ratio(tmp_path: Path, small_renderer: Renderer) ->
     assert (first.gbuffer, first.gbuffer_display) == (None, None)
     with pytest.raises(ArgumentError, match=r"ratios is \(2.0, 3.0\); want .*one, without variants"):
         ShotForm(name="yard", ratios=(2.0, 3.0), variants=False)
-
-
-def test_the_plaza_moves_hides_and_changes_its_light() -> None:
-    renderer, plaza = Renderer((320, 180), samples=16), Plaza()
-    before, now = (renderer.render(plaza.scene(i), (160, 90), jitter=(0, 0)) for i in (26, 27))
-    motion = np.hypot(now.display.motion[..., 0], now.display.motion[..., 1])
-    assert 0.5 < np.median(motion) < 4.0  # the camera walks
-    labels = label(now.label_inputs(1.0), before.label_inputs(1.0))
-    assert (labels.ghost == Ghost.VISIBILITY).mean() > 0.01
-    assert (labels.ghost == Ghost.SHADING).mean() > 0.01
-    assert (labels.alias == Alias.GEOMETRY).mean() > 0.1
-    assert [plaza.cut(index) for index in (0, 1)] == [True, False]
 
 
 def test_a_small_shot_is_rounded_below_visibility(

@@ -170,18 +170,6 @@ def test_results_are_in_the_order_of_the_crops_whatever_their_shapes_and_names()
         torch.testing.assert_close([*of_all.planes.values()], [*alone.planes.values()], rtol=0, atol=0)
 
 
-def test_crops_of_equal_shapes_are_one_call() -> None:
-    calls = []
-
-    def counted(pair: Pair, offset: list[Tensor]) -> Pair:
-        calls.append(pair.size)
-        return doubled(pair, offset)
-
-    in_batches(counted, [crop(1.0, 3), crop(2.0, 2), crop(3.0, 3)])
-    assert calls == [(3, 1), (2, 1)]
-    assert in_batches(counted, []) == []
-
-
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> list[list[CropFrame]]:
     """Three crops of two frames: two of equal shapes, and one of a larger crop."""

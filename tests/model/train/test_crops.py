@@ -340,11 +340,6 @@ def test_bright_surfaces_have_less_noise_than_dark_ones_where_light_is_certain()
     assert found[32:].std() < 0.6 * found[:32].std()
 
 
-def test_all_channels_of_a_pixel_have_one_factor() -> None:
-    found = ratios(noise(1))
-    np.testing.assert_allclose(found[0], found[2], rtol=1e-5)
-
-
 def test_the_brightest_light_stays_a_half_float() -> None:
     bright = noise(1, spread=1.3).on(torch.full((1, 3, 64, 64), 60000.0), np.random.default_rng(2))
     assert bright.max() == MAX_HALF

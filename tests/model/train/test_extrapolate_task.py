@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import torch
 from typer.testing import CliRunner
 
 from gbuffer_sets import DISPLAY, gbuffer_data
-from stopped_run import assert_resumes_exactly
 from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
@@ -26,11 +24,10 @@ from supersampler_model.training.classifier_tasks import ExtrapolateTask
 from supersampler_model.training.crops import CropFrame, CropRegion, StreamPosition
 from supersampler_model.training.datasets import unshaded_set
 from supersampler_model.training.task import State, Stepped, start_task
-from supersampler_model.training.trainer import Trainer, TrainingPlan
 from supersampler_model.training.validation import SequenceRunner, validate, validation_entries
 
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
-SIZE, PLAN = 32, TrainingPlan(steps=8, batch=2, frames=2, size=32, average=4, settle=0.0)
+SIZE = 32
 
 
 @pytest.fixture(scope="module")
@@ -62,18 +59,6 @@ def stepped(task: ExtrapolateTask, sequence: Sequence[CropFrame]) -> list[Steppe
         made.append(task.step([sample], states))
         states = made[-1].states
     return made
-
-
-def test_a_crop_has_the_g_buffers_of_its_own_samples(data: Dataset) -> None:
-    frame = frames(unshaded_set(data, (1.0, 3.0)))[2]
-    cut = CropRegion(
-        left=9, top=3, size=SIZE, ratio=(2.0, 2.0), flip=(True, False), turned=True, gbuffers="render"
-    )
-    sample = cut.cut(frame, reset=False)
-    assert all(not name.startswith("gbuffer_display") for name in sample.gbuffer)
-    assert sample.gbuffer["gbuffer_base_color"].shape == sample.color.shape
-    off = (sample.gbuffer["gbuffer_base_color"] - sample.color).abs().max()
-    assert off < 0.005  # everything shines by itself, in that set
 
 
 def test_the_color_of_hidden_frames_is_not_seen(data: Dataset, task: ExtrapolateTask) -> None:
@@ -155,16 +140,6 @@ def test_a_set_without_g_buffers_of_render_size_is_refused(data: Dataset) -> Non
     with pytest.raises(ArgumentError, match=r"without G-buffers of render size.*--also 2"):
         unshaded_set(data, (2.5, 3.0))
     assert [e.ratio for e in unshaded_set(data, (1.0, 3.0)).entries("train")] == [2.0]
-
-
-def trainer(data: Dataset, folder: Path) -> Trainer:
-    folder.mkdir(exist_ok=True)
-    torch.manual_seed(0)
-    return Trainer(ExtrapolateTask(Extrapolate(SMALL)), [data], PLAN, folder)
-
-
-def test_a_stopped_and_resumed_run_ends_with_the_same_weights(data: Dataset, tmp_path: Path) -> None:
-    assert_resumes_exactly(partial(trainer, data), tmp_path)
 
 
 def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: ExtrapolateTask) -> None:

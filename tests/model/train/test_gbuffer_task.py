@@ -87,14 +87,6 @@ def test_structure_counts_more_where_surfaces_shine(task: GBufferTask) -> None:
     assert abs(expected - even) > 1e-4 * even, "the scene tells the two apart"
 
 
-def test_without_any_truth_structure_costs_nothing(task: GBufferTask) -> None:
-    frame = sample(surfaces(2 * SIDE))
-    frame.reference[:] = torch.nan
-    with torch.no_grad():
-        stepped = task.step([frame], [task.first_state(frame)])
-    assert float(stepped.terms["structure"]) == 0.0
-
-
 def test_each_weight_changes_its_own_term(task: GBufferTask) -> None:
     frame = sample(half_metal())
 

@@ -88,11 +88,6 @@ def test_a_rare_class_weighs_by_the_root_of_its_rarity_up_to_a_bound(rare: int, 
     torch.testing.assert_close(class_loss(logits, ghost, alias, weights), expected, rtol=1e-4, atol=1e-6)
 
 
-def test_a_quad_of_two_classes_is_shared_by_them() -> None:
-    ghost = torch.tensor([[[0, 1], [1, 2]]])
-    assert class_fractions(ghost)[0, :, 0, 0].tolist() == [0.25, 0.5, 0.25]
-
-
 def test_the_same_error_in_fewer_pixels_costs_more_by_its_root_mean_square() -> None:
     spread, gathered = torch.full((2, 3, 8, 8), 0.1), torch.zeros(2, 3, 8, 8)
     gathered[..., ::4] = 0.4
@@ -131,20 +126,6 @@ def test_images_are_compared_exposed_toned_and_in_srgb() -> None:
     expected = [0.0, 12.92 * toned[1], 1.055 * toned[2] ** (1.0 / 2.4) - 0.055]
     assert toned[1] < 0.0031308
     torch.testing.assert_close(display_values(image, torch.tensor([2.0])).flatten(), torch.tensor(expected))
-
-
-def test_dissimilarity_of_an_even_shift_is_of_means_alone() -> None:
-    dark, bright = torch.full((1, 3, 16, 16), 0.2), torch.full((1, 3, 16, 16), 0.6)
-    expected = 1.0 - (2.0 * 0.2 * 0.6 + 1e-4) / (0.2**2 + 0.6**2 + 1e-4)
-    found = dissimilarity(dark, bright)
-    torch.testing.assert_close(found, torch.full((1, 1, 16, 16), expected), rtol=1e-3, atol=1e-4)
-
-
-def test_dissimilarity_of_opposite_contrast_is_near_two() -> None:
-    checks = (
-        (torch.arange(16)[:, None] + torch.arange(16)).remainder(2).float()[None, None].expand(1, 3, 16, 16)
-    )
-    assert float(dissimilarity(checks, 1.0 - checks)[..., 8, 8]) > 1.9
 
 
 def test_a_window_is_even_about_its_pixel_and_eleven_wide() -> None:

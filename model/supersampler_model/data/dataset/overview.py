@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.aux_outputs import CLASS_COLORS
-from supersampler.errors import ArgumentError
 from supersampler.io.display import BT709_WEIGHTS, display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, Split, open_dataset
@@ -42,21 +41,8 @@ def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
 
 
 def overlay(labels: Labels, image: NDArray[Any]) -> Image:
-    """Return the classes' colours over the image in grey: (H, W, 3) sRGB.
-
-    Args:
-        labels: labels of the frame.
-        image: (H, W, 3) of that frame, tone-mapped sRGB, uint8 or float in [0, 1].
-
-    Raises:
-        ArgumentError: the image is not of the labels' size, or of another type.
-    """
-    shape = (*labels.ghost.shape, 3)
-    if image.shape != shape or not (image.dtype == np.uint8 or np.issubdtype(image.dtype, np.floating)):
-        want = f"{shape} uint8, or float in [0, 1]"
-        raise ArgumentError("image", got=f"{image.shape} {image.dtype}", want=want)
-    values = image.astype(np.float32) * (1.0 if image.dtype == np.uint8 else 255.0)
-    tinted = np.repeat((values @ LUMA)[..., None], 3, axis=-1)
+    """Return the classes' colours over a tone-mapped image in grey, both (H, W, 3) uint8 sRGB."""
+    tinted = np.repeat((image.astype(np.float32) @ LUMA)[..., None], 3, axis=-1)
     for name, mask in masks_of(labels).items():
         tinted[mask] += OPACITY * (np.array(CLASS_COLORS[name]) - tinted[mask])
     return np.asarray(np.clip(np.rint(tinted), 0, 255), np.uint8)

@@ -138,14 +138,8 @@ def render_sequence(
 ) -> None:
     """Render the missing frames of `entry`.
 
-    For a set at one ratio (`Dataset.at`), write the second renderings beside the existing frames.
-
-    Args:
-        dataset: the data set.
-        entry: the sequence.
-        renderer: renderer of the set's display size and samples.
-        thresholds: thresholds of the labels.
-        on_frame: called after each written frame.
+    For a set at one ratio (`Dataset.at`), write the second renderings beside the existing frames. The
+    renderer must have the set's display size and samples.
 
     Raises:
         OSError: writing failed; all earlier frames are complete.
@@ -202,13 +196,7 @@ def _rerender(
 def render_dataset(
     dataset: Dataset, *, ratio: float | None = None, workers: int = 1, on_frame: OnFrame = lambda: None
 ) -> None:
-    """Render all missing frames.
-
-    Args:
-        dataset: the data set.
-        ratio: ratio of a second rendering of all sequences; None: the set itself.
-        workers: processes; software OpenGL uses cores / workers threads in each.
-        on_frame: called after each frame, in this process.
+    """Render all missing frames in `workers` processes; with a ratio, a second rendering of all sequences.
 
     Raises:
         DataError: a worker failed (a full disk, no OpenGL, a file that has changed); complete

@@ -255,11 +255,7 @@ class Description:
 class Dataset:
     """A training set on disk, which may be incomplete.
 
-    Args:
-        folder: folder of the set.
-        description: its content.
-        own: the set whose references and labels this one reuses, with the sequences rendered a second time at
-            another ratio; None: its own.
+    A set with sequences rendered a second time, at another ratio, reuses references and labels of its `own`.
     """
 
     def __init__(self, folder: Path, description: Description, *, own: "Dataset | None" = None) -> None:

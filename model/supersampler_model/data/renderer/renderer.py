@@ -179,21 +179,18 @@ class Renderer:
     """
 
     def __init__(self, display_size: Size, *, samples: int = 64, graphics: Graphics | None = None) -> None:
-        """Compile the shaders.
+        """Compile the shaders, in a new context or the given one.
 
-        Args:
-            display_size: (width, height) of the reference.
-            samples: number of samples of a reference pixel, on a regular grid; a square number.
-            graphics: a context to share; None opens one.
+        A reference of display size (width, height) has `samples` samples a pixel on a regular grid.
 
         Raises:
             GraphicsError: there is no OpenGL.
-            SceneError: `samples` is not a square number, or a size is not positive.
+            SceneError: `samples` is not a square number.
         """
         if samples < 1 or isqrt(samples) ** 2 != samples:
             raise SceneError("samples", got=samples, want="a square number, such as 16 or 64")
         self._side = isqrt(samples)
-        self.display_size = _checked("display_size", display_size)
+        self.display_size = display_size
         self._graphics = graphics or open_graphics()
         self._gl = self._graphics.gl
         self._targets: dict[str, Target] = {}
@@ -229,10 +226,7 @@ class Renderer:
     ) -> tuple[Float16, SurfaceBuffers]:
         """Render the input of an upscaler: colour (h, w, 3) and surfaces, at pixel centre + jitter.
 
-        Args:
-            scene: the scene.
-            render_size: (width, height), at most the display size.
-            jitter: (x, y) render pixels.
+        The render size (width, height) is at most the display size; jitter (x, y) is in render pixels.
         """
         with self._gl:
             target = self._draw(scene, "COLOR_AND_SURFACES", "frame", self._frame_raster(render_size, jitter))
@@ -277,7 +271,7 @@ class Renderer:
         return _truth(mean)
 
     def _frame_raster(self, render_size: Size, jitter: tuple[float, float]) -> Raster:
-        width, height = _checked("render_size", render_size)
+        width, height = render_size
         ratio = (self.display_size[0] / width * self.display_size[1] / height) ** 0.5
         return Raster.of_frame(render_size, jitter, 2.0 ** mip_bias(ratio, "log2"))
 
@@ -425,9 +419,3 @@ def _truth(image: Float16) -> PixelTruth:
 def _part(image: Any, channels: slice | int) -> Any:
     """Copy channels of (h, w, c) into an array of their own."""
     return np.ascontiguousarray(image[..., channels])
-
-
-def _checked(name: str, size: Size) -> Size:
-    if len(size) != 2 or min(size) < 1:
-        raise SceneError(name, got=size, want="(width, height), each at least 1")
-    return size

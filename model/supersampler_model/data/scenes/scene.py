@@ -1,11 +1,11 @@
 """The scene of one frame, with its state in the previous frame, from which motion vectors are computed.
 
-Plain arrays, no file, no GL. Space is right-handed with y up, in metres. Matrices are (4, 4), row-major,
-acting on column vectors: world = model @ local. Colours are linear RGB; lights and the environment are in the
-same radiometric unit, so that a white wall facing a sun of colour pi looks as bright as an environment of 1.
+A scene is plain arrays. Space is right-handed with y up, in metres. Matrices are (4, 4), row-major, acting on
+column vectors: world = model @ local. Colours are linear RGB. Lights and the environment are in the same
+radiometric unit: a white wall facing a sun of colour pi is as bright as an environment of 1.
 
-Meshes, materials, textures and environments are uploaded once and recognised again by identity: share them
-between the frames of a sequence.
+Meshes, materials, textures and environments are uploaded once and recognised by identity: share them between
+the frames of a sequence. Only what a file may get wrong is checked here.
 """
 
 from dataclasses import dataclass
@@ -14,14 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.errors import (
-    SceneError,
-    check_array,
-    check_color,
-    check_matrices,
-    check_number,
-    check_vector,
-)
+from supersampler_model.data.errors import SceneError, check_number
 
 Rng: TypeAlias = np.random.Generator
 Values: TypeAlias = NDArray[np.float64]
@@ -54,32 +47,19 @@ class Camera:
     near: float = 0.1
     exposure: float = 1.0
 
-    def __post_init__(self) -> None:
-        for name in ("position", "target", "up"):
-            check_vector(f"camera.{name}", getattr(self, name), 3)
-        for name, maximum in (("fov_y", 175.0), ("near", np.inf), ("exposure", np.inf)):
-            check_number(f"camera.{name}", getattr(self, name), 0.0, maximum, open_below=True)
-        if not np.linalg.norm(np.cross(np.subtract(self.target, self.position), self.up)) > 0.0:
-            got = f"{self.target} from {self.position}, up {self.up}"
-            raise SceneError("camera.target", got=got, want="a direction other than up, at some distance")
-
     def view(self) -> Matrix:
         """Return world to view: x right, y up, looking at -z."""
         return look_at(self.position, self.target, self.up)
 
     def projection(self, aspect: float) -> Matrix:
-        """Return view to clip: reversed depth in [0, 1], infinite far, y downwards so that row 0 is on top.
-
-        Args:
-            aspect: width / height of the image.
-        """
+        """Return view to clip for width / height: reversed depth in [0, 1], infinite far, y downwards."""
         f = 1.0 / np.tan(np.radians(self.fov_y) / 2.0)
         return np.array(
             [[f / aspect, 0, 0, 0], [0, -f, 0, 0], [0, 0, 0, self.near], [0, 0, -1, 0]], np.float64
         )
 
 
-def look_at(position: Vector, target: Vector, up: Vector) -> Matrix:
+def look_at(position: Vector | Values, target: Vector, up: Vector) -> Matrix:
     """Return world to view of an eye at `position`: x right, y up, looking at -z."""
     back = np.subtract(position, target) / np.linalg.norm(np.subtract(position, target))
     right = np.cross(up, back)
@@ -105,13 +85,10 @@ class Environment:
     pixels: Points
 
     def __post_init__(self) -> None:
-        check_array("environment.pixels", self.pixels, (None, None, 3), np.float32)
         height, width = self.pixels.shape[:2]
         if width != 2 * height or height < 32 or height & (height - 1):
             want = "(h, 2 h, 3), h a power of two from 32 on"
             raise SceneError("environment.pixels", got=self.pixels.shape, want=want)
-        if self.pixels.min() < 0.0:
-            raise SceneError("environment.pixels", got="negative in places", want="radiance >= 0")
 
     def mips(self) -> list[Points]:
         """Return mip levels of the panorama, down to 4 x 2, prefiltered for increasing roughness.
@@ -178,9 +155,7 @@ def reflected(source: Points, height: int, alpha: float) -> Points:
     """
     rows = source.shape[0]
     first = directions(height)[:, 0]  # (height, 3); its column is `rows / height` of the source's wide
-    cosine = np.einsum(
-        "ai,bci->abc", first, directions(rows)
-    )  # of the normal, taken as the reflection, and light
+    cosine = np.einsum("ai,bci->abc", first, directions(rows))  # between the normal and the light
     half = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0)  # squared cosine of half that angle
     weights = np.maximum(cosine, 0.0) / (half * (alpha * alpha - 1.0) + 1.0) ** 2
     weights *= solid_angles(rows)
@@ -209,18 +184,12 @@ class Sun:
     center: Vector = (0.0, 0.0, 0.0)
     radius: float = 20.0
 
-    def __post_init__(self) -> None:
-        _check_direction("sun.direction", self.direction)
-        check_vector("sun.center", self.center, 3)
-        check_color("sun.color", self.color)
-        check_number("sun.radius", self.radius, 0.0, np.inf, open_below=True)
-
     def matrix(self) -> Matrix:
         """Return world to the shadow map's clip space: x, y in [-1, 1], depth in [0, 1], 0 at the light."""
         to_light = -np.array(self.direction) / np.linalg.norm(self.direction)
         eye = np.array(self.center) + to_light * self.radius
         scale = np.diag([1.0 / self.radius, 1.0 / self.radius, -0.5 / self.radius, 1.0])
-        return scale @ look_at(_vector(eye), self.center, _up_for(to_light))
+        return scale @ look_at(eye, self.center, _up_for(to_light))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,15 +208,6 @@ class Spot:
     inner: float = 15.0
     outer: float = 25.0
     reach: float = 20.0
-
-    def __post_init__(self) -> None:
-        check_vector("spot.position", self.position, 3)
-        check_vector("spot.target", self.target, 3)
-        _check_direction("spot.target - position", _vector(np.subtract(self.target, self.position)))
-        check_color("spot.color", self.color)
-        check_number("spot.outer", self.outer, 0.0, 80.0, open_below=True)
-        check_number("spot.inner", self.inner, 0.0, self.outer)
-        check_number("spot.reach", self.reach, 0.1, np.inf, open_below=True)
 
     def matrix(self) -> Matrix:
         """Return world to the shadow map's clip space: depth in [0, 1], 0 is 0.1 m from the light."""
@@ -272,24 +232,9 @@ class PointLight:
     color: Color
     reach: float = 10.0
 
-    def __post_init__(self) -> None:
-        check_vector("point.position", self.position, 3)
-        check_color("point.color", self.color)
-        check_number("point.reach", self.reach, 0.0, np.inf, open_below=True)
-
-
-def _vector(values: Matrix) -> Vector:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
-
 
 def _up_for(direction: Matrix) -> Vector:
     return (0.0, 0.0, 1.0) if abs(direction[1]) > 0.99 else (0.0, 1.0, 0.0)
-
-
-def _check_direction(name: str, direction: Vector) -> None:
-    if not np.linalg.norm(check_vector(name, direction, 3)) > 0.0:
-        raise SceneError(name, got=direction, want="a direction")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -303,12 +248,6 @@ class Skin:
 
     joints: Joints
     weights: Points
-
-    def __post_init__(self) -> None:
-        check_array("skin.joints", self.joints, (None, 4), np.uint16)
-        check_array("skin.weights", self.weights, (len(self.joints), 4), np.float32)
-        if np.abs(self.weights.sum(axis=1) - 1.0).max() > 1e-3:
-            raise SceneError("skin.weights", got="another sum at some vertices", want="a sum of 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
@@ -333,16 +272,8 @@ class Mesh:
     skin: Skin | None = None
 
     def __post_init__(self) -> None:
-        count = len(self.positions)
-        check_array("mesh.positions", self.positions, (None, 3), np.float32)
-        check_array("mesh.normals", self.normals, (count, 3), np.float32)
-        check_array("mesh.uv", self.uv, (count, 2), np.float32)
-        check_array("mesh.tangents", self.tangents, (count, 4), np.float32)
-        check_array("mesh.indices", self.indices, (None, 3), np.uint32)
-        if int(self.indices.max()) >= count:
-            raise SceneError("mesh.indices", got=int(self.indices.max()), want=f"vertices below {count}")
-        if self.skin is not None and len(self.skin.joints) != count:
-            raise SceneError("mesh.skin", got=f"{len(self.skin.joints)} vertices", want=f"{count}")
+        for name in ("positions", "normals", "uv", "tangents"):
+            _check_finite(f"mesh.{name}", getattr(self, name))
 
     def center(self) -> Points:
         """Return the middle of the bounding box (3,), local."""
@@ -389,9 +320,6 @@ class Texture:
     pixels: Pixels
     srgb: bool = True
 
-    def __post_init__(self) -> None:
-        check_array("texture.pixels", self.pixels, (None, None, (3, 4)), np.uint8)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Material:
@@ -424,38 +352,24 @@ class Material:
     double_sided: bool = False
 
     def __post_init__(self) -> None:
-        check_color("material.base_color", self.base_color, 1.0)
-        check_color("material.emissive", self.emissive)
+        for channel in self.base_color:
+            check_number("material.base_color", channel, 0.0, 1.0)
+        for channel in self.emissive:
+            check_number("material.emissive", channel, 0.0, np.inf)
         for name in ("roughness", "metallic", "specular"):
             check_number(f"material.{name}", getattr(self, name), 0.0, 1.0)
-        self._check_textures()
-
-    def _check_textures(self) -> None:
-        for name, srgb in (("base_color", True), ("normal", False), ("orm", False), ("emissive", True)):
-            texture = getattr(self, f"{name}_texture")
-            if texture is None:
-                continue
-            if not isinstance(texture, Texture):
-                raise SceneError(f"material.{name}_texture", got=type(texture).__name__, want="a Texture")
-            if texture.srgb != srgb:
-                raise SceneError(f"material.{name}_texture.srgb", got=texture.srgb, want=srgb)
-        if self.alpha_cutoff is not None:
-            check_number("material.alpha_cutoff", self.alpha_cutoff, 0.0, 1.0)
-            if self.base_color_texture is None or self.base_color_texture.pixels.shape[2] != 4:
-                hint = "The opacity that alpha_cutoff tests is its fourth channel."
-                got = "missing" if self.base_color_texture is None else "without opacity"
-                raise SceneError("material.base_color_texture", got=got, want="an RGBA texture", hint=hint)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Instance:
-    """A mesh somewhere, now and one frame ago.
+    """A placed mesh, in this frame and in the previous one.
 
     Attributes:
-        model: (4, 4) local to world, now.
-        model_before: the same one frame ago; None: no motion.
-        palette: (joints, 4, 4) of a skinned mesh: bind pose to posed, now; it is applied before `model`.
-        palette_before: the same one frame ago; None: no motion.
+        model: (4, 4) local to world.
+        model_before: `model` of the previous frame; None: no motion.
+        palette: (joints, 4, 4) of a skinned mesh, at most MAX_JOINTS: bind pose to posed, applied before
+            `model`; None for a rigid mesh.
+        palette_before: `palette` of the previous frame; None: no motion.
         emission: multiplies the material's emissive colour; flickering lights vary it.
         casts_shadow: False keeps it out of the shadow maps.
         thin: whether it counts as a thin object, see `PixelTruth`.
@@ -475,27 +389,12 @@ class Instance:
         for name in ("model", "palette"):
             if getattr(self, f"{name}_before") is None:
                 object.__setattr__(self, f"{name}_before", getattr(self, name))
-        for name in ("model", "model_before"):
-            check_matrices(f"instance.{name}", getattr(self, name), (4, 4))
-        check_number("instance.emission", self.emission, 0.0, np.inf)
-        self._check_palettes()
-
-    def _check_palettes(self) -> None:
-        skin = self.mesh.skin
-        if (skin is None) != (self.palette is None):
-            got, want = ("given", "None") if skin is None else ("None", "a pose, since the mesh has a skin")
-            raise SceneError("instance.palette", got=got, want=want)
-        if skin is None or self.palette is None:
-            return
-        joints = len(self.palette)
-        if not int(skin.joints.max()) < joints <= MAX_JOINTS:
-            want = f"{int(skin.joints.max()) + 1} to {MAX_JOINTS}, as the skin refers to them"
-            raise SceneError("instance.palette", got=f"{joints} joints", want=want)
-        check_matrices("instance.palette", self.palette, (joints, 4, 4))
-        check_matrices("instance.palette_before", self.palette_before, (joints, 4, 4))
+        for name in ("model", "model_before", "palette", "palette_before"):
+            if (matrices := getattr(self, name)) is not None:
+                _check_finite(f"instance.{name}", matrices)
 
     def moves(self) -> bool:
-        """Return whether it has moved or bent since the previous frame, whatever the camera did."""
+        """Return whether it has moved or bent in the world since the previous frame."""
         pairs = (self.model, self.model_before), (self.palette, self.palette_before)
         return not all(np.array_equal(np.asarray(now), np.asarray(before)) for now, before in pairs)
 
@@ -516,19 +415,14 @@ class Particles:
     radii: Points
     colors: Points
 
-    def __post_init__(self) -> None:
-        count = len(self.centers)
-        check_array("particles.centers", self.centers, (count, 3), np.float32)
-        check_array("particles.radii", self.radii, (count,), np.float32)
-        check_array("particles.colors", self.colors, (count, 4), np.float32)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
     """The scene of one frame.
 
     Attributes:
-        camera_before: camera of the previous frame; on the first frame after a cut, `camera` itself.
+        camera_before: camera of the previous frame, with the same `near`; on the first frame after a cut,
+            `camera` itself.
         points: at most `MAX_POINTS`, without shadows. `sun` and `spot` cast them.
     """
 
@@ -541,14 +435,7 @@ class Scene:
     points: tuple[PointLight, ...] = ()
     particles: tuple[Particles, ...] = ()
 
-    def __post_init__(self) -> None:
-        if len(self.points) > MAX_POINTS:
-            hint = "Drop those with the shortest reach, per frame if necessary."
-            raise SceneError(
-                "scene.points", got=f"{len(self.points)} lights", want=f"at most {MAX_POINTS}", hint=hint
-            )
-        if self.camera.near != self.camera_before.near:
-            hint = "Depth is near / distance and is compared between frames."
-            raise SceneError(
-                "scene.camera_before.near", got=self.camera_before.near, want=self.camera.near, hint=hint
-            )
+
+def _check_finite(name: str, values: Points | Values) -> None:
+    if not np.isfinite(values).all():
+        raise SceneError(name, got="NaN or infinite in places", want="finite numbers")

@@ -7,6 +7,6 @@
 
 from supersampler_model.data.scenes.gltf.compose import Composition, compose
 from supersampler_model.data.scenes.gltf.document import GltfError
-from supersampler_model.data.scenes.gltf.model import AnimationClip, GltfScene
+from supersampler_model.data.scenes.gltf.model import GltfScene
 
-__all__ = ["AnimationClip", "Composition", "GltfError", "GltfScene", "compose"]
+__all__ = ["Composition", "GltfError", "GltfScene", "compose"]

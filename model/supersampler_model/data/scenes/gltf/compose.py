@@ -211,7 +211,7 @@ def wave(depth: float, hertz: float, phase: float = 0.0, *, square: bool = False
 
 
 class HandHeldCamera(NamedTuple):
-    """Camera that moves along a course with a hand's sway, and looks at a target."""
+    """Camera that moves along a course, sways as in a hand, and looks at a target."""
 
     course: Course  # of the eye
     target: Values  # (3,) metres

@@ -53,7 +53,7 @@ class GltfError(DataError, ValueError):
 
 
 class MalformedError(Exception):
-    """A reason, and the places that enclose it, the outermost first."""
+    """The problem, and the places in the file that enclose it, the outermost first."""
 
     def __init__(self, problem: str, *places: str) -> None:
         super().__init__(problem)
@@ -62,7 +62,7 @@ class MalformedError(Exception):
 
 @contextmanager
 def at(place: str) -> Iterator[None]:
-    """Add `place` to errors that are raised inside, also to those of unexpected JSON."""
+    """Add `place` to errors raised inside; errors of unexpected JSON become a MalformedError."""
     try:
         yield
     except MalformedError as error:
@@ -78,7 +78,7 @@ def at(place: str) -> Iterator[None]:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Convert errors that are raised inside to a GltfError of `path`."""
+    """Convert errors raised inside to a GltfError of `path`."""
     try:
         with at(""), np.errstate(all="ignore"):  # damaged numbers are found by checks, and named
             yield
@@ -144,7 +144,7 @@ class Document:
         """Return the bytes of a buffer view, and its stride, 0 if packed."""
         view = self.item("bufferViews", index)
         data = self._buffer(view["buffer"])
-        start, length, stride = (_count(view, name) for name in ("byteOffset", "byteLength", "byteStride"))
+        start, length, stride = (_whole(view, name) for name in ("byteOffset", "byteLength", "byteStride"))
         if start + length > len(data):
             raise MalformedError(f"bufferView {index} ends at byte {start + length} of {len(data)}")
         return data[start : start + length], stride
@@ -183,9 +183,8 @@ class Document:
         try:
             check_inside(self.path.parent, [self.path.parent / name])
         except ShotError as error:
-            raise MalformedError(
-                f"{uri!r} lies outside the folder through a link; copy the file here"
-            ) from error
+            problem = f"{uri!r} lies outside the folder through a link; copy the file here"
+            raise MalformedError(problem) from error
         return self.path.parent / name
 
     def _read(self, path: Path, name: str) -> bytes:
@@ -209,7 +208,7 @@ class Document:
             with at(f"buffer {index}"):
                 inside = index == 0 and "uri" not in buffer
                 data = self._binary if inside else self.load(buffer["uri"])
-                length = _count(buffer, "byteLength")
+                length = _whole(buffer, "byteLength")
                 if len(data) < length:
                     raise MalformedError(f"it has {len(data)} of {length} bytes; the file may be cut off")
                 self._buffers[index] = data[:length]
@@ -238,33 +237,25 @@ class Document:
     def _array(self, accessor: Json, kind: str) -> NDArray[Any]:
         if accessor["type"] != kind:
             raise MalformedError(f"it holds {accessor['type']}; want {kind}")
-        count, dtype, width = accessor["count"], _dtype(accessor), _WIDTHS[kind]
-        if type(count) is not int or not 0 < count <= MAX_COUNT:
-            raise MalformedError(f"its count is {count!r}; want 1 to {MAX_COUNT}")
+        count, dtype, width = _whole(accessor, "count", 1, MAX_COUNT), _dtype(accessor), _WIDTHS[kind]
         self.claim("arrays", count * width)
         has_view = "bufferView" in accessor
         raw = self._elements(accessor, dtype, count, width) if has_view else np.zeros((count, width), dtype)
-        if "sparse" not in accessor:
-            return raw
-        sparse = accessor["sparse"]  # rows to replace
-        replaced, where = sparse["count"], sparse["indices"]
-        if type(replaced) is not int or not 0 < replaced <= count:
-            raise MalformedError(f"its sparse count is {replaced!r}; want 1 to {count}")
-        rows = self._elements(where, _dtype(where), replaced, 1)[:, 0].astype(np.int64)
-        if rows.min() < 0 or rows.max() >= count:
-            raise MalformedError(f"it replaces element {int(rows.max())} of {count}")
-        raw = raw.copy()
-        raw[rows] = self._elements(sparse["values"], dtype, replaced, width)
+        if "sparse" in accessor:
+            sparse = accessor["sparse"]
+            replaced, where = _whole(sparse, "count", 1, count), sparse["indices"]
+            rows = self._elements(where, _dtype(where), replaced, 1)[:, 0].astype(np.int64)
+            raw = raw.copy()
+            raw[rows] = self._elements(sparse["values"], dtype, replaced, width)
         return raw
 
     def _elements(self, source: Json, dtype: np.dtype[Any], count: int, width: int) -> NDArray[Any]:
-        """Return (count, width) of a buffer view, from `source`'s byteOffset on."""
+        """Return (count, width) elements of a buffer view, from the byteOffset of `source` on."""
         data, stride = self.view(source["bufferView"])
-        start, packed = source.get("byteOffset", 0), width * dtype.itemsize
+        start, packed = _whole(source, "byteOffset"), width * dtype.itemsize
         stride = stride or packed
-        if type(start) is not int or start < 0 or stride < packed:
-            problem = f"its byteOffset is {start!r} and its stride {stride}, of elements of {packed} bytes"
-            raise MalformedError(problem)
+        if stride < packed:
+            raise MalformedError(f"its stride is {stride}, of elements of {packed} bytes")
         end = start + (count - 1) * stride + packed
         if end > len(data):
             raise MalformedError(f"it ends at byte {end} of the {len(data)} of its buffer view")
@@ -292,10 +283,10 @@ def _chunks(data: bytes) -> tuple[bytes, bytes]:
     return chunks[b"JSON"], chunks.get(b"BIN\0", b"")
 
 
-def _count(item: Json, name: str) -> int:
+def _whole(item: Json, name: str, minimum: int = 0, maximum: int = LARGEST_FILE) -> int:
     value = item.get(name, 0)
-    if type(value) is not int or value < 0:
-        raise MalformedError(f"{name} is {value!r}; want a whole number from 0 on")
+    if type(value) is not int or not minimum <= value <= maximum:
+        raise MalformedError(f"its {name} is {value!r}; want {minimum} to {maximum}")
     return value
 
 

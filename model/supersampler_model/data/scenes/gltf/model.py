@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from supersampler_model.data.errors import SceneError, check_matrices
 from supersampler_model.data.scenes.gltf.document import Document, Integers, Json, MalformedError, at, reading
 from supersampler_model.data.scenes.gltf.materials import Coordinates, Materials
 from supersampler_model.data.scenes.scene import (
@@ -84,17 +83,10 @@ def _slerp(start: Values, end: Values, fraction: float) -> Values:
     return np.asarray(mixed / np.sin(angle))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class AnimationClip:
-    """One animation of a file.
+class AnimationClip(NamedTuple):
+    """One animation of a file."""
 
-    Attributes:
-        name: as in the file, "" if it has none.
-        duration: seconds, of the last keyframe.
-    """
-
-    name: str
-    duration: float
+    duration: float  # time of the last keyframe, seconds
     channels: tuple[Channel, ...]
 
 
@@ -107,20 +99,26 @@ class Node(NamedTuple):
     rest: dict[str, Values]
 
 
+class Binding(NamedTuple):
+    """The joints that move a skinned mesh."""
+
+    joints: Integers  # (j,) nodes
+    inverse_bind: Matrices  # (j, 4, 4) mesh to joint, in the bind pose
+
+
 class PlacedPrimitive(NamedTuple):
     """One primitive of one node."""
 
     mesh: Mesh
     material: Material
-    node: int  # that it hangs on
-    joints: Integers | None  # (j,) nodes that move it; None of a rigid one
-    inverse_bind: Matrices | None  # (j, 4, 4) mesh to joint, in the pose in which it was bound
+    node: int
+    binding: Binding | None  # None of a rigid mesh
 
     def palette(self, found: dict[int, Matrix]) -> Matrices | None:
-        """Return mesh to posed, in the scene's space, for each joint."""
-        if self.joints is None or self.inverse_bind is None:
+        """Return the matrix of each joint: bind pose to posed, in the scene's space."""
+        if self.binding is None:
             return None
-        return np.stack([found[int(joint)] for joint in self.joints]) @ self.inverse_bind
+        return np.stack([found[int(joint)] for joint in self.binding.joints]) @ self.binding.inverse_bind
 
     def vertices(self, found: dict[int, Matrix]) -> Values:
         """Return (n, 3) vertices in the scene's space."""
@@ -162,7 +160,7 @@ class GltfScene:
             if len(self._parts) > MAX_PARTS:
                 raise MalformedError(f"its nodes show more than {MAX_PARTS} primitives")
             if not self._parts:
-                raise MalformedError("nothing in it is to be seen")
+                raise MalformedError("it shows no object")
             self.clips = _clips(document)
             found = _matrices(self._nodes, None, 0.0)
             points = np.concatenate([part.vertices(found) for part in self._parts])
@@ -179,31 +177,19 @@ class GltfScene:
         clip: int = 0,
         emission: float = 1.0,
     ) -> tuple[Instance, ...]:
-        """Return the instances of the file at a time.
+        """Return the instances of the file at a time in seconds into a clip, clamped to its length.
 
-        Args:
-            time: seconds into the clip; clamped to its length.
-            time_before: `time` of the previous frame.
-            transform: (4, 4) the file's space to the world.
-            transform_before: `transform` of the previous frame; None: no motion.
-            clip: index in `clips`; a file without any stays as it is.
-            emission: multiplies what its materials emit.
-
-        Raises:
-            SceneError: there is no such clip, or a transform is not a matrix.
+        `transform` (4, 4) takes the file's space to the world; None as that of the previous frame: no motion.
+        `emission` multiplies the light of emissive materials. A file without clips stays as it is.
         """
-        if self.clips and not 0 <= clip < len(self.clips):
-            raise SceneError("clip", got=clip, want=f"0 to {len(self.clips) - 1}, as {self.path} has")
         transforms = transform, transform if transform_before is None else transform_before
-        for matrix in transforms:
-            check_matrices("transform", matrix, (4, 4))
         chosen = self.clips[clip] if self.clips else None
         now = _matrices(self._nodes, chosen, time)
         before = now if time_before == time else _matrices(self._nodes, chosen, time_before)
         instances = []
         for part in self._parts:
             models = transforms
-            if part.joints is None:
+            if part.binding is None:
                 models = transforms[0] @ now[part.node], transforms[1] @ before[part.node]
             instances.append(
                 Instance(
@@ -223,7 +209,7 @@ def _clips(document: Document) -> tuple[AnimationClip, ...]:
             read = [_channel(document, content, number) for number in range(len(content["channels"]))]
             channels = tuple(channel for channel in read if channel is not None)
             duration = max((float(channel.times[-1]) for channel in channels), default=0.0)
-            clips.append(AnimationClip(str(content.get("name", "")), duration, channels))
+            clips.append(AnimationClip(duration, channels))
     return tuple(clips)
 
 
@@ -273,7 +259,7 @@ def _nodes(document: Document) -> tuple[Node, ...]:
         item = document.item("nodes", index)
         with at(document.name("nodes", index)):
             if index in nodes:
-                raise MalformedError("it hangs on two nodes, or on itself")
+                raise MalformedError("it is a child of two nodes, or of itself")
             nodes[index] = _node(item, index, parent)
             waiting += [(child, index) for child in item.get("children", [])]
     return tuple(nodes.values())
@@ -334,7 +320,7 @@ def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[PlacedPrimit
         if "mesh" not in item:
             continue
         mesh, skin = item["mesh"], item.get("skin")
-        joints, inverse_bind = (None, None) if skin is None else _skin(document, skin, nodes)
+        binding = None if skin is None else _skin(document, skin, nodes)
         for number, content in enumerate(document.item("meshes", mesh)["primitives"]):
             with at(f"{document.name('meshes', mesh)}, primitive {number}"):
                 surface = materials.surface(content.get("material"))
@@ -342,19 +328,16 @@ def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[PlacedPrimit
                     continue
                 key = mesh, number, skin
                 if key not in read:
-                    count = None if joints is None else len(joints)
+                    count = None if binding is None else len(binding.joints)
                     read[key] = _primitive(document, content, surface.coordinates, count)
                 shape, used = read[key]
-                if joints is None or inverse_bind is None or used is None:
-                    yield PlacedPrimitive(shape, surface.material, node.number, None, None)
-                    continue
-                if len(used) > MAX_JOINTS:
+                if used is not None and len(used) > MAX_JOINTS:
                     raise MalformedError(f"{len(used)} joints move it; at most {MAX_JOINTS} are supported")
-                yield PlacedPrimitive(shape, surface.material, node.number, joints[used], inverse_bind[used])
+                own = binding and Binding(binding.joints[used], binding.inverse_bind[used])
+                yield PlacedPrimitive(shape, surface.material, node.number, own)
 
 
-def _skin(document: Document, index: Any, nodes: tuple[Node, ...]) -> tuple[Integers, Matrices]:
-    """Return a skin's joints (j,), as nodes, and their inverse bind matrices (j, 4, 4)."""
+def _skin(document: Document, index: Any, nodes: tuple[Node, ...]) -> Binding:
     content = document.item("skins", index)
     with at(document.name("skins", index)):
         joints = np.asarray(content["joints"], np.int64)
@@ -362,28 +345,22 @@ def _skin(document: Document, index: Any, nodes: tuple[Node, ...]) -> tuple[Inte
         if joints.ndim != 1 or len(joints) == 0 or missing:
             raise MalformedError(f"its joints {sorted(missing)} are not in the scene")
         if "inverseBindMatrices" not in content:
-            return joints, np.tile(np.eye(4), (len(joints), 1, 1))
+            return Binding(joints, np.tile(np.eye(4), (len(joints), 1, 1)))
         flat = document.floats(content["inverseBindMatrices"], "MAT4")
         if len(flat) < len(joints):
             raise MalformedError(f"it has {len(joints)} joints and {len(flat)} inverse bind matrices")
         matrices = flat[: len(joints)].reshape(-1, 4, 4).transpose(0, 2, 1).copy()  # stored column by column
-        check_matrices("inverse bind matrix", matrices, (len(joints), 4, 4))
-        return joints, matrices
+        if not np.allclose(matrices[:, 3], (0.0, 0.0, 0.0, 1.0)):
+            raise MalformedError("the last row of an inverse bind matrix is not [0, 0, 0, 1]")
+        return Binding(joints, matrices)
 
 
 def _primitive(
     document: Document, content: Json, coordinates: Coordinates | None, joints: int | None
 ) -> tuple[Mesh, Integers | None]:
-    """Read a primitive.
+    """Return a primitive's mesh, and the joints of the skin that its palette consists of; None if rigid.
 
-    Args:
-        document: the file.
-        content: the primitive's JSON.
-        coordinates: coordinates of its material's textures.
-        joints: number of joints of the skin; None for a rigid mesh, though it may have weights.
-
-    Returns:
-        the mesh, and the skin's joints (n,) that its palette consists of; None if it is rigid.
+    `coordinates` are those of its material's textures, `joints` is the number of joints of the skin.
     """
     if content.get("targets"):
         raise MalformedError("it has morph targets, which are not supported")
@@ -456,7 +433,7 @@ def _weights(document: Document, attributes: Json, joints: int) -> tuple[Integer
 
 
 def _mesh(vertices: dict[str, Any], indices: Integers) -> Mesh:
-    if "normal" not in vertices:  # glTF: such triangles are flat
+    if "normal" not in vertices:  # such triangles are flat, by the specification
         vertices = {name: values[indices.ravel()] for name, values in vertices.items()}
         indices = np.arange(indices.size).reshape(-1, 3)
         vertices["normal"] = np.repeat(_face_normals(vertices["position"], indices), 3, axis=0)
@@ -478,7 +455,7 @@ def _face_normals(positions: Values, indices: Integers) -> Values:
 
 
 def _unit(normals: Values, positions: Values, indices: Integers) -> Values:
-    """Return normals of unit length; where there is none, that of the triangles around, or else up."""
+    """Return normals of unit length; where one is 0, the normal of the triangles around it, or up."""
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     if lengths.min() < 1e-6:
         around = np.zeros_like(positions)
@@ -489,7 +466,7 @@ def _unit(normals: Values, positions: Values, indices: Integers) -> Values:
 
 
 def _tangents(stored: Values | None, derived: Callable[[], Any]) -> Any:
-    """Return (n, 4) float32 tangents: those of the file, and derived ones where it has none."""
+    """Return (n, 4) float32 tangents: those of the file, derived where they are missing or 0."""
     if stored is None:
         return derived()
     lengths = np.linalg.norm(stored[:, :3], axis=1, keepdims=True)
