@@ -139,18 +139,6 @@ def test_an_unsupported_ratio_is_reported_and_the_next_choice_works(page: "Page"
     assert page.evaluate("supersamplerDemo.state")["size"] == [213, 120]
 
 
-@pytest.mark.parametrize(("options", "limit_s"), [("", 20.0), ("?method=classifier", 60.0)])
-def test_the_first_image_is_there_in_time(page: "Page", url: str, options: str, limit_s: float) -> None:
-    page.goto(url + options)
-    page.wait_for_function("performance.getEntriesByName('first-image').length")
-    compiled, shown = (
-        page.evaluate(f"performance.getEntriesByName('{name}')[0].startTime") / 1000
-        for name in ("compiled", "first-image")
-    )
-    print(f"{options or 'as opened'}: shaders compiled after {compiled:.1f} s, first image {shown:.1f} s")
-    assert shown < limit_s
-
-
 def test_without_webgpu_the_page_says_so_and_shows_the_shot(page: "Page", url: str, tmp_path: Path) -> None:
     page.add_init_script(WITHOUT_GPU)
     page.goto(f"{url}?method=taau&left=input&right={'ours' if NODE_MODULES else 'bilinear'}")
@@ -225,25 +213,6 @@ def test_three_js_is_upscaled_from_its_own_passes(page: "Page", url: str) -> Non
         for call in ("readOurs()", "readReference(1)", "readReference(32)")
     )
     assert psnr(ours, truth) > psnr(plain, truth) + 3.5, "than one sample a pixel at full size"
-
-
-@pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no three")
-def test_the_page_of_three_js_without_webgpu_says_so(browser: "Browser", url: str) -> None:
-    page = browser.new_page()
-    page.add_init_script(WITHOUT_GPU)
-    page.goto(f"{url}three.html")
-    page.wait_for_selector("#note:visible")
-    assert page.inner_text("#note").startswith("This browser has no WebGPU")
-    page.close()
-
-
-def test_without_three_js_its_page_says_so(browser: "Browser", url: str) -> None:
-    page = browser.new_page()
-    page.route("**/vendor/**", lambda route: route.fulfill(status=404))
-    page.goto(f"{url}three.html")
-    page.wait_for_selector("#note:visible")
-    assert page.inner_text("#note").startswith("three.js is not part of this folder.")
-    page.close()
 
 
 # --- shots of the user's own on the page, and its reader of EXR files ---

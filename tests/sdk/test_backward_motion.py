@@ -138,16 +138,6 @@ def test_conventions_convert_motion_next_there_and_back(conventions: Conventions
     np.testing.assert_allclose(back.motion_next, vectors, rtol=1e-5)
 
 
-def test_unreal_vectors_to_the_next_frame_are_those_of_its_own_motion() -> None:
-    """next minus current, in NDC: half the width is 1, and y points up."""
-    stored = np.zeros((4, 8, 2), np.float32)
-    stored[...] = 0.5, 0.25
-    raw = RawFrame(depth=np.ones((4, 8), np.float32), motion=stored, motion_next=stored)
-    converted = Conventions.unreal().converter().to_frame(raw).motion_next
-    assert converted is not None
-    assert converted[0, 0].tolist() == [2.0, -0.5]
-
-
 def test_jitter_in_motion_next_is_refused_with_the_reason() -> None:
     raw = RawFrame(depth=np.ones((4, 8), np.float32), motion=np.zeros((4, 8, 2), np.float32),
                    motion_next=np.zeros((4, 8, 2), np.float32))  # fmt: skip

@@ -27,43 +27,22 @@ def write_one(folder: Path, *channels: str) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(
-    ("ours", "names"),
-    [
-        ("color", ["R", "G", "B"]),
-        ("color", ["rgba.R", "rgba.G", "rgba.B"]),
-        ("color", ["RGBA.R", "RGBA.G", "RGBA.B"]),
-        ("color", ["beauty.R", "beauty.G", "beauty.B"]),
-        ("color", ["View.Combined.R", "View.Combined.G", "View.Combined.B"]),
-        ("depth", ["Z"]),
-        ("depth", ["depth.Z"]),
-        ("depth", ["depth.V"]),
-        ("depth", ["Depth.R"]),
-        ("depth", ["top.depth.Z"]),
-        ("depth", ["zdepth"]),
-        ("depth", ["ZDepth.Z"]),
-        ("motion", ["motion.x", "motion.y"]),
-        ("motion", ["motion.R", "motion.G"]),
-        ("motion", ["velocity.X", "velocity.Y"]),
-        ("motion", ["MotionVector.R", "MotionVector.G"]),
-        ("motion", ["backward.u", "backward.v"]),
-        ("motion", ["top.Vector.X", "top.Vector.Y"]),
-        ("normal", ["N.X", "N.Y", "N.Z"]),
-        ("normal", ["normal.R", "normal.G", "normal.B"]),
-        ("normal", ["a.b.Normal.X", "a.b.Normal.Y", "a.b.Normal.Z"]),
-        ("base_color", ["albedo.R", "albedo.G", "albedo.B"]),
-        ("base_color", ["diffuse_albedo.R", "diffuse_albedo.G", "diffuse_albedo.B"]),
-        ("roughness", ["roughness"]),
-        ("roughness", ["Roughness.Y"]),
-        ("metallic", ["metallic.R"]),
-        ("specular", ["specular.V"]),
-    ],
-)
-def test_a_name_in_wide_use_is_recognised_in_any_order(ours: str, names: list[str]) -> None:
-    usual = {"color": COLOR, "depth": DEPTH, "motion": MOTION, ours: names}
-    channels = [name for group in usual.values() for name in group]
-    assert recognised_map(Path("f.exr"), channels) == usual
-    assert recognised_map(Path("f.exr"), channels[::-1]) == usual
+def spellings(ours: str) -> list[list[str]]:
+    """Return all names of an array that are recognised, also in capitals, with a layer, or alone."""
+    bases, endings = _NAMES[ours]
+    groups = [[f"{base}.{letter}".lstrip(".") for letter in ending] for base in bases for ending in endings]
+    groups += [[base] for base in bases if ours in ("depth", "roughness", "metallic", "specular")]
+    groups += [[name.upper() for name in group] for group in groups]
+    return [*groups, *([f"a.b.{name}" for name in group] for group in groups if "." in group[0])]
+
+
+@pytest.mark.parametrize("ours", [name for name in _NAMES if name != "motion_next"])
+def test_a_name_in_wide_use_is_recognised_in_any_order(ours: str) -> None:
+    for names in spellings(ours):
+        usual = {"color": COLOR, "depth": DEPTH, "motion": MOTION, ours: names}
+        channels = [name for group in usual.values() for name in group]
+        assert recognised_map(Path("f.exr"), channels) == usual
+        assert recognised_map(Path("f.exr"), channels[::-1]) == usual
 
 
 @pytest.mark.parametrize(

@@ -84,13 +84,6 @@ def test_jitter_that_counts_shaded_frames_is_fine(ratio: float, start: int) -> N
     assert warnings_of_jitter(own) == []
 
 
-def test_constant_jitter_is_another_mistake_and_few_frames_are_none() -> None:
-    constant = [replace(frame, jitter=(0.3, 0.3)) for frame in jittered(lambda i: i)]
-    assert warnings_of_jitter(constant) == []
-    assert warnings_of_jitter(jittered(lambda i: i, count=31)) == []
-    assert warnings_of_jitter(jittered(lambda i: i), "off") == []
-
-
 def test_an_object_moving_in_front_of_another_passes() -> None:
     check_all([DiscOverPlane().frame(i, (128, 72), halton_jitter(i, 2.0)) for i in range(5)])
 

@@ -127,11 +127,3 @@ def test_false_colours_grow_lighter_evenly() -> None:
     lightness = np.where(luminance > 0.008856, 116 * np.cbrt(luminance) - 16, 903.3 * luminance)
     assert (np.diff(lightness[4:45]) > 0).all()
     assert np.abs(lightness[4:45] - np.linspace(0, lightness[-1], 41)).max() < 8  # of 100
-
-
-def test_a_reference_of_another_size_is_shown_and_not_compared() -> None:
-    size = np.zeros((6, 8, 3), np.float32)
-    frame = Frame(color=size, depth=size[..., 0], motion=size[..., :2], jitter=(0.0, 0.0))
-    layers, numbers = compare_layers(frame, np.zeros((12, 16, 3), np.float32), size, 1.0)
-    assert set(layers) == {"input", "output", "reference"}
-    assert not numbers

@@ -219,22 +219,6 @@ def test_jitter_becomes_where_the_sample_is(
     assert one_pixel(conventions, jitter=jitter).jitter == pytest.approx(want, abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("conventions", "sky"),
-    [
-        (Conventions(), 0.0),
-        (Conventions(depth="forward_infinite"), 1.0),
-        (Conventions(depth="reversed", far=FAR), 0.0),
-        (Conventions(depth="forward", far=FAR), 1.0),
-        (Conventions(depth="linear"), np.inf),
-        (Conventions(depth="linear", far=FAR), FAR),
-        (Conventions.blender(), 1e10),
-    ],
-)
-def test_the_sky_is_zero(conventions: Conventions, sky: float) -> None:
-    assert one_pixel(conventions, depth=sky).depth[0, 0] == 0.0
-
-
 def test_an_inconvertible_field_is_named() -> None:
     converter = Conventions().converter()
     depth, motion = np.ones((2, 3), np.float32), np.zeros((2, 3, 2), np.float32)
@@ -311,18 +295,6 @@ def test_a_jitter_of_half_a_pixel_survives_rounding_and_a_longer_one_is_refused(
     assert convert(raw(jitter=(0.50005, -0.50005))).jitter == (0.5, -0.5)
     with pytest.raises(FrameError, match="jitter"):
         convert(raw(jitter=(0.502, 0.0)))
-
-
-def test_jittered_motion_loses_the_difference_of_both_jitters() -> None:
-    """Previous minus current, rendered at p - jitter, holds - previous + current jitter."""
-    converter = Conventions(motion_jittered=True).converter()
-    first = converter.to_frame(raw(jitter=(0.1, 0.2)))
-    second = converter.to_frame(raw(jitter=(0.4, -0.3)))
-    np.testing.assert_array_equal(first.motion, 0.0)
-    np.testing.assert_allclose(second.motion, np.broadcast_to([-0.3, 0.5], (2, 3, 2)), rtol=1e-6)
-    cut = converter.to_frame(raw(jitter=(-0.2, 0.1), reset=True))
-    np.testing.assert_array_equal(cut.motion, 0.0)
-    assert np.any(converter.to_frame(raw(jitter=(0.4, 0.0))).motion)
 
 
 @pytest.mark.parametrize(("size", "previous"), [(RENDER, (0.1, 0.2)), ((6, 4), (0.2, 0.4))])

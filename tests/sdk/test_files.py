@@ -33,22 +33,6 @@ def test_only_leftovers_of_the_files_that_were_being_written_are_removed(tmp_pat
     assert left == sorted(kept)
 
 
-@pytest.mark.parametrize(
-    ("output", "relation"),
-    [
-        ("shot", "is"), ("shot/.", "is"), ("other/../shot", "is"), ("link", "is"),
-        ("shot/new/out", "lies in"), ("link/new", "lies in"), ("shot/exr", "lies in"),
-        (".", "holds"), ("other/..", "holds"),
-    ],
-)  # fmt: skip
-def test_an_output_that_overlaps_the_input_is_refused(tmp_path: Path, output: str, relation: str) -> None:
-    (tmp_path / "shot" / "exr").mkdir(parents=True)
-    (tmp_path / "other").mkdir()
-    (tmp_path / "link").symlink_to("shot")
-    with pytest.raises(ShotError, match=f": {relation} the input, .*Choose another place"):
-        check_apart(tmp_path / output, tmp_path / "shot")
-
-
 def test_an_input_below_a_link_is_held_by_the_folder_that_the_link_leads_to(tmp_path: Path) -> None:
     (tmp_path / "disk" / "shot").mkdir(parents=True)
     (tmp_path / "here").symlink_to("disk")
@@ -56,14 +40,6 @@ def test_an_input_below_a_link_is_held_by_the_folder_that_the_link_leads_to(tmp_
         check_apart(tmp_path / "disk", tmp_path / "here" / "shot")
     with pytest.raises(ShotError, match="lies in the input"):
         check_apart(tmp_path / "here" / "shot" / "out", tmp_path / "disk" / "shot")
-
-
-def test_an_output_beside_the_input_is_taken(tmp_path: Path) -> None:
-    made(tmp_path / "a.safetensors")
-    (tmp_path / "shot").mkdir()
-    for output in ("out", "shot2", "shots/out"):
-        check_apart(tmp_path / output, tmp_path / "shot")
-        check_apart(tmp_path / output, tmp_path / "a.safetensors")
 
 
 def test_links_and_names_that_leave_a_folder_are_refused_and_others_are_not(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
 from supersampler.io.images import TypedValues, read_exr, read_header, read_image, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
-from upscale_runs import pixels, upscale
+from upscale_runs import upscale
 
 WIDTH, HEIGHT = 9, 7
 NAMES = ("R", "G", "B", "depth.Z", "motion.X", "motion.Y")
@@ -374,18 +374,6 @@ def test_only_files_that_are_not_whole_are_called_damaged(
     assert ("damaged or cut off" in str(caught.value)) is damaged
 
 
-def test_luminance_alone_is_a_grey_image(tmp_path: Path) -> None:
-    image = smooth()
-    write(tmp_path / "in" / "s.0001.exr", image[..., [0, 3, 4, 5]], ("Y", "Z", "motion.X", "motion.Y"))
-    shot = open_source(tmp_path / "in", conventions=OURS_FEATURES)
-    assert shot.info.aov_names == ()
-    color = shot.read_raw(0).color
-    assert color is not None
-    np.testing.assert_array_equal(color, image[..., [0, 0, 0]])
-    upscale(tmp_path / "in", tmp_path / "out", "--conventions", "{}", "--scale", "1")
-    np.testing.assert_allclose(pixels(tmp_path / "out" / "s.0001.exr"), color, rtol=2e-3)
-
-
 def test_the_largest_level_of_a_mipmapped_file_is_read(tmp_path: Path) -> None:
     image = smooth(64, 32)[..., :3]  # powers of two are not resampled
     write(tmp_path / "plain.exr", image, NAMES_FEATURES[:3])
@@ -421,10 +409,3 @@ def test_windows_anywhere_show_the_pixels_of_the_display_window(
     upscale(tmp_path / "in", tmp_path / "out", "--conventions", "{}", "--scale", "2")
     result = ImageBuf(str(tmp_path / "out" / "s.0001.exr")).spec()
     assert (result.x, result.y, result.full_width, result.full_height) == (0, 0, 2 * width, 2 * height)
-
-
-def test_whole_numbers_for_colour_are_refused_by_the_channel(tmp_path: Path) -> None:
-    spec_types = tuple(map(TypeDesc, ("uint", "uint", "uint", "half", "half", "half")))
-    write(tmp_path / "s.0001.exr", smooth(), channelformats=spec_types)
-    with pytest.raises(ShotError, match="channel R is uint32; want half or float"):
-        open_source(tmp_path, conventions=OURS_FEATURES).read(0)

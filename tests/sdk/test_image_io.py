@@ -90,10 +90,7 @@ def test_a_cropped_render_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("image", "message"),
     [
-        (
-            {"R": np.zeros((2, 3)), "G": np.zeros((2, 3))},
-            "channel R to write is float64; want float16 or float32",
-        ),
+        ({"R": np.zeros((2, 3)), "G": np.zeros((2, 3))}, "channel R to write is float64; want float16 or"),
         ({"R": np.zeros((2, 3), np.float32), "G": np.zeros((2, 4), np.float32)}, r"R \(2, 3\), G \(2, 4\)"),
         ({}, "are nothing; want arrays"),
         (np.zeros((2, 3, 4), np.float32), r"is \(2, 3, 4\); want \(h, w, 3\) for the channels R, G, B"),

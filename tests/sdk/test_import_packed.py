@@ -15,7 +15,7 @@ from supersampler import ArgumentError, ShotError
 from supersampler.cli.app import app
 from supersampler.conventions import Conventions
 from supersampler.io.images import write_png
-from supersampler.io.shot import Shot, copy_shot, import_channels
+from supersampler.io.shot import Shot, import_channels
 
 WIDTH, HEIGHT = 61, 35
 NEAR, FAR = 0.5, 200.0
@@ -165,12 +165,6 @@ def test_references_of_8_bits_are_decoded_to_linear(tmp_path: Path) -> None:
     np.testing.assert_array_equal(reference, color)
 
 
-def test_the_copy_holds_the_same_frames(tmp_path: Path) -> None:
-    scene = captured()
-    shot = copy_shot(opened(write_capture(tmp_path / "png", scene)), tmp_path / "copy")
-    assert_is_the_capture(shot, scene)
-
-
 def test_the_command_imports_by_two_json_files(tmp_path: Path) -> None:
     scene = captured()
     write_capture(tmp_path / "png", scene)
@@ -188,24 +182,12 @@ def test_the_command_imports_by_two_json_files(tmp_path: Path) -> None:
     ("name", "value", "message"),
     [
         ("motion", {"range": [-1, 1]}, r"channel_map\['motion'\]\['bytes'\] is None; want 2 lists of equal"),
-        (
-            "motion",
-            {"bytes": ["R", "G"], "range": [-1, 1]},
-            r"\['bytes'\] is \['R', 'G'\]; want 2 lists of equal",
-        ),
+        ("motion", {"bytes": ["R", "G"], "range": [-1, 1]}, r"\['bytes'\] is \['R', 'G'\]; want 2 lists of"),
         ("motion", {"bytes": [["R"], ["G", "B"]], "range": [-1, 1]}, "want 2 lists of equal length"),
         ("depth", {"bytes": [], "range": [0, 1]}, "want a list of 1 to 4 channels, the most significant"),
         ("depth", {"bytes": ["R"] * 5, "range": [0, 1]}, "want a list of 1 to 4 channels"),
-        (
-            "depth",
-            {"bytes": ["R"], "range": [1, 1]},
-            r"\['range'\] is \[1, 1\]; want \[low, high\], two different",
-        ),
-        (
-            "depth",
-            {"bytes": ["R"], "range": [0, float("inf")]},
-            "want .* finite numbers: .* bytes that are all 0",
-        ),
+        ("depth", {"bytes": ["R"], "range": [1, 1]}, r"\['range'\] is \[1, 1\]; want \[low, high\], two"),
+        ("depth", {"bytes": ["R"], "range": [0, float("inf")]}, "want .* finite numbers: .* bytes that are"),
         ("depth", {"bytes": ["R"], "range": "0 to 1"}, r"want \[low, high\]"),
         ("depth", {"byte": ["R"], "range": [0, 1]}, "with 'byte'; want keys of bytes, range. Did you mean"),
         ("color", {"bytes": ["R"], "range": [0, 1]}, "want 3 channel names"),
@@ -217,20 +199,6 @@ def test_a_wrong_packing_is_named(tmp_path: Path, name: str, value: dict[str, An
         opened(tmp_path, {name: value})
 
 
-def test_a_missing_byte_is_named(tmp_path: Path) -> None:
-    write_capture(tmp_path, captured(1))
-    bytes_of = [["mv/*.png:R", "mv/*.png:G"], ["mv/*.png:B", "mv/*.png:X"]]
-    with pytest.raises(ShotError, match=r"mv_0001\.png: has no channel X\. It has R, G, B, A"):
-        opened(tmp_path, {"motion": {**UV, "bytes": bytes_of}})
-
-
-def test_motion_of_another_size_is_named(tmp_path: Path) -> None:
-    write_capture(tmp_path, captured(1))
-    write_png(tmp_path / "mv" / "mv_0001.png", np.zeros((8, 9, 4), np.uint8))
-    with pytest.raises(ShotError, match=r"mv_0001\.png: is 9x8; the shot says 61x35"):
-        opened(tmp_path).read(0)
-
-
 def test_channels_of_16_bits_are_no_bytes(tmp_path: Path) -> None:
     write_capture(tmp_path, captured(1))
     write_png(tmp_path / "depth" / "depth_0001.png", np.zeros((HEIGHT, WIDTH, 3), np.uint16))
@@ -238,11 +206,3 @@ def test_channels_of_16_bits_are_no_bytes(tmp_path: Path) -> None:
         ShotError, match=r"depth_0001\.png: holds packed depth as uint16; want 8 bits a channel"
     ):
         opened(tmp_path)
-
-
-def test_integers_without_a_packing_are_refused_with_the_way_to_state_it(tmp_path: Path) -> None:
-    write_capture(tmp_path, captured(1))
-    with pytest.raises(
-        ShotError, match=r'holds depth as uint8; want half or float\. Say how it is packed, by "bytes"'
-    ):
-        opened(tmp_path, {"depth": "depth/*.png:R"})

@@ -158,10 +158,7 @@ def test_a_channel_map_reads_files_of_any_renderer(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"conventions": {"depth": "deep"}}, r"channels\.json: is not valid: depth is 'deep'; want"),
-        (
-            {"channels": {"color": ["R"]}},
-            r"channels\.json: is not valid: channel_map\['color'\] is \['R'\]; want 3",
-        ),
+        ({"channels": {"color": ["R"]}}, r"channels\.json: is not valid: channel_map\['color'\] is"),
         ({"channels": {"color": 3}}, r"channel_map\['color'\] is 3; want 3 channel names"),
         ({"channel": {}}, r"channels\.json: is not as expected: Object contains unknown field `channel`"),
         ({"cuts": ["a"]}, r"channels\.json: .* at `\$\.cuts\[0\]`, is 'a'"),
@@ -178,15 +175,9 @@ def test_a_wrong_map_in_the_folder_is_named(tmp_path: Path, change: dict[str, An
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            {"colour": "R"},
-            "is a map with 'colour'; want one of color, depth, motion, motion_next, base_color",
-        ),
+        ({"colour": "R"}, "is a map with 'colour'; want one of color, depth, motion, motion_next"),
         ({"motion": "X"}, r"channel_map\['motion'\] is 'X'; want 2 channel names"),
-        (
-            {"motion": ["X", "motion/*.exr:Y"]},
-            r"is files of \*\.exr and motion/\*\.exr; want channels of one file",
-        ),
+        ({"motion": ["X", "motion/*.exr:Y"]}, r"is files of \*\.exr and motion/\*\.exr; want channels of"),
         ({"depth": None}, "is a map without 'depth'; want depth and motion at least"),
     ],
 )
@@ -277,10 +268,7 @@ def test_pixels_are_left_in_the_file_until_their_frame_is_read(tmp_path: Path) -
     [
         ({"jitter": None}, "has no tensor jitter. It has EmulatedFramerate, camera_cut, colour_linear"),
         ({"motion_lr": np.zeros((3, 2, 36, 63), np.float16)}, r"tensor motion_lr is \(3, 2, 36, 63\); want"),
-        (
-            {"depth_params": np.zeros((3, 3), np.float32)},
-            r"tensor depth_params is \(3, 3\); want \(frames, 4\)",
-        ),
+        ({"depth_params": np.zeros((3, 3), np.float32)}, r"tensor depth_params is \(3, 3\); want \(frames"),
         ({"colour_linear": np.zeros((3, 36, 64), np.float16)}, r"tensor colour_linear is \(3, 36, 64\)"),
     ],
 )

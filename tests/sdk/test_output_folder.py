@@ -190,13 +190,6 @@ def test_files_in_the_way_of_a_recording_or_replay_are_named_and_kept(
     assert content(tmp_path) == before
 
 
-@pytest.mark.parametrize("name", ["new.recording", "0001.exr", "shot.json"])
-def test_a_recording_into_the_shot_is_refused(shot: Path, tmp_path: Path, name: str) -> None:
-    before = content(tmp_path)
-    assert "lies in the input" in refused(shot, tmp_path / "out", "--record", shot / name)
-    assert content(tmp_path) == before
-
-
 def test_a_replay_writes_its_images_into_a_folder_of_their_own(shot: Path, tmp_path: Path) -> None:
     recording, out = tmp_path / "a.recording", tmp_path / "again"
     assert upscale(shot, tmp_path / "out", "--record", recording).exit_code == 0

@@ -168,34 +168,6 @@ def test_a_range_of_every_layout_has_the_frames_of_the_whole(tmp_path: Path) -> 
             open_source(path, frames=(90, 91))
 
 
-@pytest.mark.parametrize(
-    ("names", "want"),
-    [
-        (["0007", "0008"], "####"),
-        (["beauty.0007"], "beauty.####"),
-        (["beauty_00007"], "beauty_#####"),
-        (["beauty.9", "beauty.10"], "beauty.####"),
-        (["take#1:0001"], "take_1_####"),
-    ],
-)
-def test_names_of_files_are_kept_with_four_digits_or_more(
-    tmp_path: Path, names: list[str], want: str
-) -> None:
-    shot = open_source(write_frames(tmp_path / "renders", *names), conventions=CONVENTIONS)
-    assert shot.info.file_names == want
-    assert copy_shot(shot, tmp_path / "copy").info.file_names == want
-
-
-@pytest.mark.parametrize("name", ["beauty", "a/####", "../####", "####.####", "", ".####", 3])
-def test_a_shot_json_with_names_that_lead_elsewhere_is_refused(tmp_path: Path, name: object) -> None:
-    source = open_source(write_frames(tmp_path / "renders", "1"), conventions=CONVENTIONS)
-    path = copy_shot(source, tmp_path / "copy")
-    content = json.loads((path.path / "shot.json").read_text())
-    (path.path / "shot.json").write_text(json.dumps({**content, "file_names": name}))
-    with pytest.raises(ShotError, match=r"file_names( is .*; want|`, is 3)"):
-        Shot.open(path.path)
-
-
 def test_import_and_check_take_a_pattern_and_the_same_options(tmp_path: Path) -> None:
     write_frames(tmp_path / "renders", *(f"a.{number:04d}" for number in range(3)))
     source, out = str(tmp_path / "renders" / "a.####.exr"), str(tmp_path / "shot")

@@ -284,22 +284,23 @@ upscaler.step(noise(2))
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
+    ("name", "content", "problem"),
     [
-        (CALL.format(1), r"calls.000001\.safetensors: is not a safetensors file"),
-        (OUTCOME.format(1), r"outcomes.000001\.safetensors: is not a safetensors file"),
+        (CALL.format(1), b"x", "is not a safetensors file"),
+        (CALL.format(1), None, "there is no such file"),
+        (OUTCOME.format(1), b"x", "is not a safetensors file"),
     ],
 )
-def test_damage_is_an_error_after_the_frames_before(
-    models: dict[str, Model], file: Path, name: str, message: str
+def test_a_damaged_or_missing_file_is_an_error_after_the_frames_before(
+    models: dict[str, Model], file: Path, name: str, content: bytes | None, problem: str
 ) -> None:
     with recorded(models["taau"], file) as upscaler:
         upscaler.step(noise(0))
         upscaler.step(noise(1))
-    (file / name).write_bytes(b"x")
+    (file / name).unlink() if content is None else (file / name).write_bytes(content)
     calls = iter(open_recording(file))
     assert isinstance(next(calls), StepCall)
-    with pytest.raises(RecordingError, match=f"{message}.*The recording is damaged"):
+    with pytest.raises(RecordingError, match=f"{name}: {problem}.*The recording is damaged"):
         list(calls)
 
 
@@ -403,22 +404,13 @@ def begun(model: Model, file: Path) -> Upscaler:
     [
         {"threads": -1},
         {"threads": 10**6},
-        {"threads": 1.5},
         {"display_size": [2**40, 2**40]},
-        {"display_size": "ab"},
-        {"scale": 0.5},
         {"scale": 1e300},
-        {"skip": 2.0},
         {"skip": "exact"},
         {"at_rest": "never"},
-        {"at_rest": True},
         {"executor": "tpu"},
-        {"precision": []},
-        {"validate": None},
-        {"providers": "cpu"},
         {"providers": [1]},
         {"files": {"step.onnx": 1}},
-        {"versions": []},
         {"extrapolation": {"folder": "x"}},
     ],
 )
@@ -434,24 +426,16 @@ def test_an_invalid_setup_is_refused(changes: dict[str, Any], taau: Model, file:
     ("record", "message"),
     [
         ({"call": "explode"}, "Invalid value 'explode'"),
-        ({"call": 1}, r"Expected `str` - at `\$.call`"),
         ({}, "missing required field `call`"),
         ([], "Expected `object`, got `array`"),
         ({**STEP, "name": "warm_up"}, r"Invalid enum value 'warm_up' - at `\$.name`"),
         ({**STEP, "jitter": [9, 9]}, "frame.jitter"),
-        ({**STEP, "jitter": [0, 10**400]}, "jitter"),
-        ({**STEP, "exposure": float("nan")}, "is not JSON"),
         ({**STEP, "exposure": -1.0}, "frame.exposure"),
         ({**STEP, "surprise": 1}, "unknown field `surprise`"),
         ({**STEP, "outputs": "aovs"}, r"Expected `array`, got `str` - at `\$.outputs`"),
-        ({**STEP, "outputs": [3]}, "outputs"),
         ({**STATE, "method": 1}, "method"),
-        ({**STATE, "display_size": "ab"}, "display_size"),
         ({**STATE, "history": None}, "history"),
-        ({**STATE, "shaded": 1}, "shaded"),
-        ({**STATE, "version": "1"}, "version"),
         ({"call": "close", "image": 1}, "unknown field `image`"),
-        ("x" * 100_000, "Expected `object`"),
         (None, "Expected `object`"),
     ],
 )
@@ -469,11 +453,7 @@ def test_an_unknown_call_in_a_recording_is_refused(
     "outcome",
     [
         {"returned": {"image": 2**40}},
-        {"returned": {"image": -1}},
-        {"returned": ["image"]},
-        {"raised": ["", "", ""]},
         {"raised": [1, 2]},
-        {"raised": "FrameError"},
     ],
 )
 def test_an_outcome_that_no_step_has_is_refused(outcome: object, taau: Model, file: Path) -> None:

@@ -13,10 +13,8 @@ from supersampler.frame import Frame
 from supersampler.validation import FrameChecker
 from supersampler.validation.probe import (
     FrameProbe,
-    count_disoccluded,
 )
 from supersampler.validation.rankings import SURE, Detection, Hypothesis, Verdict, ranked
-from supersampler.validation.reprojection import FramePair, frame_pairs
 from supersampler.validation.temporal import (
     FACTORS,
     FramesSeen,
@@ -105,39 +103,6 @@ def test_a_summary_gives_the_finding_or_the_reason_and_the_fix() -> None:
     assert Detection(motion, jitter, motion, found, found).summary().endswith(f"as stated: {found!r}")
 
 
-@pytest.mark.parametrize(("sign", "found"), [(-1.0, (40, 0)), (1.0, (0, 40))])
-@pytest.mark.parametrize("axis", [0, 1])
-def test_uncovered_places_are_looked_for_where_motion_and_both_jitters_lead(
-    axis: int, sign: float, found: tuple[int, int]
-) -> None:
-    """Neighbourhoods of 3x3 on both sides of an edge are three pixels apart: motion 2.3, jitters 0.6."""
-    assert moved_edge(axis, sign, -0.3).disoccluded("reversed", Conventions(), 30_000) == found
-    assert moved_edge(axis, sign, 0.3).disoccluded("reversed", Conventions(), 30_000) == (0, 0)
-
-
-def moved_edge(axis: int, sign: float, jitter_before: float) -> FramePair:
-    """Two surfaces that move together; the edge between them stays in place, and so hides or uncovers."""
-    depth = np.full((40, 40), 0.1, np.float32)
-    depth[:20] = 0.3
-    unit = np.array([0.0, sign])
-    if axis == 0:
-        depth, unit = np.ascontiguousarray(depth.T), unit[::-1]
-    (x, y), (x_before, y_before) = (0.3 * unit).tolist(), (jitter_before * unit).tolist()
-    motion = np.broadcast_to((2.3 * unit).astype(np.float32), (40, 40, 2))
-    frame = replace(even((x, y), (40, 40)), depth=depth, motion=motion)
-    before = replace(frame, jitter=(x_before, y_before))
-    [pair] = frame_pairs([FrameProbe.of_frame(before), FrameProbe.of_frame(frame)])
-    return pair
-
-
-def test_a_nan_vector_moves_no_pixel() -> None:
-    motion = np.full((40, 40, 2), 0.5, np.float32)
-    motion[:20] = np.nan
-    frame = replace(even((0.1, 0.2), (40, 40)), motion=motion)
-    [pair] = frame_pairs([FrameProbe.of_frame(frame)] * 2)
-    assert 0.3 < pair.moving(Conventions()).mean() < 0.7
-
-
 @pytest.mark.parametrize(("kind", "doubted"), [("reversed", False), ("linear", True)])
 def test_planes_decide_where_what_flickers_seems_to_hide_closer_things(kind: str, doubted: bool) -> None:
     y, x = np.mgrid[:40, :40].astype(np.float32)
@@ -175,18 +140,3 @@ def test_a_jitter_that_is_wrong_in_one_axis_takes_a_larger_gain(axis: int) -> No
     x, y = ((0.5, 1.0), (1.0, 0.5))[axis]
     assert wrong_amplitude(errors(x, y, 0.06), 2) is None
     assert wrong_amplitude(errors(x, y, 0.12), 2) is not None
-
-
-# --- kinds of depth: curvature of planes, sky, disocclusions ---
-
-
-def test_a_slightly_closer_surface_is_the_same_surface() -> None:
-    """An object that approaches, by 9 % of its distance in a frame, is no surface before a farther one."""
-    middle, now = np.array([4]), np.full((9, 9), 0.2, np.float32)
-
-    def found(before: float) -> tuple[int, int]:
-        earlier = np.full((9, 9), before, np.float32)
-        return count_disoccluded(now, earlier, "reversed", (middle, middle), np.zeros((1, 2)))
-
-    assert found(0.2 / 1.09) == (0, 0)
-    assert found(0.2 / 1.11) == (0, 1)

@@ -336,39 +336,6 @@ def test_a_range_sees_frames_after_it(tmp_path: Path) -> None:
         assert data == images(tmp_path / "whole")[name]
 
 
-@pytest.mark.parametrize(
-    ("options", "forward", "backward"),
-    [
-        pytest.param((), COUNT, COUNT, id="whole"),
-        pytest.param(
-            ("--frames", "3-4", "--preroll", 2), 4, 5, id="range"
-        ),  # frames 1 to 4, and 5 before the cut
-    ],
-)
-def test_progress_counts_the_steps_of_both_passes(
-    options: tuple[object, ...], forward: int, backward: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from supersampler.cli.terminal import RunProgress
-
-    totals, whats = [], []
-    begin, advance = RunProgress.__init__, RunProgress.advance
-
-    def begun(self: RunProgress, console: Any, total: int, *, json: bool) -> None:
-        totals.append(total)
-        begin(self, console, total, json=json)
-
-    def advanced(self: RunProgress, what: str) -> None:
-        whats.append(what)
-        advance(self, what)
-
-    monkeypatch.setattr(RunProgress, "__init__", begun)
-    monkeypatch.setattr(RunProgress, "advance", advanced)
-    shot = write_shot(tmp_path / "shot", COUNT, cuts=(6,))
-    upscale(shot, tmp_path / "out", "--passes", 2, *options, method="taau")
-    assert totals == [len(whats)] == [forward + backward]
-    assert whats.count("stepping backward") == backward
-
-
 def test_alpha_is_merged_like_the_colour(tmp_path: Path) -> None:
     with ShotWriter(tmp_path / "shot", name="s", display_size=DISPLAY_SIZE, frame_rate=24) as writer:
         for index in range(5):

@@ -9,15 +9,12 @@ from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import urlopen
 
-import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from supersampler import Shot
 from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.integrations.web import PACKAGES, page_files, serving, site_files, write_site
-from supersampler.io.images import read_exr
 from supersampler.methods.executors import with_shaders
 from web_page import FolderFiles
 
@@ -104,11 +101,6 @@ def test_files_are_served_with_the_types_that_browsers_demand(url: str, name: st
         assert answer.headers["Content-Type"] == kind
 
 
-def test_wasm_has_the_type_that_streaming_compilation_demands() -> None:
-    with serving({"a.wasm": bytes}) as root, urlopen(f"{root}a.wasm") as answer:  # noqa: S310
-        assert answer.headers["Content-Type"] == "application/wasm"
-
-
 def test_a_browser_that_stops_reading_leaves_no_traceback(capfd: pytest.CaptureFixture[str]) -> None:
     with serving({"large.exr": lambda: bytes(32 << 20)}) as root:  # more than sockets hold
         with socket.create_connection(("127.0.0.1", urlsplit(root).port or 0)) as browser:
@@ -173,20 +165,6 @@ def test_a_port_in_use_is_one_line(url: str) -> None:
     port = int(url.rstrip("/").rpartition(":")[2])
     with pytest.raises(ArgumentError, match=f"^port is {port} .*; want a free port"), serving(FEW, port):
         pass
-
-
-def test_the_shot_of_the_page_is_the_shipped_one(site: Path) -> None:
-    shot = Shot.open(site / "shot")
-    shipped = Shot.open("plaza")
-    assert len(shot) == len(shipped)
-    here, there = shot.read(20), shipped.read(20)
-    for name in ("color", "depth", "motion"):
-        np.testing.assert_array_equal(getattr(here.frame, name), getattr(there.frame, name))
-    assert here.frame.jitter == there.frame.jitter
-    assert here.reference is not None
-    assert there.reference is not None
-    np.testing.assert_allclose(here.reference, there.reference, rtol=1e-3, atol=1e-6)
-    assert list(read_exr(site / "shot/reference/0020.exr")) == ["R", "G", "B"]
 
 
 def test_a_folder_that_holds_something_is_left_alone(tmp_path: Path) -> None:
