@@ -138,7 +138,7 @@ def end_text(code: int | None) -> str:
 
 
 def has_interpreter() -> bool:
-    """Return whether `sys.executable` is a Python interpreter; in a frozen application it is that itself."""
+    """Return whether `sys.executable` is a Python interpreter; a frozen application has none."""
     return Path(sys.executable or "").stem.lower().startswith("python")
 
 

@@ -46,7 +46,7 @@ BT709 = np.array(BT709_WEIGHTS, np.float32)
 CEILING_DB = 100.0
 """The PSNR of equal images, finite for means and JSON."""
 
-_ROWS = 32  # that are computed at a time: they stay in the cache
+_ROWS = 32  # per block, so that a block stays in the cache
 _LARGEST = 1e30  # exposure; its product with an image still fits single precision
 
 

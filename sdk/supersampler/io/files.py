@@ -1,9 +1,8 @@
-"""All that writes, renames or removes files, and checks of what a path is before that.
+"""All writes, renames and removals of files, and the checks of paths before them.
 
-No other module of the project does any of it; tests/test_owners.py looks for calls that do. A file is
-written under a temporary name beside its place (`.name.HEX.partial.exr`) and then renamed, so that a run that
-is killed leaves no half-written file. Callers pass only names that they wrote themselves, or that a record of
-theirs lists and that they could have written.
+No other module of the project writes files. A file is written under a temporary name in its folder
+(`.name.HEX.partial.exr`) and then renamed, so that a killed run leaves no half-written file. Callers pass
+only names that they chose, or that their own record lists and that they could have written.
 """
 
 import os
@@ -18,18 +17,18 @@ from typing import Final
 from supersampler.errors import ShotError, printable
 
 IMAGE_SIDE: Final = 1 << 15
-"""Pixels, of the width and of the height."""
+"""Maximum width and height, pixels."""
 IMAGE_PIXELS: Final = 1 << 27
-"""Width times height: 16384 x 8192."""
+"""Maximum width times height: 16384 x 8192."""
 IMAGE_PARTS: Final = 1024
 IMAGE_CHANNELS: Final = 4096
-"""In all parts of an image file together."""
+"""Maximum number in all parts of an image file."""
 IMAGE_BYTES: Final = 1 << 33
-"""Pixels of an image file that are decoded at once."""
+"""Maximum size of the pixels of an image file that are decoded at once."""
 JSON_BYTES: Final = 1 << 26
-"""A JSON file, or the JSON header of another format."""
+"""Maximum size of a JSON file, or of the JSON header of another format."""
 RATES: Final = (0.001, 1000.0)
-"""Frames a second, of a video and of a file's header."""
+"""Minimum and maximum frames a second, of a video and of a file's header."""
 SHOT_FRAMES: Final = 1 << 20
 
 
@@ -137,7 +136,7 @@ class LogFile:
 
 
 def move_new_folder(partial: Path, folder: Path) -> None:
-    """Give a folder that the caller has made its own name; OSError where a folder that has files has it."""
+    """Rename a folder that the caller has made; OSError if `folder` exists and is not empty."""
     partial.rename(folder)
 
 
@@ -158,9 +157,9 @@ def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: I
 
 
 def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
-    """Raise ShotError where something is at `path`, which is to be replaced, that this package did not write.
+    """Raise ShotError if `path`, which is to be replaced, exists and was not written by this package.
 
-    `is_ours` tells it by the content; `what` is what should be there: "a record of `bench ... --json`".
+    `is_ours` decides by the content; `what` describes the expected file: "a record of `bench ... --json`".
     """
     if is_there(path) and not (is_regular(path) and is_ours(path)):
         hint = "Move it away, or choose another name."
@@ -175,7 +174,7 @@ def remove_files(paths: Iterable[Path]) -> None:
 
 
 def user_cache() -> Path:
-    """Return this package's folder in the user's cache; without a home, one that cannot be made."""
+    """Return this package's folder in the user's cache; a path that cannot be created if there is no home."""
     stated, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")  # noqa: PTH111  # never raises
     root = Path(stated) if os.path.isabs(stated) else Path(home) / ".cache"  # noqa: PTH117
     return (root if root.is_absolute() else Path(os.devnull)) / "supersampler"
@@ -191,7 +190,7 @@ def utf8_path(path: Path | str) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Return whether a regular file or a link to one is there; unlike Path.is_file no name is an error."""
+    """Return whether a regular file or a link to one is there; unlike `Path.is_file`, never raises."""
     return os.path.isfile(path)  # noqa: PTH113
 
 

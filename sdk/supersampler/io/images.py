@@ -47,7 +47,7 @@ _MAGIC: Mapping[str, tuple[bytes, ...]] = {
 FORMATS = tuple(_MAGIC)
 """Formats that are read."""
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
-_TOO_LARGE = "Write it smaller; if it is smaller, its header is damaged: copy it again."
+_TOO_LARGE = "Write a smaller image; if it is smaller, its header is damaged: copy the file again."
 _SIGNS_OF_DAMAGE = re.compile(
     r"end of file|READ_IO|corrupt|truncat|CRC|read error|cannot read", re.IGNORECASE
 )
@@ -270,9 +270,9 @@ _LAYOUT = re.compile(
     "|originalDataWindow|acesImageContainerFlag|textureformat|wrapmodes|tiles|envmap|deepImageState"
     "|maxSamplesPerPixel)$"
 )
-"""Entries that are true of the file that is read only: of its storage, its windows, its parts and views."""
+"""Entries that describe the source file only: its storage, windows, parts and views."""
 _DEFAULTS = {PIXEL_ASPECT: 1.0, "screenWindowWidth": 1.0, "screenWindowCenter": (0.0, 0.0)}
-"""Entries that every EXR file has; these values say nothing."""
+"""Defaults of entries that every EXR file has; they carry no information."""
 _MAX_ENTRIES, _MAX_TEXT, _MAX_VALUES = 256, 4096, 64
 _WHITE_D65, _WHITE_ACES = (0.3127, 0.3290), (0.32168, 0.33767)
 _PRIMARIES = {

@@ -29,7 +29,7 @@ _HINT = "Correct it there, or write it again."
 
 
 def check_sizes(*sizes: FileSize | None) -> None:
-    """Raise ValueError, which msgspec makes an error of its own, where an image has too many pixels."""
+    """Raise ValueError, which msgspec turns into a ValidationError, if an image has too many pixels."""
     for size in filter(None, sizes):
         if (problem := image_size_problem(*size)) is not None:
             raise ValueError(f"a size {problem}")

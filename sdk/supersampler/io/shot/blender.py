@@ -244,7 +244,7 @@ def _reference_channels(path: Path) -> list[str]:
     raise ShotError(path, f"has no colour; it has {', '.join(channels)}", hint)
 
 
-_SKY = 1e10  # Z where nothing is
+_SKY = 1e10  # Z of the background
 
 
 def import_render(folder: Path | str) -> Shot:
@@ -272,8 +272,9 @@ def rendered_shot(
     `camera_of` returns the camera of a frame, by its index, when its file is complete, and raises ShotError
     where it never will be. `stop_waiting` makes a call that waits raise it, too.
 
-    Vectors are corrected, as measured with Blender 4.5. Those of Cycles hold no change of the lens shift, and
-    none of the sky. Those of Eevee hold both, and the jitter's. Workbench writes none, and gets the camera's.
+    Vectors are corrected, from measurements with Blender 4.5. Cycles omits the change of the lens shift and
+    the motion of the sky. Eevee includes both, and the change of the jitter. Workbench writes no vectors: the
+    camera's motion is used.
     """
     scene, first, jitter = record.scene, record.first, record.jitter
     if scene is None:

@@ -103,7 +103,7 @@ MAP_FILE_NAME = "channels.json"
 
 
 class SequenceOptions(TypedDict, total=False):
-    """Options that the importers of numbered files hand on to `import_channels`, which documents them."""
+    """Options that the importers of numbered files pass on to `import_channels`, which documents them."""
 
     files: str
     frames: Range | None

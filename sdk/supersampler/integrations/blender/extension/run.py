@@ -22,7 +22,7 @@ class Run:
         notes: lines that the command has printed.
         error: why it failed; "" where it has not.
 
-    The command stops when this process ends: see `supersampler.cli.stopping`.
+    The command stops when this process ends: see END_WITH_STDIN in `supersampler.cli.app`.
 
     Raises:
         OSError: there is no such program.
