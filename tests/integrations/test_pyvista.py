@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from OpenImageIO import ImageBuf
 
-from supersampler import ArgumentError, Conventions, Frame, RawFrame
+from supersampler import ArgumentError, Frame
 from supersampler.frame import Array, Float32
 
 if importlib.util.find_spec("pyvista") is None:
@@ -17,7 +17,6 @@ if importlib.util.find_spec("pyvista") is None:
 
 import pyvista as pv
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkFloatArray
 from vtkmodules.vtkWebCore import vtkWebApplication
 
 from supersampler.integrations.pyvista import enable_supersampling
@@ -237,33 +236,6 @@ def test_multi_sampling_that_is_turned_on_again_is_turned_off(plotter: Any) -> N
     plotter.render_window.SetMultiSamples(8)
     assert np.abs(shown(plotter) - ours).mean() < 1.5 * np.abs(other - ours).mean()
     assert plotter.render_window.GetMultiSamples() == 0
-
-
-def test_the_conventions_of_vtk_convert_what_a_window_holds(plotter: Any) -> None:
-    window = enable_supersampling(plotter, scale=2)
-    plotter.render()
-    camera = plotter.camera
-    frame = stepped(window, plotter)
-    window.disable()
-    plotter.window_size = SMALL
-    camera.SetWindowCenter(2.0 * frame.jitter[0] / SMALL[0], -2.0 * frame.jitter[1] / SMALL[1])
-    plotter.render()
-    near, far = camera.GetClippingRange()
-    depth = vtkFloatArray()
-    plotter.render_window.GetZbufferData(0, 0, SMALL[0] - 1, SMALL[1] - 1, depth)
-    raw = RawFrame(
-        depth=vtk_to_numpy(depth).reshape(SMALL[1], SMALL[0]),
-        motion=np.zeros((SMALL[1], SMALL[0], 2), np.float32),
-        jitter=camera.GetWindowCenter(),
-    )
-    found = Conventions.vtk(near=near, far=far).converter().to_frame(raw)
-    assert found.jitter == pytest.approx(frame.jitter)
-    # Both are distances up to a factor.
-    surfaces = (frame.depth > 0) & (found.depth > 0)
-    assert surfaces.mean() > 0.2
-    assert (surfaces == (frame.depth > 0)).all()
-    ratio = found.depth[surfaces] / frame.depth[surfaces]
-    np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-3)
 
 
 def test_disabled_again_the_window_renders_as_it_did(plotter: Any) -> None:

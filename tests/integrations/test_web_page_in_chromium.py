@@ -257,18 +257,6 @@ def test_a_chosen_shot_is_shown(page: "Page", url: str, tmp_path: Path) -> None:
     assert not page.is_visible("#note")
 
 
-def test_a_chosen_shot_with_a_missing_channel_is_refused_by_its_name(
-    page: "Page", url: str, tmp_path: Path
-) -> None:
-    opened(page, f"{url}?test&size=320x180&method=taa")
-    page.set_input_files("[name=folder]", small_shot(tmp_path / "mine", without="motion"))
-    page.wait_for_selector("#note:visible")
-    assert page.inner_text("#note") == (
-        "frames/0.exr has no channel motion.X, motion.Y; it has B, G, R, depth.Z."
-    )
-    assert page.evaluate("supersamplerDemo.state.displaySize") == [320, 180], "the page goes on as before"
-
-
 def test_a_dropped_folder_is_read(page: "Page", url: str, tmp_path: Path) -> None:
     opened(page, f"{url}?test&size=320x180&method=taa")
     folder = small_shot(tmp_path / "mine", without="depth")
@@ -301,22 +289,3 @@ def test_exr_files_are_read_bit_for_bit(page: "Page", url: str, site: Path, comp
     assert found[:2] == [21, 37]
     np.testing.assert_array_equal(np.array(found[2], np.uint16), half.view(np.uint16).ravel())
     np.testing.assert_array_equal(np.array(found[3], np.float32), whole.ravel())
-
-
-def test_exr_files_that_cannot_be_read_say_why(page: "Page", url: str, site: Path) -> None:
-    image = np.random.default_rng(2).random((40, 40, 3)).astype(np.float16)
-    write_exr(site / "piz.exr", image, compression="piz")
-    write_exr(site / "cut.exr", image)
-    (site / "cut.exr").write_bytes((site / "cut.exr").read_bytes()[:-500])
-    (site / "text.exr").write_bytes(b"no image at all")
-    page.goto(f"{url}blank.html")
-    found = page.evaluate(
-        """() => Promise.all(["piz.exr", "cut.exr", "text.exr"].map(async (name) => {
-            const { readExr } = await import("./page/exr.js");
-            const file = await (await fetch(name)).arrayBuffer();
-            return readExr(file, name).then(() => "read", (error) => error.message);
-        }))"""
-    )
-    assert found[0].startswith("piz.exr: has compression PIZ; this page reads ZIP, ZIPS and none.")
-    assert found[1].startswith("cut.exr: is damaged or cut off (")
-    assert found[2] == "text.exr: is no OpenEXR file."

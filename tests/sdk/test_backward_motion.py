@@ -116,28 +116,6 @@ def test_motion_next_must_have_the_shape_of_motion() -> None:
         replace(frame(DISC, 0), motion_next=np.zeros((72, 127, 2), np.float32))
 
 
-@pytest.mark.parametrize(
-    "conventions",
-    [
-        Conventions(),
-        Conventions.unreal(),
-        Conventions.blender(),
-        Conventions.xess(motion_next_direction="current_minus_next", depth="reversed_infinite"),
-        Conventions.streamline(motion_flip_y=True, bottom_up=True),
-        Conventions(motion_resolution="display"),
-    ],
-    ids=lambda conventions: repr(conventions)[:60],
-)
-def test_conventions_convert_motion_next_there_and_back(conventions: Conventions) -> None:
-    vectors = np.empty((72, 128, 2), np.float32)
-    vectors[...] = 3.5, -1.25
-    now = replace(frame(DISC, 0), motion_next=vectors)
-    converter = conventions.converter(display_size=(256, 144))
-    back = converter.to_frame(converter.from_frame(now))
-    assert back.motion_next is not None
-    np.testing.assert_allclose(back.motion_next, vectors, rtol=1e-5)
-
-
 def test_jitter_in_motion_next_is_refused_with_the_reason() -> None:
     raw = RawFrame(depth=np.ones((4, 8), np.float32), motion=np.zeros((4, 8, 2), np.float32),
                    motion_next=np.zeros((4, 8, 2), np.float32))  # fmt: skip

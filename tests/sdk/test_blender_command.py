@@ -139,17 +139,6 @@ def test_a_foreign_file_in_the_way_is_named_and_kept(
     assert path.read_bytes() == b"mine"
 
 
-@pytest.mark.parametrize(
-    ("plan", "message"),
-    [
-        ({"error": "scene 'Scene' has no active camera: add one"}, "the render ended before the first"),
-        ({"crash": True}, "the render ended before the first frame: Blender ended with SIGABRT: Writing"),
-    ],
-)
-def test_blenders_error_about_a_scene_is_one_line(tmp_path: Path, plan: dict[str, Any], message: str) -> None:
-    assert message in one_line(blender(tmp_path, **plan))
-
-
 def test_a_program_that_is_not_blender_is_named(tmp_path: Path) -> None:
     line = one_line(blender(tmp_path, program=sys.executable))
     assert f"{sys.executable} is not Blender, and cannot import bpy" in line
@@ -188,25 +177,6 @@ def test_a_view_that_is_missing_is_one_line_before_the_first_result(
     assert len(list((tmp_path / "out").glob("*.png"))) == 4
 
 
-def test_a_locked_scene_and_a_folder_that_cannot_be_written_are_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "out").write_bytes(b"no folder")
-    assert "out/render: cannot be written" in one_line(blender(tmp_path))
-    path_open = Path.open
-
-    def locked(path: Path, *arguments: Any, **options: Any) -> Any:  # root may read everything
-        if path.name == "scene.blend" and "w" not in arguments:
-            raise PermissionError(13, "Permission denied")
-        return path_open(path, *arguments, **options)
-
-    scene_file(tmp_path)
-    monkeypatch.setattr(Path, "open", locked)
-    command = ["blender", tmp_path / "scene.blend", "-o", tmp_path / "other", "--blender", sys.executable]
-    line = one_line(CliRunner().invoke(app, [str(word) for word in command]))
-    assert "scene.blend: cannot be read ([Errno 13] Permission denied)" in line
-
-
 def test_no_blender_at_all_is_an_error_that_says_where_to_get_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     monkeypatch.setattr(sys, "platform", "linux")
@@ -214,11 +184,6 @@ def test_no_blender_at_all_is_an_error_that_says_where_to_get_one(monkeypatch: p
         ArgumentError, match=r"no Blender was found; want its path. Install it from blender\.org"
     ):
         find_blender()
-
-
-def test_a_missing_scene_is_an_error(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["blender", str(tmp_path / "no.blend"), "-o", str(tmp_path / "out")])
-    assert "no.blend: there is no such file" in one_line(done)
 
 
 # --- attacks by a .blend file, an add-on or a hanging Blender: on files, on the terminal, and hangs ---

@@ -85,19 +85,6 @@ CURRENT, PREVIOUS = view((0.05, 0.1, 0.02), 0.01), view((0.0, 0.1, 0.0), 0.0)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_motion_is_where_the_previous_camera_saw_each_sample_of_a_depth_buffer(kind: Kind) -> None:
-    projection = perspective(kind)
-    points = sampled_points(distances(), projection, CURRENT)
-    here, before = (pixels_of(points, projection @ camera) for camera in (CURRENT, PREVIOUS))
-    motion = camera_motion(
-        written_depth(kind, here[..., 2]), projection @ CURRENT, projection @ PREVIOUS,
-        jitter=JITTER, clip=clip_of(kind),
-    )  # fmt: skip
-    assert motion.dtype == np.float32
-    np.testing.assert_allclose(motion, (before - here)[..., :2], atol=1e-3)
-
-
-@pytest.mark.parametrize("kind", KINDS)
 def test_the_depth_of_a_frame_gives_the_same_motion(kind: Kind) -> None:
     projection, distance = perspective(kind), distances()
     points = sampled_points(distance, projection, CURRENT)

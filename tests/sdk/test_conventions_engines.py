@@ -272,20 +272,6 @@ def test_a_frame_has_the_same_depth_and_motion_in_every_clip_space(kind: str) ->
         assert other.jitter == first.jitter
 
 
-@pytest.mark.parametrize("kind", DEPTHS)
-def test_frame_depth_of_the_conventions_gives_the_motion_of_the_depth_buffer(kind: str) -> None:
-    matrix = projection(kind)
-    depth = np.random.default_rng(3).uniform(0.1, 0.9, (HEIGHT, WIDTH)).astype(np.float32)
-    depth[0] = 0.0 if kind.startswith("reversed") else 1.0  # the far plane, or the sky
-    now, before = (matrix @ camera for camera in CAMERAS)
-    stated = Conventions.from_json({"depth": kind, "near": NEAR_SPACES, **DEPTHS[kind][1]})
-    frame = converted(stated, depth, np.zeros((HEIGHT, WIDTH, 2), np.float32))
-    motion = camera_motion(depth, now, before, jitter=JITTER_SPACES)
-    by_frame = camera_motion(frame.depth, now, before, jitter=JITTER_SPACES, near=NEAR_SPACES)
-    seen = slice(None) if kind.endswith("infinite") else slice(1, None)  # there the far plane becomes the sky
-    np.testing.assert_allclose(by_frame[seen], motion[seen], atol=1e-3)
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_preset_of_vtk_places_a_sample_where_the_window_centre_puts_it(sign: int) -> None:
     """VTK moves the frustum: the point at NDC c comes to the image's centre."""

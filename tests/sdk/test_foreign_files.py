@@ -1,7 +1,6 @@
 """Tests of files as other software writes them: layouts, data windows, types, PNG, TIFF, headers."""
 
 import struct
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -192,31 +191,6 @@ def test_alpha_of_a_png_is_an_aov_and_does_not_change_the_colour(tmp_path: Path)
     assert raw.color is not None
     np.testing.assert_allclose(raw.color, values[..., :3], rtol=1e-6)
     np.testing.assert_allclose(raw.aovs[..., 0], values[..., 3], rtol=1e-6)
-
-
-def test_a_palette_is_read_as_its_colours_and_grey_is_refused(tmp_path: Path) -> None:
-    def chunk(name: bytes, content: bytes) -> bytes:
-        return (
-            struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
-        )
-
-    header = struct.pack(">IIBBBBB", 2, 1, 8, 3, 0, 0, 0)
-    pixels = zlib.compress(b"\x00\x01\x00")  # no filter, then the second and the first colour
-    parts = (
-        (b"IHDR", header),
-        (b"PLTE", bytes([0, 51, 255, 204, 102, 0])),
-        (b"IDAT", pixels),
-        (b"IEND", b""),
-    )
-    path = tmp_path / "palette.png"
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts))
-    image = read_image(path)
-    rgb = np.stack([image[axis] for axis in "RGB"], axis=-1)
-    np.testing.assert_allclose(rgb[0] * 255, [[204, 102, 0], [0, 51, 255]], rtol=1e-6)
-    write_frames(tmp_path, "uint8", "png")
-    write_parts(tmp_path / "color" / "c.0001.png", (spec_of(("Y",), "uint8"), VALUES[..., :1]))
-    with pytest.raises(ShotError, match=r"c\.0001\.png: has no channel R\. It has Y"):
-        import_channels(tmp_path, {**MAP, **color_map("png")}, conventions=SRGB)
 
 
 def test_only_the_first_page_of_a_tiff_is_read(tmp_path: Path) -> None:

@@ -113,12 +113,7 @@ def test_the_map_shown_in_the_docs_is_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("sign", "conventions"),
-    [
-        ((-1, -1), {}),
-        ((1, 1), {"motion_direction": "previous_minus_current"}),
-        ((-1, 1), {"motion_flip_y": True}),
-        ((1, -1), {"motion_direction": "previous_minus_current", "motion_flip_y": True}),
-    ],
+    [((-1, -1), {}), ((1, -1), {"motion_direction": "previous_minus_current", "motion_flip_y": True})],
 )
 def test_motion_packed_by_16_bits_comes_out_within_half_a_step_in_any_direction(
     tmp_path: Path, sign: tuple[int, int], conventions: dict[str, Any]

@@ -1,7 +1,6 @@
 """The JavaScript readers refuse malicious files with typed errors, in little memory."""
 
 import json
-import shutil
 import struct
 import subprocess
 import zlib
@@ -12,40 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from javascript_cases import NODE, answers, write_tiny
 from method_lists import WITH_SHADERS
-from noise import noise
 from supersampler.io.images import Channel, write_exr
-from supersampler.io.shot import Shot, ShotWriter
+from supersampler.io.shot import Shot
 from supersampler_export.shaders.folder import write_shader_folder
 
 TESTS = Path(__file__).parents[1]
-READ_CASES = TESTS / "fuzz" / "javascript" / "read_cases.mjs"
 CHECKS = TESTS / "sdk" / "javascript_readers.mjs"
-NODE = shutil.which("node")
-PEAK = 400 << 20
 SECONDS = 60.0
 HALF, FLOAT = 1, 2
-
-if NODE is None:
-    pytest.skip("Node.js is not installed here", allow_module_level=True)
-
-
-def answers(kind: str, base: Path, cases: Sequence[Mapping[str, bytes]], work: Path) -> list[str]:
-    """Return what the reader says of each case, "read" or its error; errors of other classes fail."""
-    for number, files in enumerate(cases):
-        (work / "cases" / str(number)).mkdir(parents=True)
-        for name, data in files.items():
-            (work / "cases" / str(number) / name).write_bytes(data)
-    numbers = [0, len(cases), PEAK]
-    command = [NODE, READ_CASES, kind, base, work / "cases", *numbers]
-    done = subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, timeout=SECONDS, check=False
-    )
-    lines = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [line for line in lines if "raised" in line] == []
-    said = [line["said"] for line in lines if "said" in line]
-    assert len(said) == len(cases), done.stderr
-    return said
 
 
 def others_than(said: Sequence[str], wanted: Mapping[str, str]) -> dict[str, str]:
@@ -302,16 +277,8 @@ SHOT_EDITS: dict[str, tuple[Edit, str]] = {
 }  # fmt: skip
 
 
-def write_tiny(folder: Path) -> dict[str, Any]:
-    with ShotWriter(folder, name="tiny", display_size=(64, 36), frame_rate=30) as writer:
-        writer.write(noise(0))
-        writer.write(noise(1, exposure=0.5), reference=np.zeros((36, 64, 3), np.float32))
-    content: dict[str, Any] = json.loads((folder / "shot.json").read_text())
-    return content
-
-
 def test_an_invalid_shot_json_is_refused_by_field(tmp_path: Path) -> None:
-    content = write_tiny(tmp_path / "shot")
+    content = json.loads(write_tiny(tmp_path / "shot"))
     cases = [{"shot.json": edited(content, edit)} for edit, _ in SHOT_EDITS.values()]
     said = answers("shot", tmp_path / "shot", cases, tmp_path)
     assert others_than(said, {name: text for name, (_, text) in SHOT_EDITS.items()}) == {}
@@ -319,7 +286,7 @@ def test_an_invalid_shot_json_is_refused_by_field(tmp_path: Path) -> None:
 
 
 def test_a_shot_is_read_and_its_images_are_compared_with_what_it_says(tmp_path: Path) -> None:
-    content = write_tiny(tmp_path / "shot")
+    content = json.loads(write_tiny(tmp_path / "shot"))
     large = exr((8192, 8192), [zlib.compress(bytes(8192 * 32))] * 512)
     cases: list[dict[str, bytes]] = [
         {},

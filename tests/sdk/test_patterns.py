@@ -26,7 +26,6 @@ from imported_scene import (
 )
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
-from supersampler.cli.results import FRAMES, RunRecord, read_run_record
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
 from supersampler.io.shot.format import LARGEST_NUMBER
@@ -208,14 +207,3 @@ def test_a_range_has_its_numbers_and_overlaps_where_one_is_shared(one: FrameRang
 @given(ranges(LARGEST_NUMBER), ranges(LARGEST_NUMBER))
 def test_labels_of_different_ranges_differ(one: FrameRange, other: FrameRange) -> None:
     assert (one.label == other.label) == (one == other)
-
-
-@given(ranges(LARGEST_NUMBER))
-def test_the_record_of_any_range_is_found_again(
-    tmp_path_factory: pytest.TempPathFactory, numbers: FrameRange
-) -> None:
-    folder = tmp_path_factory.mktemp("out")
-    record = RunRecord({FRAMES: str(numbers)}, {"####.exr": 1})
-    record.write(folder)
-    assert read_run_record(folder, record.file_name) == record
-    assert [path.name for path in folder.iterdir()] == [record.file_name]

@@ -9,7 +9,7 @@ from OpenImageIO import ImageBuf, ImageOutput, ImageSpec
 from supersampler.io import video
 from supersampler.io.display import BT709, to_uint8
 from supersampler.io.display_transforms import display_transform_from
-from supersampler.io.images import exact_rate, write_exr
+from supersampler.io.images import write_exr
 from upscale_runs import (
     OURS,
     files,
@@ -85,20 +85,6 @@ def test_all_formats_show_one_image(every: Path) -> None:
         )
         assert np.abs(png - tif / 257.0).max() <= 0.5 + 1 / 257
         assert luma_difference(frame, png) < 2
-
-
-def test_a_video_has_the_frame_rate_of_the_shot(every: Path, shot: Path, tmp_path: Path) -> None:
-    with av.open(str(every / "video.mp4")) as container:
-        assert container.streams.video[0].average_rate == exact_rate(23.976)
-    renders = write_renders(tmp_path / "in", {1: "f.0001", 2: "f.0002"})
-    command = ("--format", "mp4", "--frame-rate", "50", *OURS)
-    upscale(renders, tmp_path / "out", *command)
-    with av.open(str(tmp_path / "out" / "video.mp4")) as container:
-        assert container.streams.video[0].average_rate == 50
-    again = refusal(
-        "upscale", renders, "-o", tmp_path / "out", "--method", "bilinear", *command, "--frame-rate=25"
-    )
-    assert "frame rate was 50.0, is now 25.0" in again
 
 
 def stopped_at(position: int, shot: Path, output: Path, *options: str) -> str:
