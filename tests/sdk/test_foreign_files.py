@@ -11,7 +11,7 @@ from OpenImageIO import ROI, ImageBuf, ImageBufAlgo, ImageOutput, ImageSpec, Mak
 
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
-from supersampler.io.images import TypedValues, read_exr, read_header, read_image, write_exr
+from supersampler.io.images import read_exr, read_header, read_image, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
 from upscale_runs import upscale
 
@@ -200,31 +200,6 @@ def test_only_the_first_page_of_a_tiff_is_read(tmp_path: Path) -> None:
 
 
 # Headers
-
-
-def test_metadata_of_every_kind_is_read_and_written_again(tmp_path: Path) -> None:
-    matrix = tuple(float(value) for value in range(16))
-    chromaticities = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
-    want = {
-        "Copyright": "me", "note": "hello", "take": 3, "focal": 2.5,
-        "smpte:TimeCode": TypedValues("timecode", (123456, 7)),
-        "framesPerSecond": TypedValues("rational", (24000, 1001)),
-        "worldToCamera": TypedValues("matrix", matrix),
-        "chromaticities": TypedValues("float[8]", tuple(float(np.float32(x)) for x in chromaticities)),
-        "lens": TypedValues("float2", (1.5, 2.5)),
-        "takes": TypedValues("string[2]", ("a", "b")),
-    }  # fmt: skip
-    spec = spec_of()
-    for name, value in want.items():
-        if isinstance(value, TypedValues):
-            spec.attribute(name, TypeDesc(value.type), value.values)
-        else:
-            spec.attribute("owner" if name == "Copyright" else name, value)
-    path = write_parts(tmp_path / "in" / "f.0001.exr", (spec, VALUES))
-    assert read_header(path).metadata == want
-    shot = copy_shot(open_source(tmp_path / "in", conventions=OURS), tmp_path / "out")
-    assert shot.read_metadata(0) == want
-    assert shot.info.color_space == "ACEScg"
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias, TypedDict
+from typing import Any, TypeAlias, TypedDict, Unpack
 
 import msgspec
 import numpy as np
@@ -222,17 +222,11 @@ def first_file(folder: Path, options: SequenceOptions) -> Path:
     return next(iter(of_range(folder, numbered, options.get("frames")).values()))
 
 
-def import_described_channels(
-    folder: Path | str,
-    *,
-    files: str = "*.exr",
-    frames: Range | None = None,
-    jitter: Jitter | None = None,
-    color_space: str | None = None,
-) -> Shot:
+def import_described_channels(folder: Path | str, **options: Unpack[SequenceOptions]) -> Shot:
     """Open a folder of EXR frames by its channels.json, which holds arguments of `import_channels`.
 
-    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space.
+    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space. Options that
+    are given here replace those of the file.
 
     Raises:
         ShotError: see `import_channels`; or channels.json is missing or wrong.
@@ -240,20 +234,13 @@ def import_described_channels(
     folder = Path(folder)
     path = folder / MAP_FILE_NAME
     given = read_typed(path, _MapFile, "docs/shots.md lists the keys.")
+    stated = SequenceOptions(
+        display_size=given.display_size, frame_rate=given.frame_rate, cuts=given.cuts, name=given.name,
+        color_space=given.color_space,
+    )  # fmt: skip
     try:
-        return import_channels(
-            folder,
-            given.channels,
-            conventions=Conventions.from_json(given.conventions),
-            files=files,
-            frames=frames,
-            jitter=jitter,
-            display_size=given.display_size,
-            frame_rate=given.frame_rate,
-            cuts=given.cuts,
-            name=given.name,
-            color_space=color_space or given.color_space,
-        )
+        conventions = Conventions.from_json(given.conventions)
+        return import_channels(folder, given.channels, conventions=conventions, **{**stated, **options})
     except ArgumentError as error:
         raise ShotError(path, f"is not valid: {error}") from error
 

@@ -114,18 +114,18 @@ class Shot:
         entries: Sequence[FrameEntry],
         read_raw: Callable[[int, Collection[str] | None], RawFrame],
         read_reference: Callable[[int], Float32],
-        read_classes: Callable[[int], ClassMaps | None] = lambda _: None,
-        read_truth: Callable[[int], dict[str, Array]] = lambda _: {},
+        *,
         stop_waiting: Callable[[], None] = lambda: None,
         color_channel: str = "R",
+        own_format: bool = False,
     ) -> None:
         self.path, self.info = path, info
         self._offset = 0  # index of the first frame for the callables: see `cropped`
         self._stop_waiting = stop_waiting  # ends a `read_raw` that waits for a frame to appear
         self._entries, self._raw = tuple(entries), read_raw
-        self._reference, self._classes, self._truth = read_reference, read_classes, read_truth
+        self._reference = read_reference
         self.ignored_channels: tuple[str, ...] = ()
-        self._color_channel = color_channel
+        self._color_channel, self._own_format = color_channel, own_format
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
@@ -154,13 +154,7 @@ class Shot:
         def reference(index: int) -> Float32:
             return read_reference(folder / str(entries[index].reference), info.display_size)
 
-        def classes(index: int) -> ClassMaps | None:
-            return read_classes(folder / str(entries[index].reference), info.display_size)
-
-        def truth(index: int) -> dict[str, Array]:
-            return read_truth(folder / str(entries[index].reference), info.display_size)
-
-        return cls(path, info, entries, raw_frame, reference, classes, truth)
+        return cls(path, info, entries, raw_frame, reference, own_format=True)
 
     @property
     def name(self) -> str:
@@ -317,7 +311,8 @@ class Shot:
 
     def read_classes(self, index: int) -> ClassMaps | None:
         """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
-        return None if self._entries[index].reference is None else self._classes(self._offset + index)
+        file = self._reference_file(index)
+        return None if file is None else read_classes(file, self.display_size)
 
     def read_truth(self, index: int) -> dict[str, Array]:
         """Read what else the renderer knows of the pixels of a frame's reference: planes (H, W) by name.
@@ -325,12 +320,18 @@ class Shot:
         They are the channels `truth.NAME` of the reference's file: coverage by kinds of things, light that no
         shadow takes. Empty where there are none.
         """
-        return {} if self._entries[index].reference is None else self._truth(self._offset + index)
+        file = self._reference_file(index)
+        return {} if file is None else read_truth(file, self.display_size)
 
     def read_metadata(self, index: int) -> Metadata:
         """Return the description of a frame by the program that rendered it; {} for files other than EXR."""
         path = self.source / self._entries[index].file
         return read_header(path).metadata if path.suffix.lower() == ".exr" else {}
+
+    def _reference_file(self, index: int) -> Path | None:
+        """Return the file of a frame's reference where it may have labels, which only our format has."""
+        name = self._entries[index].reference
+        return self.source / name if name is not None and self._own_format else None
 
     def _converted(
         self, index: int, raw: RawFrame, reference: Float32 | None, converter: Converter
