@@ -37,12 +37,20 @@ def moving(index: int, *, light: float = 1.0, **overrides: Any) -> Frame:
 
 
 def write_shot(
-    folder: Path, count: int = 8, *, cuts: tuple[int, ...] = (), frame_rate: float = 30.0, **options: Any
+    folder: Path,
+    count: int = 8,
+    *,
+    cuts: tuple[int, ...] = (),
+    references: tuple[int, ...] = (),
+    frame_rate: float = 30.0,
+    **options: Any,
 ) -> Path:
-    """Write a shot of `moving` frames."""
+    """Write a shot of `moving` frames; those of `references` have a white one."""
+    white = np.ones((*DISPLAY_SIZE[::-1], 3), np.float32)
     with ShotWriter(folder, name=folder.name, display_size=DISPLAY_SIZE, frame_rate=frame_rate) as writer:
         for index in range(count):
-            writer.write(moving(index, reset=index in (0, *cuts), **options))
+            frame = moving(index, reset=index in (0, *cuts), **options)
+            writer.write(frame, reference=white if index in references else None)
     return folder
 
 

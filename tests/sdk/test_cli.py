@@ -18,8 +18,6 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from noise import noise
-from supersampler import Frame
 from supersampler.cli import app
 from supersampler.cli.app import EXTRAS, TOOLS
 from supersampler.cli.results import DEMO, SOURCE, read_run_record
@@ -28,38 +26,17 @@ from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler.methods.registry import methods
 from supersampler.upscaler import Upscaler
-from upscale_runs import interrupt_at, refusal, run
+from upscale_runs import DISPLAY_SIZE, interrupt_at, moving, pixels, refusal, run, write_shot
 
 COUNT = 6
-CUT = 3
 SHIPPED = "plaza"
 UPSCALE = ("upscale", SHIPPED, "-o", "x")
 HEAVY = ("onnxruntime", "OpenImageIO", "torch")
 
 
-def frame(index: int) -> Frame:
-    noise = np.random.default_rng(index)
-    return Frame(
-        color=noise.random((6, 8, 3), np.float32),
-        depth=np.full((6, 8), 0.5, np.float32),
-        motion=np.zeros((6, 8, 2), np.float32),
-        jitter=(0.25, -0.125 * (index % 3)),
-        reset=index in (0, CUT),
-    )
-
-
 @pytest.fixture
 def shot(tmp_path: Path) -> Path:
-    with ShotWriter(tmp_path / "shot", name="tiny", display_size=(16, 12), frame_rate=30) as writer:
-        for index in range(COUNT):
-            writer.write(frame(index), reference=np.ones((12, 16, 3), np.float32) if index == 4 else None)
-    return tmp_path / "shot"
-
-
-def upscaled(path: Path, display_size: tuple[int, int]) -> list[np.ndarray]:
-    """Return the images that the library makes of the shot."""
-    upscaler = Upscaler("classifier", display_size=display_size)
-    return [upscaler.step(item.frame) for item in Shot.open(path)]
+    return write_shot(tmp_path / "shot", COUNT, cuts=(3,), references=(4,))
 
 
 def image_files(folder: Path) -> dict[str, tuple[bytes, int]]:
@@ -96,13 +73,13 @@ def test_every_command_has_help_and_the_top_lists_it(command: str) -> None:
 
 def test_upscale_writes_what_the_library_makes(shot: Path, tmp_path: Path) -> None:
     assert run("upscale", shot, "-o", tmp_path / "out").exit_code == 0
-    for index, image in enumerate(upscaled(shot, (16, 12))):
-        channels = read_exr(tmp_path / "out" / f"{index:04d}.exr")
-        pixels = np.stack([channels[name] for name in "RGB"], axis=-1)
-        np.testing.assert_array_equal(pixels, image.astype(np.float16))
+    upscaler = Upscaler("classifier", display_size=DISPLAY_SIZE)
+    for item in Shot.open(shot):
+        stored = pixels(tmp_path / "out" / f"{item.index:04d}.exr")
+        np.testing.assert_array_equal(stored, upscaler.step(item.frame).astype(np.float16))
 
 
-@pytest.mark.parametrize(("option", "size"), [("--scale=1.5", (9, 12)), ("--display-size=20x10", (10, 20))])
+@pytest.mark.parametrize(("option", "size"), [("--scale=1.5", (27, 48)), ("--display-size=40x20", (20, 40))])
 def test_upscale_takes_a_scale_or_a_size(
     option: str, size: tuple[int, int], shot: Path, tmp_path: Path
 ) -> None:
@@ -164,7 +141,7 @@ def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_work(
 def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
     with ShotWriter(tmp_path / "shot", name="dark", display_size=None, frame_rate=30) as writer:
         for index in range(2):
-            good = frame(index)
+            good = moving(index)
             writer.write(replace(good, color=np.full_like(good.color, np.nan)) if index == 1 else good)
     warned = run("upscale", tmp_path / "shot", "-o", tmp_path / "out")
     assert warned.exit_code == 0
@@ -274,7 +251,7 @@ def test_demo_writes_frames_and_a_page(shot: Path, tmp_path: Path, monkeypatch: 
 def test_info_names_what_a_model_takes_and_a_shot_holds(shot: Path) -> None:
     assert "color  float32 (1, 3, render_height, render_width)" in run("info", "taau").stdout
     said = run("info", shot).stdout
-    assert "render size   8x6" in said
+    assert "render size   32x18" in said
     assert "references    1 frames" in said
 
 
@@ -374,9 +351,7 @@ def test_a_path_of_any_kind_is_one_line_of_error(
 
 @pytest.fixture
 def one_frame(tmp_path: Path) -> Path:
-    with ShotWriter(tmp_path / "shot", name="tiny", display_size=(64, 36), frame_rate=30) as writer:
-        writer.write(noise(0))
-    return tmp_path / "shot"
+    return write_shot(tmp_path / "tiny", 1)
 
 
 @pytest.mark.parametrize("output", ["plain", "plain/out", "a" * 300, "x/" * 3000, "/proc/none"])
