@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from OpenImageIO import ImageOutput, ImageSpec
+from OpenImageIO import ImageSpec
 
+from exr_parts import write_parts
 from fuzzing import damaged, examples, run_apart, with_other_numbers
 from supersampler import ShotError
 from supersampler.errors import SupersamplerError
@@ -33,24 +34,17 @@ def whole_files() -> list[bytes]:
             found.append(path.read_bytes())
         tiles = ImageSpec(40, 30, 4, "half")
         tiles.tile_width = tiles.tile_height = 16
-        write_parts(path, [tiles])
+        write_parts(path, with_noise(tiles))
         found.append(path.read_bytes())
         parts = [ImageSpec(16, 12, 3, "half"), ImageSpec(16, 12, 1, "float")]
         for name, part in zip("ab", parts, strict=True):
             part.attribute("oiio:subimagename", name)
-        write_parts(path, parts)
+        write_parts(path, *map(with_noise, parts))
         return [*found, path.read_bytes()]
 
 
-def write_parts(path: Path, specs: list[ImageSpec]) -> None:
-    output = ImageOutput.create(str(path))
-    assert output is not None
-    assert output.open(str(path), tuple(specs))
-    for index, spec in enumerate(specs):
-        assert index == 0 or output.open(str(path), spec, "AppendSubimage")
-        pixels = np.random.default_rng(index).random((spec.height, spec.width, spec.nchannels), np.float32)
-        assert output.write_image(pixels)
-    assert output.close()
+def with_noise(spec: ImageSpec) -> tuple[ImageSpec, np.ndarray]:
+    return spec, np.random.default_rng(0).random((spec.height, spec.width, spec.nchannels), np.float32)
 
 
 def prepare() -> Callable[[int], object]:
@@ -93,7 +87,7 @@ def test_a_size_beyond_the_limits_is_refused_before_allocation(tmp_path: Path, s
 
 def test_other_formats_do_not_reach_their_decoders_under_the_name_of_an_exr(tmp_path: Path) -> None:
     spec = ImageSpec(4, 3, 3, "uint8")
-    write_parts(tmp_path / "a.tif", [spec])
+    write_parts(tmp_path / "a.tif", with_noise(spec))
     (tmp_path / "a.tif").rename(tmp_path / "a.exr")
     with pytest.raises(ShotError, match="is not an EXR image"):
         read_exr(tmp_path / "a.exr")

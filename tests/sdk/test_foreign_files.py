@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from OpenImageIO import ImageBuf, ImageBufAlgo, ImageOutput, ImageSpec, MakeTxTexture, TypeDesc
 
+from exr_parts import write_parts
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, read_header, read_image, write_exr
@@ -28,18 +29,6 @@ def spec_of(names: tuple[str, ...] = NAMES, kind: str = "float", **attributes: A
     for name, value in attributes.items():
         setattr(spec, name, value)
     return spec
-
-
-def write_parts(path: Path, *parts: tuple[ImageSpec, np.ndarray]) -> Path:
-    path.parent.mkdir(exist_ok=True)
-    output = ImageOutput.create(str(path))
-    assert output is not None
-    assert output.open(str(path), tuple(spec for spec, _ in parts) if len(parts) > 1 else parts[0][0])
-    for index, (spec, values) in enumerate(parts):
-        assert index == 0 or output.open(str(path), spec, "AppendSubimage")
-        assert output.write_image(np.ascontiguousarray(values))
-    assert output.close()
-    return path
 
 
 def test_parts_with_different_data_windows_are_one_image(tmp_path: Path) -> None:

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from OpenImageIO import ImageInput, ImageOutput, ImageSpec
+from OpenImageIO import ImageInput, ImageSpec
 
+from exr_parts import write_parts
 from supersampler import ShotError
 from supersampler.io.files import replacing
 from supersampler.io.images import (
@@ -72,7 +73,7 @@ def test_no_time_is_stored_so_that_equal_images_are_equal_files(tmp_path: Path) 
 
 def test_whole_numbers_stay_whole_numbers(tmp_path: Path) -> None:
     spec = ImageSpec(2, 1, 1, "uint")
-    write_parts(tmp_path / "ids.exr", [(spec, np.array([[[1], [70000]]], np.uint32))])
+    write_parts(tmp_path / "ids.exr", (spec, np.array([[[1], [70000]]], np.uint32)))
     (ids,) = read_exr(tmp_path / "ids.exr").values()
     assert ids.dtype == np.uint32
     assert ids.tolist() == [[1, 70000]]
@@ -82,7 +83,7 @@ def test_a_cropped_render_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "crop.exr"
     spec = ImageSpec(4, 3, 3, "half")
     spec.x, spec.full_width, spec.full_height = 2, 8, 3
-    write_parts(path, [(spec, np.zeros((3, 4, 3), np.float32))])
+    write_parts(path, (spec, np.zeros((3, 4, 3), np.float32)))
     with pytest.raises(ShotError, match=r"holds a part of its image.*without a crop"):
         read_exr(path)
 
@@ -204,16 +205,6 @@ def decoded(path: Path) -> np.ndarray:
     image.close()
     assert pixels is not None
     return pixels
-
-
-def write_parts(path: Path, parts: list[tuple[ImageSpec, np.ndarray]]) -> None:
-    output = ImageOutput.create(str(path))
-    assert output is not None
-    assert output.open(str(path), tuple(spec for spec, _ in parts))
-    for index, (spec, pixels) in enumerate(parts):
-        assert index == 0 or output.open(str(path), spec, "AppendSubimage")
-        assert output.write_image(pixels)
-    assert output.close()
 
 
 # --- arrays in `.safetensors` files are read as they were written ---

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from OpenImageIO import ImageBuf, ImageOutput, ImageSpec, TypeDesc
+from OpenImageIO import ImageBuf, ImageSpec, TypeDesc
 
+from exr_parts import write_parts
 from upscale_runs import (
     DISPLAY_SIZE,
     OURS,
@@ -38,17 +39,6 @@ def spec_of(names: Sequence[str] = NAMES, **fields: Any) -> ImageSpec:
     for name, value in fields.items():
         setattr(spec, name, value)
     return spec
-
-
-def write_parts(path: Path, *parts: tuple[ImageSpec, np.ndarray]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    output = ImageOutput.create(str(path))
-    assert output is not None
-    assert output.open(str(path), tuple(spec for spec, _ in parts) if len(parts) > 1 else parts[0][0])
-    for index, (spec, values) in enumerate(parts):
-        assert index == 0 or output.open(str(path), spec, "AppendSubimage")
-        assert output.write_image(np.ascontiguousarray(values))
-    assert output.close()
 
 
 def part(name: str, channels: slice, **fields: Any) -> tuple[ImageSpec, np.ndarray]:
