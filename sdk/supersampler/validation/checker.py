@@ -28,10 +28,10 @@ Validate = Literal["off", "warn", "strict"]
 
 _WARN_FRAMES = 3  # number that "warn" checks after a start or cut: two pairs, and three jitters
 _MAX_RESETS = 4  # number of frames in a row with `reset` that continue each other
-_HELD_FRAMES = 8  # number with one jitter and nothing that moves, after which "warn" reports it
-_STRIDE = 8  # pixels between those whose motion is read for that
+_HELD_FRAMES = 8  # with one jitter, in which nothing moves; then "warn" reports it
+_STRIDE = 8  # pixels between the motion vectors that are read for it
 _JITTERS = 32  # shaded frames over which jitter is averaged
-_ONE_SIDED = 0.15  # render pixels: the smallest average, in an axis, that is reported
+_ONE_SIDED = 0.15  # render pixels: minimum mean of an axis that is reported
 
 
 class FrameChecker:

@@ -32,7 +32,7 @@ JITTER_READINGS: tuple[Overrides, ...] = tuple(
 )
 
 _SKY_DISTANCE = 1e6  # from here on linear depth is sky
-_DISTANCE_RATIO = 1.1  # of distances that separates two surfaces; one that approaches changes less in a frame
+_DISTANCE_RATIO = 1.1  # minimum ratio of the distances of two surfaces; one that approaches changes less
 _MIN_PIXELS = 100  # for a median
 _CROP_SIDE = 400  # side in pixels of the square in the middle that `plane_curvature` reads
 _ROUNDING = 1e-6  # relative rounding error of float32 depth

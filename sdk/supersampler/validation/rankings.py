@@ -29,10 +29,10 @@ from supersampler.validation.temporal import jitter_in_vectors, vectors_have_jit
 SURE = 1.15
 """Minimum ratio of the second-best error to the best for a certain verdict."""
 
-_OVERRULES = 1.33  # the same for a verdict that contradicts what is stated
+_OVERRULES = 1.33  # minimum ratio for a verdict that contradicts the stated conventions
 _TIE = 1.02  # within this ratio of errors, the stated hypothesis ranks first
 _MAX_RATIO = 0.8  # maximum ratio of errors for a significant improvement
-_MIN_DIFFERENCE = 0.25  # of errors of depth without that of planes
+_MIN_DIFFERENCE = 0.25  # minimum difference of the depth errors without the planes' error
 _MIN_CURVATURE = 1e-4  # below it, all depths are as flat
 _NO_TEXTURE = "no two neighbouring frames have texture to compare"
 _DEPTH_TEXT = {

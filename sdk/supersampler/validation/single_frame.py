@@ -14,12 +14,12 @@ from supersampler.validation.mistakes import Mistake, where
 from supersampler.validation.probe import GRID_PIXELS, pixel_grid, plane_curvature, sky_fraction
 
 _MAX_MIXED = 0.55  # fraction of mixed edges: point samples have fewer, filtered ones more
-_FULL = 0.9  # of a display's range: what its brightest pixel exceeds
-_MIDDLE = (0.3, 0.85)  # of a display's range: the median of its pixels' largest channels
-_MIN_SPREAD = 0.2  # of the brightest value: between the tenth and the ninetieth percentile
+_FULL = 0.9  # of a display's range; the brightest pixel exceeds it
+_MIDDLE = (0.3, 0.85)  # of a display's range; the median of the pixels' largest channels lies in it
+_MIN_SPREAD = 0.2  # of the brightest value: minimum difference of the 10th and 90th percentiles
 _MIN_DEPTHS = 100  # minimum number of distinct depths
 _MIN_SURFACE = 1000  # minimum number of pixels that are not sky
-_MAX_CHANGE = 0.5  # of the deviation: mean change from pixel to pixel
+_MAX_CHANGE = 0.5  # standard deviations: maximum mean change from pixel to pixel
 _MIN_LEVELS = 16  # minimum number of distinct values
 # Depth edges, across which a wide pixel filter mixes colours.
 _MIN_EDGES = 60  # minimum number of edges to judge by: of 31, point samples had 65 % mixed ones by chance

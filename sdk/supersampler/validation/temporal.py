@@ -37,16 +37,16 @@ _MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own
 _MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded pixels
-_MAX_DISOCCLUDED = 15  # number that one pair of frames can add: in one pair, jitter alone hides thin geometry
+_MAX_DISOCCLUDED = 15  # maximum of one pair of frames: there jitter alone hides thin geometry
 _MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
 # Amplitude of the jitter, as the image shows it.
 _MIN_PAIRS = 2
-_MIN_GAIN = 0.04  # of the error: that of the best factors is lower by it
-_MIN_GAIN_OF_AN_AXIS = 0.08  # where the other axis is right; 0.06 of correct frames
-_RIGHT = 0.15  # off by less than this, an axis is right
-_MAX_ERROR = 0.7  # of the variance: a frame that continues the previous one
+_MIN_GAIN = 0.04  # minimum relative decrease of the error with the best factors
+_MIN_GAIN_OF_AN_AXIS = 0.08  # the same where the other axis is right; correct frames reach 0.06
+_RIGHT = 0.15  # a factor that differs from 1 by less is right
+_MAX_ERROR = 0.7  # times the variance; a larger error means unrelated images
 _PLAUSIBLE = (0.65, 1.5)  # either axis; correct frames were estimated at 0.71 to 1.34
 _PLAUSIBLE_MEAN = (0.75, 1.4)  # of both; 0.82 to 1.25
 # Motion to the next frame: factors of x and y, and the reading's name.

@@ -33,7 +33,7 @@ except ImportError as error:
 
 OLDEST = (3, 6)  # Blender
 PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector", "use_pass_normal", "use_pass_diffuse_color")
-SAMPLES = 16  # of a pixel in Cycles, denoised: docs/tutorials/blender.md compares
+SAMPLES = 16  # per pixel in Cycles, denoised; docs/tutorials/blender.md compares numbers
 EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # width in pixels: one position; that of BOX is always 1
 
 

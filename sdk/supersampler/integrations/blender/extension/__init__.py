@@ -37,7 +37,7 @@ class SupersamplerSettings(bpy.types.PropertyGroup):
     )
     samples: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Samples",
-        description="Of a render pixel; 0: 16 in Cycles, the scene's elsewhere",
+        description="Samples per render pixel; 0: 16 in Cycles, the scene's own elsewhere",
         default=0,
         min=0,
     )

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from threading import Thread
 
-_PATIENCE = 10.0  # seconds from each way to end a command to the next, harder one
-_LINES, _LINE = 1000, 4096  # of its messages, and characters of one
+_PATIENCE = 10.0  # seconds between the attempts to end a command
+_LINES, _LINE = 1000, 4096  # maximum number of messages, and of characters in one
 
 
 class Run:
