@@ -142,15 +142,12 @@ class UpscaleJob:
             validate=self.validate,
         )
 
-    def recording_upscaler(self, other: Upscaler) -> Upscaler:
-        """Return an Upscaler with the same model that records."""
-        return self._with_same_model(
-            other, validate=self.validate, extrapolation=self.extrapolation, record=self.record
-        )
-
-    def backward_upscaler(self, forward: Upscaler) -> Upscaler:
-        """Return an Upscaler with the same model for the backward run of two passes."""
-        return self._with_same_model(forward, validate="off")  # the forward run checks the frames
+    def upscaler_like(self, other: Upscaler, **arguments: Any) -> Upscaler:
+        """Return an Upscaler with the model and sizes of another one, and these other arguments."""
+        return Upscaler(
+            other.model, display_size=other.display_size, render_size=self.shot.render_size,
+            at_rest=other.at_rest, skip=other.skip, **arguments,
+        )  # fmt: skip
 
     def settings(self, upscaler: Upscaler) -> dict[str, object]:
         """Return all that the images depend on, but the number of frames: a shot may still grow."""
@@ -175,12 +172,6 @@ class UpscaleJob:
     def _preroll(self, upscaler: Upscaler) -> int:
         size = upscaler.display_size or self.shot.render_size
         return default_preroll(size[0] / self.shot.render_size[0]) if self.preroll is None else self.preroll
-
-    def _with_same_model(self, other: Upscaler, **arguments: Any) -> Upscaler:
-        return Upscaler(
-            other.model, display_size=other.display_size, render_size=self.shot.render_size,
-            at_rest=other.at_rest, skip=other.skip, **arguments,
-        )  # fmt: skip
 
 
 def default_preroll(scale: float) -> int:

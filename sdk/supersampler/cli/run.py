@@ -83,7 +83,8 @@ def run_job(job: UpscaleJob) -> Results:
             raise ShotError(job.record, "is there already", "Choose another name, or move it away.")
         first = results.begin(job.settings(upscaler), count, overwrite=job.overwrite, page=job.compare)
         if job.record is not None:
-            upscaler = stack.enter_context(job.recording_upscaler(upscaler))
+            extra = {"extrapolation": job.extrapolation, "record": job.record}
+            upscaler = stack.enter_context(job.upscaler_like(upscaler, validate=job.validate, **extra))
         page = job.compare and not (first == count and results.is_newest(results.page))
         video = job.images.video and not (first == count and results.is_newest(results.video))
         if first == count and not (page or video) and job.record is None:
@@ -220,7 +221,7 @@ class _UpscaleRun:
                 yield
             on_step(start + place, direction)
 
-        with job.backward_upscaler(forward) as backward:
+        with job.upscaler_like(forward, validate="off") as backward:  # the forward run checks the frames
             outputs = "aovs", *self._maps()
             runs = BothWays(
                 forward, backward, self._chunk, outputs=outputs, around=around, interpolator=interpolator,

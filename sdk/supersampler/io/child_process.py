@@ -51,8 +51,9 @@ class ChildProcess:
         if shutil.which(command[0]) is None:  # the supervisor could say so only later
             number = errno.EACCES if os.path.exists(command[0]) else errno.ENOENT  # noqa: PTH110  # never raises
             raise OSError(number, os.strerror(number), command[0])
-        supervisor = [sys.executable, "-I", "-S", __file__] if has_interpreter() else []
-        self._supervised = bool(supervisor)
+        # In a frozen application, sys.executable is the application, not a Python interpreter.
+        self._supervised = Path(sys.executable or "").stem.lower().startswith("python")
+        supervisor = [sys.executable, "-I", "-S", __file__] if self._supervised else []
         read_end, write_end = os.pipe()
         self._stop_pipe: int | None = write_end
         self._closing = threading.Lock()
@@ -135,11 +136,6 @@ def end_text(code: int | None) -> str:
         if code is not None and code > 128:
             return signal.Signals(code - 128).name
     return f"code {code}"
-
-
-def has_interpreter() -> bool:
-    """Return whether `sys.executable` is a Python interpreter; a frozen application has none."""
-    return Path(sys.executable or "").stem.lower().startswith("python")
 
 
 _TERMINATE = signal.SIGTERM

@@ -12,12 +12,11 @@ appears when the last frame is written.
 import base64
 import json
 import platform
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from html import escape
 from importlib.resources import files
-from itertools import chain
 from pathlib import Path
 from typing import IO, Any
 
@@ -145,11 +144,15 @@ class ComparePage:
         content = {
             **asdict(self._about),
             "facts": list(self._about.facts.items()),
-            **{key: _union(frame[key] for frame in self._frames) for key in ("layers", "numbers")},
+            **{key: self._names(key) for key in ("layers", "numbers")},
             "frames": self._frames,
         }
         text = json.dumps(content, ensure_ascii=False).replace("<", "\\u003c")  # no tag ends the script early
         self._file.write(f'<script type="application/json" id="page">{text}</script>\n')
+
+    def _names(self, key: str) -> list[str]:
+        """Return the names of all frames once, in the order in which they first appear."""
+        return list(dict.fromkeys(name for frame in self._frames for name in frame[key]))
 
 
 @contextmanager
@@ -227,11 +230,6 @@ def versions_text() -> str:
     names = ("supersampler", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numpy")
     installed = [f"{name} {version}" for name, version in installed_versions(*names).items()]
     return ", ".join([*installed, f"Python {platform.python_version()}", platform.platform(terse=True)])
-
-
-def _union(names: Iterable[Iterable[str]]) -> list[str]:
-    """Return all names once, in the order in which they first appear."""
-    return list(dict.fromkeys(chain.from_iterable(names)))
 
 
 def _data_uri(pixels: Bytes) -> str:

@@ -102,11 +102,6 @@ def rename_partial(partial: Path, path: Path) -> None:
         partial.replace(path)
 
 
-def new_file(path: Path) -> FileIO:
-    """Create a file for unbuffered writing; FileExistsError where anything has its name, a link included."""
-    return FileIO(path, "x")
-
-
 class LogFile:
     """The output of another program, in a file that each run replaces.
 
@@ -119,7 +114,7 @@ class LogFile:
         check_ours(path, lambda found: _first_bytes(found, len(first)) == first, "a log of this command")
         remove_files([path])
         with os_errors_as_shot_error(path, "written", NO_ROOM):
-            self._file = new_file(path)
+            self._file = FileIO(path, "x")  # fails where anything has this name, a link included
             self._file.write(first)
 
     def write(self, line: str) -> None:
@@ -133,11 +128,6 @@ class LogFile:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-
-def move_new_folder(partial: Path, folder: Path) -> None:
-    """Rename a folder that the caller has made; OSError if `folder` exists and is not empty."""
-    partial.rename(folder)
 
 
 def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: Iterable[str] = ()) -> None:
@@ -171,13 +161,6 @@ def remove_files(paths: Iterable[Path]) -> None:
     for path in paths:
         with os_errors_as_shot_error(path, "removed", "Is it in use or write-protected?"):
             path.unlink(missing_ok=True)
-
-
-def user_cache() -> Path:
-    """Return this package's folder in the user's cache; a path that cannot be created if there is no home."""
-    stated, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")  # noqa: PTH111  # never raises
-    root = Path(stated) if os.path.isabs(stated) else Path(home) / ".cache"  # noqa: PTH117
-    return (root if root.is_absolute() else Path(os.devnull)) / "supersampler"
 
 
 def utf8_path(path: Path | str) -> str:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, TypeAlias, Unpack
+from typing import Annotated, Any, TypeAlias, Unpack
 
 import msgspec
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame, camera_motion, jittered_projection
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
+from supersampler.frame import GBUFFER_CHANNELS, Array, Float32
 from supersampler.io.files import SHOT_FRAMES, write_text
 from supersampler.io.images import read_exr, read_header
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
@@ -310,18 +310,12 @@ def rendered_shot(
         )
 
     color = f"{scene.layer}.Combined.R"
-    return Shot(
-        folder, info, entries, read_raw, _no_reference, stop_waiting=stop_waiting, color_channel=color
-    )
+    return Shot(folder, info, entries, read_raw, stop_waiting=stop_waiting, color_channel=color)
 
 
 def frame_file(number: int) -> str:
     """Return the name of a frame's file."""
     return f"{number:04d}.exr"
-
-
-def _no_reference(index: int) -> NoReturn:
-    raise IndexError(f"frame {index} has no reference")
 
 
 def _arrays(
@@ -365,12 +359,11 @@ def _motion(
     if is_parallel or not unknown.any():
         return motion
     size = depth.shape[1], depth.shape[0]
-    matrices = [_without_jitter(c, jitter, size) for c, jitter in zip(cameras, jitters, strict=True)]
+    matrices = [  # without jitter
+        jittered_projection(camera.matrix, (-x, -y), size)
+        for camera, (x, y) in zip(cameras, jitters, strict=True)
+    ]
     near = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth < _SKY)
     moved = camera_motion(near, *matrices, jitter=jitters[0], near=1.0, clip="minus_one_to_one")
     motion[unknown] = (moved * np.array([1.0, -1.0], np.float32))[unknown]
     return motion
-
-
-def _without_jitter(camera: RenderedCamera, jitter: tuple[float, float], size: Size) -> Array:
-    return jittered_projection(camera.matrix, (-jitter[0], -jitter[1]), size)

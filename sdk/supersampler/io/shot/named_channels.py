@@ -82,7 +82,7 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
             "(docs/shots.md)."
         )
         raise ShotError(path, problem, hint)
-    if following and not _is_named(found["motion"][0], "backward"):
+    if following and found["motion"][0].lower().split(".")[-2:-1] != ["backward"]:
         del found["motion_next"]
     return found if {"depth", "motion"} <= found.keys() else None
 
@@ -118,10 +118,6 @@ def _is_data(channel: str) -> bool:
     base = before[-1] if before else last
     vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
     return base in vectors | _DATA or base.startswith(_DATA_BEGIN)
-
-
-def _is_named(channel: str, base: str) -> bool:
-    return channel.lower().split(".")[-2:-1] == [base]
 
 
 def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:

@@ -113,7 +113,7 @@ class Shot:
         info: ShotInfo,
         entries: Sequence[FrameEntry],
         read_raw: Callable[[int, Collection[str] | None], RawFrame],
-        read_reference: Callable[[int], Float32],
+        read_reference: Callable[[int], Float32] | None = None,
         *,
         stop_waiting: Callable[[], None] = lambda: None,
         color_channel: str = "R",
@@ -307,7 +307,9 @@ class Shot:
 
     def read_reference(self, index: int) -> Float32 | None:
         """Read a frame's reference, (H, W, 3) float32, linear RGB; None where it has none."""
-        return None if self._entries[index].reference is None else self._reference(self._offset + index)
+        if self._reference is None or self._entries[index].reference is None:
+            return None
+        return self._reference(self._offset + index)
 
     def read_classes(self, index: int) -> ClassMaps | None:
         """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
