@@ -282,12 +282,17 @@ def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
     if not frozen:
         os.kill(child._process.pid, signal.SIGSTOP)
     child.close()
+    assert child.output is not None
+    child.output.close()
     assert not is_running(int((tmp_path / "pid").read_text()))
 
 
 def test_a_child_is_not_inherited_by_another_one() -> None:
     """Otherwise the pipe of the first stays open as long as the second runs."""
     words = ["sleep", "300"]
-    with ChildProcess(words) as first, ChildProcess(words):
+    with ChildProcess(words) as first, ChildProcess(words) as second:
         first.stop()
         assert first.wait(SECONDS) is not None
+    for child in (first, second):
+        assert child.output is not None
+        child.output.close()

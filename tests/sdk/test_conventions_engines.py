@@ -24,7 +24,7 @@ NOW, BEFORE = (
     np.array([0.1, 0.35, -4.0, 1.0]),
 )  # right, up, towards the viewer
 
-Matrix = NDArray[np.float64]
+Matrix = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)

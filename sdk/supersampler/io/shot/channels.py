@@ -240,7 +240,8 @@ def import_described_channels(folder: Path | str, **options: Unpack[SequenceOpti
     )  # fmt: skip
     try:
         conventions = Conventions.from_json(given.conventions)
-        return import_channels(folder, given.channels, conventions=conventions, **{**stated, **options})
+        stated.update(options)
+        return import_channels(folder, given.channels, conventions=conventions, **stated)
     except ArgumentError as error:
         raise ShotError(path, f"is not valid: {error}") from error
 
