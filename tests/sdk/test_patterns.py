@@ -60,10 +60,13 @@ def test_a_pattern_opens_blenders_frames(tmp_path: Path, pattern: str) -> None:
 def test_a_pattern_opens_frames_with_a_channels_json(tmp_path: Path) -> None:
     write_channels(tmp_path)
     write_exr(tmp_path / "beauty.0000.exr", {"R": plane(0)})
-    described = {"channels": MAP, "conventions": CONVENTIONS.to_json(), "cuts": [CUT]}
+    described = {"channels": MAP, "conventions": CONVENTIONS.to_json(), "frame_rate": 60, "cuts": [CUT]}
     (tmp_path / "channels.json").write_text(json.dumps(described))
     (tmp_path / "jitter.json").write_text(json.dumps(UNREAL_JITTER))
-    assert_is_the_scene(open_source(tmp_path / "####.exr"))
+    shot = open_source(tmp_path / "####.exr")
+    assert_is_the_scene(shot)
+    assert shot.frame_rate == 60
+    assert open_source(tmp_path / "####.exr", frame_rate=12).frame_rate == 12, "options replace its values"
 
 
 @pytest.mark.parametrize(
