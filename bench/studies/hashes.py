@@ -6,15 +6,11 @@
 Every shipped model steps through 24 frames at five sizes, or 48 where most of the frame is static, in
 every way that it runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on the
 compiler, so compare records of one machine.
-
-A record also has sketches, which estimate how far images are apart although no image is kept. A sketch is the
-sum of an image's values with random signs: the squared difference of two sketches is on average the squared
-difference of the images.
 """
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -25,12 +21,13 @@ import typer
 from numpy.typing import NDArray
 
 from supersampler import ArgumentError, Frame, Model, Upscaler
+from supersampler.cli.arguments import size_text
 from supersampler.cli.terminal import Terminal
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.cli.options import JSON, counted, say, split_list, warn
-from supersampler_bench.record import JsonRecord, Provenance, machine_name, read_record, write_json
+from supersampler_bench.record import BenchRecord, read_record, write_json
 from supersampler_bench.specs import incompatibility
 from supersampler_bench.timing.latency import plaza_frames
 
@@ -43,7 +40,7 @@ SIZES: tuple[tuple[Size, Size], ...] = (
     ((45, 27), (131, 77)),
     ((123, 67), (187, 103)),
 )
-"""Render and display sizes; methods of one ratio have that multiple of the render size instead.
+"""Render and display sizes. Methods of one ratio have that multiple of the render size instead.
 Sizes of ratios that a method lacks are left out."""
 MEASURED_EXPOSURE = (53, 31)
 """Render size at which frames have no exposure, so that the method measures it."""
@@ -55,12 +52,11 @@ RUNS: tuple[tuple[ExecutorName, Precision, bool], ...] = (
     ("cpu", "auto", False),
     ("cpu", "auto", True),
 )
+"""Executor, precision, and whether most of the frame is static."""
 STILL = ", at rest"
-"""Suffix of the name of a run in which most of the frame is static."""
 PHASES = 16
 """Frames of the static scene, which repeat."""
 THREADS = 2
-_SKETCHES = 8  # sketches of a run
 
 
 @dataclass(frozen=True)
@@ -77,35 +73,55 @@ class ModelRun:
         name = self.method if self.extrapolation is None else f"{self.method}+{self.extrapolation}"
         return f"{name}, {self.executor} {self.precision}{STILL * self.still}"
 
+    def model(self) -> Model:
+        """Load the model that upscales."""
+        return _model(self.method, self.executor, self.precision)
+
+
+@lru_cache
+def _model(method: str, executor: ExecutorName, precision: Precision) -> Model:
+    return Model.load(method, providers="cpu", threads=THREADS, executor=executor, precision=precision)
+
 
 @dataclass(frozen=True)
 class Hashed:
-    """Hashes of one run's images at one size.
-
-    Attributes:
-        subject: model and how it ran.
-        render, display: (width, height).
-        frames: SHA-256 of each image.
-        history: SHA-256 of each history tensor after the last frame, by name.
-        sketches: sketches of all images as one vector of values c / (1 + c), divided by the square root of
-            the number of values.
-    """
+    """SHA-256 of one run's images, and of its history tensors after the last frame, by name."""
 
     subject: ModelRun
     render: Size
     display: Size
     frames: list[str]
     history: dict[str, str]
-    sketches: list[float]
 
     @property
     def name(self) -> str:
         """Model, run and sizes as text, to find the same run in another record."""
         return f"{self.subject}, {_sizes(self.render, self.display)}"
 
+    @property
+    def input_name(self) -> str:
+        """Name of the input frames."""
+        return _sizes(self.render, self.display) + STILL * self.subject.still
+
+
+@dataclass(frozen=True)
+class HashesRecord(BenchRecord):
+    """Hashes of all runs, and of the frames that they read, by `Hashed.input_name`."""
+
+    inputs: dict[str, str]
+    hashed: list[Hashed]
+    BENCH = "hashes"
+    TABLES = ()
+
+    @classmethod
+    def of(cls, hashed: list[Hashed]) -> "HashesRecord":
+        """Return the record of some runs."""
+        frames = {one.input_name: (one.render, one.display, one.subject.still) for one in hashed}
+        return cls({name: _hash_of_frames(scene(*kind)) for name, kind in frames.items()}, hashed)
+
 
 def _sizes(render: Size, display: Size) -> str:
-    return f"{render[0]}x{render[1]} to {display[0]}x{display[1]}"
+    return f"{size_text(render)} to {size_text(display)}"
 
 
 def subjects(methods: Sequence[str] | None = None) -> list[ModelRun]:
@@ -133,7 +149,7 @@ def measure_hashes(
     """Step each subject through the frames of `scene` at each (render, display) size whose ratio it has."""
     results = []
     for (render, display), subject in product(sizes, measured):
-        ratio = _model(subject.method, subject.executor, subject.precision).info.only_ratio
+        ratio = subject.model().info.only_ratio
         if ratio is not None:
             display = (round(render[0] * ratio), round(render[1] * ratio))
         if not incompatibility(subject.method, render, display):
@@ -143,36 +159,28 @@ def measure_hashes(
 
 
 def _hashed(subject: ModelRun, render: Size, display: Size) -> Hashed:
-    upscaler = _upscaler(subject, display)
-    frames, sketches = [], np.zeros(_SKETCHES)
-    run = scene(render, display, still=subject.still)
-    for index, frame in enumerate(run):
+    upscaler = upscaler_of(subject, display)
+    frames = []
+    for index, frame in enumerate(scene(render, display, subject.still)):
         unshaded = subject.extrapolation is not None and index % 2 == 1
         image = upscaler.extrapolate(replace(frame, color=None)) if unshaded else upscaler.step(frame)
         frames.append(_sha256(image))
-        values = image.ravel().astype(np.float64)
-        sketches += _signs(len(run))[:, index] * (_signs(values.size) @ (values / (1.0 + values)))
-    sketches /= np.sqrt(len(run) * values.size)
     history = upscaler.save_state().history or {}
     tensors = {name: _sha256(history[name]) for name in sorted(history) if name.startswith("history.")}
-    return Hashed(subject, render, display, frames, tensors, [float(f"{s:.12g}") for s in sketches])
+    return Hashed(subject, render, display, frames, tensors)
 
 
-def _upscaler(subject: ModelRun, display: Size) -> Upscaler:
+def upscaler_of(subject: ModelRun, display: Size) -> Upscaler:
+    """Return a new session of a run."""
     runs: dict[str, Any] = {"display_size": display, "validate": "off"}
     if subject.extrapolation is None:
-        return Upscaler(_model(subject.method, subject.executor, subject.precision), **runs)
+        return Upscaler(subject.model(), **runs)
     runs |= {"executor": subject.executor, "precision": subject.precision, "threads": THREADS}
     return Upscaler(subject.method, extrapolation=subject.extrapolation, providers="cpu", **runs)
 
 
-@lru_cache
-def _model(method: str, executor: ExecutorName, precision: Precision) -> Model:
-    return Model.load(method, providers="cpu", threads=THREADS, executor=executor, precision=precision)
-
-
 @lru_cache(maxsize=8)
-def scene(render: Size, display: Size, *, still: bool = False) -> list[Frame]:
+def scene(render: Size, display: Size, still: bool = False) -> list[Frame]:
     """Return frames of the shipped shot with all G-buffers.
 
     Static: `PHASES` frames repeat, and only one corner changes from frame to frame.
@@ -180,9 +188,9 @@ def scene(render: Size, display: Size, *, still: bool = False) -> list[Frame]:
     shot = plaza_frames(render, 0, FRAMES)
     if still:
         shot = [_still(shot[index % PHASES], index) for index in range(STILL_FRAMES)]
-    exposures = (None if render == MEASURED_EXPOSURE else frame.exposure for frame in shot)
-    shaded = (replace(frame, exposure=exposure) for frame, exposure in zip(shot, exposures, strict=True))
-    return [_with_gbuffers(frame, display) for frame in shaded]
+    if render == MEASURED_EXPOSURE:
+        shot = [replace(frame, exposure=None) for frame in shot]
+    return [_with_gbuffers(frame, display) for frame in shot]
 
 
 def _still(frame: Frame, index: int) -> Frame:
@@ -201,17 +209,14 @@ def _with_gbuffers(frame: Frame, display: Size) -> Frame:
     normal = shown - np.float32(0.3)
     normal /= np.sqrt((normal**2).sum(-1, keepdims=True)) + np.float32(1e-6)
     normal[frame.depth == 0.0] = 0.0
-    buffers = {
-        "base_color": shown,
-        "normal": normal,
-        "roughness": shown[..., 0],
-        "metallic": shown[..., 1],
-        "specular": shown[..., 2],
+    planes = {name: shown[..., channel] for channel, name in enumerate(("roughness", "metallic", "specular"))}
+    gbuffer = {
+        name: np.ascontiguousarray(buffer)
+        for name, buffer in {"base_color": shown, "normal": normal, **planes}.items()
     }
-    buffers = {name: np.ascontiguousarray(buffer) for name, buffer in buffers.items()}
-    nearest = {name: _resized(buffer, display) for name, buffer in buffers.items()}
-    depth = _resized(np.asarray(frame.depth, np.float32), display)
-    return replace(frame, gbuffer=buffers, gbuffer_display={**nearest, "depth": depth})
+    full = {**gbuffer, "depth": np.asarray(frame.depth, np.float32)}
+    resized = {name: _resized(buffer, display) for name, buffer in full.items()}
+    return replace(frame, gbuffer=gbuffer, gbuffer_display=resized)
 
 
 def _resized(image: Float32, size: Size) -> Float32:
@@ -223,29 +228,9 @@ def _sha256(array: NDArray[Any]) -> str:
     return hashlib.sha256(np.ascontiguousarray(array).data).hexdigest()
 
 
-@lru_cache(maxsize=4)
-def _signs(count: int) -> NDArray[np.float64]:
-    """Return (_SKETCHES, count) random signs, 1 or -1, the same with every version of numpy."""
-    bits = np.random.PCG64(count).random_raw(_SKETCHES * (-(-count // 64))).view(np.uint8)
-    return np.unpackbits(bits).reshape(_SKETCHES, -1)[:, :count].astype(np.float64) * 2.0 - 1.0
-
-
-def hashes_record(results: Sequence[Hashed]) -> dict[str, Any]:
-    """Return all values, ready for JSON, with hashes of the input frames."""
-    kinds = sorted({(r.render, r.display, r.subject.still) for r in results})
-    inputs = {_sizes(*sizes) + STILL * still: _hash_of_scene(*sizes, still=still) for *sizes, still in kinds}
-    return {
-        "bench": "hashes",
-        "frames": FRAMES,
-        "threads": THREADS,
-        "inputs": inputs,
-        "hashed": [asdict(result) for result in results],
-    }
-
-
-def _hash_of_scene(render: Size, display: Size, *, still: bool) -> str:
+def _hash_of_frames(frames: Sequence[Frame]) -> str:
     whole = hashlib.sha256()
-    for frame in scene(render, display, still=still):
+    for frame in frames:
         arrays = [frame.color, frame.depth, frame.motion]
         arrays += [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
         for array in arrays:
@@ -254,29 +239,13 @@ def _hash_of_scene(render: Size, display: Size, *, still: bool) -> str:
     return whole.hexdigest()
 
 
-def hashed_of(record: JsonRecord) -> list[Hashed]:
-    """Return the results in a record by `hashes_record`."""
-    return [
-        Hashed(
-            **{
-                **row,
-                "subject": ModelRun(**row["subject"]),
-                "render": tuple(row["render"]),
-                "display": tuple(row["display"]),
-            }
-        )
-        for row in record["hashed"]
-    ]
-
-
-def differences(before: JsonRecord, after: JsonRecord, *, partly: bool = False) -> Iterator[str]:
+def differences(before: HashesRecord, after: HashesRecord, *, partly: bool = False) -> Iterator[str]:
     """Yield a line for each run whose images or history differ; `partly`: runs may be missing in `after`."""
-    new = {result.name: result for result in hashed_of(after)}
-    inputs = before["inputs"]
-    changed = [kind for kind, digest in inputs.items() if after["inputs"].get(kind, digest) != digest]
-    yield from (f"{kind}: the input frames differ, so images are not compared" for kind in changed)
-    for old in hashed_of(before):
-        if _sizes(old.render, old.display) + STILL * old.subject.still in changed:
+    new = {result.name: result for result in after.hashed}
+    changed = [name for name, digest in before.inputs.items() if after.inputs.get(name, digest) != digest]
+    yield from (f"{name}: the input frames differ, so images are not compared" for name in changed)
+    for old in before.hashed:
+        if old.input_name in changed:
             continue
         if old.name in new:
             yield from _difference(old, new[old.name])
@@ -288,22 +257,9 @@ def _difference(old: Hashed, new: Hashed) -> Iterator[str]:
     frames = [i for i, (a, b) in enumerate(zip(old.frames, new.frames, strict=True)) if a != b]
     tensors = [name for name, digest in old.history.items() if new.history.get(name) != digest]
     if frames:
-        off = np.sqrt(np.mean(np.subtract(old.sketches, new.sketches) ** 2))
-        yield (
-            f"{old.name}: {len(frames)} of {len(old.frames)} images differ, the first is frame {frames[0]}; "
-            f"root mean square of c / (1 + c) over all images: about {off:.1g}"
-        )
+        yield f"{old.name}: {len(frames)} of {len(old.frames)} images differ, the first is frame {frames[0]}"
     elif tensors:
         yield f"{old.name}: images are the same, but these history tensors differ: {', '.join(tensors)}"
-
-
-def other_setting(before: JsonRecord, after: JsonRecord) -> str:
-    """Return how machines and versions of two records differ, as a sentence; "" where they do not."""
-    pairs = [("machine", machine_name(before), machine_name(after))]
-    versions, others = before["versions"], after["versions"]
-    pairs += [(name, versions.get(name), others.get(name)) for name in versions if name != "supersampler"]
-    unlike = [f"{name} {old}, here {new}" for name, old, new in pairs if old != new]
-    return f"recorded with {'; '.join(unlike)}: hashes may differ for that reason alone" if unlike else ""
 
 
 def main(
@@ -317,28 +273,27 @@ def main(
     ] = None,
 ) -> None:
     """Hash every image and the last history of the shipped models, in every way that they run on a CPU."""
-    before = None if check is None else read_record(check)
-    if before is not None and before["bench"] != "hashes":
-        raise ArgumentError(
-            "--check", got=f"{check}, of `{before['bench']}`", want="a record of this program"
-        )
-    chosen = None if methods is None else split_list(methods)
-    hashed = subjects(chosen)
+    before = None if check is None else HashesRecord.from_json(read_record(check))
+    hashed = subjects(None if methods is None else split_list(methods))
     with counted("runs", len(SIZES) * len(hashed)) as advance:
-        results = measure_hashes(hashed, SIZES, on_run=advance)
-    record = hashes_record(results)
-    here = {**record, **asdict(Provenance.now())}
+        here = HashesRecord.of(measure_hashes(hashed, SIZES, on_run=advance))
     if json is not None:
         write_json(here, json)
     if before is None:
         return
-    found = list(differences(before, here, partly=chosen is not None))
+    found = list(differences(before, here, partly=methods is not None))
     for text in found:
         Terminal().print(text, soft_wrap=True)
-    say(f"{len(results)} runs: {len(found)} differ from {check}")
+    say(f"{len(here.hashed)} runs: {len(found)} differ from {check}")
     if found:
-        if unlike := other_setting(before, here):
-            warn(unlike)
+        then, now = (
+            {**record.provenance.versions, "supersampler": None, "machine": record.machine_name}
+            for record in (before, here)
+        )
+        if unlike := [
+            f"{name} {then[name]}, here {now.get(name)}" for name in then if then[name] != now.get(name)
+        ]:
+            warn(f"recorded with {'; '.join(unlike)}: hashes may differ for that reason alone")
         raise typer.Exit(1)
 
 
