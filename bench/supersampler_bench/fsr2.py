@@ -1,7 +1,8 @@
 """`fsr2-like`: FSR 2.2 without sharpening and reactive masks, by its published formulas and constants.
 
-Arrays of floats are float32. Positions of texture reads are texels: the centre of the first one is 0.5. Reads
-beyond the edge clamp. See docs/quality.md for what this is not.
+Arrays of floats are float32: (h, w, ...) at render size, (H, W, ...) at display size. Positions of texture
+reads are texels: the centre of the first one is 0.5. Reads beyond the edge clamp. docs/quality.md lists the
+differences from FSR2.
 """
 
 import math
@@ -23,7 +24,7 @@ FSR2_LIKE = "fsr2-like"
 """Name of the method in `bench quality`."""
 EPSILON = 1e-3  # FSR2_EPSILON
 _CELL = 32  # pixels a side of mip 4 of half the render size, FFX_FSR2_SHADING_CHANGE_MIP_LEVEL
-BILINEAR_THRESHOLD = 0.01  # fReconstructedDepthBilinearWeightThreshold: smaller weights count as untouched
+_MIN_BILINEAR_WEIGHT = 0.01  # fReconstructedDepthBilinearWeightThreshold: smaller weights count as untouched
 UPSAMPLE_WEIGHT_SCALE = 1.0 / 12.0  # fUpsampleLanczosWeightScale
 _AVERAGE_WEIGHT = 0.74 * UPSAMPLE_WEIGHT_SCALE  # added to a pixel per frame
 _DILATE_MIN_SPEED, _CLIP_MIN_SPEED = 0.1, 0.01  # display pixels; less motion counts as none
@@ -66,31 +67,8 @@ class FrameSizes:
         return length(motion * self.upscale)
 
 
-class FrameBuffers(NamedTuple):
-    """Buffers of a frame at render size, of finite numbers."""
-
-    color: Array  # (h, w, 3) linear RGB in [0, 65504]
-    depth: Array  # (h, w) reversed, infinite far plane, >= 0
-    motion: Array  # (h, w, 2) render pixels, previous minus current
-
-
-class Dilated(NamedTuple):
-    """Depth and motion of the closest of 3x3, and the reconstructed depth of the previous frame."""
-
-    depth: Array  # (h, w)
-    motion: Array  # (h, w, 2)
-    previous: Array  # (h, w), 0 where no pixel of this frame came from
-
-
-class DepthClip(NamedTuple):
-    """Masks of invalid history, (h, w) each, in [0, 1]."""
-
-    disoccluded: Array  # 1 where the surface was occluded in the previous frame
-    mask: Array  # 1 where motion of neighbours, or of two frames, diverges
-
-
 class ColorBox(NamedTuple):
-    """Mean, standard deviation, minimum and maximum, (H, W, 3) each, of the samples around a pixel."""
+    """Mean, standard deviation, minimum and maximum, (H, W, 3) YCoCg each, of the samples around a pixel."""
 
     centre: Array
     deviation: Array
@@ -103,7 +81,7 @@ class Prepared(NamedTuple):
 
     color: Array  # (h, w, 3) linear RGB
     motion: Array  # (h, w, 2), dilated, render pixels
-    clip: DepthClip
+    clip: Array  # (h, w, 2) in [0, 1]: disocclusion, divergence of motion
     locked: Bool  # (H, W), new locks
     shading: Array  # (H, W), see `shading_luma`
     exposure: float
@@ -128,7 +106,7 @@ class Fsr2History(NamedTuple):
 
 
 class Fsr2Like:
-    """The step through all passes.
+    """A session: steps frames in order through all passes.
 
     Args:
         display_size: (width, height) of the images.
@@ -145,50 +123,43 @@ class Fsr2Like:
         self._average_log: float | None = None
 
     def step(self, frame: Frame) -> Float32:
-        """Return the image (H, W, 3), linear RGB in [0, 65504].
+        """Return the image (H, W, 3), linear RGB in [0, 65504]. NaN counts as 0, as in HLSL's max(0, NaN).
 
         Raises:
             FrameError: the frame has no colour.
         """
-        buffers = buffers_of(frame)
+        if frame.color is None:
+            raise FrameError("color", got=None, want="a shaded frame")
         if frame.reset:
             self._reset()
+        color = _finite(frame.color, 0.0, MAX_HALF)
+        depth = _finite(frame.depth, 0.0, float(np.finfo(np.float32).max))
+        motion = _finite(frame.motion, -MAX_HALF, MAX_HALF)
         sizes = FrameSizes(frame.size, self._display, frame.jitter)
-        logs = log_luma(buffers.color, sizes)
+        logs = log_luma(color, sizes)
         self._average_log = followed_average(logs, self._average_log, self._seconds)
         exposure = usable_exposure(frame.exposure) or auto_exposure(self._average_log)
-        dilated = dilate(buffers.depth, buffers.motion, sizes)
-        motion = sizes.of_image(dilated.motion)
-        before = np.zeros_like(motion) if self._motion is None else self._motion
+        near_depth, near_motion = dilate(depth, motion)
+        before = reconstructed_depth(near_depth, near_motion, sizes)
+        vectors = sizes.of_image(near_motion)
+        past_vectors = np.zeros_like(vectors) if self._motion is None else self._motion
+        seen = disocclusion(near_depth, near_motion, before, sizes) * _is_surface(before)
+        turned = temporal_divergence(near_motion, past_vectors, sizes) - _depth_divergence(near_depth)
+        apart = np.maximum(saturate(turned), motion_divergence(motion, sizes))
         ready = Prepared(
-            color=buffers.color,
-            motion=dilated.motion,
-            clip=depth_clip(buffers, dilated, before, sizes),
-            locked=new_locks(lock_luma(buffers.color, exposure), sizes),
-            shading=shading_luma(shading_grid(logs), exposure, sizes),
+            color=color,
+            motion=near_motion,
+            clip=np.stack([seen, apart], axis=-1),
+            locked=new_locks(lock_luma(color, exposure), sizes),
+            shading=shading_luma(logs, exposure, sizes),
             exposure=exposure,
         )
-        self._history, self._motion = accumulate(ready, self._history, sizes), motion
+        self._history, self._motion = accumulate(ready, self._history, sizes), vectors
         return np.ascontiguousarray(self._history.color[..., :3], np.float32)
 
 
-def buffers_of(frame: Frame) -> FrameBuffers:
-    """Return a frame's buffers; NaN counts as 0, as in HLSL's max(0, NaN).
-
-    Raises:
-        FrameError: the frame has no colour.
-    """
-    if frame.color is None:
-        raise FrameError("color", got=None, want="a shaded frame")
-
-    def finite(array: Array, low: float, high: float) -> Array:
-        return np.clip(np.nan_to_num(array.astype(np.float32), nan=0.0), np.float32(low), np.float32(high))
-
-    return FrameBuffers(
-        finite(frame.color, 0.0, MAX_HALF),
-        finite(frame.depth, 0.0, float(np.finfo(np.float32).max)),
-        finite(frame.motion, -MAX_HALF, MAX_HALF),
-    )
+def _finite(array: Array, low: float, high: float) -> Array:
+    return np.clip(np.nan_to_num(array.astype(np.float32), nan=0.0), np.float32(low), np.float32(high))
 
 
 # Pass 1, luminance pyramid: log luminance in cells of 32x32 pixels, and the exposure.
@@ -200,15 +171,6 @@ def log_luma(color: Array, sizes: FrameSizes) -> Array:
     x, y = centres(sizes.render)
     luma = bilinear(color, x - sizes.jitter[0], y - sizes.jitter[1]) @ BT709
     return np.log(np.maximum(luma, EPSILON))
-
-
-def shading_grid(logs: Array) -> Array:
-    """Return the mean of each whole cell, (max(h // 32, 1), max(w // 32, 1)); off screen counts as 0."""
-    rows, columns = (max(side // _CELL, 1) for side in logs.shape)
-    whole = np.zeros((rows * _CELL, columns * _CELL), np.float32)
-    inside = logs[: rows * _CELL, : columns * _CELL]
-    whole[: inside.shape[0], : inside.shape[1]] = inside
-    return np.asarray(whole.reshape(rows, _CELL, columns, _CELL).mean(axis=(1, 3)))
 
 
 def followed_average(logs: Array, before: float | None, seconds: float) -> float:
@@ -223,34 +185,44 @@ def auto_exposure(average_log: float) -> float:
     return vignetting * speed / 78.0 / (math.exp(average_log) * speed / calibration)
 
 
-def shading_luma(grid: Array, exposure: float, sizes: FrameSizes) -> Array:
-    """Return the luma that reveals shading changes, (H, W): sixth root of exposed luminance of the grid.
+def shading_luma(logs: Array, exposure: float, sizes: FrameSizes) -> Array:
+    """Return the luma that reveals shading changes, (H, W): sixth root of exposed luminance of 32x32 cells.
 
-    The grid, stretched to the display as FSR2 does it, lacks what is right of and below its last whole cell.
+    What is off screen counts as 0. As in FSR2, the cells are stretched to the display although they lack what
+    is right of and below the last whole one.
     """
+    rows, columns = (max(side // _CELL, 1) for side in logs.shape)
+    whole = np.zeros((rows * _CELL, columns * _CELL), np.float32)
+    inside = logs[: rows * _CELL, : columns * _CELL]
+    whole[: inside.shape[0], : inside.shape[1]] = inside
+    cells = whole.reshape(rows, _CELL, columns, _CELL).mean(axis=(1, 3))
     x, y = centres(sizes.display)
-    rows, columns = grid.shape
     across, down = x / sizes.display[0] * columns, y / sizes.display[1] * rows
-    logs = bilinear(grid[..., None], across, down)[..., 0]
-    return np.power(np.float32(exposure) * np.exp(logs), np.float32(1.0 / 6.0))
+    stretched = bilinear(cells[..., None], across, down)[..., 0]
+    return np.power(np.float32(exposure) * np.exp(stretched), np.float32(1.0 / 6.0))
 
 
 # Pass 2, reconstruct and dilate: depth and motion of the nearest neighbour, and the depth that the previous
 # frame had at these pixels.
 
 
-def dilate(depth: Array, motion: Array, sizes: FrameSizes) -> Dilated:
-    """Run the pass on a frame's depth and motion."""
+def dilate(depth: Array, motion: Array) -> tuple[Array, Array]:
+    """Return depth and motion of the closest of 3x3 pixels."""
     near_depth, near_motion = depth, motion
     for dx, dy in _DILATION:
         other = shifted(depth, dx, dy)
         closer = other > near_depth
         near_depth = np.where(closer, other, near_depth)
         near_motion = np.where(closer[..., None], shifted(motion, dx, dy), near_motion)
-    previous = np.zeros_like(near_depth)
-    for row, column, _, counts in _texels_around(near_motion, sizes, _DILATE_MIN_SPEED):
-        np.maximum.at(previous, (row[counts], column[counts]), near_depth[counts])
-    return Dilated(near_depth, near_motion, previous)
+    return near_depth, near_motion
+
+
+def reconstructed_depth(depth: Array, motion: Array, sizes: FrameSizes) -> Array:
+    """Return the previous frame's depth (h, w) from dilated depth and motion; 0 where no pixel came from."""
+    previous = np.zeros_like(depth)
+    for row, column, _, counts in _texels_around(motion, sizes, _DILATE_MIN_SPEED):
+        np.maximum.at(previous, (row[counts], column[counts]), depth[counts])
+    return previous
 
 
 def _texels_around(
@@ -266,36 +238,28 @@ def _texels_around(
         on_screen = (left + dx >= 0) & (left + dx < width) & (top + dy >= 0) & (top + dy < height)
         row = np.clip(top + dy, 0, height - 1).astype(np.int64)
         column = np.clip(left + dx, 0, width - 1).astype(np.int64)
-        yield row, column, weight, on_screen & (weight > BILINEAR_THRESHOLD)
+        yield row, column, weight, on_screen & (weight > _MIN_BILINEAR_WEIGHT)
 
 
 # Pass 3, depth clip: disocclusion, and diverging motion, where the history is not valid. Separation of
 # depths: Akeley and Su, Minimum Triangle Separation for Correct Z-Buffer Occlusion, 2006.
 
 
-def depth_clip(
-    buffers: FrameBuffers, dilated: Dilated, previous_motion: Array, sizes: FrameSizes
-) -> DepthClip:
-    """Run the pass; `previous_motion` is dilated, in fractions of the image (`FrameSizes.of_image`)."""
-    seen = _disoccluded(dilated, sizes) * _is_surface(dilated.previous)
-    turned = _temporal_divergence(dilated.motion, previous_motion, sizes) - _depth_divergence(dilated.depth)
-    return DepthClip(seen, np.maximum(saturate(turned), _motion_divergence(buffers.motion, sizes)))
-
-
 def _distance(depth: Array) -> Array:
     return np.float32(1.0) / (depth + np.float32(_FAR))  # only ratios of distances are used
 
 
-def _disoccluded(dilated: Dilated, sizes: FrameSizes) -> Array:
-    now = _distance(dilated.depth)
+def disocclusion(depth: Array, motion: Array, previous: Array, sizes: FrameSizes) -> Array:
+    """Return 1 where the surface was occluded in the previous frame, (h, w); depth and motion are dilated."""
+    now = _distance(depth)
     width, height = sizes.render
     tangent = math.tan(_FIELD_OF_VIEW / 2.0)
     corner = math.hypot(1.0, tangent, tangent * width / height)  # length of its ray; the centre's is 1
     separation = _SEPARATION * corner * math.hypot(width, height)
     power = 1.0 + 2.0 * min(math.hypot(width, height) / _FULL_SIZE, 1.0)
     same, total = np.zeros_like(now), np.zeros_like(now)
-    for row, column, weight, valid in _texels_around(dilated.motion, sizes, _CLIP_MIN_SPEED):
-        before = _distance(dilated.previous[row, column])
+    for row, column, weight, valid in _texels_around(motion, sizes, _CLIP_MIN_SPEED):
+        before = _distance(previous[row, column])
         behind = now - before
         counts = valid & (behind > 0.0)
         near = saturate(separation * np.maximum(now, before) / np.where(counts, behind, np.float32(1.0)))
@@ -313,7 +277,7 @@ def _is_surface(previous: Array) -> Array:
     return np.where(slope, np.float32(0.0), np.float32(1.0))
 
 
-def _motion_divergence(motion: Array, sizes: FrameSizes) -> Array:
+def motion_divergence(motion: Array, sizes: FrameSizes) -> Array:
     """Return the divergence of 3x3 neighbours' motion (render pixels) from a moving pixel's own."""
     vectors = sizes.of_image(motion)
     fastest = length(vectors)
@@ -326,11 +290,14 @@ def _motion_divergence(motion: Array, sizes: FrameSizes) -> Array:
     return saturate(1.0 - convergence) * saturate(fastest / np.float32(0.01))
 
 
-def _temporal_divergence(motion: Array, previous: Array, sizes: FrameSizes) -> Array:
-    """Return how much slower the previous frame was; it counts in full from 20 display pixels on."""
+def temporal_divergence(motion: Array, previous: Array, sizes: FrameSizes) -> Array:
+    """Return how much slower the previous frame was; it counts in full from 20 display pixels on.
+
+    `previous` is dilated motion in fractions of the image (`FrameSizes.of_image`), of any render size.
+    """
     h, w = previous.shape[:2]
     x, y = centres(sizes.render)
-    across = (x + motion[..., 0]) / sizes.render[0] * w  # the previous render size may be another one
+    across = (x + motion[..., 0]) / sizes.render[0] * w
     down = (y + motion[..., 1]) / sizes.render[1] * h
     before = length(bilinear(previous, across, down))
     now, speed = length(sizes.of_image(motion)), sizes.speed(motion)
@@ -395,7 +362,7 @@ def accumulate(frame: Prepared, history: Fsr2History | None, sizes: FrameSizes) 
     speed = np.hypot(motion[..., 0], motion[..., 1])  # display pixels
     before_x, before_y = x + motion[..., 0], y + motion[..., 1]
     is_new = ~_inside(before_x, before_y, sizes) | (history is None)
-    clip = bilinear(np.stack(frame.clip, axis=-1), render_x - sizes.jitter[0], render_y - sizes.jitter[1])
+    clip = bilinear(frame.clip, render_x - sizes.jitter[0], render_y - sizes.jitter[1])
     disoccluded, mask = saturate(clip[..., 0]), clip[..., 1]
 
     if history is None:
@@ -406,7 +373,7 @@ def accumulate(frame: Prepared, history: Fsr2History | None, sizes: FrameSizes) 
         warped = Fsr2History(*(np.where(is_new[..., None], np.float32(0.0), part) for part in sampled))
     reactive = saturate(np.abs(warped.color[..., 3]))
     locks = update_locks(warped.locks, frame.locked & ~is_new, frame.shading, reactive, mask, disoccluded)
-    color = to_ycocg(prepared(frame.color, frame.exposure))
+    color = prepared(frame.color, frame.exposure) @ _TO_YCOCG.T
     now, now_weight, box = upsample(color, np.maximum(locks.reactive, is_new), disoccluded, speed, sizes)
     steady = np.maximum(np.maximum(disoccluded, mask), locks.change) < 0.1
     known_lumas = np.where(steady[..., None], warped.lumas, np.float32(0.0))
@@ -417,19 +384,19 @@ def accumulate(frame: Prepared, history: Fsr2History | None, sizes: FrameSizes) 
     slow = np.maximum(warped.color[..., 3] < 0.0, saturate(speed * 10.0))
     base = np.minimum(base, lerp(base, now_weight * 10.0, slow))
     base = np.minimum(base, lerp(base, now_weight, saturate(speed / np.float32(20.0))))
+    widest = min(20.0, float(sizes.upscale[0] * sizes.upscale[1]) ** 3)
+    doubt = np.maximum(np.maximum(disoccluded, mask), saturate(speed / np.float32(20.0)))
     before, weight = rectify(
-        to_ycocg(prepared(warped.color[..., :3], frame.exposure)),
+        prepared(warped.color[..., :3], frame.exposure) @ _TO_YCOCG.T,
         np.asarray(base),
         box,
-        np.maximum(unstable, locks.contribution),
-        sizes,
-        untrusted=np.maximum(disoccluded, mask),
-        speed=speed,
+        scale=lerp(widest, 1.0, doubt),
+        kept=saturate(np.maximum(unstable, locks.contribution)),
     )
     alpha = now_weight / np.maximum(EPSILON, weight + now_weight)
-    toned_before, toned_now = (to_ycocg(tonemap(from_ycocg(c))) for c in (before, now))
-    blended = inverse_tonemap(from_ycocg(lerp(toned_before, toned_now, alpha[..., None])))
-    image = np.where(is_new[..., None], from_ycocg(now), blended) / np.float32(frame.exposure)
+    toned_before, toned_now = (tonemap(c @ _FROM_YCOCG.T) @ _TO_YCOCG.T for c in (before, now))
+    blended = inverse_tonemap(lerp(toned_before, toned_now, alpha[..., None]) @ _FROM_YCOCG.T)
+    image = np.where(is_new[..., None], now @ _FROM_YCOCG.T, blended) / np.float32(frame.exposure)
     image = np.clip(image, np.float32(0.0), np.float32(MAX_HALF))
 
     # the reactive factor for the next frame: squared, and negative where the pixel moves
@@ -438,9 +405,12 @@ def accumulate(frame: Prepared, history: Fsr2History | None, sizes: FrameSizes) 
     factor = np.maximum(factor * factor, disoccluded * 0.1)
     factor = np.where(is_new, np.float32(1.0), factor)
     factor = np.where(speed * 10.0 >= 1.0, -np.maximum(factor, EPSILON), factor)
+    # locks age by one in a jitter period; those about to leave the screen end
+    phases = jitter_phase_count(width / sizes.render[0])
+    lifetime = np.maximum(locks.lifetime - now_weight / np.float32(phases * _AVERAGE_WEIGHT), 0.0)
     stays = _inside(x - motion[..., 0], y - motion[..., 1], sizes)
-    color_and_factor = np.concatenate([image, factor[..., None]], axis=-1)
-    return Fsr2History(color_and_factor, aged(locks, now_weight, stays, sizes), lumas)
+    aged = np.stack([np.where(stays, lifetime, np.float32(0.0)), locks.luma], axis=-1)
+    return Fsr2History(np.concatenate([image, factor[..., None]], axis=-1), aged, lumas)
 
 
 def _inside(x: Array, y: Array, sizes: FrameSizes) -> Bool:
@@ -464,13 +434,6 @@ def update_locks(
     lifetime = lifetime * (1.0 - reactive) * saturate(1.0 - mask) * (disoccluded < 0.1)
     contribution = saturate(saturate(lifetime - 1.0) * 4.0) * saturate(_min_over_max(luma, shading))
     return LockUpdate(lifetime, luma, contribution, change, reactive)
-
-
-def aged(update: LockUpdate, weight: Array, stays: Bool, sizes: FrameSizes) -> Array:
-    """Return the locks (H, W, 2) for the next frame; those about to leave the screen end."""
-    phases = jitter_phase_count(sizes.display[0] / sizes.render[0])
-    older = np.maximum(update.lifetime - weight / np.float32(phases * _AVERAGE_WEIGHT), 0.0)
-    return np.stack([np.where(stays, older, np.float32(0.0)), update.luma], axis=-1)
 
 
 def _min_over_max(a: Array, b: Array) -> Array:
@@ -505,14 +468,7 @@ def luma_instability(box: ColorBox, lumas: Array, reactive: Array, mask: Array) 
 
 
 def rectify(
-    history: Array,
-    accumulation: Array,
-    box: ColorBox,
-    kept: Array,
-    sizes: FrameSizes,
-    *,
-    untrusted: Array,
-    speed: Array,
+    history: Array, accumulation: Array, box: ColorBox, *, scale: Array, kept: Array
 ) -> tuple[Array, Array]:
     """Clamp the history to the box, and shorten its accumulation where it was outside.
 
@@ -520,19 +476,14 @@ def rectify(
         history: (H, W, 3) YCoCg.
         accumulation: (H, W), weight of the history.
         box: colour box of this frame.
+        scale: (H, W), half the side of the box in standard deviations.
         kept: (H, W), fraction of the history that locks and flicker keep as it is.
-        sizes: sizes of the frame.
-        untrusted: (H, W), the larger of disocclusion and diverging motion.
-        speed: (H, W) display pixels.
     """
-    widest = min(20.0, float(sizes.upscale[0] * sizes.upscale[1]) ** 3)
-    scale = lerp(widest, 1.0, np.maximum(untrusted, saturate(speed / np.float32(20.0))))[..., None]
-    low = np.maximum(box.low, box.centre - scale * box.deviation)
-    high = np.minimum(box.high, box.centre + scale * box.deviation)
+    low = np.maximum(box.low, box.centre - scale[..., None] * box.deviation)
+    high = np.minimum(box.high, box.centre + scale[..., None] * box.deviation)
     outside = np.asarray(((history < low) | (history > high)).any(axis=-1))
     clamped = np.where(outside[..., None], np.clip(history, low, high), history)
     shortened = np.where(outside, np.minimum(accumulation, 0.1), accumulation)
-    kept = saturate(kept)
     return lerp(clamped, history, kept[..., None]), lerp(shortened, accumulation, kept)
 
 
@@ -542,7 +493,7 @@ def upsample(
     """Sample a frame by Lanczos2 over 3x3 samples; return colour, weight of the samples, and their box.
 
     Args:
-        color: (h, w, 3) prepared YCoCg.
+        color: (h, w, 3) exposed YCoCg.
         reactive: (H, W), 1 where there is no history: the wider the kernel.
         disoccluded: (H, W).
         speed: (H, W) display pixels: the faster, the narrower the box.
@@ -567,7 +518,11 @@ def upsample(
             ones = np.ones_like(box_weight)
             moments += box_weight * np.concatenate([sample, sample * sample, ones], axis=-1)
             samples.append(sample)
-    box, weight = _box(moments, samples), total[..., 3:]
+    box_weight, weight = moments[..., 6:], total[..., 3:]
+    box_weight = np.where(np.abs(box_weight) > EPSILON, box_weight, np.float32(1.0))
+    centre, square = moments[..., :3] / box_weight, moments[..., 3:6] / box_weight
+    deviation = np.sqrt(np.abs(square - centre * centre))
+    box = ColorBox(centre, deviation, np.minimum.reduce(samples), np.maximum.reduce(samples))
     counts = weight > EPSILON  # elsewhere the colour does not count
     found = np.clip(total[..., :3] / np.where(counts, weight, np.float32(1.0)), box.low, box.high)
     scaled = np.where(counts, weight * np.float32(UPSAMPLE_WEIGHT_SCALE), np.float32(0.0))
@@ -586,14 +541,6 @@ def _axis(render: int, display: int, jitter: float) -> list[tuple[Indices, Array
         )
         for k in (-1, 0, 1)
     ]
-
-
-def _box(moments: Array, samples: list[Array]) -> ColorBox:
-    weight = moments[..., 6:]
-    weight = np.where(np.abs(weight) > EPSILON, weight, np.float32(1.0))
-    centre, square = moments[..., :3] / weight, moments[..., 3:6] / weight
-    deviation = np.sqrt(np.abs(square - centre * centre))
-    return ColorBox(centre, deviation, np.minimum.reduce(samples), np.maximum.reduce(samples))
 
 
 # Colours, and reads of textures.
@@ -617,16 +564,6 @@ def saturate(values: Array) -> Array:
 def prepared(rgb: Array, exposure: float) -> Array:
     """Return exposed linear RGB in [0, 65504] of scene-linear RGB."""
     return np.asarray(np.clip(rgb * np.float32(exposure), 0.0, MAX_HALF))
-
-
-def to_ycocg(rgb: Array) -> Array:
-    """Convert RGB to YCoCg."""
-    return np.asarray(rgb @ _TO_YCOCG.T)
-
-
-def from_ycocg(ycocg: Array) -> Array:
-    """Convert YCoCg to RGB."""
-    return np.asarray(ycocg @ _FROM_YCOCG.T)
 
 
 def tonemap(rgb: Array) -> Array:
@@ -694,10 +631,9 @@ def _footprint(position: Array, side: int, reach: int) -> tuple[list[Indices], A
 
 
 def _weighted(texels: list[Array], fraction: Array) -> Array:
-    def weight(offset: float) -> Array:
-        x = np.minimum(np.abs(offset - fraction), np.float32(2.0))
-        return np.where(x < EPSILON, np.float32(1.0), np.sinc(x) * np.sinc(x / 2.0)).astype(np.float32)
-
-    weights = [weight(offset) for offset in (-1.0, 0.0, 1.0, 2.0)]
-    total = sum(w * texel for w, texel in zip(weights, texels, strict=True))
+    distances = [np.minimum(np.abs(k - fraction), np.float32(2.0)) for k in (-1.0, 0.0, 1.0, 2.0)]
+    weights = [
+        np.where(x < EPSILON, 1.0, np.sinc(x) * np.sinc(x / 2.0)).astype(np.float32) for x in distances
+    ]
+    total = sum(weight * texel for weight, texel in zip(weights, texels, strict=True))
     return np.asarray(total / np.sum(weights, axis=0), np.float32)

@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ import coverage
 import pytest
 
 from mutation.mutants import Mutant
-from mutation.session import Outcome, in_child, run_tests
+from mutation.session import HERE, Outcome, in_child, run_tests
 from mutation.targets import EXCLUDED, TARGETS, TESTS
 
 SETUP = "(setup)"
@@ -103,28 +104,30 @@ class CoverageMap:
         return sorted(run, key=lambda test: ((0.1 + self.seconds[test]) / run[test], test))
 
 
-def record(tree: Path, kept: Path, log: Path) -> CoverageMap:
-    """Return the map of `tree`, of what `kept` holds and, where that is out of date, of tests run anew."""
-    targets, records = targets_of(tree), json.loads(kept.read_text()) if kept.exists() else {}
+def record(tree: Path, kept: Path, workers: Executor) -> CoverageMap:
+    """Return the map of `tree`: what `kept` holds and, where that is out of date, tests recorded anew."""
+    records = json.loads(kept.read_text()) if kept.exists() else {}
     files = files_of(tree, TESTS, EXCLUDED)
-    for i, test_file in enumerate(files, 1):
-        entry = records.get(test_file)
-        if entry and entry["hash"] == hash_of(tree / test_file, *(tree / t for t in entry["lines"])):
-            continue
-        print(f"[{i:3}/{len(files)}] recording {test_file}", end=" ", flush=True)
-        outcome = in_child(partial(_recorded, tree, targets, test_file), FILE_SECONDS, log)
+
+    def digest(test_file: str) -> str:
+        return hash_of(tree / test_file, *(tree / target for target in records[test_file]["lines"]))
+
+    due = [file for file in files if file not in records or records[file]["hash"] != digest(file)]
+    due.sort(key=lambda file: -sum(records.get(file, {}).get("seconds", {"": 0.0}).values()))
+    for number, (test_file, outcome) in enumerate(workers.map(_recorded, due), 1):
+        problem = f", failed: {outcome.failed}" if outcome.failed else ""
         print(
-            f"{sum(outcome.seconds.values()):.1f} s"
-            + (f", failed: {outcome.failed}" if outcome.failed else "")
+            f"[{number:3}/{len(due)}] {test_file}: {sum(outcome.seconds.values()):.1f} s{problem}", flush=True
         )
-        of = hash_of(tree / test_file, *(tree / t for t in outcome.lines))
-        records[test_file] = {"hash": of, "seconds": outcome.seconds, "lines": outcome.lines}
+        records[test_file] = {"seconds": outcome.seconds, "lines": outcome.lines}
+        records[test_file]["hash"] = digest(test_file)
         kept.write_text(json.dumps(records))
-    return _joined(records[f] for f in files)
+    return _joined(records[file] for file in files)
 
 
-def _recorded(tree: Path, targets: list[str], test_file: str) -> Outcome:
-    return Recorder(tree, targets).record(test_file)
+def _recorded(test_file: str) -> tuple[str, Outcome]:
+    recorder = Recorder(HERE.tree, targets_of(HERE.tree))
+    return test_file, in_child(partial(recorder.record, test_file), FILE_SECONDS, HERE.log)
 
 
 def _joined(records: Iterator[dict[str, dict[str, dict[str, list[str]]]]]) -> CoverageMap:

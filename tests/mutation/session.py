@@ -1,4 +1,4 @@
-"""Tests run in a copy of the tree, in a child process that finds torch already imported."""
+"""Tests run in copies of the tree, in child processes that find torch already imported."""
 
 import importlib
 import multiprocessing
@@ -9,9 +9,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
+from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 
 import pytest
@@ -58,6 +60,35 @@ class Watch:
         """Note a file that cannot be imported."""
         if report.failed and self.outcome.failed is None:
             self.outcome.failed = f"{report.nodeid} (import)"
+
+
+@dataclass
+class Workplace:
+    """The copy of the tree, and the log, of one worker process."""
+
+    tree: Path = Path()
+
+    @property
+    def log(self) -> Path:
+        """Output of the last run of tests."""
+        return self.tree.with_suffix(".log")
+
+
+HERE = Workplace()
+"""Set in each worker of `pool`."""
+
+
+def pool(trees: Sequence[Path]) -> ProcessPoolExecutor:
+    """Return one worker process for each copy of the tree, which it has to itself."""
+    context = multiprocessing.get_context("fork")
+    free = context.SimpleQueue()
+    for tree in trees:
+        free.put(tree)
+    return ProcessPoolExecutor(len(trees), context, _take, (free,))
+
+
+def _take(free: "SimpleQueue[Path]") -> None:
+    HERE.tree = free.get()
 
 
 def preload() -> None:

@@ -14,7 +14,7 @@ from supersampler.frame import Float32, Size
 from supersampler.io.display import BT709, decibels, display_transform
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench import fsr2
-from supersampler_bench.fsr2 import FSR2_LIKE, DepthClip, Fsr2Like
+from supersampler_bench.fsr2 import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality.measure import measure_quality, runnable
 from supersampler_model.data.scenes.analytic import (
     AnalyticScene,
@@ -77,9 +77,7 @@ def test_where_the_depth_clip_says_so_less_is_left_of_what_hid_a_surface(
         return float(np.abs(display_transform(last(scene, 12)) - truth)[uncovered].mean())
 
     clipped = error()
-    monkeypatch.setattr(
-        fsr2, "depth_clip", lambda buffers, *_: DepthClip(*np.zeros((2, *buffers.depth.shape)))
-    )
+    monkeypatch.setattr(fsr2, "disocclusion", lambda depth, *_: np.zeros_like(depth))
     assert clipped < 0.9 * error()
 
 
