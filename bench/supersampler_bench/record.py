@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from subprocess import TimeoutExpired
 from typing import Any, ClassVar, Self, TypeAlias, TypeVar
@@ -18,7 +17,7 @@ from typing import Any, ClassVar, Self, TypeAlias, TypeVar
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import replacing
-from supersampler.io.machine import machine
+from supersampler.io.machine import installed_versions, machine
 from supersampler.methods.model_file import extrapolation_names, model_names, shipped_model
 
 T = TypeVar("T")
@@ -61,7 +60,7 @@ class Provenance:
         return cls(
             commit=_commit(),
             model_digests=dict(model_digests()),
-            versions={"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}},
+            versions={"python": platform.python_version(), **installed_versions(*_PACKAGES)},
             machine=machine(),
             command=["supersampler", *sys.argv[1:]],
             date=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -107,7 +106,7 @@ class BenchRecord:
     @property
     def machine_name(self) -> str:
         """The processor and the number of its cores."""
-        return machine_name(asdict(self.provenance))
+        return f"{self.provenance.machine['cpu']}, {self.provenance.machine['cores']} cores"
 
     def to_json(self) -> dict[str, Any]:
         """Return all values, ready for JSON."""
@@ -200,11 +199,6 @@ def _commit() -> str | None:
     return found.stdout.decode().strip() if found.returncode == 0 else None
 
 
-def machine_name(record: JsonRecord) -> str:
-    """Return the processor and the number of cores that a record was measured on."""
-    return f"{record['machine']['cpu']}, {record['machine']['cores']} cores"
-
-
 def read_record(path: Path) -> dict[str, Any]:
     """Return a record that a bench command wrote with `--json`.
 
@@ -240,13 +234,6 @@ def write_json(record: BenchRecord | JsonRecord, path: Path) -> None:
     text = json.dumps(_without_nan(values), indent=1, allow_nan=False) + "\n"
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None  # such as onnxruntime, which has several distributions
 
 
 def _without_nan(value: Any) -> Any:

@@ -67,21 +67,13 @@ def quality(
       supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.quality.score_table import (
-        QualityRecord,
-        rich_class_table,
-        rich_kind_table,
-        rich_table,
-    )
+    from supersampler_bench.quality.score_table import QualityRecord, terminal_tables
 
     _, opened = opened_shots(shot, cache, ratio)
     record = QualityRecord.of([_measured(one, origin, split_list(methods), output) for one, origin in opened])
     console = Terminal()
-    for title, rows in [*record.shot_tables(), *record.mean_tables().values()]:
-        console.print(rich_table(title, rows))
-        for more in (rich_kind_table(title, rows), rich_class_table(title, rows)):
-            if more is not None:
-                console.print(more)
+    for titled in [*record.shot_tables(), *record.mean_tables().values()]:
+        console.print(*terminal_tables(*titled))
     if json is not None:
         write_json(record, json)
 

@@ -168,36 +168,28 @@ class Alternation:
 
 
 @dataclass(frozen=True)
-class UnshadedScores:
-    """Scores of unshaded frames, PSNR of the shaded ones, and changes from frame to frame over all frames.
+class UnshadedScores(MethodScores):
+    """Scores of the unshaded frames, and of the shaded ones.
 
-    Attributes:
-        unshaded: scores of the unshaded frames.
-        shaded: of the shaded ones.
+    Summaries are of the unshaded frames, with the PSNR of the shaded ones; metrics of changes are over all.
     """
 
-    unshaded: MethodScores
     shaded: MethodScores
 
     @classmethod
     def of(cls, scores: MethodScores, unshaded: Collection[int]) -> "UnshadedScores":
         """Return the scores of a method, given the indices of its unshaded frames."""
-        kinds = (
-            [frame for frame in scores.frames if (frame.frame in unshaded) is kind] for kind in (True, False)
-        )
-        return cls(*(MethodScores(scores.method, frames) for frames in kinds))
-
-    @property
-    def method(self) -> str:
-        """Its name."""
-        return self.unshaded.method
+        frames = [frame for frame in scores.frames if frame.frame in unshaded]
+        shaded = [frame for frame in scores.frames if frame.frame not in unshaded]
+        return cls(scores.method, frames, MethodScores(scores.method, shaded))
 
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
         """See `MethodScores`."""
-        unshaded, shaded = (one.summary(warm=warm, cropped=cropped) for one in (self.unshaded, self.shaded))
-        frames = [*self.unshaded.frames, *self.shaded.frames]
-        every = MethodScores(self.method, frames).summary(warm=warm, cropped=cropped)
-        temporal = {name: every[name] for name in TEMPORAL_METRICS}
+        unshaded = super().summary(warm=warm, cropped=cropped)
+        shaded = self.shaded.summary(warm=warm, cropped=cropped)
+        every = MethodScores(self.method, [*self.frames, *self.shaded.frames])
+        changes = every.summary(warm=warm, cropped=cropped)
+        temporal = {name: changes[name] for name in TEMPORAL_METRICS}
         return unshaded | temporal | {PSNR_SHADED: shaded["psnr"]}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> None:

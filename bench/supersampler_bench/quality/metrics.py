@@ -1,8 +1,7 @@
 """Image metrics against a reference: each metric one function, range and unit in its docstring.
 
-All but `warp` take images as a screen shows them, `display_transform(linear, exposure)` of DESIGN.md
-section 7: (H, W, 3) float in [0, 1], sRGB encoded, output and reference with the same exposure. A border is
-cropped by the caller, by `crop`.
+All but `warp` take display values, `display_transform(linear, exposure)`: (H, W, 3) float in [0, 1], sRGB
+encoded, output and reference with the same exposure. The caller crops the border, by `crop`.
 """
 
 from typing import Any

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self, TypeAlias
 
+from rich.table import Column as TableColumn
 from rich.table import Table
 
 from supersampler.cli.arguments import size_text
@@ -20,6 +21,7 @@ from supersampler_bench.quality.scores import (
     fractions,
     mean_rows,
     overlap,
+    shots_by_ratio,
 )
 
 Titled: TypeAlias = tuple[str, Sequence[MethodRow]]
@@ -107,14 +109,31 @@ def markdown_table(
     return table(headings, named, f"{title}.")
 
 
-def rich_table(title: str, rows: Sequence[MethodRow]) -> Table:
-    """Return the table for a terminal: a line a metric, so that it fits into 80 columns."""
-    shown = Table("", caption=title)
-    for row in rows:
-        shown.add_column(row.method, justify="right")
+def terminal_tables(title: str, rows: Sequence[MethodRow]) -> Iterator[Table]:
+    """Yield the scores, the error by kind of pixel, and the overlap of classes, those that are known.
+
+    Each has a column a method, so that it fits into 80 columns.
+    """
+    shown = _terminal_table("", (row.method for row in rows), title)
     for column in _shown(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS, *CORNER_COLUMNS)), rows):
         shown.add_row(column.heading, *_column(column, rows, "[bold]{}[/bold]"))
-    return shown
+    yield shown
+    if kinds := list(_kind_rows(rows)):
+        shown = _terminal_table("fraction of the error, PSNR", (name for name, *_ in kinds), title)
+        for kind, *cells in zip(KINDS, *(cells for _, *cells in kinds), strict=True):
+            shown.add_row(kind, *cells)
+        yield shown
+    if confusions := confusions_of(rows):
+        shown = _terminal_table("intersection over union", (method for method, _ in confusions), title)
+        for index, (group, names) in enumerate(CLASSES.items()):
+            found = [overlap(counts[index]) for _, counts in confusions]
+            for number, name in enumerate(names):
+                shown.add_row(f"{group}: {name}", *(figure(of[number], 3) for of in found))
+        yield shown
+
+
+def _terminal_table(corner: str, names: Iterable[str], title: str) -> Table:
+    return Table(corner, *(TableColumn(name, justify="right") for name in names), caption=title)
 
 
 def _shown(columns: Iterable[Column], rows: Sequence[MethodRow]) -> list[Column]:
@@ -153,19 +172,6 @@ def _class_table(title: str, names: Sequence[str], matrix: Counts) -> str:
     return table([title, *(f"predicted {name}:" for name in names), "of all pixels:", "IoU:"], rows)
 
 
-def rich_class_table(title: str, rows: Sequence[MethodRow]) -> Table | None:
-    """Return the intersections over union for a terminal, a line a class; None where there are none."""
-    confusions = confusions_of(rows)
-    if not confusions:
-        return None
-    shown = Table("intersection over union", *(method for method, _ in confusions), caption=title)
-    for index, (group, names) in enumerate(CLASSES.items()):
-        found = [overlap(counts[index]) for _, counts in confusions]
-        for number, name in enumerate(names):
-            shown.add_row(f"{group}: {name}", *(figure(of[number], 3) for of in found))
-    return shown
-
-
 def _kind_rows(rows: Sequence[MethodRow]) -> Iterator[list[str]]:
     """Yield the fraction of the pixels of each of KINDS; then of each method that of the error, and PSNR."""
     known = [row for row in rows if any(f"pixel_share_{kind}" in row.known() for kind in KINDS)]
@@ -184,23 +190,9 @@ def _percent(row: MethodRow, name: str) -> float | None:
 
 def kind_table(title: str, rows: Sequence[MethodRow]) -> str:
     """Return a Markdown table of the error by kind of pixel; "" where kinds are unknown."""
+    headings = ["fraction of the error, PSNR", *(f"{kind}:" for kind in KINDS)]
     found = list(_kind_rows(rows))
-    return (
-        table(["fraction of the error, PSNR", *(f"{kind}:" for kind in KINDS)], found, f"{title}.")
-        if found
-        else ""
-    )
-
-
-def rich_kind_table(title: str, rows: Sequence[MethodRow]) -> Table | None:
-    """Return the error by kind of pixel for a terminal, a line a kind; None where kinds are unknown."""
-    found = list(_kind_rows(rows))
-    if not found:
-        return None
-    shown = Table("fraction of the error, PSNR", *(name for name, *_ in found), caption=title)
-    for kind, *cells in zip(KINDS, *(cells for _, *cells in found), strict=True):
-        shown.add_row(kind, *cells)
-    return shown
+    return table(headings, found, f"{title}.") if found else ""
 
 
 @dataclass(frozen=True)
@@ -235,7 +227,7 @@ class QualityRecord(ScoresRecord):
     def mean_tables(self, *, everything: bool = False) -> dict[float, Titled]:
         """Return caption and rows of the mean at each ratio; nothing for one shot."""
         found: dict[float, Titled] = {}
-        for ratio, shots in self.shots_by_ratio().items():
+        for ratio, shots in shots_by_ratio(self.shots).items():
             title = (
                 f"Mean of the shots {', '.join(shot.name for shot in shots)} at ratio {ratio:g} to "
                 f"{size_text(shots[0].display_size)}: {shots[0].frames} frames each, {_counted(everything)}"

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,20 +180,6 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(known)) if known else float("nan")
 
 
-class Summarized(Protocol):
-    """Scores of one method that have summaries; see `MethodScores`."""
-
-    @property
-    def method(self) -> str:
-        """Name of the method."""
-
-    def summary(self, *, warm: bool, cropped: bool) -> Scores:
-        """Return each metric; NaN where it is unknown."""
-
-    def classes(self, *, warm: bool, cropped: bool) -> Counts | None:
-        """Return class counts; None where classes are unknown."""
-
-
 @dataclass(frozen=True)
 class ClassCounts:
     """Pixels of a group of classes, by true and predicted class, and the overlap of each class."""
@@ -232,7 +218,7 @@ class MethodRow:
     ratio: float | None = None
 
     @classmethod
-    def of(cls, scores: Summarized) -> Self:
+    def of(cls, scores: MethodScores) -> Self:
         """Return the summaries of one method."""
         variants = SUMMARY_VARIANTS.items()
         return cls(
@@ -335,10 +321,6 @@ class ScoresRecord(BenchRecord):
     shots: list[ShotRow]
     warm_up_frames: int = field(default=WARM_UP_FRAMES, kw_only=True)
     border: int = field(default=BORDER, kw_only=True)
-
-    def shots_by_ratio(self) -> dict[float, list[ShotRow]]:
-        """Return the shots of each ratio; nothing for a single shot, which has no mean."""
-        return shots_by_ratio(self.shots)
 
 
 def shots_by_ratio(shots: Sequence[ShotRow]) -> dict[float, list[ShotRow]]:

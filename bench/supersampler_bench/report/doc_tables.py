@@ -12,35 +12,21 @@ from pathlib import Path
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import is_there
+from supersampler_bench import parity  # noqa: F401  # each module registers its record
 from supersampler_bench.markdown import find_block, update_block
-from supersampler_bench.parity import ParityRecord
-from supersampler_bench.quality.extrapolation import ExtrapolationRecord
-from supersampler_bench.quality.score_table import QualityRecord
-from supersampler_bench.quality.still import StillRecord
-from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, JsonRecord, age_of, read_record, write_json
-from supersampler_bench.stress.runner import StressRecord
-from supersampler_bench.timing.against import AgainstRecord, StartupRecord
-from supersampler_bench.timing.cost import CostRecord
-from supersampler_bench.timing.gpu_record import GpuRecord
-from supersampler_bench.timing.latency import LatencyRecord
-from supersampler_bench.timing.pareto import ParetoRecord
-from supersampler_bench.timing.skip import SkipRecord
-from supersampler_bench.timing.traffic import TrafficRecord
-
-RECORDS: tuple[type[BenchRecord], ...] = (
-    *(QualityRecord, ExtrapolationRecord, StillRecord, ParityRecord, StressRecord),
-    *(
-        LatencyRecord,
-        AgainstRecord,
-        StartupRecord,
-        SkipRecord,
-        ParetoRecord,
-        GpuRecord,
-        CostRecord,
-        TrafficRecord,
-    ),
+from supersampler_bench.quality import extrapolation, score_table, still  # noqa: F401
+from supersampler_bench.record import (
+    BENCHES,
+    SHIPPED_PARETO,
+    BenchRecord,
+    JsonRecord,
+    age_of,
+    read_record,
+    write_json,
 )
-"""Types of the records whose tables the documentation has."""
+from supersampler_bench.stress import runner  # noqa: F401
+from supersampler_bench.timing import against, cost, gpu_record, latency, pareto, skip, traffic  # noqa: F401
+
 RESULTS = Path("bench/results")
 """Folder of the records of published numbers, in the repository."""
 COMMANDS = Path("bench/records.toml")
@@ -57,11 +43,9 @@ def blocks_of(name: str, record: JsonRecord) -> Mapping[str, Callable[[], str]]:
         name: name of its file, without the suffix: "quality-plaza" is the block "quality plaza".
         record: read from it.
     """
-    kind = next((kind for kind in RECORDS if record["bench"] == kind.BENCH), None)
-    block = name.replace("-", " ", 1)
-    if kind is None:
+    if (kind := BENCHES.get(record["bench"])) is None:
         return {}
-    names = zip(kind.block_names(block), kind.TABLES, strict=True)
+    names = zip(kind.block_names(name.replace("-", " ", 1)), kind.TABLES, strict=True)
     return {each: partial(_block_text, record, table) for each, table in names}
 
 
@@ -220,8 +204,8 @@ def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
             on_line(done.stderr.decode(errors="replace").strip() or f"code {done.returncode}")
             return False
     record = read_record(root / path)
-    if record["bench"] == QualityRecord.BENCH:
-        write_json(QualityRecord.from_json(record).without_frames(), root / path)
+    if record["bench"] == score_table.QualityRecord.BENCH:
+        write_json(score_table.QualityRecord.from_json(record).without_frames(), root / path)
     return True
 
 

@@ -6,7 +6,7 @@ import pytest
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.io.shot import ClassMaps
-from supersampler_bench.quality.score_table import class_tables, rich_class_table
+from supersampler_bench.quality.score_table import class_tables
 from supersampler_bench.quality.scores import (
     FRAME_METRICS,
     ClassCounts,
@@ -94,12 +94,10 @@ def test_the_tables_name_true_and_predicted_classes_and_overlap() -> None:
     assert ghosting.splitlines()[2] == "| none | 100.0 % | 0.0 % | 0.0 % | 90.00 % | 1.000 |"
     assert ghosting.splitlines()[4] == "| shading | – | – | – | 0.00 % | – |"
     assert aliasing.splitlines()[2] == "| none | 50.0 % | 25.0 % | 25.0 % | 100.00 % | 0.500 |"
-    assert rich_class_table("title", [MethodRow.of(scores(counts))]) is not None
 
 
 def test_methods_without_classes_have_no_tables() -> None:
     assert class_tables([MethodRow.of(scores(None))]) == ""
-    assert rich_class_table("title", [MethodRow.of(scores(None))]) is None
     assert ClassCounts.of(None) is None
 
 

@@ -1,8 +1,8 @@
 """Measures of corners on small planes whose results are known."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,63 +168,39 @@ def test_light_that_changes_on_an_outline_is_no_shadow_edge() -> None:
     assert not after(*frames).shadow_edges.any()
 
 
-def outline() -> CornerTruth:
-    """Return the truth of a mover that covers the right half."""
-    mover = np.zeros(SHAPE, np.float32)
-    mover[:, 30:] = 1.0
-    return after(planes(moving=mover))
+EDGE = np.broadcast_to(np.where(np.arange(SHAPE[1]) < 30, 0.2, 0.7)[:, None], (*SHAPE, 3))
+DOTTED = EDGE.copy()
+DOTTED[20, 32] += 0.2
+BAND = 8 * SHAPE[0]
+"""Pixels of columns 26 to 33, around the outline of a mover that covers the right half."""
 
 
-def speckle_of(
-    change: Callable[[NDArray[np.float64]], None], reference: NDArray[np.float64] | None = None
-) -> float:
-    """Return the speckle of an image that differs from the reference, an edge, by `change`."""
-    truth = outline()
-    edge = np.where(np.arange(SHAPE[1]) < 30, 0.2, 0.7)
-    true = np.broadcast_to(edge[:, None], (*SHAPE, 3)).copy() if reference is None else reference.copy()
-    image = true.copy()
-    change(image)
-    return speckle(specks(image, truth.window), specks(true, truth.window), truth).value
-
-
-def test_speckle_counts_dots_near_outlines_and_no_others() -> None:
-    def dot(image: NDArray[np.float64]) -> None:
-        image[20, 32] += 0.2
-
-    def square(image: NDArray[np.float64]) -> None:
-        image[20:22, 31:33] += 0.2  # a sample's pixel at ratio 2
-
-    def far_away(image: NDArray[np.float64]) -> None:
-        image[20, 40] += 0.2
-
-    band = 8 * SHAPE[0]  # columns 26 to 33
-    assert speckle_of(dot) == pytest.approx(0.2 / band, rel=0.01)
-    assert speckle_of(square) == pytest.approx(4 * 0.2 / band, rel=0.01)
-    assert speckle_of(far_away) == 0.0
-
-
-def test_blur_of_an_outline_is_no_speckle() -> None:
-    def blur(image: NDArray[np.float64]) -> None:
-        image[:, 28:32] = np.array([0.25, 0.4, 0.55, 0.68])[:, None]
-
-    assert speckle_of(blur) == 0.0
-
-
-def test_dots_of_the_reference_are_no_speckle() -> None:
-    edge = np.broadcast_to(np.where(np.arange(SHAPE[1]) < 30, 0.2, 0.7)[:, None], (*SHAPE, 3)).copy()
-    edge[20, 32] += 0.2
-    assert speckle_of(lambda _: None, edge) == 0.0
-
-
-def test_a_dot_that_is_missing_does_not_make_up_for_one_elsewhere() -> None:
-    edge = np.broadcast_to(np.where(np.arange(SHAPE[1]) < 30, 0.2, 0.7)[:, None], (*SHAPE, 3)).copy()
-    edge[20, 32] += 0.2
-
-    def move(image: NDArray[np.float64]) -> None:
-        image[20, 32] -= 0.2
-        image[10, 32] += 0.2
-
-    assert speckle_of(move, edge) == pytest.approx(0.2 / (8 * SHAPE[0]), rel=0.01)
+@pytest.mark.parametrize(
+    ("reference", "changes", "speckles"),
+    [
+        pytest.param(EDGE, {(20, 32): 0.2}, 0.2 / BAND, id="a dot"),
+        pytest.param(
+            EDGE, {(slice(20, 22), slice(31, 33)): 0.2}, 0.8 / BAND, id="a sample's pixel at ratio 2"
+        ),
+        pytest.param(EDGE, {(20, 40): 0.2}, 0.0, id="a dot far away"),
+        pytest.param(
+            EDGE,
+            {np.s_[:, 28]: 0.05, np.s_[:, 29]: 0.2, np.s_[:, 30]: -0.15, np.s_[:, 31]: -0.02},
+            0.0,
+            id="blur",
+        ),
+        pytest.param(DOTTED, {}, 0.0, id="a dot of the reference"),
+        pytest.param(DOTTED, {(20, 32): -0.2, (10, 32): 0.2}, 0.2 / BAND, id="a dot that moved"),
+    ],
+)
+def test_speckle_counts_dots_near_outlines_that_the_reference_lacks(
+    reference: NDArray[np.float64], changes: dict[Any, float], speckles: float
+) -> None:
+    truth, image = after(planes(moving=column(*range(30, SHAPE[1])))), reference.copy()
+    for place, change in changes.items():
+        image[place] += change
+    found = speckle(specks(image, truth.window), specks(reference, truth.window), truth)
+    assert found.value == pytest.approx(speckles, rel=0.01)
 
 
 def test_the_window_of_specks_is_less_than_half_filled_by_a_sample() -> None:

@@ -1,7 +1,6 @@
 """`bench latency` times settings in turns beside `taa`, and lists only those that a method has."""
 
 import shutil
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -142,7 +141,3 @@ def test_multiply_adds_match_the_layers_and_the_budget(tmp_path: Path) -> None:
 def test_a_method_without_a_network_is_named() -> None:
     with pytest.raises(ArgumentError, match="taau"):
         cost_of("taau")
-
-
-def test_a_small_methods_config_is_marked() -> None:
-    assert asdict(SmallClassifier().config)["network"]["hidden"] == 26
