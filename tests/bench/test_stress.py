@@ -327,7 +327,6 @@ def test_values_outside_their_bound_are_marked() -> None:
     assert "| threads | difference | 0 | 0 | **0.5** |" in table
     assert "| values not in [0, 65504] | 0 | 0 | **3** |" in table
     assert "2 of 4 figures are within their bounds" in table
-    assert [o["passed"] for o in record.to_json()["outcomes"]] == [True, False]
 
 
 def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:

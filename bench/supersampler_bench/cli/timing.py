@@ -272,7 +272,7 @@ def device(
     names, displays = split_list(methods), size_list("--display-size", display_size)
     ratios = number_list("--ratio", ratio)
     device, began = device_with_timestamps(), time.perf_counter()
-    record = GpuRecord.of(device, names)
+    record = GpuRecord.of(device)
     say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")
 
     def keep(text: str) -> bool:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
@@ -127,13 +126,6 @@ class StressRecord(BenchRecord):
     outcomes: list[ScenarioOutcome]
     BENCH = "stress"
     TABLES = ("", "scenarios")
-
-    def to_json(self) -> dict[str, Any]:
-        """Return all values, ready for JSON, and whether each run passed."""
-        values = super().to_json()
-        for row, outcome in zip(values["outcomes"], self.outcomes, strict=True):
-            row["passed"] = outcome.passed
-        return values
 
     @classmethod
     def adapted(cls, data: JsonRecord) -> JsonRecord:

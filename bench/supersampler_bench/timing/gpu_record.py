@@ -1,14 +1,11 @@
 """Record and tables of `bench device`."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from supersampler.cli.arguments import size_text
 from supersampler.frame import Size
 from supersampler.io.machine import installed_versions
-from supersampler.methods.model_file import find_model, sha256
 from supersampler_bench.markdown import table
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.timing.gpu_images import GpuImages
@@ -29,7 +26,6 @@ class GpuRecord(BenchRecord):
     Attributes:
         adapter: as wgpu describes it, with the driver.
         packages: versions of wgpu and of its native library.
-        models: SHA-256 of each model's files, by model and file.
         limits: throughput of the device.
         images: differences from the CPU backend's images.
         steps: times of methods.
@@ -37,7 +33,6 @@ class GpuRecord(BenchRecord):
 
     adapter: dict[str, Any]
     packages: dict[str, str]
-    models: dict[str, dict[str, str]]
     limits: GpuLimits
     images: list[GpuImages] = field(default_factory=list)
     steps: list[GpuStep] = field(default_factory=list)
@@ -45,19 +40,13 @@ class GpuRecord(BenchRecord):
     TABLES = ("", "passes", "images")
 
     @classmethod
-    def of(cls, device: "wgpu.GPUDevice", methods: Sequence[str]) -> "GpuRecord":
-        """Measure the limits of a device; return the record of methods, without their times."""
+    def of(cls, device: "wgpu.GPUDevice") -> "GpuRecord":
+        """Measure the limits of a device; return its record without times."""
         from wgpu.backends import wgpu_native
 
         native = ".".join(map(str, wgpu_native.lib_version_info))
-        models = {
-            Path(method).name: {
-                path.name: sha256(path) for path in sorted(find_model(method).iterdir()) if path.is_file()
-            }
-            for method in methods
-        }
         packages = {**installed_versions("wgpu"), "wgpu-native": native}
-        return cls(dict(device.adapter.info), packages, models, measure_limits(device))
+        return cls(dict(device.adapter.info), packages, measure_limits(device))
 
     def table(self) -> str:
         """Return the times of steps as Markdown, with their caption."""
