@@ -125,14 +125,15 @@ def test_a_worker_reports_its_errors(cache: Path) -> None:
         render_test_shots(cache, replace(TINY, samples=9))
 
 
-@pytest.mark.parametrize("channel", ["color.R", "class.alias", "class.thin", "truth.moving"])
+@pytest.mark.parametrize("channel", ["R", "class.alias", "class.thin", "truth.moving"])
 def test_the_hash_is_of_pixels_and_not_of_files(cache: Path, tmp_path: Path, channel: str) -> None:
     shots = TINY_CORNERS if channel.startswith("truth") else TINY_APART
     [opened] = open_test_shots(cache, [2.0], shots, cache / "none.json")
     copy = copy_shot(opened.shot, tmp_path / "copy")
     assert pixel_hash(copy) == opened.digest
     path = tmp_path / "copy" / "reference" / "0004.exr"
-    write_exr(path, {n: 1 - array if n == channel else array for n, array in read_exr(path).items()})
+    channels = read_exr(path)
+    write_exr(path, {**channels, channel: 1 - channels[channel]})
     assert pixel_hash(copy) != opened.digest
 
 
