@@ -2,17 +2,18 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
+from method_backends import BACKENDS
 from shared_models import shared_model
 from supersampler import Upscaler, halton_jitter
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_png
-from supersampler.model import ExecutorName
+from supersampler.methods.registry import methods
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 
@@ -24,7 +25,7 @@ class Run(NamedTuple):
     """A method in a backend; with `extrapolation`, every second frame is unshaded, the last one too."""
 
     method: str
-    executor: ExecutorName
+    executor: Any
     extrapolation: str | None = None
 
     @property
@@ -34,14 +35,7 @@ class Run(NamedTuple):
 
 
 RUNS = [
-    *(Run(method, "onnx") for method in ("bilinear", "bicubic", "taa", "taau", "classifier")),
-    *(
-        Run(method, "onnx")
-        for method in ("classifier-small", "gbuffer-small", "gbuffer-small-4x", "gbuffer-fast", "extrapolate")
-    ),
-    *(Run(method, "cpu") for method in ("taa", "taau", "classifier", "classifier-small", "gbuffer-fast")),
-    Run("classifier-large", "onnx"),
-    Run("classifier-large", "cpu"),
+    *(Run(method, kind) for method, kind in BACKENDS if kind == "onnx" or methods()[method].history),
     Run("taau", "onnx", "guided-flow"),
     Run("taau", "cpu", "guided-warp"),
 ]

@@ -31,11 +31,3 @@ def test_an_unknown_name_is_an_attribute_error_with_a_hint(name: str, answer: st
     with pytest.raises(AttributeError) as caught:
         getattr(supersampler, name)
     assert str(caught.value) == f"module 'supersampler' has {answer}"
-
-
-@pytest.mark.parametrize("name", supersampler.__all__)
-def test_every_public_name_has_its_own_docstring(name: str) -> None:
-    value = getattr(supersampler, name)
-    assert value.__doc__
-    assert not value.__doc__.startswith(f"{name}(")  # what a dataclass writes by itself
-    assert value.__module__.startswith("supersampler.")

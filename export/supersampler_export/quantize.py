@@ -26,7 +26,8 @@ from torch import Tensor, nn
 from supersampler import Frame
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.io.shot import Shot
-from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, ClassifierConfig
+from supersampler.methods.classifier.network_file import BLOCK, KEPT, WORD, width_problem
+from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS
 from supersampler.methods.spec import constants_of, flags_of
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
@@ -38,9 +39,7 @@ Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 BYTE, SIGNED, MIDDLE = 255.0, 127.0, 128.0
 EPSILON = 1e-5  # of batch normalisation
-BLOCK, WORD = 32, 4  # outputs per kernel iteration; bytes per multiplication
 EIGHT = 8  # outputs per iteration of the last layer
-KEPT = (16, 8, 4, 4)  # bytes per pixel and level among the decoder's 32 inputs
 HALF_SIZE_BYTES = 8  # bytes of the half-size inputs in a record
 SCALES, FRAMES = (1.5, 2.5), 10  # ratios that the shipped shot is stepped at, frames of each
 SHARE = 0.9999
@@ -56,26 +55,14 @@ def cpu_network(method: Method) -> bytes | None:
     # the fields that kernels read or are compiled for; the others must have their defaults
     names = "network", *constants_of(method.spec), *flags_of(method.spec)
     constants = {name: getattr(method.config, name) for name in names}
-    if method.config != replace(type(method.config)(), **constants) or not _fits(method.config):
+    if method.config != replace(type(method.config)(), **constants) or width_problem(
+        vars(method.config.network)
+    ):
         return None
     stream = io.BytesIO()
     arrays: dict[str, Any] = quantized(method.net, calibrated(method))
     np.savez(stream, **arrays)
     return stream.getvalue()
-
-
-def _fits(config: ClassifierConfig) -> bool:
-    """Return whether the kernels support networks of these widths."""
-    widths = config.network
-    kept = [*(channels // 2 for channels in widths.levels[:-1]), widths.levels[-1]]
-    return (
-        len(kept) == len(KEPT)
-        and all(channels // 4**i <= room for i, (channels, room) in enumerate(zip(kept, KEPT, strict=True)))
-        and all(channels % 16 == 0 for channels in widths.levels)
-        and widths.decoder <= BLOCK
-        and widths.decoder_layers == 1
-        and widths.hidden + CLASSES <= 2 * BLOCK
-    )
 
 
 @dataclass(frozen=True)

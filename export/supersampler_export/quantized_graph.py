@@ -15,8 +15,9 @@ import onnx
 from numpy.typing import NDArray
 from onnx import helper, numpy_helper
 
+from supersampler.methods.classifier.network_file import KEPT
 from supersampler_export.graph import check_portable
-from supersampler_export.quantize import BYTE, KEPT, MIDDLE, packed_bytes, unpacked
+from supersampler_export.quantize import BYTE, MIDDLE, packed_bytes, unpacked
 
 Arrays = Mapping[str, NDArray[Any]]
 QUANTIZED_OPERATORS = frozenset({"QuantizeLinear", "DequantizeLinear"})

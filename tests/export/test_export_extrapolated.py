@@ -10,13 +10,10 @@ from lit_scene import LitScene
 from shared_models import shared_model
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
-from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
-from supersampler_export.folder import describe, write_model_folder
+from supersampler_export.folder import write_model_folder
 from supersampler_export.graph import ExportError
-from supersampler_export.half import to_half
-from supersampler_export.quantize import cpu_network
 from supersampler_model import ops
 from supersampler_model.methods.base import Method, load_trained, shipped_weights
 from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate
@@ -24,23 +21,7 @@ from supersampler_model.methods.guided_warp import GuidedWarp
 from torch_inputs import tensors_of
 
 SIZE, DISPLAY = (21, 13), (41, 27)
-SMALL = ClassifierConfig(
-    network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8),
-    neighbourhood_inputs=(),
-    rectified=False,
-    own_motion=False,
-)
-"""Smallest network of the method: tracing takes time for each operator."""
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
-
-
-@pytest.fixture(scope="module")
-def method() -> Extrapolate:
-    torch.manual_seed(2)
-    made = Extrapolate(SMALL)
-    for parameter in made.net.blend.parameters():
-        torch.nn.init.normal_(parameter, std=0.2)
-    return made.eval()
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +86,7 @@ def test_both_folders_say_what_they_are_and_have_one_history() -> None:
 
 @pytest.mark.parametrize("inner", [True, False])
 def test_nothing_is_written_where_either_is_off(
-    method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inner: bool
+    shipped: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inner: bool
 ) -> None:
     def made(one: Method, _: object) -> dict[str, bytes]:
         if one.spec.only_extrapolated is inner:
@@ -114,38 +95,17 @@ def test_nothing_is_written_where_either_is_off(
 
     monkeypatch.setattr(folder_module, "_folder_files", made)
     with pytest.raises(ExportError):
-        write_model_folder(method, tmp_path / "mine")
+        write_model_folder(shipped, tmp_path / "mine")
     assert not (tmp_path / "mine").exists()
 
 
 def test_each_graph_is_written_to_its_own_folder(
-    method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    shipped: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(folder_module, "_folder_files", lambda one, _: {"model.json": one.name.encode()})
-    write_model_folder(method, tmp_path / "mine")
+    write_model_folder(shipped, tmp_path / "mine")
     written = {str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
     assert written == {
         "mine/model.json": "extrapolate",
         "mine/extrapolated/model.json": "extrapolate-unshaded",
     }
-
-
-def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None:
-    packed, half_inputs = torch.rand(1, 4 * SMALL.planes, 8, 8), torch.rand(1, SMALL.half_inputs, 8, 8)
-    surface = torch.rand(1, 12, 8, 8)
-    for one, given in (
-        (method, (packed, half_inputs)),
-        (method.on_extrapolated(), (packed, half_inputs, surface)),
-    ):
-        half = to_half(one)
-        assert half is not None
-        with torch.no_grad():
-            found = half.get_submodule("net")(*(tensor.half() for tensor in given))
-            for a, b in zip(found, one.get_submodule("net")(*given), strict=True):
-                torch.testing.assert_close(a.float(), b, atol=2e-2, rtol=2e-2)
-
-
-def test_two_encoders_have_no_kernels(method: Extrapolate) -> None:
-    assert cpu_network(method) is None
-    assert "only_extrapolated" not in describe(method)
-    assert describe(method.on_extrapolated())["only_extrapolated"] is True

@@ -16,7 +16,6 @@ import jsonschema
 import pytest
 from typer.testing import CliRunner
 
-from supersampler.backends.gpu.device import LIMITS
 from supersampler.backends.gpu.memory import BufferSpec
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram
 from supersampler.cli.app import app
@@ -125,18 +124,6 @@ def test_sizes_by_rule_are_those_of_the_gpu_backend_and_of_the_larger_display_at
         assert all(map(suits, size_of(entry["covers"], sizes), of_pass.extent.size(render, display)))
 
 
-def test_a_history_of_render_size_has_that_of_the_frame_that_wrote_it(folders: dict[str, Path]) -> None:
-    resources = {one["name"]: one for one in about(folders["classifier"])["resources"]}
-    for name, before, after in (
-        ("surface", "previous", "render"),
-        ("blocks", "previous", "render"),
-        ("signatures", "previous_signatures", "signatures"),
-    ):
-        assert resources[f"history_{name}"]["size"]["of"] == before
-        assert resources[f"next_{name}"]["size"]["of"] == after
-    assert resources["history_pixels"]["size"]["of"] == resources["next_pixels"]["size"]["of"] == "display"
-
-
 @pytest.mark.parametrize(("name", "variants"), [("classifier", TEXTURES), ("taau buffers", ARRAYS)])
 def test_files_are_the_shaders_that_the_gpu_backend_runs(
     folders: dict[str, Path], name: str, variants: dict[str, str]
@@ -165,20 +152,6 @@ def test_fields_of_params_are_those_of_the_shaders(folders: dict[str, Path]) -> 
     assert params["bytes"] % 16 == 0
 
 
-def test_workgroups_and_limits_are_within_webgpus_defaults(folders: dict[str, Path]) -> None:
-    described = about(folders["classifier"])
-    threads = {one["name"]: one["workgroup_size"] for one in described["passes"]}
-    assert threads["00_measure"] == [256, 1, 1]
-    assert threads["05_preprocess"] == [16, 16, 1]
-    assert threads["08_encode_pooled"] == [128, 1, 1]
-    assert threads["11_compose"] == [8, 8, 1]
-    limits = described["requires"]["limits"]
-    assert limits["maxStorageBuffersPerShaderStage"] <= LIMITS["max-storage-buffers-per-shader-stage"]
-    assert limits["maxStorageTexturesPerShaderStage"] <= LIMITS["max-storage-textures-per-shader-stage"]
-    assert limits["maxComputeInvocationsPerWorkgroup"] <= LIMITS["max-compute-invocations-per-workgroup"]
-    assert limits["maxSampledTexturesPerShaderStage"] <= 16
-
-
 def test_frames_and_images_are_in_buffers_where_that_is_asked_for(folders: dict[str, Path]) -> None:
     described = about(folders["taau buffers"])
     given = {r["name"]: r for r in described["resources"] if r["role"] in ("frame", "image")}
@@ -190,11 +163,6 @@ def test_frames_and_images_are_in_buffers_where_that_is_asked_for(folders: dict[
         "image": ("buffer", 12, "display"),
     }
     assert {one["formats"][0] for one in described["inputs"]} == {"float32"}
-
-
-def test_a_method_that_reads_no_depth_asks_for_none(folders: dict[str, Path]) -> None:
-    assert [one["name"] for one in about(folders["taa"])["inputs"]] == ["color", "motion", "reactive"]
-    assert "frame_depth" not in (folders["taa"] / "02_blend.wgsl").read_text()
 
 
 def mixed_operators(code: str) -> list[str]:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from shared_models import shared_model
-from supersampler import Upscaler, halton_jitter
+from supersampler import halton_jitter
 from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions import jitter_phase_count
 from supersampler.methods.model_file import find_model
@@ -79,16 +78,3 @@ def test_a_mean_of_many_samples_still_takes_a_small_difference(name: str, file: 
     assert sampled.mean() > 0.2
     assert (still[:, :3][np.repeat(sampled, 3, axis=1)] > 0.5).all()
     assert still[:, 3:].max() < 2002.0
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_the_map_converged_is_returned_where_it_is_asked_for(name: str) -> None:
-    upscaler = Upscaler(shared_model(name, executor="onnx"), display_size=DISPLAY, validate="off")
-    for index in range(FROZEN):
-        result = upscaler.step(
-            still_scene().frame(index, RENDER, halton_jitter(index, 2.0)), outputs=("converged",)
-        )
-    assert result.converged is not None
-    assert result.converged.shape == DISPLAY[::-1]
-    assert result.converged.mean() > 0.7
-    assert result.converged.max() <= 1.0

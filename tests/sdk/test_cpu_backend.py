@@ -1,19 +1,16 @@
-"""The CPU backend computes what the ONNX backend computes, whatever the number of threads."""
+"""The CPU backend computes what the ONNX backend computes."""
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from compact_frames import cropped
 from method_lists import WITH_KERNELS as METHODS
 from noise import Size, noise
 from shared_models import shared_model
-from supersampler import ArgumentError, Frame, Model, ModelError, Shot, Upscaler
+from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName
@@ -180,25 +177,6 @@ def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_real_frames_come_out_alike_and_stay_so(models: dict[tuple[str, str], Model], method: str) -> None:
-    frames = [cropped(item.frame, 160, 90) for item in islice(Shot.open("plaza"), 12)]
-    pairs = step_both(models, method, frames, (240, 135))
-    for one, other in (pairs[0], pairs[5], pairs[11]):
-        compare(one.image, other.image, method)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_the_number_of_threads_changes_no_bit(method: str) -> None:
-    images = []
-    for threads in (1, 2, 5):
-        model = shared_model(method, threads=threads, executor="cpu")
-        upscaler = Upscaler(model, display_size=(97, 55), validate="off")
-        images.append([upscaler.step(noise(seed, (48, 27), exposure=None)) for seed in range(4)])
-    np.testing.assert_array_equal(images[0], images[1])
-    np.testing.assert_array_equal(images[0], images[2])
-
-
-@pytest.mark.parametrize("method", METHODS)
 def test_a_state_goes_from_one_executor_to_the_other(
     models: dict[tuple[str, str], Model], method: str
 ) -> None:
@@ -240,12 +218,3 @@ def test_the_classifier_runs_in_int8_on_the_cpu_backend_and_in_single_precision_
 def test_what_a_model_cannot_do_is_refused(method: str, asked: dict[str, Any]) -> None:
     with pytest.raises(ArgumentError, match="executor"):
         Model.load(method, **asked)
-
-
-def test_a_damaged_network_is_refused(tmp_path: Path) -> None:
-    source = Model.load("classifier").info.folder
-    for file in source.iterdir():
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    (tmp_path / "network.npz").write_bytes(b"not a network")
-    with pytest.raises(ModelError, match=r"network\.npz"):
-        Model.load(tmp_path)

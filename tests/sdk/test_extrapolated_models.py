@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -83,16 +82,6 @@ def test_each_kind_of_frame_has_its_graph_and_both_have_one_history(
         np.testing.assert_array_equal(array, b[name])
 
 
-def test_both_graphs_run_alike(folder: Path, joint: Model) -> None:
-    assert joint.on_extrapolated is not joint
-    assert joint.executor == joint.on_extrapolated.executor == "onnx"
-    assert (joint.providers, joint.threads) == (
-        joint.on_extrapolated.providers,
-        joint.on_extrapolated.threads,
-    )
-    assert joint.info.extrapolated == folder / "extrapolated"
-
-
 def test_g_buffers_are_asked_for_only_where_frames_are_extrapolated(joint: Model) -> None:
     plain = make(joint, extrapolation=None)
     assert plain.gbuffers == ()
@@ -151,15 +140,6 @@ def test_a_folder_whose_inner_one_is_damaged_is_refused(tmp_path: Path) -> None:
 
 
 # --- sessions ---
-
-
-def test_warming_up_runs_both_and_leaves_the_history(joint: Model) -> None:
-    one, other = make(joint), make(joint, render_size=SIZE)
-    run(one, "s"), run(other, "s")
-    with patch.object(joint.on_extrapolated, "run", wraps=joint.on_extrapolated.run) as warmed:
-        other.warm_up()
-    warmed.assert_called_once()
-    np.testing.assert_array_equal(run(one, "u", 1)[0], run(other, "u", 1)[0])
 
 
 def test_a_plan_is_that_of_shaded_frames(folder: Path, joint: Model) -> None:

@@ -16,7 +16,6 @@ from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler.history import StepResult
 from supersampler.io.display import display_transform
-from supersampler.methods.at_rest import converged_fraction
 
 RENDER, DISPLAY = (54, 38), (81, 57)  # neither whole blocks nor whole tiles
 RATIO = 1.5
@@ -176,33 +175,6 @@ def test_every_frame_may_have_another_size_and_what_rests_begins_anew(executor: 
     assert upscaler.stats.converged == 1.0
 
 
-@pytest.mark.parametrize("executor", ["cpu", "onnx"])
-def test_where_half_of_the_frames_are_extrapolated_it_converges_on_the_shaded_ones(executor: Any) -> None:
-    upscaler = Upscaler(model("taau", executor), display_size=DISPLAY, validate="off")
-    for index in range(4 * PERIOD + 2):
-        frame = scene(index // 2)
-        if index % 2:
-            upscaler.step_computed(replace(frame, color=None), np.asarray(frame.color) * np.float32(1.3))
-        else:
-            upscaler.step(frame)
-    assert upscaler.stats.converged == 1.0
-
-
-@pytest.mark.parametrize("method", ["taa", "bilinear"])
-def test_converged_is_none_for_a_method_without_a_mean(method: str) -> None:
-    upscaler = Upscaler(method, display_size=DISPLAY, validate="off")
-    upscaler.step(scene(0))
-    assert upscaler.stats.converged is None
-
-
-def test_the_share_weighs_each_block_by_its_pixels() -> None:
-    blocks = np.ones((1, 4, 3, 2), np.float32)
-    blocks[0, 0, 2, 1] = -5.0
-    assert converged_fraction(blocks, (16, 24), (8, 12)) == pytest.approx(1.0 / 6.0)
-    assert converged_fraction(blocks, (10, 18), (5, 9)) == pytest.approx(4.0 / 180.0)
-    assert converged_fraction(-blocks, (10, 18), (5, 9)) == pytest.approx(1.0 - 4.0 / 180.0)
-
-
 @pytest.mark.parametrize(
     ("name", "at", "value", "match"),
     [
@@ -224,14 +196,3 @@ def test_a_state_with_values_no_step_writes_is_refused(name: str, at: Any, value
     history[f"history.{name}"][at] = value
     with pytest.raises(ArgumentError, match=match):
         Upscaler(model("taau", "cpu"), scale=2.0).load_state(replace(state, history=history))
-
-
-def test_a_state_holds_the_tensors_of_the_contract_and_every_backend_loads_it() -> None:
-    upscaler = make("taau", "cpu")
-    run(upscaler, range(2 * PERIOD + 2))
-    state = upscaler.save_state()
-    assert set(state.history or {}) == {h.name for h in upscaler.model.info.history}
-    graph = make("taau", "onnx")
-    graph.load_state(state)
-    assert graph.stats.converged == 1.0
-    np.testing.assert_array_equal(graph.step(scene(2 * PERIOD + 2)), upscaler.step(scene(2 * PERIOD + 2)))

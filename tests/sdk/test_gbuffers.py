@@ -15,17 +15,14 @@ from typer.testing import Result
 
 from gbuffer_method import DARK, RATIO, WANTED, exported, gbuffers, lit
 from noise import noise
-from supersampler import Conventions, Frame, FrameError, Model, RawFrame, Shot, ShotError, Upscaler
+from supersampler import Conventions, Frame, FrameError, Model, RawFrame, Shot, Upscaler
 from supersampler.backends.onnx.session import image_of, planes_of
-from supersampler.backends.onnx.tensors import tensors_of_frame
-from supersampler.errors import FrameWarning
 from supersampler.frame import Size
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import ShotWriter, import_channels
-from supersampler.methods.gbuffers import GBUFFERS, grouped, lacking, listed, names_of, sampled
+from supersampler.methods.gbuffers import GBUFFERS, grouped, lacking, names_of, sampled
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
-from supersampler.validation import FrameChecker
 from upscale_runs import run
 
 RENDER, DISPLAY = (32, 18), (64, 36)
@@ -76,19 +73,6 @@ def test_a_method_reads_the_buffers_it_declares(model: Model) -> None:
         frame = lit(seed)
         expected, previous = by_hand(frame, np.zeros_like(previous) if frame.reset else previous)
         np.testing.assert_allclose(one.step(frame), expected, rtol=1e-4, atol=1e-5)
-
-
-def test_halves_and_singles_of_the_same_values_draw_the_same(model: Model) -> None:
-    frame = lit(1)
-    singles = {name: image_of(frame, name).astype(np.float32) for name in WANTED}
-    gbuffer, gbuffer_display = grouped(singles)
-    single = replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
-    np.testing.assert_array_equal(upscaler(model).step(frame), upscaler(model).step(single))
-
-
-def test_bytes_are_refused_with_the_way_to_make_them_shares() -> None:
-    with pytest.raises(FrameError, match=r"gbuffer\['roughness'\] is .* uint8; want .*/ 255"):
-        noise(1, gbuffer={"roughness": np.zeros(RENDER[::-1], np.uint8)})
 
 
 def test_a_converter_names_a_buffer_as_a_user_does() -> None:
@@ -158,16 +142,6 @@ def test_no_sample_is_further_than_half_a_pixel_from_the_display_pixel_it_is_rea
         assert np.abs(seen - where).max() <= 0.5 + 1e-4
 
 
-def test_display_buffers_of_render_size_are_refused(model: Model) -> None:
-    small = {name: np.zeros((18, 32, 3), np.float16) for name in ("base_color", "normal")}
-    frame = replace(lit(1), gbuffer_display=small)
-    with pytest.raises(
-        FrameError,
-        match=r"gbuffer_display\['base_color'\] is \(18, 32, 3\); want \(36, 64, 3\)\. .*size, 64x36",
-    ):
-        upscaler(model).step(frame)
-
-
 def test_buffers_that_a_method_does_not_use_are_neither_asked_for_nor_looked_at(model: Model) -> None:
     wanted = {name: image_of(lit(1), name) for name in WANTED}
     spoilt = {**gbuffers(1, RENDER, DISPLAY), **wanted}
@@ -191,19 +165,6 @@ def test_tensors_give_the_image_that_arrays_give(model: Model) -> None:
     for seed in (1, 2, 0, 3):
         frame = lit(seed)
         np.testing.assert_array_equal(stepped(other, frame), one.step(frame).transpose(2, 0, 1)[None])
-
-
-@pytest.mark.parametrize("tensor", [None, torch.zeros(1, 3, 18, 32), torch.zeros(1, 3, 36, 64).double()])
-def test_a_tensor_that_is_missing_or_does_not_fit_is_named(model: Model, tensor: Any) -> None:
-    one, other = upscaler(model), upscaler(model)
-    for u in (one, other):
-        stepped(u, lit(1))
-    tensors = {**tensors_of(lit(2)), "gbuffer_display_normal": tensor}
-    if tensor is None:
-        del tensors["gbuffer_display_normal"]
-    with pytest.raises(FrameError, match=r"frame\.gbuffer_display_normal is .*; want"):
-        other.step_tensors(tensors, jitter=(0.0, 0.0))
-    np.testing.assert_array_equal(stepped(one, lit(3)), stepped(other, lit(3)))
 
 
 # --- one ratio ---
@@ -264,15 +225,6 @@ def test_a_recording_holds_the_buffers_that_are_used_and_no_others(
     assert "gbuffer_display['normal']" in steps[2].note
 
 
-def test_a_recording_of_a_method_without_buffers_has_none(tmp_path: Path) -> None:
-    file = tmp_path / "a.recording"
-    with Upscaler("bilinear", display_size=DISPLAY, threads=1, record=file) as one:
-        one.step(lit(1))
-    (step, _) = open_recording(file)
-    assert isinstance(step, StepCall)
-    assert (step.frame.gbuffer, step.frame.gbuffer_display) == (None, None)
-
-
 def test_only_inputs_without_a_default_count_as_missing() -> None:
     assert lacking(WANTED, WANTED[1:]) == []
     assert lacking(WANTED, WANTED[:1]) == list(WANTED[1:])
@@ -280,72 +232,7 @@ def test_only_inputs_without_a_default_count_as_missing() -> None:
     assert lacking(alone, ("gbuffer_display_normal",)) == ["gbuffer_normal"], "a method that reads no other"
 
 
-def test_tensors_of_a_frame_have_its_buffers() -> None:
-    assert set(tensors_of_frame(lit(1), "cpu")) == {"color", "depth", "motion", *GBUFFERS}
-
-
 # --- checks of pixels ---
-
-
-def sloping(seed: int = 1) -> Frame:
-    """A frame whose buffers of both sizes show the same surfaces."""
-    frame = lit(seed, (96, 54))
-    depth = np.where(np.arange(54)[:, None] < 9, 0.0, 0.05 + 1e-3 * np.arange(96)[None] + 0.1)
-    depth[30:, :40] = 0.4
-    depth = depth.astype(np.float32)
-    display: dict[str, Any] = {
-        **(frame.gbuffer_display or {}),
-        "depth": np.kron(depth, np.ones((2, 2), np.float32)),
-    }
-    return replace(frame, depth=depth, jitter=(0.0, 0.0), gbuffer_display=display)
-
-
-def spoilt(name: str, how: Any) -> Frame:
-    frame, place = sloping(), GBUFFERS[name]
-    buffers = dict(getattr(frame, place.group))
-    with np.errstate(divide="ignore"):
-        buffers[place.key] = how(buffers[place.key].astype(np.float32)).astype(np.float32)
-    fields: dict[str, Any] = {place.group: buffers}
-    return replace(frame, **fields)
-
-
-def one_bad(value: float) -> Any:
-    def spoil(array: NDArray[np.float32]) -> NDArray[np.float32]:
-        array[3, 5] = value
-        return array
-
-    return spoil
-
-
-MISTAKES = [
-    ("gbuffer_base_color", one_bad(np.nan), r"NaN or Inf in 1 pixels, first at \(x=5, y=3\)"),
-    ("gbuffer_display_metallic", one_bad(np.inf), "NaN or Inf"),
-    ("gbuffer_normal", lambda a: 0.5 * a + 0.5, r"encoded: it fits n \* 0\.5 \+ 0\.5.*2 \* normal - 1"),
-    ("gbuffer_display_depth", lambda a: 0.03 / a, "NaN or Inf.*is 0"),
-    ("gbuffer_display_depth", lambda a: 1.0 - a, "times frame.depth"),
-]
-
-
-@pytest.mark.parametrize(("name", "how", "said"), MISTAKES)
-def test_a_mistake_in_a_buffer_that_is_used_is_guessed(name: str, how: Any, said: str) -> None:
-    frame = spoilt(name, how)
-    with pytest.raises(FrameError, match=said) as caught:
-        FrameChecker("strict").check(frame, (192, 108), [name])
-    assert caught.value.name == str(GBUFFERS[name])
-    checker = FrameChecker("warn")
-    with pytest.warns(FrameWarning, match=said):
-        checker.check(frame, (192, 108), [name])
-    checker.check(frame, (192, 108), [name])  # once is enough
-    FrameChecker("strict").check(frame, (192, 108), set(GBUFFERS) - {name})
-
-
-def test_right_buffers_pass(model: Model) -> None:
-    for seed in range(3):
-        FrameChecker("strict").check(sloping(seed), (192, 108), GBUFFERS)
-    black = {name: np.zeros_like(array) for name, array in gbuffers(1, RENDER, DISPLAY).items()}
-    gbuffer, gbuffer_display = grouped(black)
-    frame = noise(1, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
-    upscaler(model, validate="strict").step(frame)
 
 
 def test_an_upscaler_checks_what_its_method_reads(model: Model) -> None:
@@ -356,11 +243,6 @@ def test_an_upscaler_checks_what_its_method_reads(model: Model) -> None:
     with pytest.raises(FrameError, match=r"gbuffer\['base_color'\] is outside"):
         other.step(wrong)
     np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
-
-
-def test_buffers_are_listed_by_size() -> None:
-    assert listed(WANTED) == "base_color at render size; base_color, normal at display size"
-    assert listed([]) == "none"
 
 
 # --- shots with G-buffers through the commands: what a model reads is read, and no more ---
@@ -469,13 +351,6 @@ def test_a_shot_reads_the_named_buffers(folder: Path, names: tuple[str, ...]) ->
             np.testing.assert_array_equal(found, expected)
         np.testing.assert_array_equal(item.frame.depth, all_of_it.frame.depth)
         np.testing.assert_array_equal(item.frame.motion, all_of_it.frame.motion)
-
-
-def test_files_of_buffers_that_are_not_named_are_not_read(broken: Path) -> None:
-    shot = Shot.open(broken)
-    assert len(list(shot.frames(gbuffers=WANTED[:1]))) == FRAMES
-    with pytest.raises(ShotError, match=r"display/0000\.exr"):
-        next(iter(shot))
 
 
 def test_imported_shots_read_the_buffers_that_are_named(tmp_path: Path) -> None:

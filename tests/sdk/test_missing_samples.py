@@ -10,8 +10,6 @@ from gpu_steps import device_or_skip
 from method_backends import BACKENDS, make
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.errors import ArgumentError
-from supersampler.io.display import EXPOSURE_KEY
-from supersampler.methods.constants import FILL_WINDOW, GREY_SHARE
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_model.ops.color import filled
 
@@ -79,18 +77,6 @@ def test_a_hole_in_one_frame_shows_the_history(method: str, executor: str) -> No
         image = upscaler.step(plate(index, upscaler, nothing))
     lost = upscaler.step(plate(8, upscaler, all_of_it))
     np.testing.assert_allclose(lost, image, atol=0.02)
-
-
-def test_a_missing_sample_gets_the_mean_of_its_window_and_grey_where_that_is_empty() -> None:
-    side = FILL_WINDOW
-    color, usable = torch.full((1, 3, side, 2 * side), 0.09), torch.ones(1, 1, side, 2 * side)
-    color[..., : side // 2, :side] = 0.25
-    usable[..., 3, 5], usable[..., side:] = 0.0, 0.0
-    done = filled(color, usable, torch.tensor([2.0]))
-    np.testing.assert_allclose(done[0, :, 3, 5], 0.16, rtol=2e-3 + GREY_SHARE)
-    np.testing.assert_allclose(done[..., side:], EXPOSURE_KEY / 2.0, rtol=1e-5)
-    kept = usable.expand_as(color) > 0.0
-    assert torch.equal(done[kept], color[kept])
 
 
 def test_fills_are_never_brighter_than_the_brightest_sample_nor_not_a_number() -> None:

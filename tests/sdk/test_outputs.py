@@ -1,6 +1,5 @@
 """Outputs of a step beside the image: maps that explain it, and AOVs."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from typer.testing import CliRunner
 from method_lists import WITH_KERNELS
 from noise import noise
 from shared_models import shared_model
-from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler, halton_jitter
+from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli import app
 from supersampler.cli.results import ImageOptions, OutputImage
@@ -73,31 +72,6 @@ def test_the_count_of_a_still_scene_grows() -> None:
         assert count is not None
         counts.append(float(count.mean()))
     assert (np.diff(counts) > 0.0).all()
-
-
-@pytest.mark.parametrize("executor", ["cpu", "onnx"])
-@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small"])
-def test_stats_hold_the_mean_of_the_map_of_what_has_converged(method: str, executor: ExecutorName) -> None:
-    model = shared_model(method, executor=executor, threads=2)
-    upscaler = Upscaler(model, display_size=DISPLAY, validate="off")
-    assert upscaler.stats.converged == 0.0
-    means = []
-    for index in range(66):
-        frame = noise(1, motion=STILL, jitter=halton_jitter(index, 2.0), reset=index == 0, exposure=1.0)
-        frame = replace(frame, color=np.full_like(frame.color, 0.4))
-        converged = stepped(upscaler, frame, "converged").converged
-        assert converged is not None
-        assert upscaler.stats.converged == pytest.approx(converged.mean(), abs=1e-5)
-        means.append(upscaler.stats.converged)
-    assert means[0] == 0.0
-    assert means[-1] == 1.0
-    brighter = replace(frame, color=4.0 * np.asarray(frame.color), jitter=halton_jitter(66, 2.0))
-    converged = stepped(upscaler, brighter, "converged").converged
-    assert converged is not None
-    assert upscaler.stats.converged == pytest.approx(converged.mean(), abs=1e-5)
-    assert converged.mean() == 0.0
-    upscaler.reset()
-    assert upscaler.stats.converged == 0.0
 
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
@@ -233,16 +207,6 @@ def test_classes_have_the_colours_of_the_legend() -> None:
         StepResult(image, class_map=probabilities, weight=image[..., 0], count=image[..., 0])
     )
     assert list(layers) == ["classes", "weight", "count"]
-
-
-def test_a_saved_state_with_aovs_of_another_shape_is_refused() -> None:
-    upscaler = make("taau")
-    stepped(upscaler, with_aovs(0), "aovs")
-    state = upscaler.save_state()
-    assert state.history is not None
-    cut = {**state.history, "history.aovs": state.history["history.aovs"][..., 1:]}
-    with pytest.raises(ArgumentError, match=r"history\.aovs"):
-        upscaler.load_state(replace(state, history=cut))
 
 
 @pytest.mark.parametrize("outputs", [("aovs",), ("colour",)])

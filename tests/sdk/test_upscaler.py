@@ -15,7 +15,6 @@ from method_lists import WITH_KERNELS as TEMPORAL
 from noise import noise
 from shared_models import shared_model
 from supersampler import ArgumentError, FrameError, Model, ModelError, Upscaler
-from supersampler.errors import ProviderError
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import model_names
@@ -250,11 +249,6 @@ def test_a_bad_argument_is_named(
 ) -> None:
     with pytest.raises(ArgumentError, match=message):
         Upscaler(models["taau"], **arguments)  # type: ignore[arg-type]
-
-
-def test_an_unknown_provider_is_refused_with_a_list() -> None:
-    with pytest.raises(ProviderError, match=r"'migraphx' is not in this installation.*CPUExecutionProvider"):
-        Model.load("taau", providers="migraphx")
 
 
 def test_a_damaged_model_folder_is_refused(tmp_path: Path, models: dict[str, Model]) -> None:

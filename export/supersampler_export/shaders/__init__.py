@@ -1,4 +1,1 @@
-"""Shaders of a method as a folder for engines: code, weights, and upscaler.json, which says how to run them.
-
-Nothing here imports torch, and nothing needs a GPU.
-"""
+"""Shaders of a method as a folder for engines. Needs neither torch nor a GPU."""

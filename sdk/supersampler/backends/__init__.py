@@ -1,4 +1,1 @@
-"""Backends: the protocol (`base`), ONNX Runtime (`onnx/`), compiled kernels on the CPU (`cpu/`).
-
-They are independent of the methods, which are in `methods/`.
-"""
+"""Backends, independent of the methods: ONNX Runtime (`onnx`), the CPU library (`cpu`), shaders (`gpu`)."""

@@ -1,4 +1,1 @@
-"""Methods: the registry, model folders, and in a folder each a method's `spec`, kernels and shaders.
-
-Torch is not imported here; the trained definition of each method is supersampler_model.methods.
-"""
+"""Methods: the registry, model folders, and a subpackage for each method with its `spec` and shaders."""

@@ -90,6 +90,12 @@ def phase_count(display: Size, render: Size) -> int:
     return PHASES_PER_SAMPLE * display[0] * display[1] // (render[0] * render[1]) + SPARE_PHASES
 
 
+def block_of_pixels(display: int, render: int) -> NDArray[np.intp]:
+    """Return the index of the block of each display pixel along an axis, from its numbers of pixels."""
+    blocks = (2 * np.arange(display) + 1) * render // (2 * BLOCK * display)
+    return np.minimum(blocks, -(-render // BLOCK) - 1)
+
+
 def converged_fraction(static_blocks: Float32, display: Size, render: Size) -> float:
     """Return the share of an image's pixels whose block is frozen, [0, 1].
 
@@ -100,10 +106,8 @@ def converged_fraction(static_blocks: Float32, display: Size, render: Size) -> f
     """
     frozen = static_blocks[0, 0] < 0.0
     columns, rows = (
-        np.bincount(
-            np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), count - 1), minlength=count
-        )
-        for full, size, count in zip(display, render, block_count(render), strict=True)
+        np.bincount(block_of_pixels(*sizes), minlength=count)
+        for *sizes, count in zip(display, render, block_count(render), strict=True)
     )
     return float(rows @ frozen @ columns) / (display[0] * display[1])
 

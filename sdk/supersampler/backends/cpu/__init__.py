@@ -1,4 +1,1 @@
-"""The CPU backend: kernel loader, threads, tiles, and the kernels that several methods use.
-
-Stages and kernels of one method are in `methods/<name>/`.
-"""
+"""The CPU backend: the C++ library of sdk/native, called by ctypes."""

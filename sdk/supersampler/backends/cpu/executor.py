@@ -3,14 +3,14 @@
 import math
 from collections.abc import Collection, Mapping
 from ctypes import c_double, c_int, c_int64, c_size_t, c_void_p
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import StepReport
 from supersampler.backends.cpu.library import (
-    GBUFFERS,
+    FRAME_GBUFFERS,
     CpuLibrary,
     ExtrapolatedOutputs,
     FrameData,
@@ -22,6 +22,7 @@ from supersampler.backends.cpu.library import (
 )
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
+from supersampler.methods.gbuffers import GBUFFERS
 
 _STAGES = 5
 _AUX_OUTPUTS = ("weight", "converged")
@@ -52,13 +53,6 @@ class CpuModel:
         return str(self.library.ss_model_instructions(self.handle).decode())
 
 
-class _Tensor(NamedTuple):
-    """A history tensor: its place in the list of the library, and its shape."""
-
-    place: int
-    shape: tuple[int, ...]
-
-
 class CpuHistory:
     """A history in the library, which frees it with this object."""
 
@@ -69,12 +63,12 @@ class CpuHistory:
     def __del__(self) -> None:
         self.model.library.ss_history_destroy(self.handle)
 
-    def tensors(self) -> dict[str, _Tensor]:
-        """Return its tensors, by their names in the graph."""
-        found: dict[str, _Tensor] = {}
+    def tensors(self) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of its tensors by their names in the graph, in the order of the library."""
+        found: dict[str, tuple[int, ...]] = {}
         shape, axes = (c_int64 * 4)(), c_int()
         while name := self.model.library.ss_history_tensor(self.handle, len(found), shape, axes):
-            found[f"history.{name.decode()}"] = _Tensor(len(found), tuple(shape)[: axes.value])
+            found[f"history.{name.decode()}"] = tuple(shape)[: axes.value]
         return found
 
 
@@ -137,18 +131,18 @@ class CpuExecutor:
 
     def tensor(self, buffers: CpuHistory, name: str) -> Float32:
         """See `Executor`."""
-        tensor = buffers.tensors()[name]
-        values = np.empty(tensor.shape, np.float32)
-        self._library.call("ss_history_read", buffers.handle, tensor.place, values.ctypes.data)
+        shapes = buffers.tensors()
+        values = np.empty(shapes[name], np.float32)
+        self._library.call("ss_history_read", buffers.handle, [*shapes].index(name), values.ctypes.data)
         return values
 
     def load(self, buffers: CpuHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""
-        for name, tensor in buffers.tensors().items():
+        for place, (name, shape) in enumerate(buffers.tensors().items()):
             values = np.ascontiguousarray(tensors[name], np.float32)
-            if values.size != math.prod(tensor.shape):
-                raise ValueError(f"{name} has the shape {values.shape}; want {tensor.shape}")
-            self._library.call("ss_history_write", buffers.handle, tensor.place, values.ctypes.data)
+            if values.size != math.prod(shape):
+                raise ValueError(f"{name} has the shape {values.shape}; want {shape}")
+            self._library.call("ss_history_write", buffers.handle, place, values.ctypes.data)
 
 
 class CpuExtrapolation:
@@ -193,13 +187,7 @@ class CpuExtrapolation:
 def frame_data(frame: Frame) -> tuple[FrameData, list[NDArray[Any]]]:
     """Return a frame for the library, and the arrays that must live as long as it."""
     images = {name: getattr(frame, name) for name in ("color", "depth", "motion", "reactive")}
-    buffers, of_display = frame.gbuffer or {}, frame.gbuffer_display or {}
-    images |= {
-        name: of_display.get(name.removeprefix("display_"))
-        if name.startswith("display_")
-        else buffers.get(name)
-        for name in GBUFFERS
-    }
+    images |= {name: GBUFFERS[f"gbuffer_{name}"].find(frame) for name in FRAME_GBUFFERS}
     data, arrays = FrameData(*frame.size), []
     for name, array in images.items():
         if array is not None:

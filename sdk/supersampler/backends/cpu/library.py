@@ -90,7 +90,7 @@ def readable(array: NDArray[Any]) -> NDArray[Any]:
     return np.array(array, np.float16 if array.dtype == np.float16 else np.float32, order="C")
 
 
-GBUFFERS = ("base_color", "normal", "display_base_color", "display_normal", "display_depth")
+FRAME_GBUFFERS = ("base_color", "normal", "display_base_color", "display_normal", "display_depth")
 """G-buffers in `FrameData`."""
 
 
@@ -100,7 +100,7 @@ class FrameData(Structure):
     _fields_ = (
         ("width", c_int),
         ("height", c_int),
-        *((name, Image) for name in ("color", "depth", "motion", "reactive", *GBUFFERS)),
+        *((name, Image) for name in ("color", "depth", "motion", "reactive", *FRAME_GBUFFERS)),
         ("jitter", c_float * 2),
         ("exposure", c_float),
         ("pre_exposure", c_float),

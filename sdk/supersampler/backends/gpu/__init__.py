@@ -1,4 +1,1 @@
-"""GPU backend: the step as compute shaders in WGSL, on any GPU that wgpu supports.
-
-Shared shaders are in `shaders/`, those of a method in `methods/<name>/shaders/`.
-"""
+"""The GPU backend: compute shaders in WGSL. Methods have their own in `methods/<name>/shaders`."""

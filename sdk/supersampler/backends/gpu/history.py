@@ -25,13 +25,9 @@ from supersampler.backends.gpu.memory import (
 )
 from supersampler.frame import Float32, Size
 from supersampler.io.display import MAX_HALF
-from supersampler.methods.at_rest import BLOCK, phase_count
-from supersampler.methods.spec import BLOCKS as BLOCKS_SHAPE
-from supersampler.methods.spec import DISPLAY as DISPLAY_SHAPE
-from supersampler.methods.spec import HALF as HALF_SHAPE
-from supersampler.methods.spec import LARGE as LARGE_SHAPE
-from supersampler.methods.spec import LARGE_HALF as LARGE_HALF_SHAPE
-from supersampler.methods.spec import PREVIOUS, MethodSpec, sized
+from supersampler.methods import spec as shapes
+from supersampler.methods.at_rest import BLOCK, block_of_pixels, phase_count
+from supersampler.methods.spec import MethodSpec, sized
 
 if TYPE_CHECKING:
     import wgpu
@@ -125,12 +121,12 @@ class HistoryLayout:
         if tensor == SIGNATURES:
             return SizeRule("previous_signatures" if frame == "previous" else "signatures")
         extents: dict[object, SizeRule] = {
-            DISPLAY_SHAPE: DISPLAY,
-            HALF_SHAPE: HALF,
-            LARGE_SHAPE: LARGE,
-            LARGE_HALF_SHAPE: LARGE_HALF,
-            PREVIOUS: SizeRule(frame),
-            BLOCKS_SHAPE: SizeRule(frame, BLOCK),
+            shapes.DISPLAY: DISPLAY,
+            shapes.HALF: HALF,
+            shapes.LARGE: LARGE,
+            shapes.LARGE_HALF: LARGE_HALF,
+            shapes.PREVIOUS: SizeRule(frame),
+            shapes.BLOCKS: SizeRule(frame, BLOCK),
         }
         return extents[self.spec.history[tensor][2:]]
 
@@ -249,10 +245,7 @@ class GpuHistory:
     def _has_mean(self) -> Float32:
         """(H, W) 1 where there is a mean: shaders do not update that of other blocks."""
         ages = self.tensor(_BLOCKS)[0, 0]
-        rows, columns = (
-            np.minimum((2 * np.arange(full) + 1) * size // (2 * BLOCK * full), count - 1)
-            for full, size, count in zip(self.display[::-1], self.render[::-1], ages.shape, strict=True)
-        )
+        columns, rows = map(block_of_pixels, self.display, self.render)
         has_mean: Float32 = (ages[rows[:, None], columns] != 0.0).astype(np.float32)
         return has_mean
 
@@ -262,8 +255,6 @@ class GpuHistory:
     def _pixels(self, name: str) -> Float32:
         plane = self.layout.planes[name]
         width, height = self.layout.size(name, self.display, self.render)
-        words = self._words(name)[
-            : height * width * plane.words
-        ]  # the smallest buffer is longer than a pixel
+        words = self._words(name)[: height * width * plane.words]  # the smallest buffer is longer
         words = words.reshape(height, width, plane.words)
         return words.view(np.float32) if plane.codec is None else plane.codec.unpack(words)

@@ -17,9 +17,9 @@ from supersampler.backends.gpu.memory import (
     MemorySpec,
     PixelBuffer,
     PixelMemory,
+    PixelTexture,
     SizeRule,
 )
-from supersampler.backends.gpu.memory import PixelTexture as Texture
 from supersampler.backends.gpu.shader import Constants, Shader, load_shader
 from supersampler.frame import Size
 from supersampler.methods import at_rest
@@ -145,13 +145,13 @@ REST_CHANNELS = {
 REST_MEMORY: Mapping[str, PixelMemory] = {
     "awake": PixelBuffer(4),
     "block_sums": PixelBuffer(64, BLOCKS),
-    "block_states": Texture(BLOCKS, "rg32uint"),
+    "block_states": PixelTexture(BLOCKS, "rg32uint"),
 }
 """Memory that BLOCK_PASSES write for later passes."""
 TILE_MEMORY: Mapping[str, PixelMemory] = {"tiles": PixelBuffer(8, TILES)}
 SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
-    "samples": Texture(RENDER, "rgba16float"),
-    "dilated": Texture(RENDER, "rg32uint"),
+    "samples": PixelTexture(RENDER, "rgba16float"),
+    "dilated": PixelTexture(RENDER, "rg32uint"),
     "light": PixelBuffer(8, SizeRule("render", SIDE)),
 }
 """Memory that `preprocess` writes for later passes, beside the history."""
@@ -160,10 +160,3 @@ SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
 def preprocess(surface: str) -> PassSpec:
     """Return the pass on the samples of a frame; `surface`: what it stores of them, "depth" or "shade"."""
     return PassSpec("preprocess", RENDER, (SIDE, SIDE), variants={"surface": f"surface_{surface}"})
-
-
-def display_pass(
-    shader: str, constants: Constants | None = None, tile: tuple[int, int] = (16, 16)
-) -> PassSpec:
-    """Return a pass that writes the image, at display size; `tile`: of `PassSpec`."""
-    return PassSpec(shader, DISPLAY, tile, constants=constants or {})

@@ -1,4 +1,1 @@
-"""The ONNX backend: sessions, IO binding, tensors on a device.
-
-No other modules import onnxruntime.
-"""
+"""The ONNX backend. No other package imports onnxruntime."""

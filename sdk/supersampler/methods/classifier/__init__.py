@@ -1,4 +1,1 @@
-"""`classifier` and its relatives: Guo et al. 2022, blending guided by classes.
-
-Definitions (`spec`), CPU backend (`cpu`) and kernels; torch: supersampler_model.methods.classifier.
-"""
+"""`classifier` and its relatives: a network predicts classes and blend weights (Guo et al. 2022)."""

@@ -101,7 +101,7 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
         ModelError: see `read_gpu_network`.
     """
     variant = Variant.of(info.config)
-    network = read_gpu_network(info, variant)
+    *network, last_layers = read_gpu_network(info, variant)
     constants = {name: info.config[name] for name in constants_of(CLASSIFIER)}
     constants |= {"low_steps": LOW_STEPS, "high_steps": HIGH_STEPS}
     constants |= variant._asdict()
@@ -110,8 +110,8 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
         "sharpness_at": variant.sharpness,
         "kernel_at": variant.kernel_weights,
     }
-    levels = [_level_pass(one.constants, tile) for one, tile in zip(network.levels, TILES, strict=True)]
-    last = _with_network(PassSpec("compose", DISPLAY, COMPOSED, {**network.last.constants, **blend}), LAST)
+    levels = [_level_pass(one.constants, tile) for one, tile in zip(network, TILES, strict=True)]
+    last = _with_network(PassSpec("compose", DISPLAY, COMPOSED, {**last_layers.constants, **blend}), LAST)
     passes = (
         *BLOCK_PASSES, TILE_PASS, preprocess("depth"), PassSpec("gather"), *levels,
         last,
@@ -123,10 +123,10 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
         "inputs": PixelTexture(DISPLAY, "rgba32uint"),
         "differences": PixelBuffer(4, HALF),
     }
-    for level in network.levels:
+    for level in network:
         memory |= _level_memory(level.constants)
-    weights = {f"network{i}": level.words for i, level in enumerate(network.levels)}
-    weights[f"network{LAST}"] = network.last.words
+    weights = {f"network{i}": level.words for i, level in enumerate(network)}
+    weights[f"network{LAST}"] = last_layers.words
     packages = ("supersampler.methods.classifier",)
     return GpuProgram(LAYOUT, packages, constants, passes, memory, weights, "int8")
 

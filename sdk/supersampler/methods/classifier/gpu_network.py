@@ -19,19 +19,6 @@ CHUNK_WORDS, CORNERS, INPUTS = 4, 4, 16
 
 
 @dataclass(frozen=True)
-class GpuNetwork:
-    """The weights of all layers.
-
-    Attributes:
-        levels: weights and constants of the shader of each level of the encoder.
-        last: those of the shader of the last layers.
-    """
-
-    levels: list["GpuLayers"]
-    last: "GpuLayers"
-
-
-@dataclass(frozen=True)
 class GpuLayers:
     """The layers of a pass.
 
@@ -85,8 +72,8 @@ class _Writer:
         return [np.pad(v[:outputs].astype(np.float32), (0, max(outputs - len(v), 0))) for v in values]
 
 
-def read_gpu_network(info: ModelInfo, variant: Variant) -> GpuNetwork:
-    """Read a model's network.npz for the GPU.
+def read_gpu_network(info: ModelInfo, variant: Variant) -> list[GpuLayers]:
+    """Read a model's network.npz for the GPU: the levels of the encoder, and then the last layers.
 
     Raises:
         ModelError: see `read_network`.
@@ -107,7 +94,7 @@ def read_gpu_network(info: ModelInfo, variant: Variant) -> GpuNetwork:
         "logits": arrays["logits.first"].item(),
         "logits_scale": arrays["logits.scale"].item(),
     }
-    return GpuNetwork(levels, GpuLayers.of(writer, last))
+    return [*levels, GpuLayers.of(writer, last)]
 
 
 def _level(arrays: Arrays, level: int, sizes: tuple[int, int, int, int]) -> GpuLayers:

@@ -15,19 +15,19 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ModelError
 from supersampler.methods.array_spec import LARGEST, ArraySpec, checked_arrays
+from supersampler.methods.classifier.spec import CLASSES
 from supersampler.methods.model_info import ModelInfo
 
 INPUT_PLANES = 16
 """Network inputs of a pixel, one byte each."""
-RECORD_WORDS = 18
+RECORDWORDS = 18
 """Words of a packed pixel (2x2 display pixels): INPUT_PLANES, then two of inputs at half display size."""
-KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
-_BLOCK, _WORD, _LANES = 32, 4, 16  # outputs made at once; bytes multiplied at once; channels of a column
-_FEATURES, _HIDDEN, _CLASSES = (
-    32,
-    64,
-    6,
-)  # bytes that the decoder and the hidden layer give; classes among them
+KEPT = (16, 8, 4, 4)
+"""Bytes that each level contributes to a pixel of the decoder's input."""
+BLOCK, WORD, LANES = 32, 4, 16
+"""Outputs that a kernel computes at once; bytes that it multiplies at once; channels of a column."""
+FEATURES, HIDDEN = 32, 64
+"""Outputs of the decoder and of the hidden layer, in bytes, that kernels have room for."""
 _HEAD = 1 << 14  # bytes that an array's header may take
 
 
@@ -51,7 +51,7 @@ def read_network(info: ModelInfo, outputs: int) -> dict[str, NDArray[Any]]:
         raise ModelError(f"{path}: is damaged ({type(error).__name__}: {error}). Export it again.") from error
     checked = checked_arrays(arrays, specs, lambda got, want: _refused(path, got, want))
     hidden = checked["hidden.weights"]  # kernels read all that the decoder has room for
-    more = INPUT_PLANES + _FEATURES // _WORD - hidden.shape[1]
+    more = INPUT_PLANES + FEATURES // WORD - hidden.shape[1]
     checked["hidden.weights"] = np.pad(hidden, ((0, 0), (0, more), (0, 0), (0, 0)))
     return checked
 
@@ -62,23 +62,25 @@ def network_specs(info: ModelInfo, outputs: int) -> dict[str, ArraySpec]:
     Raises:
         ModelError: kernels have no room for it.
     """
-    levels, decoder, hidden = _widths(info)
+    network = info.config.get("network")
+    problem = width_problem(network if isinstance(network, Mapping) else {})
+    if problem is not None:
+        raise info.config_error(*problem)
+    levels, decoder, hidden = (info.config["network"][name] for name in ("levels", "decoder", "hidden"))
     specs: dict[str, ArraySpec] = {}
-    words = RECORD_WORDS
+    words = RECORDWORDS
     for level, (channels, room) in enumerate(zip(levels, KEPT, strict=True)):
         kept = channels if level + 1 == len(KEPT) else channels // 2
         made = room * 4**level + channels - kept
-        specs |= _layer(
-            f"{level}.first", (_blocks(channels), words, _BLOCK, _WORD), _blocks(channels) * _BLOCK
-        )
-        specs |= _layer(f"{level}.spatial", (channels // _LANES, 3, _LANES, _WORD), channels)
-        shape = _blocks(made), channels // _WORD, _BLOCK, _WORD
-        specs |= _layer(f"{level}.last", shape, _blocks(made) * _BLOCK)
-        words = (channels - kept) // _WORD
-    specs |= _layer("decoder", (1, sum(KEPT) // _WORD, _BLOCK, _WORD), _BLOCK)
-    blocks, words = _blocks(hidden + _CLASSES), INPUT_PLANES + -(-decoder // _WORD)
-    specs |= _layer("hidden", (blocks, words, _BLOCK, _WORD), blocks * _BLOCK)
-    specs |= _layer("blend", (outputs, -(-hidden // _WORD), _WORD), outputs)
+        specs |= _layer(f"{level}.first", (_blocks(channels), words, BLOCK, WORD), _blocks(channels) * BLOCK)
+        specs |= _layer(f"{level}.spatial", (channels // LANES, 3, LANES, WORD), channels)
+        shape = _blocks(made), channels // WORD, BLOCK, WORD
+        specs |= _layer(f"{level}.last", shape, _blocks(made) * BLOCK)
+        words = (channels - kept) // WORD
+    specs |= _layer("decoder", (1, sum(KEPT) // WORD, BLOCK, WORD), BLOCK)
+    blocks, words = _blocks(hidden + CLASSES), INPUT_PLANES + -(-decoder // WORD)
+    specs |= _layer("hidden", (blocks, words, BLOCK, WORD), blocks * BLOCK)
+    specs |= _layer("blend", (outputs, -(-hidden // WORD), WORD), outputs)
     specs["logits.first"] = ArraySpec("int64", (1,), (hidden, hidden))
     specs["logits.scale"] = ArraySpec("float64", (1,), (0.0, LARGEST))
     return specs
@@ -94,30 +96,28 @@ def _layer(name: str, weights: tuple[int, ...], outputs: int) -> dict[str, Array
 
 
 def _blocks(outputs: int) -> int:
-    return -(-outputs // _BLOCK)
+    return -(-outputs // BLOCK)
 
 
-def _widths(info: ModelInfo) -> tuple[list[int], int, int]:
-    """Channels of the levels, of the decoder and of the hidden layer."""
-    network = info.config.get("network")
-    widths: Mapping[str, Any] = network if isinstance(network, Mapping) else {}
+def width_problem(widths: Mapping[str, Any]) -> tuple[str, Any, str] | None:
+    """Return name, value and allowed values of a width of `NetworkConfig` that kernels have no room for."""
     levels, decoder, hidden = (widths.get(name) for name in ("levels", "decoder", "hidden"))
     max_widths = [room * 4**level * (1 if level + 1 == len(KEPT) else 2) for level, room in enumerate(KEPT)]
     if (
         not isinstance(levels, (list, tuple))
         or len(levels) != len(KEPT)
         or not all(
-            type(n) is int and n in range(_LANES, m + 1, _LANES)
+            type(n) is int and n in range(LANES, m + 1, LANES)
             for n, m in zip(levels, max_widths, strict=True)
         )
     ):
-        want = f"{len(KEPT)} multiples of {_LANES} up to {', '.join(map(str, max_widths))}"
-        raise info.config_error("network.levels", levels, want)
-    if type(decoder) is not int or not 1 <= decoder <= _FEATURES or widths.get("decoder_layers") != 1:
-        raise info.config_error("network.decoder", decoder, f"a number from 1 to {_FEATURES}, of one layer")
-    if type(hidden) is not int or not 1 <= hidden <= _HIDDEN - _CLASSES:
-        raise info.config_error("network.hidden", hidden, f"a number from 1 to {_HIDDEN - _CLASSES}")
-    return list(levels), decoder, hidden
+        want = f"{len(KEPT)} multiples of {LANES} up to {', '.join(map(str, max_widths))}"
+        return "network.levels", levels, want
+    if type(decoder) is not int or not 1 <= decoder <= FEATURES or widths.get("decoder_layers") != 1:
+        return "network.decoder", decoder, f"a number from 1 to {FEATURES}, of one layer"
+    if type(hidden) is not int or not 1 <= hidden <= HIDDEN - CLASSES:
+        return "network.hidden", hidden, f"a number from 1 to {HIDDEN - CLASSES}"
+    return None
 
 
 def _arrays_of(path: Path, specs: Mapping[str, ArraySpec]) -> dict[str, NDArray[Any]]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from supersampler.backends.gpu.history import HistoryLayout
 from supersampler.backends.gpu.memory import LARGE, PixelMemory, PixelTexture
-from supersampler.backends.gpu.program import GpuProgram, display_pass
+from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.classifier.gpu import LAYOUT, classifier_program
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH
 from supersampler.methods.model_info import ModelInfo
@@ -32,6 +32,6 @@ def large_program(info: ModelInfo) -> GpuProgram:
         program,
         layout=HistoryLayout(CLASSIFIER_LARGE, LAYOUT.planes, LAYOUT.channels),
         packages=("supersampler.methods.classifier_large", *program.packages),
-        method_passes=(*passes, display_pass("downsample", {"taps": 2 * REACH})),
+        method_passes=(*passes, PassSpec("downsample", constants={"taps": 2 * REACH})),
         method_memory={**memory, "large_image": PixelTexture(LARGE)},
     )

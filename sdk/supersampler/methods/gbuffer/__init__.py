@@ -1,4 +1,1 @@
-"""`gbuffer` and its relatives: supersampling with G-buffers of display size.
-
-Their definitions (`spec`); no kernels yet. The torch definition is supersampler_model.methods.gbuffer.
-"""
+"""`gbuffer` and its relatives: supersampling with display-size G-buffers (Wang et al. 2025)."""

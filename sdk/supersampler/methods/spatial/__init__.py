@@ -1,4 +1,1 @@
-"""`bilinear` and `bicubic`: each frame by itself.
-
-Their definitions (`spec`); no kernels. The torch definition is supersampler_model.methods.spatial.
-"""
+"""`bilinear` and `bicubic`: interpolation of each frame alone."""

@@ -14,7 +14,6 @@ from supersampler.backends.gpu.program import (
     TILE_PASS,
     GpuProgram,
     PassSpec,
-    display_pass,
     preprocess,
 )
 from supersampler.frame import Float32
@@ -60,7 +59,7 @@ def taau_program(info: ModelInfo) -> GpuProgram:
         preprocess("shade"),
         PassSpec("light", ONE, (1, 1)),
         PassSpec("lag", BLOCKS, (8, 8)),
-        display_pass("blend", tile=(32, 4)),
+        PassSpec("blend", tile=(32, 4)),
     )
     kept = {"kept_samples": PixelTexture(BLOCKS, "rg32float")}
     memory = {**REST_MEMORY, **TILE_MEMORY, **SAMPLE_MEMORY, **kept}
