@@ -1,4 +1,4 @@
-"""History tensors and constants of the convergence of what stands still (ops/at_rest.py of the model)."""
+"""History tensors and constants of the convergence of static pixels (torch: `ops.at_rest`)."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -17,19 +17,19 @@ AT_REST_HISTORY: Mapping[str, Shape] = {
     "phases": (PHASES, 4),
 }
 """`static_mean`: mean of the samples, linear RGB, and the sum of their weights. `static_blocks`: frames since
-the block changed, negative once it is frozen, and the sums of three tests. `signatures`: of each block,
-by phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last
+the block changed, negative once it is frozen, and the sums of three tests. `signatures`: one of each
+block for each phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last
 two."""
 ADDS_SAMPLES, NOISY = "adds_samples", 2.0
 """Input of the step: 0 on frames whose colour was not sampled, NOISY on those of a path tracer, else 1."""
 ADDED: Mapping[AtRest, float] = {"off": 0.0, "converge": 1.0, "accumulate": NOISY}
-"""`adds_samples` of shaded frames, by what is done at rest."""
+"""`adds_samples` of shaded frames in each mode."""
 BRIGHTEST = 65536.0
 """Limit of a mean of samples, each at most 65504, in single precision."""
 CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
 """1 where the image is frozen, else 0: an auxiliary output of shape (1, 1, *DISPLAY)."""
 BLOCK = 4
-"""Side of a block, samples: what is compared with the frame of the same jitter."""
+"""Side of a block, samples. Blocks are compared with the previous frame of the same jitter."""
 TILE = 32
 """Side of a tile, display pixels, whose own history a method keeps while all its blocks are frozen."""
 MAX_STATIC_MOTION = 1.0 / 256.0
@@ -50,11 +50,11 @@ INNER, OUTER = 0.35, 0.65
 from which it has none. They were chosen by error: 0.4 and 0.6 lose 0.4 dB in rendered scenes, 0.25 and 0.75
 lose 1.8 dB where patterns are fine."""
 SHOWN_FROM, SHOWN = 1.5, 1.75
-"""Periods after which the mean begins to show, and after which it is shown alone. A block freezes after 2."""
+"""Jitter periods after which the mean begins to show, and after which only the mean shows. A block freezes after 2."""
 LEAST_WEIGHT = 3.5
-"""Least weight of a mean that is shown. A whole period has about 8, one for each sample in a pixel."""
+"""Minimum weight of a mean that is shown. A whole period has about 8, one for each sample in a pixel."""
 FLICKER = 0.02
-"""Largest root mean square residual of a window that counts as none, as a part of its mean."""
+"""Root mean square residual of a window, relative to its mean, up to which it counts as zero."""
 SMALL_WINDOW, LARGE_WINDOW = WINDOWS = (2, 8)
 """Sides of the two windows in which residuals are averaged, blocks."""
 UNIFORM, PARTIAL, COMMON = 0.8, 0.1, 0.06
@@ -64,29 +64,30 @@ changes by one factor has the reciprocal of the squared contrast of the ground, 
 changes in a part f of a window. A light that fills a window reaches into those around it: beside a window
 above UNIFORM, the limit is PARTIAL."""
 UNRESOLVED = 0.85
-"""Variance of the residuals in a small window, over that of the samples, above which the mean says nothing of
-the samples: they are of a pattern that moves in step with the jitter. Patterns reach 0.8 where they stand."""
+"""Variance of the residuals in a small window, over that of the samples, above which the
+pattern is taken to move in step with the jitter, so that its samples have no common mean. Static patterns
+reach 0.8."""
 SPARKLING = 2.0
 """Variance of the samples, over the square of their mean, above which single bright samples stand out. There
 the limit rises towards 1."""
 BESIDE = 0.05
-"""Part of the largest variance of the samples in the windows around that is added to that in a window: pixels
-of the mean at a window's border hold samples from beyond it."""
+"""Fraction of the largest sample variance of adjacent windows that is added to a window's own: mean pixels at its
+border hold samples from beyond it."""
 NOISE_RATE = 0.125
-"""Part of a frame in the running mean of the residuals of noisy samples."""
+"""Weight of a frame in the running mean of the residuals of noisy samples."""
 NOISE_FLICKER, NOISE_SIGMAS = 0.05, 5.0
-"""Limits of that mean: a part of the light, and standard deviations of noise."""
+"""Limits of that mean: a fraction of the light, and a number of standard deviations of the noise."""
 NOISE_WEIGHT = 2.0
 """Weight from which on a mean of noisy samples shows; from twice that it is shown alone."""
 
 
 def block_count(render: Size) -> Size:
-    """Return the blocks of a frame of a size, (across, down)."""
+    """Return the number of blocks of a frame, (across, down)."""
     return -(-render[0] // BLOCK), -(-render[1] // BLOCK)
 
 
 def phase_count(display: Size, render: Size) -> int:
-    """Return the number of phases of the jitter of which signatures are kept."""
+    """Return the number of jitter phases whose signatures are kept."""
     return PHASES_PER_SAMPLE * display[0] * display[1] // (render[0] * render[1]) + SPARE_PHASES
 
 
@@ -102,7 +103,7 @@ def converged_fraction(static_blocks: Float32, display: Size, render: Size) -> f
     Args:
         static_blocks: (1, 4, down, across) the history tensor.
         display: (width, height) of the image.
-        render: (width, height) of the frame that the tensor is of.
+        render: (width, height) of the last frame.
     """
     frozen = static_blocks[0, 0] < 0.0
     columns, rows = (
@@ -113,7 +114,7 @@ def converged_fraction(static_blocks: Float32, display: Size, render: Size) -> f
 
 
 def check_history(arrays: Mapping[str, NDArray[Any]], refusal: Callable[[str, str], Exception]) -> None:
-    """Raise unless the values of the history tensors are such as steps write.
+    """Raise unless the history tensors hold values that a step can write.
 
     Args:
         arrays: arrays by name in the graph, of the right types and shapes; others are ignored.

@@ -42,7 +42,8 @@ MAX_DEPTH = 1e30
 UNKNOWN_DEPTH = -1.0
 """Depth of a sample whose depth is not usable: below the sky's 0, so never the closest or disoccluded."""
 THIN_MOTION = 0.5
-"""Render pixels a frame along an axis, over its background, from which on a surface leaves its place."""
+"""Motion relative to the background, render pixels a frame along an axis, from which a thin surface counts as
+leaving its place."""
 SAME_THIN_DEPTH = 0.95
 """Minimum depth of another part of thin geometry, as a fraction of its depth."""
 MIN_NORMAL = 0.1
@@ -53,4 +54,4 @@ CATMULL_ROM = 0.5
 FILL_WINDOW = 32
 """Side of the window, samples, whose mean replaces missing ones: a multiple of the lanes of CPU kernels."""
 GREY_SHARE = 1e-3
-"""Weight of grey of the exposure's key beside that of a full window: it shows where the window is empty."""
+"""Weight of mid-grey (the exposure's key) relative to that of a full window: it fills empty windows."""

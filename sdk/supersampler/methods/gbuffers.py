@@ -78,7 +78,7 @@ def twin_of(name: str) -> str | None:
 
 
 def lacking(names: Iterable[str], there: Collection[str]) -> list[str]:
-    """Return those of the buffers that a method reads which frames must have, and do not."""
+    """Return the names of required buffers that are missing; one that has a stand-in is not required."""
     read = tuple(names)
     return [name for name in read if name not in there and twin_of(name) not in read]
 

@@ -37,7 +37,7 @@ class CpuModel:
         options: threads, instructions and others; see `ss_options`.
 
     Raises:
-        ModelError: the bytes are of no model that the library runs.
+        ModelError: the bytes are not a model that the library runs.
     """
 
     def __init__(self, library: CpuLibrary, data: bytes, options: Options) -> None:
@@ -120,7 +120,7 @@ class CpuExecutor:
             self._library.call(
                 "ss_run", self._model.handle, data, history.handle, next_history.handle, outputs
             )
-        del arrays  # lived as long as the library read them
+        del arrays  # kept alive while the library read them
         return StepReport(aux, {name: time for name, time in zip(self._names, seconds, strict=True) if time})
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
@@ -179,7 +179,7 @@ class CpuExtrapolation:
         outputs = ExtrapolatedOutputs(Image.of(image), Image.of(motion, planes=True))
         with self._library.interruptible(outputs):
             self._library.call("ss_extrapolate", self._model.handle, data, shaded, outputs)
-        del arrays  # lived as long as the library read them
+        del arrays  # kept alive while the library read them
         jitter = np.array([frame.jitter], np.float32)
         return image, {**history, "history.motion": motion, "history.motion_jitter": jitter}
 

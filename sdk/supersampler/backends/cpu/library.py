@@ -229,7 +229,7 @@ class CpuLibrary:
 
     @contextmanager
     def interruptible(self, outputs: Outputs | ExtrapolatedOutputs) -> Iterator[None]:
-        """Context of a call with these outputs: an exception of a signal handler ends it, as Ctrl-C does.
+        """Context of a call with these outputs, which an exception in a signal handler (Ctrl-C) cancels.
 
         Python runs signal handlers in the main thread, between instructions of Python.
         """

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 Resource = Any
 """A buffer or a texture view."""
 MAX_GROUPS = 16
-"""Bind groups that a pass keeps: those of the resources that it used last."""
+"""Number of bind groups that a pass caches, for the resources that it used last."""
 _pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
 _lock = Lock()
 

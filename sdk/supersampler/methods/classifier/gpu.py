@@ -46,7 +46,7 @@ UNIFORM_BYTES = 64 << 10
 ALIGNED = 8
 """The first level, of 2x2 display pixels, repeats its border up to a multiple of it."""
 TEXELS_ACROSS = {1: 1, 2: 2, 4: 2, 16: 4}
-"""Texels in a row of those that hold a pixel's kept features, by their number."""
+"""Width of the rectangle of texels that holds a pixel's kept features, by the number of texels."""
 
 
 def _unpack_ranges(words: Packed) -> Float32:

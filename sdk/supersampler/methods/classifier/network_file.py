@@ -1,6 +1,6 @@
-"""network.npz of a model folder, read so that a stranger's does no harm: each array is what kernels read.
+"""Reads network.npz of a model folder, which is not trusted: each array must be as kernels read it.
 
-Its shapes follow from the widths in model.json; `supersampler_export.quantize` writes them, and says why.
+The shapes follow from the widths in model.json; `supersampler_export.quantize` explains them.
 """
 
 import io
@@ -39,8 +39,8 @@ def read_network(info: ModelInfo, outputs: int) -> dict[str, NDArray[Any]]:
         outputs: outputs of the last layer.
 
     Raises:
-        ModelError: the file is damaged or larger than such a network is, the widths in model.json are none
-            that kernels have room for, or an array is not of the type, shape or range that follows from them.
+        ModelError: the file is damaged or too large, kernels have no room for the widths in model.json, or an
+            array has another type, shape or range than they imply.
     """
     path, specs = info.folder / "network.npz", network_specs(info, outputs)
     try:
@@ -121,7 +121,7 @@ def width_problem(widths: Mapping[str, Any]) -> tuple[str, Any, str] | None:
 
 
 def _arrays_of(path: Path, specs: Mapping[str, ArraySpec]) -> dict[str, NDArray[Any]]:
-    """Read arrays by name; no more is decompressed, or made room for, than they take that are wanted."""
+    """Read arrays by name; at most the bytes of the expected arrays are decompressed and allocated."""
     max_bytes = {name: _bytes_of(spec) for name, spec in specs.items()}
     limit = sum(max_bytes.values()) + len(max_bytes) * _HEAD
     if path.stat().st_size > limit:

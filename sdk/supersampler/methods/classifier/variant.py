@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Self
 class Variant(NamedTuple):
     """Compile-time variant of kernels and shaders: they leave out the arithmetic of what is not set.
 
-    The first two are of ClassifierConfig; `guided` is that the frame has G-buffers of display size, as
-    `gbuffer-fast` reads them.
+    The first two are fields of ClassifierConfig. `guided`: the frame has display-size G-buffers, as for
+    `gbuffer-fast`.
     """
 
     rectified: bool
@@ -17,7 +17,7 @@ class Variant(NamedTuple):
 
     @classmethod
     def of(cls, config: Mapping[str, Any]) -> Self:
-        """Return that of a model."""
+        """Return the variant of a model with this config."""
         return cls(config["rectified"], config["own_motion"])
 
     @property

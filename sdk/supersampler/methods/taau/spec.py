@@ -8,16 +8,16 @@ from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, PREVIOUS, MapOf, Me
 
 FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
 """The light of a frame is unconfirmed where its mean local variance is over FLASH times that of the previous
-frames plus LEAST_FLASH. Of these the largest counts, reduced by FLASH_MEMORY a frame: extrapolated frames are
-smoother than the shaded ones that they alternate with."""
+frames plus LEAST_FLASH. The previous variance is the maximum, reduced by FLASH_MEMORY a frame, because
+extrapolated frames are smoother than the shaded ones that they alternate with."""
 
 UNFIT, FIT = 0.8, 0.95
 """Fraction of the variance of luma over 3x3 samples that their plane must explain before they count as a
-smooth surface, and from which on they do so fully. Of a straight edge it explains 0.75 at most."""
+smooth surface, and from which on they do so fully. It explains at most 0.75 of a straight edge."""
 
 LAG_STEP, LEAST_BLOCKS, MOST_SAMPLES = 2, 0.125, 1024.0
-"""Samples along an axis of which one is compared for the lag; least part of a window's blocks that are; a
-number of samples that limits nothing."""
+"""Distance, along an axis, of samples that are compared for the lag; minimum fraction of a window's blocks that
+must be compared; number of samples that does not limit the history."""
 
 MIN_CHANGE = 0.004
 """Change of toned luma that is always tolerated: one step of an 8-bit image."""
