@@ -4,7 +4,7 @@ import dataclasses
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -59,23 +59,15 @@ def write_model_folder(method: Method, folder: Path) -> None:
         ExportError: opset, operators or parity fail; nothing is written.
         ShotError: files in the way were not written by an export; nothing is written.
     """
-    extrapolated = method.on_extrapolated()
-    inner = (
-        {}
-        if extrapolated is None
-        else {f"{EXTRAPOLATED}/{name}": made for name, made in _folder_files(extrapolated, {}).items()}
-    )
+    inner: dict[str, bytes] = {}
+    if (extrapolated := method.on_extrapolated()) is not None:
+        inner = {f"{EXTRAPOLATED}/{name}": made for name, made in _folder_files(extrapolated, {}).items()}
     content = {**inner, **_folder_files(method, inner)}
-    _check_replaceable(folder, content)
+    for name in content:
+        check_ours(folder / name, _is_listed, "listed by a model.json beside it")
     (folder / EXTRAPOLATED if inner else folder).mkdir(parents=True, exist_ok=True)
     for name, made in content.items():
         write_bytes(folder / name, made)
-
-
-def _check_replaceable(folder: Path, names: Iterable[str]) -> None:
-    """Raise where an existing file is not listed by the model.json beside it."""
-    for name in names:
-        check_ours(folder / name, _is_listed, "listed by a model.json beside it")
 
 
 def _is_listed(path: Path) -> bool:
@@ -112,7 +104,8 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
         files["network.npz"] = network
     known = files | {name: content for name, content in inner.items() if name == f"{EXTRAPOLATED}/model.json"}
     described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in known.items()}
-    described["parity"] = _parity_record(parity)
+    sizes = [dataclasses.asdict(one) for one in parity]
+    described["parity"] = {"tolerance": TOLERANCE, "share": QUANTILE, "frames": FRAMES, "sizes": sizes}
     files["MODEL_CARD.md"] = model_card(described, graph, parity).encode()
     files["model.json"] = (json.dumps(described, indent=1) + "\n").encode()
     return files
@@ -238,15 +231,6 @@ def _origin(learned: Mapping[str, Any] | None) -> str:
         f"Weights: {runs}{learned['steps']} updates at commit {learned['commit']}{begun}, on training data "
         f"{learned['data'][:16]}. Validation: {scores or 'none'}. Files of others in that data: {assets}."
     )
-
-
-def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
-    return {
-        "tolerance": TOLERANCE,
-        "share": QUANTILE,
-        "frames": FRAMES,
-        "sizes": [dataclasses.asdict(p) for p in parity],
-    }
 
 
 def _network(subgraph: NetworkSubgraph) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
     python sdk/native/generate.py
 
-Both are derived from the Python package, and tests compare them with it, so that C++ sources build without Python.
+Both are derived from the Python package, and tests compare them with it; C++ sources build without Python.
 """
 
 from collections.abc import Iterator, Mapping

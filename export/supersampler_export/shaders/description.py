@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from supersampler import __version__
 from supersampler.backends.gpu.device import LIMITS
-from supersampler.backends.gpu.memory import DISPLAY, RENDER, PixelBuffer, PixelMemory, SizeRule
+from supersampler.backends.gpu.memory import DISPLAY, RENDER, PixelBuffer, PixelMemory, PixelTexture, SizeRule
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.methods.model_info import ModelInfo
@@ -48,10 +48,9 @@ class ExportedPass(NamedTuple):
 
 def exported_passes(program: GpuProgram, images: str) -> list[ExportedPass]:
     """Return all passes of a step; `images`: key of VARIANTS."""
-    shaders = [(spec, program.shader(spec, VARIANTS[images])) for spec in program.passes]
     return [
-        ExportedPass(f"{number:02}_{spec.shader}", spec, shader)
-        for number, (spec, shader) in enumerate(shaders)
+        ExportedPass(f"{number:02}_{spec.shader}", spec, program.shader(spec, VARIANTS[images]))
+        for number, spec in enumerate(program.passes)
     ]
 
 
@@ -147,24 +146,19 @@ def _resources(program: GpuProgram, images: str, used: Mapping[str, str]) -> Ite
     for name, words in program.weights.items():
         kind, memory = "uniform" if used[name] == "uniform" else "buffer", PixelBuffer(words.nbytes)
         yield {"name": name, "role": "weights", "kind": kind, **_buffer(memory), "file": f"{name}.bin"}
-    for prefix, frame in (("history", "previous"), ("next", "render")):
-        for name, one in program.layout.memory("previous" if frame == "previous" else "render").items():
-            yield {"name": f"{prefix}_{name}", "role": prefix, **_memory(one)}
+    histories = {"history": program.layout.memory("previous"), "next": program.layout.memory("render")}
+    for role, memories in histories.items():
+        for name, one in memories.items():
+            yield {"name": f"{role}_{name}", "role": role, **_memory(one)}
     for name, one in program.work.items():
         yield {"name": name, "role": "work", **_memory(one)}
     yield {"name": "aux", "role": "aux", **_memory(program.outputs["aux"])}
-    for name in texts.INPUTS:
-        channels = texts.INPUTS[name]["channels"]
-        memory = PixelBuffer(4 * channels, RENDER)
+    for name, about in texts.INPUTS.items():
+        memory = PixelBuffer(4 * about["channels"], RENDER)
         given = {"kind": "texture", "size": _size(RENDER)} if images == "textures" else _memory(memory)
         yield {"name": f"frame_{name}", "role": "frame", **given}
-    yield {"name": "image", "role": "image", **_image(program, images)}
-
-
-def _image(program: GpuProgram, images: str) -> dict[str, Any]:
-    if images == "buffers":
-        return _memory(program.outputs["image"])
-    return {"kind": "texture", "format": "rgba16float", "size": _size(DISPLAY)}
+    image = PixelTexture(DISPLAY, "rgba16float") if images == "textures" else program.outputs["image"]
+    yield {"name": "image", "role": "image", **_memory(image)}
 
 
 def _memory(memory: PixelMemory) -> dict[str, Any]:

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.methods.classifier.network_file import KEPT, read_network
+from supersampler.methods.classifier.network_file import INPUT_PLANES, KEPT, read_network
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_info import ModelInfo
 
 Arrays = Mapping[str, NDArray[Any]]
 CHUNK = 16
 """Bytes of a vec4u."""
-CHUNK_WORDS, CORNERS, INPUTS = 4, 4, 16
-"""Words of a chunk; display pixels of a packed one; network inputs of a display pixel."""
+CORNERS = 4
+"""Display pixels of a packed pixel."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def read_gpu_network(info: ModelInfo, variant: Variant) -> list[GpuLayers]:
         ModelError: see `read_network`.
     """
     arrays, widths = read_network(info, variant.outputs), info.config["network"]
-    levels, given = [], CORNERS * INPUTS + CHUNK
+    levels, given = [], CORNERS * INPUT_PLANES + CHUNK
     for level, (channels, kept) in enumerate(zip(widths["levels"], KEPT, strict=True)):
         deepest = level + 1 == len(KEPT)
         pooled = 0 if deepest else channels // 2
@@ -133,9 +133,9 @@ def _pointwise(
 
 def _by_corner(weights: NDArray[np.int8]) -> NDArray[np.int8]:
     """Reorder the bytes of packed pixels from (input, corner) to (corner, input), as texels hold them."""
-    packed = weights[:, : CORNERS * INPUTS].reshape(-1, INPUTS, CORNERS)
+    packed = weights[:, : CORNERS * INPUT_PLANES].reshape(-1, INPUT_PLANES, CORNERS)
     return np.concatenate(
-        [packed.transpose(0, 2, 1).reshape(len(weights), -1), weights[:, CORNERS * INPUTS :]], 1
+        [packed.transpose(0, 2, 1).reshape(len(weights), -1), weights[:, CORNERS * INPUT_PLANES :]], 1
     )
 
 
