@@ -18,8 +18,8 @@ AT_REST_HISTORY: Mapping[str, Shape] = {
 }
 """`static_mean`: mean of the samples, linear RGB, and the sum of their weights. `static_blocks`: frames since
 the block changed, negative once it is frozen, and the sums of three tests. `signatures`: one of each
-block for each phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between its last
-two."""
+block for each phase of the jitter. `phases`: jitter x and y, frames since it was last seen, frames between
+its last two."""
 ADDS_SAMPLES, NOISY = "adds_samples", 2.0
 """Input of the step: 0 on frames whose colour was not sampled, NOISY on those of a path tracer, else 1."""
 ADDED: Mapping[AtRest, float] = {"off": 0.0, "converge": 1.0, "accumulate": NOISY}
@@ -50,7 +50,8 @@ INNER, OUTER = 0.35, 0.65
 from which it has none. They were chosen by error: 0.4 and 0.6 lose 0.4 dB in rendered scenes, 0.25 and 0.75
 lose 1.8 dB where patterns are fine."""
 SHOWN_FROM, SHOWN = 1.5, 1.75
-"""Jitter periods after which the mean begins to show, and after which only the mean shows. A block freezes after 2."""
+"""Jitter periods after which the mean begins to show, and after which only the mean shows. A block freezes
+after two periods."""
 LEAST_WEIGHT = 3.5
 """Minimum weight of a mean that is shown. A whole period has about 8, one for each sample in a pixel."""
 FLICKER = 0.02
@@ -71,8 +72,8 @@ SPARKLING = 2.0
 """Variance of the samples, over the square of their mean, above which single bright samples stand out. There
 the limit rises towards 1."""
 BESIDE = 0.05
-"""Fraction of the largest sample variance of adjacent windows that is added to a window's own: mean pixels at its
-border hold samples from beyond it."""
+"""Fraction of the largest sample variance of adjacent windows that is added to a window's own: mean pixels at
+its border hold samples from beyond it."""
 NOISE_RATE = 0.125
 """Weight of a frame in the running mean of the residuals of noisy samples."""
 NOISE_FLICKER, NOISE_SIGMAS = 0.05, 5.0

@@ -16,8 +16,8 @@ UNFIT, FIT = 0.8, 0.95
 smooth surface, and from which on they do so fully. It explains at most 0.75 of a straight edge."""
 
 LAG_STEP, LEAST_BLOCKS, MOST_SAMPLES = 2, 0.125, 1024.0
-"""Distance, along an axis, of samples that are compared for the lag; minimum fraction of a window's blocks that
-must be compared; number of samples that does not limit the history."""
+"""Distance, along an axis, of samples that are compared for the lag; minimum fraction of a window's blocks
+that must be compared; number of samples that does not limit the history."""
 
 MIN_CHANGE = 0.004
 """Change of toned luma that is always tolerated: one step of an 8-bit image."""
