@@ -101,15 +101,6 @@ def test_the_shipped_int8_graph_is_made_of_the_shipped_network_and_its_int8_weig
     assert (folder / "network.int8.onnx").read_bytes() == made.SerializeToString(deterministic=True), hint
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_int8_graph_has_the_inputs_and_outputs_of_the_network(name: str) -> None:
-    float_graph, int8_graph = (
-        onnx.load(find_model(name) / file).graph for file in ("network.onnx", "network.int8.onnx")
-    )
-    assert list(int8_graph.input) == list(float_graph.input)
-    assert list(int8_graph.output) == list(float_graph.output)
-
-
 @pytest.mark.parametrize("optimized", [False, True])
 @pytest.mark.parametrize("name", NAMES)
 def test_the_int8_graph_computes_what_the_cpu_backend_computes(name: str, optimized: bool) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, distance, make, model, moving
 from method_lists import WITH_SHADERS
+from noise import Size
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.gpu.executor import MAX_GROUPS, GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
@@ -144,35 +145,19 @@ def test_upscalers_on_one_device_do_not_disturb_each_other(method: str) -> None:
             np.testing.assert_array_equal(image, wanted)
 
 
-def test_a_thousand_steps_do_not_grow() -> None:
-    upscaler = make("taa")
-    groups = [one._groups for one in model("taa").gpu.passes(ARRAYS)]
-    frames = [moving(index) for index in range(8)]
-
-    def run(count: int) -> tuple[int, int]:
-        for index in range(count):
-            upscaler.step(frames[index % 8])
-        gc.collect()
-        return resident(), sum(map(len, groups))
-
-    before, kept = run(200)
-    after, still_kept = run(1000)
-    assert after - before <= MAX_GROWTH
-    assert still_kept <= len(groups) * MAX_GROUPS
-    assert kept <= len(groups) * MAX_GROUPS
-
-
-def test_changing_render_sizes_do_not_grow() -> None:
+@pytest.mark.parametrize("sizes", [[RENDER], [(20 + index % 7, 12 + index % 5) for index in range(35)]])
+def test_memory_and_bind_groups_do_not_grow_with_the_number_of_steps(sizes: list[Size]) -> None:
     upscaler = make("taau")
 
     def run(count: int) -> int:
         for index in range(count):
-            upscaler.step(moving(index % 4, (20 + index % 7, 12 + index % 5)))
+            upscaler.step(moving(index % 8, sizes[index % len(sizes)]))
         gc.collect()
         return resident()
 
-    before = run(100)
-    assert run(100) - before <= MAX_GROWTH
+    before = run(150)
+    assert run(400) - before <= MAX_GROWTH
+    assert all(len(one._groups) <= MAX_GROUPS for one in model("taau").gpu.passes(ARRAYS))
 
 
 def resident() -> int:

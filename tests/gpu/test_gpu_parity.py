@@ -115,15 +115,3 @@ def test_jumps_of_exposure_are_followed_as_on_the_cpu(method: str) -> None:
     dark = [replace(frame, color=np.asarray(frame.color) * 1e-3) for frame in frames[:4]]
     sudden = [replace(frame, exposure=None, reset=False) for frame in (*dark, *frames[:4])]
     assert_alike(method, [*frames, *sudden])
-
-
-@pytest.mark.parametrize("method", WITH_SHADERS)
-def test_a_cut_drops_the_history(method: str) -> None:
-    upscaler = make(method)
-    first = upscaler.step(moving(0))
-    again = upscaler.step(replace(moving(0), reset=False))
-    assert np.abs(again - first).max() > 1e-3
-    np.testing.assert_array_equal(upscaler.step(moving(0)), first)
-    upscaler.step(moving(1))
-    upscaler.reset()
-    np.testing.assert_array_equal(upscaler.step(replace(moving(0), reset=False)), first)

@@ -62,14 +62,6 @@ def pixels_of(device: Any, texture: Any) -> np.ndarray[Any, Any]:
     return np.frombuffer(data, np.float16).reshape(height, width, 4)[..., :3].astype(np.float32)
 
 
-def test_textures_give_the_images_of_arrays_as_half_floats(device: Any, ours: Model) -> None:
-    upscaler, arrays = Upscaler(ours, display_size=DISPLAY), make("taau")
-    for index in range(4):
-        frame = moving(index)
-        image = upscaler.step_textures(textures_of(device, frame), jitter=frame.jitter, reset=frame.reset)
-        np.testing.assert_allclose(pixels_of(device, image), arrays.step(frame), rtol=2e-3, atol=1e-6)
-
-
 @pytest.mark.parametrize("kind", [textures_of, buffers_of])
 def test_textures_and_buffers_take_a_mask_and_a_pre_exposure(device: Any, ours: Model, kind: Any) -> None:
     upscaler, arrays = Upscaler(ours, display_size=DISPLAY), make("taau")

@@ -142,21 +142,6 @@ def test_instruction_sets_agree(method: str, instructions: str) -> None:
             check(other.step(frame), best.step(frame), INT8)
 
 
-@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small", "classifier-large"])
-def test_threads_and_skipped_tiles_change_no_bit(method: str) -> None:
-    render, display = (64, 40), (128, 80)
-    runs = [Run(cpu_executor(method, threads), render, display) for threads in (1, 1, 3)]
-    for index in range(75):
-        frame = still_frame(index, render, 2.0)
-        image, whole, threaded = (
-            run.step(frame, adds=1.0, skip=place != 1) for place, run in enumerate(runs)
-        )
-        np.testing.assert_array_equal(image, whole)
-        np.testing.assert_array_equal(image, threaded)
-    blocks = runs[0].executor.tensor(runs[0].history, "history.static_blocks")
-    assert 0.5 < (blocks[0, 0] < 0.0).mean() < 1.0  # some of it has converged
-
-
 def test_what_stands_still_converges_as_in_the_graph() -> None:
     render, display = (40, 24), (80, 48)
     native = Run(cpu_executor("taau"), render, display)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache, partial
+from inspect import signature
 from pathlib import Path
 from typing import Any, get_args
 
@@ -152,27 +153,14 @@ def _convention(name: str) -> Call:
 
 
 FIELDS = [*Frame.__dataclass_fields__]
+LOADED = ["model", "providers", "threads", "executor", "precision", "preset"]
+UNLOADED = [name for name in signature(Upscaler).parameters if name not in LOADED]
 PURE: dict[str, Call] = {
     **{f"Frame({name})": _frame(name) for name in FIELDS},
     **{f"RawFrame({name})": _converted(name) for name in FIELDS},
     **{f"Conventions({name})": _convention(name) for name in Conventions.__dataclass_fields__},
-    **{
-        f"Upscaler({name})": _upscaler(name)
-        for name in (
-            "display_size",
-            "scale",
-            "render_size",
-            "at_rest",
-            "skip",
-            "extrapolation",
-            "validate",
-            "record",
-        )
-    },
-    **{
-        f"Upscaler({name})": _loading(name)
-        for name in ("model", "providers", "threads", "executor", "precision", "preset")
-    },
+    **{f"Upscaler({name})": _upscaler(name) for name in UNLOADED},
+    **{f"Upscaler({name})": _loading(name) for name in LOADED},
     "Model.load": Model.load,
     "Upscaler.plan(render_size)": lambda value: Upscaler.plan(value, DISPLAY, "bilinear"),
     "Upscaler.plan(display_size)": lambda value: Upscaler.plan(SIZE, value, "bilinear"),
