@@ -96,18 +96,6 @@ def test_a_buffer_that_is_missing_is_named_and_the_history_stays(model: Model, n
     np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
 
 
-@pytest.mark.parametrize("frame", [noise(2), lit(2, (16, 9))])
-def test_no_buffers_at_all_or_those_of_another_size_are_refused(model: Model, frame: Frame) -> None:
-    one, other = upscaler(model), upscaler(model)
-    for u in (one, other):
-        u.step(lit(1))
-    with pytest.raises(
-        FrameError, match=r"frame\.(gbuffer_display\['base_color'\] is None|size is \(16, 9\))"
-    ):
-        other.step(frame)
-    np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
-
-
 def test_a_missing_buffer_of_render_size_is_read_at_the_display_pixel_nearest_to_each_sample(
     model: Model,
 ) -> None:
@@ -311,19 +299,6 @@ def test_upscale_does_not_read_what_a_model_does_not_ask_for(
     refused = run("upscale", broken, "--model", gbuffer_model, "-o", tmp_path / "other")
     assert refused.exit_code == 1
     assert "0000.exr" in said(refused)
-
-
-def test_upscale_renders_at_the_one_ratio_that_a_model_has(gbuffer_model: Path, tmp_path: Path) -> None:
-    with ShotWriter(tmp_path / "shot", name="small", display_size=None, frame_rate=24) as writer:
-        writer.write(noise(0))
-    arguments = ("upscale", tmp_path / "shot", "--model", gbuffer_model, "-o", tmp_path / "out")
-    without = said(run(*arguments))
-    assert (
-        "frame 0: frame.gbuffer_display['base_color'] is None; want (36, 64, 3). 'demodulated' reads it"
-        in without
-    )
-    refused = said(run(*arguments, "--scale", "3"))
-    assert "for a display of (96, 54); want frames of (48, 27) or a display of (64, 36)" in refused
 
 
 def test_info_and_check_say_which_buffers_there_are(folder: Path, gbuffer_model: Path) -> None:

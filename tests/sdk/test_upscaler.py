@@ -173,14 +173,6 @@ def test_a_ratio_out_of_range_is_named(
         Upscaler(models["taau"], display_size=display, validate="off").step(noise(0))
 
 
-def test_two_views_interleaved_do_not_touch_each_other(models: dict[str, Model]) -> None:
-    left, right, alone = (make(models["taau"]) for _ in range(3))
-    expected = steps(alone, range(4))
-    for seed, image in enumerate(expected):
-        np.testing.assert_array_equal(left.step(noise(seed)), image)
-        right.step(noise(seed + 10, reset=seed == 0))
-
-
 def test_several_upscalers_share_one_model_from_several_threads(models: dict[str, Model]) -> None:
     expected = steps(make(models["taau"]), range(6))
     results: list[list[Float32]] = [[] for _ in range(4)]
