@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from supersampler import Frame, Model
 from supersampler.backends.cpu.executor import CpuExecutor
 from supersampler.frame import Float32, Size
-from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, Variant
 from supersampler.methods.spec import half_size, large_size
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_network import pack

@@ -24,7 +24,7 @@ from supersampler.io.json_files import read_json
 from supersampler.io.shot import Shot, shot
 from supersampler.methods import model_file
 from supersampler.methods.classifier.network_file import INPUT_PLANES, read_network
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.spec import Variant
 from supersampler.methods.model_file import MAX_DESCRIPTION, find_model, read_model_info
 
 Change = Callable[[dict[str, Any]], object]

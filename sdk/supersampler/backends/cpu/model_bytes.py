@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.methods.classifier.network_file import read_network
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.spec import Variant
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import MethodSpec, constants_of, flags_of
 

@@ -27,8 +27,7 @@ from supersampler.backends.gpu.program import (
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
 from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network
-from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, Variant
 from supersampler.methods.constants import CONFIRMED, GLARE
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of

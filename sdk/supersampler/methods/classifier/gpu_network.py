@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.methods.classifier.network_file import INPUT_PLANES, KEPT, read_network
-from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.classifier.spec import Variant
 from supersampler.methods.model_info import ModelInfo
 
 Arrays = Mapping[str, NDArray[Any]]

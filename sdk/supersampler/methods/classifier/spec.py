@@ -1,7 +1,8 @@
 """Definitions of `classifier` and its relatives: a network predicts how history and frame are blended."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, NamedTuple, Self
 
 from supersampler.methods.at_rest import ADDS_SAMPLES, AT_REST_HISTORY, CONVERGED
 from supersampler.methods.registry import register
@@ -86,6 +87,47 @@ class NetworkConfig:
     """Channels of the compositor's hidden layer."""
 
 
+class Variant(NamedTuple):
+    """Compile-time variant of kernels and shaders, and the places of the blend parameters that it implies.
+
+    Blend parameters of a pixel: weights of the history colours and of three colours of this frame, sharpness
+    of the history, and a 3x3 kernel on this frame.
+    """
+
+    rectified: bool
+    own_motion: bool
+
+    @classmethod
+    def of(cls, config: Mapping[str, Any]) -> Self:
+        """Return the variant of a model with this config."""
+        return cls(config["rectified"], config["own_motion"])
+
+    @property
+    def history_colors(self) -> int:
+        """Number of history colours."""
+        return 1 + self.rectified + self.own_motion
+
+    @property
+    def sharpness(self) -> int:
+        """Index of the sharpness, after the weights of all blended colours."""
+        return self.history_colors + 3
+
+    @property
+    def kernel_weights(self) -> int:
+        """Index of the first of the nine weights of the kernel."""
+        return self.sharpness + 1
+
+    @property
+    def blend_parameters(self) -> int:
+        """Number of blend parameters of a display pixel."""
+        return self.kernel_weights + 9
+
+    @property
+    def outputs(self) -> int:
+        """Outputs of the last layer: `blend_parameters` of four pixels, up to a multiple of eight."""
+        return -(-4 * self.blend_parameters // 8) * 8
+
+
 @dataclass(frozen=True)
 class ClassifierConfig:
     """Constants of the step; docs/methods.md gives the effect of each."""
@@ -138,7 +180,7 @@ class ClassifierConfig:
     @property
     def candidates(self) -> int:
         """Number of blended colours."""
-        return 4 + self.rectified + self.own_motion
+        return Variant(self.rectified, self.own_motion).sharpness
 
     @property
     def filters(self) -> tuple[int, int]:
@@ -148,7 +190,7 @@ class ClassifierConfig:
     @property
     def blend_parameters(self) -> int:
         """Number of blend parameters per display pixel."""
-        return self.candidates + sum(self.filters)
+        return Variant(self.rectified, self.own_motion).blend_parameters
 
 
 @dataclass(frozen=True)
