@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ class Run(NamedTuple):
     """A method in a backend; with `extrapolation`, every second frame is unshaded, the last one too."""
 
     method: str
-    executor: Any
+    executor: str
     extrapolation: str | None = None
 
     @property

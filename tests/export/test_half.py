@@ -157,7 +157,8 @@ GRAPHS: dict[str, tuple[Callable[[onnx.ModelProto], onnx.ModelProto], list[onnx.
 @pytest.mark.parametrize("case", GRAPHS)
 def test_a_graph_is_simplified_only_where_its_result_stays_the_same(case: str) -> None:
     simplify, nodes, operators = GRAPHS[case]
-    shape = None if simplify is simplified_gathers else ["n", 4, "h", "w"]
+    sides: list[str | int | None] = ["n", 4, "h", "w"]
+    shape = None if simplify is simplified_gathers else sides
     kind = HALF if simplify is without_detours else FLOAT
     inputs = [
         helper.make_tensor_value_info("image", kind, [1, 4, 5, 6]),

@@ -17,7 +17,8 @@ from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.at_rest import phase_count
-from supersampler.methods.classifier.gpu_network import CHUNK, CORNERS, INPUTS
+from supersampler.methods.classifier.gpu_network import CHUNK, CORNERS
+from supersampler.methods.classifier.network_file import INPUT_PLANES
 from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.markdown import table
@@ -81,7 +82,7 @@ def products_of(constants: Constants) -> float:
         return channels * (inputs + 9 + kept + pooled)
     if "decoder" in constants:  # of a packed pixel, which is four of the display
         features, hidden = 2 * CHUNK, CORNERS * CHUNK
-        layers = features * features + hidden * (features + CORNERS * INPUTS)
+        layers = features * features + hidden * (features + CORNERS * INPUT_PLANES)
         return (layers + CORNERS * 4 * constants["quads"] * hidden) / CORNERS
     return 0.0
 
