@@ -8,6 +8,7 @@
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make wheels wheels for Linux, macOS and Windows from this machine, checked: dist
 # make kit     dist/measuring-kit: measures the GPU of a machine that has Python KIT_PYTHON=3.12 on Linux and no network
+# make emulators  the CPU library compiled for arm64 and Windows, its tests run by QEMU and Wine
 # make sanitize  the tests of the CPU library in C, under the sanitizers of clang: memory, undefined behaviour, threads
 # make fuzz-native  frames, models and images of any bytes for the CPU library, by clang's libFuzzer: SECONDS=60 for each
 # make traces the graph of every shipped method is what the exporter writes today; `make test-all` traces some
@@ -31,7 +32,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz wheels kit sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -157,6 +158,11 @@ fuzz-native:
 	    mkdir -p build/fuzz/corpus/$$name && build/fuzz/fuzz_$$name -max_total_time=$(SECONDS) -max_len=120000 \
 	        -artifact_prefix=build/fuzz/$$name- build/fuzz/corpus/$$name $$(test $$name != model || echo sdk/native/models) || exit 1; \
 	done
+
+# Minutes for each platform; QEMU or Wine must be there.
+emulators: $(DEVELOPMENT)
+	.venv-dev/bin/pip install -q --disable-pip-version-check 'ziglang>=0.16,<0.18'
+	.venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_other_platforms.py
 
 traces: $(DEVELOPMENT)
 	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q --timeout=1800 tests/export/test_export_traced.py

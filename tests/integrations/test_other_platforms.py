@@ -1,4 +1,4 @@
-"""The CPU library, compiled by Zig for other platforms and run by emulators: QEMU and Wine."""
+"""The CPU library, compiled by Zig for other platforms, in QEMU and Wine: `make emulators`."""
 
 import importlib.util
 import os
@@ -64,7 +64,7 @@ def platform(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     """The library and its tests in C, compiled for a platform."""
     build = native_build()
     if importlib.util.find_spec("ziglang") is None or not build.has_cmake():
-        pytest.skip("ziglang or CMake is missing")
+        pytest.skip("ziglang or CMake is missing: `make emulators` installs the former")
     emulator = wine() if "windows" in request.param else qemu()
     folder = tmp_path_factory.mktemp(request.param)
     build.compile_library(folder, [*build.zig_compiler(build.TARGETS[request.param]), "-DSS_TESTS=ON"])
