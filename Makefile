@@ -11,7 +11,7 @@
 # make emulators  the CPU library compiled for arm64 and Windows, its tests run by QEMU and Wine
 # make sanitize  the tests of the CPU library in C, under the sanitizers of clang: memory, undefined behaviour, threads
 # make fuzz-native  frames, models and images of any bytes for the CPU library, by clang's libFuzzer: SECONDS=60 for each
-# make traces the graph of every shipped method is what the exporter writes today; `make test-all` traces some
+# make traces  the graph of every shipped method is what the exporter writes today, and docs/how-to/add-a-method.md adds one
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # make test-integrations   `supersampler blender` with a real Blender, PyVista, Mitsuba: each where it can be had
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
@@ -165,7 +165,7 @@ emulators: $(DEVELOPMENT)
 	.venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_other_platforms.py
 
 traces: $(DEVELOPMENT)
-	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q --timeout=1800 tests/export/test_export_traced.py
+	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q --timeout=1800 tests/export/test_export_traced.py tests/process/test_add_a_method.py
 
 mutation: $(DEVELOPMENT)
 	PYTHONPATH=tests .venv-dev/bin/python -m mutation
