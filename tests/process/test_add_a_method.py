@@ -28,7 +28,7 @@ assert image.shape == (1, 3, 37, 52) and torch.isfinite(image).all()
 
 
 EXPORTS = "SUPERSAMPLER_TRACES" in os.environ
-"""Whether the method is exported and its backends run: `make traces`. It traces four graphs, which takes minutes."""
+"""Whether the method is exported, in minutes, and its backends run: `make traces`."""
 
 
 @pytest.mark.timeout(1500)
