@@ -249,7 +249,7 @@ def _fast_rewriting() -> Iterator[None]:
         return rewrite(model, graph, node, **options) if node.op_type == "Slice" else None
 
     with contextlib.ExitStack() as patches:
-        for rule in rewriter._DEFAULT_REWRITE_RULES:
+        for rule in getattr(rewriter, "_DEFAULT_REWRITE_RULES", ()):
             if rule.name == "SlicesSplit":
                 patches.enter_context(
                     patch.object(rule, "try_rewrite", functools.partial(on_slices, rule.try_rewrite))

@@ -254,11 +254,12 @@ def device(
     minutes: Annotated[float, typer.Option(help="Nothing further is begun after this time.")] = 5.0,
     json: JSON = None,
 ) -> None:
-    """Measure the GPU backend: throughput of the device, images, steps and passes.
+    """Measure the GPU backend: throughput of the device, images, steps and passes, other runtimes.
 
     Steps are timed by timestamps of the device, with frame and image in textures. Their floor is the time of
     the bytes and multiply-adds at the device's own throughput. Images are compared with those of the CPU
-    backend. The record is written after each result.
+    backend. Torch on CUDA and ONNX Runtime's GPU providers are timed where they are installed, at the first
+    size. The record is written after each result.
 
     \b
     Example:
@@ -268,6 +269,7 @@ def device(
     from supersampler_bench.timing.gpu_record import GpuRecord
     from supersampler_bench.timing.gpu_steps import measure_gpu
     from supersampler_bench.timing.gpu_stopwatch import device_with_timestamps
+    from supersampler_bench.timing.other_runtimes import measure_other_runtimes
 
     names, displays = split_list(methods), size_list("--display-size", display_size)
     ratios = number_list("--ratio", ratio)
@@ -289,5 +291,9 @@ def device(
         record.steps.append(step)
         size = f"{step.render} to {step.display}"
         if not keep(f"{step.method} {size}: {step.median:.3f} ms, first {step.first:.1f} s"):
+            break
+    for other in measure_other_runtimes(names, displays[0], ratios[0], steps=50, on_left_out=warn):
+        record.others.append(other)
+        if not keep(f"{other.method}, {other.runtime}: {other.median:.2f} ms, first {other.first:.1f} s"):
             break
     publish(replace(record, provenance=Provenance.now()), "device", json)

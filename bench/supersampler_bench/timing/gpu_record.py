@@ -11,6 +11,7 @@ from supersampler_bench.record import BenchRecord
 from supersampler_bench.timing.gpu_images import GpuImages
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
 from supersampler_bench.timing.gpu_steps import GpuStep
+from supersampler_bench.timing.other_runtimes import RuntimeStep
 
 if TYPE_CHECKING:
     import wgpu
@@ -29,6 +30,7 @@ class GpuRecord(BenchRecord):
         limits: throughput of the device.
         images: differences from the CPU backend's images.
         steps: times of methods.
+        others: times of other runtimes.
     """
 
     adapter: dict[str, Any]
@@ -36,8 +38,9 @@ class GpuRecord(BenchRecord):
     limits: GpuLimits
     images: list[GpuImages] = field(default_factory=list)
     steps: list[GpuStep] = field(default_factory=list)
+    others: list[RuntimeStep] = field(default_factory=list)
     BENCH = "device-gpu"
-    TABLES = ("", "passes", "images")
+    TABLES = ("", "passes", "images", "others")
 
     @classmethod
     def of(cls, device: "wgpu.GPUDevice") -> "GpuRecord":
@@ -115,6 +118,25 @@ class GpuRecord(BenchRecord):
             + "At 99.9 %: of the frame where it is largest."
         )
         return table(["method", "mean:", "at 99.9 %:", "largest:"], rows, caption)
+
+    def others_table(self) -> str:
+        """Return the times of other runtimes as Markdown, with their caption."""
+        rows = [
+            [
+                _sizes(s.render, s.display),
+                s.method,
+                s.runtime,
+                *(f"{time:.2f}" for time in (s.median, s.p95)),
+                f"{s.first:.1f}",
+            ]
+            for s in self.others
+        ]
+        versions = ", ".join(dict.fromkeys(f"{s.runtime.split(',')[0]} {s.version}" for s in self.others))
+        caption = (
+            f"Other runtimes on the same device ({versions or 'none'}), wall time of a step; torch with "
+            "frame and image on the device, ONNX Runtime from arrays to arrays."
+        )
+        return table(["size", "method", "runtime", "ms:", "p95:", "first s:"], rows, caption)
 
 
 def _sizes(render: Size, display: Size) -> str:
