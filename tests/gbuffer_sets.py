@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from supersampler import halton_jitter
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
@@ -17,6 +19,7 @@ from supersampler_model.data.dataset.storage import (
 )
 from supersampler_model.data.scenes.analytic import EXTENT, Values, places
 from supersampler_model.data.specs import SequenceSpec
+from supersampler_model.methods.gbuffer_surfaces import Surfaces
 
 DISPLAY = (64, 36)
 VELOCITY = np.array([1.7, -0.8])  # display pixels a frame
@@ -84,3 +87,15 @@ def surface(index: int, size: tuple[int, int], offset: tuple[float, float]) -> d
 
 def wave(x: Values, y: Values) -> Values:
     return 0.5 + 0.25 * np.sin(0.3 * x + 0.2 * y) + 0.2 * np.cos(0.15 * x - 0.3 * y)
+
+
+def surfaces_of(base_color: Tensor) -> Surfaces:
+    """Rough dielectrics that face the eye, with this base colour."""
+    one = torch.ones_like(base_color[:, :1])
+    normal = torch.cat([0.0 * one, 0.0 * one, one], dim=1)
+    return Surfaces(base_color, normal, 0.8 * one, 0.0 * one, 0.5 * one, 0.5 * one)
+
+
+def surfaces(side: int, **fields: Tensor) -> Surfaces:
+    """Rough, grey dielectrics that face the eye, but for these fields."""
+    return surfaces_of(torch.full((1, 3, side, side), 0.5))._replace(**fields)

@@ -25,7 +25,7 @@ FRAMES, BORDER = 20, 16
 
 
 def hostile(seed: int, size: Size) -> Frame:
-    """Return a frame of tiny things that move at random; some depth and motion is not usable."""
+    """Return a frame of tiny objects that move at random; some depth and motion is not usable."""
     rng = np.random.default_rng(seed)
     shape = size[::-1]
     near = rng.random(shape) < 0.15

@@ -90,7 +90,7 @@ def test_a_sample_brighter_than_all_of_the_history_around_is_beyond_it() -> None
     assert not seen["history_contrast"].any()
 
 
-def test_the_mean_around_tells_a_change_of_light_from_aliasing() -> None:
+def test_the_local_mean_separates_a_change_of_light_from_aliasing() -> None:
     g = gathered()
     seen = pixel_inputs(g)
     even = torch.full_like(seen["history"], 0.3)

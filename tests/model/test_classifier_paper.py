@@ -74,7 +74,7 @@ def test_without_samples_the_frame_alone_is_shown(method: PaperClassifier) -> No
 
 
 @pytest.mark.parametrize(("ghost", "counted"), [(NONE, 5.0), (SHADING, 5.0), (VISIBILITY, 1.0)])
-def test_the_counter_starts_anew_where_what_is_seen_was_hidden(
+def test_the_counter_restarts_where_the_surface_was_hidden(
     method: PaperClassifier, ghost: Tensor, counted: float
 ) -> None:
     done = method.finish(gathered(method), logits(ghost), torch.zeros(0))

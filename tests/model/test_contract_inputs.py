@@ -58,6 +58,22 @@ def test_a_power_of_two_is_in_the_image_alone(name: str) -> None:
             torch.testing.assert_close(kept, also, rtol=0.0, atol=0.0, equal_nan=True)
 
 
+@pytest.mark.parametrize("name", ALL)
+def test_bad_pixels_of_one_frame_reach_neither_images_nor_histories(name: str) -> None:
+    method, display = made(name)
+    frames = list(noise(RENDER, display, 3))
+    for key in {"color", *method.inputs()}:
+        for spoilt in (0, 1) if method.extrapolates() else (1,):
+            if frames[spoilt][key].ndim != 4:
+                continue
+            pixels = frames[spoilt][key].clone()
+            for row, value in enumerate((float("nan"), float("inf"), -float("inf"), -1.0, 131008.0)):
+                pixels[:, :, 2 * row, 4:9] = value
+            for done in run(name, [{key: pixels} if index == spoilt else {} for index in range(3)]):
+                assert done.image.min() >= 0.0, key
+                assert all(value.isfinite().all() for value in (done.image, *done.history)), key
+
+
 @pytest.mark.parametrize("name", TEMPORAL)
 @settings(max_examples=3, deadline=None)
 @given(value=st.floats(0.0, 1.0, width=32))

@@ -167,7 +167,7 @@ CLASSIFIERS = (
 
 
 @pytest.mark.parametrize("method", CLASSIFIERS, ids=range(len(CLASSIFIERS)))
-def test_the_classifier_renders_what_it_is_shown_whatever_is_chosen(method: Classifier) -> None:
+def test_the_classifier_renders_the_scene_with_any_options(method: Classifier) -> None:
     """Untrained: the paper's network then blends half of the history, ours the running mean."""
     scene = Plane(dots)
     truth = scene.truth(0, DISPLAY)

@@ -50,7 +50,7 @@ def cubic(d: float, sharpness: float) -> float:
 
 @settings(max_examples=40)
 @given(size=SIZES, ratio=RATIOS, jitter=JITTER)
-def test_a_display_pixel_looks_where_the_contract_says(
+def test_a_display_pixel_is_at_the_position_of_the_contract(
     size: tuple[int, int], ratio: float, jitter: tuple[float, float]
 ) -> None:
     display = ops.Size(round(size[0] * ratio), round(size[1] * ratio))
@@ -185,7 +185,7 @@ def test_closer_surfaces_hide_those_behind() -> None:
     ).any()  # unknown
 
 
-def test_thin_things_are_taken_out_of_depth_and_broad_ones_stay() -> None:
+def test_opening_depth_removes_thin_objects_and_keeps_broad_ones() -> None:
     depth = torch.full((1, 1, 12, 16), 0.01)
     broad = depth.clone()
     broad[..., 3:9, 2:6] = 0.1

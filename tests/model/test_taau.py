@@ -92,33 +92,42 @@ def decided(current: CurrentFrame, warped: WarpedHistory, flash: float = 0.0) ->
     return RULES.network(current, warped, plane(flash))
 
 
+def blend_of(
+    history: tuple[float, ...], *, weight: float = 0.0, samples: float = 4.0, spreads: float = 1.0
+) -> Blend:
+    confirmed = torch.zeros(1, 1, 1, 1, dtype=torch.bool)
+    count, spread = plane(samples), plane(spreads)
+    return Blend(plane(*history), plane(weight), count, spread, spread, count, confirmed)
+
+
 def counted(**history: float) -> float:
     """Samples of the history that count."""
     return float(decided(present(), remembered(**history)).samples)
 
 
-def test_a_history_like_the_frame_counts_whole_up_to_a_limit() -> None:
-    assert counted(samples=10.0) == pytest.approx(10.0)
-    assert counted(samples=50.0) == pytest.approx(C.samples)
+@pytest.mark.parametrize(
+    ("history", "expected"),
+    [
+        ({"samples": 10.0}, 10.0),
+        ({"samples": 50.0}, C.samples),
+        ({"samples": 50.0, "blur": 0.5}, C.samples / (1.0 + 0.5 * C.blur_cost)),
+        ({"samples": 50.0, "speed": 2.0}, C.samples / (1.0 + 2.0 * C.speed_cost)),
+        (
+            {"samples": 50.0, "speed": 2.0, "blur": 0.5},
+            C.samples / (1.0 + 0.5 * C.blur_cost + 2.0 * C.speed_cost),
+        ),
+        ({"samples": 10.0, "surface": 0.25}, 2.5),
+        ({"samples": 10.0, "surface": 0.0}, 0.0),
+    ],
+)
+def test_blur_speed_and_occlusion_lower_the_sample_count(history: dict[str, float], expected: float) -> None:
+    assert counted(**history) == pytest.approx(expected)
 
 
-def test_resampling_blur_and_speed_lower_the_limit_each() -> None:
-    assert counted(samples=50.0, blur=0.5) == pytest.approx(C.samples / (1.0 + 0.5 * C.blur_cost))
-    assert counted(samples=50.0, speed=2.0) == pytest.approx(C.samples / (1.0 + 2.0 * C.speed_cost))
-    assert counted(samples=50.0, speed=2.0, blur=0.5) == pytest.approx(
-        C.samples / (1.0 + 0.5 * C.blur_cost + 2.0 * C.speed_cost)
-    )
-
-
-def test_partly_hidden_samples_count_by_their_fraction() -> None:
-    assert counted(surface=0.25) == pytest.approx(2.5)
-    assert counted(surface=0.0) == 0.0
-
-
-def test_a_sample_weighs_its_confidence_among_the_samples_that_count() -> None:
-    blend = decided(present(confidence=0.5), remembered(samples=10.0))
-    assert float(blend.weight) == pytest.approx(0.5 / 10.5)
-    assert float(decided(present(confidence=0.5), remembered(samples=0.0)).weight) == pytest.approx(1.0)
+def test_the_weight_of_a_sample_is_its_confidence_over_the_sample_count() -> None:
+    for samples, weight in ((10.0, 0.5 / 10.5), (0.0, 1.0)):
+        blend = decided(present(confidence=0.5), remembered(samples=samples))
+        assert float(blend.weight) == pytest.approx(weight)
 
 
 @pytest.mark.parametrize(("mean", "change"), [(0.4, 0.0), (0.37, 0.3306), (0.63, 0.1282), (0.2, 1.0)])
@@ -177,14 +186,12 @@ def lights(*contrasts: float) -> list[bool]:
     return found
 
 
-def test_contrast_over_that_of_previous_frames_is_a_flash_for_two_frames_at_most() -> None:
+def test_contrast_above_that_of_previous_frames_is_a_flash_for_two_frames_at_most() -> None:
     assert lights(0.01, 0.013, 0.016) == [False] * 3
     assert lights(0.01, 0.01, 0.02, 0.01, 0.01) == [False, False, True, False, False]
     assert lights(0.01, 0.01, 0.02, 0.02, 0.02, 0.02) == [False, False, True, True, False, False]
-
-
-def test_smooth_extrapolated_frames_between_shaded_ones_make_no_flash_of_these() -> None:
-    assert lights(*[0.01, 0.004] * 3, 0.004, 0.01) == [False] * 8
+    extrapolated, shaded = 0.004, 0.01  # extrapolated frames are smooth
+    assert lights(*[shaded, extrapolated] * 3, extrapolated, shaded) == [False] * 8
 
 
 def test_contrast_is_compared_at_the_exposure_of_this_frame() -> None:
@@ -210,15 +217,7 @@ def finished(
 
     `around` is the mean luma around the sample of 0.5; the plane, as far as it fits, is at 0.4.
     """
-    blend = Blend(
-        plane(0.2, 0.0, 0.0),
-        plane(weight),
-        plane(samples),
-        plane(spreads),
-        plane(spreads),
-        plane(samples),
-        torch.zeros(1, 1, 1, 1, dtype=torch.bool),
-    )
+    blend = blend_of((0.2, 0.0, 0.0), weight=weight, samples=samples, spreads=spreads)
     current = present(confidence, shade=(around, 0.1), fit=fit)
     image, state = RULES.finish(current, history, blend, torch.tensor([2.0]), plane(0.0))
     green = float(image[0, 1] * 2.0)
@@ -248,20 +247,15 @@ def test_the_spread_follows_how_far_samples_are_off_by_no_more_than_a_step(luma:
         assert power == pytest.approx(0.01 + rate * (off**2 - 0.01), rel=1e-4)
 
 
-@pytest.mark.parametrize("around", [0.45, 0.55])
-def test_a_sample_like_those_around_it_does_not_widen_the_spread(around: float) -> None:
-    """However far it is off the history, 0.1: it is off by the 0.05 to the mean around it."""
-    rate = 0.5 / (4.0 + 0.5)
-    power = finished(remembered(luma=0.1, power=0.01), samples=4.0, around=around)[2]
-    assert power == pytest.approx(0.01 + rate * (0.05**2 - 0.01), rel=1e-4)
-
-
-@pytest.mark.parametrize(("around", "off"), [(0.0, 0.1), (0.45, 0.05)])
-def test_a_sample_like_the_plane_of_those_around_it_does_not_widen_the_spread(
-    around: float, off: float
+@pytest.mark.parametrize(
+    ("around", "fit", "off"), [(0.45, 0.0, 0.05), (0.55, 0.0, 0.05), (0.0, 1.0, 0.1), (0.45, 1.0, 0.05)]
+)
+def test_a_sample_like_its_neighbours_or_their_plane_does_not_widen_the_spread(
+    around: float, fit: float, off: float
 ) -> None:
+    """The sample, 0.5, is far from the history, 0.1; its distance is that to the mean or plane around it."""
     rate = 0.5 / (4.0 + 0.5)
-    power = finished(remembered(luma=0.1, power=0.01), samples=4.0, around=around, fit=1.0)[2]
+    power = finished(remembered(luma=0.1, power=0.01), samples=4.0, around=around, fit=fit)[2]
     assert power == pytest.approx(0.01 + rate * (off**2 - 0.01), rel=1e-4)
 
 
@@ -276,16 +270,7 @@ def test_without_a_history_or_in_another_light_there_is_no_spread() -> None:
 def test_the_image_is_exposed_back_and_never_negative(
     ycocg: tuple[float, float, float], toned: tuple[float, float, float]
 ) -> None:
-    blend = Blend(
-        plane(*ycocg),
-        plane(0.0),
-        plane(4.0),
-        plane(1.0),
-        plane(1.0),
-        plane(4.0),
-        torch.zeros(1, 1, 1, 1, dtype=torch.bool),
-    )
-    image, *_ = RULES.finish(present(), remembered(), blend, torch.tensor([4.0]), plane(0.0))
+    image, *_ = RULES.finish(present(), remembered(), blend_of(ycocg), torch.tensor([4.0]), plane(0.0))
     torch.testing.assert_close(image, ops.inverse_tone(plane(*toned)) / 4.0, rtol=1e-3, atol=1e-6)
 
 

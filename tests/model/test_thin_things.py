@@ -1,4 +1,4 @@
-"""A thin thing that moves leaves nothing where it was, and stays whole where it moves along itself."""
+"""A thin moving object leaves no trace where it was, and stays whole where it moves along itself."""
 
 import pytest
 import torch
@@ -32,7 +32,7 @@ def wire(over: tuple[float, float], *, level: bool = False, wall: float = 0.0) -
 
 @pytest.mark.parametrize("over", [(0.5, 0.0), (1.0, 0.0), (-1.5, 0.0), (4.0, 3.0), (1e6, 0.0)])
 @pytest.mark.parametrize("wall", [0.0, -3.0])
-def test_a_thin_thing_that_moves_over_its_background_leaves(over: tuple[float, float], wall: float) -> None:
+def test_a_thin_object_that_moves_over_its_background_leaves(over: tuple[float, float], wall: float) -> None:
     depth, motion = wire(over, wall=wall)
     expected = torch.where(depth == WIRE, -depth, depth)
     torch.testing.assert_close(ops.occluding_depth(depth, motion), expected)
@@ -42,28 +42,28 @@ def test_a_thin_thing_that_moves_over_its_background_leaves(over: tuple[float, f
     ("over", "level"),
     [((0.0, 0.0), False), ((0.4, -0.4), False), ((0.0, 4.0), False), ((4.0, 0.0), True), ((-1.3, 0.0), True)],
 )
-def test_a_thin_thing_at_rest_or_moving_along_itself_hides_nothing(
+def test_a_thin_object_at_rest_or_moving_along_itself_hides_nothing(
     over: tuple[float, float], level: bool
 ) -> None:
     depth, motion = wire(over, level=level)
     torch.testing.assert_close(ops.occluding_depth(depth, motion), torch.full_like(depth, WALL))
 
 
-def test_a_thin_thing_followed_by_another_hides_nothing() -> None:
+def test_a_thin_object_followed_by_another_hides_nothing() -> None:
     depth, motion = wire((4.0, 0.0))
     depth[..., 11] = WIRE  # comes to the place of the first
     found = ops.occluding_depth(depth, motion)
     assert (found[..., 7] == WALL).all()
 
 
-def test_a_thin_thing_before_an_unknown_background_hides_nothing() -> None:
+def test_a_thin_object_before_an_unknown_background_hides_nothing() -> None:
     depth, motion = wire((4.0, 0.0))
     depth[..., 8] = -1.0
     opened = ops.morphological_opening(depth).clamp(min=0.0)
     torch.testing.assert_close(ops.occluding_depth(depth, motion), opened)
 
 
-def test_broad_things_hide_what_is_behind_them_and_their_rear_edges_leave() -> None:
+def test_broad_objects_hide_their_background_and_their_rear_edges_leave() -> None:
     depth, motion = torch.full((1, 1, 12, 16), WALL), torch.zeros(1, 2, 12, 16)
     depth[..., 3:9, 4:10] = WIRE
     for speed in (0.0, 0.4, 0.5, 4.0):
@@ -94,13 +94,13 @@ def skip_without(executor: str) -> None:
 
 @pytest.mark.parametrize("speed", [0.5, 1.0, 4.0])
 @pytest.mark.parametrize(("method", "executor"), RUNS)
-def test_a_thin_thing_leaves_no_trace_where_it_was(method: str, executor: str, speed: float) -> None:
+def test_a_thin_object_leaves_no_trace_where_it_was(method: str, executor: str, speed: float) -> None:
     skip_without(executor)
     upscaler = upscaler_of(method, executor=executor)
     assert trace(upscaler, speed) < 0.1
 
 
 @pytest.mark.parametrize(("method", "executor"), RUNS)
-def test_a_thin_thing_that_moves_along_itself_stays_whole(method: str, executor: str) -> None:
+def test_a_thin_object_that_moves_along_itself_stays_whole(method: str, executor: str) -> None:
     skip_without(executor)
     assert contrast(upscaler_of(method, executor=executor), 4.0) > 0.55

@@ -1,20 +1,13 @@
 """The renderer's output for one frame: inputs of upscalers, reference, statistics for labels."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler_model.data.labels import (
-    DEFAULTS,
-    LabelInputs,
-    Labels,
-    LabelThresholds,
-    PixelStatistics,
-    label,
-)
+from supersampler_model.data.labels import LabelInputs, Labels, PixelStatistics, label
 
 UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
 """G-buffers in [0, 1]; they are stored with eight bits, as in engines."""
@@ -60,7 +53,7 @@ class PixelTruth:
     Attributes:
         thin_still: that hit thin objects at rest in the world.
         thin_moving: that hit thin objects that move.
-        moving: that hit other things that move.
+        moving: that hit other moving objects.
         unshadowed: the mean over the samples of the fraction of sun and spot light that no shadow takes; 1
             where neither would arrive.
     """
@@ -107,8 +100,10 @@ class Rendered:
 
     def frame(self) -> Frame:
         """Return the input of an `Upscaler`."""
-        frame = input_frame(self.color, self.render, self.display, jitter=self.jitter, exposure=self.exposure)
-        return replace(frame, reset=self.reset)
+        return input_frame(
+            self.color, self.render, self.display, jitter=self.jitter, reset=self.reset,
+            exposure=self.exposure,
+        )  # fmt: skip
 
     def label_inputs(self, exposure: float | None = None) -> LabelInputs:
         """Return the inputs of the label rules, toned at an exposure; None: the frame's own."""
@@ -118,10 +113,10 @@ class Rendered:
         )  # fmt: skip
 
 
-def labels_of(now: Rendered, before: Rendered | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
+def labels_of(now: Rendered, before: Rendered | None) -> Labels:
     """Return a frame's labels. Both frames are compared at its exposure, which does not change the light."""
     previous = None if before is None else before.label_inputs(now.exposure)
-    return label(now.label_inputs(now.exposure), previous, thresholds)
+    return label(now.label_inputs(now.exposure), previous)
 
 
 def input_frame(

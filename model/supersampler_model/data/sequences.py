@@ -28,7 +28,7 @@ TRAIN_FAMILIES: tuple[str, ...] = tuple(TRAIN)
 TEST_FAMILIES: tuple[str, ...] = tuple(TEST)
 """Families for test shots only, with other content; published means are over these."""
 APART_FAMILIES: tuple[str, ...] = tuple(APART)
-"""Families for test shots that no published mean includes, each about one thing."""
+"""Families for test shots that no published mean includes, each about one difficulty."""
 _FAMILIES = {**TRAIN, **TEST, **APART}
 _SHORTEST_SHOT = 6  # frames between cuts
 

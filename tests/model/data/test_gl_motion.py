@@ -94,7 +94,7 @@ def test_motion_warps_the_history_onto_the_present(renderer: Renderer) -> None:
 
 
 @pytest.mark.parametrize("instance", [pytest.param(1, id="moving box"), pytest.param(5, id="skinned tube")])
-def test_moving_objects_are_where_their_motion_says(renderer: Renderer, instance: int) -> None:
+def test_moving_objects_are_where_their_motion_points(renderer: Renderer, instance: int) -> None:
     yard = Yard()
     before, scene = unlit(yard.scene(3)), unlit(yard.scene(4))
     past, truth, now = renderer.reference(before), renderer.reference(scene), renderer.display(scene)

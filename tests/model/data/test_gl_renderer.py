@@ -82,7 +82,7 @@ def test_a_metal_ball_nearly_vanishes_in_a_uniform_room(renderer: Renderer) -> N
     ],
     ids=["sun", "spot"],
 )
-def test_shadows_fall_under_things_and_nowhere_else(renderer: Renderer, light: Any, half: float) -> None:
+def test_shadows_fall_under_objects_and_nowhere_else(renderer: Renderer, light: Any, half: float) -> None:
     camera = replace(ABOVE, position=(0.0, 1.8, 0.0), fov_y=75.0)  # below what casts the shadow
     cover = Instance(mesh=plane(2.0), material=MATTE, model=moved(0, 2, 0, 0.5))
     holes = Material(base_color_texture=fence_texture(), alpha_cutoff=0.5)
@@ -101,7 +101,7 @@ def test_shadows_fall_under_things_and_nowhere_else(renderer: Renderer, light: A
     assert 0.3 < share < 0.8  # light falls through holes
 
 
-def test_the_truth_of_pixels_is_coverage_by_kind_of_thing(renderer: Renderer) -> None:
+def test_pixel_truth_is_coverage_by_kind_of_object(renderer: Renderer) -> None:
     def slab(x: float, *, before: float, thin: bool) -> Instance:
         """Return a level square of 1 m, 1 m above the floor."""
         model, earlier = (moved(at, 1.0, 0.0, 0.5) for at in (x, before))
@@ -141,7 +141,7 @@ def test_the_truth_of_pixels_is_coverage_by_kind_of_thing(renderer: Renderer) ->
     ],
     ids=["sun", "spot"],
 )
-def test_the_truth_of_pixels_has_the_light_that_shadows_leave(renderer: Renderer, light: Any) -> None:
+def test_pixel_truth_has_the_light_outside_shadows(renderer: Renderer, light: Any) -> None:
     camera = replace(ABOVE, position=(0.0, 1.8, 0.0), fov_y=75.0)  # below what casts the shadow
     cover = Instance(mesh=plane(2.0), material=MATTE, model=moved(0, 2, 0, 0.5))
     unshadowed = renderer.truth(seen_from(camera, floor(), cover, **light)).unshadowed

@@ -47,7 +47,7 @@ def pixels_of(texture: Texture | None) -> Any:
 
 
 @pytest.mark.parametrize("buffer", ["inside", "beside", "data"])
-def test_a_cube_comes_out_as_written(tmp_path: Path, buffer: Literal["inside", "beside", "data"]) -> None:
+def test_a_cube_is_read_as_written(tmp_path: Path, buffer: Literal["inside", "beside", "data"]) -> None:
     shape = box()
     path = cube(doubleSided=True, emissiveFactor=[1, 2, 3]).save(tmp_path / "cube.gltf", buffer)
     (instance,) = GltfScene(str(path)).instances(0.0, 0.0, STILL)
@@ -223,7 +223,7 @@ def test_a_rotation_turns_evenly_the_short_way(tmp_path: Path) -> None:
         np.testing.assert_allclose(placed(file, tmp_path, time), turned_by(2, fraction * angle), atol=1e-6)
 
 
-def test_keyframes_are_joined_as_the_clip_says(tmp_path: Path) -> None:
+def test_keyframes_are_interpolated_as_the_clip_states(tmp_path: Path) -> None:
     times, (a, b, c) = [0.0, 2.0, 3.0], np.array([[0.0, 0, 0], [4, 0, 0], [4, 2, 0]])
     slope, nothing = np.array([3.0, 0, 0]), np.zeros(3)
     cubic = [nothing, a, slope, nothing, b, nothing, nothing, c, nothing]

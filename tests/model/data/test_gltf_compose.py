@@ -84,7 +84,7 @@ def test_taken_ground_is_not_used_again() -> None:
     assert np.isfinite(ground.spot(rng)).all()
 
 
-def test_places_near_another_are_at_that_distance_and_in_sight(tmp_path: Path) -> None:
+def test_positions_near_another_are_at_that_distance_and_in_sight(tmp_path: Path) -> None:
     ground, rng = ground_of(room(), tmp_path), np.random.default_rng(1)
     for _ in range(20):
         place = ground.spot(rng)
@@ -129,7 +129,7 @@ def test_the_previous_state_is_the_previous_frame_except_at_cuts(sequences: list
                 np.testing.assert_array_equal(a.palette, b.palette_before)
 
 
-def test_something_always_moves_and_all_kinds_of_things_occur(sequences: list[Composition]) -> None:
+def test_objects_move_in_every_sequence_and_all_kinds_occur(sequences: list[Composition]) -> None:
     scenes = [sequence.scene(1) for sequence in sequences]
     for scene in scenes:
         assert any((i.model != i.model_before).any() for i in scene.instances)
@@ -159,7 +159,7 @@ def test_props_stand_on_the_stage_and_the_camera_above_it(sequences: list[Compos
     assert staged > 3
 
 
-def test_without_a_stage_things_stand_on_a_bare_floor(tmp_path: Path) -> None:
+def test_without_a_stage_props_stand_on_a_bare_floor(tmp_path: Path) -> None:
     cube().save(tmp_path / "cube.glb")
     sequence = compose(tmp_path, 0, FRAMES)
     assert [name for name, _ in sequence.spec.files] == ["cube.glb"]

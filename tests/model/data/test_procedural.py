@@ -209,7 +209,7 @@ def test_a_frame_is_neither_black_nor_blown_out(family: str, small_renderer: Ren
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_scenes_are_cheap_things_move_and_lights_change(family: str) -> None:
+def test_scenes_are_small_objects_move_and_lights_change(family: str) -> None:
     scene, later = (sequence_of(family).scene(index) for index in (4, 20))
     assert sum(len(thing.mesh.indices) for thing in scene.instances) < MAX_TRIANGLES
     assert sum(thing.moves() for thing in scene.instances) >= 3

@@ -216,32 +216,6 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return gbuffer_data(tmp_path_factory.mktemp("set"))
 
 
-def test_a_crop_of_a_whole_frame_gives_the_image_that_the_method_gives() -> None:
-    task = start_task("classifier-large", load_trained(shipped_weights("classifier")))
-    method, render, display = task.method, ops.Size(16, 12), ops.Size(32, 24)
-    history, states = method.first_history(display, render), None
-    generator = torch.Generator().manual_seed(0)
-    for index in range(3):
-        color, depth = (torch.rand(1, c, 12, 16, generator=generator) for c in (3, 1))
-        motion, jitter = torch.full((1, 2, 12, 16), 0.7), torch.rand(1, 2, generator=generator) - 0.5
-        classes, exposure = torch.zeros(1, 24, 32, dtype=torch.int64), torch.tensor([1.5])
-        view, truth = ops.View(display, render, jitter), torch.zeros(1, 3, 24, 32)
-        sample = CropFrame(color, depth, motion, exposure, view, index == 0, truth, classes, classes)
-        states = [task.first_state(sample)] if states is None else states
-        with torch.no_grad():
-            given = plain_inputs(render) | {
-                "color": color,
-                "depth": depth,
-                "motion": motion,
-                "jitter": jitter,
-            }
-            given |= {"exposure": exposure, "display_size": torch.tensor(display)}
-            image, history, _ = method.step(*(given[name] for name in method.inputs()), *history)
-            stepped = task.step([sample], states)
-        states = stepped.states
-        torch.testing.assert_close(stepped.images, image, rtol=1e-3, atol=1e-4)
-
-
 @pytest.fixture(scope="module")
 def guided_task() -> GuidedTask:
     torch.manual_seed(0)

@@ -223,7 +223,7 @@ def off(now: CropFrame, then: CropFrame, jitter: Tensor, motion: Tensor) -> floa
     )
 
 
-def test_the_world_of_normals_is_turned_as_one_and_the_sky_stays_nothing(dataset: Dataset) -> None:
+def test_normals_are_rotated_alike_and_stay_zero_at_the_sky(dataset: Dataset) -> None:
     frame, entry = stored_frames(dataset)[3], dataset.entries("train")[0]
     drawn = draw_aligned(np.random.default_rng(0), entry, gbuffer_sets.DISPLAY, 28)
     np.testing.assert_allclose(drawn.world @ drawn.world.T, np.eye(3), atol=1e-6)
@@ -329,7 +329,7 @@ def test_four_times_the_samples_halve_the_noise() -> None:
     assert few / many == pytest.approx(2.0, rel=0.1)
 
 
-def test_paths_that_bring_nothing_leave_pixels_black() -> None:
+def test_paths_without_light_leave_pixels_black() -> None:
     black = (ratios(noise(1, missed=0.3)) == 0.0).mean()
     assert black == pytest.approx(0.3, abs=0.03)
 

@@ -61,7 +61,7 @@ def stepped(task: ExtrapolateTask, sequence: Sequence[CropFrame]) -> list[Steppe
     return made
 
 
-def test_the_color_of_hidden_frames_is_not_seen(data: Dataset, task: ExtrapolateTask) -> None:
+def test_the_color_of_unshaded_frames_is_not_read(data: Dataset, task: ExtrapolateTask) -> None:
     one, other = samples(data, 1)[:4], samples(data, 1)[:4]
     for index in (1, 3):
         other[index] = other[index]._replace(color=torch.full_like(other[index].color, 7.0))
@@ -124,7 +124,9 @@ def test_gradients_reach_all_weights(data: Dataset, task: ExtrapolateTask) -> No
     assert missing == []
 
 
-def test_crops_hide_no_one_or_two_frames_after_each_shaded_one(data: Dataset, task: ExtrapolateTask) -> None:
+def test_crops_have_none_one_or_two_unshaded_frames_after_each_shaded_one(
+    data: Dataset, task: ExtrapolateTask
+) -> None:
     crops, first = list[str](), task.stream([task.data(data)], size=SIZE, seed=[3])
     for sample in islice(first, 300):
         crops += [""] if sample.reset else []
@@ -142,7 +144,7 @@ def test_a_set_without_g_buffers_of_render_size_is_refused(data: Dataset) -> Non
     assert [e.ratio for e in unshaded_set(data, (1.0, 3.0)).entries("train")] == [2.0]
 
 
-def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: ExtrapolateTask) -> None:
+def test_validation_scores_shaded_and_unshaded_frames_apart(data: Dataset, task: ExtrapolateTask) -> None:
     entries = validation_entries([task.data(data)], task.method.ratios)
     alternating = validate(task.method, entries, task.runner)
     assert alternating.kinds.keys() == {"psnr_shaded", "psnr_unshaded"}

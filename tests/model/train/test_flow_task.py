@@ -96,7 +96,7 @@ def whole(found: LightFrames, index: int) -> LightCrop:
 # --- what is found ---
 
 
-def test_each_frame_is_found_in_every_way_that_it_may_be_unshaded() -> None:
+def test_light_is_computed_for_each_pattern_of_unshaded_frames() -> None:
     method = random_flow()
     with pytest.raises(ArgumentError, match="4 frames without a cut"):
         found_of(method, shadow(3))
@@ -107,7 +107,7 @@ def test_each_frame_is_found_in_every_way_that_it_may_be_unshaded() -> None:
     assert found.half.shape == (6, sum(HALF_CHANNELS), 18, 32)
 
 
-def test_nothing_is_found_across_a_cut() -> None:
+def test_no_light_is_computed_across_a_cut() -> None:
     frames = shadow(8)
     frames[4] = replace(frames[4], reset=True)
     found = found_of(random_flow(), frames)

@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from gbuffer_sets import surfaces
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model import ops
 from supersampler_model.methods.gbuffer import Gathered, SmallGBuffer
@@ -18,14 +19,6 @@ from supersampler_model.training.losses import display_values, dissimilarity
 
 SIDE = 12  # of the render size
 RATIO, SIZE = 2, 24
-
-
-def surfaces(side: int, **fields: Tensor) -> Surfaces:
-    """Grey, rough dielectrics that face the eye."""
-    one = torch.ones(1, 1, side, side)
-    toward = torch.cat([0.0 * one, 0.0 * one, one], dim=1)
-    plain = Surfaces(0.5 * one.expand(-1, 3, -1, -1), toward, 0.8 * one, 0.0 * one, 0.5 * one, 0.5 * one)
-    return plain._replace(**fields)
 
 
 def sample(display: Surfaces) -> CropFrame:

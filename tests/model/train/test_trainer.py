@@ -92,7 +92,7 @@ class Interrupting(list[Update]):
 
 
 @pytest.mark.parametrize("until", [2, PLAN.steps])
-def test_ctrl_c_saves_what_is_done(dataset: Dataset, tmp_path: Path, until: int) -> None:
+def test_ctrl_c_saves_the_finished_updates(dataset: Dataset, tmp_path: Path, until: int) -> None:
     before, updates = signal.getsignal(signal.SIGINT), Interrupting()
     with pytest.raises(typer.Exit):
         update_and_save(trainer(dataset, tmp_path), until, updates)
@@ -173,7 +173,7 @@ def shot(folder: Path, *, every: int | None = 2) -> Shot:
     return Shot.open(folder)
 
 
-def test_references_become_truth_and_what_is_missing_is_marked(tmp_path: Path) -> None:
+def test_references_become_truth_and_missing_ones_are_marked(tmp_path: Path) -> None:
     dataset = dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "train")
     [entry] = dataset.entries("train")
     even, odd = dataset.read(entry, 0), dataset.read(entry, 1)

@@ -23,7 +23,6 @@ from supersampler_model.data.dataset.storage import (
     write_training_frame,
 )
 from supersampler_model.data.errors import DatasetError
-from supersampler_model.data.labels import DEFAULTS, LabelThresholds
 from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer
@@ -129,12 +128,7 @@ def _ratio_turns(ratios: Sequence[float], random: np.random.Generator) -> Callab
 
 
 def render_sequence(
-    dataset: Dataset,
-    entry: SequenceEntry,
-    renderer: Renderer,
-    *,
-    thresholds: LabelThresholds = DEFAULTS,
-    on_frame: OnFrame = lambda: None,
+    dataset: Dataset, entry: SequenceEntry, renderer: Renderer, *, on_frame: OnFrame = lambda: None
 ) -> None:
     """Render the missing frames of `entry`.
 
@@ -155,7 +149,7 @@ def render_sequence(
     before = render_frame(sequence, renderer, max(first - 1, 0), entry.ratio)
     for index in range(first, entry.spec.frames):
         now = before if index == 0 else render_frame(sequence, renderer, index, entry.ratio)
-        labels = labels_of(now, before, thresholds)
+        labels = labels_of(now, before)
         frame = TrainingFrame(
             color=now.color, depth=now.render.depth, motion=now.render.motion.astype(np.float16),
             jitter=now.jitter, reset=now.reset, exposure=now.exposure,
