@@ -9,7 +9,6 @@ import logging
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
-from unittest.mock import patch
 
 import onnx
 import torch
@@ -248,10 +247,11 @@ def _fast_rewriting() -> Iterator[None]:
     def on_slices(rewrite: Callable[..., Any], model: Any, graph: Any, node: Any, **options: Any) -> Any:
         return rewrite(model, graph, node, **options) if node.op_type == "Slice" else None
 
-    with contextlib.ExitStack() as patches:
-        for rule in getattr(rewriter, "_DEFAULT_REWRITE_RULES", ()):
-            if rule.name == "SlicesSplit":
-                patches.enter_context(
-                    patch.object(rule, "try_rewrite", functools.partial(on_slices, rule.try_rewrite))
-                )
+    rules = [rule for rule in getattr(rewriter, "_DEFAULT_REWRITE_RULES", ()) if rule.name == "SlicesSplit"]
+    for rule in rules:
+        rule.try_rewrite = functools.partial(on_slices, rule.try_rewrite)
+    try:
         yield
+    finally:
+        for rule in rules:
+            del rule.try_rewrite  # the class has its own

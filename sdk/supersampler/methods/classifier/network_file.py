@@ -20,7 +20,7 @@ from supersampler.methods.model_info import ModelInfo
 
 INPUT_PLANES = 16
 """Network inputs of a pixel, one byte each."""
-RECORDWORDS = 18
+RECORD_WORDS = 18
 """Words of a packed pixel (2x2 display pixels): INPUT_PLANES, then two of inputs at half display size."""
 KEPT = (16, 8, 4, 4)
 """Bytes that each level contributes to a pixel of the decoder's input."""
@@ -68,7 +68,7 @@ def network_specs(info: ModelInfo, outputs: int) -> dict[str, ArraySpec]:
         raise info.config_error(*problem)
     levels, decoder, hidden = (info.config["network"][name] for name in ("levels", "decoder", "hidden"))
     specs: dict[str, ArraySpec] = {}
-    words = RECORDWORDS
+    words = RECORD_WORDS
     for level, (channels, room) in enumerate(zip(levels, KEPT, strict=True)):
         kept = channels if level + 1 == len(KEPT) else channels // 2
         made = room * 4**level + channels - kept
