@@ -1,4 +1,4 @@
-"""Mutants of a source file: one expression or statement replaced, the rest of the text as it was."""
+"""Mutants of a source file: each replaces one expression or statement, and leaves the rest unchanged."""
 
 import ast
 import hashlib
@@ -46,9 +46,9 @@ UNORDERED = {
 UNSEEN_KEYWORDS = {"copy", "device", "strict", "slots", "frozen"}
 """Keywords that change no value on this machine unless there is another error."""
 SILENT = ("Error", "Warning", "warn", "cast", "TypeVar")
-"""Ends of the names of calls that make messages, or say something to the type checker."""
+"""Suffixes of calls that only build messages or inform the type checker."""
 GUARD = 1e-4
-"""Smaller numbers guard divisions: twice as much, or nothing, is as good."""
+"""Smaller numbers guard divisions; no test can notice another value."""
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,14 @@ class Mutant:
     """One change of one file.
 
     Attributes:
-        path: path of the file, from the root.
-        line: line of the change, from 1.
-        lines: first and last line of the statement that it is in.
-        on_import: whether that runs when the module is imported, and its value is used elsewhere.
-        where: function or class, dotted; empty outside of all.
-        start, end: bytes that are replaced.
-        new: what by.
-        before, after: the changed lines in one, without indentation.
+        path: path of the file, relative to the root of the repository.
+        line: line number of the change; the first line is 1.
+        lines: first and last line of the statement that contains the change.
+        on_import: whether this statement runs when the module is imported.
+        where: qualified name of the function or class around it; empty at module level.
+        start, end: range of bytes that is replaced.
+        new: text that replaces it.
+        before, after: the changed lines, joined to one line without indentation.
     """
 
     path: str
@@ -78,7 +78,7 @@ class Mutant:
     after: str
 
     def is_change(self, source: bytes) -> bool:
-        """Whether the file with it can be read, and says something else."""
+        """Return whether the changed file parses, and differs from the original."""
         try:
             return ast.dump(ast.parse(self.applied(source))) != ast.dump(ast.parse(source))
         except SyntaxError:
@@ -99,7 +99,7 @@ def mutants_of(path: str, source: bytes) -> list[list[Mutant]]:
 def sample(places: list[list[Mutant]], seed: int) -> Iterator[Mutant]:
     """Yield one mutant of each place in random order.
 
-    The order hangs on the seed and on the code alone: where that stays, also in another module, so does it.
+    The order depends on the seed and the code alone: unchanged code keeps it, also in another module.
     """
 
     def lot(mutant: Mutant) -> bytes:
@@ -124,7 +124,7 @@ class _Finder(ast.NodeVisitor):
         self.unsigned: set[ast.expr] = set()
 
     def visit(self, node: ast.AST) -> None:
-        """Collect the mutants of `node`, then of what it holds."""
+        """Collect the mutants of `node`, then of its children."""
         if isinstance(node, ast.Call) and _name(node.func).endswith(SILENT):
             return
         outer, self.statement = self.statement, node if isinstance(node, ast.stmt) else self.statement
@@ -138,7 +138,7 @@ class _Finder(ast.NodeVisitor):
         self.statement = outer
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
-        """Defaults and body."""
+        """Visit defaults and body."""
         if any(
             "overload" in ast.unparse(d) or "abstractmethod" in ast.unparse(d) for d in node.decorator_list
         ):
@@ -154,14 +154,14 @@ class _Finder(ast.NodeVisitor):
         self.scope.pop()
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        """The body alone."""
+        """Visit the body alone."""
         self.scope.append(node.name)
         for statement in node.body:
             self.visit(statement)
         self.scope.pop()
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        """The value alone."""
+        """Visit the value alone."""
         if node.value is not None:
             self.visit(node.value)
 
@@ -177,7 +177,7 @@ class _Finder(ast.NodeVisitor):
         """Skip texts."""
 
     def _returned(self, node: ast.FunctionDef) -> None:
-        """Return a default that the annotation allows."""
+        """Add mutants that return a default that the annotation allows."""
         kind = ast.unparse(node.returns) if node.returns else ""
         default = "None" if kind.endswith("| None") else {"list": "[]", "dict": "{}"}.get(kind.split("[")[0])
         if default is None:

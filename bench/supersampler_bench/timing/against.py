@@ -1,9 +1,9 @@
 """Times of programs in new processes: first images, and step times against another installed version.
 
-The speed of a machine changes from minute to minute by more than versions differ, and the speed of a process
-depends on where its memory lies. So in each round a method steps on the same frames in a new process of each
-version, one after the other, in alternating order. The result is the median over the rounds of the ratio of
-their times, with the least and the largest.
+Versions differ by less than the speed of a machine changes from minute to minute, and the speed of a process
+depends on the placement of its memory. So each round steps a method on the same frames in a new process of
+each version, one after the other, in alternating order. The result is the median over the rounds of the
+ratio of their times, with the minimum and the maximum.
 
 A program is given as text and uses the package alone, so the other environment needs no bench. Its argument
 is a request as JSON; the last line that it prints is its answer, as JSON.
@@ -43,7 +43,7 @@ Upscaler(request["method"], scale=request["scale"], **where).step(frame)
 print(json.dumps({"seconds": time.perf_counter() - began}))
 """
 """Prints the seconds from its first line to its first image. Request: method, render (width, height), scale;
-executor, where the processor is not to be used.
+executor, unless it is the CPU's.
 
 The frame is made in memory, as an engine does; reading files is not timed.
 """
