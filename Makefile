@@ -165,7 +165,7 @@ emulators: $(DEVELOPMENT)
 	.venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_other_platforms.py
 
 traces: $(DEVELOPMENT)
-	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q --timeout=1800 tests/export/test_export_traced.py tests/process/test_add_a_method.py
+	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q --timeout=1800 tests/export tests/process/test_add_a_method.py
 
 mutation: $(DEVELOPMENT)
 	PYTHONPATH=tests .venv-dev/bin/python -m mutation

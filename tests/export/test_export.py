@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -145,7 +146,7 @@ def test_the_shipped_model_states_the_multiply_adds_that_torch_counts(name: str)
     assert read_model_info(find_model(name)).multiply_adds == multiply_adds_of(fused)
 
 
-@pytest.mark.long  # traces a network
+@pytest.mark.skipif("SUPERSAMPLER_TRACES" not in os.environ, reason="minutes: `make traces` runs it")
 def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
     torch.manual_seed(1)
     name, method = PaperClassifier.name, PaperClassifier()
