@@ -409,7 +409,7 @@ def test_a_display_smaller_than_the_frame_is_refused(display: tuple[int, int]) -
         ({"near": 0.0}, "near is 0.0; want a finite distance > 0"),
         ({"near": -1.0}, "near"),
         ({"near": math.inf}, "near"),
-        ({"far": 10.0}, "far is 10.0; want None, as depth is 'reversed_infinite'"),
+        ({"far": 10.0}, "far is 10.0; want None, because depth is 'reversed_infinite'"),
         ({"depth": "reversed", "near": 1.0, "far": 1.0}, "far"),
         ({"depth": "reversed", "near": 1.0, "far": math.nan}, "far"),
         ({"jitter_sign": 0}, r"jitter_sign is 0; want \+1 or -1"),

@@ -55,7 +55,12 @@ class BlendAovs(Method):
 
 
 def read_bounded(image: Tensor, position: Tensor) -> Tensor:
-    """Resample with Catmull-Rom, bounded by the four pixels around: coverage of thin objects stays sharp."""
+    """Resample with Catmull-Rom, bounded by the four pixels around: coverage of thin objects stays sharp.
+
+    Args:
+        image: (1, c, h, w), finite.
+        position: (1, H, W, 2) in its pixels.
+    """
     around, first = ops.neighbours_2x2(image), position.floor()
     low, high = (
         ops.read(reduce(bound, around), first, mode="nearest") for bound in (torch.minimum, torch.maximum)

@@ -175,8 +175,12 @@ class Classifier(LearnedMethod):
     ) -> tuple[Tensor, ...]:
         """Return the method's own image and next history, and the weight of the history.
 
-        `logits` and `blend` come from `infer`. `resting`, (1, 1, H, W), is 1 where the history will be kept;
-        None: nowhere.
+        Args:
+            gathered: result of `gather`.
+            logits: logits from `infer`, as `blend`.
+            blend: blend parameters.
+            jitter: (1, 2) of this frame.
+            resting: (1, 1, H, W) 1 where the history will be kept; None: nowhere.
         """
         done = self.finish(gathered, logits, blend, resting)
         history = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
@@ -223,9 +227,14 @@ class Classifier(LearnedMethod):
     def gather_current(
         self, toned: Tensor, usable: Tensor, at_pixel: Sequence[Tensor], view: ops.View, grid: ops.Grid
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame; `at_pixel` holds its glare, edge and sampled planes.
+        """Upsample the usable samples of this frame.
 
-        `toned`, (1, 3, h, w), is filled where samples are missing; it is shown where no other is near.
+        Args:
+            toned: (1, 3, h, w), filled where samples are missing; shown where no other is near.
+            usable: (1, 1, h, w) 0 where a sample is missing, else 1.
+            at_pixel: its glare, edge, sampled.
+            view: view of the frame.
+            grid: grid of the display.
         """
         luma = ops.upsample_along_edges(ops.ycocg(toned)[:, :1], usable, grid)
         fill, toned = grid.pick(toned), toned * usable
@@ -278,11 +287,17 @@ class Classifier(LearnedMethod):
         exposure: Tensor,
         relit: Tensor | None = None,
     ) -> WarpedHistory:
-        """Warp the history by the dilated motion, `front`, and by the pixel's own, `own`.
+        """Warp the history.
 
-        `depth`, (1, 1, H, W), is of the closest sample around; with G-buffers of the pixel's own surface.
-        `relit`, (1, 3, H, W), is a factor of the colour warped by the pixel's own motion, with G-buffers of
-        display size. The history's depth is then read by that motion, too.
+        Args:
+            history: after the previous frame.
+            front: by the dilated motion.
+            own: by the pixel's own motion.
+            depth: (1, 1, H, W) of the closest sample around; with G-buffers of the pixel's own surface.
+            before: view of the previous frame.
+            exposure: (1,) of this frame.
+            relit: (1, 3, H, W) factor of the colour warped by the pixel's own motion, with G-buffers of
+                display size. The history's depth is then that of this motion, too.
         """
         c, on = self.config, front.on_screen  # zeros off screen, as before a first frame
         surface = front if relit is None else own
@@ -436,7 +451,11 @@ def edge_of(depth: Tensor) -> Tensor:
 def along_edges(color: Tensor, luma: Tensor) -> Tensor:
     """Return the network's image of one frame, its luma averaged with that upsampled along edges.
 
-    The network's own filter of 3x3 samples leaves stairs, which the history removes elsewhere.
+    The network's own filter of 3x3 samples leaves stairs, which history removes elsewhere.
+
+    Args:
+        color: (1, 3, H, W) toned RGB.
+        luma: (1, 1, H, W), as YCoCg has it.
     """
     return (color + 0.5 * (luma - ops.ycocg(color)[:, :1])).clamp(0.0, ops.TONED[torch.float32])
 
@@ -446,8 +465,12 @@ def unexplained_light(
 ) -> Tensor:
     """Return whether light rises over all samples of the history, (1, 1, H, W), in a frame that is a flash.
 
-    `luma` is of the samples near each pixel, `around` the mean of a neighbourhood, toned. Planes may extend
-    beyond the display. Pixels where `resting` is 1 do not count.
+    Args:
+        luma: (1, 1, H, W) of the samples near each pixel, toned.
+        around: (1, 1, H, W) mean luma of a neighbourhood, toned.
+        warped: the history.
+        display: (width, height) of the image; planes may extend beyond it.
+        resting: (1, 1, H, W) 1 where pixels do not count; None: all do.
     """
     known = warped.samples * warped.surface > 0.0
     rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known

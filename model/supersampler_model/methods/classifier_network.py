@@ -93,8 +93,11 @@ class ClassifierNetwork(nn.Module):
     def on_pixels(self, pixels: Sequence[Tensor], half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Infer logits (n, 6, H / 2, W / 2) and blend parameters (n, m, H, W), as `forward` and `unpack`.
 
-        Packing and 1x1 convolutions move more bytes than 2x2 convolutions at a stride of 2. `pixels` are
-        (n, c, H, W) in parts, not packed; H and W are multiples of 2 ALIGNED.
+        Packing and 1x1 convolutions move more bytes than 2x2 convolutions at a stride of 2.
+
+        Args:
+            pixels: (n, c, H, W) in parts, not packed; H and W are multiples of 2 ALIGNED.
+            half_inputs: (n, d, H / 2, W / 2) inputs at half display size.
         """
         missing = -half_inputs.shape[1] % 4
         if missing:
@@ -176,7 +179,12 @@ def unpack(packed: Tensor) -> Tensor:
 
 
 def classes_of(logits: Tensor, known: Tensor) -> Tensor:
-    """Return the probabilities of CLASSES; where no history is `known`, the ghosting class is visibility."""
+    """Return the probabilities of CLASSES; without history the ghosting class is visibility, as in labels.
+
+    Args:
+        logits: (1, 6, h, w).
+        known: (1, 1, h, w) bool: whether there is a history.
+    """
     visibility = logits.new_tensor([0.0, 1.0, 0.0]).reshape(1, 3, 1, 1)
     ghosting = torch.where(known, class_probabilities(logits[:, :3]), visibility)
     return torch.cat([ghosting, class_probabilities(logits[:, 3:])], dim=1)

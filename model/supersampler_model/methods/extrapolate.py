@@ -37,7 +37,10 @@ class ExtraSSNetwork(ClassifierNetwork):
     ) -> tuple[Tensor, Tensor]:
         """Infer classes and blend parameters; see `ClassifierNetwork`.
 
-        `surface`, (n, 4 s, h, w), is the packed base colour of extrapolated frames; None of shaded ones.
+        Args:
+            packed: (n, 4 c, h, w).
+            half_inputs: (n, d, h, w).
+            surface: (n, 4 s, h, w) of extrapolated frames; None: the frames are shaded.
         """
         return self.decode(packed, self.encode(packed, half_inputs, surface))
 
@@ -136,7 +139,9 @@ class UnshadedExtrapolate(TwoEncoders):
 def packed_base_color(base_color: Tensor, view: ops.View) -> Tensor:
     """Return the square root of the nearest sample's base colour, packed: (1, 4 SURFACE, H / 2, W / 2).
 
-    NaN and Inf count as black.
+    Args:
+        base_color: (1, 3, h, w); NaN and Inf count as black.
+        view: view of the display.
     """
     known = ops.finite(base_color).clamp(0.0, 1.0)
     return pack(view.grid(ops.size_of(base_color), aligned=True).pick(known).sqrt())

@@ -203,7 +203,13 @@ class GBuffer(LearnedMethod):
         return Gathered(inputs, current, warped, stored)
 
     def gather_current(self, frame: FrameInputs, usable: Tensor, followed: Tensor) -> CurrentFrame:
-        """Resample a sanitized frame at the display pixels, weighted by surface similarity."""
+        """Resample this frame at the display pixels, weighted by surface similarity.
+
+        Args:
+            frame: sanitized, with the exposure to use.
+            usable: (1, 1, h, w) 1 where the colour was valid, else 0.
+            followed: (1,) see `CurrentFrame`.
+        """
         c, exposed = self.config, frame.color * frame.exposure
         grid = frame.view.grid(ops.size_of(exposed))
         toned, reflected = ops.tone(exposed), reflectance(frame.display)

@@ -127,7 +127,14 @@ class GuidedClassifier(Classifier):
     def gather_guided(
         self, frame: GuidedFrame, history: History, reflectance_before: Tensor, before: ops.View
     ) -> Gathered:
-        """Resample this frame and the history, that of `classifier`, at the display pixels."""
+        """Resample this frame and the history at the display pixels.
+
+        Args:
+            frame: this frame.
+            history: after the previous frame, that of `classifier`.
+            reflectance_before: (1, 3, H, W) of the previous frame.
+            before: view of the previous frame.
+        """
         usable, color = ops.valid(frame.color), ops.sanitize(frame.color, 0.0)
         followed = ops.exposure_for(color, usable, frame.exposure, history.exposure)
         flash = ops.is_flash(followed, frame.exposure, history.exposure)
@@ -165,8 +172,13 @@ class GuidedClassifier(Classifier):
     ) -> CurrentFrame:
         """Upsample the usable samples of this frame, beside the guided colour.
 
-        `guided` is the light of the display's surfaces times their reflectance, toned; `edge` is the relative
-        range of depth around each display pixel.
+        Args:
+            exposed: (1, 3, h, w) exposed colour.
+            usable: (1, 1, h, w) 1 where it is valid, else 0.
+            guided: (1, 3, H, W) light of the display's surfaces times their reflectance, toned.
+            edge: (1, 1, H, W) relative range of depth around.
+            view: view of this frame.
+            grid: grid of the display.
         """
         toned = self.toned(exposed) * usable
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
@@ -204,8 +216,16 @@ def guide(
 ) -> GuidedLight:
     """Resample light from the 3x3 samples around each display pixel, by distance and agreement of surfaces.
 
-    `light` is colour over reflectance, toned, in the working type; it is filled where `usable` is 0. The
-    motion of a display pixel is that of the sample whose depth is most similar.
+    Motion is that of the sample whose depth is most similar.
+
+    Args:
+        light: (1, 3, h, w) colour over reflectance, toned, in the working type; filled where `usable` is 0.
+        usable: (1, 1, h, w) 1 where the colour is valid, else 0.
+        motion: (1, 2, h, w) render pixels.
+        render: surfaces of the samples.
+        display: surfaces of the pixels of the grid.
+        grid: grid of the display.
+        config: config of the method.
     """
     near = ops.gaussian(config.guide_sigma)
     own, target = render.features(config), display.features(config)

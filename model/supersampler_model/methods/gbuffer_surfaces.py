@@ -90,8 +90,12 @@ def lit(light: Tensor, reflected: Tensor) -> Tensor:
 def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surfaces, grid: ops.Grid) -> Samples:
     """Gather the 3x3 samples around each display pixel, weighted by distance and surface similarity.
 
-    `light` is colour over reflectance, toned, (1, 3, h, w); `usable` is 1 where the colour is valid, else 0.
-    All weights are float32.
+    Args:
+        light: (1, 3, h, w) colour over reflectance, toned.
+        usable: (1, 1, h, w) 1 where the colour is valid, else 0; float32, as all weights are.
+        render: surfaces of the samples.
+        display: surfaces of the display pixels.
+        grid: grid of the display.
     """
     colors, weights, similar = [], [], []
     own, target = _features(render), _features(display)
@@ -137,7 +141,12 @@ def _features(surfaces: Surfaces) -> Tensor:
 
 
 def weighted_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
-    """Return the mean (1, 3, H, W) of samples; `kernel`: logarithms of factors to their weights, if any."""
+    """Return the mean (1, 3, H, W) of the samples.
+
+    Args:
+        samples: samples with their weights.
+        kernel: (1, 9, H, W) logarithms of factors to the weights; None: all factors are 1.
+    """
     weights = samples.weights
     if kernel is not None:
         factors = ops.channels_of(kernel.float().exp())
@@ -181,8 +190,12 @@ def changed_light(now: Tensor, previous: Tensor, known: Tensor) -> Tensor:
 
     That is where it changed by more than LIGHT_CHANGE stops on average over the known pixels in a window of
     LIGHT_WINDOW pixels a side. Lamps and shadows rarely change that much in one frame; a firefly covers too
-    few pixels. Both colours are at the same exposure, the previous one is warped; `known` is 1 where both
-    are usable.
+    few pixels.
+
+    Args:
+        now: (1, 3, h, w) exposed colour.
+        previous: (1, 3, h, w) of the previous frame, warped, at the same exposure.
+        known: (1, 1, h, w) 1 where both are usable, else 0.
     """
     change = (_stops(now) - _stops(previous)) * known
     window = torch.ones(1, 1, LIGHT_WINDOW, LIGHT_WINDOW, device=now.device)
@@ -241,7 +254,10 @@ class NearestSamples(NamedTuple):
 def read_nearest(image: Tensor, motion: Tensor, offset: Tensor) -> NearestSamples:
     """Read the nearest samples of a previous frame where `motion` points.
 
-    The offset, (1, 2) render pixels, is this frame's jitter minus the jitter of that frame.
+    Args:
+        image: (1, c, h, w).
+        motion: (1, 2, h, w) render pixels.
+        offset: (1, 2) this frame's jitter minus the jitter of that frame, render pixels.
     """
     h, w = image.shape[2], image.shape[3]
     x, y = _targets(motion, offset)

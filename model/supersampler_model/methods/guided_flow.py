@@ -214,8 +214,12 @@ class GuidedFlow(LearnedMethod):
     def refined(self, light: Tensor, guides: Tensor, flow: Tensor) -> Tensor:
         """Move the light by the inferred flow, multiply it by the gain, and blend by the inferred weight.
 
-        The blend weight, as in IFRNet, replaces the thresholds of equations 5 and 6. `light` is guided light,
-        (n, 3, h, w); `flow` is the network's output, (n, sum(OUTPUTS), h / 2, w / 2).
+        The blend weight, as in IFRNet, replaces the thresholds of equations 5 and 6.
+
+        Args:
+            light: (n, 3, h, w) guided light.
+            guides: (n, 4, h, w) see `guides`.
+            flow: (n, sum(OUTPUTS), h / 2, w / 2) from the network.
         """
         c = self.config
         flow, gain, logit = doubled_linear(flow, ops.size_of(light)).split_with_sizes(OUTPUTS, dim=1)

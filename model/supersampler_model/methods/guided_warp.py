@@ -80,7 +80,12 @@ def reflectance(surface: Surface, config: GuidedWarpConfig) -> Tensor:
 def guided_light(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Tensor:
     """Return the light (1, 3, h, w) on surfaces of this frame, from similar samples of a shaded frame.
 
-    `x` and `y`, (1, 1, h, w), are positions in that frame as of `samples_at`; they are clamped to the screen.
+    Args:
+        surface: (h, w) of all pixels of this frame, or of some.
+        shaded: the shaded frame.
+        x: (1, 1, h, w) position of each pixel in it, see `samples_at`; clamped to the screen.
+        y: (1, 1, h, w) vertical position.
+        config: constants.
     """
     guide = _guide(surface, shaded, x, y, config)
     light = _rows(shaded.color / reflectance(shaded.surface, config))
@@ -142,7 +147,14 @@ def _mean(candidates: Sequence[Candidate], light: Tensor, size: ops.Size) -> Ten
 def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor | None = None) -> Surface:
     """Sanitize the G-buffers of a frame.
 
-    Depth is UNKNOWN_DEPTH where a G-buffer is invalid or the sample is not `usable` (None: all are).
+    Args:
+        base_color: (1, 3, h, w).
+        normal: (1, 3, h, w).
+        depth: (1, 1, h, w) reversed.
+        usable: (1, 1, h, w) 1 where the sample's colour is valid, else 0; None: everywhere.
+
+    Returns:
+        The surfaces; their depth is UNKNOWN_DEPTH where a G-buffer is invalid or the sample is not usable.
     """
     depth = ops.usable_depth(depth)
     known = torch.cat([base_color, normal], dim=1).abs() <= MAX_HALF
@@ -154,8 +166,12 @@ def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor
 def back_to_shaded(motion: Tensor, jitter: Tensor, before: Tensor, jitter_before: Tensor) -> Tensor:
     """Return the motion (1, 2, h, w) from this frame to the last shaded frame, through the previous frame.
 
-    `motion`, (1, 2, h, w), is in pixels of this frame. `before`, (1, 2, h'', w''), points from the previous
-    frame to the last shaded one, in pixels of the previous frame; it is zero if that was shaded.
+    Args:
+        motion: (1, 2, h, w) to the previous frame, in pixels of this frame.
+        jitter: (1, 2) of this frame.
+        before: (1, 2, h'', w'') from the previous frame to the last shaded one, in pixels of the previous
+            frame; zeros if the previous frame was shaded.
+        jitter_before: (1, 2) of the previous frame.
     """
     motion = ops.usable_motion(motion)
     render, previous = ops.size_of(motion), ops.size_of(before)
@@ -171,7 +187,11 @@ def samples_at(
 ) -> tuple[Tensor, Tensor]:
     """Return the positions x and y, (1, 1, h, w) each, that motion points to among another frame's samples.
 
-    The motion, (1, 2, h, w), is in pixels of its own frame, without jitter. Position 0 is the first sample.
+    Args:
+        motion: (1, 2, h, w) in pixels of its own frame, without jitter.
+        jitter: (1, 2) of that frame.
+        other: size of the other frame.
+        other_jitter: (1, 2) of the other frame; position 0 is its first sample.
     """
     w, h = ops.size_of(motion)
     x = torch.arange(w, device=motion.device) + motion[:, :1] + (jitter[0, 0] + 0.5)

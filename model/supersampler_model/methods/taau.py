@@ -356,7 +356,12 @@ def samples_kept(
     block that neither moves nor stays frozen are compared with the nearest pixels of the history, toned. Few
     samples are kept where the mean difference of a window of such blocks exceeds its standard error.
 
-    `color`, (1, 3, h, w), and `history`, (1, 3, H, W), are exposed; `usable` is 1 where a sample counts.
+    Args:
+        color: (1, 3, h, w) this frame, exposed; finite.
+        usable: (1, 1, h, w) 1 where a sample counts, else 0.
+        history: (1, 3, H, W) colours of the history, exposed.
+        blocks: static blocks of this frame.
+        config: constants.
     """
     columns, rows = blocks.at_pixels.nearest(LAG_STEP)
     before = ops.tone(history.index_select(3, columns).index_select(2, rows))
@@ -412,8 +417,12 @@ def fit_of(luma: Tensor, usable: Tensor, deviation: Tensor) -> Tensor:
     """Return whether 3x3 samples are on a plane, (1, 1, h, w): 0 on detail and edges, 1 on smooth surfaces.
 
     On a smooth surface whose shade changes from sample to sample, variance clipping (Salvi 2016) finds as
-    much contrast as on detail. Contrast about the plane of the samples is that of detail alone. Luma is 0
-    where it is not usable; `deviation` is the standard deviation of the samples.
+    much contrast as on detail. Contrast about the plane of the samples is that of detail alone.
+
+    Args:
+        luma: (1, 1, h, w), 0 where not usable.
+        usable: (1, 1, h, w) 1 or 0.
+        deviation: (1, 1, h, w) standard deviation of these samples.
     """
     slope = luma.new_tensor([-1.0, 0.0, 1.0]).expand(3, 3) / 6.0
     slopes = F.conv2d(ops.padded_3x3(luma), torch.stack([slope, slope.T])[:, None])
@@ -425,8 +434,12 @@ def fit_of(luma: Tensor, usable: Tensor, deviation: Tensor) -> Tensor:
 def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, sigma: float) -> Moments:
     """Return moments of the usable samples under a Gaussian at every display pixel.
 
-    `color`, (1, 3, h, w) YCoCg, is 0 where it is not usable. `fit`, (1, 1, H, W), is the fraction of the
-    plane's part in the result; `sigma` is in render pixels.
+    Args:
+        color: (1, 3, h, w) YCoCg, 0 where not usable.
+        usable: (1, 1, h, w) 1 or 0.
+        fit: (1, 1, H, W) fraction of the plane's part in the result.
+        grid: grid of the display pixels.
+        sigma: sigma of the Gaussian, render pixels.
     """
     window, render = ops.gaussian(sigma), ops.size_of(color)
     kernels = window, lambda d: d * window(d), lambda d: d * d * window(d)

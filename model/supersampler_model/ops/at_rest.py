@@ -142,7 +142,11 @@ class Converged(NamedTuple):
 def compare(frame: RestFrame, history: RestHistory, previous: Size, display: Size) -> StaticBlocks:
     """Compare each block with its signature of this phase.
 
-    `previous` is the render size of the previous frame, `display` the size of the image.
+    Args:
+        frame: this frame.
+        history: history of the previous frame.
+        previous: render size of the previous frame.
+        display: (width, height) of the image.
     """
     render = size_of(frame.color)
     history = of_frame(history, previous, display, render)
@@ -410,9 +414,14 @@ class WindowMoments(NamedTuple):
 def residuals_of(
     color: Tensor, usable: Tensor, mean: Tensor, jitter: Tensor, blocks: Tensor
 ) -> tuple[WindowMoments, WindowMoments]:
-    """Compare the samples, (1, 3, h, w) linear RGB, with the mean, in the small and the large windows.
+    """Compare the samples with the mean, in the small and the large windows.
 
-    `usable`, (1, 1, h, w), is 1 where a sample counts; `blocks` is any image of blocks, for its size.
+    Args:
+        color: (1, 3, h, w) linear RGB.
+        usable: (1, 1, h, w) 1 where a sample counts.
+        mean: (1, 4, H, W) the mean, and the sum of its weights.
+        jitter: (1, 2) of the frame.
+        blocks: (1, 1, hb, wb) any image of this size.
     """
     enough = (mean[:, 3:] >= spec.LEAST_WEIGHT).float()
     expected = at_samples(torch.cat([mean[:, :3], enough], dim=1), size_of(color), jitter)

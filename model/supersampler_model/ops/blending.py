@@ -94,12 +94,14 @@ def composite(
     reactive: Tensor,
     frame: Tensor,
 ) -> Composite:
-    """Blend colours (1, 3, H, W) of the history and of this frame.
+    """Blend colours of the history and of this frame.
 
-    Each comes with its initial weight (1, 1, H, W), >= 0, in numbers of samples; `factors`, (1, n, H, W), are
-    logarithms of factors to these weights, the history's first. Where the mask is `reactive`, the weight w of
-    this frame becomes w + (1 - w) reactive. `frame` shows where all weights are 0: no sample is near, and
-    there is no history.
+    Args:
+        history: colours (1, 3, H, W) and their initial weights (1, 1, H, W), >= 0, in numbers of samples.
+        current: colours of this frame and their weights.
+        factors: (1, n, H, W) logarithms of factors to the weights of all n colours, the history's first.
+        reactive: (1, 1, H, W) `reactive_at`: the weight w of this frame becomes w + (1 - w) reactive.
+        frame: (1, 3, H, W) shown where all weights are 0: no sample is near, and there is no history.
 
     Weights are float32. Colours of this frame may be half floats, and so is their part of the sum: its
     rounding errors are in proportion to it, and do not keep a small difference out of the history.
@@ -124,6 +126,9 @@ def composite(
 def reactive_at(reactive: Tensor, usable: Tensor, grid: Grid) -> Tensor:
     """Return the reactive mask at the nearest samples, (1, 1, H, W) in [0, 1]; 0 where a sample is missing.
 
-    The mask may have any value; NaN counts as 0. `usable` is 1 where the colour is valid, else 0.
+    Args:
+        reactive: (1, 1, h, w) as given: any value, NaN counts as 0.
+        usable: (1, 1, h, w) 1 where the colour is valid, else 0.
+        grid: grid of the display.
     """
     return grid.pick(torch.where(reactive > 0.0, reactive.clamp(max=1.0), 0.0) * usable)

@@ -68,11 +68,18 @@ def min_divisor(values: Tensor, minimum: float) -> float:
 
 
 def filled(color: Tensor, usable: Tensor, exposure: Tensor) -> Tensor:
-    """Fill missing samples of linear RGB, (1, 3, h, w), with the mean of the window that they are in.
+    """Fill missing samples with the mean of the window that they are in.
 
     Windows have FILL_WINDOW x FILL_WINDOW samples. The mean is the square of the mean of square roots, so
-    that highlights do not dominate. A window without samples becomes the grey that `exposure`, (1,), maps to
-    EXPOSURE_KEY. `usable`, (1, 1, h, w), is 0 where a sample is missing, else 1.
+    that highlights do not dominate. Where all of a window is missing, grey is shown.
+
+    Args:
+        color: (1, 3, h, w) linear RGB, finite.
+        usable: (1, 1, h, w) 0 where a sample is missing, else 1.
+        exposure: (1,) of the frame; it maps grey to EXPOSURE_KEY.
+
+    Returns:
+        (1, 3, h, w) linear RGB.
     """
     values = torch.cat([color.sqrt(), torch.ones_like(usable)], dim=1) * usable
     roots, share = window_means(values, FILL_WINDOW).split_with_sizes([3, 1], dim=1)
@@ -117,8 +124,14 @@ def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -
     The exposure is `given` where that is in [MIN_EXPOSURE, MAX_EXPOSURE]. Otherwise it is measured and adapts
     from the previous frame by a tenth of the difference in stops; without usable pixels the previous exposure
     is kept. An exposure that differs from the previous one by more than a factor of EXPOSURE_OUTLIER is
-    ignored for one frame, and used at once if the next frame is an outlier too. `before` is the result for
-    the previous frame: negative until a second frame confirms it, 0 without a previous frame.
+    ignored for one frame, and used at once if the next frame is an outlier too.
+
+    Args:
+        color: (1, 3, h, w) linear RGB, >= 0.
+        usable: (1, 1, h, w) 0 or 1.
+        given: (1,) from the engine; 0: measure.
+        before: (1,) the result for the previous frame: negative until a second frame confirms it, 0 without a
+            previous frame.
     """
     target, count = measured_exposure(color, usable)
     known = before.abs()
@@ -135,8 +148,10 @@ def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -
 def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
     """Return whether a measured exposure is an outlier, (1,): the light of the whole frame is unconfirmed.
 
-    `followed` and `before` are the results of `exposure_for` for this frame and the previous one, `given` is
-    its argument.
+    Args:
+        followed: (1,) result of `exposure_for`.
+        given: (1,) from the engine; 0: measure.
+        before: (1,) result of `exposure_for` for the previous frame; 0 without one.
     """
     known, used = before.abs(), followed.abs()
     is_outlier = (followed < 0.0) | (used > known * EXPOSURE_OUTLIER) | (used * EXPOSURE_OUTLIER < known)
@@ -147,7 +162,9 @@ def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
 def tone(color: Tensor, unit: Tensor | float = 1.0) -> Tensor:
     """Map linear RGB [0, inf) to [0, 1): c / (unit + max(r, g, b)). Keeps hue; weighs down fireflies.
 
-    `unit` is the value that exposure maps to 1: 1 for exposed colours, else 1 / exposure.
+    Args:
+        color: (1, 3, h, w) >= 0.
+        unit: the value that exposure maps to 1: 1 for exposed colours, else 1 / exposure.
     """
     return color / (unit + largest(color))
 

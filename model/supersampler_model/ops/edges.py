@@ -27,8 +27,11 @@ class Form(NamedTuple):
 def upsample_along_edges(luma: Tensor, usable: Tensor, grid: Grid) -> Tensor:
     """Upsample the usable samples of luma, (1, 1, H, W), with a kernel that is long along edges.
 
-    `luma`, (1, 1, h, w), is toned and filled where `usable` is 0; the filled values are the result where none
-    of the 4x4 samples around is usable.
+    Args:
+        luma: (1, 1, h, w) toned; filled where samples are missing, which is the result where no usable one is
+            among the 4x4 samples around.
+        usable: (1, 1, h, w) 1 or 0.
+        grid: grid of the display pixels.
     """
     form, size = kernel_form(structure_tensor(luma, grid)), size_of(luma)
     samples = torch.cat([luma * usable, usable], dim=1)

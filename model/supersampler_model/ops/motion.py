@@ -115,8 +115,14 @@ def disocclusion(
     """Return (1, 1, H, W) in [0, 1]: the degree of occlusion of the surface in the previous frame.
 
     The bilinear mean over the four samples around each position. A sample counts as an occluder if it was
-    closer by the relative `margin`, and counts fully from `margin` + `ramp` on. `depth`, (1, 1, H, W), is of
-    the surface, `history_depth`, (1, 1, h, w), of the previous frame, in whose samples `position` is given.
+    closer by the relative `margin`, and counts fully from `margin` + `ramp` on.
+
+    Args:
+        depth: (1, 1, H, W) of the surface.
+        history_depth: (1, 1, h, w) of the previous frame.
+        position: (1, H, W, 2) in samples of the previous frame.
+        margin: relative depth.
+        ramp: relative depth.
     """
     first = position.floor()
     right, below = (part[:, None] for part in (position - first).unbind(dim=3))
@@ -205,9 +211,12 @@ def to_display(motion: Tensor, display: Size, render: Size | Extent) -> Tensor:
 
 
 def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
-    """Reproject the display pixels of a grid into the previous image, of size `display`.
+    """Reproject display pixels by their motion.
 
-    `motion` is (1, H, W, 2) display pixels, previous minus current, see `to_display`.
+    Args:
+        motion: (1, H, W, 2) display pixels, previous minus current, see `to_display`.
+        display: (width, height) of the previous image.
+        grid: grid of the pixels.
     """
     x, y = grid.x.pixel.to(motion.dtype), grid.y.pixel.to(motion.dtype)
     columns = torch.stack([x, 0.0 * x], dim=1)
@@ -263,8 +272,12 @@ def read_cubic(image: Tensor, position: Tensor, sharpness: float = CATMULL_ROM) 
     """Resample with a cubic (sharpness 0.5: Catmull-Rom) from five bilinear reads.
 
     The middle two samples of an axis share a read. The four corner reads have small weights; they are
-    skipped, and the remaining weights are normalised. Positions are (1, H, W, 2) in pixels of the image;
-    `sharpness` is minus the slope of the cubic at distance 1.
+    skipped, and the remaining weights are normalised.
+
+    Args:
+        image: (1, c, h, w).
+        position: (1, H, W, 2) in its pixels.
+        sharpness: minus the slope of the cubic at distance 1.
     """
     size, whole = size_of(image), position.floor()
     t = position - whole

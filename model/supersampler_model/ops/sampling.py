@@ -136,7 +136,9 @@ class View(NamedTuple):
     def grid(self, render: Size, *, aligned: bool = False) -> Grid:
         """Return the grid of the display pixels in an input of size `render`.
 
-        An `aligned` grid is extended to multiples of ALIGNED, see `extended`.
+        Args:
+            render: (width, height) of the input.
+            aligned: extend the grid to multiples of ALIGNED, see `extended`.
         """
 
         def axis(display: int, extent: float, samples: int, jitter: Tensor) -> GridAxis:
@@ -259,10 +261,15 @@ def _resample_rows(image: Tensor, y: Bands) -> Tensor:
 
 
 def downsample(image: Tensor, display: Size, exposure: Tensor) -> Tensor:
-    """Filter an image of linear RGB, at most 1.4 times the display per axis, to the size of the display.
+    """Filter an image that is larger than the display by a Lanczos filter on toned colours.
 
-    A Lanczos filter is applied to toned colours, as a screen shows them: dark sides of bright edges stay
-    dark. `exposure` is (1,) > 0.
+    Args:
+        image: (1, 3, H', W') linear RGB, at most 1.4 times the display, per axis.
+        display: (width, height) of the result.
+        exposure: (1,) > 0. Colours are filtered as a screen shows them: dark sides of bright edges stay dark.
+
+    Returns:
+        (1, 3, H, W) linear RGB.
     """
 
     def axis(size: int, outputs: int) -> Bands:
@@ -299,9 +306,11 @@ class Window(NamedTuple):
     weight: Tensor  # (1, WINDOW, H, W) Gaussian, 0 where a sample is not usable
 
     def mean(self, kernel: Tensor, otherwise: Tensor) -> Tensor:
-        """Average the samples under a learned kernel; `otherwise` is the result where none is usable.
+        """Average the samples under a learned kernel.
 
-        The kernel, (1, WINDOW, H, W), holds the logarithms of factors to the weights.
+        Args:
+            kernel: (1, WINDOW, H, W) logarithms of factors to the weights.
+            otherwise: (1, 3, H, W) the result where no sample is usable.
         """
         weights = self.weight * kernel.exp()
         total = weights.sum(dim=1, keepdim=True)

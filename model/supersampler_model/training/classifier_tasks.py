@@ -70,9 +70,14 @@ class ClassifierTask(Task):
         blend: Tensor,
         ghost_weight: Tensor | float,
     ) -> Stepped:
-        """Finish all crops from logits (n, 6, H / 2, W / 2) and packed blend parameters, 4 m channels.
+        """Finish all crops from the network's outputs.
 
-        `ghost_weight`, (n, 1, 1, 1) or one for all, is the extra weight of the error without valid history.
+        Args:
+            crops: this frame of each.
+            gathered: results of the gather stage.
+            logits: (n, 6, H / 2, W / 2).
+            blend: (n, 4 m, H / 2, W / 2) packed blend parameters.
+            ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error without valid history.
         """
         method, images, after = self.method, [], []
         # split at once: the gradient of each slice would be as large as the batch

@@ -294,8 +294,8 @@ class CropStream(ABC):
 class Stream(CropStream):
     """Crops of one split: crop after crop, the frames of each in order.
 
-    Ratios are drawn between a minimum and a maximum; `size` is in display pixels. Two streams of the same
-    seed and position are the same. Aligned crops consist of whole render pixels, at one whole ratio.
+    The ratio of a crop is random between a minimum and a maximum; `size` is in display pixels. Streams of the
+    same seed and position are equal. Aligned crops consist of whole render pixels, at one whole ratio.
 
     Raises:
         ArgumentError: no sequence can be trained on, crops are larger than a display, or aligned crops are of

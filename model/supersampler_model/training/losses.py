@@ -100,7 +100,11 @@ def _gaussian_means(maps: Tensor) -> Tensor:
 def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: ClassifierWeights) -> Tensor:
     """Return the cross entropy of both groups of classes; rare classes have larger weights.
 
-    Logits are (n, 6, H / 2, W / 2), classes (n, H, W) uint8 from 0 to 2; other values are unknown.
+    Args:
+        logits: (n, 6, H / 2, W / 2).
+        ghost: (n, H, W) uint8, 0 to 2; other values are unknown.
+        alias: (n, H, W) uint8, as `ghost`.
+        weights: weights of the loss terms.
     """
     return weights.classes * (
         _entropy(logits[:, :3], class_fractions(ghost), weights.rarest)

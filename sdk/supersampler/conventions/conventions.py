@@ -147,7 +147,7 @@ class Conventions:
         if self.far is None:
             if self.depth in ("reversed", "forward"):
                 hint = f"Without a far plane it is depth='{self.depth}_infinite'."
-                want = f"a distance, as depth is '{self.depth}'"
+                want = f"a distance, because depth is '{self.depth}'"
                 raise ArgumentError("far", got=None, want=want, hint=hint)
             return
         if not _is_usable(self.far) or self.far <= self.near:
@@ -155,7 +155,7 @@ class Conventions:
             want = f"finite and > near = {self.near}, or None"
             raise ArgumentError("far", got=shown(self.far), want=want, hint=hint)
         if self.depth.endswith("infinite"):
-            raise ArgumentError("far", got=self.far, want=f"None, as depth is '{self.depth}'")
+            raise ArgumentError("far", got=self.far, want=f"None, because depth is '{self.depth}'")
 
     def __repr__(self) -> str:
         """Return the Python call that makes this value, without defaults."""
@@ -190,9 +190,9 @@ class Conventions:
         x, y = _pixels_per_unit(self.jitter_unit, size, size)
         return self.jitter_sign * x, self.jitter_sign * (-y if self.jitter_flip_y else y)
 
-    def _vector_factor(self, size: Size, buffer_size: Size, points_away: bool) -> tuple[float, float]:
+    def _vector_factor(self, size: Size, buffer_size: Size, to_other_frame: bool) -> tuple[float, float]:
         x, y = _pixels_per_unit(self.motion_unit, size, buffer_size)
-        sign = 1.0 if points_away else -1.0
+        sign = 1.0 if to_other_frame else -1.0
         scale_x, scale_y = self.motion_scale
         return sign * scale_x * x, sign * scale_y * (-y if self.motion_flip_y else y)
 
@@ -521,7 +521,7 @@ class Converter:
         return pixels
 
     def _vectors_out(self, name: str, frame: Frame, shift: _Pair = (0.0, 0.0)) -> Array:
-        """Return the vectors of the buffer's pixels, in its unit."""
+        """Return the vectors of the pixels of the buffer, in the unit of these conventions."""
         vectors, size = getattr(frame, name), frame.size
         buffer_size = size
         if self.conventions.motion_resolution == "display":
@@ -603,12 +603,12 @@ def _checked_motion_size(name: str, motion: NDArray[Any], size: Size, resolution
         return width, height
     if resolution == "render" and (width, height) == size:
         return size
-    wanted = f"({size[1]}, {size[0]}, 2)"
+    needed = f"({size[1]}, {size[0]}, 2)"
     larger = resolution == "render" and width >= size[0] and height >= size[1]
     raise FrameError(
         name,
         got=f"of shape {motion.shape}",
-        want=f"{wanted}, as depth is" if resolution == "render" else f"(H, W, 2) of at least {wanted}",
+        want=f"{needed}, the size of depth" if resolution == "render" else f"(H, W, 2), at least {needed}",
         hint="Vectors at display size need Conventions(motion_resolution='display')." if larger else "",
     )
 

@@ -5,7 +5,8 @@ column vectors: world = model @ local. Colours are linear RGB. Lights and the en
 radiometric unit: a white wall facing a sun of colour pi is as bright as an environment of 1.
 
 Meshes, materials, textures and environments are uploaded once and recognised by identity: share them between
-the frames of a sequence. Only what a file may get wrong is checked here.
+the frames of a sequence. Only what a file may get wrong, or what would render a wrong image silently, is
+checked here.
 """
 
 from dataclasses import dataclass
@@ -392,6 +393,12 @@ class Instance:
         for name in ("model", "model_before", "palette", "palette_before"):
             if (matrices := getattr(self, name)) is not None:
                 _check_finite(f"instance.{name}", matrices)
+        joints = 0 if self.palette is None else len(self.palette)
+        needed = 0 if self.mesh.skin is None else int(self.mesh.skin.joints.max()) + 1
+        largest = 0 if self.mesh.skin is None else MAX_JOINTS
+        if not needed <= joints <= largest:
+            want = f"{needed} to {largest}, as the skin of the mesh refers to them"
+            raise SceneError("instance.palette", got=f"{joints} joints", want=want)
 
     def moves(self) -> bool:
         """Return whether it has moved or bent in the world since the previous frame."""
@@ -434,6 +441,16 @@ class Scene:
     spot: Spot | None = None
     points: tuple[PointLight, ...] = ()
     particles: tuple[Particles, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.points) > MAX_POINTS:
+            hint = "Drop those with the shortest reach, per frame if necessary."
+            want = f"at most {MAX_POINTS}"
+            raise SceneError("scene.points", got=f"{len(self.points)} lights", want=want, hint=hint)
+        if self.camera.near != self.camera_before.near:
+            hint = "Depth is near / distance and is compared between frames."
+            near = self.camera_before.near
+            raise SceneError("scene.camera_before.near", got=near, want=self.camera.near, hint=hint)
 
 
 def _check_finite(name: str, values: Points | Values) -> None:
