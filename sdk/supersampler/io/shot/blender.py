@@ -2,13 +2,16 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, Unpack
+from typing import Annotated, Any, Literal, TypeAlias, Unpack, get_args
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.arguments import checked_choice
 from supersampler.conventions import Conventions, RawFrame, camera_motion, jittered_projection
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32
@@ -26,10 +29,15 @@ _VERSION = 1
 
 
 _Number = Annotated[int, msgspec.Meta(ge=0, le=LARGEST_NUMBER)]
+_Marker = Annotated[int, msgspec.Meta(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 _Row = tuple[float, float, float, float]
 Rows: TypeAlias = tuple[_Row, _Row, _Row, _Row]
 """A matrix, row by row."""
 _Stops = Annotated[float, msgspec.Meta(ge=-32.0, le=32.0)]
+Denoising: TypeAlias = Literal["temporal", "frame", "off"]
+"""What is denoised: a full-size animation, over time and by Cycles; each frame, by Cycles; or nothing."""
+Guides: TypeAlias = Literal["surface", "denoising"]
+"""Passes that the G-buffers come from: Diffuse Color and Normal, or Denoising Albedo and Denoising Normal."""
 
 
 class RenderedCamera(msgspec.Struct, frozen=True):
@@ -52,6 +60,16 @@ class RenderedCamera(msgspec.Struct, frozen=True):
     def matrix(self) -> NDArray[np.float64]:
         """The camera as an array."""
         return np.array(self.camera)
+
+    @property
+    def denoising_axes(self) -> NDArray[np.float64]:
+        """(3, 3): world directions of the axes of Denoising Normal, as columns: right, up, forward."""
+        _, y, z, w = self.matrix[:, :3]
+        forward = w if w.any() else z  # of a perspective, of an orthographic camera
+        forward = forward / np.linalg.norm(forward)
+        up = y - (y @ forward) * forward
+        up = up / np.linalg.norm(up)
+        return np.stack([np.cross(forward, up), up, forward], axis=-1)
 
 
 class ColorManagement(msgspec.Struct, frozen=True):
@@ -76,6 +94,8 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
         frame_rate: frames a second.
         render_size: (width, height) of the frames.
         display_size: (width, height) of the images to make of them.
+        denoise: what is denoised. "temporal": the frames have display size and no jitter.
+        cuts: numbers of the frames at which another camera takes over.
         view: its colour management.
         ocio: file of Blender's OpenColorIO configuration.
     """
@@ -88,6 +108,8 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     frame_rate: Rate
     render_size: FileSize
     display_size: FileSize
+    denoise: Denoising = "off"
+    cuts: Annotated[tuple[_Marker, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
     view: ColorManagement
     ocio: Text
 
@@ -138,13 +160,15 @@ def import_blender(
     layer: str | None = None,
     reference: str | None = None,
     conventions: Conventions | None = None,
+    guides: Guides = "surface",
     **options: Unpack[SequenceOptions],
 ) -> Shot:
     """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
 
     Colour is the Combined pass; its alpha and the layer's other passes that can be blended (DiffDir, Emit,
     Mist) are AOVs, and the rest is in `Shot.ignored_channels`. Depth is Depth or Z, motion is Vector X and Y,
-    and to the next frame Z and W; Normal and DiffCol are G-buffers, where they exist. Jitter the camera by
+    and to the next frame Z and W; Normal and DiffCol are G-buffers, where they exist. `Shot.is_denoised`
+    tells whether the layer has a Noisy Image pass. Jitter the camera by
     `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a Blackman-Harris filter of 0.01
     pixels: one sample at that point.
 
@@ -153,6 +177,9 @@ def import_blender(
         layer: name of the view layer; required where several have all passes.
         reference: pattern of the references' files in the folder, such as `reference/*.exr`.
         conventions: by default `Conventions.blender()`; jitter in pixels, y down, pixel centre + jitter.
+        guides: "denoising": G-buffers are the passes Denoising Albedo and Denoising Normal, where they exist.
+            They show what is seen in mirrors and through glass. The normals are in world space where the
+            layer has Normal, too, otherwise in camera space.
         options: see `import_channels`.
 
     Raises:
@@ -162,18 +189,44 @@ def import_blender(
     folder = Path(folder)
     first = first_file(folder, options)
     types = read_header(first).types
-    channel_map = layer_map(first, types, layer)
+    channel_map = layer_map(first, types, layer, guides=checked_choice("guides", guides, get_args(Guides)))
+    layer = channel_map["color"][0].removesuffix(".Combined.R")
     conventions = Conventions.blender() if conventions is None else conventions
     if conventions.motion_jittered:  # of Eevee: the next frame's jitter is in it
         channel_map.pop("motion_next", None)
     if reference is not None:
         image = next(iter(numbered_files(folder, reference).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
-    names = aov_names(channel_map.get("aovs", ()), channel_map["color"][0].removesuffix(".Combined.R"))
+    names = aov_names(channel_map.get("aovs", ()), layer)
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     used = {name for names in channel_map.values() for name in names}
     shot.ignored_channels = tuple(name for name in types if name not in used)
+    shot.is_denoised = is_denoised(types, layer)
+    if channel_map.get("normal") == _channels(layer, "Denoising Normal", "XYZ"):
+        surface = _channels(layer, "Normal", "XYZ")
+        if {*surface} <= types.keys():
+            return shot.with_conversion(partial(_to_world_normals, surface))
     return shot
+
+
+def _to_world_normals(surface: Sequence[str], path: Path, raw: RawFrame) -> RawFrame:
+    """Return a frame with the normals of Denoising Normal in world space.
+
+    The pass Normal (channels `surface` of the file) has the normals of what is seen directly in world space:
+    the camera's rotation is the orthogonal matrix that fits the two best.
+    """
+    if raw.gbuffer is None or "normal" not in raw.gbuffer:
+        return raw
+    world = take(path, read_exr(path, only=surface), surface).reshape(-1, 3).astype(np.float64)
+    normal = raw.gbuffer["normal"]
+    camera = normal.reshape(-1, 3).astype(np.float64)
+    weight = np.ones((len(camera), 1))
+    for _ in range(3):  # again without the pixels that do not fit: mirrors, glass
+        u, _, v = np.linalg.svd(world.T @ (weight * camera))
+        rotation = u @ v
+        weight = 1.0 / (1e-4 + np.square(world - camera @ rotation.T).sum(axis=1, keepdims=True))
+    turned = (normal @ rotation.T).astype(np.float32)
+    return replace(raw, gbuffer={**raw.gbuffer, "normal": turned})
 
 
 def is_blender(channels: Iterable[str]) -> bool:
@@ -181,10 +234,25 @@ def is_blender(channels: Iterable[str]) -> bool:
     return bool(_complete_layers(list(channels)))
 
 
+def is_denoised(channels: Iterable[str], layer: str) -> bool:
+    """Return whether Cycles has denoised a layer's colour: it then stores the colour before, Noisy Image.
+
+    It stores it where *Denoising Data* is on, and denoising, too.
+    """
+    return f"{layer}.Noisy Image.R" in channels
+
+
 def layer_map(
-    path: Path, types: Mapping[str, str], layer: str | None, *, motion: bool = True
+    path: Path,
+    types: Mapping[str, str],
+    layer: str | None,
+    *,
+    motion: bool = True,
+    guides: Guides = "surface",
 ) -> dict[str, list[str]]:
     """Return the channels of a view layer's passes by our names, from the types of all channels of a file.
+
+    `guides`: see `import_blender`.
 
     Raises:
         ShotError: no layer has all passes that are needed; `motion` tells whether Vector is.
@@ -201,21 +269,31 @@ def layer_map(
     if layer not in layers:
         raise ArgumentError("layer", got=repr(layer), want=f"one of {', '.join(layers)}", hint=_NEEDED)
     depth = next(name for name in _DEPTH if f"{layer}.{name}" in channels)
-    found: dict[str, list[str]] = {
-        "color": [f"{layer}.Combined.{axis}" for axis in "RGB"],
-        "depth": [f"{layer}.{depth}"],
-        "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
-        "motion_next": [f"{layer}.Vector.{axis}" for axis in "ZW"],
-        "normal": [f"{layer}.Normal.{axis}" for axis in "XYZ"],
-        "base_color": [f"{layer}.DiffCol.{axis}" for axis in "RGB"],
+    wanted = {
+        "color": [_channels(layer, "Combined", "RGB")],
+        "depth": [[f"{layer}.{depth}"]],
+        "motion": [_channels(layer, "Vector", "XY")],
+        "motion_next": [_channels(layer, "Vector", "ZW")],
+        "normal": [_channels(layer, "Normal", "XYZ")],
+        "base_color": [
+            _channels(layer, name, "RGB") for name in ("Diffuse Color", "DiffCol")
+        ],  # Blender 5, 4
     }
-    if f"{layer}.Diffuse Color.R" in channels:  # of Blender 5
-        found["base_color"] = [f"{layer}.Diffuse Color.{axis}" for axis in "RGB"]
-    found = {name: names for name, names in found.items() if {*names} <= {*channels}}
+    if guides == "denoising":
+        wanted["normal"].insert(0, _channels(layer, "Denoising Normal", "XYZ"))
+        wanted["base_color"].insert(0, _channels(layer, "Denoising Albedo", "RGB"))
+    found: dict[str, list[str]] = {}
+    for name, groups in wanted.items():
+        if there := [group for group in groups if {*group} <= {*channels}]:
+            found[name] = there[0]
     alpha = f"{layer}.Combined.A"
     of_layer = {name: kind for name, kind in types.items() if name.startswith(f"{layer}.") and name != alpha}
     aovs = [name for name in (alpha,) if name in channels] + blended_and_ignored(of_layer, found)[0]
     return found | ({"aovs": aovs} if aovs else {})
+
+
+def _channels(layer: str, name: str, axes: str) -> list[str]:
+    return [f"{layer}.{name}.{axis}" for axis in axes]
 
 
 def aov_names(channels: Iterable[str], layer: str) -> list[str]:
@@ -273,8 +351,9 @@ def rendered_shot(
     where it never will be. `stop_waiting` makes a call that waits raise it, too.
 
     Vectors are corrected, from measurements with Blender 4.5. Cycles omits the change of the lens shift and
-    the motion of the sky. Eevee includes both, and the change of the jitter. Workbench writes no vectors: the
-    camera's motion is used.
+    the motion of the sky. Eevee includes both, and the change of the jitter. Workbench writes no vectors, and
+    Cycles none with motion blur: the camera's motion is used. Frames that were rendered to be denoised have
+    Denoising Albedo and Denoising Normal, in world space, as G-buffers.
     """
     scene, first, jitter = record.scene, record.first, record.jitter
     if scene is None:
@@ -288,14 +367,20 @@ def rendered_shot(
         first_number=first,
     )
     entries = [
-        FrameEntry(file=frame_file(first + i), jitter=jitter[i % len(jitter)], reset=i == 0)
+        FrameEntry(
+            file=frame_file(first + i),
+            jitter=jitter[i % len(jitter)],
+            reset=i == 0 or first + i in scene.cuts,
+        )
         for i in range(count)
     ]
 
     def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
-        now, before = camera_of(index), None if index == 0 else camera_of(index - 1)
+        now, before = camera_of(index), None if entries[index].reset else camera_of(index - 1)
         path = folder / entries[index].file
-        arrays, names = _arrays(path, scene, gbuffers)
+        arrays, names, shot.ignored_channels = _arrays(path, scene, gbuffers)
+        if scene.denoise == "temporal" and "normal" in arrays:
+            arrays["normal"] = (arrays["normal"] @ now.denoising_axes.T).astype(np.float32)
         jitters = entries[index].jitter, entries[max(0, index - 1)].jitter
         motion = None if before is None else _motion(arrays, scene.engine, (now, before), jitters)
         return RawFrame(
@@ -310,7 +395,9 @@ def rendered_shot(
         )
 
     color = f"{scene.layer}.Combined.R"
-    return Shot(folder, info, entries, read_raw, stop_waiting=stop_waiting, color_channel=color)
+    shot = Shot(folder, info, entries, read_raw, stop_waiting=stop_waiting, color_channel=color)
+    shot.is_denoised = scene.denoise != "off"
+    return shot
 
 
 def frame_file(number: int) -> str:
@@ -320,9 +407,13 @@ def frame_file(number: int) -> str:
 
 def _arrays(
     path: Path, scene: RenderedScene, gbuffers: Collection[str] | None
-) -> tuple[dict[str, Array], list[str]]:
-    """Read the arrays of a frame; also return the names of its AOVs."""
-    names = layer_map(path, read_header(path).types, scene.layer, motion=False)
+) -> tuple[dict[str, Array], list[str], tuple[str, ...]]:
+    """Read the arrays of a frame; also return the names of its AOVs, and its channels that are not read."""
+    types = read_header(path).types
+    guides: Guides = "denoising" if scene.denoise == "temporal" else "surface"
+    names = layer_map(path, types, scene.layer, motion=False, guides=guides)
+    used = {channel for channels in names.values() for channel in channels}
+    ignored = tuple(name for name in types if name not in used)
     names.pop("motion_next", None)  # the next frame's camera, which it lacks, may not be known yet
     aovs = names.get("aovs", [])
     for name in GBUFFER_CHANNELS:
@@ -335,7 +426,7 @@ def _arrays(
     arrays["depth"] = arrays["depth"].astype(np.float32, copy=False)
     if len(aovs) == 1:
         arrays["aovs"] = arrays["aovs"][..., None]
-    return arrays, aov_names(aovs, scene.layer)
+    return arrays, aov_names(aovs, scene.layer), ignored
 
 
 def _motion(

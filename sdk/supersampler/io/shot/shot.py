@@ -104,7 +104,9 @@ class Shot:
         path: the folder, its JSON file, or the .safetensors file.
         info: properties of all frames.
         ignored_channels: channels of the first frame's file that an importer does not read, though it reads
-            others as AOVs: ids, and other data that cannot be blended.
+            others as AOVs: ids, and other data that cannot be blended. Of a render by `supersampler blender`,
+            which may not have begun, they are known when a frame has been read.
+        is_denoised: whether the frames state that their renderer has denoised them, as Blender's can.
     """
 
     def __init__(
@@ -125,6 +127,7 @@ class Shot:
         self._entries, self._raw = tuple(entries), read_raw
         self._reference = read_reference
         self.ignored_channels: tuple[str, ...] = ()
+        self.is_denoised = False
         self._color_channel, self._own_format = color_channel, own_format
 
     @classmethod
@@ -222,6 +225,18 @@ class Shot:
         shot = copy(self)
         shot.info = msgspec.structs.replace(self.info, first_number=self.first_number + begin)
         shot._entries, shot._offset = tuple(entries), self._offset + begin
+        return shot
+
+    def with_conversion(self, convert: Callable[[Path, RawFrame], RawFrame]) -> "Shot":
+        """Return a shot whose frames are what `convert` returns for a frame's file and its stored frame."""
+        shot, read_raw = copy(self), self._raw
+        paths = [self.source / entry.file for entry in self._entries]
+        offset = self._offset
+
+        def converted(index: int, gbuffers: Collection[str] | None) -> RawFrame:
+            return convert(paths[index - offset], read_raw(index, gbuffers))
+
+        shot._raw = converted
         return shot
 
     def __len__(self) -> int:
