@@ -37,14 +37,17 @@ EXTENSION := sdk/supersampler/integrations/blender/extension
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
 
+# Else every process compiles all modules of the tests again.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Two processes: threads of torch, in each, would wait for those of the other. Long files come early, as they lie.
 PYTEST := OMP_NUM_THREADS=1 .venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope --no-loadscope-reorder
 
 test: $(DEVELOPMENT)
 	$(PYTEST) -m 'not long'
 
-test-all: test
-	$(PYTEST) -m long
+test-all: $(DEVELOPMENT)
+	$(PYTEST)
 
 extension:
 	mkdir -p dist

@@ -31,8 +31,9 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     places = [Path(__file__).parent / name for name in LONG]
     assert all(place.exists() for place in places), "a place of long tests has another name"
+    long = {path for path in {item.path for item in items} if not {path, *path.parents}.isdisjoint(places)}
     for item in items:
-        if any(item.path.is_relative_to(place) for place in places):
+        if item.path in long:
             item.add_marker("long")
 
 

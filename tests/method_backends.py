@@ -7,8 +7,8 @@ from noise import noise
 from shared_models import shared_model
 from supersampler import Frame, Model, Upscaler
 from supersampler.conventions.jitter import only_ratio
-from supersampler.errors import ArgumentError
 from supersampler.methods.model_file import find_model, model_names, read_model_info
+from supersampler.methods.registry import methods
 from supersampler_bench.specs import with_default_gbuffers
 
 RENDER = (17, 13)
@@ -20,22 +20,13 @@ def model(method: str, executor: Any) -> Model:
     return shared_model(method, executor=executor)
 
 
-def has(method: str, executor: str) -> bool:
-    """Return whether a method runs on a backend."""
-    try:
-        model(method, executor)
-    except ArgumentError:
-        return False
-    return True
-
-
 def display_of(method: str) -> tuple[int, int]:
     """Return a display size that a method takes for frames of RENDER."""
     ratio = only_ratio(read_model_info(find_model(method)).ratios)
     return DISPLAY if ratio is None else (round(ratio * RENDER[0]), round(ratio * RENDER[1]))
 
 
-BACKENDS = [(name, kind) for name in model_names() for kind in ("onnx", "cpu") if has(name, kind)]
+BACKENDS = [(name, kind) for name in model_names() for kind in ("onnx", "cpu")[: 1 + methods()[name].cpu]]
 """(method, executor)."""
 
 

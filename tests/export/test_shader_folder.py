@@ -12,7 +12,6 @@ from operator import eq, ge
 from pathlib import Path
 from typing import Any
 
-import jsonschema
 import pytest
 from typer.testing import CliRunner
 
@@ -67,6 +66,8 @@ def size_of(rule: dict[str, Any], sizes: dict[str, tuple[int, int]]) -> tuple[in
 
 
 def test_upscaler_json_is_as_its_schema_says(folders: dict[str, Path]) -> None:
+    import jsonschema  # takes seconds
+
     schema = json.loads((files("supersampler_export.shaders") / "upscaler.schema.json").read_text())
     for folder in folders.values():
         jsonschema.validate(about(folder), schema)
