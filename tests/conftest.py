@@ -1,11 +1,13 @@
 """Tiers of tests: `make test` leaves out those that are marked as long; `make test-all` runs all of them."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from native_build import native_build
+from supersampler.backends.onnx import executor
+from supersampler.methods.model_file import is_shipped
 
 if TYPE_CHECKING:
     from supersampler_model.data.renderer.renderer import Renderer
@@ -35,6 +37,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path in long:
             item.add_marker("long")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shipped_graphs_are_opened_once() -> None:
+    """Share ONNX Runtime's sessions of shipped graphs in a process: opening one takes half a second."""
+    opened: dict[str, Any] = {}
+    open_session = executor.open_session
+
+    def shared(path: Path, *args: Any, **options: Any) -> Any:
+        key = str((path, args, options))
+        if not is_shipped(path) or key not in opened:
+            opened[key] = open_session(path, *args, **options)
+        return opened[key]
+
+    executor.open_session = shared
 
 
 @pytest.fixture(scope="session")

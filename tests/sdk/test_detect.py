@@ -22,17 +22,18 @@ FIELDS = (
     "jitter_unit", "jitter_sign", "jitter_flip_y", "motion_resolution",
 )  # fmt: skip
 MOTION_READINGS = [
-    {"motion_unit": unit, "motion_direction": way, "motion_flip_y": flip, "motion_jittered": jittered}
-    for unit, way, flip, jittered in product(
-        ("pixels", "uv", "ndc"),
-        ("previous_minus_current", "current_minus_previous"),
-        (False, True),
-        (False, True),
+    {
+        "motion_unit": unit, "motion_direction": way, "motion_flip_y": flip,
+        "motion_jittered": flip == (way == "current_minus_previous"),
+    }
+    for unit, way, flip in product(
+        ("pixels", "uv", "ndc"), ("previous_minus_current", "current_minus_previous"), (False, True)
     )
-]
+]  # fmt: skip
+"""Every two values of different fields occur together, as in JITTER_READINGS."""
 JITTER_READINGS = [
-    {"jitter_unit": unit, "jitter_sign": sign, "jitter_flip_y": flip}
-    for unit, sign, flip in product(("pixels", "uv", "ndc"), (1, -1), (False, True))
+    {"jitter_unit": unit, "jitter_sign": sign, "jitter_flip_y": (sign < 0) == (unit == "ndc")}
+    for unit, sign in product(("pixels", "uv", "ndc"), (1, -1))
 ]
 
 

@@ -21,7 +21,7 @@ from supersampler_model.data.scenes.analytic import Plane, checker
 SIZE, DISPLAY = (32, 18), (64, 36)
 FEW = 1.5
 """A ratio whose jitter has few phases."""
-METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]
+METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier"]
 BAD = 4
 LAST = BAD + 3 * jitter_phase_count(FEW)
 """Three jitter periods later: the bad samples differ from those after one; two more freeze it."""

@@ -22,8 +22,8 @@ from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane
 
 DISPLAY, WARM, CLEAN = (32, 24), 10, 30
-WITH_KERNELS = ["taa", "taau", "classifier", "classifier-small", "classifier+guided-warp"]
-WITH_GRAPHS = [*WITH_KERNELS[:4], "gbuffer-small", "gbuffer-small-4x", "extrapolate+guided-warp"]
+WITH_KERNELS = ["taa", "taau", "classifier", "classifier+guided-warp"]
+WITH_GRAPHS = [*WITH_KERNELS[:3], "gbuffer-small", "gbuffer-small-4x", "extrapolate+guided-warp"]
 SUBJECTS = [*((name, "cpu") for name in WITH_KERNELS), *((name, "onnx") for name in WITH_GRAPHS)]
 
 
@@ -75,7 +75,7 @@ def left(run: Run, **changes: Any) -> VisibleDifference:
     return difference(run.after(**changes)[-1], run.calm[-1])
 
 
-@pytest.mark.parametrize("exposure", [1e30, 1e-40, 1e-3, 1e4])
+@pytest.mark.parametrize("exposure", [1e30, 1e-40, 1e4])
 @pytest.mark.parametrize(("method", "executor"), SUBJECTS)
 def test_one_frame_with_an_absurd_exposure_is_forgotten(method: str, executor: str, exposure: float) -> None:
     run = begun(method, executor)
