@@ -2,7 +2,8 @@
 
 `pip install .` takes the machine's CMake, Ninja and C++ compiler. What is missing or too old comes from
 PyPI, for the time of the build; the compiler is Zig then. The environment variable SUPERSAMPLER_TARGET, a
-name of `TARGETS` in build.py, builds for another platform.
+name of `TARGETS` in build.py, builds for another platform. SUPERSAMPLER_BUILD is a folder to build in, in
+which a later build compiles only what has changed; else it is a temporary one.
 """
 
 import importlib.util
@@ -35,13 +36,14 @@ class LibraryHook(BuildHookInterface[Any]):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the library; `version` is "editable" or "standard"."""
-        self._folder = tempfile.TemporaryDirectory()
+        self._temporary = tempfile.TemporaryDirectory()
+        folder = Path(os.environ.get("SUPERSAMPLER_BUILD") or self._temporary.name)
         compiler, tag, name = native_build.machine_compiler(), native_build.machine_tag(), native_build.NAME
         if TARGET or compiler is None:
             target = native_build.TARGETS[TARGET] if TARGET else native_build.machine_target()
             compiler, tag, name = native_build.zig_compiler(target), target.tag, target.library
-        native_build.compile_library(Path(self._folder.name), [*compiler, "-DCMAKE_SHARED_LINKER_FLAGS=-s"])
-        built = Path(self._folder.name, name)
+        native_build.compile_library(folder, [*compiler, "-DCMAKE_SHARED_LINKER_FLAGS=-s"])
+        built = folder / name
         if version == "editable":
             native_build.install(built)
             return
@@ -50,5 +52,5 @@ class LibraryHook(BuildHookInterface[Any]):
         build_data["tag"] = f"py3-none-{tag}"  # ctypes loads it: any version of Python will do
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
-        """Remove the folder of the build."""
-        self._folder.cleanup()
+        """Remove the temporary folder."""
+        self._temporary.cleanup()
