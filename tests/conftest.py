@@ -1,12 +1,13 @@
 """Tiers of tests: `make test` leaves out those that are marked as long; `make test-all` runs all of them."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from native_build import native_build
-from supersampler.backends.onnx import executor
+from supersampler.backends.onnx import executor, session
 from supersampler.methods.model_file import is_shipped
 
 if TYPE_CHECKING:
@@ -40,18 +41,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def shipped_graphs_are_opened_once() -> None:
+def shipped_graphs_are_opened_once() -> Iterator[None]:
     """Share ONNX Runtime's sessions of shipped graphs in a process: opening one takes half a second."""
     opened: dict[str, Any] = {}
-    open_session = executor.open_session
 
     def shared(path: Path, *args: Any, **options: Any) -> Any:
         key = str((path, args, options))
         if not is_shipped(path) or key not in opened:
-            opened[key] = open_session(path, *args, **options)
+            opened[key] = session.open_session(path, *args, **options)
         return opened[key]
 
-    executor.open_session = shared
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(executor, "open_session", shared)
+        yield
 
 
 @pytest.fixture(scope="session")

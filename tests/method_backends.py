@@ -26,7 +26,12 @@ def display_of(method: str) -> tuple[int, int]:
     return DISPLAY if ratio is None else (round(ratio * RENDER[0]), round(ratio * RENDER[1]))
 
 
-BACKENDS = [(name, kind) for name in model_names() for kind in ("onnx", "cpu")[: 1 + methods()[name].cpu]]
+BACKENDS = [
+    (name, kind)
+    for name in model_names()
+    for kind in ("onnx", "cpu")
+    if kind == "onnx" or methods()[name].cpu
+]
 """(method, executor)."""
 
 
