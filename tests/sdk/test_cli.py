@@ -530,20 +530,7 @@ def test_a_demo_of_another_method_replaces_the_earlier_one_and_leaves_other_file
 
 @pytest.mark.usefixtures("short")
 def test_a_demo_replaces_the_results_of_another_command_only_when_told(tmp_path: Path) -> None:
-    run(
-        "upscale",
-        "plaza",
-        "-o",
-        tmp_path,
-        "--frames",
-        "0-1",
-        "--method",
-        "bilinear",
-        "--format",
-        "exr",
-        "--format",
-        "png",
-    )
+    run("upscale", "plaza", "-o", tmp_path, "--method", "bilinear", "--format", "exr", "--format", "png")
     upscaled = images(tmp_path)
     refused = run("demo", "-o", tmp_path, "--method", "taa")
     assert refused.exit_code == 1

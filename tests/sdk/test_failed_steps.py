@@ -93,11 +93,11 @@ def changed(first: State, second: State) -> list[str]:
 
 @pytest.mark.parametrize("runs", [False, True], ids=["before", "after"])
 @pytest.mark.parametrize("light", [1.0, 3.0], ids=["same frame", "other frame"])
-@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
+@pytest.mark.parametrize("method", ["taau", "classifier"])
 def test_after_a_step_that_failed_at_any_stage_the_next_good_frame_works(
     method: str, light: float, runs: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for first in range(0, STAGES, 3):
+    for first in (0, STAGES // 2):
         calm, shaken = session(method), session(method)
         for index, (frame, _) in enumerate(SCENE.frames(FRAMES)):
             before = calm.save_state()

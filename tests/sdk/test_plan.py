@@ -14,8 +14,8 @@ from shared_models import shared_model
 from supersampler import Frame, FrameError, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
 
-RENDER: Size = (320, 180)
-DISPLAY: Size = (640, 360)
+RENDER: Size = (160, 90)
+DISPLAY: Size = (320, 180)
 LIBC = CDLL(None)
 LIBC.malloc.restype, LIBC.malloc.argtypes = c_void_p, [c_size_t]
 LIBC.free.restype, LIBC.free.argtypes = None, [c_void_p]
