@@ -36,7 +36,7 @@ SHOTS = {  # fraction of the jitter, pixel filter, number of frames
 
 def record_render(blender: str, folder: Path, work: Path) -> None:
     make_scene(blender, work, {"properties": {"scene.frame_end": 8}})
-    run_command(blender, work, "recorded", "--samples", "1", "--no-denoise")
+    run_command(blender, work, "recorded", "--samples", "1", "--denoise", "off")
     record = read_render_record(work / "recorded" / "render")
     assert record.scene is not None
     scene = msgspec.structs.replace(record.scene, ocio="/blender/config.ocio")
@@ -54,7 +54,7 @@ def record_shot(blender: str, folder: Path, name: str, work: Path) -> None:
     script.write_text(text)
     render._SCRIPT = script
     vars(render)["halton_jitter"] = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
-    quality = ["256", "--denoise"] if name == "filtered" else ["64", "--no-denoise"]
+    quality = ["256", "--denoise", "frame"] if name == "filtered" else ["64", "--denoise", "off"]
     run_command(blender, work, name, "--frames", f"6-{5 + count}", "--samples", *quality)
     writer = ShotWriter(folder / name, name=name, display_size=None, frame_rate=24, compression="zip:9")
     for index, item in enumerate(open_source(work / name / "render")):

@@ -231,8 +231,7 @@ def test_a_video_shows_the_frames_as_blender_shows_them_at_the_rate_of_the_scene
         ({}, ("--camera", "Other"), "no camera is named 'Other'; the scene has Camera"),
         ({}, ("--scene", "Other"), "no scene is named 'Other'; the file has Scene"),
         ({"camera_type": "ORTHO"}, ("--engine", "workbench"), "no motion of an orthographic camera"),
-        ({"markers": [[5, "Camera"], [7, "Other"]]}, (), "markers switch cameras (Camera, Other): render"),
-        ({"camera_type": "PANO"}, (), "a panoramic camera cannot be jittered"),
+        ({"camera_type": "PANO"}, (), "camera 'Camera' is panoramic, and cannot be jittered or followed"),
     ],
 )
 def test_an_unusable_scene_is_one_line_of_error(
@@ -250,6 +249,20 @@ def test_python_in_the_file_is_not_run_and_the_command_says_so(tmp_path: Path) -
     assert done.exit_code == 0, done.output
     assert not ran.exists()
     assert "Python in the file is not run (Text 'startup.py')" in done.stderr
+
+
+def test_a_marker_that_switches_cameras_is_a_cut(tmp_path: Path) -> None:
+    options = ("--samples", 1, "--method", "bilinear", "--frames", "5-8")
+    done = render(tmp_path, *options, markers=[[5, "Camera"], [7, "Other"]])
+    assert done.exit_code == 0, done.output
+    assert "markers switch cameras at frame 7" in done.stderr
+    shot, record = rendered(tmp_path)
+    items = list(shot)
+    assert [item.frame.reset for item in items] == [True, False, True, False]
+    assert not items[2].frame.motion.any()
+    for index in (1, 3):
+        wrong = np.abs(items[index].frame.motion - camera_motion_of(shot, record, index)).max(axis=-1)
+        assert np.percentile(wrong, 85) < 1e-3
 
 
 def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path: Path) -> None:

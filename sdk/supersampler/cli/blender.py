@@ -1,13 +1,14 @@
-"""`supersampler blender`: renders a .blend file at low resolution, and upscales the frames meanwhile."""
+"""`supersampler blender`: renders a .blend file, and denoises or upscales the frames meanwhile."""
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from supersampler.cli.arguments import Compare, Format, parse_size
 from supersampler.cli.terminal import Terminal, echo
+from supersampler.errors import ArgumentError
 
 if TYPE_CHECKING:
     from supersampler.io.display_transforms import DisplayTransform
@@ -24,17 +25,28 @@ def blender(
         str | None,
         typer.Option(metavar="WxH", help="Size of the results.", show_default="the scene's resolution"),
     ] = None,
-    scale: Annotated[float, typer.Option(help="Display over render size, 1.0 to 4.0.")] = 2.0,
+    scale: Annotated[
+        float | None,
+        typer.Option(help="Upscale: display over render size, 1.0 to 4.0.", show_default="2 to upscale"),
+    ] = None,
     samples: Annotated[
         int | None,
-        typer.Option(min=1, help="Samples per render pixel.", show_default="16 in Cycles, else the scene's"),
-    ] = None,
-    denoise: Annotated[
-        bool | None,
         typer.Option(
-            "--denoise/--no-denoise", help="Denoise in Cycles, before upscaling.", show_default="on"
+            min=1, help="Samples per render pixel.", show_default="the scene's; 16 in Cycles to upscale"
         ),
     ] = None,
+    denoise: Annotated[
+        Literal["temporal", "frame", "off"] | None,
+        typer.Option(
+            help="temporal: render at full size, denoise in Cycles and over time. frame, off: upscale; "
+            "Cycles denoises, or not.",
+            show_default="temporal in Cycles; frame with --scale",
+        ),
+    ] = None,
+    keep_blur: Annotated[
+        bool,
+        typer.Option("--keep-blur", help="With --denoise temporal: render motion blur and depth of field."),
+    ] = False,
     engine: Annotated[
         Literal["cycles", "eevee", "workbench"] | None,
         typer.Option(help="Render engine.", show_default="the scene's"),
@@ -46,7 +58,8 @@ def blender(
     camera: Annotated[str | None, typer.Option(help="Name of a camera.", show_default="the scene's")] = None,
     scene: Annotated[str | None, typer.Option(help="Name of a scene.", show_default="the active one")] = None,
     method: Annotated[
-        str | None, typer.Option(help="A shipped model by name.", show_default="classifier")
+        str | None,
+        typer.Option(help="Upscale: a shipped model by name.", show_default="classifier to upscale"),
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[Format] | None,
@@ -60,17 +73,19 @@ def blender(
         bool, typer.Option("--overwrite", help="Replace the render and the results of an earlier run.")
     ] = False,
 ) -> None:
-    """Render SCENE.blend at low resolution with jitter, and upscale each frame while the next one renders.
+    """Render SCENE.blend, and denoise or upscale each frame while the next ones render.
 
-    Blender runs in the background, in its own process. Its rendered frames go to OUTPUT/render, the results
-    to OUTPUT; both keep Blender's frame numbers. Motion blur, depth of field and compositing are turned off,
-    and a line says so; the pixel filter is narrow; all else is as in the file. The same command
+    Cycles renders at full size, and the frames are denoised over time. Other engines, and Cycles with
+    --scale, render small and with jitter, and the frames are upscaled. Blender runs in the background, in its
+    own process. Its rendered frames go to OUTPUT/render, the results to OUTPUT; both keep Blender's frame
+    numbers. Motion blur, depth of field and compositing are turned off, and a line says so. The same command
     resumes a stopped run.
 
     \b
     Examples:
       supersampler blender kitchen.blend -o out --frames 1-48
-      supersampler blender kitchen.blend -o out --display-size 3840x2160 --samples 16 --denoise --format png
+      supersampler blender kitchen.blend -o out --samples 8 --denoise temporal --format png
+      supersampler blender kitchen.blend -o out --scale 2 --display-size 3840x2160 --samples 16
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.cli.job import UpscaleJob
     from supersampler.cli.results import ImageOptions
@@ -80,31 +95,31 @@ def blender(
 
     formats = [str(item) for item in format or [Format.exr]]
     console = Terminal(stderr=True)
+    if method is not None:
+        if denoise == "temporal":
+            raise ArgumentError("--method", got="given with --denoise temporal", want="one of the two")
+        scale = 2.0 if scale is None else scale  # the frames are upscaled, also in Cycles
     request = RenderRequest(
         blend=scene_file,
         frames=None if frames is None else FrameRange.parse(frames, "--frames", lowest=0),
         display_size=None if display_size is None else parse_size(display_size, "--display-size"),
-        scale=scale,
+        scale=2.0 if scale is None else scale,
         samples=samples,
         denoise=denoise,
         engine=engine,
         camera=camera,
         scene=scene,
+        keep_blur=keep_blur,
         program=blender,
     )
     note = partial(console.print, soft_wrap=True)
     with rendering(request, output / "render", overwrite=overwrite, note=note) as render:
-        job = UpscaleJob(
-            shot=render.shot,
-            output=output,
-            model=method,
-            images=ImageOptions(formats=formats, transform=_transform_of(render.scene, formats)),
-            compare=compare,
-            overwrite=overwrite,
-            holds_shot=True,
-            console=console,
-        )
-        run_job(job)
+        images = ImageOptions(formats=formats, transform=_transform_of(render.scene, formats))
+        same: dict[str, Any] = {
+            "shot": render.shot, "output": output, "images": images, "compare": compare,
+            "overwrite": overwrite, "holds_shot": True, "console": console,
+        }  # fmt: skip
+        run_job(UpscaleJob(**same, model=method))
     echo(f"Frames: {output}")
 
 

@@ -1,4 +1,4 @@
-"""Render a .blend file at low resolution with jitter, by Blender in a child process, as a Shot.
+"""Render a .blend file, small with jitter or at full size, by Blender in a child process, as a Shot.
 
 The folder of the frames is one that a later run can continue. The messages of the script and Blender's own
 output share one pipe. Each message begins with a random token that this process generates for the run. No
@@ -44,6 +44,7 @@ from supersampler.io.files import (
 from supersampler.io.json_files import decoded
 from supersampler.io.shot.blender import (
     RENDER_FILE,
+    Denoising,
     RenderedCamera,
     RenderedScene,
     RenderRecord,
@@ -59,6 +60,7 @@ Engine = Literal["cycles", "eevee", "workbench"]
 _FRAMES = re.compile(r"\d{4,}\.exr|render\.json")
 _SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be imported here
 _SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the script
+_SCALE = 2.0  # of frames that are upscaled, by default; `render_frames.SCALE`
 _LAST_LINES = 20  # of Blender's output, searched for its error
 _LINE_BYTES = 1 << 20  # maximum of one read
 _POLL = 0.5  # seconds between checks whether the process has ended
@@ -76,38 +78,51 @@ class RenderRequest:
         blend: the file; it is never written.
         frames: numbers of the frames.
         display_size: (width, height) of the upscaled images.
-        scale: display over render size, >= 1.
-        samples: samples per render pixel; None is 16 in Cycles.
-        denoise: whether Cycles denoises; None is True.
+        scale: display over render size, >= 1, of frames that are upscaled; None is 2.
+        samples: samples per render pixel; None is 16 in Cycles where frames are upscaled.
+        denoise: "temporal": Cycles renders at full size without jitter, and denoises each frame, with the
+            guides that denoising over time needs. "frame", "off": whether Cycles denoises small frames that
+            are upscaled. None is "temporal" in Cycles, and "frame" with a scale.
         engine: render engine.
         camera, scene: names in the file.
+        keep_blur: for temporal denoising: whether motion blur and depth of field are rendered in.
         program: Blender, or a Python that has bpy; None searches for Blender.
     """
 
     blend: Path
     frames: FrameRange | None = None
     display_size: Size | None = None
-    scale: float = 2.0
+    scale: float | None = None
     samples: int | None = None
-    denoise: bool | None = None
+    denoise: Denoising | None = None
     engine: Engine | None = None
     camera: str | None = None
     scene: str | None = None
+    keep_blur: bool = False
     program: str | None = None
 
     def settings(self) -> dict[str, object]:
-        """Return all settings that the frames depend on, but not their numbers; JSON values."""
+        """Return all settings that the frames depend on, but not their numbers; JSON values.
+
+        Raises:
+            ArgumentError: one is out of range, or two do not agree.
+            ShotError: the file cannot be read.
+        """
+        if self.denoise == "temporal" and self.scale is not None:
+            want = "one of the two: temporal denoising renders at full size"
+            raise ArgumentError("scale", got=f"{self.scale:g}, with temporal denoising", want=want)
         with os_errors_as_shot_error(self.blend), self.blend.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         return {
             "blend": digest,
             "display_size": None if self.display_size is None else list(self.display_size),
-            "scale": checked_scale(self.scale),
+            "scale": None if self.scale is None else checked_scale(self.scale),
             "samples": self.samples,
             "denoise": self.denoise,
             "engine": self.engine,
             "camera": self.camera,
             "scene": self.scene,
+            "keep_blur": self.keep_blur,
         }
 
 
@@ -174,8 +189,8 @@ class _RenderFolder:
         self.path, self.request, self.note = path, request, note
         self.run = secrets.token_hex(4)
         self._own: list[Path] = []  # files of an earlier run
-        scale = request.scale
         settings = request.settings()
+        scale = _SCALE if request.scale is None else request.scale
         jitter = tuple(halton_jitter(index, scale) for index in range(jitter_phase_count(scale)))
         first = 0 if request.frames is None else request.frames.first
         self.record = RenderRecord(settings=settings, first=first, jitter=jitter)
@@ -219,7 +234,8 @@ class _RenderFolder:
     def describe(self, scene: RenderedScene) -> None:
         """Store the description of the scene."""
         first = scene.numbers[0] if self.request.frames is None else self.request.frames.first
-        self.record = msgspec.structs.replace(self.record, scene=scene, first=first)
+        jitter = ((0.0, 0.0),) if scene.denoise == "temporal" else self.record.jitter
+        self.record = msgspec.structs.replace(self.record, scene=scene, first=first, jitter=jitter)
         self.record.write(self.path)
 
     def add(self, number: int, camera: RenderedCamera) -> None:

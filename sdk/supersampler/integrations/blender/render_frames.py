@@ -1,4 +1,6 @@
-"""Render the frames of a scene at low resolution with jitter. Runs inside Blender without supersampler.
+"""Render the frames of a scene, small with jitter to be upscaled, or at full size to be denoised.
+
+Runs inside Blender without supersampler.
 
     SUPERSAMPLER_RENDER='{...}' blender --background --python-exit-code 1 --python render_frames.py
 
@@ -12,6 +14,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +35,10 @@ except ImportError as error:
     sys.exit(1)
 
 OLDEST = (3, 6)  # Blender
-PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector", "use_pass_normal", "use_pass_diffuse_color")
-SAMPLES = 16  # per pixel in Cycles, denoised; docs/tutorials/blender.md compares numbers
+PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector")
+SURFACE_PASSES = ("use_pass_normal", "use_pass_diffuse_color")  # of frames that are upscaled
+SAMPLES = 16  # per pixel in Cycles, denoised, of small frames; docs/tutorials/blender.md compares numbers
+SCALE = 2.0  # display over render size of upscaled frames
 EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # width in pixels: one position; that of BOX is always 1
 
 
@@ -47,11 +52,13 @@ def main(settings: dict[str, Any]) -> None:
     Args:
         settings: "blend": file to open; "folder" to write to; "run": part of the files' temporary names;
             "token": begins each message; "display_size": [width, height] of the images, null for the scene's;
-            "scale": display over render size; "frames": numbers of the first and the last, null for the
-            scene's; "complete": how many of them, from the first on, are not to be rendered again; "jitter":
-            [[x, y], ...] of the first frames, in render pixels, x right, y down, which then repeat;
-            "engine", "scene", "camera": null for the scene's own; "samples", "denoise": null for SAMPLES and
-            OIDN in Cycles, the scene's own elsewhere.
+            "scale": display over render size, null for SCALE; "frames": numbers of the first and the last,
+            null for the scene's; "complete": how many of them, from the first on, are not to be rendered
+            again; "jitter": [[x, y], ...] of the first frames, in render pixels, x right, y down, which then
+            repeat; "engine", "scene", "camera": null for the scene's own; "samples": null for SAMPLES in
+            small frames of Cycles, the scene's own elsewhere; "denoise": "temporal" for frames of full size
+            without jitter, "frame" or "off" for small ones, null: see `chosen_denoising`; "keep_blur":
+            whether motion blur and depth of field stay as they are.
     """
     if bpy.app.version < OLDEST:
         raise BlenderSceneError(f"Blender {bpy.app.version_string} is too old; use 3.6 or later")
@@ -61,16 +68,22 @@ def main(settings: dict[str, Any]) -> None:
         report(note=f"{what}: Auto Run Python Scripts is off in Blender's preferences")
     scene = chosen_scene(settings["scene"])
     choose_camera(scene, settings["camera"])
-    set_engine(scene, settings["engine"], settings["samples"], settings["denoise"])
-    layer = set_passes(scene)
-    display_size = set_size(scene, settings["display_size"], settings["scale"])
-    set_output(scene)
+    if settings["engine"] is not None:
+        choose_engine(scene, settings["engine"])
+    denoise = chosen_denoising(scene, settings["denoise"], settings["scale"])
+    set_engine(scene, settings["samples"], denoise)
+    set_blur(scene, keep=settings["keep_blur"], denoise=denoise)
+    layer = set_passes(scene, denoise)
+    scale = 1.0 if denoise == "temporal" else settings["scale"] or SCALE
+    display_size = set_size(scene, settings["display_size"], scale)
+    set_output(scene, denoise)
     first, last = settings["frames"] or own_range(scene)
-    report(scene=facts(scene, layer, display_size))
-    numbers, jitter = range(first + settings["complete"], last + 1), settings["jitter"]
-    shift, moved = CameraShift(scene, numbers), MovedObjects(scene)
+    report(scene=facts(scene, layer, display_size, denoise))
+    numbers = range(first + settings["complete"], last + 1)
+    jitter = [] if denoise == "temporal" else settings["jitter"]
+    shift, moved = CameraShift(scene, numbers, is_jittered=bool(jitter)), MovedObjects(scene)
     for number in numbers:
-        own_shift = shift.set(number, jitter[(number - first) % len(jitter)])
+        own_shift = shift.set(number, jitter[(number - first) % len(jitter)] if jitter else (0.0, 0.0))
         moved.warn()
         render(scene, Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.exr")
         report(frame=number, shift=own_shift, camera=camera_matrix(scene))
@@ -98,50 +111,70 @@ def chosen_scene(name: str | None) -> Any:
 
 
 def choose_camera(scene: Any, name: str | None) -> None:
-    """Make the camera of that name the scene's; check that it can be jittered."""
+    """Make the camera of that name the scene's; check that motion of each camera is known."""
     cameras = [item for item in scene.objects if item.type == "CAMERA"]
-    markers = [marker for marker in scene.timeline_markers if marker.camera]
     if name is not None:
         found = [item for item in cameras if item.name == name]
         if not found:
             raise BlenderSceneError(f"no camera is named {name!r}; the scene has {named(cameras)}")
-        for marker in markers:
+        for marker in scene.timeline_markers:
             marker.camera = None  # it would take the place of the one that is named
         scene.camera = found[0]  # last: each change of a marker chooses a camera
-    if scene.camera is None:
+    if not used_cameras(scene):
         hint = f"pass --camera, one of {named(cameras)}" if cameras else "add one"
         raise BlenderSceneError(f"scene {scene.name!r} has no active camera: {hint}")
-    if scene.camera.data.type == "PANO":
-        raise BlenderSceneError(
-            "a panoramic camera cannot be jittered; use a perspective or orthographic one"
-        )
-    if name is None and len({marker.camera.name for marker in markers}) > 1:
-        switched = named([marker.camera for marker in markers])
-        raise BlenderSceneError(
-            f"markers switch cameras ({switched}): render each part with --frames and --camera"
-        )
+    for camera in used_cameras(scene):
+        if camera.data.type == "PANO":
+            what = f"camera {camera.name!r} is panoramic, and cannot be jittered or followed"
+            raise BlenderSceneError(f"{what}; use a perspective or orthographic one")
+    if switches := camera_switches(scene):
+        at = ", ".join(map(str, switches))
+        report(note=f"markers switch cameras at frame {at}: nothing is taken from the frames before a switch")
 
 
-def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: bool | None) -> None:
-    """Choose engine, samples and denoising; no wide pixel filter, motion blur or depth of field."""
-    if engine is not None:
-        choose_engine(scene, engine)
+def camera_markers(scene: Any) -> list[Any]:
+    """Return the markers that choose a camera, in order."""
+    markers = [item for item in scene.timeline_markers if item.camera and not item.camera.hide_render]
+    return sorted(markers, key=lambda item: item.frame)
+
+
+def used_cameras(scene: Any) -> list[Any]:
+    """Return the cameras of the markers, or the active one where no marker has one; [] without any."""
+    cameras = [marker.camera for marker in camera_markers(scene)] or [scene.camera]
+    return list({camera.name_full: camera for camera in cameras if camera is not None}.values())
+
+
+def camera_switches(scene: Any) -> list[int]:
+    """Return the numbers of the frames at which a marker switches to another camera."""
+    pairs = pairwise(camera_markers(scene))
+    return [marker.frame for before, marker in pairs if marker.camera != before.camera]
+
+
+def chosen_denoising(scene: Any, denoise: str | None, scale: float | None) -> str:
+    """Return "temporal", "frame" or "off"; by default temporal in Cycles, but "frame" with a scale."""
     if scene.render.engine == "CYCLES":
-        scene.cycles.pixel_filter_type, scene.cycles.filter_width = EXACT_FILTER
-        scene.cycles.use_animated_seed = True  # the history averages noise that changes
-        scene.cycles.use_adaptive_sampling = False
-        scene.cycles.samples = SAMPLES if samples is None else samples
-        scene.cycles.use_denoising = denoise is None or denoise
-        scene.cycles.denoising_prefilter = "NONE"  # one position per pixel: OIDN's guides have no noise
-        if samples is None or denoise is None:
-            what = f"{scene.cycles.samples} samples, {'' if scene.cycles.use_denoising else 'not '}denoised"
-            report(note=f"Cycles renders {what}; --samples and --no-denoise change it")
+        return denoise or ("temporal" if scale is None else "frame")
+    if denoise == "temporal":
+        problem = f"engine {scene.render.engine} has no noise that temporal denoising could remove"
+        raise BlenderSceneError(f"{problem}: leave --denoise out, or use --engine cycles")
+    return "off"
+
+
+def set_engine(scene: Any, samples: int | None, denoise: str) -> None:
+    """Set samples and denoising; no wide pixel filter in frames that are upscaled."""
+    if scene.render.engine == "CYCLES":
+        scene.cycles.use_animated_seed = True  # noise that changes is averaged over time
+        scene.cycles.use_denoising = denoise != "off"
+        if denoise == "temporal":
+            set_full_size_cycles(scene, samples)
+        else:
+            set_small_cycles(scene, samples, denoise)
     elif scene.render.engine.startswith("BLENDER_EEVEE"):
         scene.render.filter_size = 0.0
         if samples is not None:
             scene.eevee.taa_render_samples = samples
     elif scene.render.engine == "BLENDER_WORKBENCH":
-        if scene.camera.data.type == "ORTHO":
+        if any(camera.data.type == "ORTHO" for camera in used_cameras(scene)):
             raise BlenderSceneError(
                 "Workbench writes no motion of an orthographic camera; use --engine eevee"
             )
@@ -150,12 +183,53 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
         raise BlenderSceneError(
             f"engine {scene.render.engine} is not supported; use --engine cycles, eevee or workbench"
         )
+
+
+def set_full_size_cycles(scene: Any, samples: int | None) -> None:
+    """Let OIDN denoise frames of full size; samples and pixel filter are the scene's own."""
+    if samples is not None:
+        scene.cycles.samples = samples
+    scene.cycles.denoiser = "OPENIMAGEDENOISE"
+    scene.cycles.denoising_input_passes = "RGB_ALBEDO_NORMAL"
+    scene.cycles.denoising_prefilter = "ACCURATE"  # the guides have noise, behind glass most of all
+    what = f"Cycles renders at full size with {scene.cycles.samples} samples, and denoises"
+    report(note=f"{what}; --scale 2 renders small and upscales instead")
+
+
+def set_small_cycles(scene: Any, samples: int | None, denoise: str) -> None:
+    """Let each pixel of the frames be one position, with a fixed number of samples."""
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = EXACT_FILTER
+    scene.cycles.use_adaptive_sampling = False
+    scene.cycles.samples = SAMPLES if samples is None else samples
+    scene.cycles.denoising_prefilter = "NONE"  # one position per pixel: OIDN's guides have no noise
+    if samples is None:
+        what = f"{scene.cycles.samples} samples, {'not ' if denoise == 'off' else ''}denoised"
+        report(note=f"Cycles renders {what}; --samples and --denoise off change it")
+
+
+def set_blur(scene: Any, *, keep: bool, denoise: str) -> None:
+    """Turn motion blur and depth of field off; `keep` leaves them in frames that are denoised."""
+    focused = [camera for camera in used_cameras(scene) if camera.data.dof.use_dof]
+    if keep and denoise != "temporal":
+        problem = "--keep-blur is for temporal denoising; blurred frames cannot be upscaled"
+        raise BlenderSceneError(f"{problem}: leave it out, or use --engine cycles")
+    if keep:
+        if scene.render.use_motion_blur:
+            lost = "Cycles then writes no vectors, and what moves itself is denoised in each frame only"
+            report(note=f"motion blur is kept: {lost}")
+        if focused:
+            lost = "what is out of focus is denoised less over time"
+            report(note=f"depth of field is kept: {lost}")
+        return
+    why = "cannot be reprojected"
+    hint = "; --keep-blur renders it in" if denoise == "temporal" else ""
     if scene.render.use_motion_blur:
         scene.render.use_motion_blur = False
-        report(note="motion blur is off: blurred frames cannot be reprojected")
-    if scene.camera.data.dof.use_dof:
-        scene.camera.data.dof.use_dof = False
-        report(note="depth of field is off: blurred depth and motion cannot be reprojected")
+        report(note=f"motion blur is off: blurred frames {why}{hint}")
+    for camera in focused:
+        camera.data.dof.use_dof = False
+    if focused:
+        report(note=f"depth of field is off: blurred depth and motion {why}{hint}")
 
 
 def choose_engine(scene: Any, engine: str) -> None:
@@ -174,14 +248,20 @@ def choose_engine(scene: Any, engine: str) -> None:
     raise BlenderSceneError(f"this Blender has no engine {engine}")
 
 
-def set_passes(scene: Any) -> str:
+def set_passes(scene: Any, denoise: str) -> str:
     """Enable the passes that are read, in addition to others, and return the view layer's name."""
     layers = [layer for layer in scene.view_layers if layer.use]
     if not layers:
         raise BlenderSceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
-    for name in PASSES:
+    is_temporal = denoise == "temporal"
+    for name in (*PASSES, *(() if is_temporal else SURFACE_PASSES)):
         if hasattr(layers[0], name):
             setattr(layers[0], name, True)
+    if is_temporal:
+        layers[0].cycles.denoising_store_passes = True
+        layers[0].use_pass_vector = not scene.render.use_motion_blur  # with blur it would hold zeros
+    if denoise != "off":
+        layers[0].cycles.use_denoising = True
     for other in layers[1:]:
         other.use = False
     if layers[1:]:
@@ -205,7 +285,7 @@ def set_size(scene: Any, display_size: list[int] | None, scale: float) -> tuple[
     return width, height
 
 
-def set_output(scene: Any) -> None:
+def set_output(scene: Any, denoise: str) -> None:
     """Write lossless multilayer EXR of floats, without compositing."""
     render, image = scene.render, scene.render.image_settings
     if hasattr(image, "media_type"):  # Blender 5
@@ -213,7 +293,8 @@ def set_output(scene: Any) -> None:
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
     if render.use_compositing and (getattr(scene, "compositing_node_group", None) or scene.use_nodes):
-        report(note="compositing is off: composite the upscaled frames")
+        frames = "denoised" if denoise == "temporal" else "upscaled"
+        report(note=f"compositing is off: composite the {frames} frames")
     editor = scene.sequence_editor
     strips = editor and (getattr(editor, "strips", None) or getattr(editor, "sequences", None))
     if render.use_sequencer and strips:
@@ -225,48 +306,65 @@ def set_output(scene: Any) -> None:
 
 
 class CameraShift:
-    """The camera's lens shift: the scene's own in each frame plus the jitter.
+    """The cameras' lens shift: the scene's own in each frame plus the jitter.
 
-    It is keyed on every frame (of the scene in memory), because rendering evaluates the animation again.
-    Blender's Vector pass contains no motion of the shift, neither of the jitter nor of an animation.
+    With jitter it is keyed on every frame (of the scene in memory), because rendering evaluates the animation
+    again. Blender's Vector pass contains no motion of the shift, neither of the jitter nor of an animation.
     """
 
-    def __init__(self, scene: Any, numbers: range) -> None:
-        self.scene = scene
-        if scene.camera.library is not None or scene.camera.data.library is not None:
-            scene.camera = own_copy(scene, scene.camera)
-        self.data = scene.camera.data
-        animated = self.data.animation_data is not None
-        self.own = {number: self._read(number) for number in (numbers if animated else numbers[:1])}
-        self.constant = None if animated else self.own[numbers[0]]
-        for name in ("shift_x", "shift_y"):
-            if animated:
-                self.data.driver_remove(name)
+    def __init__(self, scene: Any, numbers: range, *, is_jittered: bool) -> None:
+        self.scene, self.is_jittered = scene, is_jittered
+        if not is_jittered:
+            return
+        for camera in used_cameras(scene):
+            if camera.library is not None or camera.data.library is not None:
+                replace_camera(scene, camera, own_copy(scene, camera))
+        cameras = [camera.data for camera in used_cameras(scene)]
+        changes = len(cameras) > 1 or cameras[0].animation_data is not None
+        self.own = {number: self._read(number) for number in (numbers if changes else numbers[:1])}
+        self.constant = None if changes else self.own[numbers[0]]
+        for data in cameras:
+            for name in ("shift_x", "shift_y") if data.animation_data is not None else ():
+                data.driver_remove(name)
 
-    def set(self, number: int, jitter: list[float]) -> tuple[float, float]:
+    def set(self, number: int, jitter: tuple[float, float]) -> tuple[float, float]:
         """Go to a frame, add the jitter, and return the shift without it; both in render pixels."""
-        x, y = self.constant or self.own[number]
-        unit_x, unit_y = self._pixels()
-        self.data.shift_x, self.data.shift_y = x + jitter[0] / unit_x, y - jitter[1] / unit_y
-        for name in ("shift_x", "shift_y"):
-            self.data.keyframe_insert(name, frame=number)
-        self.scene.frame_set(number)
+        data, x, y = self._at(number)
+        unit_x, unit_y = self._pixels(data)
+        if self.is_jittered:
+            data.shift_x, data.shift_y = x + jitter[0] / unit_x, y - jitter[1] / unit_y
+            for name in ("shift_x", "shift_y"):
+                data.keyframe_insert(name, frame=number)
+            self.scene.frame_set(number)
         return x * unit_x, y * unit_y
 
-    def _read(self, number: int) -> tuple[float, float]:
-        self.scene.frame_set(number)
-        data = self.scene.camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-        return data.shift_x, data.shift_y
+    def _at(self, number: int) -> tuple[Any, float, float]:
+        return (self.constant or self.own[number]) if self.is_jittered else self._read(number)
 
-    def _pixels(self) -> tuple[float, float]:
+    def _read(self, number: int) -> tuple[Any, float, float]:
+        """Go to a frame; return its camera's data, and the shift as the animation has it."""
+        self.scene.frame_set(number)  # markers choose the camera
+        data = self.scene.camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        return self.scene.camera.data, data.shift_x, data.shift_y
+
+    def _pixels(self, data: Any) -> tuple[float, float]:
         """Return the render pixels of a shift of 1 in x and y: the side that the sensor fits."""
         render = self.scene.render
         width, height = render.resolution_x, render.resolution_y
         aspect = render.pixel_aspect_y / render.pixel_aspect_x
-        fit = self.data.sensor_fit
+        fit = data.sensor_fit
         is_wide = width >= height * aspect if fit == "AUTO" else fit == "HORIZONTAL"
         side = width if is_wide else height * aspect
         return side, side / aspect
+
+
+def replace_camera(scene: Any, camera: Any, other: Any) -> None:
+    """Let another camera take the place of one."""
+    for marker in scene.timeline_markers:
+        if marker.camera == camera:
+            marker.camera = other
+    if scene.camera == camera:
+        scene.camera = other
 
 
 def own_copy(scene: Any, camera: Any) -> Any:
@@ -325,7 +423,7 @@ def camera_matrix(scene: Any) -> list[list[float]]:
     return [list(row) for row in projection @ camera.matrix_world.normalized().inverted()]
 
 
-def facts(scene: Any, layer: str, display_size: tuple[int, int]) -> dict[str, object]:
+def facts(scene: Any, layer: str, display_size: tuple[int, int], denoise: str) -> dict[str, object]:
     """Return the facts of the scene that the reader of the frames needs."""
     render, view = scene.render, scene.view_settings
     own = Path(bpy.utils.system_resource("DATAFILES"))
@@ -336,6 +434,8 @@ def facts(scene: Any, layer: str, display_size: tuple[int, int]) -> dict[str, ob
         "frame_rate": render.fps / render.fps_base,
         "render_size": [render.resolution_x, render.resolution_y],
         "display_size": display_size,
+        "denoise": denoise,
+        "cuts": camera_switches(scene),
         "engine": render.engine,
         "layer": layer,
         "view": {

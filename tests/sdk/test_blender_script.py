@@ -1,0 +1,168 @@
+"""Tests of the settings that render_frames.py makes inside Blender, on a scene of plain objects."""
+
+import importlib.util
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import pytest
+
+import supersampler
+
+FILE = Path(supersampler.__file__).parent / "integrations" / "blender" / "render_frames.py"
+WIDE = ("BLACKMAN_HARRIS", 1.5)  # a pixel filter
+
+
+@pytest.fixture
+def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.setitem(sys.modules, "bpy", ModuleType("bpy"))
+    monkeypatch.setenv("SUPERSAMPLER_RENDER", json.dumps({"token": ""}))
+    spec = importlib.util.spec_from_file_location("render_frames", FILE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    notes: list[str] = []
+    monkeypatch.setattr(module, "report", lambda note: notes.append(note))
+    vars(module)["notes"] = notes
+    return module
+
+
+def camera(name: str, *, kind: str = "PERSP", focused: bool = False, hidden: bool = False) -> SimpleNamespace:
+    data = SimpleNamespace(type=kind, dof=SimpleNamespace(use_dof=focused))
+    return SimpleNamespace(name=name, name_full=name, type="CAMERA", data=data, hide_render=hidden)
+
+
+def scene(engine: str = "CYCLES", *, blurred: bool = False, **attributes: Any) -> SimpleNamespace:
+    layer = SimpleNamespace(
+        use=True, name="ViewLayer", use_pass_z=False, use_pass_vector=False, use_pass_normal=False,
+        use_pass_diffuse_color=False,
+        cycles=SimpleNamespace(use_denoising=False, denoising_store_passes=False),
+    )  # fmt: skip
+    cycles = SimpleNamespace(
+        samples=64, use_denoising=False, use_animated_seed=False, use_adaptive_sampling=True,
+        pixel_filter_type=WIDE[0], filter_width=WIDE[1], denoiser="OPTIX", denoising_input_passes="RGB",
+        denoising_prefilter="FAST",
+    )  # fmt: skip
+    found = {
+        "name": "Scene", "render": SimpleNamespace(engine=engine, use_motion_blur=blurred), "cycles": cycles,
+        "view_layers": [layer], "timeline_markers": [], "camera": camera("A"), "objects": [],
+    }  # fmt: skip
+    return SimpleNamespace(**found | attributes)
+
+
+def markers(*switches: tuple[int, SimpleNamespace | None]) -> list[SimpleNamespace]:
+    return [SimpleNamespace(frame=frame, camera=item) for frame, item in switches]
+
+
+@pytest.mark.parametrize(
+    ("engine", "denoise", "scale", "want"),
+    [
+        ("CYCLES", None, None, "temporal"),
+        ("CYCLES", None, 2.0, "frame"),
+        ("CYCLES", "off", None, "off"),
+        ("CYCLES", "frame", 1.0, "frame"),
+        ("CYCLES", "temporal", None, "temporal"),
+        ("BLENDER_EEVEE_NEXT", None, None, "off"),
+        ("BLENDER_WORKBENCH", "frame", None, "off"),
+    ],
+)
+def test_cycles_is_denoised_over_time_unless_asked_otherwise(
+    script: ModuleType, engine: str, denoise: str | None, scale: float | None, want: str
+) -> None:
+    assert script.chosen_denoising(scene(engine), denoise, scale) == want
+
+
+def test_temporal_denoising_of_another_engine_is_refused(script: ModuleType) -> None:
+    with pytest.raises(script.BlenderSceneError, match=r"BLENDER_EEVEE has no noise .* --engine cycles"):
+        script.chosen_denoising(scene("BLENDER_EEVEE"), "temporal", None)
+
+
+def test_frames_to_denoise_have_the_scenes_samples_and_filter_and_clean_guides(script: ModuleType) -> None:
+    ours = scene()
+    script.set_engine(ours, None, "temporal")
+    assert script.set_passes(ours, "temporal") == "ViewLayer"
+    cycles, layer = ours.cycles, ours.view_layers[0]
+    assert (cycles.samples, cycles.use_adaptive_sampling) == (64, True)
+    assert (cycles.pixel_filter_type, cycles.filter_width) == WIDE
+    assert (cycles.use_denoising, cycles.denoiser) == (True, "OPENIMAGEDENOISE")
+    assert (cycles.denoising_prefilter, cycles.denoising_input_passes) == ("ACCURATE", "RGB_ALBEDO_NORMAL")
+    assert cycles.use_animated_seed
+    assert (layer.use_pass_z, layer.use_pass_vector, layer.use_pass_normal) == (True, True, False)
+    assert layer.cycles.denoising_store_passes
+    assert layer.cycles.use_denoising
+    assert "Cycles renders at full size with 64 samples, and denoises; --scale 2" in script.notes[0]
+    script.set_engine(ours, 4, "temporal")
+    assert cycles.samples == 4
+
+
+@pytest.mark.parametrize("denoise", ["frame", "off"])
+def test_frames_to_upscale_have_points_as_pixels(script: ModuleType, denoise: str) -> None:
+    ours = scene()
+    script.set_engine(ours, None, denoise)
+    script.set_passes(ours, denoise)
+    cycles, layer = ours.cycles, ours.view_layers[0]
+    assert (cycles.samples, cycles.use_adaptive_sampling) == (16, False)
+    assert (cycles.filter_width, cycles.denoising_prefilter) == (0.01, "NONE")
+    assert cycles.use_denoising == layer.cycles.use_denoising == (denoise == "frame")
+    assert layer.use_pass_normal
+    assert not layer.cycles.denoising_store_passes
+
+
+@pytest.mark.parametrize("denoise", ["temporal", "frame"])
+def test_blur_is_off_and_a_note_says_how_to_keep_it(script: ModuleType, denoise: str) -> None:
+    ours = scene(blurred=True, camera=camera("A", focused=True))
+    script.set_blur(ours, keep=False, denoise=denoise)
+    assert not ours.render.use_motion_blur
+    assert not ours.camera.data.dof.use_dof
+    assert [note.split(":")[0] for note in script.notes] == ["motion blur is off", "depth of field is off"]
+    assert all(("--keep-blur" in note) == (denoise == "temporal") for note in script.notes)
+
+
+def test_blur_that_is_kept_costs_the_vectors_and_a_note_says_so(script: ModuleType) -> None:
+    ours = scene(blurred=True, camera=camera("A", focused=True))
+    script.set_blur(ours, keep=True, denoise="temporal")
+    script.set_passes(ours, "temporal")
+    assert ours.render.use_motion_blur
+    assert ours.camera.data.dof.use_dof
+    assert not ours.view_layers[0].use_pass_vector
+    assert [note.split(":")[0] for note in script.notes] == ["motion blur is kept", "depth of field is kept"]
+    with pytest.raises(script.BlenderSceneError, match="--keep-blur is for temporal denoising"):
+        script.set_blur(ours, keep=True, denoise="frame")
+
+
+def test_each_marker_of_another_camera_is_a_cut(script: ModuleType) -> None:
+    a, b, hidden = camera("A"), camera("B", focused=True), camera("C", hidden=True)
+    ours = scene(timeline_markers=markers((30, a), (1, a), (10, a), (12, None), (20, b), (25, hidden)))
+    assert script.camera_switches(ours) == [20, 30]
+    assert script.used_cameras(ours) == [a, b]
+    script.choose_camera(ours, None)
+    assert "markers switch cameras at frame 20, 30" in script.notes[0]
+    script.set_blur(ours, keep=False, denoise="temporal")
+    assert not b.data.dof.use_dof
+
+
+def test_a_camera_that_is_named_is_used_without_cuts(script: ModuleType) -> None:
+    a, b = camera("A"), camera("B")
+    ours = scene(timeline_markers=markers((1, a), (9, b)), objects=[a, b])
+    script.choose_camera(ours, "B")
+    assert (ours.camera, script.camera_switches(ours), script.notes) == (b, [], [])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda ours: setattr(ours, "camera", None), "no active camera: add one"),
+        (lambda ours: setattr(ours.camera.data, "type", "PANO"), "camera 'A' is panoramic"),
+    ],
+)
+def test_a_camera_that_cannot_be_followed_is_refused(
+    script: ModuleType, change: Callable[[Any], None], message: str
+) -> None:
+    ours = scene()
+    change(ours)
+    with pytest.raises(script.BlenderSceneError, match=message):
+        script.choose_camera(ours, None)
