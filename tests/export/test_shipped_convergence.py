@@ -17,7 +17,7 @@ from supersampler_model.methods import load_method
 from supersampler_model.methods.taau import Taau
 from torch_inputs import tensors_of
 
-METHODS = ["taau", "classifier", "classifier-small"]
+METHODS = ["taau", "classifier"]
 RENDER, DISPLAY = ops.Size(64, 36), ops.Size(128, 72)
 FROZEN = 2 * jitter_phase_count(2.0) + 1
 """Frames after which a still scene is frozen."""
