@@ -251,6 +251,44 @@ def test_python_in_the_file_is_not_run_and_the_command_says_so(tmp_path: Path) -
     assert "Python in the file is not run (Text 'startup.py')" in done.stderr
 
 
+def test_temporal_denoising_renders_at_full_size_with_guides_in_world_space(tmp_path: Path) -> None:
+    properties = {"scene.render.use_motion_blur": True}
+    done = render(tmp_path, "--samples", 1, markers=[[5, "Camera"], [8, "Other"]], properties=properties)
+    assert done.exit_code == 0, done.output
+    assert "Cycles renders at full size with 1 samples" in done.stderr
+    assert "motion blur is off" in done.stderr
+    shot, record = rendered(tmp_path)
+    assert record.scene is not None
+    assert (record.scene.denoise, shot.render_size, shot.is_denoised) == ("temporal", (96, 64), True)
+    items = list(shot)
+    assert [item.frame.reset for item in items] == [True, False, True]
+    assert {item.frame.jitter for item in items} == {(0.0, 0.0)}
+    wrong = np.abs(items[1].frame.motion - camera_motion_of(shot, record, 1)).max(axis=-1)
+    assert np.percentile(wrong, 85) < 1e-3  # but the cube that moves
+    assert items[0].frame.motion_next is not None
+    assert np.median(np.abs(items[0].frame.motion_next + items[1].frame.motion)) < 0.1
+    gbuffer, surface = items[0].frame.gbuffer, items[0].frame.depth > 0
+    assert gbuffer is not None
+    axis = np.abs(gbuffer["normal"].astype(np.float32)).max(axis=-1)[surface]  # none of the cubes is turned
+    assert np.percentile(axis, 20) > 0.999
+    assert list(items[0].raw.aov_names or ()) == ["A"]
+    assert any("Noisy Image" in name for name in shot.ignored_channels)
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.exr")) == [
+        "0006.exr",
+        "0007.exr",
+        "0008.exr",
+    ]
+
+
+def test_kept_motion_blur_leaves_the_motion_of_the_camera(tmp_path: Path) -> None:
+    properties = {"scene.render.use_motion_blur": True}
+    done = render(tmp_path, "--samples", 1, "--keep-blur", properties=properties)
+    assert done.exit_code == 0, done.output
+    assert "motion blur is kept: Cycles then writes no vectors" in done.stderr
+    shot, record = rendered(tmp_path)
+    np.testing.assert_allclose(shot.read(1).frame.motion, camera_motion_of(shot, record, 1), atol=1e-4)
+
+
 def test_a_marker_that_switches_cameras_is_a_cut(tmp_path: Path) -> None:
     options = ("--samples", 1, "--method", "bilinear", "--frames", "5-8")
     done = render(tmp_path, *options, markers=[[5, "Camera"], [7, "Other"]])

@@ -96,7 +96,7 @@ def test_a_render_that_is_to_be_denoised_has_its_guides_in_world_space(tmp_path:
     folder = Path(shutil.copytree(RECORDED, tmp_path / "render"))
     record = json.loads((folder / "render.json").read_text())
     record["scene"] |= {"denoise": "temporal", "cuts": [7], "display_size": record["scene"]["render_size"]}
-    (folder / "render.json").write_text(json.dumps(record | {"jitter": [[0.0, 0.0]]}))
+    (folder / "render.json").write_text(json.dumps(record))
     for path, camera in zip(sorted(folder.glob("*.exr")), read_render_record(folder).frames, strict=True):
         channels, layer = read_exr(path), "ViewLayer"
         normal = np.stack([channels.pop(f"{layer}.Normal.{axis}") for axis in "XYZ"], axis=-1)
@@ -107,10 +107,17 @@ def test_a_render_that_is_to_be_denoised_has_its_guides_in_world_space(tmp_path:
     shot = open_source(folder)
     items = list(shot)
     assert shot.is_denoised
-    assert [item.frame.jitter for item in items] == [(0.0, 0.0)] * 4
     assert [item.frame.reset for item in items] == [True, False, True, False]
     assert not items[2].frame.motion.any()  # another camera's vectors
     assert items[3].frame.motion.any()
+    assert items[1].frame.motion_next is items[3].frame.motion_next is None  # the last before a cut, of all
+    for now, following in ((0, 1), (2, 3)):
+        motion_next, back = items[now].frame.motion_next, open_source(RECORDED).read(following).frame.motion
+        assert motion_next is not None
+        assert np.median(np.abs(motion_next + back)) < 0.1  # both change slowly over the image
+        sky = (items[now].frame.depth == 0) & (items[following].frame.depth == 0)
+        assert np.abs(motion_next + back)[sky].max() < 0.1
+    assert shot.read_raw(0, gbuffers=()).motion_next is None
     assert items[0].raw.aov_names == ["A", "DiffCol.R", "DiffCol.G", "DiffCol.B", "Emit.R"]
     assert "ViewLayer.CryptoObject00.r" in shot.ignored_channels
     for item, original in zip(items, open_source(RECORDED), strict=True):

@@ -211,11 +211,11 @@ def set_blur(scene: Any, *, keep: bool, denoise: str) -> None:
     """Turn motion blur and depth of field off; `keep` leaves them in frames that are denoised."""
     focused = [camera for camera in used_cameras(scene) if camera.data.dof.use_dof]
     if keep and denoise != "temporal":
-        problem = "--keep-blur is for temporal denoising; blurred frames cannot be upscaled"
-        raise BlenderSceneError(f"{problem}: leave it out, or use --engine cycles")
+        problem = "--keep-blur is for temporal denoising, in Cycles without --scale"
+        raise BlenderSceneError(f"{problem}: blurred frames cannot be upscaled")
     if keep:
         if scene.render.use_motion_blur:
-            lost = "Cycles then writes no vectors, and what moves itself is denoised in each frame only"
+            lost = "Cycles then writes no vectors, and what moves itself is denoised less over time"
             report(note=f"motion blur is kept: {lost}")
         if focused:
             lost = "what is out of focus is denoised less over time"

@@ -383,10 +383,17 @@ def rendered_shot(
             arrays["normal"] = (arrays["normal"] @ now.denoising_axes.T).astype(np.float32)
         jitters = entries[index].jitter, entries[max(0, index - 1)].jitter
         motion = None if before is None else _motion(arrays, scene.engine, (now, before), jitters)
+        motion_next = None
+        is_last = index + 1 == count or entries[index + 1].reset
+        if scene.denoise == "temporal" and not is_last and (gbuffers is None or "motion_next" in gbuffers):
+            motion_next = _camera_corrected(
+                arrays, "motion_next", (now, camera_of(index + 1)), (jitters[0], entries[index + 1].jitter)
+            )
         return RawFrame(
             color=arrays["color"],
             depth=arrays["depth"],
             motion=np.zeros((*arrays["depth"].shape, 2), np.float32) if motion is None else motion,
+            motion_next=motion_next,
             jitter=entries[index].jitter,
             reset=entries[index].reset,
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
@@ -414,7 +421,8 @@ def _arrays(
     names = layer_map(path, types, scene.layer, motion=False, guides=guides)
     used = {channel for channels in names.values() for channel in channels}
     ignored = tuple(name for name in types if name not in used)
-    names.pop("motion_next", None)  # the next frame's camera, which it lacks, may not be known yet
+    if scene.denoise != "temporal" or (gbuffers is not None and "motion_next" not in gbuffers):
+        names.pop("motion_next", None)  # of frames that are upscaled as they come
     aovs = names.get("aovs", [])
     for name in GBUFFER_CHANNELS:
         if gbuffers is not None and f"gbuffer_{name}" not in gbuffers:
@@ -436,14 +444,28 @@ def _motion(
     jitters: tuple[tuple[float, float], tuple[float, float]],
 ) -> Float32:
     """Return the vectors of a frame in Blender's conventions: previous minus current, pixels, y up."""
-    (now, before), depth = cameras, arrays["depth"]
     if engine.startswith("BLENDER_EEVEE"):
         change = np.subtract(*jitters) * (-1.0, 1.0)  # of the jitter, y up
         return arrays["motion"].astype(np.float32, copy=False) + change.astype(np.float32)
+    return _camera_corrected(arrays, "motion", cameras, jitters)
+
+
+def _camera_corrected(
+    arrays: Mapping[str, Array],
+    name: Literal["motion", "motion_next"],
+    cameras: tuple[RenderedCamera, RenderedCamera],
+    jitters: tuple[tuple[float, float], tuple[float, float]],
+) -> Float32:
+    """Return vectors of Cycles, with the change of the lens shift and the motion of the sky; pixels, y up.
+
+    Without vectors all motion is the camera's. `cameras` and `jitters`: of the frame and of the other one.
+    """
+    (now, other), depth = cameras, arrays["depth"]
+    sign = np.float32(1.0 if name == "motion" else -1.0)  # previous minus current, current minus next
     unknown = depth >= _SKY
-    if "motion" in arrays:
-        shift = np.subtract(now.shift, before.shift).astype(np.float32)  # what is seen moves against it
-        motion: Float32 = arrays["motion"].astype(np.float32, copy=False) + shift
+    if name in arrays:
+        shift = sign * np.subtract(now.shift, other.shift).astype(np.float32)  # what is seen moves against it
+        motion: Float32 = arrays[name].astype(np.float32, copy=False) + shift
     else:
         motion, unknown = np.zeros((*depth.shape, 2), np.float32), np.ones(depth.shape, bool)
     is_parallel = not now.matrix[3, :3].any()  # then the sky is of one colour
@@ -456,5 +478,5 @@ def _motion(
     ]
     near = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth < _SKY)
     moved = camera_motion(near, *matrices, jitter=jitters[0], near=1.0, clip="minus_one_to_one")
-    motion[unknown] = (moved * np.array([1.0, -1.0], np.float32))[unknown]
+    motion[unknown] = (sign * moved * np.array([1.0, -1.0], np.float32))[unknown]
     return motion
