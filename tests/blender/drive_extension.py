@@ -37,6 +37,11 @@ found["no source"] = called(bpy.ops.supersampler.upscale)
 shutil.copytree(f"{OUTPUT}/render", f"{OUTPUT}/../frames")
 scene.supersampler.source, scene.supersampler.output = f"{OUTPUT}/../frames", f"{OUTPUT}/../upscaled"
 found["upscale"] = called(bpy.ops.supersampler.upscale)
+scene.supersampler.output = f"{OUTPUT}/../denoised"
+found["render denoised"] = called(bpy.ops.supersampler.render_denoised)
+shutil.copytree(f"{OUTPUT}/../denoised/render", f"{OUTPUT}/../full", ignore=shutil.ignore_patterns("*.json"))
+scene.supersampler.source, scene.supersampler.output = f"{OUTPUT}/../full", f"{OUTPUT}/../denoised again"
+found["denoise"] = called(bpy.ops.supersampler.denoise)
 bpy.context.preferences.addons[module].preferences.program = "/nowhere"
 found["no command"] = called(bpy.ops.supersampler.upscale)
 bpy.ops.preferences.addon_disable(module=module)

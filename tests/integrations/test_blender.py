@@ -334,10 +334,11 @@ def test_the_extension_installs_renders_upscales_and_says_what_is_wrong(tmp_path
     found = json.loads(next(line for line in said.splitlines() if line.startswith("{")))
     assert "Save the file first" in found["unsaved"]
     assert found["render"] == found["upscale"] == "FINISHED", found
+    assert found["render denoised"] == found["denoise"] == "FINISHED", found
     assert found["again"] == "FINISHED"
     assert "frames of another render are there: the file has changed" in found["other"]
     assert "Choose the folder" in found["no source"]
     assert "/nowhere" in found["no command"]
     assert found["disabled"] == "False"
-    for folder in ("out", "upscaled"):
+    for folder in ("out", "upscaled", "denoised", "denoised again"):
         assert sorted(p.name for p in (tmp_path / folder).glob("*.exr")) == ["0006.exr", "0007.exr"]

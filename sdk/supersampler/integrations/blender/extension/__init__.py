@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from .run import Run, render_command, upscale_command
+from .run import Run, denoise_command, render_command, upscale_command
 
 _TICK = 0.5  # seconds between two looks at the command
 
@@ -37,7 +37,7 @@ class SupersamplerSettings(bpy.types.PropertyGroup):
     )
     samples: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Samples",
-        description="Samples per render pixel; 0: 16 in Cycles, the scene's own elsewhere",
+        description="Samples per render pixel; 0: the scene's own, but 16 where Cycles' frames are upscaled",
         default=0,
         min=0,
     )
@@ -108,7 +108,7 @@ class _RunsCommand:
         if self._run.error:
             self.report({"ERROR"}, self._run.error)
             return {"CANCELLED"}
-        self.report({"INFO"}, f"{self._run.done} of {self._run.total} frames are upscaled")
+        self.report({"INFO"}, f"{self._run.done} of {self._run.total} frames are complete")
         return {"FINISHED"}
 
 
@@ -119,24 +119,17 @@ class SUPERSAMPLER_OT_render(_RunsCommand, bpy.types.Operator):
 
     def start(self, context: Any) -> Run:
         """Start `supersampler blender`."""
-        changed = bpy.data.is_dirty and not bpy.app.background  # which always reports unsaved changes
-        if not bpy.data.filepath or changed:
-            raise ValueError("Save the file first: it is rendered as it was saved last")
-        scene, settings = context.scene, context.scene.supersampler
-        output = Path(bpy.path.abspath(settings.output))
-        command = render_command(
-            _program(context),
-            bpy.data.filepath,
-            output,
-            blender=bpy.app.binary_path or sys.executable,
-            frames=(scene.frame_start, scene.frame_end),
-            scene=scene.name,
-            scale=settings.scale,
-            samples=settings.samples,
-            image_format=settings.image_format,
-            overwrite=settings.overwrite,
-        )
-        return Run(command, output, scene.frame_end - scene.frame_start + 1)
+        return _start_render(context, context.scene.supersampler.scale)
+
+
+class SUPERSAMPLER_OT_render_denoised(_RunsCommand, bpy.types.Operator):
+    """Render the animation with Cycles and denoise it over time, from the file as it was saved last."""
+
+    bl_idname, bl_label = "supersampler.render_denoised", "Render Animation Denoised"
+
+    def start(self, context: Any) -> Run:
+        """Start `supersampler blender`."""
+        return _start_render(context, None)
 
 
 class SUPERSAMPLER_OT_upscale(_RunsCommand, bpy.types.Operator):
@@ -146,10 +139,7 @@ class SUPERSAMPLER_OT_upscale(_RunsCommand, bpy.types.Operator):
 
     def start(self, context: Any) -> Run:
         """Start `supersampler upscale`."""
-        settings = context.scene.supersampler
-        folder, output = (Path(bpy.path.abspath(path)) for path in (settings.source, settings.output))
-        if not settings.source or not folder.is_dir():
-            raise ValueError("Choose the folder of the rendered frames")
+        settings, (folder, output) = context.scene.supersampler, _folders(context)
         command = upscale_command(
             _program(context),
             folder,
@@ -158,7 +148,62 @@ class SUPERSAMPLER_OT_upscale(_RunsCommand, bpy.types.Operator):
             image_format=settings.image_format,
             overwrite=settings.overwrite,
         )
-        return Run(command, output, sum(1 for _ in folder.glob("[!.]*.exr")))
+        return Run(command, output, _frame_count(folder))
+
+
+class SUPERSAMPLER_OT_denoise(_RunsCommand, bpy.types.Operator):
+    """Denoise frames that are rendered already over time, with the passes Combined, Z, Vector, Normal and
+    Denoising Data.
+    """
+
+    bl_idname, bl_label = "supersampler.denoise", "Denoise Rendered Frames"
+
+    def start(self, context: Any) -> Run:
+        """Start `supersampler denoise`."""
+        settings, (folder, output) = context.scene.supersampler, _folders(context)
+        command = denoise_command(
+            _program(context),
+            folder,
+            output,
+            image_format=settings.image_format,
+            overwrite=settings.overwrite,
+        )
+        return Run(command, output, _frame_count(folder))
+
+
+def _start_render(context: Any, scale: float | None) -> Run:
+    """Start `supersampler blender`; ValueError where the file is not saved."""
+    changed = bpy.data.is_dirty and not bpy.app.background  # which always reports unsaved changes
+    if not bpy.data.filepath or changed:
+        raise ValueError("Save the file first: it is rendered as it was saved last")
+    scene, settings = context.scene, context.scene.supersampler
+    output = Path(bpy.path.abspath(settings.output))
+    command = render_command(
+        _program(context),
+        bpy.data.filepath,
+        output,
+        blender=bpy.app.binary_path or sys.executable,
+        frames=(scene.frame_start, scene.frame_end),
+        scene=scene.name,
+        scale=scale,
+        samples=settings.samples,
+        image_format=settings.image_format,
+        overwrite=settings.overwrite,
+    )
+    return Run(command, output, scene.frame_end - scene.frame_start + 1)
+
+
+def _folders(context: Any) -> tuple[Path, Path]:
+    """Return the folders of rendered frames and of results; ValueError where there is no such folder."""
+    settings = context.scene.supersampler
+    folder, output = (Path(bpy.path.abspath(path)) for path in (settings.source, settings.output))
+    if not settings.source or not folder.is_dir():
+        raise ValueError("Choose the folder of the rendered frames")
+    return folder, output
+
+
+def _frame_count(folder: Path) -> int:
+    return sum(1 for _ in folder.glob("[!.]*.exr"))
 
 
 class SUPERSAMPLER_PT_panel(bpy.types.Panel):
@@ -173,8 +218,11 @@ class SUPERSAMPLER_PT_panel(bpy.types.Panel):
         layout.use_property_split = True
         for name in ("scale", "samples", "image_format", "output", "overwrite"):
             layout.prop(settings, name)
+        if context.scene.render.engine == "CYCLES":
+            layout.operator(SUPERSAMPLER_OT_render_denoised.bl_idname)
         layout.operator(SUPERSAMPLER_OT_render.bl_idname)
         layout.prop(settings, "source")
+        layout.operator(SUPERSAMPLER_OT_denoise.bl_idname)
         layout.operator(SUPERSAMPLER_OT_upscale.bl_idname)
 
 
@@ -182,7 +230,9 @@ _CLASSES = (
     SupersamplerPreferences,
     SupersamplerSettings,
     SUPERSAMPLER_OT_render,
+    SUPERSAMPLER_OT_render_denoised,
     SUPERSAMPLER_OT_upscale,
+    SUPERSAMPLER_OT_denoise,
     SUPERSAMPLER_PT_panel,
 )
 

@@ -111,14 +111,15 @@ def render_command(
     blender: str,
     frames: tuple[int, int],
     scene: str,
-    scale: float,
+    scale: float | None,
     samples: int = 0,
     image_format: str = "exr",
     overwrite: bool = False,
 ) -> list[str]:
-    """Return `supersampler blender ...`; samples of 0 are the command's own."""
+    """Return `supersampler blender ...`; samples of 0 are the command's own, a scale of None denoises."""
     command = [program, "blender", blend, "-o", str(output), "--blender", blender, "--scene", scene]
-    command += ["--frames", f"{frames[0]}-{frames[1]}", "--scale", f"{scale:g}", "--format", image_format]
+    command += ["--frames", f"{frames[0]}-{frames[1]}", "--format", image_format]
+    command += ["--denoise", "temporal"] if scale is None else ["--scale", f"{scale:g}"]
     command += ["--samples", str(samples)] if samples else []
     return [*command, "--overwrite"] if overwrite else command
 
@@ -135,4 +136,12 @@ def upscale_command(
     """Return `supersampler upscale ...` of frames that are there."""
     command = [program, "upscale", str(folder), "-o", str(output), "--scale", f"{scale:g}"]
     command += ["--format", image_format]
+    return [*command, "--overwrite"] if overwrite else command
+
+
+def denoise_command(
+    program: str, folder: Path, output: Path, *, image_format: str = "exr", overwrite: bool = False
+) -> list[str]:
+    """Return `supersampler denoise ...` of frames that are there."""
+    command = [program, "denoise", str(folder), "-o", str(output), "--format", image_format]
     return [*command, "--overwrite"] if overwrite else command
