@@ -43,7 +43,7 @@ def scene(engine: str = "CYCLES", *, blurred: bool = False, **attributes: Any) -
         cycles=SimpleNamespace(use_denoising=False, denoising_store_passes=False),
     )  # fmt: skip
     cycles = SimpleNamespace(
-        samples=64, use_denoising=False, use_animated_seed=False, use_adaptive_sampling=True,
+        samples=64, seed=3, use_denoising=False, use_animated_seed=False, use_adaptive_sampling=True,
         pixel_filter_type=WIDE[0], filter_width=WIDE[1], denoiser="OPTIX", denoising_input_passes="RGB",
         denoising_prefilter="FAST",
     )  # fmt: skip
@@ -110,6 +110,24 @@ def test_frames_to_upscale_have_points_as_pixels(script: ModuleType, denoise: st
     assert cycles.use_denoising == layer.cycles.use_denoising == (denoise == "frame")
     assert layer.use_pass_normal
     assert not layer.cycles.denoising_store_passes
+
+
+def test_a_trial_has_other_noise_and_a_fixed_number_of_samples(script: ModuleType) -> None:
+    ours = scene()
+    with pytest.raises(script.BlenderSceneError, match="samples adaptively, up to 64 times: pass --samples"):
+        script.set_trial(ours, None, 1)
+    script.set_trial(ours, 8, 1)
+    assert (ours.cycles.seed, ours.cycles.use_adaptive_sampling) == (4, False)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "most", "want"),
+    [(1, 48, None, (1, 48)), (1, 48, 5, (22, 26)), (7, 9, 5, (7, 9)), (0, 0, 5, (0, 0)), (3, 8, 5, (3, 7))],
+)
+def test_a_trial_takes_the_middle_of_the_scene(
+    script: ModuleType, first: int, last: int, most: int | None, want: tuple[int, int]
+) -> None:
+    assert script.own_range(scene(frame_start=first, frame_end=last), most) == want
 
 
 @pytest.mark.parametrize("denoise", ["temporal", "frame"])

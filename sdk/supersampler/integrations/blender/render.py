@@ -14,7 +14,7 @@ import secrets
 import shutil
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,6 +86,10 @@ class RenderRequest:
         engine: render engine.
         camera, scene: names in the file.
         keep_blur: for temporal denoising: whether motion blur and depth of field are rendered in.
+        part: of the scene's width and height, where `display_size` is None.
+        most: None, or for a trial the number of frames in the middle of the scene's, where `frames` is None.
+            Trials have no adaptive sampling.
+        seed: added to the scene's seed, for other noise.
         program: Blender, or a Python that has bpy; None searches for Blender.
     """
 
@@ -99,6 +103,9 @@ class RenderRequest:
     camera: str | None = None
     scene: str | None = None
     keep_blur: bool = False
+    part: float = 1.0
+    most: int | None = None
+    seed: int = 0
     program: str | None = None
 
     def settings(self) -> dict[str, object]:
@@ -123,14 +130,24 @@ class RenderRequest:
             "camera": self.camera,
             "scene": self.scene,
             "keep_blur": self.keep_blur,
+            "part": self.part,
+            "most": self.most,
+            "seed": self.seed,
         }
 
 
 class Rendering(NamedTuple):
-    """The rendered scene and its frames."""
+    """The rendered scene and its frames.
+
+    Attributes:
+        scene: the scene, as Blender reports it.
+        shot: the frames; reading one waits for it.
+        cameras: returns the cameras, with the times, of the frames that are complete.
+    """
 
     scene: RenderedScene
     shot: Shot
+    cameras: Callable[[], Sequence[RenderedCamera]]
 
 
 @contextmanager
@@ -263,7 +280,7 @@ class _RenderFolder:
             return self.record.frames[index]
 
         shot = rendered_shot(self.path, self.record, self._count(), camera_of, stop_waiting)
-        return Rendering(self.record.scene, shot)
+        return Rendering(self.record.scene, shot, lambda: self.record.frames)
 
     def _count(self) -> int:
         assert self.record.scene is not None  # noqa: S101  # the callers wait for it
@@ -393,7 +410,7 @@ class BlenderRender:
                 self._target.describe(answer.scene)
                 self._has_scene = True
             elif answer.frame is not None and answer.camera is not None:
-                self._target.add(answer.frame, RenderedCamera(answer.camera, answer.shift))
+                self._target.add(answer.frame, RenderedCamera(answer.camera, answer.shift, answer.seconds))
                 self._count += 1
             elif answer.note is not None:
                 self._target.note(printable(answer.note))
@@ -418,6 +435,7 @@ class _Answer(msgspec.Struct, forbid_unknown_fields=True):
     frame: int | None = None
     camera: Rows | None = None
     shift: tuple[float, float] = (0.0, 0.0)
+    seconds: float = 0.0
 
 
 class _ScriptError(Exception):

@@ -13,6 +13,7 @@ The .blend file is never saved.
 import json
 import os
 import sys
+import time
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -58,7 +59,9 @@ def main(settings: dict[str, Any]) -> None:
             repeat; "engine", "scene", "camera": null for the scene's own; "samples": null for SAMPLES in
             small frames of Cycles, the scene's own elsewhere; "denoise": "temporal" for frames of full size
             without jitter, "frame" or "off" for small ones, null: see `chosen_denoising`; "keep_blur":
-            whether motion blur and depth of field stay as they are.
+            whether motion blur and depth of field stay as they are; "part": of the scene's width and height,
+            where "display_size" is null; "seed": added to the scene's, for other noise; "most": null, or
+            for a trial the number of frames in the middle of the scene's, where "frames" is null.
     """
     if bpy.app.version < OLDEST:
         raise BlenderSceneError(f"Blender {bpy.app.version_string} is too old; use 3.6 or later")
@@ -72,30 +75,44 @@ def main(settings: dict[str, Any]) -> None:
         choose_engine(scene, settings["engine"])
     denoise = chosen_denoising(scene, settings["denoise"], settings["scale"])
     set_engine(scene, settings["samples"], denoise)
+    if settings["most"] is not None and scene.render.engine == "CYCLES":
+        set_trial(scene, settings["samples"], settings["seed"])
     set_blur(scene, keep=settings["keep_blur"], denoise=denoise)
     layer = set_passes(scene, denoise)
     scale = 1.0 if denoise == "temporal" else settings["scale"] or SCALE
-    display_size = set_size(scene, settings["display_size"], scale)
+    display_size = set_size(scene, settings["display_size"], settings["part"], scale)
     set_output(scene, denoise)
-    first, last = settings["frames"] or own_range(scene)
-    report(scene=facts(scene, layer, display_size, denoise))
+    if settings["frames"] is None and settings["most"] is None:
+        check_step(scene)
+    own = own_range(scene, settings["most"])
+    first, last = settings["frames"] or own
+    report(scene=facts(scene, layer, own, display_size, denoise))
     numbers = range(first + settings["complete"], last + 1)
     jitter = [] if denoise == "temporal" else settings["jitter"]
     shift, moved = CameraShift(scene, numbers, is_jittered=bool(jitter)), MovedObjects(scene)
     for number in numbers:
         own_shift = shift.set(number, jitter[(number - first) % len(jitter)] if jitter else (0.0, 0.0))
         moved.warn()
+        began = time.perf_counter()
         render(scene, Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.exr")
-        report(frame=number, shift=own_shift, camera=camera_matrix(scene))
+        seconds = time.perf_counter() - began
+        report(frame=number, shift=own_shift, camera=camera_matrix(scene), seconds=round(seconds, 3))
 
 
-def own_range(scene: Any) -> tuple[int, int]:
-    """Return the numbers of the scene's first and last frame."""
+def check_step(scene: Any) -> None:
+    """Check that the scene renders every frame."""
     if scene.frame_step != 1:
         problem = (
             f"the scene renders every {scene.frame_step}th frame, but motion leads to the previous frame"
         )
         raise BlenderSceneError(f"{problem}: pass --frames {scene.frame_start}-{scene.frame_end}")
+
+
+def own_range(scene: Any, most: int | None) -> tuple[int, int]:
+    """Return the numbers of the scene's first and last frame, or of `most` frames in the middle."""
+    if most is not None:
+        first = max(scene.frame_start, (scene.frame_start + scene.frame_end - most + 1) // 2)
+        return first, min(first + most - 1, scene.frame_end)
     return scene.frame_start, scene.frame_end
 
 
@@ -196,6 +213,15 @@ def set_full_size_cycles(scene: Any, samples: int | None) -> None:
     report(note=f"{what}; --scale 2 renders small and upscales instead")
 
 
+def set_trial(scene: Any, samples: int | None, seed: int) -> None:
+    """Set another seed, and a fixed number of samples."""
+    if scene.cycles.use_adaptive_sampling and samples is None:
+        problem = f"the scene samples adaptively, up to {scene.cycles.samples} times"
+        raise BlenderSceneError(f"{problem}: pass --samples, the number to try")
+    scene.cycles.use_adaptive_sampling = False
+    scene.cycles.seed += seed
+
+
 def set_small_cycles(scene: Any, samples: int | None, denoise: str) -> None:
     """Let each pixel of the frames be one position, with a fixed number of samples."""
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = EXACT_FILTER
@@ -269,14 +295,14 @@ def set_passes(scene: Any, denoise: str) -> str:
     return str(layers[0].name)
 
 
-def set_size(scene: Any, display_size: list[int] | None, scale: float) -> tuple[int, int]:
-    """Set the render size, display size / scale, and return the display size; by default the scene's own."""
+def set_size(scene: Any, display_size: list[int] | None, part: float, scale: float) -> tuple[int, int]:
+    """Set the render size, display size / scale; return the display size, by default the scene's * part."""
     render = scene.render
     own = (
         render.resolution_x * render.resolution_percentage // 100,
         render.resolution_y * render.resolution_percentage // 100,
     )
-    width, height = display_size or own
+    width, height = display_size or (max(4, round(own[0] * part)), max(4, round(own[1] * part)))
     if render.use_border:
         render.use_border = False
         report(note="the render border is off: whole frames are rendered")
@@ -423,17 +449,20 @@ def camera_matrix(scene: Any) -> list[list[float]]:
     return [list(row) for row in projection @ camera.matrix_world.normalized().inverted()]
 
 
-def facts(scene: Any, layer: str, display_size: tuple[int, int], denoise: str) -> dict[str, object]:
+def facts(
+    scene: Any, layer: str, numbers: tuple[int, int], display_size: tuple[int, int], denoise: str
+) -> dict[str, object]:
     """Return the facts of the scene that the reader of the frames needs."""
     render, view = scene.render, scene.view_settings
     own = Path(bpy.utils.system_resource("DATAFILES"))
     return {
         "name": scene.name,
         "blender": bpy.app.version_string,
-        "numbers": [scene.frame_start, scene.frame_end],
+        "numbers": numbers,
         "frame_rate": render.fps / render.fps_base,
         "render_size": [render.resolution_x, render.resolution_y],
         "display_size": display_size,
+        "samples": scene.cycles.samples if render.engine == "CYCLES" else None,
         "denoise": denoise,
         "cuts": camera_switches(scene),
         "engine": render.engine,

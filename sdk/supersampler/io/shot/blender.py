@@ -47,10 +47,12 @@ class RenderedCamera(msgspec.Struct, frozen=True):
         camera: (4, 4) projection @ view with lens shift and jitter, row-major, acting on column vectors; clip
             space from -1 to 1, y up.
         shift: (x right, y up) of the lens, in render pixels, without jitter.
+        seconds: wall time of the frame's render.
     """
 
     camera: Rows
     shift: tuple[float, float]
+    seconds: float = 0.0
 
     def __post_init__(self) -> None:
         if not np.linalg.det(self.camera):
@@ -90,10 +92,11 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
         blender: Blender's version.
         engine: Blender's name of the render engine.
         layer: name of the view layer.
-        numbers: numbers of its own first and last frame.
+        numbers: numbers of its own first and last frame, or of those that are rendered by default.
         frame_rate: frames a second.
         render_size: (width, height) of the frames.
         display_size: (width, height) of the images to make of them.
+        samples: samples of a pixel in Cycles.
         denoise: what is denoised. "temporal": the frames have display size and no jitter.
         cuts: numbers of the frames at which another camera takes over.
         view: its colour management.
@@ -108,6 +111,7 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     frame_rate: Rate
     render_size: FileSize
     display_size: FileSize
+    samples: int | None = None
     denoise: Denoising = "off"
     cuts: Annotated[tuple[_Marker, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
     view: ColorManagement
