@@ -29,7 +29,7 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("model",),
     ("extrapolation", "aux_outputs"),
     ("upscaler", "recording"),
-    ("sequence",),
+    ("sequence", "denoising"),
     ("integrations",),
     ("cli",),
 )
@@ -42,7 +42,7 @@ RUNTIME = {
     "typer",
     "rich",
 }  # a runtime install
-OPTIONAL = {"wgpu"}  # an extra: imported where it is used
+OPTIONAL = {"wgpu", "pyoidn"}  # an extra: imported where it is used
 
 
 @cache

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from supersampler.backends.cpu.model_bytes import model_bytes
 from supersampler.backends.gpu.shader import SHARED_CONSTANTS, Number, Vector, numbers_of
+from supersampler.denoising import spec as denoising
 from supersampler.io.files import replacing
 from supersampler.methods.extrapolation.spec import NEIGHBOURS
 from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS, STEP_COST
@@ -45,6 +46,9 @@ def constants_header() -> str:
     lines += [_line(name, value) for module in SHARED_CONSTANTS for name, value in numbers_of(module).items()]
     for name in METHODS:
         lines += _method(methods()[name])
+    lines += ["\nnamespace temporal_filter {"]
+    lines += [_line(name, value) for name, value in numbers_of(denoising.__name__).items()]
+    lines += ["}  // namespace temporal_filter"]
     return "\n".join([*lines, "}  // namespace ss", ""])
 
 

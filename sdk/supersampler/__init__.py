@@ -22,6 +22,7 @@ from supersampler.errors import (
 from supersampler.frame import Frame
 
 if TYPE_CHECKING:
+    from supersampler.denoising import denoise_sequence
     from supersampler.history import State, Stats, StepResult
     from supersampler.io.shot import Shot
     from supersampler.model import Model
@@ -45,6 +46,7 @@ __all__ = [
     "StepResult",
     "SupersamplerError",
     "Upscaler",
+    "denoise_sequence",
     "halton_jitter",
     "jittered_projection",
     "upscale_sequence",
@@ -58,6 +60,7 @@ _LAZY = {
     "Stats": "history",
     "StepResult": "history",
     "Upscaler": "upscaler",
+    "denoise_sequence": "denoising",
     "upscale_sequence": "sequence",
 }
 _SUBMODULES = (

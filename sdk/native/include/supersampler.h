@@ -240,6 +240,35 @@ typedef struct ss_scatter {
  * nearest pixel of its surface. mismatch: (height, width), written to: the relative difference of depth. */
 SS_API ss_status ss_scatter_motion(const ss_scatter* frames, float* motion, float* mismatch, ss_error* error);
 
+/* One frame of the temporal filter: packed arrays of the size of the image. */
+typedef struct ss_temporal_frame {
+    const float* color;       /* (height, width, 4) linear RGB, denoised, and 1; 0 in all four where a sample is missing */
+    const float* guides;      /* (height, width, 8) albedo, 0, normal, 0 */
+    const float* to_previous; /* (height, width, 2) of `ss_nearest_motion`: pixels, previous minus current; NULL at a cut */
+    const float* to_next;     /* likewise, next minus current; NULL before a cut */
+    const float* const* aovs; /* arrays of four channels each, (height, width, 4) */
+} ss_temporal_frame;
+
+/* A frame and its neighbours. */
+typedef struct ss_temporal {
+    int width, height;
+    const ss_temporal_frame* frames; /* the frame, `past` frames before it, the nearest one first, and `future` after it */
+    int past, future;
+    int aov_groups;       /* arrays of AOVs in each frame */
+    float exposure;       /* > 0, multiplies colour where colours are compared */
+    int first_row, end_row; /* rows that are computed; several threads may compute rows of one image */
+    float* image;         /* (height, width, 4) the mean, and the sum of the weights, of which 1 is the frame's own */
+    float* const* aovs;   /* the means of the AOVs, (height, width, 4) each */
+} ss_temporal;
+
+/* Averages a frame and its neighbours along their motion, for frames of a path tracer at the size of the result. */
+SS_API ss_status ss_filter_temporal(const ss_temporal* filter, ss_error* error);
+
+/* Writes the motion of the closest of the 3x3 pixels around each, (height, width, 2). depth: (height, width) reversed,
+ * without NaN; motion: (height, width, 2). */
+SS_API ss_status ss_nearest_motion(const float* depth, const float* motion, int width, int height, float* to,
+                                   ss_error* error);
+
 /* Histories, for hosts that keep them: the step as a pure function ----------------------------------------------- */
 
 typedef struct ss_history ss_history;

@@ -280,4 +280,19 @@ constexpr Constant CONSTANTS[] = {
     {"least", 0.0f, 1000000.0f},
 };
 }  // namespace guided_warp
+
+namespace temporal_filter {
+constexpr int REACH = 8;
+constexpr float LOG_OFFSET = 0.01f;
+constexpr float KNOWN_SHARE = 0.999f;
+constexpr float LOG_WEIGHT = -0.3944f;
+constexpr float COLOR_COST = 0.0406f;
+constexpr float COLOR_COST_3X3 = 0.7726f;
+constexpr float COLOR_COST_5X5 = 1.9646f;
+constexpr float NORMAL_COST = 0.5598f;
+constexpr float NORMAL_COST_3X3 = 1.6067f;
+constexpr float ALBEDO_COST = 0.6355f;
+constexpr float ALBEDO_COST_3X3 = 0.7755f;
+constexpr float AGE_COST = 3.6091f;
+}  // namespace temporal_filter
 }  // namespace ss

@@ -1,5 +1,6 @@
 // Functions for images alone: no model, no state.
 #include <math.h>
+#include <stdlib.h>
 
 #include "step.h"
 
@@ -67,6 +68,33 @@ ss_status ss_merge_images(float* image, const float* other, const float* weight,
     const IeeeArithmetic arithmetic;
     for (ptrdiff_t y = 0; y < height; y++)
         kernels.merge_row(image + 3 * y * width, other + 3 * y * width, weight + y * width, other_weight + y * width, width, exposure);
+    return succeed(error);
+}
+
+ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
+    if (!t || !t->frames || !t->image || (t->aov_groups && !t->aovs)) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_size(t->width, t->height, "the image", error)) return status;
+    if (t->past < 0 || t->future < 0 || t->aov_groups < 0 || t->first_row < 0 || t->end_row > t->height)
+        return fail(error, SS_BAD_ARGUMENT, "counts are %d, %d, %d, rows %d to %d; want counts from 0 on, and rows of the image", t->past, t->future,
+                    t->aov_groups, t->first_row, t->end_row);
+    for (int k = 0; k <= t->past + t->future; k++)
+        if (!t->frames[k].color || !t->frames[k].guides || (t->aov_groups && !t->frames[k].aovs))
+            return fail(error, SS_BAD_ARGUMENT, "frame %d of the window lacks color, guides or aovs", k);
+    float* scratch = static_cast<float*>(malloc(sizeof(float) * TemporalFilter::SCRATCH));
+    if (!scratch) return fail(error, SS_NO_MEMORY, "no memory for the temporal filter");
+    const IeeeArithmetic arithmetic;
+    const TemporalFilter work = {t->frames, t->past, t->future, t->aov_groups, t->exposure, {t->width, t->height}, t->image, t->aovs, scratch};
+    memset(scratch, 0, sizeof(float) * TemporalFilter::SCRATCH);
+    find_kernels(nullptr)->temporal_rows(work, t->first_row, t->end_row);
+    free(scratch);
+    return succeed(error);
+}
+
+ss_status ss_nearest_motion(const float* depth, const float* motion, int width, int height, float* to, ss_error* error) {
+    if (!depth || !motion || !to) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_size(width, height, "the image", error)) return status;
+    const IeeeArithmetic arithmetic;
+    find_kernels(nullptr)->nearest_motion_rows(depth, motion, to, {width, height}, 0, height);
     return succeed(error);
 }
 

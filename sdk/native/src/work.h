@@ -234,6 +234,19 @@ constexpr float CAMERA_BEHIND = 1e-6f;  // least W of what was before the previo
 struct ClassifierWork;
 struct RestWork;
 
+// The temporal filter: see `ss_temporal`.
+struct TemporalFilter {
+    static constexpr int TILE_ROWS = 16, TILE_COLUMNS = 64;
+    static constexpr int SCRATCH = 24 * (TILE_ROWS + 4) * (TILE_COLUMNS + LANES);  // floats
+    const ss_temporal_frame* frames;
+    int past, future, groups;
+    float exposure;
+    Size size;
+    float* image;
+    float* const* aovs;
+    float* scratch;
+};
+
 struct Kernels {
     const char* name;
     void (*read_frame)(const FrameImages&, const Samples&, int y0, int y1, int thread);
@@ -264,6 +277,8 @@ struct Kernels {
     void (*camera_motion_rows)(const CameraMotion&, int y0, int y1);
     void (*rgba_rows)(const View& image, uint8_t* pixels, ptrdiff_t row, int width, int y0, int y1, float* scratch);
     void (*merge_row)(float* image, const float* other, const float* weight, const float* other_weight, int width, float exposure);
+    void (*temporal_rows)(const TemporalFilter&, int y0, int y1);
+    void (*nearest_motion_rows)(const float* depth, const float* motion, float* to, Size size, int y0, int y1);
     void (*keep_depth)(const ClassifierWork&, int y0, int y1);
     void (*prepare_surfaces)(const ClassifierWork&, int y0, int y1, int thread);
     void (*prepare_depth)(const ClassifierWork&, int y0, int y1, int thread);

@@ -7,11 +7,12 @@ wrong command line is exit code 2. Other errors are bugs and keep their tracebac
 from supersampler.cli.app import TOOLS, app, main
 from supersampler.cli.blender import blender
 from supersampler.cli.demo import demo
+from supersampler.cli.denoise import denoise
 from supersampler.cli.replay import replay
 from supersampler.cli.shots import check, import_shot, info
 from supersampler.cli.upscale import upscale
 
-for command in (demo, upscale, blender, info, check, replay):
+for command in (demo, upscale, denoise, blender, info, check, replay):
     app.command()(command)
 app.command("import")(import_shot)
 for name, (_, text) in TOOLS.items():

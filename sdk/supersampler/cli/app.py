@@ -41,6 +41,7 @@ EXTRAS = {
     "tensorboard": "train",
     "matplotlib": "bench",
     "flip_evaluator": "bench",
+    "pyoidn": "denoise",
     "wgpu": "gpu",
     "moderngl": "render",
     "safetensors": "render",

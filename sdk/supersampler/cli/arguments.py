@@ -112,17 +112,23 @@ class Format(StrEnum):
     mp4 = "mp4"
 
 
-def open_with(source: str, options: dict[str, Any], frames: tuple[int, int] | None = None) -> "Shot":
+def open_with(
+    source: str,
+    options: dict[str, Any],
+    frames: tuple[int, int] | None = None,
+    *,
+    guides: Literal["surface", "denoising"] = "surface",
+) -> "Shot":
     """Open a shot, a folder, a pattern or a file.
 
     `options` are values of the parameters SOURCE_OPTIONS, and maybe others; for `frames` see
-    `open_source`.
+    `open_source`, for `guides`, of Blender's frames, `import_blender`.
 
     Raises:
         ArgumentError: an option is wrong, or the layout does not use it; it is named as on the command line.
         ShotError: see `open_source`.
     """
-    from supersampler.io.shot import open_source
+    from supersampler.io.shot.sources import layout_of, open_source
 
     layout, given = options["layout"], {name: options[name] for name in SOURCE_OPTIONS[1:]}
     if (channels := given.pop("channels")) is not None:
@@ -131,6 +137,8 @@ def open_with(source: str, options: dict[str, Any], frames: tuple[int, int] | No
         given[name] = None if given[name] is None else parse(given[name])
     try:
         arguments = {name: value for name, value in given.items() if value is not None}
+        if guides != "surface" and layout_of(source, layout, arguments) == "blender":
+            arguments["guides"] = guides
         return open_source(source, layout=layout, frames=frames, **arguments)
     except ArgumentError as error:
         raise _with_option(error, {**dict.fromkeys(given, ""), "channel_map": "--channels"}) from error

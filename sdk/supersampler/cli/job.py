@@ -58,8 +58,8 @@ class FramePlan:
 
 
 @dataclass(frozen=True, kw_only=True)
-class UpscaleJob:
-    """Input, settings and output of one run.
+class FrameJob:
+    """Input and output of one run.
 
     Attributes:
         shot: the frames.
@@ -67,20 +67,7 @@ class UpscaleJob:
         source: the options by which the shot was opened, which its images depend on.
         images: names, formats and encodings of the images.
         numbers: numbers of the frames to write; None is all of them.
-        preroll: number of frames before those from which their history is built; None with `numbers` is
-            `default_preroll`. Without both, the history begins with the shot, and static images converge.
-        model: name or folder.
-        display_size: (width, height) of the images; None without `scale` is the shot's, or the model's only
-            ratio, or 2x.
-        scale: instead of `display_size`.
         compare: whether to write the page.
-        maps: whether the page has auxiliary outputs, too.
-        providers, threads, precision, preset, validate, skip: see `Upscaler`.
-        at_rest: see `Upscaler`; None is "converge", or "off" with a preroll.
-        passes: 2 merges a forward and a backward run.
-        scratch: folder for waiting frames of two passes; None is the system's.
-        extrapolation: name or folder of the model for unshaded frames.
-        record: new folder to record all frames to.
         overwrite: whether to replace the files of an earlier run.
         holds_shot: whether the shot may be in its own subfolder of `output`.
         json: whether to print each frame as a line of JSON.
@@ -92,11 +79,50 @@ class UpscaleJob:
     source: Mapping[str, str] = field(default_factory=dict)
     images: ImageOptions = field(default_factory=ImageOptions)
     numbers: FrameRange | None = None
+    compare: bool = False
+    overwrite: bool = False
+    holds_shot: bool = False
+    json: bool = False
+    console: Terminal = field(default_factory=lambda: Terminal(stderr=True))
+
+    def shot_settings(self) -> dict[str, object]:
+        """Return what the images of any method depend on: the frames, and how they are written."""
+        return {
+            "shot": str(self.shot.path.resolve()),
+            "names": self.shot.info.file_names,
+            "frame rate": self.shot.frame_rate,
+            **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
+            "render size": size_text(self.shot.render_size),
+            "conventions": self.shot.conventions.to_json(),
+            **self.images.to_json(),
+            SOURCE: dict(self.source),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpscaleJob(FrameJob):
+    """Input, settings and output of one run that upscales.
+
+    Attributes:
+        preroll: number of frames before those from which their history is built; None with `numbers` is
+            `default_preroll`. Without both, the history begins with the shot, and static images converge.
+        model: name or folder.
+        display_size: (width, height) of the images; None without `scale` is the shot's, or the model's only
+            ratio, or 2x.
+        scale: instead of `display_size`.
+        maps: whether the page has auxiliary outputs, too.
+        providers, threads, precision, preset, validate, skip: see `Upscaler`.
+        at_rest: see `Upscaler`; None is "converge", or "off" with a preroll.
+        passes: 2 merges a forward and a backward run.
+        scratch: folder for waiting frames of two passes; None is the system's.
+        extrapolation: name or folder of the model for unshaded frames.
+        record: new folder to record all frames to.
+    """
+
     preroll: int | None = None
     model: str | Path | None = None
     display_size: Size | None = None
     scale: float | None = None
-    compare: bool = False
     maps: bool = False
     providers: str | Sequence[str] = "auto"
     threads: int = 0
@@ -109,10 +135,6 @@ class UpscaleJob:
     extrapolation: str | Path | None = None
     validate: Literal["off", "warn", "strict"] = "warn"
     record: Path | None = None
-    overwrite: bool = False
-    holds_shot: bool = False
-    json: bool = False
-    console: Terminal = field(default_factory=lambda: Terminal(stderr=True))
 
     @property
     def _has_preroll(self) -> bool:
@@ -154,19 +176,12 @@ class UpscaleJob:
         name = self.extrapolation
         return {
             **model_settings(upscaler.model),
-            "shot": str(self.shot.path.resolve()),
-            "names": self.shot.info.file_names,
-            "frame rate": self.shot.frame_rate,
-            **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
+            **self.shot_settings(),
             PREROLL: self._preroll(upscaler) if self._has_preroll else None,
-            "render size": size_text(self.shot.render_size),
-            "conventions": self.shot.conventions.to_json(),
             "at rest": upscaler.at_rest,
             "passes": None if self.passes == 1 else self.passes,
             "extrapolation": None if name is None else dict(read_model_info(find_model(name)).files),
             "display size": size_text(upscaler.display_size),
-            **self.images.to_json(),
-            SOURCE: dict(self.source),
         }
 
     def _preroll(self, upscaler: Upscaler) -> int:

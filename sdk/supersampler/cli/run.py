@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,11 +13,11 @@ import typer
 
 from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text
-from supersampler.cli.job import EXPOSURE_FRAMES, FramePlan, UpscaleJob
+from supersampler.cli.job import EXPOSURE_FRAMES, FrameJob, FramePlan, UpscaleJob
 from supersampler.cli.results import OutputImage, OutputQueue, Results
 from supersampler.cli.terminal import RunProgress, frame_warnings
 from supersampler.errors import FrameError, ShotError
-from supersampler.frame import Float32, Frame
+from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, compare_page, versions_text
 from supersampler.io.display import ExposureMeter, usable_exposure
@@ -60,7 +60,10 @@ class Written(NamedTuple):
 
 
 _AddToPage: TypeAlias = Callable[[SteppedFrame, float], None]
-_OnStep: TypeAlias = Callable[[int, str], None]
+Layers: TypeAlias = Mapping[str, Bytes]
+PageLayers: TypeAlias = Callable[[SteppedFrame, float], tuple[Layers, Mapping[str, float]]]
+"""Makes layers and numbers for the page of a frame, at an exposure."""
+OnStep: TypeAlias = Callable[[int, str], None]
 
 
 def run_job(job: UpscaleJob) -> Results:
@@ -71,74 +74,134 @@ def run_job(job: UpscaleJob) -> Results:
         SupersamplerError: a frame, a file or the model is not usable; or the output lies in the shot, or
             would replace files of another program.
     """
-    results = Results(job.output, job.images)
-    for path in filter(None, (None if job.holds_shot else job.output, job.record)):
-        check_apart(path, job.shot.source)
+    if job.record is not None:
+        check_apart(job.record, job.shot.source)
     with ExitStack() as stack:
         upscaler = stack.enter_context(job.upscaler())
         plan = job.plan(upscaler)
-        count = len(plan.numbers)
         upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
         if job.record is not None and is_there(job.record):
             raise ShotError(job.record, "is there already", "Choose another name, or move it away.")
-        first = results.begin(job.settings(upscaler), count, overwrite=job.overwrite, page=job.compare)
-        if job.record is not None:
-            extra = {"extrapolation": job.extrapolation, "record": job.record}
-            upscaler = stack.enter_context(job.upscaler_like(upscaler, validate=job.validate, **extra))
-        page = job.compare and not (first == count and results.is_newest(results.page))
-        video = job.images.video and not (first == count and results.is_newest(results.video))
-        if first == count and not (page or video) and job.record is None:
-            job.console.print(f"All {count} frames are there already.")
-            with RunProgress(job.console, 0, json=job.json) as progress:
-                progress.event("begin", shot=job.shot.name, frames=count, complete=count)
-                progress.event("end", frames=0, seconds=0.0, cpu_seconds=0.0)
-            return results
-        begins = 0 if job.record or video else min(first, count - COMPARE_FRAMES) if page else first
-        try:
-            _UpscaleRun(job, upscaler, results, plan, first).upscale(max(begins, 0), page=page, video=video)
-        except KeyboardInterrupt:
-            complete = results.count_complete(count)
-            job.console.print(f"Stopped: {complete} of {count} frames are complete.")
-            job.console.print("The same command, given again, continues.")
-            raise typer.Exit(130) from None
+
+        def begin(results: Results, first: int) -> FrameRun:
+            used = upscaler
+            if job.record is not None:
+                extra = {"extrapolation": job.extrapolation, "record": job.record}
+                used = stack.enter_context(job.upscaler_like(upscaler, validate=job.validate, **extra))
+            return _UpscaleRun(job, used, results, plan, first)
+
+        return run_frames(job, plan, job.settings(upscaler), begin, all_frames=job.record is not None)
+
+
+def run_frames(
+    job: FrameJob,
+    plan: FramePlan,
+    settings: Mapping[str, object],
+    begin: Callable[[Results, int], "FrameRun"],
+    *,
+    all_frames: bool = False,
+) -> Results:
+    """Write the frames of a plan that are not complete yet.
+
+    Args:
+        job: the job.
+        plan: its frames.
+        settings: all that the images depend on.
+        begin: returns the run, given the folder and the position of the first incomplete frame.
+        all_frames: whether to compute complete frames, too.
+
+    Raises:
+        typer.Exit: 130 after Ctrl-C; complete frames are kept.
+        SupersamplerError: a frame or a file is not usable; or the output lies in the shot, or would replace
+            files of another program.
+    """
+    results, count = Results(job.output, job.images), len(plan.numbers)
+    if not job.holds_shot:
+        check_apart(job.output, job.shot.source)
+    first = results.begin(settings, count, overwrite=job.overwrite, page=job.compare)
+    page = job.compare and not (first == count and results.is_newest(results.page))
+    video = job.images.video and not (first == count and results.is_newest(results.video))
+    if first == count and not (page or video or all_frames):
+        job.console.print(f"All {count} frames are there already.")
+        with RunProgress(job.console, 0, json=job.json) as progress:
+            progress.event("begin", shot=job.shot.name, frames=count, complete=count)
+            progress.event("end", frames=0, seconds=0.0, cpu_seconds=0.0)
+        return results
+    begins = 0 if all_frames or video else min(first, count - COMPARE_FRAMES) if page else first
+    try:
+        begin(results, first).run(max(begins, 0), page=page, video=video)
+    except KeyboardInterrupt:
+        complete = results.count_complete(count)
+        job.console.print(f"Stopped: {complete} of {count} frames are complete.")
+        job.console.print("The same command, given again, continues.")
+        raise typer.Exit(130) from None
     return results
 
 
-class _UpscaleRun:
-    """One run: frames before position `first` are complete, and only rebuild the history of later ones."""
+class FrameRun:
+    """One run: frames before position `first` are complete, and only rebuild the history of later ones.
+
+    Subclasses yield the frames with their images, and describe the page.
+
+    Attributes:
+        activity: what progress calls a step.
+    """
+
+    activity: str
 
     def __init__(
-        self, job: UpscaleJob, upscaler: Upscaler, results: Results, plan: FramePlan, first: int
+        self, job: FrameJob, results: Results, plan: FramePlan, first: int, display_size: Size
     ) -> None:
-        self._job, self._shot, self._upscaler = job, job.shot, upscaler
+        self._frame_job, self._shot, self._display_size = job, job.shot, display_size
         self._results, self._plan, self._first = results, plan, first
-        self._chunk = ChunkSize()
-        self._display_size = upscaler.display_size or job.shot.render_size
 
-    def upscale(self, begins: int, *, page: bool, video: bool) -> None:
-        """Step through the frames that lead to those from position `begins` on."""
-        job, results, began, cpu = self._job, self._results, time.perf_counter(), time.process_time()
-        plan, count = self._plan.from_position(self._shot, begins), len(self._plan.numbers)
+    def plan_from(self, begins: int) -> FramePlan:
+        """Return the frames to read for those from position `begins` on."""
+        raise NotImplementedError
+
+    def step_count(self, plan: FramePlan, needed: int) -> int:
+        """Return the number of steps; `needed` is the index of the first frame whose image is needed."""
+        raise NotImplementedError
+
+    def steps(
+        self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
+    ) -> Generator["SteppedFrame"]:
+        """Yield each frame of a plan with its images; `on_step` is called after each step."""
+        raise NotImplementedError
+
+    def summary(self, wall: float) -> tuple[int, str]:
+        """Return the number of frames that were computed in `wall` seconds, and a line on them."""
+        raise NotImplementedError
+
+    def about(self) -> About:
+        """Describe the page."""
+        raise NotImplementedError
+
+    def page_layers(self, stack: ExitStack) -> PageLayers:
+        """Return what makes layers and numbers of a frame for the page; `stack` ends with the page."""
+        raise NotImplementedError
+
+    def run(self, begins: int, *, page: bool, video: bool) -> None:
+        """Compute the frames that lead to those from position `begins` on, and write them."""
+        job, results, began, cpu = self._frame_job, self._results, time.perf_counter(), time.process_time()
+        plan, count = self.plan_from(begins), len(self._plan.numbers)
         needed = min(max(plan.index(begins), plan.start), plan.stop)  # the first one whose image is needed
         with (
             self._page() if page else nullcontext() as add_to_page,
             self._film() if video else nullcontext() as film,
-            RunProgress(job.console, self._step_count(plan, needed), json=job.json) as progress,
+            RunProgress(job.console, self.step_count(plan, needed), json=job.json) as progress,
             OutputQueue[Written](partial(self._finish, film, progress)) as queue,
         ):
             progress.event("begin", shot=self._shot.name, frames=count, complete=self._first)
-            self._upscale_frames(plan, needed, queue, add_to_page, progress)
+            self._write_frames(plan, needed, queue, add_to_page, progress)
         if video:
             results.end_file(results.video, count)
-        wall, cpu, stats = time.perf_counter() - began, time.process_time() - cpu, self._upscaler.stats
-        rates = f"{stats.frames / wall:.1f} per second; the steps alone {stats.frames / stats.seconds:.1f}"
-        job.console.print(f"{stats.frames} frames in {wall:.1f} s: {rates}")
-        if stats.extrapolated:
-            each = stats.extrapolation_seconds / stats.extrapolated
-            job.console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
-        progress.event("end", frames=stats.frames, seconds=round(wall, 3), cpu_seconds=round(cpu, 3))
+        wall, cpu = time.perf_counter() - began, time.process_time() - cpu
+        frames, line = self.summary(wall)
+        job.console.print(line)
+        progress.event("end", frames=frames, seconds=round(wall, 3), cpu_seconds=round(cpu, 3))
 
-    def _upscale_frames(
+    def _write_frames(
         self,
         plan: FramePlan,
         needed: int,
@@ -146,18 +209,15 @@ class _UpscaleRun:
         add_to_page: _AddToPage | None,
         progress: RunProgress,
     ) -> None:
-        job, meter = self._job, ExposureMeter()
+        job, meter = self._frame_job, ExposureMeter()
 
         def on_step(index: int, direction: str) -> None:
             position = plan.position(index)
             writes = position is not None and position >= self._first
-            forward = "upscaling" if writes else "replaying"
+            forward = self.activity if writes else "replaying"
             progress.advance("stepping backward" if direction == "backward" else forward)
 
-        if job.passes == 1:
-            steps = self._in_order(plan, on_step, references=add_to_page is not None)
-        else:
-            steps = self._both_ways(plan, needed, on_step, references=add_to_page is not None)
+        steps = self.steps(plan, needed, on_step, references=add_to_page is not None)
         with closing(steps):
             for stepped in steps:
                 exposure = meter.read_frame(stepped.frame) / stepped.frame.pre_exposure  # of the images
@@ -172,8 +232,149 @@ class _UpscaleRun:
                 if add_to_page is not None and position >= len(plan.numbers) - COMPARE_FRAMES:
                     add_to_page(stepped, exposure)
 
-    def _step_count(self, plan: FramePlan, needed: int) -> int:
-        """Return the number of steps of all passes."""
+    def _exposure_at(self, index: int) -> float | None:
+        """Return the exposure that a run of the whole shot has at a frame; None where a cut begins there."""
+        cut = self._shot.last_cut(index)
+        if cut == index:
+            return None
+        if (stated := usable_exposure(self._shot.exposure(index))) is not None:
+            return stated
+        meter, exposure, start = ExposureMeter(), 0.0, max(cut, index - EXPOSURE_FRAMES)
+        for item in self._shot.frames(start, index + 1, gbuffers=(), references=False):
+            exposure = meter.read_frame(item.frame)
+        return exposure
+
+    @contextmanager
+    def _named(self, index: int) -> Iterator[None]:
+        """Add the frame's number to its errors and warnings."""
+        number = self._shot.first_number + index
+        try:
+            with frame_warnings(self._frame_job.console, number):
+                yield
+        except FrameError as error:
+            raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
+
+    def _metadata(self, index: int) -> Metadata:
+        shot = self._shot
+        return result_metadata(
+            shot.read_metadata(index), frame_rate=shot.frame_rate, render_size=shot.render_size,
+            display_size=self._display_size,
+        )  # fmt: skip
+
+    def _film(self) -> AbstractContextManager[VideoWriter]:
+        rate, aspect = self._shot.frame_rate or 24.0, pixel_aspect(self._metadata(0))
+        return video_writer(self._results.begin_file(self._results.video), self._display_size, rate, aspect)
+
+    def _write(
+        self,
+        position: int,
+        exposure: float,
+        index: int,
+        aov_names: Sequence[str] | None,
+        result: StepResult,
+        seconds: float,
+    ) -> Written:
+        """Write the files of a frame; on a thread of the queue."""
+        job, number = self._frame_job, self._plan.numbers.first + position
+        output = OutputImage(
+            image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
+            metadata=self._metadata(index),
+        )  # fmt: skip
+        images = job.images if position >= self._first else replace(job.images, formats=("mp4",))
+        return Written(position, number, images.write(job.output, number, output), seconds)
+
+    def _finish(self, film: VideoWriter | None, progress: RunProgress, written: Written) -> None:
+        if film is not None and written.video_image is not None:
+            film.write(written.video_image)
+        if written.position >= self._first:
+            places = {"index": written.position, "frames": len(self._plan.numbers)}
+            progress.event("frame", number=written.number, **places, seconds=round(written.seconds, 4))
+
+    @contextmanager
+    def _page(self) -> Iterator[_AddToPage]:
+        """Write compare.html; it appears when the block ends without an error."""
+        with (
+            compare_page(self._results.begin_file(self._results.page), self.about()) as page,
+            ExitStack() as stack,
+        ):
+            layers_of = self.page_layers(stack)
+
+            def add(stepped: SteppedFrame, exposure: float) -> None:
+                page.add(self._shot.first_number + stepped.index, *layers_of(stepped, exposure))
+
+            yield add
+
+
+class _UpscaleRun(FrameRun):
+    activity = "upscaling"
+
+    def __init__(
+        self, job: UpscaleJob, upscaler: Upscaler, results: Results, plan: FramePlan, first: int
+    ) -> None:
+        super().__init__(job, results, plan, first, upscaler.display_size or job.shot.render_size)
+        self._job, self._upscaler = job, upscaler
+        self._chunk = ChunkSize()
+
+    def plan_from(self, begins: int) -> FramePlan:
+        return self._plan.from_position(self._shot, begins)
+
+    def steps(
+        self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
+    ) -> Generator[SteppedFrame]:
+        if self._job.passes == 1:
+            return self._in_order(plan, on_step, references=references)
+        return self._both_ways(plan, needed, on_step, references=references)
+
+    def summary(self, wall: float) -> tuple[int, str]:
+        stats = self._upscaler.stats
+        rates = f"{stats.frames / wall:.1f} per second; the steps alone {stats.frames / stats.seconds:.1f}"
+        line = f"{stats.frames} frames in {wall:.1f} s: {rates}"
+        if stats.extrapolated:
+            each = stats.extrapolation_seconds / stats.extrapolated
+            line += f"\n{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s"
+        return stats.frames, line
+
+    def about(self) -> About:
+        job, shot, model, size = self._job, self._shot, self._upscaler.model, self._display_size
+        provider = model.providers[0].removesuffix("ExecutionProvider")
+        sources = ". ".join(line.rstrip(".") for line in (*shot.info.attribution, shot.info.license) if line)
+        return About(
+            title=shot.name,
+            method=model.info.method,
+            display_size=size,
+            frame_rate=shot.frame_rate or 30.0,
+            facts={
+                "method": model.info.method,
+                "size": f"{size_text(shot.render_size)} to {size_text(size)}".replace("x", " × "),
+                "runs on": f"{provider} ({model.executor}, {model.precision})",
+                "frames": str(len(job.numbers or shot)),
+            },
+            legends={"error": ERROR_LEGEND, **LEGENDS},
+            notes=[
+                f"Images show {job.images.transform.description}.",
+                *_PAGE_NOTES,
+                *([f"Shot: {sources}."] if sources else []),
+                versions_text(),
+            ],
+        )
+
+    def page_layers(self, stack: ExitStack) -> PageLayers:
+        job, size = self._job, self._display_size
+        bicubic = stack.enter_context(
+            Upscaler("bicubic", display_size=size, threads=job.threads, validate="off")
+        )
+
+        def layers_of(stepped: SteppedFrame, exposure: float) -> tuple[Layers, Mapping[str, float]]:
+            frame, image = stepped.frame, stepped.result.image
+            plain = None if frame.color is None else bicubic.step(frame)
+            layers, numbers = compare_layers(
+                frame, image, stepped.reference, exposure, bicubic=plain, transform=job.images.transform
+            )
+            return {**layers, **aux_output_layers(stepped.result)}, numbers
+
+        return layers_of
+
+    def step_count(self, plan: FramePlan, needed: int) -> int:
         total, start = plan.stop - plan.start, plan.start
         while self._job.passes == 2 and start < plan.end:
             stop = start + 1
@@ -184,7 +385,7 @@ class _UpscaleRun:
             start = stop
         return total
 
-    def _in_order(self, plan: FramePlan, on_step: _OnStep, *, references: bool) -> Generator[SteppedFrame]:
+    def _in_order(self, plan: FramePlan, on_step: OnStep, *, references: bool) -> Generator[SteppedFrame]:
         """Yield each frame of a segment with the outputs of its step."""
         upscaler, extrapolates = self._upscaler, self._job.extrapolation is not None
         for item in self._frames(plan, upscaler.gbuffers, references=references):
@@ -199,7 +400,7 @@ class _UpscaleRun:
             on_step(item.index, "forward")
 
     def _both_ways(
-        self, plan: FramePlan, needed: int, on_step: _OnStep, *, references: bool
+        self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
     ) -> Generator[SteppedFrame]:
         """Yield each frame of a segment with the merged outputs of a forward and a backward run.
 
@@ -243,103 +444,5 @@ class _UpscaleRun:
                 item = replace(item, frame=replace(item.frame, reset=True, exposure=exposure))
             yield item
 
-    def _exposure_at(self, index: int) -> float | None:
-        """Return the exposure that a run of the whole shot has at a frame; None where a cut begins there."""
-        cut = self._shot.last_cut(index)
-        if cut == index:
-            return None
-        if (stated := usable_exposure(self._shot.exposure(index))) is not None:
-            return stated
-        meter, exposure, start = ExposureMeter(), 0.0, max(cut, index - EXPOSURE_FRAMES)
-        for item in self._shot.frames(start, index + 1, gbuffers=(), references=False):
-            exposure = meter.read_frame(item.frame)
-        return exposure
-
-    @contextmanager
-    def _named(self, index: int) -> Iterator[None]:
-        """Add the frame's number to its errors and warnings."""
-        number = self._shot.first_number + index
-        try:
-            with frame_warnings(self._job.console, number):
-                yield
-        except FrameError as error:
-            raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
-
     def _maps(self) -> tuple[str, ...]:
         return tuple(self._upscaler.model.info.maps) if self._job.maps else ()
-
-    def _metadata(self, index: int) -> Metadata:
-        shot = self._shot
-        return result_metadata(
-            shot.read_metadata(index), frame_rate=shot.frame_rate, render_size=shot.render_size,
-            display_size=self._display_size,
-        )  # fmt: skip
-
-    def _film(self) -> AbstractContextManager[VideoWriter]:
-        rate, aspect = self._shot.frame_rate or 24.0, pixel_aspect(self._metadata(0))
-        return video_writer(self._results.begin_file(self._results.video), self._display_size, rate, aspect)
-
-    def _write(
-        self,
-        position: int,
-        exposure: float,
-        index: int,
-        aov_names: Sequence[str] | None,
-        result: StepResult,
-        seconds: float,
-    ) -> Written:
-        """Write the files of a frame; on a thread of the queue."""
-        job, number = self._job, self._plan.numbers.first + position
-        output = OutputImage(
-            image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
-            metadata=self._metadata(index),
-        )  # fmt: skip
-        images = job.images if position >= self._first else replace(job.images, formats=("mp4",))
-        return Written(position, number, images.write(job.output, number, output), seconds)
-
-    def _finish(self, film: VideoWriter | None, progress: RunProgress, written: Written) -> None:
-        if film is not None and written.video_image is not None:
-            film.write(written.video_image)
-        if written.position >= self._first:
-            places = {"index": written.position, "frames": len(self._plan.numbers)}
-            progress.event("frame", number=written.number, **places, seconds=round(written.seconds, 4))
-
-    @contextmanager
-    def _page(self) -> Iterator[_AddToPage]:
-        """Write compare.html; it appears when the block ends without an error."""
-        job, shot, model, size = self._job, self._shot, self._upscaler.model, self._display_size
-        provider = model.providers[0].removesuffix("ExecutionProvider")
-        sources = ". ".join(line.rstrip(".") for line in (*shot.info.attribution, shot.info.license) if line)
-        about = About(
-            title=shot.name,
-            method=model.info.method,
-            display_size=size,
-            frame_rate=shot.frame_rate or 30.0,
-            facts={
-                "method": model.info.method,
-                "size": f"{size_text(shot.render_size)} to {size_text(size)}".replace("x", " × "),
-                "runs on": f"{provider} ({model.executor}, {model.precision})",
-                "frames": str(len(job.numbers or shot)),
-            },
-            legends={"error": ERROR_LEGEND, **LEGENDS},
-            notes=[
-                f"Images show {job.images.transform.description}.",
-                *_PAGE_NOTES,
-                *([f"Shot: {sources}."] if sources else []),
-                versions_text(),
-            ],
-        )
-        bicubic = Upscaler("bicubic", display_size=size, threads=job.threads, validate="off")
-        with compare_page(self._results.begin_file(self._results.page), about) as page, bicubic:
-
-            def add(stepped: SteppedFrame, exposure: float) -> None:
-                frame, image = stepped.frame, stepped.result.image
-                plain = None if frame.color is None else bicubic.step(frame)
-                transform = job.images.transform
-                layers, numbers = compare_layers(
-                    frame, image, stepped.reference, exposure, bicubic=plain, transform=transform
-                )
-                layers = {**layers, **aux_output_layers(stepped.result)}
-                page.add(shot.first_number + stepped.index, layers, numbers)
-
-            yield add

@@ -199,7 +199,7 @@ def upscale(
     job = UpscaleJob(
         shot=opened,
         source={key: str(given[key]) for key in SOURCE_OPTIONS if given[key] is not None},
-        images=_image_options(opened, given, name),
+        images=image_options(opened, given, name),
         numbers=numbers,
         model=model or method,
         display_size=size,
@@ -220,7 +220,7 @@ def upscale(
         echo(f"Open in a browser: {output / results.page}")
 
 
-def _image_options(shot: "Shot", options: dict[str, Any], name: str | None) -> "ImageOptions":
+def image_options(shot: "Shot", options: dict[str, Any], name: str | None) -> "ImageOptions":
     """Return the options of the images of a shot; by default sRGB-encoded frames come back as they were."""
     from supersampler.cli.results import ImageOptions, checked_name
     from supersampler.io.display_transforms import REC709

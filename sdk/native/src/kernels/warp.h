@@ -54,6 +54,17 @@ SS_INLINE F4 cubic4(const float* h, const WarpScratch& s, int i) {
     return top * s.weights[4][i] + upper * s.weights[5][i] + lower * s.weights[6][i] + bottom * s.weights[7][i];
 }
 
+// Clamps four values to the smallest and the largest of the four pixels around.
+SS_INLINE F4 within_corners(F4 v, const F4 (&corners)[4]) {
+    F4 low = corners[0], high = corners[0];
+    for (int k = 1; k < 4; k++) {
+        low = corners[k] < low ? corners[k] : low;
+        high = corners[k] > high ? corners[k] : high;
+    }
+    v = v < low ? low : v;
+    return v > high ? high : v;
+}
+
 // Interpolates four values linearly between four places, by fractions to the right and down.
 SS_INLINE F4 linear4(F4 a, F4 b, F4 c, F4 d, float t, float u) {
     F4 upper = a * (1.0f - t) + b * t, lower = c * (1.0f - t) + d * t;

@@ -154,6 +154,30 @@ class ScatterData(Structure):
     )
 
 
+class TemporalFrame(Structure):
+    """`ss_temporal_frame`."""
+
+    _fields_ = tuple((name, c_void_p) for name in ("color", "guides", "to_previous", "to_next", "aovs"))
+
+
+class TemporalData(Structure):
+    """`ss_temporal`."""
+
+    _fields_ = (
+        ("width", c_int),
+        ("height", c_int),
+        ("frames", POINTER(TemporalFrame)),
+        ("past", c_int),
+        ("future", c_int),
+        ("aov_groups", c_int),
+        ("exposure", c_float),
+        ("first_row", c_int),
+        ("end_row", c_int),
+        ("image", c_void_p),
+        ("aovs", c_void_p),
+    )
+
+
 _ERROR, _HANDLE = POINTER(ErrorText), POINTER(c_void_p)
 _FUNCTIONS: Mapping[str, tuple[Any, ...]] = {  # result, then arguments
     "ss_version": (c_int,),
@@ -179,6 +203,8 @@ _FUNCTIONS: Mapping[str, tuple[Any, ...]] = {  # result, then arguments
     "ss_encode_rgba": (c_int, POINTER(Image), c_int, c_int, c_void_p, c_ssize_t, _ERROR),
     "ss_merge_images": (c_int, *[c_void_p] * 4, c_int, c_int, c_float, _ERROR),
     "ss_scatter_motion": (c_int, POINTER(ScatterData), c_void_p, c_void_p, _ERROR),
+    "ss_filter_temporal": (c_int, POINTER(TemporalData), _ERROR),
+    "ss_nearest_motion": (c_int, c_void_p, c_void_p, c_int, c_int, c_void_p, _ERROR),
 }  # fmt: skip
 _Cancelled = CFUNCTYPE(c_int, c_void_p)
 

@@ -79,6 +79,15 @@ def open_source(
     return shot if frames is None else shot.cropped(*frames)
 
 
+def layout_of(source: str, layout: Layout, options: Mapping[str, object]) -> str:
+    """Return the layout by which `open_source` opens a source with these options."""
+    if layout != "auto" or "channel_map" in options:
+        return layout
+    if is_pattern(Path(source)):
+        return guess_layout(Path(source).parent, Path(source).name)
+    return guess_layout(path_or_shipped(source))
+
+
 def _opener(layout: str, path: Path, options: Mapping[str, object]) -> Callable[..., Shot]:
     """Return the importer of a layout; ArgumentError where it needs conventions that are not given."""
     if layout != "channels":

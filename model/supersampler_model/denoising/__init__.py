@@ -1,0 +1,1 @@
+"""The temporal denoiser of path-traced frames: its definition, and the training of its weights."""

@@ -1,0 +1,209 @@
+"""The temporal filter: a mean over neighbouring frames, each gathered once by composed motion.
+
+Every image is (1, channels, height, width), at the size of the result. Each pixel follows its motion from
+frame to frame, up to REACH frames into the past and as many into the future. What it finds there, colours
+that are denoised frame by frame, is averaged. The weight of a neighbour falls with the distance of its guides
+(albedo and normal), of patches of its colour, and in time.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from supersampler.denoising import spec
+from supersampler.denoising.spec import KNOWN_SHARE, LOG_OFFSET, REACH
+from supersampler_model.ops.images import neighbours_3x3, size_of
+from supersampler_model.ops.motion import positions_of, read, read_cubic, usable_motion
+
+COSTS = (
+    "COLOR_COST", "COLOR_COST_3X3", "COLOR_COST_5X5", "NORMAL_COST", "NORMAL_COST_3X3", "ALBEDO_COST",
+    "ALBEDO_COST_3X3", "AGE_COST",
+)  # fmt: skip
+"""Names of the costs of `supersampler.denoising.spec`, in the order of `distances`."""
+MANTISSA = 2.0**-23
+"""Value of the last bit of a float's mantissa."""
+
+
+@dataclass(frozen=True)
+class WindowFrame:
+    """One frame of a window.
+
+    Attributes:
+        color: (1, 4, h, w) linear RGB, and 1 where it is known, 0 where a sample is missing.
+        albedo: (1, 3, h, w) in [0, 1].
+        normal: (1, 3, h, w).
+        to_previous, to_next: (1, 2, h, w) pixels: motion to the neighbouring frames, as `nearest_motion` of
+            the frame's own returns it. None at a cut, or where the frame is the last one of the window.
+        aovs: (1, k, h, w) other channels, or None.
+    """
+
+    color: Tensor
+    albedo: Tensor
+    normal: Tensor
+    to_previous: Tensor | None
+    to_next: Tensor | None
+    aovs: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """One neighbour of a frame, gathered along its motion.
+
+    Attributes:
+        color, aovs: (1, 4, h, w) and (1, k, h, w), by a cubic filter, clamped to the four pixels around.
+        albedo, normal: (1, 3, h, w), by a bilinear filter.
+        known: (1, 1, h, w), 1 where the path stays on the screen and ends at known samples, else 0.
+        age: distance in time, in frames.
+    """
+
+    color: Tensor
+    albedo: Tensor
+    normal: Tensor
+    aovs: Tensor | None
+    known: Tensor
+    age: int
+
+
+class TemporalFilter(nn.Module):
+    """Averages a frame and its neighbours, by weights that fall with their distance."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.log_weight = nn.Parameter(torch.tensor(spec.LOG_WEIGHT))
+        self.log_costs = nn.Parameter(torch.tensor([getattr(spec, name) for name in COSTS]).log())
+
+    def weight(self, distances: Tensor) -> Tensor:
+        """Return the weights (n) of neighbours at these distances (n, len(COSTS))."""
+        return torch.exp(self.log_weight - (distances * self.log_costs.exp()).sum(dim=-1))
+
+    def forward(
+        self,
+        frame: WindowFrame,
+        past: Sequence[WindowFrame],
+        future: Sequence[WindowFrame],
+        exposure: float = 1.0,
+    ) -> tuple[Tensor, Tensor | None]:
+        """Return the mean of colour, (1, 3, h, w), and of the AOVs.
+
+        Args:
+            frame: the frame, whose own weight is 1.
+            past: frames before it, the nearest one first.
+            future: frames after it, likewise.
+            exposure: > 0, multiplies colour before its logarithm.
+        """
+        known = frame.color[:, 3:]
+        color, aovs, total = frame.color[:, :3] * known, frame.aovs, known
+        if aovs is not None:
+            aovs = aovs * known
+        for other in (*gathered(frame, past, "to_previous"), *gathered(frame, future, "to_next")):
+            weight = self.weight(distances(frame, other, exposure).permute(0, 2, 3, 1))[:, None] * other.known
+            color = color + weight * other.color[:, :3]
+            if aovs is not None and other.aovs is not None:
+                aovs = aovs + weight * other.aovs
+            total = total + weight
+        divisor = torch.where(total > 0.0, total, 1.0)
+        return color / divisor, None if aovs is None else aovs / divisor
+
+
+def gathered(frame: WindowFrame, others: Sequence[WindowFrame], motion: str) -> list[Gathered]:
+    """Gather neighbours in one direction; `motion` names the field of the motion that leads there.
+
+    The position in a frame plus the motion of the pixel nearest to it is the position in the next one.
+    """
+    size = size_of(frame.color)
+    x = torch.arange(size.width, dtype=torch.float32)[None, None, :].expand(1, size.height, -1)
+    y = torch.arange(size.height, dtype=torch.float32)[None, :, None].expand(1, -1, size.width)
+    known = torch.ones_like(x)
+    found, last = [], frame
+    for age, other in enumerate(others[:REACH], start=1):
+        step = getattr(last, motion)
+        if step is None:
+            break
+        column = (x + 0.5).floor().long().clamp(0, size.width - 1)
+        row = (y + 0.5).floor().long().clamp(0, size.height - 1)
+        x = (x + step[0, 0][row, column]).clamp(-2.0, size.width + 1.0)
+        y = (y + step[0, 1][row, column]).clamp(-2.0, size.height + 1.0)
+        known = known * ((x > -0.5) & (x < size.width - 0.5) & (y > -0.5) & (y < size.height - 0.5))
+        place = positions_of(x[:, None], y[:, None])
+        color = sharp(other.color, place)
+        complete = read(other.color[:, 3:], place) > KNOWN_SHARE
+        found.append(
+            Gathered(
+                color=color,
+                albedo=read(other.albedo, place),
+                normal=read(other.normal, place),
+                aovs=None if other.aovs is None else sharp(other.aovs, place),
+                known=known[:, None] * complete,
+                age=age,
+            )
+        )
+        last = other
+    return found
+
+
+def sharp(image: Tensor, place: Tensor) -> Tensor:
+    """Read with a Catmull-Rom filter, clamped to the smallest and the largest of the four pixels around."""
+    size = size_of(image)
+    x, y = place[..., 0].floor(), place[..., 1].floor()
+    corners = [
+        image[
+            :,
+            :,
+            (y[0] + down).long().clamp(0, size.height - 1),
+            (x[0] + across).long().clamp(0, size.width - 1),
+        ]
+        for down in (0, 1)
+        for across in (0, 1)
+    ]
+    four = torch.stack(corners)
+    return read_cubic(image, place).clamp(four.amin(dim=0), four.amax(dim=0))
+
+
+def distances(frame: WindowFrame, other: Gathered, exposure: float) -> Tensor:
+    """Return the distances of a neighbour, (1, len(COSTS), h, w), in the order of COSTS."""
+
+    def logs(image: Tensor) -> Tensor:
+        return log2(image[:, :3] * exposure + LOG_OFFSET)
+
+    color = squared(logs(other.color) - logs(frame.color)) / 3.0
+    normal = squared(other.normal - frame.normal)
+    albedo = squared(other.albedo - frame.albedo)
+    age = torch.full_like(color, other.age / REACH)
+    return torch.cat(
+        [color, box(color, 1), box(color, 2), normal, box(normal, 1), albedo, box(albedo, 1), age], dim=1
+    )
+
+
+def log2(values: Tensor) -> Tensor:
+    """Return the exponent of positive floats plus their mantissa, a piecewise linear logarithm to base 2."""
+    return values.contiguous().view(torch.int32).float() * MANTISSA - 127.0
+
+
+def squared(difference: Tensor) -> Tensor:
+    """Return the squared length over the channels, (1, 1, h, w)."""
+    return (difference * difference).sum(dim=1, keepdim=True)
+
+
+def box(image: Tensor, reach: int) -> Tensor:
+    """Return the mean over the square of pixels up to `reach` away; beyond an edge, pixels are repeated."""
+    padded = F.pad(image, (reach,) * 4, mode="replicate")
+    return F.avg_pool2d(padded, 2 * reach + 1, stride=1)
+
+
+def nearest_motion(depth: Tensor, motion: Tensor) -> Tensor:
+    """Return the motion of the closest of the 3x3 pixels around each, (1, 2, h, w).
+
+    Edges then move with what is in front.
+
+    Args:
+        depth: (1, 1, h, w) reversed: larger is closer.
+        motion: (1, 2, h, w) pixels.
+    """
+    best, found = depth, usable_motion(motion)
+    for near, moved in zip(neighbours_3x3(depth), neighbours_3x3(found), strict=True):
+        is_closer = near > best
+        best, found = torch.where(is_closer, near, best), torch.where(is_closer, moved, found)
+    return found

@@ -1,0 +1,141 @@
+"""Fits the constants of the temporal filter to frames of a path tracer with references.
+
+    python -m supersampler_model.denoising.training SHOT...
+
+prints the lines of `supersampler.denoising.spec`. Some frames of each SHOT have references. Frames that are
+not denoised are denoised by Open Image Denoise. A pixel's loss is its error as displayed over the mean error
+of the frame itself. What is worse than in the frame itself counts twice.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from supersampler import Shot
+from supersampler.denoising import temporal
+from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
+from supersampler.denoising.spec import REACH
+from supersampler.frame import Float32
+from supersampler.io.display import ExposureMeter
+from supersampler_model.denoising.filter import COSTS, TemporalFilter, WindowFrame, distances, gathered
+
+STEPS, BATCH, LEARNING_RATE = 800, 4096, 0.03
+SMALL_ERROR = 0.02
+"""Displayed error from which on the loss is linear: a few bright pixels do not outweigh the others."""
+MIN_CHANNEL = 1e-4
+"""Smallest colour in the loss: the display curve is steep at 0."""
+
+
+class Example(NamedTuple):
+    """The pixels of a frame with a reference: n pixels, k neighbours."""
+
+    own: Tensor  # (n, 3) linear RGB, denoised
+    colors: Tensor  # (n, k, 3) of the neighbours
+    distances: Tensor  # (n, k, len(COSTS))
+    known: Tensor  # (n, k)
+    reference: Tensor  # (n, 3)
+
+
+def example_of(
+    frame: WindowFrame,
+    past: Sequence[WindowFrame],
+    future: Sequence[WindowFrame],
+    reference: Tensor,
+    exposure: float = 1.0,
+) -> Example:
+    """Gather a frame's neighbours; `reference` is (1, 3, h, w), NaN in pixels that are left out."""
+    others = [*gathered(frame, past, "to_previous"), *gathered(frame, future, "to_next")]
+    kept = ~torch.isnan(reference[0, 0]).flatten()
+
+    def pixels(image: Tensor) -> Tensor:
+        return image[0].flatten(1).T[kept]
+
+    return Example(
+        own=pixels(frame.color[:, :3]),
+        colors=torch.stack([pixels(other.color[:, :3]) for other in others], dim=1),
+        distances=torch.stack([pixels(distances(frame, other, exposure)) for other in others], dim=1),
+        known=torch.stack([pixels(other.known)[:, 0] for other in others], dim=1),
+        reference=pixels(reference),
+    )
+
+
+def displayed(color: Tensor) -> Tensor:
+    """Return linear colour as sRGB values in [0, 1]."""
+    clamped = color.clamp(0.0, 1.0)
+    curve = 1.055 * clamped.clamp(min=MIN_CHANNEL) ** (1.0 / 2.4) - 0.055
+    return torch.where(clamped <= 0.0031308, 12.92 * clamped, curve)
+
+
+def errors(color: Tensor, reference: Tensor) -> Tensor:
+    """Return the error of each pixel as displayed, (n,): squared where it is small, linear beyond."""
+    difference = displayed(color) - displayed(reference)
+    return ((difference * difference).mean(dim=1) + SMALL_ERROR**2).sqrt() - SMALL_ERROR
+
+
+def blended(model: TemporalFilter, example: Example) -> Tensor:
+    """Return the filtered pixels, (n, 3)."""
+    weights = model.weight(example.distances) * example.known
+    total = 1.0 + weights.sum(dim=1)
+    return (example.own + (weights[..., None] * example.colors).sum(dim=1)) / total[:, None]
+
+
+def fit(examples: Sequence[Example], *, steps: int = STEPS, seed: int = 0) -> TemporalFilter:
+    """Fit a filter to these examples, each as often as the others."""
+    torch.manual_seed(seed)
+    model = TemporalFilter()
+    scales = [float(errors(example.own, example.reference).mean()) for example in examples]
+    optimizer = torch.optim.Adam(model.parameters(), LEARNING_RATE)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    for step in range(steps):
+        at = step % len(examples)
+        drawn = torch.randint(len(examples[at].own), (BATCH,))
+        batch = Example(*(values[drawn].float() for values in examples[at]))
+        error = errors(blended(model, batch), batch.reference)
+        worse = torch.relu(error - errors(batch.own, batch.reference))
+        optimizer.zero_grad()
+        ((error + worse).mean() / scales[at]).backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+    return model
+
+
+def constants(model: TemporalFilter) -> list[str]:
+    """Return a filter's constants as lines of `supersampler.denoising.spec`."""
+    costs = zip(COSTS, model.log_costs.exp().tolist(), strict=True)
+    return [f"LOG_WEIGHT = {model.log_weight.item():.4f}", *(f"{name} = {cost:.4f}" for name, cost in costs)]
+
+
+def examples_of(shot: Shot) -> Iterator[Example]:
+    """Yield an example for each frame of a shot that has a reference of its size."""
+    frames = [item.frame for item in shot.frames(gbuffers=BUFFERS, references=False)]
+    with TemporalDenoiser(per_frame="none" if shot.is_denoised else "oidn") as denoiser:
+        windows = [as_tensors(window) for window in denoiser.windows(frames)]
+    for index in shot.reference_indices:
+        reference = shot.read_reference(index)
+        if reference is not None and reference.shape[:2] == frames[index].depth.shape:
+            exposure = ExposureMeter().read_frame(frames[index])
+            past, future = (
+                windows[max(0, index - REACH) : index][::-1],
+                windows[index + 1 : index + 1 + REACH],
+            )
+            yield example_of(windows[index], past, future, planes(reference), exposure)
+
+
+def as_tensors(window: temporal.WindowFrame) -> WindowFrame:
+    """Return a frame of the CPU library's filter as the definition takes it, without AOVs."""
+    steps = [None if step is None else planes(step) for step in (window.to_previous, window.to_next)]
+    albedo, normal = planes(window.guides[..., :3]), planes(window.guides[..., 4:7])
+    return WindowFrame(planes(window.color), albedo, normal, *steps)
+
+
+def planes(array: Float32) -> Tensor:
+    """Return an array (h, w, c) as (1, c, h, w)."""
+    return torch.from_numpy(np.ascontiguousarray(array, np.float32)).permute(2, 0, 1)[None]
+
+
+if __name__ == "__main__":
+    print("\n".join(constants(fit([e for name in sys.argv[1:] for e in examples_of(Shot.open(name))]))))

@@ -1,0 +1,168 @@
+"""Denoise a shot into a folder, frame by frame; a stopped run can continue."""
+
+import time
+from collections import deque
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from supersampler import __version__
+from supersampler.cli.arguments import size_text
+from supersampler.cli.job import FrameJob, FramePlan, plan_frames
+from supersampler.cli.results import PREROLL, Results
+from supersampler.cli.run import FrameRun, Layers, OnStep, PageLayers, SteppedFrame, run_frames
+from supersampler.denoising.sequence import (
+    BUFFERS,
+    PerFrame,
+    TemporalDenoiser,
+    checked_lookahead,
+    missing_guides,
+)
+from supersampler.denoising.spec import REACH
+from supersampler.frame import Frame
+from supersampler.history import StepResult
+from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, versions_text
+from supersampler.io.shot import ShotFrame
+
+
+@dataclass(frozen=True, kw_only=True)
+class DenoiseJob(FrameJob):
+    """Input, settings and output of one run that denoises.
+
+    Attributes:
+        per_frame: what denoises each frame first: "oidn", "none" for frames that are denoised already, or
+            "auto": "none" where the shot states that they are.
+        passes: 1 looks at the past only.
+        lookahead: frames after a frame that are read; see `denoise_sequence`.
+        threads: 0 is one per core.
+    """
+
+    per_frame: PerFrame | Literal["auto"] = "auto"
+    passes: int = 2
+    lookahead: int | None = None
+    threads: int = 0
+
+    @property
+    def denoiser(self) -> PerFrame:
+        """What denoises each frame first."""
+        if self.per_frame != "auto":
+            return self.per_frame
+        return "none" if self.shot.is_denoised else "oidn"
+
+    def settings(self, after: int) -> dict[str, object]:
+        """Return all that the images depend on, but the number of frames: a shot may still grow."""
+        return {
+            "supersampler": __version__,
+            "method": "denoise",
+            "per frame": self.denoiser,
+            "frames after": after,
+            PREROLL: REACH if self.numbers is not None else None,
+            **self.shot_settings(),
+        }
+
+
+def run_denoise(job: DenoiseJob) -> Results:
+    """Denoise the frames that are not complete yet, and print a summary.
+
+    Raises:
+        typer.Exit: 130 after Ctrl-C; complete frames are kept.
+        SupersamplerError: a frame or a file is not usable; or the output lies in the shot, or would replace
+            files of another program.
+        ModuleNotFoundError: pyoidn is not installed.
+    """
+    after = checked_lookahead(job.passes, job.lookahead)
+    plan = plan_frames(job.shot, job.numbers, REACH, 2 if after else 1)
+    with TemporalDenoiser(per_frame=job.denoiser, lookahead=after, threads=job.threads) as denoiser:
+        return run_frames(
+            job,
+            plan,
+            job.settings(after),
+            lambda results, first: _DenoiseRun(job, denoiser, results, plan, first),
+        )
+
+
+class _DenoiseRun(FrameRun):
+    activity = "denoising"
+
+    def __init__(
+        self, job: DenoiseJob, denoiser: TemporalDenoiser, results: Results, plan: FramePlan, first: int
+    ) -> None:
+        super().__init__(job, results, plan, first, job.shot.render_size)
+        self._job, self._denoiser, self._count = job, denoiser, 0
+
+    def plan_from(self, begins: int) -> FramePlan:
+        first = self._plan.index(begins)
+        start = max(self._plan.start, self._shot.last_cut(first), first - REACH)
+        return replace(self._plan, start=start)
+
+    def step_count(self, plan: FramePlan, needed: int) -> int:  # noqa: ARG002  # every frame has one step
+        return plan.stop - plan.start
+
+    def steps(
+        self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
+    ) -> Generator[SteppedFrame]:
+        names: deque[Sequence[str] | None] = deque()
+        exposure = self._exposure_at(plan.start)
+
+        def read() -> Iterator[Frame]:
+            for item in self._shot.frames(plan.start, plan.end, gbuffers=BUFFERS, references=False):
+                names.append(item.raw.aov_names)
+                if item.index == plan.start:
+                    self._warn(item)
+                    yield replace(item.frame, reset=True, exposure=exposure or item.frame.exposure)
+                else:
+                    yield item.frame
+
+        before = time.perf_counter()
+        for index, denoised in enumerate(self._denoiser.run(read()), plan.start):
+            if index >= plan.stop:  # later ones are neighbours only
+                return
+            reference = self._shot.read_reference(index) if references and index >= needed else None
+            result = StepResult(denoised.image, aovs=denoised.aovs, count=denoised.weights)
+            seconds = time.perf_counter() - before
+            self._count += 1
+            yield SteppedFrame(index, denoised.frame, reference, names.popleft(), result, seconds)
+            on_step(index, "forward")
+            before = time.perf_counter()
+
+    def summary(self, wall: float) -> tuple[int, str]:
+        return self._count, f"{self._count} frames in {wall:.1f} s: {self._count / wall:.2f} per second"
+
+    def about(self) -> About:
+        shot, size = self._shot, self._display_size
+        sources = ". ".join(line.rstrip(".") for line in (*shot.info.attribution, shot.info.license) if line)
+        return About(
+            title=shot.name,
+            method="denoise",
+            display_size=size,
+            frame_rate=shot.frame_rate or 30.0,
+            facts={
+                "method": "temporal denoiser",
+                "size": size_text(size).replace("x", " × "),
+                "each frame first": {"oidn": "Open Image Denoise", "none": "as it came"}[self._job.denoiser],
+                "frames": str(len(self._plan.numbers)),
+            },
+            legends={"error": ERROR_LEGEND},
+            notes=[
+                f"Images show {self._job.images.transform.description}.",
+                *([f"Shot: {sources}."] if sources else []),
+                versions_text(),
+            ],
+        )
+
+    def page_layers(self, stack: ExitStack) -> PageLayers:  # noqa: ARG002  # nothing is to be closed
+        transform = self._job.images.transform
+
+        def layers_of(stepped: SteppedFrame, exposure: float) -> tuple[Layers, Mapping[str, float]]:
+            image, reference = stepped.result.image, stepped.reference
+            return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
+
+        return layers_of
+
+    def _warn(self, item: ShotFrame) -> None:
+        """Say what the first frame lacks."""
+        missing = missing_guides([item.frame])
+        if missing:
+            lost = "edges without contrast get samples from both sides"
+            self._job.console.print(f"The frames have no {' and no '.join(missing)}: {lost}.", soft_wrap=True)

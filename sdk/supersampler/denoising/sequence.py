@@ -1,0 +1,250 @@
+"""Denoise the frames of a sequence: each by itself, then with its neighbours along their motion."""
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Self
+
+import numpy as np
+
+from supersampler.arguments import ieee_arithmetic
+from supersampler.denoising.oidn import FrameDenoiser, Oidn
+from supersampler.denoising.spec import REACH
+from supersampler.denoising.temporal import (
+    TemporalFilter,
+    WindowFrame,
+    nearest_motion,
+    packed_aovs,
+    packed_color,
+    packed_guides,
+)
+from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.frame import Array, Float32, Frame
+from supersampler.io.display import ExposureMeter
+from supersampler.io.shot import Shot
+from supersampler.sequence.backward_motion import scattered_motion
+from supersampler.sequence.both_ways import frames_of
+
+PerFrame = Literal["oidn", "none"]
+BUFFERS = frozenset(("gbuffer_base_color", "gbuffer_normal", "motion_next"))
+"""Buffers that are read of each frame, by their names in `Shot.frames`."""
+
+
+class Denoised(NamedTuple):
+    """A frame and its denoised images.
+
+    Attributes:
+        frame: the frame, as it came.
+        image: (h, w, 3) float32 linear RGB.
+        aovs: (h, w, k) float32, averaged by the weights of the image; None where the frame has none.
+        weights: (h, w) sum of the weights, of which the frame's own is 1.
+    """
+
+    frame: Frame
+    image: Float32
+    aovs: Float32 | None
+    weights: Float32
+
+
+@dataclass(eq=False)
+class _Waiting:
+    frame: Frame
+    window: WindowFrame
+
+
+class TemporalDenoiser:
+    """Denoises frames in order; a context, which ends its threads.
+
+    At most 2 * REACH + 1 frames are in memory, of 64 bytes a pixel and 16 for every four AOVs.
+
+    Args:
+        per_frame: what denoises each frame first: "oidn", or "none" for frames that are denoised already.
+        lookahead: frames after a frame that are read before its image comes, 0 to REACH.
+        threads: threads of the filter and of OIDN; 0 is one per core.
+
+    Raises:
+        ModuleNotFoundError: pyoidn is not installed: `pip install "supersampler[denoise]"`.
+    """
+
+    def __init__(self, *, per_frame: PerFrame = "oidn", lookahead: int = REACH, threads: int = 0) -> None:
+        self._stack, self._lookahead = ExitStack(), lookahead
+        self._denoiser: FrameDenoiser | None = None
+        if per_frame == "oidn":
+            self._denoiser = self._stack.enter_context(Oidn(threads))
+        self._filter = self._stack.enter_context(TemporalFilter(threads=threads))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def run(self, frames: Iterable[Frame]) -> Iterator[Denoised]:
+        """Yield the images of each frame, in order.
+
+        Args:
+            frames: frames in order, all of one size; `reset` marks the first one after a cut.
+
+        Raises:
+            FrameError: a frame has no colour, is jittered, or differs in size from the one before.
+        """
+        past: deque[_Waiting] = deque(maxlen=REACH)
+        waiting: deque[_Waiting] = deque()
+        last: _Waiting | None = None
+        for frame in frames:
+            if frame.reset:
+                yield from self._emptied(past, waiting)
+                past.clear()
+                last = None
+            last = self._prepared(frame, last)
+            waiting.append(last)
+            while len(waiting) > self._lookahead:
+                yield self._next(past, waiting)
+        yield from self._emptied(past, waiting)
+
+    def windows(self, frames: Iterable[Frame]) -> list[WindowFrame]:
+        """Return all frames of one shot as the filter reads them."""
+        found: list[_Waiting] = []
+        for frame in frames:
+            found.append(self._prepared(frame, None if frame.reset or not found else found[-1]))
+        return [item.window for item in found]
+
+    def _emptied(self, past: deque[_Waiting], waiting: deque[_Waiting]) -> Iterator[Denoised]:
+        while waiting:
+            yield self._next(past, waiting)
+
+    @ieee_arithmetic
+    def _prepared(self, frame: Frame, last: _Waiting | None) -> _Waiting:
+        """Denoise a frame by itself, and link it to the one before."""
+        if frame.color is None:
+            raise FrameError("color", got=None, want="the colour of every frame: (h, w, 3)")
+        if frame.jitter != (0.0, 0.0):
+            hint = "`upscale --scale 1` accumulates jittered frames."
+            raise FrameError("jitter", got=frame.jitter, want="(0, 0) in every frame", hint=hint)
+        if last is not None and frame.size != last.frame.size:
+            hint = "Mark a cut, or denoise each size apart."
+            raise FrameError("color", got=frame.size, want=f"{last.frame.size}, the size before", hint=hint)
+        factor = 1.0 / frame.pre_exposure
+        color, (albedo, normal) = packed_color(frame.color, factor), guides_of(frame)
+        if self._denoiser is not None:
+            known = color[..., 3:].copy()
+            color[..., :3], albedo, normal = self._denoiser.denoise(
+                np.ascontiguousarray(color[..., :3]), albedo, normal
+            )
+            color = packed_color(color[..., :3])
+            color *= known
+        height, width = frame.depth.shape
+        window = WindowFrame(
+            color, packed_guides(albedo, normal, (height, width)), aovs=packed_aovs(frame.aovs)
+        )
+        if last is not None:
+            window.to_previous = nearest_motion(frame.depth, frame.motion)
+            given = last.frame.motion_next
+            following = scattered_motion(last.frame, frame) if given is None else given
+            last.window.to_next = nearest_motion(last.frame.depth, following)
+        return _Waiting(frame, window)
+
+    def _next(self, past: deque[_Waiting], waiting: deque[_Waiting]) -> Denoised:
+        """Return the images of the first frame that waits, which becomes one of the past."""
+        first = waiting.popleft()
+        future = [item.window for item in list(waiting)[:REACH]]
+        before = [item.window for item in reversed(past)]
+        exposure = ExposureMeter().read_frame(first.frame)  # of this frame alone: images depend on no other
+        image, groups, weights = self._filter.filter(first.window, before, future, exposure)
+        image *= np.float32(first.frame.pre_exposure)
+        count = 0 if first.frame.aovs is None else first.frame.aovs.shape[2]
+        aovs = np.concatenate(groups, axis=2)[..., :count] if groups else None
+        past.append(first)
+        return Denoised(first.frame, image, aovs, weights)
+
+
+def guides_of(frame: Frame) -> tuple[Float32 | None, Float32 | None]:
+    """Return albedo and normal of a frame, (h, w, 3) float32 without NaN; None where it has none."""
+    buffers = frame.gbuffer or {}
+
+    def read(name: str) -> Float32 | None:
+        array: Array | None = buffers.get(name)
+        if array is None:
+            return None
+        return np.nan_to_num(np.asarray(array, np.float32), nan=0.0, posinf=1.0, neginf=-1.0)
+
+    return read("base_color"), read("normal")
+
+
+def denoise_sequence(
+    frames: Shot | Iterable[Frame],
+    *,
+    per_frame: PerFrame = "oidn",
+    passes: int = 2,
+    lookahead: int | None = None,
+    threads: int = 0,
+) -> Iterator[Float32]:
+    """Denoise the frames of a path tracer: each by itself, then with up to eight neighbours to either side.
+
+    Each neighbour is gathered once, by the motion of the frames between, and weighted by the agreement of
+    albedo, normal and patches of colour. Frames have the size of the images, and no jitter.
+
+    >>> for image in denoise_sequence(shot):
+    ...     show(image)  # (h, w, 3) float32, linear RGB
+
+    A frame's albedo and normal are `gbuffer["base_color"]` and `gbuffer["normal"]`: without them, edges of
+    textures and of surfaces get less of their neighbours. `motion_next` is used where it is there; otherwise
+    the motion of the next frame is scattered.
+
+    Args:
+        frames: a `Shot`, or Frames in order, all of one size. `reset` marks the first one after a cut.
+        per_frame: "oidn" denoises each frame first, by Open Image Denoise (`pip install
+            "supersampler[denoise]"`); "none" is for frames that are denoised already.
+        passes: 2 looks both ways; 1 at the past only, for live use.
+        lookahead: with two passes, frames after a frame that are read before its image comes, 1 to 8;
+            None is 8.
+        threads: threads that compute; 0 is one per core.
+
+    Returns:
+        An iterator over the images, (h, w, 3) float32 linear RGB, in order; each may be kept.
+
+    Raises:
+        ArgumentError: an argument is not usable; before anything is read.
+        FrameError: a frame breaks the contract, is jittered, or has another size than the one before.
+        ShotError: a frame cannot be read.
+        ModuleNotFoundError: pyoidn is not installed.
+    """
+    steps = checked_lookahead(passes, lookahead)
+    if per_frame not in ("oidn", "none"):
+        raise ArgumentError("per_frame", got=shown(per_frame), want='"oidn" or "none"')
+    if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
+        raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
+    denoiser = TemporalDenoiser(per_frame=per_frame, lookahead=steps, threads=threads)
+    return _images(denoiser, frames)
+
+
+def _images(denoiser: TemporalDenoiser, frames: Shot | Iterable[Frame]) -> Iterator[Float32]:
+    with denoiser:
+        for denoised in denoiser.run(frames_of(frames, BUFFERS)):
+            yield denoised.image
+
+
+def checked_lookahead(passes: int, lookahead: int | None) -> int:
+    """Return the number of later frames that are read; ArgumentError where one of the two is not usable."""
+    if type(passes) is not int or passes not in (1, 2):
+        raise ArgumentError("passes", got=shown(passes), want="1 or 2")
+    if passes == 1:
+        if lookahead is not None:
+            want = "None, because one pass reads no later frame"
+            raise ArgumentError("lookahead", got=shown(lookahead), want=want)
+        return 0
+    if lookahead is None:
+        return REACH
+    if type(lookahead) is not int or not 1 <= lookahead <= REACH:
+        want = f"a whole number of frames from 1 to {REACH}, or None"
+        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
+    return lookahead
+
+
+def missing_guides(frames: Sequence[Frame]) -> list[str]:
+    """Return what some frames lack, "albedo" and "normal"."""
+    found = [guides_of(frame) for frame in frames]
+    return [
+        name for at, name in enumerate(("albedo", "normal")) if any(guides[at] is None for guides in found)
+    ]

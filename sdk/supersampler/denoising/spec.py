@@ -1,0 +1,20 @@
+"""Constants of the temporal denoiser, which its torch definition and its kernel share."""
+
+REACH = 8
+"""Frames to either side that a frame takes samples from."""
+LOG_OFFSET = 0.01
+"""Added to exposed colour before its logarithm: differences in the dark below it do not matter."""
+KNOWN_SHARE = 0.999
+"""Smallest interpolated share of known samples at the end of a path that counts."""
+
+# The weight of a neighbour is exp(LOG_WEIGHT - its distances times their costs); the frame itself has 1.
+# supersampler_model.denoising.training has fitted them.
+LOG_WEIGHT = -0.3944
+COLOR_COST, COLOR_COST_3X3, COLOR_COST_5X5 = 0.0406, 0.7726, 1.9646
+"""Of squared distances of the logarithm of colour, of the pixel and averaged over 3x3 and 5x5 pixels."""
+NORMAL_COST, NORMAL_COST_3X3 = 0.5598, 1.6067
+"""Of squared distances of the normal."""
+ALBEDO_COST, ALBEDO_COST_3X3 = 0.6355, 0.7755
+"""Of squared distances of the albedo."""
+AGE_COST = 3.6091
+"""Of the distance in time over REACH."""

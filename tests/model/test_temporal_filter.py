@@ -1,0 +1,136 @@
+"""The CPU library's temporal filter is the one that torch defines."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import noisy_frames
+from supersampler import Shot
+from supersampler.backends.cpu.library import cpu_library
+from supersampler.denoising import spec, temporal
+from supersampler.denoising.spec import REACH
+from supersampler.denoising.temporal import TemporalFilter
+from supersampler.frame import Array
+from supersampler.io.shot import ShotWriter
+from supersampler_model.denoising import filter as definition
+from supersampler_model.denoising.training import blended, constants, example_of, examples_of, fit, planes
+
+
+def frames_of(
+    size: tuple[int, int], count: int, *, motion: float = 1.5
+) -> tuple[list[temporal.WindowFrame], list[definition.WindowFrame]]:
+    """Return the same random frames for the library and for torch; one has a missing sample."""
+    width, height = size
+    generator = np.random.default_rng(width)
+    base = generator.random((height, width, 3))
+    ours, theirs = [], []
+    for index in range(count):
+        color = (base + 0.05 * generator.random((height, width, 3))).astype(np.float32)
+        if index == 1:
+            color[height // 2, width // 3] = np.nan
+        albedo = 0.1 * generator.random((height, width, 3), np.float32)
+        normal = 0.2 * (generator.random((height, width, 3), np.float32) - 0.5)
+        aovs = generator.random((height, width, 5), np.float32)
+        depth = generator.random((height, width), np.float32)
+        back, on = (
+            temporal.nearest_motion(depth, motion * generator.standard_normal((height, width, 2)))
+            for _ in range(2)
+        )
+        packed = temporal.WindowFrame(
+            temporal.packed_color(color), temporal.packed_guides(albedo, normal, (height, width)),
+            back, on, temporal.packed_aovs(aovs),
+        )  # fmt: skip
+        ours.append(packed)
+        theirs.append(
+            definition.WindowFrame(
+                planes(packed.color), planes(albedo), planes(normal), planes(back), planes(on), planes(aovs)
+            )
+        )
+    return ours, theirs
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 2), (13, 17), (80, 48), (150, 37)])
+@pytest.mark.parametrize(("motion", "exposure"), [(1.5, 1.0), (0.4, 0.1), (60.0, 30.0)])
+def test_the_library_computes_the_images_of_the_definition(
+    size: tuple[int, int], motion: float, exposure: float
+) -> None:
+    ours, theirs = frames_of(size, 6, motion=motion)
+    with TemporalFilter(threads=2) as library:
+        image, groups, _ = library.filter(ours[0], ours[1:4], ours[4:], exposure)
+    with torch.no_grad():
+        color, aovs = definition.TemporalFilter()(theirs[0], theirs[1:4], theirs[4:], exposure)
+    assert aovs is not None
+    for array, tensor in ((image, color), (np.concatenate(groups, axis=2)[..., :5], aovs)):
+        error = np.abs(array - tensor[0].permute(1, 2, 0).numpy())
+        assert error.mean() < 2e-6
+        assert np.quantile(error, 0.999) < 2e-5
+        assert error.max() < 2e-4
+
+
+def test_neighbours_beyond_the_reach_are_not_read() -> None:
+    ours, _ = frames_of((20, 11), REACH + 3)
+    with TemporalFilter(threads=1) as library:
+        whole, _, _ = library.filter(ours[0], ours[1:], [])
+        part, _, _ = library.filter(ours[0], ours[1 : REACH + 1], [])
+    np.testing.assert_array_equal(whole, part)
+
+
+def test_the_nearest_motion_is_that_of_the_closest_neighbour() -> None:
+    generator = np.random.default_rng(0)
+    depth = generator.random((9, 14), np.float32)
+    motion = generator.standard_normal((9, 14, 2)).astype(np.float32)
+    motion[2, 3] = np.nan, np.inf
+    expected = definition.nearest_motion(torch.from_numpy(depth)[None, None], planes(motion))
+    torch.testing.assert_close(planes(temporal.nearest_motion(depth, motion)), expected, rtol=0, atol=0)
+
+
+def test_wrong_arguments_of_the_library_are_errors() -> None:
+    ours, _ = frames_of((4, 3), 1)
+    from supersampler.backends.cpu.library import TemporalData
+    from supersampler.errors import SupersamplerError
+
+    with pytest.raises(SupersamplerError, match="an argument is NULL"):
+        cpu_library().call("ss_filter_temporal", TemporalData(4, 3))
+    assert ours
+
+
+def test_fitting_learns_which_neighbours_to_trust() -> None:
+    generator = np.random.default_rng(0)
+    height, width = 40, 60
+    clean = generator.random((height, width, 3), np.float32)
+
+    def frame(color: Array) -> definition.WindowFrame:
+        guide, still = torch.zeros(1, 3, height, width), torch.zeros(1, 2, height, width)
+        return definition.WindowFrame(planes(temporal.packed_color(color)), guide, guide, still, still)
+
+    def noise() -> Array:
+        return (clean * (1.0 + 0.3 * generator.standard_normal(clean.shape))).clip(0.0).astype(np.float32)
+
+    other = generator.random((height, width, 3), np.float32)
+    example = example_of(frame(noise()), [frame(noise())], [frame(other)], planes(clean))
+    model, before = fit([example], steps=200), definition.TemporalFilter()
+    with torch.no_grad():
+        trusted, first = model.weight(example.distances), before.weight(example.distances)
+    assert trusted[:, 0].mean() > 2.0 * first[:, 0].mean()
+    assert trusted[:, 0].mean() > 5.0 * trusted[:, 1].mean()
+    assert constants(before)[0] == f"LOG_WEIGHT = {spec.LOG_WEIGHT:.4f}"
+
+
+def test_examples_come_from_the_frames_with_references(tmp_path: Path) -> None:
+    with ShotWriter(tmp_path, name="noisy", display_size=noisy_frames.SIZE, frame_rate=24.0) as writer:
+        for index in range(5):
+            reference = noisy_frames.truth(index) if index in (1, 3) else None
+            writer.write(noisy_frames.noisy(index), reference=reference)
+    shot = Shot.open(tmp_path)
+    shot.is_denoised = True
+    first, second = examples_of(shot)
+    assert first.colors.shape == (noisy_frames.SIZE[0] * noisy_frames.SIZE[1], 4, 3)
+    before, after = (float(((c - first.reference) ** 2).mean()) for c in (first.own, blended(model(), first)))
+    assert after < 0.5 * before
+    assert second.own.shape == first.own.shape
+
+
+def model() -> definition.TemporalFilter:
+    return definition.TemporalFilter().requires_grad_(False)

@@ -1,0 +1,186 @@
+"""`denoise_sequence`: less noise, nothing of other surfaces or shots, and errors that say what is wrong."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from noisy_frames import SIZE, decibels, noisy
+from supersampler import ArgumentError, Frame, FrameError, denoise_sequence
+from supersampler.denoising.sequence import TemporalDenoiser
+from supersampler.denoising.spec import REACH
+from supersampler.frame import Float32
+
+
+def denoised(frames: list[Frame], **options: Any) -> list[Float32]:
+    return list(denoise_sequence(frames, per_frame="none", threads=2, **options))
+
+
+def test_a_moving_texture_loses_most_of_its_noise() -> None:
+    frames = [noisy(index) for index in range(2 * REACH + 1)]
+    images = denoised(frames)
+    for index in (0, REACH, 2 * REACH):
+        color = frames[index].color
+        assert color is not None
+        gained = decibels(images[index], index) - decibels(np.asarray(color, np.float32), index)
+        assert gained > (6.0 if index == REACH else 3.0)
+
+
+def test_one_pass_looks_at_the_past_only() -> None:
+    frames = [noisy(index) for index in range(6)]
+    whole, cut_off = denoised(frames, passes=1), denoised(frames[:4], passes=1)
+    for image, other in zip(whole[:4], cut_off, strict=True):
+        np.testing.assert_array_equal(image, other)
+    np.testing.assert_array_equal(whole[0], frames[0].color)
+
+
+def test_an_image_depends_on_no_frame_beyond_its_reach() -> None:
+    frames = [noisy(index) for index in range(2 * REACH + 3)]
+    whole = denoised(frames)
+    part = denoised(frames[1 : 2 * REACH + 2])
+    np.testing.assert_array_equal(part[REACH], whole[REACH + 1])
+
+
+def test_images_come_as_soon_as_the_lookahead_is_read() -> None:
+    read = []
+
+    def frames() -> Iterator[Frame]:
+        for index in range(6):
+            read.append(index)
+            yield noisy(index)
+
+    next(denoise_sequence(frames(), per_frame="none", lookahead=2))
+    assert read == [0, 1, 2]
+
+
+def test_nothing_crosses_a_cut() -> None:
+    before, after = [noisy(index) for index in range(3)], [noisy(index) for index in range(20, 23)]
+    after[0] = replace(after[0], reset=True)
+    together = denoised([*before, *after])
+    for image, alone in zip(together, [*denoised(before), *denoised(after)], strict=True):
+        np.testing.assert_array_equal(image, alone)
+
+
+def test_what_appears_from_nowhere_keeps_its_colour() -> None:
+    frames = [noisy(index, noise=0.0) for index in range(9)]
+    color = np.array(frames[4].color)
+    color[10:20, 20:30] = 5.0  # a flash of one frame
+    frames[4] = replace(frames[4], color=color)
+    images = denoised(frames)
+    np.testing.assert_allclose(images[4][13:17, 23:27], 5.0, rtol=0.05)
+    assert np.abs(images[3] - images[4])[13:17, 23:27].min() > 2.0
+
+
+def test_a_missing_sample_is_filled_by_its_neighbours() -> None:
+    frames = [noisy(index, noise=0.0) for index in range(5)]
+    color = np.array(frames[2].color)
+    color[12, 20] = np.nan
+    frames[2] = replace(frames[2], color=color)
+    images = denoised(frames)
+    assert np.isfinite(np.stack(images)).all()
+    assert decibels(images[2], 2) > 25.0
+
+
+def test_motion_to_the_next_frame_is_scattered_where_it_is_missing() -> None:
+    frames = [noisy(index) for index in range(9)]
+    forward = np.negative(frames[0].motion)
+    given = [replace(frame, motion_next=forward) for frame in frames]
+    without, with_it = denoised(frames), denoised(given)
+    assert abs(decibels(without[2], 2) - decibels(with_it[2], 2)) < 1.0
+
+
+def test_pre_exposure_is_divided_out_and_multiplied_back() -> None:
+    frames = [noisy(index) for index in range(5)]
+    scaled = [
+        replace(frame, color=np.asarray(frame.color) * 2.0**index, pre_exposure=2.0**index)
+        for index, frame in enumerate(frames)
+    ]
+    for index, (image, plain) in enumerate(zip(denoised(scaled), denoised(frames), strict=True)):
+        np.testing.assert_allclose(image, plain * 2.0**index, rtol=1e-5)
+
+
+def test_aovs_are_averaged_by_the_weights_of_the_image() -> None:
+    frames = []
+    for index in range(5):
+        frame = noisy(index)
+        frames.append(replace(frame, aovs=np.concatenate([np.asarray(frame.color)] * 2, axis=2)))
+    with TemporalDenoiser(per_frame="none") as denoiser:
+        for item in denoiser.run(frames):
+            assert item.aovs is not None
+            np.testing.assert_allclose(item.aovs[..., :3], item.image, rtol=1e-4, atol=1e-5)
+            np.testing.assert_allclose(item.aovs[..., 3:], item.image, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (5, 1), (17, 13), (70, 19)])
+def test_any_size_of_image_works(size: tuple[int, int]) -> None:
+    images = denoised([noisy(index, size=size) for index in range(3)])
+    assert [image.shape for image in images] == [(size[1], size[0], 3)] * 3
+    assert np.isfinite(np.stack(images)).all()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 3e38, -1.0])
+def test_hostile_values_stay_where_they_are(value: float) -> None:
+    frames = [noisy(index) for index in range(5)]
+    broken = noisy(2)
+    for array in (broken.color, broken.depth, broken.motion, *(broken.gbuffer or {}).values()):
+        assert array is not None
+        array[3:6, 4:8] = value
+    frames[2] = broken
+    images = denoised(frames)
+    assert np.isfinite(np.stack(images)).all()
+    for index in (0, 2, 4):
+        clean = images[index].copy()
+        clean[:9, :14] = noisy(index, noise=0.0).color[:9, :14]  # type: ignore[index]
+        assert decibels(clean, index) > 20.0
+
+
+def test_threads_change_no_bit() -> None:
+    frames = [noisy(index, size=(40, 50)) for index in range(4)]
+    one, many = (list(denoise_sequence(frames, per_frame="none", threads=count)) for count in (1, 3))
+    np.testing.assert_array_equal(np.stack(one), np.stack(many))
+
+
+@pytest.mark.parametrize(
+    ("options", "answer"),
+    [
+        ({"passes": 3}, "passes is 3; want 1 or 2"),
+        ({"lookahead": 9}, "lookahead is 9; want a whole number of frames from 1 to 8, or None"),
+        ({"passes": 1, "lookahead": 2}, "lookahead is 2; want None, because one pass reads no later frame"),
+        ({"per_frame": "optix"}, 'per_frame is \'optix\'; want "oidn" or "none"'),
+    ],
+)
+def test_arguments_are_checked_before_anything_is_read(options: dict[str, Any], answer: str) -> None:
+    with pytest.raises(ArgumentError) as caught:
+        denoise_sequence(iter(()), **options)
+    assert answer in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "answer"),
+    [
+        ({"color": None}, "color is None; want the colour of every frame"),
+        ({"jitter": (0.25, 0.0)}, "jitter is (0.25, 0.0); want (0, 0) in every frame"),
+    ],
+)
+def test_frames_that_cannot_be_denoised_are_refused(change: dict[str, Any], answer: str) -> None:
+    with pytest.raises(FrameError) as caught:
+        denoised([replace(noisy(0), **change)])
+    assert answer in str(caught.value)
+
+
+def test_a_change_of_size_needs_a_cut() -> None:
+    with pytest.raises(FrameError, match="the size before"):
+        denoised([noisy(0), noisy(1, size=(20, 10))])
+    first, second = denoised([noisy(0), replace(noisy(1, size=(20, 10)), reset=True)])
+    assert first.shape[:2] == SIZE[::-1]
+    assert second.shape[:2] == (10, 20)
+
+
+def test_frames_without_guides_are_denoised_too() -> None:
+    frames = [noisy(index, gbuffer=None) for index in range(2 * REACH + 1)]
+    color = frames[REACH].color
+    assert color is not None
+    gained = decibels(denoised(frames)[REACH], REACH) - decibels(np.asarray(color, np.float32), REACH)
+    assert gained > 3.0

@@ -1,0 +1,103 @@
+"""`supersampler denoise`: images on disk that do not depend on how the run was split."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from noisy_frames import decibels, noisy, truth
+from supersampler.cli import app
+from supersampler.frame import Float32
+from supersampler.io.images import read_exr
+from supersampler.io.shot import ShotWriter
+from upscale_runs import interrupt_at
+
+COUNT = 12
+
+
+def write_noisy(folder: Path, count: int = COUNT, *, cuts: tuple[int, ...] = (), aovs: bool = False) -> Path:
+    with ShotWriter(folder, name=folder.name, display_size=(48, 30), frame_rate=24.0) as writer:
+        for index in range(count):
+            frame = noisy(index, reset=index in (0, *cuts))
+            if aovs:
+                alpha = np.asarray(frame.color)[..., :1].clip(0.0, 1.0)
+                frame = noisy(index, reset=frame.reset, aovs=alpha)
+            writer.write(frame, reference=truth(index))
+    return folder
+
+
+def denoise(shot: Path, output: Path, *words: str) -> Result:
+    return CliRunner().invoke(app, ["denoise", str(shot), "-o", str(output), "--per-frame", "none", *words])
+
+
+def image(folder: Path, number: int) -> Float32:
+    channels = read_exr(folder / f"{number:04d}.exr")
+    return np.stack([channels[name] for name in "RGB"], axis=2).astype(np.float32)
+
+
+def test_a_shot_becomes_a_folder_of_images_with_less_noise(tmp_path: Path) -> None:
+    shot = write_noisy(tmp_path / "shot")
+    result = denoise(shot, tmp_path / "out", "--compare", "--json")
+    assert result.exit_code == 0, result.output
+    events = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [event["event"] for event in events] == ["begin", *["frame"] * COUNT, "end"]
+    for number in range(COUNT):
+        color = np.asarray(noisy(number).color, np.float32)
+        assert decibels(image(tmp_path / "out", number), number) > decibels(color, number) + 2.0
+    assert "PSNR" in (tmp_path / "out/compare.html").read_text("utf-8")
+
+
+def test_a_range_of_frames_is_equal_to_those_of_the_whole_run(tmp_path: Path) -> None:
+    shot = write_noisy(tmp_path / "shot", 22, cuts=(3,))
+    assert denoise(shot, tmp_path / "whole").exit_code == 0
+    assert denoise(shot, tmp_path / "part", "--frames", "9-11").exit_code == 0
+    assert not (tmp_path / "part/0008.exr").exists()
+    for number in range(9, 12):
+        np.testing.assert_array_equal(image(tmp_path / "part", number), image(tmp_path / "whole", number))
+
+
+def test_a_stopped_run_continues_with_the_same_images(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shot = write_noisy(tmp_path / "shot", 14)
+    assert denoise(shot, tmp_path / "whole").exit_code == 0
+    with monkeypatch.context() as patch:
+        interrupt_at(11, patch)
+        assert denoise(shot, tmp_path / "out").exit_code == 130
+    assert not (tmp_path / "out/0011.exr").exists()
+    assert denoise(shot, tmp_path / "out").exit_code == 0
+    for number in range(14):
+        np.testing.assert_array_equal(image(tmp_path / "out", number), image(tmp_path / "whole", number))
+
+
+def test_alpha_is_written_beside_the_colour(tmp_path: Path) -> None:
+    shot = write_noisy(tmp_path / "shot", 4, aovs=True)
+    assert denoise(shot, tmp_path / "out").exit_code == 0
+    channels = read_exr(tmp_path / "out/0002.exr")
+    np.testing.assert_allclose(channels["A"], channels["R"].clip(0.0, 1.0), atol=0.1)
+
+
+def test_results_of_other_settings_are_not_mixed(tmp_path: Path) -> None:
+    shot = write_noisy(tmp_path / "shot", 3)
+    assert denoise(shot, tmp_path / "out").exit_code == 0
+    result = denoise(shot, tmp_path / "out", "--passes", "1")
+    assert result.exit_code == 1
+    assert "images of another run are there: frames after was 8, is now 0" in result.output
+
+
+def test_missing_guides_are_said_once(tmp_path: Path) -> None:
+    with ShotWriter(tmp_path / "shot", name="shot", display_size=(48, 30), frame_rate=24.0) as writer:
+        for index in range(3):
+            writer.write(noisy(index, gbuffer=None))
+    result = denoise(tmp_path / "shot", tmp_path / "out")
+    assert result.exit_code == 0
+    assert result.output.count("The frames have no albedo and no normal") == 1
+
+
+def test_a_lookahead_needs_two_passes(tmp_path: Path) -> None:
+    shot = write_noisy(tmp_path / "shot", 2)
+    result = denoise(shot, tmp_path / "out", "--passes", "1", "--lookahead", "2")
+    assert result.exit_code == 1
+    assert "one pass reads no later frame" in result.output
