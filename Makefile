@@ -18,6 +18,7 @@
 # make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
 # make pyvista   the second: PyVista from PyPI, OpenGL in software will do
 # make mitsuba   the third: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
+# make oidn    frames are denoised by Open Image Denoise, pyoidn from PyPI
 # make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
 # make webgpu  the fifth: exported shaders in Node with Dawn, from npm
 # make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js and ONNX Runtime Web from npm
@@ -32,7 +33,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba pygfx webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba oidn pygfx webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -53,7 +54,7 @@ extension:
 	mkdir -p dist
 	cd $(EXTENSION) && $(PYTHON) -m zipfile -c $(CURDIR)/dist/supersampler_blender.zip __init__.py run.py blender_manifest.toml
 
-test-integrations: blender pyvista mitsuba pygfx webgpu
+test-integrations: blender pyvista mitsuba oidn pygfx webgpu
 
 # Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
 blender: $(DEVELOPMENT) extension
@@ -76,6 +77,12 @@ mitsuba: $(DEVELOPMENT)
 	.venv-mitsuba/bin/python -c 'import mitsuba, supersampler, pytest_timeout' 2>/dev/null \
 	    || .venv-mitsuba/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis mitsuba
 	.venv-mitsuba/bin/pytest -q -rs --timeout=1800 tests/integrations/test_mitsuba.py
+
+oidn: $(DEVELOPMENT)
+	test -d .venv-oidn || $(PYTHON) -m venv .venv-oidn
+	.venv-oidn/bin/python -c 'import pyoidn, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-oidn/bin/pip install -q --disable-pip-version-check -e '.[denoise]' pytest pytest-timeout hypothesis
+	.venv-oidn/bin/pytest -q -rs --timeout=1800 tests/integrations/test_oidn.py
 
 pygfx: $(DEVELOPMENT)
 	test -d .venv-pygfx || $(PYTHON) -m venv .venv-pygfx

@@ -1,6 +1,7 @@
 """`supersampler denoise`: images on disk that do not depend on how the run was split."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -101,3 +102,25 @@ def test_a_lookahead_needs_two_passes(tmp_path: Path) -> None:
     result = denoise(shot, tmp_path / "out", "--passes", "1", "--lookahead", "2")
     assert result.exit_code == 1
     assert "one pass reads no later frame" in result.output
+
+
+def test_the_frame_that_cannot_be_denoised_is_named(tmp_path: Path) -> None:
+    with ShotWriter(tmp_path / "shot", name="shot", display_size=(48, 30), frame_rate=24.0) as writer:
+        for index in range(4):
+            writer.write(noisy(index, jitter=(0.25, 0.0) if index == 2 else (0.0, 0.0)))
+    result = denoise(tmp_path / "shot", tmp_path / "out")
+    assert result.exit_code == 1
+    assert "frame 2: frame.jitter is (0.25, 0.0); want (0, 0) in every frame" in result.output.replace(
+        "\n", ""
+    )
+
+
+def test_frames_that_nothing_has_denoised_need_the_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+    shot = write_noisy(tmp_path / "shot", 2)
+    result = CliRunner().invoke(app, ["denoise", str(shot), "-o", str(tmp_path / "out")])
+    assert result.exit_code == 1
+    assert result.output.strip().endswith('pip install "supersampler[denoise]"')
+    assert not (tmp_path / "out").exists()

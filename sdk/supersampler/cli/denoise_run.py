@@ -20,6 +20,7 @@ from supersampler.denoising.sequence import (
     missing_guides,
 )
 from supersampler.denoising.spec import REACH
+from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, versions_text
@@ -89,40 +90,60 @@ class _DenoiseRun(FrameRun):
         self, job: DenoiseJob, denoiser: TemporalDenoiser, results: Results, plan: FramePlan, first: int
     ) -> None:
         super().__init__(job, results, plan, first, job.shot.render_size)
-        self._job, self._denoiser, self._count = job, denoiser, 0
+        self._job, self._denoiser, self._count, self._reading = job, denoiser, 0, plan.start
 
     def plan_from(self, begins: int) -> FramePlan:
         first = self._plan.index(begins)
         start = max(self._plan.start, self._shot.last_cut(first), first - REACH)
         return replace(self._plan, start=start)
 
-    def step_count(self, plan: FramePlan, needed: int) -> int:  # noqa: ARG002  # every frame has one step
-        return plan.stop - plan.start
+    def step_count(self, plan: FramePlan, needed: int) -> int:
+        return plan.stop - needed
 
     def steps(
         self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
     ) -> Generator[SteppedFrame]:
         names: deque[Sequence[str] | None] = deque()
-        exposure = self._exposure_at(plan.start)
 
         def read() -> Iterator[Frame]:
             for item in self._shot.frames(plan.start, plan.end, gbuffers=BUFFERS, references=False):
-                names.append(item.raw.aov_names)
+                frame, self._reading = item.frame, item.index
                 if item.index == plan.start:
                     self._warn(item)
-                    yield replace(item.frame, reset=True, exposure=exposure or item.frame.exposure)
-                else:
-                    yield item.frame
+                    frame = replace(frame, reset=True)
+                if item.index >= needed:
+                    names.append(item.raw.aov_names)
+                yield frame
 
+        try:
+            yield from self._denoised(read(), plan, needed, names, on_step, references=references)
+        except FrameError as error:  # of the frame that was read last
+            number = self._shot.first_number + self._reading
+            raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
+
+    def _denoised(
+        self,
+        frames: Iterator[Frame],
+        plan: FramePlan,
+        needed: int,
+        names: deque[Sequence[str] | None],
+        on_step: OnStep,
+        *,
+        references: bool,
+    ) -> Generator[SteppedFrame]:
+        exposure = self._exposure_at(needed)
         before = time.perf_counter()
-        for index, denoised in enumerate(self._denoiser.run(read()), plan.start):
+        for index, denoised in enumerate(self._denoiser.run(frames, skip=needed - plan.start), needed):
             if index >= plan.stop:  # later ones are neighbours only
                 return
-            reference = self._shot.read_reference(index) if references and index >= needed else None
+            reference = self._shot.read_reference(index) if references else None
+            frame = denoised.frame
+            if index == needed and exposure is not None:  # that of a run of the whole shot
+                frame = replace(frame, exposure=exposure)
             result = StepResult(denoised.image, aovs=denoised.aovs, count=denoised.weights)
             seconds = time.perf_counter() - before
             self._count += 1
-            yield SteppedFrame(index, denoised.frame, reference, names.popleft(), result, seconds)
+            yield SteppedFrame(index, frame, reference, names.popleft(), result, seconds)
             on_step(index, "forward")
             before = time.perf_counter()
 

@@ -80,11 +80,12 @@ class TemporalDenoiser:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def run(self, frames: Iterable[Frame]) -> Iterator[Denoised]:
+    def run(self, frames: Iterable[Frame], *, skip: int = 0) -> Iterator[Denoised]:
         """Yield the images of each frame, in order.
 
         Args:
             frames: frames in order, all of one size; `reset` marks the first one after a cut.
+            skip: frames at the beginning that are neighbours only; they are not yielded.
 
         Raises:
             FrameError: a frame has no colour, is jittered, or differs in size from the one before.
@@ -92,12 +93,15 @@ class TemporalDenoiser:
         past: deque[_Waiting] = deque(maxlen=REACH)
         waiting: deque[_Waiting] = deque()
         last: _Waiting | None = None
-        for frame in frames:
+        for index, frame in enumerate(frames):
             if frame.reset:
                 yield from self._emptied(past, waiting)
                 past.clear()
                 last = None
             last = self._prepared(frame, last)
+            if index < skip:
+                past.append(last)
+                continue
             waiting.append(last)
             while len(waiting) > self._lookahead:
                 yield self._next(past, waiting)
