@@ -17,7 +17,7 @@
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
 # make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
 # make pyvista   the second: PyVista from PyPI, OpenGL in software will do
-# make mitsuba   the third: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
+# make mitsuba   the third: the examples with Mitsuba from PyPI, of which one needs an LLVM of the system
 # make oidn    frames are denoised by Open Image Denoise, pyoidn from PyPI
 # make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
 # make webgpu  the fifth: exported shaders in Node with Dawn, from npm
@@ -74,8 +74,8 @@ pyvista: $(DEVELOPMENT)
 
 mitsuba: $(DEVELOPMENT)
 	test -d .venv-mitsuba || $(PYTHON) -m venv .venv-mitsuba
-	.venv-mitsuba/bin/python -c 'import mitsuba, supersampler, pytest_timeout' 2>/dev/null \
-	    || .venv-mitsuba/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis mitsuba
+	.venv-mitsuba/bin/python -c 'import mitsuba, pyoidn, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-mitsuba/bin/pip install -q --disable-pip-version-check -e '.[denoise]' pytest pytest-timeout hypothesis mitsuba
 	.venv-mitsuba/bin/pytest -q -rs --timeout=1800 tests/integrations/test_mitsuba.py
 
 oidn: $(DEVELOPMENT)
@@ -194,7 +194,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-mitsuba .venv-pygfx .venv-web .venv-wheels .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-mitsuba .venv-oidn .venv-pygfx .venv-web .venv-wheels .node .onnxruntime examples/node_dawn/node_modules out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)
