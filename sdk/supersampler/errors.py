@@ -4,6 +4,7 @@ SupersamplerError
   FrameError         one input of one frame breaks the contract
   ArgumentError      an argument of a call that is not a frame's input (sizes, conventions, options)
   ShotError          a file of a shot cannot be read or written; names the file and the channel
+    MissingFramesError   frames are missing between others
   RecordingError     a recording of an Upscaler cannot be read, written or replayed; names the file
   ModelError         a model folder that this runtime cannot run
   ProviderError      an ONNX Runtime execution provider was requested and is not available
@@ -64,6 +65,21 @@ class _FileError(SupersamplerError, OSError):
 
 class ShotError(_FileError):
     """A file of a shot cannot be read or written; the message names the file and a remedy."""
+
+
+class MissingFramesError(ShotError):
+    """Frames are missing between others.
+
+    Attributes:
+        missing: numbers of the first and the last one that is missing.
+        present: numbers of the first and the last frame that is there.
+    """
+
+    def __init__(
+        self, path: Path, problem: str, hint: str, *, missing: tuple[int, int], present: tuple[int, int]
+    ) -> None:
+        super().__init__(path, problem, hint)
+        self.missing, self.present = missing, present
 
 
 class RecordingError(_FileError):

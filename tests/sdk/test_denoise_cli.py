@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 from noisy_frames import decibels, noisy, truth
 from supersampler.cli import app
 from supersampler.frame import Float32
-from supersampler.io.images import read_exr
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import ShotWriter
 from upscale_runs import interrupt_at
 
@@ -86,6 +86,26 @@ def test_results_of_other_settings_are_not_mixed(tmp_path: Path) -> None:
     result = denoise(shot, tmp_path / "out", "--passes", "1")
     assert result.exit_code == 1
     assert "images of another run are there: frames after was 8, is now 0" in result.output
+
+
+def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
+    channels = tmp_path / "channels.json"
+    channels.write_text('{"color": ["R", "G", "B"], "depth": ["Z"], "motion": ["u", "v"]}')
+    options = "--channels", str(channels), "--conventions", "supersampler"
+    (tmp_path / "frames").mkdir()
+    for index in (*range(5), *range(7, 12)):
+        frame = noisy(index)
+        arrays = [np.asarray(frame.color), frame.depth[..., None], np.asarray(frame.motion)]
+        pixels = np.concatenate(arrays, axis=2).astype(np.float32)
+        write_exr(tmp_path / f"frames/{index:04d}.exr", pixels, [*"RGBZ", "u", "v"])
+    result = denoise(tmp_path / "frames", tmp_path / "out", *options)
+    assert result.exit_code == 0, result.output
+    assert "frame 5 to 6 between 0004.exr and 0007.exr is missing: a cut" in result.output
+    there = sorted(path.name for path in (tmp_path / "out").glob("*.exr"))
+    assert there == [f"{index:04d}.exr" for index in (*range(5), *range(7, 12))]
+    part = denoise(tmp_path / "frames", tmp_path / "part", *options, "--frames", "7-11")
+    assert part.exit_code == 0
+    np.testing.assert_array_equal(image(tmp_path / "part", 7), image(tmp_path / "out", 7))
 
 
 def test_missing_guides_are_said_once(tmp_path: Path) -> None:

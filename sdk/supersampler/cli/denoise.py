@@ -82,7 +82,8 @@ def denoise(
 
     Each frame is denoised by itself; then up to eight frames before and after it are gathered along the
     motion, and averaged where they agree. Frames need colour, depth and motion; albedo and normal make edges
-    sharp. Alpha and AOVs are averaged alike. The same command resumes a stopped run.
+    sharp. Alpha and AOVs are averaged alike; a missing frame is a cut. The same command resumes a stopped
+    run.
 
     \b
     Examples:
@@ -90,44 +91,37 @@ def denoise(
       supersampler denoise "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler denoise renders -o out --per-frame none --compare
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.denoise_run import DenoiseJob, run_denoise
-    from supersampler.cli.job import open_for
+    from supersampler.cli.denoise_run import DenoiseJob, parts_of, run_denoise
     from supersampler.cli.results import checked_name
     from supersampler.cli.upscale import image_options
-    from supersampler.denoising.spec import REACH
     from supersampler.io.shot.numbered import FrameRange
 
     given = dict(locals())
     numbers = None if frames is None else FrameRange.parse(frames, "--frames")
     if name is not None:
         name = checked_name(re.sub(r"%0?(\d{0,2})d", lambda field: "#" * int(field[1] or 1), name))
-    console, note = Terminal(stderr=True), ""
+    console = Terminal(stderr=True)
     open_frames = partial(open_with, shot, given, guides="denoising")
-    if numbers is None:
-        opened = open_frames()
-    else:
-        opened, note = open_for(numbers, REACH, open_frames, passes)
-    for line in (*filter(None, [note]), *source_notes(opened)):
-        console.print(line, soft_wrap=True)
-    job = DenoiseJob(
-        shot=opened,
-        output=output,
-        source={key: str(given[key]) for key in SOURCE_OPTIONS if given[key] is not None},
-        images=image_options(opened, given, name),
-        numbers=numbers,
-        compare=compare,
-        per_frame=per_frame,
-        passes=passes,
-        lookahead=lookahead,
-        threads=threads,
-        overwrite=overwrite,
-        json=json,
-        console=console,
-    )
-    results = run_denoise(job)
-    if json:
-        return
-    if job.images.video:
-        echo(f"Video: {output / results.video}")
-    if compare:
-        echo(f"Open in a browser: {output / results.page}")
+    for part, opened, note in parts_of(numbers, open_frames, passes):
+        for line in (*filter(None, [note]), *source_notes(opened)):
+            console.print(line, soft_wrap=True)
+        job = DenoiseJob(
+            shot=opened,
+            output=output,
+            source={key: str(given[key]) for key in SOURCE_OPTIONS if given[key] is not None},
+            images=image_options(opened, given, name),
+            numbers=part,
+            compare=compare,
+            per_frame=per_frame,
+            passes=passes,
+            lookahead=lookahead,
+            threads=threads,
+            overwrite=overwrite,
+            json=json,
+            console=console,
+        )
+        results = run_denoise(job)
+        if job.images.video and not json:
+            echo(f"Video: {output / results.video}")
+        if compare and not json:
+            echo(f"Open in a browser: {output / results.page}")

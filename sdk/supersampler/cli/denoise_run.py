@@ -2,14 +2,14 @@
 
 import time
 from collections import deque
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from supersampler import __version__
 from supersampler.cli.arguments import size_text
-from supersampler.cli.job import FrameJob, FramePlan, plan_frames
+from supersampler.cli.job import EXPOSURE_FRAMES, FrameJob, FramePlan, plan_frames
 from supersampler.cli.results import PREROLL, Results
 from supersampler.cli.run import FrameRun, Layers, OnStep, PageLayers, SteppedFrame, run_frames
 from supersampler.denoising.sequence import (
@@ -20,11 +20,12 @@ from supersampler.denoising.sequence import (
     missing_guides,
 )
 from supersampler.denoising.spec import REACH
-from supersampler.errors import FrameError, ShotError
+from supersampler.errors import FrameError, MissingFramesError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, versions_text
-from supersampler.io.shot import ShotFrame
+from supersampler.io.shot import Shot, ShotFrame
+from supersampler.io.shot.numbered import FrameRange
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +82,49 @@ def run_denoise(job: DenoiseJob) -> Results:
             job.settings(after),
             lambda results, first: _DenoiseRun(job, denoiser, results, plan, first),
         )
+
+
+def parts_of(
+    numbers: FrameRange | None, open_frames: Callable[..., Shot], passes: int
+) -> Iterator[tuple[FrameRange | None, Shot, str]]:
+    """Yield the numbers, the shot and a note of each part of a sequence: a missing frame is a cut.
+
+    Args:
+        numbers: numbers of the frames to write; None is all of them.
+        open_frames: opens all frames, or those from a first to a last number.
+        passes: 1 or 2.
+
+    Raises:
+        ShotError: there are no such frames, or they cannot be opened.
+    """
+    try:
+        shot = open_frames() if numbers is None else _opened(numbers, open_frames, passes)
+    except MissingFramesError as gap:
+        low, high = gap.present if numbers is None else (numbers.first, numbers.last)
+        (first, last), problem = gap.missing, gap.problem
+    else:
+        yield numbers, shot, ""
+        return
+    if low < first:
+        yield from parts_of(FrameRange(low, first - 1), open_frames, passes)
+    if last < high:
+        for part, shot, note in parts_of(FrameRange(last + 1, high), open_frames, passes):
+            yield part, shot, f"{problem}: a cut" if part is not None and part.first == last + 1 else note
+
+
+def _opened(numbers: FrameRange, open_frames: Callable[..., Shot], passes: int) -> Shot:
+    """Open a range of frames and those around it that its images depend on, up to the next gap."""
+    first, last = numbers.first - REACH - EXPOSURE_FRAMES, numbers.last + (REACH if passes == 2 else 0)
+    while True:
+        try:
+            return open_frames((first, last))
+        except MissingFramesError as gap:
+            if gap.missing[1] < numbers.first:
+                first = gap.missing[1] + 1
+            elif gap.missing[0] > numbers.last:
+                last = gap.missing[0] - 1
+            else:
+                raise
 
 
 class _DenoiseRun(FrameRun):

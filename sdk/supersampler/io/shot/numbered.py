@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
-from supersampler.errors import ArgumentError, ShotError
+from supersampler.errors import ArgumentError, MissingFramesError, ShotError
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
 from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import LARGEST_NUMBER, is_frame_range
@@ -114,7 +114,9 @@ def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> d
         if first <= last:
             missing = f"frame {first}" + (f" to {last}" if last > first else "")
             problem = f"{missing} between {files[before].name} and {files[after].name} is missing"
-            raise ShotError(folder, problem, "Render it; motion leads from each frame to the one before it.")
+            hint = "Render it; motion leads from each frame to the one before it."
+            present = min(files), max(files)
+            raise MissingFramesError(folder, problem, hint, missing=(first, last), present=present)
     return chosen
 
 
