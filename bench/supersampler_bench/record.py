@@ -14,6 +14,8 @@ from pathlib import Path
 from subprocess import TimeoutExpired
 from typing import Any, ClassVar, Self, TypeAlias, TypeVar
 
+from supersampler.backends.cpu.library import VERSION
+from supersampler.denoising import spec as denoising_spec
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import replacing
@@ -26,10 +28,12 @@ JsonRecord: TypeAlias = Mapping[str, Any]
 
 SHIPPED_PARETO = Path(__file__).parent / "pareto.json"
 """Times and scores of the shipped methods; presets are chosen from it."""
+DENOISER = "temporal-denoiser"
+"""Name of the temporal denoiser in records."""
 _BEGAN = time.monotonic()  # approximate start of a command
 _IMAGE_FILES = ("step.onnx", "network.npz")
 """Files of a model whose hashes, in model.json, tell whether its images are the same."""
-_PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
+_PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator", "pyoidn")
 
 
 @dataclass(frozen=True)
@@ -38,7 +42,7 @@ class Provenance:
 
     Attributes:
         commit: commit of the repository; None outside a repository.
-        model_digests: see `model_digests`; None in older records.
+        model_digests: see the function `model_digests`; None in older records.
         versions: versions of Python and of packages.
         machine: processor, cores and operating system.
         command: command that measured.
@@ -155,8 +159,16 @@ BENCHES: dict[str, type[BenchRecord]] = {}
 
 @cache
 def model_digests() -> Mapping[str, str]:
-    """Return a digest of each shipped model: of the files that its images are computed from."""
-    return {name: _model_digest(shipped_model(name)) for name in (*model_names(), *extrapolation_names())}
+    """Return a digest of each shipped model and of DENOISER: of what its images are computed from."""
+    names = (*model_names(), *extrapolation_names())
+    return {name: _model_digest(shipped_model(name)) for name in names} | {DENOISER: _denoiser_digest()}
+
+
+def _denoiser_digest() -> str:
+    """Return a digest of the temporal denoiser's constants and of the version of the CPU library."""
+    constants = {name: value for name, value in vars(denoising_spec).items() if name.isupper()}
+    text = json.dumps({"library": VERSION, **constants}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _model_digest(folder: Path) -> str:

@@ -18,6 +18,7 @@ def bench() -> None:
 for command in (
     quality.quality,
     quality.extrapolation,
+    quality.denoise,
     timing.cost,
     timing.traffic,
     timing.latency,

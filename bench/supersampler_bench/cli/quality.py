@@ -1,12 +1,13 @@
-"""`supersampler bench` commands about images: quality, extrapolation, still, parity and the test shots."""
+"""`supersampler bench` commands about images: quality, extrapolation, denoise, still, parity, test shots."""
 
+from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.table import Table
 
-from supersampler.cli.arguments import parse_size
+from supersampler.cli.arguments import SOURCE_OPTIONS, ConventionsOption, open_with, parse_size
 from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler.io.shot import Shot
@@ -135,6 +136,63 @@ def extrapolation(
             measured.append(bench.unshaded_row(one, scores, origin))
     record = bench.ExtrapolationRecord.of(measured, extrapolators)
     publish(record, f"extrapolation {name}", json)
+
+
+def denoise(
+    renders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RENDER...",
+            help="Folders of a path tracer's frames, named SCENE-SAMPLES: room-4 has 4 samples a pixel.",
+        ),
+    ],
+    reference: Annotated[
+        str,
+        typer.Option(
+            metavar="PATTERN",
+            help="EXR files of the references, relative to the folder that holds RENDER; {scene} is its "
+            "scene. Files of one frame are averaged.",
+        ),
+    ] = "{scene}-reference*/*.exr",
+    per_frame: Annotated[
+        Literal["auto", "oidn", "none"],
+        typer.Option(help="What denoises each frame first, as in `supersampler denoise`."),
+    ] = "auto",
+    conventions: ConventionsOption = None,
+    json: JSON = None,
+) -> None:
+    """Compare the temporal denoiser with its per-frame denoiser, against references of some frames.
+
+    Compared are: each frame denoised by itself; the median of it and its neighbours, aligned by motion; the
+    temporal filter with one pass and with two. PSNR, tPSNR and FLIP are of sRGB values, without exposure or
+    tone curve. tPSNR needs references of frames in a row. Pixels of a reference are missing where they are
+    NaN, or 0 in colour and alpha; those within 8 pixels of missing ones and of the edge are not scored.
+    References with Denoising Albedo and Denoising Normal are denoised, too. A file costs.jsonl in RENDER,
+    with lines {"frame": 16, "cpu": 10.5}, gives the CPU seconds of the renderer.
+
+    \b
+    Examples:
+      supersampler bench denoise room-1 room-4 --json denoise.json
+      supersampler bench denoise renders/room-4 --reference "truth/*.exr"
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.denoising.oidn import Oidn
+    from supersampler_bench.quality.denoise import frame_count, measure_render, scene_and_samples
+    from supersampler_bench.quality.denoise_record import DenoiseRecord
+    from supersampler_bench.quality.denoise_references import find_references
+
+    given = {**dict.fromkeys(SOURCE_OPTIONS), "layout": "auto", "conventions": conventions}
+    shots = [(folder, open_with(str(folder), given, guides="denoising")) for folder in renders]
+    total = sum(
+        frame_count(shot, find_references(folder, scene_and_samples(folder)[0], reference))
+        for folder, shot in shots
+    )
+    rows = []
+    with counted("frames", total) as advance:
+        for folder, shot in shots:
+            comes_denoised = shot.is_denoised if per_frame == "auto" else per_frame == "none"
+            with nullcontext() if comes_denoised else Oidn(threads=1) as denoiser:
+                rows.append(measure_render(folder, shot, denoiser, reference=reference, on_frame=advance))
+    publish(DenoiseRecord(rows), "denoise", json)
 
 
 def still(

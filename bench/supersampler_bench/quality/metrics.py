@@ -86,13 +86,16 @@ def flip_map(image: Array, reference: Array) -> Float32:
     return np.asarray(error_map, np.float32).reshape(image.shape[:2])
 
 
-def tpsnr(image: Array, previous: Array, reference: Array, previous_reference: Array) -> float:
+def tpsnr(
+    image: Array, previous: Array, reference: Array, previous_reference: Array, mask: Bool | None = None
+) -> float:
     """PSNR of the change from frame to frame, not warped, in dB: 0 to 100, higher is steadier.
 
-    A fixed error cancels; flicker and lag do not. All (H, W, 3) in [0, 1], consecutive frames.
+    A fixed error cancels; flicker and lag do not. All (H, W, 3) in [0, 1], consecutive frames; `mask` as
+    that of `psnr`.
     """
     change = _double(image) - _double(previous)
-    return psnr(change, _double(reference) - _double(previous_reference))
+    return psnr(change, _double(reference) - _double(previous_reference), mask)
 
 
 def warped_error(image: Array, previous: Array, motion: Array, valid: Bool) -> float:

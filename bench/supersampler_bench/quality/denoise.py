@@ -1,0 +1,256 @@
+"""Measure the temporal denoiser on a path tracer's frames, beside the per-frame denoiser alone."""
+
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from supersampler.conventions.encodings import srgb_encoded
+from supersampler.denoising.oidn import FrameDenoiser
+from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser, guides_of
+from supersampler.denoising.spec import REACH
+from supersampler.denoising.temporal import packed_color
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.frame import Float32, Frame
+from supersampler.io.display import ExposureMeter
+from supersampler.io.shot import Shot
+from supersampler.sequence.backward_motion import scattered_motion
+from supersampler_bench.quality import metrics
+from supersampler_bench.quality.denoise_record import (
+    FRAME,
+    MEDIAN,
+    PAST,
+    DenoiseScores,
+    RenderRow,
+    mean_of,
+)
+from supersampler_bench.quality.denoise_references import (
+    Reference,
+    bounding_box,
+    check_scored,
+    find_references,
+    read_reference,
+)
+from supersampler_bench.record import DENOISER
+
+COSTS_FILE = "costs.jsonl"
+"""File beside the frames with lines {"frame": number, "cpu": seconds}: what the renderer took."""
+Images = dict[int, Float32]
+"""Images by the number of their frame."""
+
+
+class _Cost(msgspec.Struct):
+    frame: int
+    cpu: float
+
+
+def scene_and_samples(render: Path) -> tuple[str, int]:
+    """Return a render's scene and samples a pixel, from the name of its folder: ("room", 4) of room-4.
+
+    Raises:
+        ArgumentError: the name does not end in a hyphen and a number.
+    """
+    found = re.fullmatch(r"(.+)-(\d+)", render.name)
+    if found is None:
+        hint = "Rename the folder, or give a symbolic link to it."
+        raise ArgumentError("RENDER", got=render.name, want="SCENE-SAMPLES, such as room-4", hint=hint)
+    return found[1], int(found[2])
+
+
+def frame_count(shot: Shot, references: Mapping[int, Sequence[Path]]) -> int:
+    """Return the number of frames that `measure_render` reads."""
+    span = _span(shot, references)
+    return span.stop - span.start
+
+
+def measure_render(
+    render: Path,
+    shot: Shot,
+    denoiser: FrameDenoiser | None,
+    *,
+    reference: str,
+    on_frame: Callable[[], None] = lambda: None,
+) -> RenderRow:
+    """Denoise frames of a shot in several ways, and score them where there are references.
+
+    Args:
+        render: its folder, whose name is SCENE-SAMPLES.
+        shot: its frames, opened with the guides of denoising.
+        denoiser: denoises each frame first; None: the frames are denoised.
+        reference: see `find_references`.
+        on_frame: called after each frame of `frame_count`.
+
+    Raises:
+        ArgumentError: the folder has another name, or no frame has a reference.
+        ShotError: a file cannot be read, or a reference differs in size from the frames.
+    """
+    scene, samples = scene_and_samples(render)
+    files = find_references(render, scene, reference)
+    span = _span(shot, files)
+    numbers = [shot.first_number + index for index in span]
+    references = {number: read_reference(files[number], denoiser) for number in numbers if number in files}
+    width, height = shot.render_size
+    for number, each in references.items():
+        if each.scored.shape != (height, width):
+            raise ShotError(files[number][0], f"has {each.scored.shape} pixels; the frames {(height, width)}")
+    check_scored(references, files)
+    frames, frame_cpu = _denoised_alone(shot, span, denoiser, on_frame)
+    both, filter_cpu = _filtered(frames, REACH)
+    past, past_cpu = _filtered(frames, 0)
+    by_number = dict(zip(numbers, frames, strict=True))
+    images: dict[str, Images] = {
+        FRAME: {number: np.asarray(by_number[number].color, np.float32) for number in references},
+        MEDIAN: {number: median_of_three(by_number, number) for number in references},
+        PAST: {number: past[number - numbers[0]] for number in references},
+        DENOISER: {number: both[number - numbers[0]] for number in references},
+    }
+    return RenderRow(
+        scene=scene,
+        samples=samples,
+        size=shot.render_size,
+        frames=numbers,
+        reference_frames=list(references),
+        reference_files=min(len(files[number]) for number in references),
+        reference_is_denoised=all(each.is_denoised for each in references.values()),
+        scored=float(np.mean([each.scored.mean() for each in references.values()])),
+        per_frame="none" if denoiser is None else "oidn",
+        render_cpu=render_cost(render, numbers),
+        frame_cpu=frame_cpu,
+        filter_cpu=filter_cpu,
+        past_cpu=past_cpu,
+        methods=[_scores(method, found, references) for method, found in images.items()],
+    )
+
+
+def _span(shot: Shot, references: Mapping[int, object]) -> range:
+    """Return the indices of the frames with references, and of those within REACH of them."""
+    indices = [index for index in range(len(shot)) if shot.first_number + index in references]
+    if not indices:
+        numbers = f"{shot.first_number} to {shot.first_number + len(shot) - 1}"
+        got = f"references of the frames {', '.join(map(str, references))}"
+        raise ArgumentError("--reference", got=got, want=f"some of the frames {numbers} of {shot.name}")
+    return range(max(0, indices[0] - REACH), min(len(shot), indices[-1] + REACH + 1))
+
+
+def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
+    """Return the renderer's CPU seconds, the mean over frames; None where COSTS_FILE has none of them.
+
+    Raises:
+        ShotError: the file has other lines.
+    """
+    path = render / COSTS_FILE
+    if not path.is_file():
+        return None
+    try:
+        lines = [line for line in path.read_bytes().splitlines() if line.strip()]
+        costs = [msgspec.json.decode(line, type=_Cost) for line in lines]
+    except msgspec.DecodeError as error:
+        raise ShotError(
+            path, f"is not readable ({error})", 'Its lines are {"frame": 1, "cpu": 2.5}.'
+        ) from error
+    by_number = {cost.frame: cost.cpu for cost in costs}
+    return mean_of([by_number.get(number) for number in numbers])
+
+
+def _denoised_alone(
+    shot: Shot, span: range, denoiser: FrameDenoiser | None, on_frame: Callable[[], None]
+) -> tuple[list[Frame], float]:
+    """Return frames, each denoised by itself, without AOVs, and the denoiser's CPU seconds a frame."""
+    read = shot.frames(span.start, span.stop, gbuffers=BUFFERS, references=False)
+    # All are read first: threads read ahead, and their time would count.
+    frames = [replace(item.frame, aovs=None) for item in read]
+    frames[0] = replace(frames[0], reset=True)
+    done, seconds = [], 0.0
+    for frame in frames:
+        exposure = ExposureMeter().read_frame(frame)  # as `TemporalDenoiser` measures it, before denoising
+        before = time.process_time()
+        clean = frame if denoiser is None else _denoised_frame(frame, denoiser)
+        seconds += time.process_time() - before
+        done.append(replace(clean, exposure=exposure))
+        on_frame()
+    return done, 0.0 if denoiser is None else seconds / len(frames)
+
+
+def _denoised_frame(frame: Frame, denoiser: FrameDenoiser) -> Frame:
+    if frame.color is None:
+        raise ArgumentError("RENDER", got="a frame without colour", want="the colour of every frame")
+    color = packed_color(frame.color, 1.0 / frame.pre_exposure)
+    clean, albedo, normal = denoiser.denoise(np.ascontiguousarray(color[..., :3]), *guides_of(frame))
+    clean = np.where(color[..., 3:] > 0.0, clean * np.float32(frame.pre_exposure), np.float32(np.nan))
+    guides = {"base_color": albedo, "normal": normal}
+    known = {name: guide for name, guide in guides.items() if guide is not None}
+    return replace(frame, color=clean, gbuffer=known or None)
+
+
+def _filtered(frames: Sequence[Frame], lookahead: int) -> tuple[list[Float32], float]:
+    """Return the images of the temporal filter, and its CPU seconds a frame where it has all neighbours."""
+    images, seconds = [], []
+    with TemporalDenoiser(per_frame="none", lookahead=lookahead, threads=1) as denoiser:
+        run = denoiser.run(frames)
+        for _ in frames:
+            before = time.process_time()
+            images.append(next(run).image)
+            seconds.append(time.process_time() - before)
+    return images, float(np.mean(seconds[REACH : len(frames) - lookahead] or seconds))
+
+
+def median_of_three(frames: Mapping[int, Frame], number: int) -> Float32:
+    """Return the median of a frame and its two neighbours, (h, w, 3), each channel by itself.
+
+    The neighbours are aligned by motion, bilinearly; where they are not known, the frame takes their place.
+    """
+    frame, before, after = (frames.get(each) for each in (number, number - 1, number + 1))
+    if frame is None or frame.color is None:
+        raise ArgumentError("frames", got=f"none of number {number}", want="its colour")
+    own = np.asarray(frame.color, np.float32)
+    images = [own]
+    for other, motion in _neighbours(frame, before, after):
+        warped, inside = metrics.warp(np.asarray(other.color, np.float32), np.asarray(motion, np.float32))
+        known = inside[..., None] & ~np.isnan(warped)
+        images.append(np.where(known, warped, own).astype(np.float32))
+    images += [own] * (3 - len(images))
+    return np.asarray(np.median(images, axis=0), np.float32)
+
+
+def _neighbours(frame: Frame, before: Frame | None, after: Frame | None) -> Iterator[tuple[Frame, Float32]]:
+    if before is not None and not frame.reset:
+        yield before, np.asarray(frame.motion, np.float32)
+    if after is not None and not after.reset:
+        given = frame.motion_next
+        motion = scattered_motion(frame, after) if given is None else given
+        yield after, np.asarray(motion, np.float32)
+
+
+def displayed(image: Float32) -> Float32:
+    """Return linear RGB as sRGB: clipped to [0, 1] and encoded, without exposure or tone curve."""
+    return srgb_encoded(np.clip(np.nan_to_num(image, nan=0.0, posinf=1.0), 0.0, 1.0))
+
+
+def _scores(method: str, images: Images, references: Mapping[int, Reference]) -> DenoiseScores:
+    """Score the images of one method, in the smallest rectangle around the pixels that count."""
+    box = bounding_box(np.logical_or.reduce([each.scored for each in references.values()]))
+    masks = {number: each.scored[box] for number, each in references.items()}
+    shown = {number: displayed(image[box]) for number, image in images.items()}
+    truth = {number: displayed(each.color[box]) for number, each in references.items()}
+    flip: list[float | None] = []
+    if find_spec("flip_evaluator") is not None:
+        for number, mask in masks.items():
+            error = metrics.flip_map(shown[number], truth[number])
+            flip.append(float(error[mask].mean(dtype=np.float64)))
+    changes: list[float | None] = [
+        metrics.tpsnr(shown[b], shown[a], truth[b], truth[a], masks[a] & masks[b])
+        for a, b in pairwise(sorted(references))
+        if b == a + 1
+    ]
+    return DenoiseScores(
+        method=method,
+        psnr=mean_of([metrics.psnr(shown[number], truth[number], masks[number]) for number in references]),
+        tpsnr=mean_of(changes),
+        flip=mean_of(flip),
+    )

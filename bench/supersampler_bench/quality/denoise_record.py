@@ -1,0 +1,190 @@
+"""Record and tables of `bench denoise`: ways to denoise a path tracer's frames, with their error and cost."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from supersampler.cli.arguments import size_text
+from supersampler.frame import Size
+from supersampler_bench.markdown import figure, table
+from supersampler_bench.quality.scores import BORDER
+from supersampler_bench.record import DENOISER, BenchRecord
+
+FRAME, MEDIAN, PAST = "frame", "median", f"{DENOISER}:past"
+METHODS = {
+    FRAME: "per-frame denoiser alone",
+    MEDIAN: "median of three",
+    PAST: "temporal filter, 1 pass",
+    DENOISER: "temporal filter, 2 passes",
+}
+"""Names of what is compared, and their titles in tables."""
+
+
+def mean_of(values: Sequence[float | None]) -> float | None:
+    """Return the mean of the known values; None where none is known."""
+    known = [value for value in values if value is not None and not np.isnan(value)]
+    return float(np.mean(known)) if known else None
+
+
+@dataclass(frozen=True)
+class DenoiseScores:
+    """Scores of one way to denoise, means over the frames with references.
+
+    Attributes:
+        method: one of METHODS.
+        psnr: dB, of sRGB values.
+        tpsnr: dB, of changes between frames in a row; None where no two references are.
+        flip: mean FLIP; None where flip-evaluator is not installed.
+    """
+
+    method: str
+    psnr: float | None
+    tpsnr: float | None
+    flip: float | None
+
+
+@dataclass(frozen=True)
+class RenderRow:
+    """Scores and costs of one render.
+
+    Attributes:
+        scene: name of the scene.
+        samples: samples a pixel.
+        size: (width, height).
+        frames: numbers of the frames that were denoised.
+        reference_frames: numbers of those that were scored.
+        reference_files: files whose mean a reference is, at least.
+        reference_is_denoised: whether the references were denoised, each by itself.
+        scored: fraction of the pixels that was scored.
+        per_frame: what denoised each frame: "oidn", or "none" where the frames came denoised.
+        render_cpu: CPU seconds a frame of the renderer; None where they are not known.
+        frame_cpu: CPU seconds a frame of the per-frame denoiser; 0 where the frames came denoised.
+        filter_cpu: CPU seconds a frame of the temporal filter, where it has all neighbours.
+        past_cpu: the same with one pass.
+        methods: scores of METHODS.
+    """
+
+    scene: str
+    samples: int
+    size: Size
+    frames: list[int]
+    reference_frames: list[int]
+    reference_files: int
+    reference_is_denoised: bool
+    scored: float
+    per_frame: str
+    render_cpu: float | None
+    frame_cpu: float
+    filter_cpu: float
+    past_cpu: float
+    methods: list[DenoiseScores]
+
+    def scores(self, method: str) -> DenoiseScores:
+        """Return the scores of one of METHODS."""
+        return next(scores for scores in self.methods if scores.method == method)
+
+    def temporal_cpu(self, method: str) -> float | None:
+        """Return CPU seconds a frame of what follows the per-frame denoiser; None: they were not measured."""
+        return {FRAME: 0.0, PAST: self.past_cpu, DENOISER: self.filter_cpu}.get(method)
+
+    @property
+    def megapixels(self) -> float:
+        """Pixels of a frame, in millions."""
+        return self.size[0] * self.size[1] / 1e6
+
+
+@dataclass(frozen=True)
+class DenoiseRecord(BenchRecord):
+    """Scores of renders. `model_digests` has the digest of the temporal denoiser's constants."""
+
+    renders: list[RenderRow]
+    border: int = BORDER
+    BENCH = "denoise"
+    TABLES = ("", "scenes", "flip")
+
+    def table(self) -> str:
+        """Return the Markdown table of means over scenes, at each number of samples."""
+        headings = [
+            "samples:", "method", "PSNR dB ↑:", "tPSNR dB ↑:", "FLIP ↓:", "CPU s a frame:",
+            "of which the filter:", "filter, CPU s a megapixel:",
+        ]  # fmt: skip
+        rows = [row for samples in self._samples() for row in self._mean_rows(samples)]
+        scenes = sorted({row.scene for row in self.renders})
+        caption = (
+            f"Scenes: {', '.join(scenes)}; means of those with each number of samples. CPU s a frame: "
+            "renderer, per-frame denoiser and temporal filter together, one thread each. The filter's are of "
+            f"a frame with all neighbours, without AOVs. {self._conditions()}"
+        )
+        return table(headings, rows, caption)
+
+    def scenes_table(self) -> str:
+        """Return the Markdown table of PSNR and tPSNR of each render, and of costs."""
+        headings = ["scene", "samples:", *(f"{title}:" for title in METHODS.values())]
+        costs = ["renderer, CPU s:", "per-frame denoiser, CPU s:", "filter, CPU s:"]
+        rows = [
+            [
+                row.scene, row.samples,
+                *(f"{figure(s.psnr, 2)} / {figure(s.tpsnr, 2)}" for s in map(row.scores, METHODS)),
+                figure(row.render_cpu, 1), figure(row.frame_cpu, 1), figure(row.filter_cpu, 2),
+            ]
+            for row in self._ordered()
+        ]  # fmt: skip
+        return table([*headings, *costs], rows, "PSNR / tPSNR, dB, and CPU seconds a frame.")
+
+    def flip_table(self) -> str:
+        """Return the Markdown table of the FLIP of each render."""
+        headings = ["scene", "samples:", *(f"{title}:" for title in METHODS.values())]
+        rows = [
+            [row.scene, row.samples, *(figure(row.scores(method).flip, 4) for method in METHODS)]
+            for row in self._ordered()
+        ]
+        return table(headings, rows, "FLIP, lower is better.")
+
+    def _ordered(self) -> list[RenderRow]:
+        return sorted(self.renders, key=lambda row: (row.samples, row.scene))
+
+    def _samples(self) -> list[int]:
+        return sorted({row.samples for row in self.renders})
+
+    def _mean_rows(self, samples: int) -> list[list[object]]:
+        """Return the rows of the mean table at one number of samples."""
+        renders = [row for row in self.renders if row.samples == samples]
+        found: list[list[object]] = []
+        for method, title in METHODS.items():
+            scores = [row.scores(method) for row in renders]
+            own = [row.temporal_cpu(method) for row in renders]
+            whole = [
+                None if row.render_cpu is None or cpu is None else row.render_cpu + row.frame_cpu + cpu
+                for row, cpu in zip(renders, own, strict=True)
+            ]
+            a_megapixel = [
+                None if cpu is None or method == FRAME else cpu / row.megapixels
+                for row, cpu in zip(renders, own, strict=True)
+            ]
+            found.append(
+                [
+                    samples,
+                    title,
+                    figure(mean_of([each.psnr for each in scores]), 2),
+                    figure(mean_of([each.tpsnr for each in scores]), 2),
+                    figure(mean_of([each.flip for each in scores]), 4),
+                    figure(mean_of(whole), 2),
+                    figure(None if method == FRAME else mean_of(own), 2),
+                    figure(mean_of(a_megapixel), 2),
+                ]
+            )
+        return found
+
+    def _conditions(self) -> str:
+        """Return sentences that say what was measured, and how."""
+        sizes = sorted({size_text(row.size) for row in self.renders})
+        first = {"oidn": "OIDN with filtered guides denoises each frame", "none": "The frames came denoised"}
+        kinds = " or ".join(sorted({first[row.per_frame] for row in self.renders}))
+        counts = sorted({len(row.reference_frames) for row in self.renders})
+        denoised = " and denoised by OIDN" if any(row.reference_is_denoised for row in self.renders) else ""
+        return (
+            f"{kinds}; {', '.join(sizes)}. Scored: {' or '.join(map(str, counts))} frames of each render, "
+            f"{100.0 * np.mean([row.scored for row in self.renders]):.0f} % of the pixels, as sRGB without a "
+            f"tone curve; the references are rendered with more samples{denoised}. {self.machine_name}."
+        )
