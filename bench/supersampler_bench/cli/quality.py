@@ -192,6 +192,8 @@ def denoise(
             comes_denoised = shot.is_denoised if per_frame == "auto" else per_frame == "none"
             with nullcontext() if comes_denoised else Oidn(threads=1) as denoiser:
                 rows.append(measure_render(folder, shot, denoiser, reference=reference, on_frame=advance))
+            if json is not None:  # a stopped run keeps what it has measured
+                write_json(DenoiseRecord(rows), json)
     publish(DenoiseRecord(rows), "denoise", json)
 
 
