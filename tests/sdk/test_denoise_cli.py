@@ -108,6 +108,24 @@ def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
     np.testing.assert_array_equal(image(tmp_path / "part", 7), image(tmp_path / "out", 7))
 
 
+def test_ids_are_copied_as_they_are(tmp_path: Path) -> None:
+    names = [*"RGBZ", "vector.x", "vector.y", "CryptoObject00.r", "ObjectID"]
+    generator = np.random.default_rng(0)
+    ids = generator.random((30, 48, 2), np.float32) * 1e6
+    (tmp_path / "frames").mkdir()
+    for index in range(3):
+        frame = noisy(index)
+        parts = [np.asarray(frame.color), frame.depth[..., None], np.asarray(frame.motion), ids + index]
+        pixels = np.concatenate(parts, axis=2).astype(np.float32)
+        write_exr(tmp_path / f"frames/{index:04d}.exr", pixels, names)
+    result = denoise(tmp_path / "frames", tmp_path / "out", "--conventions", "supersampler")
+    assert result.exit_code == 0, result.output
+    channels = read_exr(tmp_path / "out/0001.exr")
+    np.testing.assert_array_equal(channels["CryptoObject00.r"], ids[..., 0] + 1)
+    np.testing.assert_array_equal(channels["ObjectID"], ids[..., 1] + 1)
+    assert channels["R"].dtype == np.float16
+
+
 def test_missing_guides_are_said_once(tmp_path: Path) -> None:
     with ShotWriter(tmp_path / "shot", name="shot", display_size=(48, 30), frame_rate=24.0) as writer:
         for index in range(3):

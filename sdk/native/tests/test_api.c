@@ -424,6 +424,52 @@ static void states_are_saved_and_loaded(void) {
     }
 }
 
+enum { TW = 37, TH = 21, WINDOW = 5 };
+
+static void the_temporal_filter_averages_frames(void) {
+    static float color[WINDOW][TH][TW][4], guides[TH][TW][8], depth[TH][TW], motion[TH][TW][2], step[TH][TW][2];
+    static float image[2][TH][TW][4], means[TH][TW][4];
+    ss_temporal_frame frames[WINDOW];
+    const float* aovs[WINDOW][1];
+    float* mean[1] = {&means[0][0][0]};
+    ss_error error;
+    for (int y = 0; y < TH; y++)
+        for (int x = 0; x < TW; x++) {
+            for (int k = 0; k < WINDOW; k++) {
+                for (int c = 0; c < 3; c++) color[k][y][x][c] = 0.5f + (k % 2 ? 0.001f : -0.001f);
+                color[k][y][x][3] = 1.0f;
+            }
+            motion[y][x][0] = x % 3 ? 0.0f : NAN;
+            motion[y][x][1] = x % 5 ? 0.0f : 1e30f;
+            depth[y][x] = 1.0f;
+        }
+    CHECK(ss_nearest_motion(&depth[0][0], &motion[0][0][0], TW, TH, &step[0][0][0], &error) == SS_OK, "%s", error.message);
+    CHECK(ss_nearest_motion(NULL, &motion[0][0][0], TW, TH, &step[0][0][0], &error) == SS_BAD_ARGUMENT, "NULL is a depth");
+    for (int k = 0; k < WINDOW; k++) {
+        aovs[k][0] = &color[k][0][0][0];
+        frames[k] = (ss_temporal_frame){&color[k][0][0][0], &guides[0][0][0], &step[0][0][0], &step[0][0][0], aovs[k]};
+    }
+    ss_temporal filter = {TW, TH, frames, 2, 2, 1, 1.0f, 0, TH, &image[0][0][0][0], mean};
+    CHECK(ss_filter_temporal(&filter, &error) == SS_OK, "%s", error.message);
+    filter.image = &image[1][0][0][0];
+    for (int y = 0; y < TH; y += 5) {  // as threads would
+        filter.first_row = y, filter.end_row = y + 5 < TH ? y + 5 : TH;
+        CHECK(ss_filter_temporal(&filter, &error) == SS_OK, "%s", error.message);
+    }
+    CHECK(memcmp(image[0], image[1], sizeof image[0]) == 0, "rows depend on how they are split");
+    for (int y = 0; y < TH; y++)
+        for (int x = 0; x < TW; x++) {
+            CHECK(fabsf(image[0][y][x][0] - 0.5f) < 0.0011f, "pixel %d %d: %g", x, y, image[0][y][x][0]);
+            CHECK(image[0][y][x][3] >= 1.0f && fabsf(means[y][x][0] - image[0][y][x][0]) < 1e-6f, "pixel %d %d", x, y);
+        }
+    CHECK(image[0][10][16][3] > 1.5f, "no neighbour has a weight: %g", image[0][10][16][3]);
+    filter.end_row = TH + 1;
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "rows"), "%s", error.message);
+    filter.end_row = TH, frames[3].guides = NULL;
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "frame 3"), "%s", error.message);
+    CHECK(ss_filter_temporal(NULL, &error) == SS_BAD_ARGUMENT, "NULL is a filter");
+}
+
 int main(void) {
     states_are_saved_and_loaded();
     CHECK(ss_version() == SS_VERSION, "%d", ss_version());
@@ -435,5 +481,6 @@ int main(void) {
     memory_may_end_anywhere();
     bad_arguments_are_named();
     hostile_frames_do_no_harm();
+    the_temporal_filter_averages_frames();
     return failures ? 1 : 0;
 }

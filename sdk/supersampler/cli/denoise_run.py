@@ -24,7 +24,9 @@ from supersampler.errors import FrameError, MissingFramesError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, versions_text
+from supersampler.io.images import Channel
 from supersampler.io.shot import Shot, ShotFrame
+from supersampler.io.shot.named_channels import is_id
 from supersampler.io.shot.numbered import FrameRange
 
 
@@ -224,6 +226,10 @@ class _DenoiseRun(FrameRun):
             return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
 
         return layers_of
+
+    def copied(self, index: int) -> Mapping[str, Channel]:
+        names = [name for name in self._shot.ignored_channels if is_id(name)]
+        return self._shot.read_channels(index, names) if names else {}
 
     def _warn(self, item: ShotFrame) -> None:
         """Say what the first frame lacks."""

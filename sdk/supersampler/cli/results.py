@@ -35,6 +35,7 @@ from supersampler.io.files import (
 )
 from supersampler.io.images import (
     Bytes,
+    Channel,
     Metadata,
     half_pixels,
     pixel_aspect,
@@ -77,6 +78,7 @@ class OutputImage:
         aovs: (H, W, k) AOVs for the EXR; PNG and TIFF have the one named A, alpha.
         aov_names: names of their channels; None: A for k = 1, else aovs.0, aovs.1 and so on.
         metadata: entries of the header: EXR has all, PNG and TIFF the pixel aspect ratio.
+        copied: (H, W) channels by name that the EXR holds as they are: ids.
     """
 
     image: Float32
@@ -84,6 +86,7 @@ class OutputImage:
     aovs: Float32 | None = None
     aov_names: Sequence[str] | None = None
     metadata: Metadata | None = None
+    copied: Mapping[str, Channel] = field(default_factory=dict)
 
     @property
     def aov_channels(self) -> list[str]:
@@ -179,8 +182,10 @@ class ImageOptions:
             else:
                 arrays = [output.image] if output.aovs is None else [output.image, output.aovs]
                 names = [*COLOR, *(output.aov_channels if output.aovs is not None else ())]
+                image = half_pixels(arrays)
+                channels = {name: image[..., at] for at, name in enumerate(names)} | dict(output.copied)
                 write_exr(
-                    path, half_pixels(arrays), names, compression=self.compression,
+                    path, channels if output.copied else image, names, compression=self.compression,
                     metadata=output.metadata, color_space=self.color_space,
                 )  # fmt: skip
         if not self.video:

@@ -22,7 +22,7 @@ from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, compare_page, versions_text
 from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.files import check_apart, is_there
-from supersampler.io.images import Bytes, Metadata, pixel_aspect, result_metadata
+from supersampler.io.images import Bytes, Channel, Metadata, pixel_aspect, result_metadata
 from supersampler.io.shot import ShotFrame
 from supersampler.io.video import VideoWriter, video_writer
 from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of
@@ -177,6 +177,10 @@ class FrameRun:
         """Describe the page."""
         raise NotImplementedError
 
+    def copied(self, index: int) -> Mapping[str, Channel]:  # noqa: ARG002  # of subclasses
+        """Return channels of a frame that its result holds as they are; called on threads."""
+        return {}
+
     def page_layers(self, stack: ExitStack) -> PageLayers:
         """Return what makes layers and numbers of a frame for the page; `stack` ends with the page."""
         raise NotImplementedError
@@ -278,7 +282,7 @@ class FrameRun:
         job, number = self._frame_job, self._plan.numbers.first + position
         output = OutputImage(
             image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
-            metadata=self._metadata(index),
+            metadata=self._metadata(index), copied=self.copied(index),
         )  # fmt: skip
         images = job.images if position >= self._first else replace(job.images, formats=("mp4",))
         return Written(position, number, images.write(job.output, number, output), seconds)

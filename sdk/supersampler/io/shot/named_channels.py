@@ -40,11 +40,14 @@ Letters are in any case. A name of one number may also stand alone, as `Z` and `
 _LUMINANCE = "Y"
 """Channel of EXR files without colours."""
 _ALONE = ("depth", "roughness", "metallic", "specular")
-_DATA = {
+_IDS = {
     "id", "objectid", "object_id", "materialid", "material_id", "instanceid", "instance_id", "object index",
-    "material index", "position", "p", "pref", "pworld", "uv", "st",
+    "material index",
 }  # fmt: skip
-_DATA_BEGIN = ("crypto", "denoising ", "noisy ", "debug ", "index")
+_IDS_BEGIN = ("crypto", "index")
+"""Names, and beginnings of names, of ids."""
+_DATA = _IDS | {"position", "p", "pref", "pworld", "uv", "st"}
+_DATA_BEGIN = (*_IDS_BEGIN, "denoising ", "noisy ", "debug ")
 """Names, and beginnings of names, of data that cannot be blended: ids, places, other vectors."""
 
 
@@ -112,10 +115,20 @@ def blended_and_ignored(
     return blended, [name for name in others if name not in blended]
 
 
+def is_id(channel: str) -> bool:
+    """Return whether a channel's name is one of ids, such as Cryptomatte's."""
+    base = _base(channel)
+    return base in _IDS or base.startswith(_IDS_BEGIN)
+
+
+def _base(channel: str) -> str:
+    *before, last = channel.lower().split(".")
+    return before[-1] if before else last
+
+
 def _is_data(channel: str) -> bool:
     """Return whether a channel's name is one of data, or of depth, motion or a normal."""
-    *before, last = channel.lower().split(".")
-    base = before[-1] if before else last
+    base = _base(channel)
     vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
     return base in vectors | _DATA or base.startswith(_DATA_BEGIN)
 

@@ -16,12 +16,13 @@ from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_you_mean
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.files import check_inside, is_file
-from supersampler.io.images import Metadata, read_header
+from supersampler.io.images import Channel, Metadata, read_exr, read_header
 from supersampler.io.shot.format import (
     FILE_NAME,
     ClassMaps,
     FrameEntry,
     ShotInfo,
+    check_size,
     files_of,
     load_shot_json,
     read_classes,
@@ -344,6 +345,13 @@ class Shot:
         """Return the description of a frame by the program that rendered it; {} for files other than EXR."""
         path = self.source / self._entries[index].file
         return read_header(path).metadata if path.suffix.lower() == ".exr" else {}
+
+    def read_channels(self, index: int, names: Collection[str]) -> dict[str, Channel]:
+        """Read channels of a frame's EXR file as they are, (h, w) each; ShotError where one is missing."""
+        path = self.source / self._entries[index].file
+        channels = read_exr(path, only=names)
+        check_size(path, channels, self._entries[index].render_size or self.render_size)
+        return channels
 
     def _reference_file(self, index: int) -> Path | None:
         """Return the file of a frame's reference where it may have labels, which only our format has."""
