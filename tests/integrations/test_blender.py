@@ -280,6 +280,22 @@ def test_temporal_denoising_renders_at_full_size_with_guides_in_world_space(tmp_
     ]
 
 
+def test_advice_compares_three_ways_and_writes_their_images(tmp_path: Path) -> None:
+    done = render(tmp_path, "--samples", 1, "--advise", size=[192, 128])
+    assert done.exit_code == 0, done.output
+    seconds, errors = np.array(
+        re.findall(r"^\w.* (\d+\.\d) +(\d+\.\d)%$", done.stdout, re.MULTILINE), float
+    ).T
+    assert len(seconds) == 3
+    assert (seconds > 0).all()
+    assert (errors > 0).all()
+    assert re.search("^Most promising: (full|half) size, .* Options: ", done.stdout, re.MULTILINE)
+    folder = tmp_path / "out" / "advise"
+    assert {path.name for path in folder.glob("*.png")} == {"plain.png", "temporal.png", "upscaled.png"}
+    assert {ImageBuf(str(path)).spec().width for path in folder.glob("*.png")} == {96}
+    assert not (tmp_path / "out" / "render").exists()
+
+
 def test_kept_motion_blur_leaves_the_motion_of_the_camera(tmp_path: Path) -> None:
     properties = {"scene.render.use_motion_blur": True}
     done = render(tmp_path, "--samples", 1, "--keep-blur", properties=properties)

@@ -28,10 +28,12 @@ METHOD = ("--method", "bilinear")
 IMAGES = ["0005.exr", "0006.exr", "0007.exr", "0008.exr"]
 
 
-def blender(folder: Path, *options: object, program: object = None, **plan: Any) -> Result:
+def blender(
+    folder: Path, *options: object, program: object = None, method: Any = METHOD, **plan: Any
+) -> Result:
     """Run the command on a scene of this plan, into folder/out."""
     program = program or fake_blender(folder)
-    command = ["blender", scene_file(folder, **plan), "-o", folder / "out", *METHOD, "--blender", program]
+    command = ["blender", scene_file(folder, **plan), "-o", folder / "out", *method, "--blender", program]
     return CliRunner().invoke(app, [str(word) for word in (*command, *options)])
 
 
@@ -64,6 +66,45 @@ def test_images_have_blenders_numbers_and_are_those_of_the_rendered_shot(tmp_pat
         assert channels.keys() == {"R", "G", "B", "A"}
         image = np.stack([channels[axis] for axis in "RGB"], axis=-1)
         np.testing.assert_array_equal(image, upscaler.step(item.frame).astype(np.float16))
+
+
+DENOISED = {"scene": {"denoise": "temporal", "display_size": [48, 32]}}
+"""What the script reports of Cycles where neither --scale nor --method is given."""
+
+
+def test_a_scene_that_the_script_denoises_is_denoised_over_time_and_continues(tmp_path: Path) -> None:
+    (tmp_path / "whole").mkdir()
+    done = blender(tmp_path / "whole", method=(), **DENOISED)
+    assert done.exit_code == 0, done.output
+    whole = images(tmp_path / "whole")
+    assert list(whole) == IMAGES
+    channels = read_exr(tmp_path / "whole" / "out" / IMAGES[1])
+    assert channels["R"].shape == (32, 48)
+    assert {"R", "G", "B", "A"} <= channels.keys()
+    record = read_render_record(tmp_path / "whole" / "out" / "render")
+    assert (record.jitter, record.settings["scale"]) == (((0.0, 0.0),), None)
+    assert "Error: out of memory" in one_line(blender(tmp_path, method=(), error_at=7, **DENOISED))
+    assert blender(tmp_path, method=(), **DENOISED).exit_code == 0
+    assert rendered(tmp_path) == [7, 8]
+    assert images(tmp_path) == whole
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--method", "bilinear"), "--method is given with --denoise temporal; want one of the two"),
+        (("--scale", "2"), "scale is 2, with temporal denoising; want one of the two"),
+    ],
+)
+def test_options_of_upscaling_are_refused_with_temporal_denoising(
+    tmp_path: Path, options: tuple[str, ...], message: str
+) -> None:
+    assert message in one_line(blender(tmp_path, "--denoise", "temporal", *options, method=()))
+
+
+def test_a_method_chooses_upscaling(tmp_path: Path) -> None:
+    assert blender(tmp_path).exit_code == 0
+    assert read_render_record(tmp_path / "out" / "render").settings["scale"] == 2.0
 
 
 def test_a_frame_is_upscaled_while_the_next_ones_render(tmp_path: Path) -> None:

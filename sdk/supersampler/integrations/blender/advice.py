@@ -1,0 +1,187 @@
+"""Compare the ways to render a scene of Cycles on a few small frames: plain, denoised over time, upscaled.
+
+There is no reference. Instead, one frame is rendered again with other noise. Before it is denoised, that
+render is the truth plus noise of mean 0 that no result depends on. So the mean square of a result's
+difference from it is the result's own error plus the variance of that noise, the same for every result. The
+variance follows from the difference between the two noisy images: that of n samples is taken as proportional
+to 1 / n.
+
+The second render has more samples: at the same small number, errors of two seeds correlate in Cycles (0.06 at
+4 samples a pixel), which favours a plain frame.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from supersampler.denoising import denoise_sequence
+from supersampler.errors import ArgumentError
+from supersampler.frame import Float32
+from supersampler.integrations.blender.render import Rendering, RenderRequest, rendering
+from supersampler.io.display import BT709
+from supersampler.io.images import read_exr
+from supersampler.io.shot.blender import RenderedScene, frame_file
+from supersampler.io.shot.numbered import FrameRange
+from supersampler.upscaler import Upscaler
+
+FRAMES = 5
+"""Frames that each way has: for temporal denoising the compared one is the middle, for upscaling the last."""
+PART = 0.5
+"""Part of the width and height at which the frames are tried."""
+_SCALE = 2.0
+_MORE = 4  # samples of the render that results are compared to, over those of the frames
+_BLOCK = 8  # side of the squares of pixels that are taken to be independent
+_DARK = 0.01  # luminance below which errors are not relative
+_SLOWER = 1.1  # ratio of times that decides between ways that are alike
+
+
+@dataclass(frozen=True, kw_only=True)
+class Way:
+    """A way to render, as tried.
+
+    Attributes:
+        name: "plain", "temporal" or "upscaled".
+        seconds: estimated wall time of a frame of full size: that of the small frame by its number of pixels.
+        error: root mean square of the relative error of light, without the noise of what it is compared to.
+        image: (h, w, 3) the compared frame, linear RGB.
+    """
+
+    name: str
+    seconds: float
+    error: float
+    image: Float32
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """Ways to render, and the one that promises most.
+
+    Attributes:
+        scene: the scene, as rendered for the trial.
+        ways: plain, temporal, upscaled.
+        best: the way with the smallest error. Of those that cannot be told apart, the fastest; of those that
+            are as fast, too, the one with the smallest error.
+        alike: names of the ways whose errors cannot be told from that of the smallest error.
+        frame: number of the frame that is compared.
+    """
+
+    scene: RenderedScene
+    ways: tuple[Way, ...]
+    best: Way
+    alike: tuple[str, ...]
+    frame: int
+
+
+def advise(
+    request: RenderRequest, folder: Path, *, overwrite: bool = False, note: Callable[[str], None]
+) -> Advice:
+    """Render FRAMES frames at PART of the size in each way, and return how they compare.
+
+    Args:
+        request: the scene; `frames`, `samples`, `display_size` and names are used, and no scale.
+        folder: folder for the renders; a complete one is used again.
+        overwrite: render them again.
+        note: called with each message about a setting that differs from that of the file.
+
+    Raises:
+        ArgumentError: the request has a scale, or there is no Blender.
+        ShotError: the scene cannot be rendered, its engine is not Cycles, or it samples adaptively and the
+            request has no number of samples.
+    """
+    if request.scale is not None or request.denoise not in (None, "temporal"):
+        raise ArgumentError("--advise", got="given with --scale or --denoise", want="neither: it tries both")
+    numbers, size = request.frames, request.display_size
+    if numbers is not None:
+        first = max(numbers.first, (numbers.first + numbers.last - FRAMES + 1) // 2)
+        numbers = FrameRange(first, min(first + FRAMES - 1, numbers.last))
+    if size is not None:
+        size = round(size[0] * PART), round(size[1] * PART)
+    full = replace(request, denoise="temporal", frames=numbers, display_size=size, part=PART, most=FRAMES)
+    with rendering(full, folder / "full", overwrite=overwrite, note=note) as render:
+        scene, frames = render.scene, [item.frame for item in render.shot]
+        middle, rendered = len(frames) // 2, _seconds(render)
+        number = render.shot.first_number + middle
+    began = time.perf_counter()
+    temporal = list(denoise_sequence(frames, per_frame="none"))[middle]
+    filtered = (time.perf_counter() - began) / len(frames)
+    plain = np.asarray(frames[middle].color, np.float32)
+    again = replace(full, frames=FrameRange(number, number), seed=1, samples=_MORE * (scene.samples or 1))
+    with rendering(again, folder / "again", overwrite=overwrite, note=_ignore) as render:
+        render.shot.read(0)
+        noisy = [_noisy(folder / name / frame_file(number), scene.layer) for name in ("full", "again")]
+    upscaled, small = _upscaled(full, folder, scene, number, overwrite=overwrite)
+    times = {"plain": rendered, "temporal": rendered + filtered, "upscaled": small}
+    images = {"plain": plain, "temporal": temporal, "upscaled": upscaled}
+    weight = 1.0 / (np.square(plain @ BT709) + _DARK**2)
+    squares = {name: _relative_squares(image, noisy[1], weight) for name, image in images.items()}
+    variance = float(_relative_squares(noisy[0], noisy[1], weight).mean()) / (_MORE + 1)
+    ways = tuple(
+        Way(
+            name=name,
+            seconds=times[name] / PART**2,
+            error=float(np.sqrt(max(0.0, float(squares[name].mean()) - variance))),
+            image=image,
+        )
+        for name, image in images.items()
+    )
+    least = min(ways, key=lambda way: way.error)
+    alike = [way for way in ways if _are_alike(squares[way.name], squares[least.name])]
+    limit = _SLOWER * min(way.seconds for way in alike)
+    best = min((way for way in alike if way.seconds <= limit), key=lambda way: way.error)
+    return Advice(scene=scene, ways=ways, best=best, alike=tuple(way.name for way in alike), frame=number)
+
+
+def _upscaled(
+    full: RenderRequest, folder: Path, scene: RenderedScene, number: int, *, overwrite: bool
+) -> tuple[Float32, float]:
+    """Return an upscaled frame with as many samples as one of `full`, and its seconds."""
+    request = replace(
+        full,
+        denoise="frame",
+        scale=_SCALE,
+        samples=round((scene.samples or 1) * _SCALE**2),
+        frames=FrameRange(max(0, number - FRAMES + 1), number),
+        display_size=scene.display_size,
+    )
+    with (
+        rendering(request, folder / "small", overwrite=overwrite, note=_ignore) as render,
+        Upscaler(display_size=scene.display_size, validate="off") as upscaler,
+    ):
+        for item in render.shot:
+            image = upscaler.step(item.frame)
+        seconds = upscaler.stats.seconds / upscaler.stats.frames
+        return np.asarray(image, np.float32), _seconds(render) + seconds
+
+
+def _seconds(render: Rendering) -> float:
+    """Return the shortest wall time of a frame: the first ones also load the scene and kernels."""
+    return min(camera.seconds for camera in render.cameras())
+
+
+def _noisy(path: Path, layer: str) -> Float32:
+    """Return the colour of a frame before it was denoised, (h, w, 3)."""
+    names = [f"{layer}.Noisy Image.{axis}" for axis in "RGB"]
+    channels = read_exr(path, only=names)
+    return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
+
+
+def _relative_squares(image: Float32, other: Float32, weight: Float32) -> Float32:
+    """Return the means of the weighted squares of differences in blocks of pixels, flat."""
+    squares = np.square(image - other).mean(axis=-1) * weight
+    height, width = (side // _BLOCK * _BLOCK for side in squares.shape)
+    blocks = squares[:height, :width].reshape(height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK)
+    means: Float32 = blocks.mean(axis=(1, 3)).ravel()
+    return means
+
+
+def _are_alike(squares: Float32, least: Float32) -> bool:
+    """Return whether the mean of the differences is within two of its standard errors of 0."""
+    difference = squares - least
+    return bool(difference.mean() <= 2.0 * difference.std() / np.sqrt(difference.size))
+
+
+def _ignore(_: str) -> None:
+    """Drop a note that the first render has given already."""
