@@ -58,7 +58,7 @@ def test_the_library_computes_the_images_of_the_definition(
 ) -> None:
     ours, theirs = frames_of(size, 6, motion=motion)
     with TemporalFilter(threads=2) as library:
-        image, groups, _ = library.filter(ours[0], ours[1:4], ours[4:], exposure)
+        image, groups = library.filter(ours[0], ours[1:4], ours[4:], exposure)
     with torch.no_grad():
         color, aovs = definition.TemporalFilter()(theirs[0], theirs[1:4], theirs[4:], exposure)
     assert aovs is not None
@@ -72,8 +72,8 @@ def test_the_library_computes_the_images_of_the_definition(
 def test_neighbours_beyond_the_reach_are_not_read() -> None:
     ours, _ = frames_of((20, 11), REACH + 3)
     with TemporalFilter(threads=1) as library:
-        whole, _, _ = library.filter(ours[0], ours[1:], [])
-        part, _, _ = library.filter(ours[0], ours[1 : REACH + 1], [])
+        whole, _ = library.filter(ours[0], ours[1:], [])
+        part, _ = library.filter(ours[0], ours[1 : REACH + 1], [])
     np.testing.assert_array_equal(whole, part)
 
 

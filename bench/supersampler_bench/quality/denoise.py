@@ -25,7 +25,7 @@ from supersampler_bench.quality import metrics
 from supersampler_bench.quality.denoise_record import (
     FRAME,
     MEDIAN,
-    PAST,
+    ONE_PASS,
     DenoiseScores,
     RenderRow,
     mean_of,
@@ -102,12 +102,12 @@ def measure_render(
     check_scored(references, files)
     frames, frame_cpu = _denoised_alone(shot, span, denoiser, on_frame)
     both, filter_cpu = _filtered(frames, REACH)
-    past, past_cpu = _filtered(frames, 0)
+    one_pass, one_pass_cpu = _filtered(frames, 0)
     by_number = dict(zip(numbers, frames, strict=True))
     images: dict[str, Images] = {
         FRAME: {number: np.asarray(by_number[number].color, np.float32) for number in references},
         MEDIAN: {number: median_of_three(by_number, number) for number in references},
-        PAST: {number: past[number - numbers[0]] for number in references},
+        ONE_PASS: {number: one_pass[number - numbers[0]] for number in references},
         DENOISER: {number: both[number - numbers[0]] for number in references},
     }
     return RenderRow(
@@ -123,7 +123,7 @@ def measure_render(
         render_cpu=render_cost(render, numbers),
         frame_cpu=frame_cpu,
         filter_cpu=filter_cpu,
-        past_cpu=past_cpu,
+        one_pass_cpu=one_pass_cpu,
         methods=[_scores(method, found, references) for method, found in images.items()],
     )
 

@@ -11,11 +11,11 @@ from supersampler_bench.markdown import figure, table
 from supersampler_bench.quality.scores import BORDER
 from supersampler_bench.record import DENOISER, BenchRecord
 
-FRAME, MEDIAN, PAST = "frame", "median", f"{DENOISER}:past"
+FRAME, MEDIAN, ONE_PASS = "frame", "median", f"{DENOISER}:1-pass"
 METHODS = {
     FRAME: "per-frame denoiser alone",
     MEDIAN: "median of three",
-    PAST: "temporal filter, 1 pass",
+    ONE_PASS: "temporal filter, 1 pass",
     DENOISER: "temporal filter, 2 passes",
 }
 """Names of what is compared, and their titles in tables."""
@@ -61,7 +61,7 @@ class RenderRow:
         render_cpu: CPU seconds a frame of the renderer; None where they are not known.
         frame_cpu: CPU seconds a frame of the per-frame denoiser; 0 where the frames came denoised.
         filter_cpu: CPU seconds a frame of the temporal filter, where it has all neighbours.
-        past_cpu: the same with one pass.
+        one_pass_cpu: the same with one pass.
         methods: scores of METHODS.
     """
 
@@ -77,7 +77,7 @@ class RenderRow:
     render_cpu: float | None
     frame_cpu: float
     filter_cpu: float
-    past_cpu: float
+    one_pass_cpu: float
     methods: list[DenoiseScores]
 
     def scores(self, method: str) -> DenoiseScores:
@@ -86,7 +86,7 @@ class RenderRow:
 
     def temporal_cpu(self, method: str) -> float | None:
         """Return CPU seconds a frame of what follows the per-frame denoiser; None: they were not measured."""
-        return {FRAME: 0.0, PAST: self.past_cpu, DENOISER: self.filter_cpu}.get(method)
+        return {FRAME: 0.0, ONE_PASS: self.one_pass_cpu, DENOISER: self.filter_cpu}.get(method)
 
     @property
     def megapixels(self) -> float:

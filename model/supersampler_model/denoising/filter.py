@@ -1,9 +1,9 @@
 """The temporal filter: a mean over neighbouring frames, each gathered once by composed motion.
 
-Every image is (1, channels, height, width), at the size of the result. Each pixel follows its motion from
-frame to frame, up to REACH frames into the past and as many into the future. What it finds there, colours
-that are denoised frame by frame, is averaged. The weight of a neighbour falls with the distance of its guides
-(albedo and normal), of patches of its colour, and in time.
+Every image is (1, channels, height, width), at the size of the result. Colours were denoised frame by frame
+before. Each pixel follows its motion through up to REACH previous and REACH following frames. The filter
+reads the colour at each of these positions and averages the colours. The weight of a neighbouring frame falls
+with the differences in albedo, normal and patches of colour, and with its distance in time.
 """
 
 from collections.abc import Sequence
@@ -82,23 +82,23 @@ class TemporalFilter(nn.Module):
     def forward(
         self,
         frame: WindowFrame,
-        past: Sequence[WindowFrame],
-        future: Sequence[WindowFrame],
+        previous: Sequence[WindowFrame],
+        following: Sequence[WindowFrame],
         exposure: float = 1.0,
     ) -> tuple[Tensor, Tensor | None]:
         """Return the mean of colour, (1, 3, h, w), and of the AOVs.
 
         Args:
             frame: the frame, whose own weight is 1.
-            past: frames before it, the nearest one first.
-            future: frames after it, likewise.
+            previous: frames before it, the nearest one first.
+            following: frames after it, the nearest one first.
             exposure: > 0, multiplies colour before its logarithm.
         """
         known = frame.color[:, 3:]
         color, aovs, total = frame.color[:, :3] * known, frame.aovs, known
         if aovs is not None:
             aovs = aovs * known
-        for other in (*gathered(frame, past, "to_previous"), *gathered(frame, future, "to_next")):
+        for other in (*gathered(frame, previous, "to_previous"), *gathered(frame, following, "to_next")):
             weight = self.weight(distances(frame, other, exposure).permute(0, 2, 3, 1))[:, None] * other.known
             color = color + weight * other.color[:, :3]
             if aovs is not None and other.aovs is not None:

@@ -42,13 +42,13 @@ class Example(NamedTuple):
 
 def example_of(
     frame: WindowFrame,
-    past: Sequence[WindowFrame],
-    future: Sequence[WindowFrame],
+    previous: Sequence[WindowFrame],
+    following: Sequence[WindowFrame],
     reference: Tensor,
     exposure: float = 1.0,
 ) -> Example:
     """Gather a frame's neighbours; `reference` is (1, 3, h, w), NaN in pixels that are left out."""
-    others = [*gathered(frame, past, "to_previous"), *gathered(frame, future, "to_next")]
+    others = [*gathered(frame, previous, "to_previous"), *gathered(frame, following, "to_next")]
     kept = ~torch.isnan(reference[0, 0]).flatten()
 
     def pixels(image: Tensor) -> Tensor:
@@ -92,8 +92,8 @@ def fit(examples: Sequence[Example], *, steps: int = STEPS, seed: int = 0) -> Te
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     for step in range(steps):
         at = step % len(examples)
-        drawn = torch.randint(len(examples[at].own), (BATCH,))
-        batch = Example(*(values[drawn].float() for values in examples[at]))
+        pixels = torch.randint(len(examples[at].own), (BATCH,))
+        batch = Example(*(values[pixels].float() for values in examples[at]))
         error = errors(blended(model, batch), batch.reference)
         worse = torch.relu(error - errors(batch.own, batch.reference))
         optimizer.zero_grad()
@@ -118,11 +118,11 @@ def examples_of(shot: Shot) -> Iterator[Example]:
         reference = shot.read_reference(index)
         if reference is not None and reference.shape[:2] == frames[index].depth.shape:
             exposure = ExposureMeter().read_frame(frames[index])
-            past, future = (
+            previous, following = (
                 windows[max(0, index - REACH) : index][::-1],
                 windows[index + 1 : index + 1 + REACH],
             )
-            yield example_of(windows[index], past, future, planes(reference), exposure)
+            yield example_of(windows[index], previous, following, planes(reference), exposure)
 
 
 def as_tensors(window: temporal.WindowFrame) -> WindowFrame:

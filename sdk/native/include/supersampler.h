@@ -245,15 +245,15 @@ typedef struct ss_temporal_frame {
     const float* color;       /* (height, width, 4) linear RGB, denoised, and 1; 0 in all four where a sample is missing */
     const float* guides;      /* (height, width, 8) albedo, 0, normal, 0 */
     const float* to_previous; /* (height, width, 2) of `ss_nearest_motion`: pixels, previous minus current; NULL at a cut */
-    const float* to_next;     /* likewise, next minus current; NULL before a cut */
+    const float* to_next;     /* (height, width, 2) pixels, next minus current; NULL before a cut */
     const float* const* aovs; /* arrays of four channels each, (height, width, 4) */
 } ss_temporal_frame;
 
 /* A frame and its neighbours. */
 typedef struct ss_temporal {
     int width, height;
-    const ss_temporal_frame* frames; /* the frame, `past` frames before it, the nearest one first, and `future` after it */
-    int past, future;
+    const ss_temporal_frame* frames; /* the frame, `previous` frames before it, the nearest one first, and `following` after it */
+    int previous, following;
     int aov_groups;       /* arrays of AOVs in each frame */
     float exposure;       /* > 0, multiplies colour where colours are compared */
     int first_row, end_row; /* rows that are computed; several threads may compute rows of one image */

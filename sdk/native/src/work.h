@@ -239,7 +239,7 @@ struct TemporalFilter {
     static constexpr int TILE_ROWS = 16, TILE_COLUMNS = 64;
     static constexpr int SCRATCH = 24 * (TILE_ROWS + 4) * (TILE_COLUMNS + LANES);  // floats
     const ss_temporal_frame* frames;
-    int past, future, groups;
+    int previous, following, groups;
     float exposure;
     Size size;
     float* image;

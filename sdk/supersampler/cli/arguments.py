@@ -112,6 +112,38 @@ class Format(StrEnum):
     mp4 = "mp4"
 
 
+OutputOption: TypeAlias = Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")]
+FramesOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(metavar="FIRST-LAST", help="Numbers of the frames to write: 10-50.", show_default="all"),
+]
+FormatOption: TypeAlias = Annotated[
+    list[Format] | None,
+    typer.Option(
+        help="exr: linear half floats. png, tif, mp4: as displayed. Repeat it for several.",
+        show_default="exr; sRGB frames keep theirs",
+    ),
+]
+NameOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME.####",
+        help="Names of the results; #### is the number.",
+        show_default="as the frames",
+    ),
+]
+CompressionOption: TypeAlias = Annotated[
+    Literal["zip", "dwaa", "piz", "none"], typer.Option(help="EXR compression; dwaa is lossy.")
+]
+ThreadsOption: TypeAlias = Annotated[int, typer.Option(min=0, help="CPU threads; 0 uses every core.")]
+OverwriteOption: TypeAlias = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")
+]
+JsonOption: TypeAlias = Annotated[
+    bool, typer.Option("--json", help="Print a line of JSON per frame to stdout.")
+]
+
+
 def open_with(
     source: str,
     options: dict[str, Any],
@@ -142,6 +174,11 @@ def open_with(
         return open_source(source, layout=layout, frames=frames, **arguments)
     except ArgumentError as error:
         raise _with_option(error, {**dict.fromkeys(given, ""), "channel_map": "--channels"}) from error
+
+
+def source_of(options: dict[str, Any]) -> dict[str, str]:
+    """Return the options SOURCE_OPTIONS that were given, as text for the settings of a run."""
+    return {key: str(options[key]) for key in SOURCE_OPTIONS if options[key] is not None}
 
 
 def source_notes(shot: "Shot") -> list[str]:

@@ -144,11 +144,11 @@ _LABELS = {
     "temporal": ("full size, also denoised over time", "--denoise temporal"),
     "upscaled": ("half size, 4 times the samples, upscaled", "--scale 2 --samples {small}"),
 }
-"""Ways of `supersampler blender --advise`: what they are, and the options that choose them."""
+"""Description of each way of `supersampler blender --advise`, and the options that choose it."""
 
 
 def _advise(request: "RenderRequest", folder: Path, *, overwrite: bool, note: Callable[[str], None]) -> None:
-    """Try each way, write its picture, and print how they compare."""
+    """Render a few frames each way, write one image of each, and print times and errors."""
     from supersampler.integrations.blender.advice import FRAMES, advise
     from supersampler.io.display import auto_exposure, to_uint8
     from supersampler.io.images import write_png
@@ -165,14 +165,14 @@ def _advise(request: "RenderRequest", folder: Path, *, overwrite: bool, note: Ca
     others = [other for other in advice.alike if other != name]
     why = "the smallest error"
     if others:
-        why = f"its error cannot be told from that of {', '.join(others)}, and it is not slower"
+        why = f"within the noise its error equals that of {', '.join(others)}, and it is not slower"
     echo(f"Most promising: {what}: {why}. Options: {options.format(small=4 * samples)}")
     echo(
         f"Seconds: at most, of a frame of full size; four times those of a quarter of its pixels. Error: "
         f"relative, in frame {advice.frame}, estimated from a render with other noise. Each way had {FRAMES} "
         "frames: with more, temporal denoising and upscaling gain. Flicker is not measured."
     )
-    echo(f"Pictures: {folder}")
+    echo(f"Images: {folder}")
 
 
 def _transform_of(scene: "RenderedScene", formats: list[str]) -> "DisplayTransform":

@@ -1,14 +1,12 @@
 """`supersampler denoise`: denoises path-traced animations into folders of images."""
 
-import re
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
 from supersampler.cli import arguments
-from supersampler.cli.arguments import SOURCE_OPTIONS, Format, open_with, source_notes
+from supersampler.cli.arguments import open_with, source_notes, source_of
 from supersampler.cli.terminal import Terminal, echo
 
 
@@ -19,7 +17,7 @@ def denoise(
             metavar="SHOT", help="A shot, a folder of frames, or a pattern such as beauty.####.exr."
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    output: arguments.OutputOption,
     per_frame: Annotated[
         Literal["auto", "oidn", "none"],
         typer.Option(
@@ -36,28 +34,10 @@ def denoise(
             min=1, max=8, help="With --passes 2: frames after a frame to look at.", show_default="8"
         ),
     ] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option(metavar="FIRST-LAST", help="Numbers of the frames to write: 10-50.", show_default="all"),
-    ] = None,
-    format: Annotated[  # noqa: A002  # the option's name
-        list[Format] | None,
-        typer.Option(
-            help="exr: linear half floats. png, tif, mp4: as displayed. Repeat it for several.",
-            show_default="exr; sRGB frames keep theirs",
-        ),
-    ] = None,
-    name: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME.####",
-            help="Names of the results; #### is the number.",
-            show_default="as the frames",
-        ),
-    ] = None,
-    compression: Annotated[
-        Literal["zip", "dwaa", "piz", "none"], typer.Option(help="EXR compression; dwaa is lossy.")
-    ] = "zip",
+    frames: arguments.FramesOption = None,
+    format: arguments.FormatOption = None,  # noqa: A002  # the option's name
+    name: arguments.NameOption = None,
+    compression: arguments.CompressionOption = "zip",
     ocio: arguments.Ocio = None,
     display: arguments.Display = None,
     view: arguments.View = None,
@@ -72,11 +52,9 @@ def denoise(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
-    threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 uses every core.")] = 0,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")
-    ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print a line of JSON per frame to stdout.")] = False,
+    threads: arguments.ThreadsOption = 0,
+    overwrite: arguments.OverwriteOption = False,
+    json: arguments.JsonOption = False,
 ) -> None:
     """Denoise SHOT, the frames of a path tracer, into a folder of images of the same size.
 
@@ -92,14 +70,13 @@ def denoise(
       supersampler denoise renders -o out --per-frame none --compare
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.cli.denoise_run import DenoiseJob, parts_of, run_denoise
-    from supersampler.cli.results import checked_name
+    from supersampler.cli.results import name_pattern
     from supersampler.cli.upscale import image_options
     from supersampler.io.shot.numbered import FrameRange
 
     given = dict(locals())
     numbers = None if frames is None else FrameRange.parse(frames, "--frames")
-    if name is not None:
-        name = checked_name(re.sub(r"%0?(\d{0,2})d", lambda field: "#" * int(field[1] or 1), name))
+    name = None if name is None else name_pattern(name)
     console = Terminal(stderr=True)
     open_frames = partial(open_with, shot, given, guides="denoising")
     for part, opened, note in parts_of(numbers, open_frames, passes):
@@ -108,7 +85,7 @@ def denoise(
         job = DenoiseJob(
             shot=opened,
             output=output,
-            source={key: str(given[key]) for key in SOURCE_OPTIONS if given[key] is not None},
+            source=source_of(given),
             images=image_options(opened, given, name),
             numbers=part,
             compare=compare,

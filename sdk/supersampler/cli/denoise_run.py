@@ -9,9 +9,9 @@ from typing import Literal
 
 from supersampler import __version__
 from supersampler.cli.arguments import size_text
+from supersampler.cli.frame_run import FrameRun, Layers, OnStep, PageLayers, SteppedFrame, run_frames
 from supersampler.cli.job import EXPOSURE_FRAMES, FrameJob, FramePlan, plan_frames
 from supersampler.cli.results import PREROLL, Results
-from supersampler.cli.run import FrameRun, Layers, OnStep, PageLayers, SteppedFrame, run_frames
 from supersampler.denoising.sequence import (
     BUFFERS,
     PerFrame,
@@ -23,7 +23,7 @@ from supersampler.denoising.spec import REACH
 from supersampler.errors import FrameError, MissingFramesError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
-from supersampler.io.compare import ERROR_LEGEND, About, compare_layers, versions_text
+from supersampler.io.compare import compare_layers
 from supersampler.io.images import Channel
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.io.shot.named_channels import is_id
@@ -35,9 +35,9 @@ class DenoiseJob(FrameJob):
     """Input, settings and output of one run that denoises.
 
     Attributes:
-        per_frame: what denoises each frame first: "oidn", "none" for frames that are denoised already, or
-            "auto": "none" where the shot states that they are.
-        passes: 1 looks at the past only.
+        per_frame: denoiser of single frames: "oidn"; "none" for frames that are denoised already; "auto" is
+            "none" if the shot states that they are, otherwise "oidn".
+        passes: 1 uses previous frames only; 2 also following frames.
         lookahead: frames after a frame that are read; see `denoise_sequence`.
         threads: 0 is one per core.
     """
@@ -49,7 +49,7 @@ class DenoiseJob(FrameJob):
 
     @property
     def denoiser(self) -> PerFrame:
-        """What denoises each frame first."""
+        """The denoiser of single frames that runs first: "oidn" or "none"."""
         if self.per_frame != "auto":
             return self.per_frame
         return "none" if self.shot.is_denoised else "oidn"
@@ -129,14 +129,14 @@ def _opened(numbers: FrameRange, open_frames: Callable[..., Shot], passes: int) 
                 raise
 
 
-class _DenoiseRun(FrameRun):
+class _DenoiseRun(FrameRun[DenoiseJob]):
     activity = "denoising"
 
     def __init__(
         self, job: DenoiseJob, denoiser: TemporalDenoiser, results: Results, plan: FramePlan, first: int
     ) -> None:
         super().__init__(job, results, plan, first, job.shot.render_size)
-        self._job, self._denoiser, self._count, self._reading = job, denoiser, 0, plan.start
+        self._denoiser, self._count, self._reading = denoiser, 0, plan.start
 
     def plan_from(self, begins: int) -> FramePlan:
         first = self._plan.index(begins)
@@ -186,7 +186,7 @@ class _DenoiseRun(FrameRun):
             frame = denoised.frame
             if index == needed and exposure is not None:  # that of a run of the whole shot
                 frame = replace(frame, exposure=exposure)
-            result = StepResult(denoised.image, aovs=denoised.aovs, count=denoised.weights)
+            result = StepResult(denoised.image, aovs=denoised.aovs)
             seconds = time.perf_counter() - before
             self._count += 1
             yield SteppedFrame(index, frame, reference, names.popleft(), result, seconds)
@@ -196,27 +196,12 @@ class _DenoiseRun(FrameRun):
     def summary(self, wall: float) -> tuple[int, str]:
         return self._count, f"{self._count} frames in {wall:.1f} s: {self._count / wall:.2f} per second"
 
-    def about(self) -> About:
-        shot, size = self._shot, self._display_size
-        sources = ". ".join(line.rstrip(".") for line in (*shot.info.attribution, shot.info.license) if line)
-        return About(
-            title=shot.name,
-            method="denoise",
-            display_size=size,
-            frame_rate=shot.frame_rate or 30.0,
-            facts={
-                "method": "temporal denoiser",
-                "size": size_text(size).replace("x", " × "),
-                "each frame first": {"oidn": "Open Image Denoise", "none": "as it came"}[self._job.denoiser],
-                "frames": str(len(self._plan.numbers)),
-            },
-            legends={"error": ERROR_LEGEND},
-            notes=[
-                f"Images show {self._job.images.transform.description}.",
-                *([f"Shot: {sources}."] if sources else []),
-                versions_text(),
-            ],
-        )
+    def facts(self) -> dict[str, str]:
+        return {
+            "method": "temporal denoiser",
+            "size": size_text(self._display_size).replace("x", " × "),
+            "each frame first": {"oidn": "Open Image Denoise", "none": "as it came"}[self._job.denoiser],
+        }
 
     def page_layers(self, stack: ExitStack) -> PageLayers:  # noqa: ARG002  # nothing is to be closed
         transform = self._job.images.transform
@@ -233,7 +218,7 @@ class _DenoiseRun(FrameRun):
 
     def _warn(self, item: ShotFrame) -> None:
         """Say what the first frame lacks."""
-        missing = missing_guides([item.frame])
+        missing = missing_guides(item.frame)
         if missing:
-            lost = "edges without contrast get samples from both sides"
+            lost = "edges between surfaces of similar colour may blur"
             self._job.console.print(f"The frames have no {' and no '.join(missing)}: {lost}.", soft_wrap=True)

@@ -212,6 +212,11 @@ def checked_name(name: str) -> str:
     return name
 
 
+def name_pattern(name: str) -> str:
+    """Return the value of --name with # for the number, which may be given as %04d; see `checked_name`."""
+    return checked_name(re.sub(r"%0?(\d{0,2})d", lambda field: "#" * int(field[1] or 1), name))
+
+
 class OutputQueue(Generic[_Written]):
     """Runs functions on threads, and passes their results on in order, on the caller's thread.
 

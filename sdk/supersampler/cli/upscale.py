@@ -1,21 +1,19 @@
 """`supersampler upscale`: upscales shots into folders of images."""
 
-import re
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from supersampler.cli import arguments
 from supersampler.cli.arguments import (
-    SOURCE_OPTIONS,
-    Format,
     display_transform_of,
     open_with,
     parse_providers,
     parse_size,
     source_notes,
+    source_of,
 )
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ArgumentError
@@ -38,7 +36,7 @@ def upscale(
             metavar="SHOT", help="A shot, a folder of frames, a pattern such as beauty.####.exr, or plaza."
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    output: arguments.OutputOption,
     method: Annotated[
         str | None, typer.Option(help="A shipped model by name.", show_default="classifier")
     ] = None,
@@ -52,10 +50,7 @@ def upscale(
     scale: Annotated[
         float | None, typer.Option(help="Instead of --display-size: display over render size, 1.0 to 4.0.")
     ] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option(metavar="FIRST-LAST", help="Numbers of the frames to write: 10-50.", show_default="all"),
-    ] = None,
+    frames: arguments.FramesOption = None,
     preroll: Annotated[
         int | None,
         typer.Option(
@@ -64,24 +59,9 @@ def upscale(
             show_default="with --frames: one jitter period, at least 32",
         ),
     ] = None,
-    format: Annotated[  # noqa: A002  # the option's name
-        list[Format] | None,
-        typer.Option(
-            help="exr: linear half floats. png, tif, mp4: as displayed. Repeat it for several.",
-            show_default="exr; sRGB frames keep theirs",
-        ),
-    ] = None,
-    name: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME.####",
-            help="Names of the results; #### is the number.",
-            show_default="as the frames",
-        ),
-    ] = None,
-    compression: Annotated[
-        Literal["zip", "dwaa", "piz", "none"], typer.Option(help="EXR compression; dwaa is lossy.")
-    ] = "zip",
+    format: arguments.FormatOption = None,  # noqa: A002  # the option's name
+    name: arguments.NameOption = None,
+    compression: arguments.CompressionOption = "zip",
     ocio: arguments.Ocio = None,
     display: arguments.Display = None,
     view: arguments.View = None,
@@ -108,7 +88,7 @@ def upscale(
             help="ONNX Runtime providers in order of preference: cuda,cpu. auto uses a GPU if there is one."
         ),
     ] = "auto",
-    threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 uses every core.")] = 0,
+    threads: arguments.ThreadsOption = 0,
     precision: Annotated[
         arguments.Precision,
         typer.Option(help="Precision of the network. int8: fast on a CPU. fp32, fp16: a shipped graph."),
@@ -157,10 +137,8 @@ def upscale(
     record: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Record all frames, for `supersampler replay`.")
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")
-    ] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print a line of JSON per frame to stdout.")] = False,
+    overwrite: arguments.OverwriteOption = False,
+    json: arguments.JsonOption = False,
 ) -> None:
     """Upscale SHOT, frame by frame, into a folder of images.
 
@@ -174,7 +152,7 @@ def upscale(
       supersampler upscale shots/city -o out --format png --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.cli.job import UpscaleJob, open_for
-    from supersampler.cli.results import checked_name
+    from supersampler.cli.results import name_pattern
     from supersampler.cli.run import run_job
     from supersampler.io.shot.numbered import FrameRange
 
@@ -187,8 +165,7 @@ def upscale(
         raise ArgumentError("--record", got="given with --passes 2", want="one pass, in order")
     numbers = None if frames is None else FrameRange.parse(frames, "--frames")
     size = None if display_size is None else parse_size(display_size, "--display-size")
-    if name is not None:
-        name = checked_name(re.sub(r"%0?(\d{0,2})d", lambda field: "#" * int(field[1] or 1), name))
+    name = None if name is None else name_pattern(name)
     console, note = Terminal(stderr=True), ""
     if numbers is None:
         opened = open_with(shot, given)
@@ -198,7 +175,7 @@ def upscale(
         console.print(line, soft_wrap=True)
     job = UpscaleJob(
         shot=opened,
-        source={key: str(given[key]) for key in SOURCE_OPTIONS if given[key] is not None},
+        source=source_of(given),
         images=image_options(opened, given, name),
         numbers=numbers,
         model=model or method,

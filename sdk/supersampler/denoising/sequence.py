@@ -1,7 +1,7 @@
 """Denoise the frames of a sequence: each by itself, then with its neighbours along their motion."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Self
@@ -38,13 +38,11 @@ class Denoised(NamedTuple):
         frame: the frame, as it came.
         image: (h, w, 3) float32 linear RGB.
         aovs: (h, w, k) float32, averaged by the weights of the image; None where the frame has none.
-        weights: (h, w) sum of the weights, of which the frame's own is 1.
     """
 
     frame: Frame
     image: Float32
     aovs: Float32 | None
-    weights: Float32
 
 
 @dataclass(eq=False)
@@ -59,7 +57,7 @@ class TemporalDenoiser:
     At most 2 * REACH + 1 frames are in memory, of 64 bytes a pixel and 16 for every four AOVs.
 
     Args:
-        per_frame: what denoises each frame first: "oidn", or "none" for frames that are denoised already.
+        per_frame: denoiser of single frames: "oidn", or "none" for frames that are denoised already.
         lookahead: frames after a frame that are read before its image comes, 0 to REACH.
         threads: threads of the filter and of OIDN; 0 is one per core.
 
@@ -90,22 +88,22 @@ class TemporalDenoiser:
         Raises:
             FrameError: a frame has no colour, is jittered, or differs in size from the one before.
         """
-        past: deque[_Waiting] = deque(maxlen=REACH)
+        previous: deque[_Waiting] = deque(maxlen=REACH)
         waiting: deque[_Waiting] = deque()
         last: _Waiting | None = None
         for index, frame in enumerate(frames):
             if frame.reset:
-                yield from self._emptied(past, waiting)
-                past.clear()
+                yield from self._emptied(previous, waiting)
+                previous.clear()
                 last = None
             last = self._prepared(frame, last)
             if index < skip:
-                past.append(last)
+                previous.append(last)
                 continue
             waiting.append(last)
             while len(waiting) > self._lookahead:
-                yield self._next(past, waiting)
-        yield from self._emptied(past, waiting)
+                yield self._next(previous, waiting)
+        yield from self._emptied(previous, waiting)
 
     def windows(self, frames: Iterable[Frame]) -> list[WindowFrame]:
         """Return all frames of one shot as the filter reads them."""
@@ -114,9 +112,9 @@ class TemporalDenoiser:
             found.append(self._prepared(frame, None if frame.reset or not found else found[-1]))
         return [item.window for item in found]
 
-    def _emptied(self, past: deque[_Waiting], waiting: deque[_Waiting]) -> Iterator[Denoised]:
+    def _emptied(self, previous: deque[_Waiting], waiting: deque[_Waiting]) -> Iterator[Denoised]:
         while waiting:
-            yield self._next(past, waiting)
+            yield self._next(previous, waiting)
 
     @ieee_arithmetic
     def _prepared(self, frame: Frame, last: _Waiting | None) -> _Waiting:
@@ -149,18 +147,18 @@ class TemporalDenoiser:
             last.window.to_next = nearest_motion(last.frame.depth, following)
         return _Waiting(frame, window)
 
-    def _next(self, past: deque[_Waiting], waiting: deque[_Waiting]) -> Denoised:
-        """Return the images of the first frame that waits, which becomes one of the past."""
+    def _next(self, previous: deque[_Waiting], waiting: deque[_Waiting]) -> Denoised:
+        """Return the images of the first waiting frame, and move it to the previous frames."""
         first = waiting.popleft()
-        future = [item.window for item in list(waiting)[:REACH]]
-        before = [item.window for item in reversed(past)]
+        following = [item.window for item in list(waiting)[:REACH]]
+        before = [item.window for item in reversed(previous)]
         exposure = ExposureMeter().read_frame(first.frame)  # of this frame alone: images depend on no other
-        image, groups, weights = self._filter.filter(first.window, before, future, exposure)
+        image, groups = self._filter.filter(first.window, before, following, exposure)
         image *= np.float32(first.frame.pre_exposure)
         count = 0 if first.frame.aovs is None else first.frame.aovs.shape[2]
         aovs = np.concatenate(groups, axis=2)[..., :count] if groups else None
-        past.append(first)
-        return Denoised(first.frame, image, aovs, weights)
+        previous.append(first)
+        return Denoised(first.frame, image, aovs)
 
 
 def guides_of(frame: Frame) -> tuple[Float32 | None, Float32 | None]:
@@ -200,7 +198,7 @@ def denoise_sequence(
         frames: a `Shot`, or Frames in order, all of one size. `reset` marks the first one after a cut.
         per_frame: "oidn" denoises each frame first, by Open Image Denoise (`pip install
             "supersampler[denoise]"`); "none" is for frames that are denoised already.
-        passes: 2 looks both ways; 1 at the past only, for live use.
+        passes: 2 uses previous and following frames; 1 previous frames only, for live use.
         lookahead: with two passes, frames after a frame that are read before its image comes, 1 to 8;
             None is 8.
         threads: threads that compute; 0 is one per core.
@@ -246,9 +244,6 @@ def checked_lookahead(passes: int, lookahead: int | None) -> int:
     return lookahead
 
 
-def missing_guides(frames: Sequence[Frame]) -> list[str]:
-    """Return what some frames lack, "albedo" and "normal"."""
-    found = [guides_of(frame) for frame in frames]
-    return [
-        name for at, name in enumerate(("albedo", "normal")) if any(guides[at] is None for guides in found)
-    ]
+def missing_guides(frame: Frame) -> list[str]:
+    """Return the names of the guides that a frame lacks: "albedo", "normal"."""
+    return [name for name, guide in zip(("albedo", "normal"), guides_of(frame), strict=True) if guide is None]

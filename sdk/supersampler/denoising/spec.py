@@ -11,10 +11,10 @@ KNOWN_SHARE = 0.999
 # supersampler_model.denoising.training has fitted them.
 LOG_WEIGHT = -0.3944
 COLOR_COST, COLOR_COST_3X3, COLOR_COST_5X5 = 0.0406, 0.7726, 1.9646
-"""Of squared distances of the logarithm of colour, of the pixel and averaged over 3x3 and 5x5 pixels."""
+"""Costs of the squared difference of log colour: at the pixel, and averaged over 3x3 and 5x5 pixels."""
 NORMAL_COST, NORMAL_COST_3X3 = 0.5598, 1.6067
-"""Of squared distances of the normal."""
+"""Costs of the squared difference of normals: at the pixel, and averaged over 3x3 pixels."""
 ALBEDO_COST, ALBEDO_COST_3X3 = 0.6355, 0.7755
-"""Of squared distances of the albedo."""
+"""Costs of the squared difference of albedo: at the pixel, and averaged over 3x3 pixels."""
 AGE_COST = 3.6091
-"""Of the distance in time over REACH."""
+"""Cost of the distance in time, in frames divided by REACH."""

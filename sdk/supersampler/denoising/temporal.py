@@ -61,35 +61,35 @@ class TemporalFilter:
     def filter(
         self,
         frame: WindowFrame,
-        past: Sequence[WindowFrame],
-        future: Sequence[WindowFrame],
+        previous: Sequence[WindowFrame],
+        following: Sequence[WindowFrame],
         exposure: float = 1.0,
-    ) -> tuple[Float32, list[Float32], Float32]:
-        """Return the mean of colour (h, w, 3), those of the AOVs' arrays, and the sum of weights (h, w).
+    ) -> tuple[Float32, list[Float32]]:
+        """Return the mean colour (h, w, 3), and the means of the AOVs' arrays, (h, w, 4) each.
 
         Args:
             frame: the frame, whose own weight is 1.
-            past: frames before it, the nearest one first; those beyond REACH are not read.
-            future: frames after it, likewise.
+            previous: frames before it, the nearest one first; at most REACH are read.
+            following: frames after it, the nearest one first; at most REACH are read.
             exposure: > 0, multiplies colour where colours are compared.
         """
         height, width, _ = frame.color.shape
         image = np.empty((height, width, 4), np.float32)
         aovs = [np.empty((height, width, 4), np.float32) for _ in frame.aovs]
-        window = (frame, *past, *future)
+        window = (frame, *previous, *following)
         tables = [_addresses(item.aovs) for item in window]
         records = (TemporalFrame * len(window))(*map(_record, window, tables))
         outputs = _addresses(aovs)
 
         def compute(first: int) -> None:
             work = TemporalData(
-                width, height, records, len(past), len(future), len(aovs), exposure,
+                width, height, records, len(previous), len(following), len(aovs), exposure,
                 first, min(first + _BAND, height), image.ctypes.data, addressof(outputs),
             )  # fmt: skip
             cpu_library().call("ss_filter_temporal", work)
 
         list(self._threads.map(compute, range(0, height, _BAND)))
-        return np.ascontiguousarray(image[..., :3]), aovs, np.ascontiguousarray(image[..., 3])
+        return np.ascontiguousarray(image[..., :3]), aovs
 
 
 def _addresses(arrays: Sequence[NDArray[Any]]) -> CArray[c_void_p]:

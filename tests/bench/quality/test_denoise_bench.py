@@ -16,7 +16,7 @@ from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench.cli import app
 from supersampler_bench.quality.denoise import measure_render, median_of_three, render_cost
-from supersampler_bench.quality.denoise_record import FRAME, MEDIAN, PAST, DenoiseRecord, RenderRow
+from supersampler_bench.quality.denoise_record import FRAME, MEDIAN, ONE_PASS, DenoiseRecord, RenderRow
 from supersampler_bench.quality.denoise_references import (
     DEFAULT_PATTERN,
     bounding_box,
@@ -66,11 +66,11 @@ def test_the_filter_has_less_error_and_flicker_than_the_frames_with_two_passes_t
     assert row.reference_frames == list(SCORED)
     assert row.frames == list(range(COUNT))  # all are within eight of a frame with a reference
     for name in ("psnr", "tpsnr"):
-        single, median, past, both = (
-            getattr(row.scores(method), name) for method in (FRAME, MEDIAN, PAST, DENOISER)
+        single, median, one_pass, both = (
+            getattr(row.scores(method), name) for method in (FRAME, MEDIAN, ONE_PASS, DENOISER)
         )
         assert single < median < both
-        assert single < past < both
+        assert single < one_pass < both
     assert row.filter_cpu > 0.0
     assert row.frame_cpu == 0.0
 

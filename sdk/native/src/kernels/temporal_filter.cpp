@@ -178,7 +178,7 @@ static void filter_tile(const TemporalFilter& w, const Tile& t) {
         }
     read_own(w, t);
     for (int direction = 0; direction < 2; direction++) {
-        const int first = direction ? 1 + w.past : 1, count = min(direction ? w.future : w.past, REACH);
+        const int first = direction ? 1 + w.previous : 1, count = min(direction ? w.following : w.previous, REACH);
         begin_path(t);
         const ss_temporal_frame* last = w.frames;
         for (int age = 1; age <= count; age++) {

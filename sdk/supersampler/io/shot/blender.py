@@ -35,7 +35,7 @@ Rows: TypeAlias = tuple[_Row, _Row, _Row, _Row]
 """A matrix, row by row."""
 _Stops = Annotated[float, msgspec.Meta(ge=-32.0, le=32.0)]
 Denoising: TypeAlias = Literal["temporal", "frame", "off"]
-"""What is denoised: a full-size animation, over time and by Cycles; each frame, by Cycles; or nothing."""
+"""Denoising of a render: by Cycles and over time, at full size; by Cycles only; or none."""
 Guides: TypeAlias = Literal["surface", "denoising"]
 """Passes that the G-buffers come from: Diffuse Color and Normal, or Denoising Albedo and Denoising Normal."""
 
