@@ -156,7 +156,7 @@ def denoise(
     ] = "{scene}-reference*/*.exr",
     per_frame: Annotated[
         Literal["auto", "oidn", "none"],
-        typer.Option(help="What denoises each frame first, as in `supersampler denoise`."),
+        typer.Option(help="Denoiser of single frames, as in `supersampler denoise`."),
     ] = "auto",
     conventions: ConventionsOption = None,
     json: JSON = None,

@@ -21,12 +21,15 @@ def denoise(
     per_frame: Annotated[
         Literal["auto", "oidn", "none"],
         typer.Option(
-            help="What denoises each frame first. oidn: Open Image Denoise. none: the frames are denoised. "
-            "auto: none where the files say so (Blender's Noisy Image)."
+            help="Denoiser of single frames. oidn: Open Image Denoise. none: the frames are denoised "
+            "already. auto: none where the files say so (Blender's Noisy Image)."
         ),
     ] = "auto",
     passes: Annotated[
-        int, typer.Option(min=1, max=2, help="2: look at the frames before and after. 1: at those before.")
+        int,
+        typer.Option(
+            min=1, max=2, help="2: average with previous and following frames. 1: with previous ones."
+        ),
     ] = 2,
     lookahead: Annotated[
         int | None,
@@ -58,10 +61,9 @@ def denoise(
 ) -> None:
     """Denoise SHOT, the frames of a path tracer, into a folder of images of the same size.
 
-    Each frame is denoised by itself; then up to eight frames before and after it are gathered along the
-    motion, and averaged where they agree. Frames need colour, depth and motion; albedo and normal make edges
-    sharp. Alpha and AOVs are averaged alike; a missing frame is a cut. The same command resumes a stopped
-    run.
+    Each frame is denoised by itself, then averaged with up to 8 previous and 8 following frames, which motion
+    aligns. Frames need colour, depth and motion; albedo and normal keep edges sharp. Alpha and AOVs are
+    averaged with the same weights. A missing frame is a cut. The same command resumes a stopped run.
 
     \b
     Examples:

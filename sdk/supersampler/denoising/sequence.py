@@ -94,7 +94,7 @@ class TemporalDenoiser:
         for index, frame in enumerate(frames):
             if frame.reset:
                 yield from self._emptied(previous, waiting)
-                previous.clear()
+                previous.clear()  # frees memory: no motion leads there
                 last = None
             last = self._prepared(frame, last)
             if index < skip:
@@ -182,17 +182,16 @@ def denoise_sequence(
     lookahead: int | None = None,
     threads: int = 0,
 ) -> Iterator[Float32]:
-    """Denoise the frames of a path tracer: each by itself, then with up to eight neighbours to either side.
+    """Denoise path-traced frames: each by itself, then averaged with up to 8 frames on either side.
 
-    Each neighbour is gathered once, by the motion of the frames between, and weighted by the agreement of
-    albedo, normal and patches of colour. Frames have the size of the images, and no jitter.
+    Each neighbouring frame is resampled once, along the motion of the frames between. Its weight depends on
+    how well albedo, normal and patches of colour agree. Frames have the size of the images, and no jitter.
 
     >>> for image in denoise_sequence(shot):
     ...     show(image)  # (h, w, 3) float32, linear RGB
 
-    A frame's albedo and normal are `gbuffer["base_color"]` and `gbuffer["normal"]`: without them, edges of
-    textures and of surfaces get less of their neighbours. `motion_next` is used where it is there; otherwise
-    the motion of the next frame is scattered.
+    Albedo is `gbuffer["base_color"]`, the normal `gbuffer["normal"]`. Without them, surfaces of similar
+    colour may blur into each other. A frame without `motion_next` gets it from the motion of the next frame.
 
     Args:
         frames: a `Shot`, or Frames in order, all of one size. `reset` marks the first one after a cut.
