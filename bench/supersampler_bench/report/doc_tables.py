@@ -1,8 +1,4 @@
-"""Tables of README.md and docs/**/*.md from the records in bench/results; the commands that measure these.
-
-A table stands between `<!-- bench:NAME -->` and `<!-- /bench -->`: "quality plaza" is the main table of
-quality-plaza.json, "quality plaza clip" another, "quality plaza | taau,classifier" shows two methods.
-"""
+"""Tables of README.md and docs/**/*.md from the records in bench/results; the commands that measure these."""
 
 import re
 import shlex
@@ -12,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
@@ -109,46 +104,20 @@ def find_all(root: Path) -> Iterator[DocBlock]:
     records = read_records(root / RESULTS)
     if (pareto_path := root / "bench" / "supersampler_bench" / SHIPPED_PARETO.name).is_file():
         records["pareto"] = read_record(pareto_path)
-    names = {block: name for name, record in records.items() for block in blocks_of(name, record)}
+    makers = {
+        block: partial(_with_age, maker, record)
+        for name, record in records.items()
+        for block, maker in blocks_of(name, record).items()
+    }
     for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
         for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
-            block, _, methods = name.partition(" | ")
-            maker = (
-                partial(_block_of, names[block], records[names[block]], block, methods)
-                if block in names
-                else None
-            )
-            yield _block(page, name, maker)
+            yield _block(page, name, makers.get(name))
 
 
-def _block_of(name: str, record: JsonRecord, block: str, methods: str) -> str:
-    """Return the text of a block of some methods, which says where their models have changed since."""
-    shown = selected(record, methods.split(",")) if methods else record
-    text, age = blocks_of(name, shown)[block](), age_of(shown)
-    return f"{text}\n\n{age}" if age else text
-
-
-def selected(record: JsonRecord, methods: Sequence[str]) -> JsonRecord:
-    """Return a record with the values of some methods alone, in their order.
-
-    Raises:
-        ArgumentError: the record lacks a method.
-    """
-    found: set[str] = set()
-
-    def chosen(value: Any) -> Any:
-        if isinstance(value, list) and value and isinstance(value[0], dict) and "method" in value[0]:
-            rows = {name: [row for row in value if row["method"] == name] for name in methods}
-            found.update(name for name in methods if rows[name])
-            return [row for name in methods for row in rows[name]]
-        if isinstance(value, list):
-            return [chosen(item) for item in value]
-        return {key: chosen(item) for key, item in value.items()} if isinstance(value, dict) else value
-
-    result: JsonRecord = chosen(record)
-    if lacking := [name for name in methods if name not in found]:
-        raise ArgumentError("record", got=f"one without {', '.join(lacking)}", want="one of these methods")
-    return result
+def _with_age(maker: Callable[[], str], record: JsonRecord) -> str:
+    """Return the text of a block, which says where models have changed since it was measured."""
+    age = age_of(record)
+    return f"{maker()}\n\n{age}" if age else maker()
 
 
 def _block(page: Path, name: str, maker: Callable[[], str] | None) -> DocBlock:

@@ -65,17 +65,6 @@ def test_a_number_that_no_record_holds_fails_the_check_by_name(
     assert (repository / page).read_text() == changed
 
 
-def test_a_block_that_names_methods_has_their_rows_alone_in_its_order(repository: Path) -> None:
-    page = repository / "docs" / "a.md"
-    page.write_text("<!-- bench:quality plaza | taau,bilinear -->\n<!-- /bench -->\n")
-    (block,) = [block for block in find_all(repository) if block.page == page]
-    rows = re.findall(r"^\| ([a-z]\S*)", block.recorded or "", re.MULTILINE)
-    assert rows == ["method", "taau", "bilinear"]
-    page.write_text("<!-- bench:quality plaza | taau,unknown -->\n<!-- /bench -->\n")
-    (block,) = [block for block in find_all(repository) if block.page == page]
-    assert "unknown" in block.problem
-
-
 def test_a_record_of_another_version_is_said_to_be_one(repository: Path) -> None:
     path = repository / RESULTS / "cost.json"
     record = json.loads(path.read_text())
