@@ -1,6 +1,6 @@
-"""Hooks of mkdocs: pages made from the code, files of the repository that pages link to, and one check.
+"""Hooks of mkdocs: pages that are generated from the code, linked files of the repository, and a check.
 
-The API page lists every package that has `__all__`; the CLI page is the help text of every command.
+The API page lists the names in every package's `__all__`; the CLI page has the help text of every command.
 """
 
 import ast
@@ -20,14 +20,14 @@ from typer.main import get_command
 from supersampler.cli import app
 
 ROOT = Path(__file__).parents[1]
-SOURCES = (  # `supersampler` first
+SOURCES = (  # `supersampler` must be first
     "sdk/supersampler",
     "model/supersampler_model",
     "export/supersampler_export",
     "bench/supersampler_bench",
 )
 OUTSIDE = re.compile(r"\]\((?P<up>(?:\.\./)+)(?P<path>[\w./-]+)(?P<anchor>#[\w-]*)?\)")
-"""A Markdown link that leaves the folder of its page upwards."""
+"""A Markdown link to a path above the page's folder."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -44,7 +44,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Point links to files outside docs/ at their copies in the site."""
+    """Change links to files outside docs/ to their copies in the site."""
     depth = page.file.src_uri.count("/")
 
     def replaced(link: re.Match[str]) -> str:
@@ -56,11 +56,7 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
 
 
 def on_post_build(config: MkDocsConfig) -> None:
-    """Fail where a name of a package's `__all__` is not on the site.
-
-    Raises:
-        PluginError: names are missing; the message lists them.
-    """
+    """Raise PluginError if a name in a package's `__all__` is not on the site."""
     with (Path(config.site_dir) / "objects.inv").open("rb") as file:
         documented = Inventory.parse_sphinx(file)
     missing = [
@@ -74,7 +70,7 @@ def on_post_build(config: MkDocsConfig) -> None:
 
 
 def outside_links(page: File) -> Iterator[str]:
-    """Paths, relative to the repository, of files outside docs/ that a page links to."""
+    """Yield the paths, relative to the repository, of files outside docs/ that a page links to."""
     depth = page.src_uri.count("/")
     for link in OUTSIDE.finditer(page.content_string):
         if link["up"].count("../") == depth + 1 and (ROOT / link["path"]).is_file():
@@ -82,7 +78,7 @@ def outside_links(page: File) -> Iterator[str]:
 
 
 def public_packages() -> list[tuple[str, list[str]]]:
-    """Every package that has `__all__`, with its names. What `supersampler` offers is listed there alone."""
+    """Return every package with `__all__` and its names. Names of `supersampler` are only listed there."""
     found: list[tuple[str, list[str]]] = []
     for source in SOURCES:
         for path in sorted((ROOT / source).rglob("__init__.py")):
@@ -96,7 +92,7 @@ def public_packages() -> list[tuple[str, list[str]]]:
 
 
 def names_in_all(module: ast.Module) -> list[str]:
-    """The names of a module's `__all__`; none where it has no such list."""
+    """Return the names in a module's `__all__`."""
     for statement in module.body:
         if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "__all__":
             return sorted(ast.literal_eval(statement.value))
@@ -104,8 +100,8 @@ def names_in_all(module: ast.Module) -> list[str]:
 
 
 def api_page() -> str:
-    """One section for each package, one entry for each public name."""
-    lines = ["# API", "", "Every public name, by the package that it is imported from.", ""]
+    """Return a section for each package, with an entry for each public name."""
+    lines = ["# API", "", "All public names, by the package to import them from.", ""]
     for package, names in public_packages():
         lines += [f"## {package}", ""]
         for name in names:
@@ -114,22 +110,22 @@ def api_page() -> str:
 
 
 def header_page() -> str:
-    """The header of the CPU library."""
+    """Return the header of the CPU library."""
     header = (ROOT / "sdk/native/include/supersampler.h").read_text(encoding="utf-8")
     return f"# supersampler.h\n\nThe header of the CPU library, in C99.\n\n```c\n{header}```\n"
 
 
 def cli_page() -> str:
-    """The help text of `supersampler` and of all its commands."""
-    lines = ["# Command line", "", "What `--help` prints, for every command.", ""]
+    """Return the help texts of `supersampler` and of all its commands."""
+    lines = ["# Command line", "", "The output of `--help` for every command.", ""]
     for title, text in help_texts(get_command(app), "supersampler", None):
         lines += [f"## {title}", "", "```text", text, "```", ""]
     return "\n".join(lines)
 
 
 def help_texts(command: Any, name: str, parent: Any) -> Iterator[tuple[str, str]]:
-    """Full name and help text of a command and of its subcommands, depth first."""
-    command.rich_markup_mode = None  # plain text, returned and not printed
+    """Yield the full name and the help text of a command and of its subcommands, depth first."""
+    command.rich_markup_mode = None  # returns plain text instead of printing
     context = command.context_class(command, info_name=name, parent=parent, max_content_width=100)
     yield context.command_path, command.get_help(context).strip()
     for child in command.list_commands(context) if isinstance(command, TyperGroup) else ():

@@ -1,9 +1,9 @@
-"""Compute the images of `Upscaler` in fifty lines without supersampler: what an engine integration must do.
+"""Upscale a shot in fifty lines without supersampler, as an engine integration would.
 
     python examples/bare_onnxruntime.py [MODEL_FOLDER SHOT_FOLDER OUT_FOLDER]
 
-Inputs are NCHW float32. `next.*` outputs of a step are the `history.*` inputs of the next one; zeros mean no
-history. The contract is docs/contract.md.
+The images equal those of `Upscaler`. Inputs are NCHW float32. The `next.*` outputs of a step are the
+`history.*` inputs of the next step; zeros mean no history. See docs/contract.md.
 """
 
 import json
@@ -21,10 +21,10 @@ if len(given) not in (0, 3):
 model, shot, out = given or [shipped / "models" / "classifier", shipped / "shots" / "plaza", Path("out")]
 contract = json.loads((model / "model.json").read_text())
 if contract["contract"] != 4:
-    sys.exit(f"{model} is of contract {contract['contract']}; this file drives 4. Export the method again.")
+    sys.exit(f"{model} has contract {contract['contract']}; want 4. Export the method again.")
 description = json.loads((shot / "shot.json").read_text())
 if description["conventions"]:
-    sys.exit(f"{shot} is in other conventions; convert it: supersampler import {shot} -o CONVERTED")
+    sys.exit(f"{shot} has other conventions; convert it: supersampler import {shot} -o CONVERTED")
 session = ort.InferenceSession(str(model / "step.onnx"), providers=["CPUExecutionProvider"])
 (w, h), (display_w, display_h) = description["render_size"], description["display_size"]
 sizes = {
@@ -47,7 +47,7 @@ for entry in description["frames"]:
         "exposure": np.array([entry["exposure"] or 0.0], np.float32),  # 0: the graph measures it
         "reactive": planes.get("reactive.Y", np.zeros((h, w), np.float32))[None, None],  # (1, 1, h, w)
         "pre_exposure": np.array([entry.get("pre_exposure", 1.0)], np.float32),
-        "adds_samples": np.ones(1, np.float32),  # 0 on frames that were not shaded, 2 of a path tracer
+        "adds_samples": np.ones(1, np.float32),  # 0 on unshaded frames, 2 with a path tracer
         "display_size": np.array([display_w, display_h]),
     }
     if entry["reset"]:

@@ -1,9 +1,9 @@
-"""A renderer calls `Upscaler.step` frame by frame, as an engine does, and shows input and output.
+"""Call `Upscaler.step` from a renderer, frame by frame, as an engine does, and show input and output.
 
     python examples/live_renderer.py --family fences --ratio 2 --zoom 4 -o out/live
 
 Copy the loop in `main` into your engine. Images are written, encoded as a video if ffmpeg is installed, and
-shown if there is a display. Needs `pip install "supersampler[render]"`; no GPU is needed.
+shown if there is a display. Needs `pip install "supersampler[render]"`, but no GPU.
 """
 
 import atexit
@@ -48,7 +48,7 @@ def main(options: Namespace) -> None:
 
     for index in range(options.frames):
         began = perf_counter()
-        scene = game.scene(index)  # objects in this frame and in the previous one
+        scene = game.scene(index)  # objects, with their positions in the previous frame
         jitter = halton_jitter(index, options.ratio)  # samples are taken at pixel centre + jitter
         color, surfaces = renderer.frame(scene, render_size, jitter=jitter)
         frame = Frame(
@@ -77,14 +77,14 @@ def main(options: Namespace) -> None:
 
 
 def side_by_side(color: NDArray[Any], image: NDArray[Any], exposure: float, zoom: int) -> Pixels:
-    """Return input and output as displayed; below them, if `zoom` > 1, the middle of each."""
+    """Return input and output as displayed and, if `zoom` > 1, the middle of each below."""
     pair = [to_uint8(display_transform(part, exposure)) for part in (color, image)]
     rows = [[squares(part, image.shape[1::-1], by) for part in pair] for by in sorted({1, zoom})]
     return np.concatenate([np.concatenate(row, axis=1) for row in rows])
 
 
 def squares(pixels: Pixels, to: tuple[int, ...], zoom: int) -> Pixels:
-    """Fill size `to` with the middle of the image, enlarged `zoom` times by nearest pixels."""
+    """Return the middle of an image, enlarged `zoom` times by nearest pixels, in the size `to`."""
     columns, rows = (
         (np.arange(n) // zoom + (n - n // zoom) // 2) * m // n
         for n, m in zip(to, pixels.shape[1::-1], strict=True)
@@ -93,20 +93,20 @@ def squares(pixels: Pixels, to: tuple[int, ...], zoom: int) -> Pixels:
 
 
 def open_window(when: str) -> Callable[[Pixels], bool] | None:
-    """Return a function that shows an image and returns whether the window is open; None without window."""
+    """Return a function that shows an image and returns whether the window is open; None: no window."""
     if when == "never":
         return None
     try:
-        import tkinter  # not every Python has it
+        import tkinter  # some Pythons lack it
 
         root = tkinter.Tk(className="supersampler")
-    except Exception as error:  # no tkinter, whose errors have no name then, or no display
+    except Exception as error:  # no tkinter, or no display
         if when == "always":
-            sys.exit(f"no window: {error}. With --window never only files are written.")
+            sys.exit(f"no window: {error}. --window never only writes files.")
         return None
     image, closed = tkinter.PhotoImage(master=root), []
     tkinter.Label(root, image=image).pack()
-    atexit.register(root.destroy)  # before the objects that Tk refers to
+    atexit.register(root.destroy)  # before Python deletes objects that Tk uses
     root.protocol("WM_DELETE_WINDOW", lambda: closed.append(True))
 
     def show(pixels: Pixels) -> bool:
@@ -118,7 +118,7 @@ def open_window(when: str) -> Callable[[Pixels], bool] | None:
 
 
 def times(seconds: list[float]) -> str:
-    """Return the time of the first frame, which also compiles and allocates, and the median of the others."""
+    """Return the time of the first frame, which includes allocation, and the median of the others."""
     rest = f", then {1000 * median(seconds[1:]):.1f} ms (median)" if seconds[1:] else ""
     return f"first frame {1000 * seconds[0]:.1f} ms{rest}"
 
@@ -127,7 +127,7 @@ def film(folder: Path, frames: int, frame_rate: float) -> None:
     """Encode the images as live.mp4, if ffmpeg is installed."""
     if shutil.which("ffmpeg"):
         source = f"-framerate {frame_rate} -i %04d.png -frames:v {frames}"
-        coding = "-pix_fmt yuv420p -vf pad=ceil(iw/2)*2:ceil(ih/2)*2"  # every player plays even sizes
+        coding = "-pix_fmt yuv420p -vf pad=ceil(iw/2)*2:ceil(ih/2)*2"  # some players need even sizes
         command = f"ffmpeg -v error -y {source} {coding} live.mp4".split()
         subprocess.run(command, cwd=folder, check=True)  # noqa: S603
         print(f"film: {folder / 'live.mp4'}")

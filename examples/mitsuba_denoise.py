@@ -1,14 +1,12 @@
-"""Denoise path tracing by Mitsuba 3 over time: frames at full size, each with the frames around it.
+"""Denoise path-traced frames of Mitsuba 3 over time, each with the frames before and after it.
 
     pip install '.[denoise]' mitsuba
     python examples/mitsuba_denoise.py -o out --samples 4
 
 A camera moves around a Cornell box. Mitsuba's AOV integrator renders colour, albedo, normal and position;
-motion follows from the position and the cameras. The frames are written as a shot of EXR files, which
-`supersampler denoise out/shot -o out/denoised` takes as well. Prints the PSNR of the middle frame, after the
-display transform, against a reference: as rendered, by Open Image Denoise alone, and over time.
-
-The middle frame is the one that has as many frames before it as after it.
+motion is computed from depth and cameras. The frames are written as a shot of EXR files, which
+`supersampler denoise out/shot -o out/denoised` accepts, too. Prints the PSNR of the middle frame, after the
+display transform, against a reference: as rendered, by Open Image Denoise alone, and denoised over time.
 """
 
 import argparse
@@ -34,7 +32,7 @@ CHANNELS = "albedo:albedo,normal:sh_normal,position:position"
 
 
 def main() -> None:
-    """Render the sequence, denoise it, and print how far it is from a reference."""
+    """Render the sequence, denoise it, and print its error."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
     parser.add_argument("--samples", type=int, default=4, help="samples per pixel")

@@ -1,14 +1,14 @@
-"""Upscale path tracing by Mitsuba 3: the history averages noise, so few samples per pixel are needed.
+"""Upscale path-traced frames of Mitsuba 3: the history averages noise, so few samples per pixel suffice.
 
     pip install . mitsuba
     python examples/mitsuba_sequence.py --samples 1 4 16
 
-A camera moves around a Cornell box. All samples of a render pixel go through one position, centre + jitter,
-which depth and motion describe. Prints the PSNR of the last frame, after the display transform, against a
-reference: for bicubic upscaling, taau, the classifier, and an image rendered at full size with as many rays.
+A camera moves around a Cornell box. All samples of a render pixel are taken at one position, centre + jitter,
+the position of depth and motion. Prints the PSNR of the last frame, after the display transform, against a
+reference: of bicubic upscaling, taau, the classifier, and a full-size render with the same number of rays.
 
-Mitsuba needs the library LLVM. If it ends with "Cannot select", that LLVM does not support the processor:
-set $DRJIT_LIBLLVM_PATH to a newer one.
+Mitsuba needs the library LLVM. If it ends with "Cannot select", this LLVM does not support the processor: set
+$DRJIT_LIBLLVM_PATH to a newer one.
 """
 
 import argparse
@@ -31,7 +31,7 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 def main() -> None:
-    """Render and upscale the sequence, with each number of samples."""
+    """Render and upscale the sequence with each number of samples."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--samples", type=int, nargs="+", default=[1, 4, 16], help="samples per render pixel")
     parser.add_argument("--frames", type=int, default=24)

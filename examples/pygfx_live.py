@@ -1,11 +1,11 @@
-"""pygfx renders at half size, and each frame is upscaled on the same GPU: no image passes through the CPU.
+"""Render with pygfx at half size, and upscale on the same GPU: no image passes through the CPU.
 
     pip install ".[gpu]" pygfx
     python examples/pygfx_live.py --frames 48 -o out/pygfx
 
-The upscaler is one of pygfx's effect passes: it reads colour and depth from pygfx's own textures and encodes
-its commands into pygfx's encoder. Only the camera moves, so motion follows from depth and camera. Images are
-read back at the end of each frame and written: the enlarged render beside the output.
+The upscaler is an effect pass of pygfx: it reads colour and depth from pygfx's textures and encodes its
+commands into pygfx's encoder. Only the camera moves, so motion is computed from depth and cameras. At the end
+of each frame the enlarged render and the output are read back and written side by side.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from pygfx.renderers.wgpu import EffectPass
 
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.cli.arguments import parse_size
-from supersampler.conventions.encodings import srgb_encoded
+from supersampler.conventions.encodings import srgb_decoded, srgb_encoded
 from supersampler.io.display import to_uint8
 from supersampler.io.images import write_png
 
@@ -90,7 +90,7 @@ def main() -> None:
 
 
 class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
-    """Upscales the frames of pygfx.
+    """Effect pass that upscales the frames of pygfx.
 
     Args:
         device: pygfx's device.
@@ -100,8 +100,8 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
         display_size: (width, height) of the image.
 
     Attributes:
-        color: the render, a texture.
-        image: the output, a texture.
+        color: texture of the render.
+        image: texture of the output.
     """
 
     USES_DEPTH = True
@@ -134,7 +134,7 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
         self._is_first = True
 
     def begin(self, jitter: tuple[float, float]) -> None:
-        """Read the camera's matrices without jitter, and move its samples by the jitter."""
+        """Store the camera's matrices without jitter, and shift its samples by the jitter."""
         camera, (width, height) = self._camera, self._size
         camera.clear_view_offset()
         self._projection = camera.projection_matrix
@@ -144,7 +144,7 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
         camera.set_view_offset(width, height, *jitter, width, height)
 
     def render(self, command_encoder: Any, color_tex: Any, depth_tex: Any, _: Any) -> None:
-        """Encode depth and motion, then the step."""
+        """Encode depth, motion and the step."""
         self.color = color_tex.texture
         self._encode_motion(command_encoder, depth_tex)
         self._upscaler.encode_into(
@@ -158,7 +158,7 @@ class Upscale(EffectPass):  # type: ignore[misc]  # pygfx has no types
         self._is_first = False
 
     def _encode_motion(self, encoder: wgpu.GPUCommandEncoder, z_buffer: wgpu.GPUTextureView) -> None:
-        # WGSL takes matrices by columns
+        # matrices are column-major in WGSL
         matrices = [self._previous @ np.linalg.inv(self._matrix), np.linalg.inv(self._projection)]
         values = [*matrices[0].T.flat, *matrices[1].T.flat, *self._jitter, self._camera.near, 0.0]
         camera = self._device.create_buffer_with_data(
@@ -216,10 +216,7 @@ def read(device: wgpu.GPUDevice, texture: wgpu.GPUTexture) -> np.ndarray:
         {"texture": texture}, {"bytes_per_row": (8 if half else 4) * width}, (width, height, 1)
     )
     values = np.frombuffer(pixels, np.float16 if half else np.uint8).reshape(height, width, 4)[..., :3]
-    if half:
-        return values.astype(np.float32)
-    encoded = values.astype(np.float32) / 255.0  # sRGB
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return values.astype(np.float32) if half else srgb_decoded(values.astype(np.float32) / 255.0)
 
 
 def enlarged(image: np.ndarray) -> np.ndarray:

@@ -1,10 +1,10 @@
-"""A PyVista viewer renders at half size and shows upscaled images: a frog, segmented into its organs.
+"""View a frog, segmented into its organs, in a PyVista viewer that renders at half size and upscales.
 
     pip install . pyvista
     python examples/pyvista_viewer.py --frames 48 -o out/viewer
 
 The camera turns, a ring scans the frog, and in the middle of the sequence the camera jumps. The data set
-comes with PyVista. Images are written; without -o a window shows them. Software OpenGL is sufficient.
+comes with PyVista. Images are written; without -o they are shown in a window. Software OpenGL suffices.
 """
 
 import argparse
@@ -33,9 +33,7 @@ def main() -> None:
     options = parser.parse_args()
 
     plotter = scene(options.size, off_screen=options.output is not None)
-    window = enable_supersampling(
-        plotter, scale=options.scale, model=options.model
-    )  # the only line that is needed
+    window = enable_supersampling(plotter, scale=options.scale, model=options.model)  # all that is needed
     if options.output is None:
         plotter.show(interactive_update=True)
     else:
@@ -71,7 +69,7 @@ def scene(size: tuple[int, int], *, off_screen: bool) -> Any:
 
 
 def pose(plotter: Any, index: int, *, angle: float) -> None:
-    """Place camera and ring of a frame; the angle, in degrees, is around the frog."""
+    """Place camera and ring for a frame; the angle of the camera around the frog is in degrees."""
     mesh, turned = plotter.meshes[0], np.radians(45.0 + angle)
     toward = np.array([np.cos(turned), np.sin(turned), 0.7])
     plotter.camera.position = tuple(mesh.center + 0.95 * mesh.length * toward)

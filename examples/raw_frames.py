@@ -1,9 +1,9 @@
-"""Write the frames of a shot as raw float32 files, for hosts in languages that cannot read EXR files.
+"""Write the frames of a shot as raw float32 files, for hosts that cannot read EXR files.
 
     python examples/raw_frames.py plaza out/raw --frames 32
 
-frames.json lists the files, sizes, jitter, exposure and resets. The top row is first. Colour has four
-channels (alpha is 1), depth one, motion two, as textures of rgba32float, r32float and rg32float.
+frames.json lists files, sizes, jitter, exposure and resets. Rows start at the top. Colour has four channels
+(alpha is 1), depth one and motion two, like textures of rgba32float, r32float and rg32float.
 """
 
 import argparse

@@ -1,9 +1,9 @@
-"""A viewer renders while its image improves, and stops when the image has converged.
+"""Render in a viewer only until the image has converged.
 
     python examples/viewer_at_rest.py -o out/at_rest.png
 
-The camera pans over a poster, stands still, and pans on. Copy `is_final` and the loop in `main`.
-The renderer is a few lines of numpy; no display is needed.
+The camera pans over a poster, stands still, and pans on. Copy `is_final` and the loop in `main`. The renderer
+is a few lines of numpy; no display is needed.
 """
 
 import sys
@@ -18,8 +18,8 @@ from supersampler.io.images import write_png
 
 RENDER, RATIO = (160, 90), 2.0
 DISPLAY = (320, 180)
-SPEED = 0.7  # render pixels that the camera moves in a frame, while it moves
-PAN, STAND = 24, 160  # frames of the program: the camera pans, stands still, and pans again
+SPEED = 0.7  # of the moving camera, render pixels per frame
+PAN, STAND = 24, 160  # frames of each pan, and of the rest between the two
 
 
 def main(options: Namespace) -> None:
@@ -47,9 +47,9 @@ def render(camera: float, speed: float, index: int) -> Frame:
     """Sample a poster of rings and stripes once per pixel.
 
     Args:
-        camera: render pixels that the camera has moved to the right.
-        speed: render pixels since the previous frame.
-        index: index among the rendered frames, for the jitter, which continues while nothing moves.
+        camera: position of the camera, render pixels to the right.
+        speed: motion since the previous frame, render pixels.
+        index: index of the rendered frame, for the jitter, which continues at rest.
     """
     width, height = RENDER
     jitter = halton_jitter(index, RATIO)
@@ -59,7 +59,7 @@ def render(camera: float, speed: float, index: int) -> Frame:
     stripes = (np.floor(0.55 * x + 0.31 * y) % 2) * 0.8
     level = np.where(y < 60.0, rings, stripes).astype(np.float32)
     motion = np.zeros((height, width, 2), np.float32)
-    motion[..., 0] = speed  # previous minus current: the poster moved to the left. Zeros at rest
+    motion[..., 0] = speed  # previous minus current: the poster moves to the left
     return Frame(
         color=level[..., None] * np.array([1.0, 0.9, 0.7], np.float32),
         depth=np.full((height, width), 0.1, np.float32),

@@ -1,19 +1,22 @@
-"""Make an image of the docs: crops of methods' images, or frames of scene families.
+"""Make an image of the docs.
 
 python docs/images/make.py NAME
 
-input-and-output: the shipped shot as rendered, upscaled, and its reference (README).
-both-ways: the shipped shot in one pass, in two passes, and its reference (docs/how-to/upscale-both-ways.md).
-by-eye: test shots by taau and classifier, and their references (docs/quality.md); run
-    `supersampler bench shots` before.
-artifacts: bilinear, taau, classifier, the reference, where the eye sees artifacts first
-    (docs/explanation/artifacts.md); run `supersampler bench shots` before.
+input-and-output: crops of the shipped shot as rendered, upscaled, and its reference (README).
+both-ways: crops of the shipped shot in one pass, in two passes, and its reference
+    (docs/how-to/upscale-both-ways.md).
+by-eye: crops of test shots by taau and classifier, and their references (docs/quality.md).
+artifacts: crops of test shots with visible artifacts by bilinear, taau and classifier, and their references
+    (docs/explanation/artifacts.md).
 families: a frame of each family of scenes, and the classes of its pixels (docs/data.md).
+
+by-eye and artifacts need the test shots: run `supersampler bench shots` first.
 """
 
 import os
 import sys
 from collections.abc import Iterable
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -42,7 +45,7 @@ GAP = 8
 
 
 def input_and_output() -> Pixels:
-    """Return crops of the shipped shot as rendered, upscaled, and its reference."""
+    """Return the image input-and-output."""
     upscaler = Upscaler("classifier", scale=2)
     for item in islice(Shot.open("plaza"), 28):
         image = upscaler.step(item.frame)
@@ -54,7 +57,7 @@ def input_and_output() -> Pixels:
 
 
 def both_ways() -> Pixels:
-    """Return crops of the shipped shot in one pass, in two passes, and its reference."""
+    """Return the image both-ways."""
     shot, index, (width, height) = Shot.open("plaza"), 18, (120, 68)
     size, reference = shot.display_size, shot.read_reference(index)
     if size is None or reference is None:
@@ -65,7 +68,7 @@ def both_ways() -> Pixels:
     gain = (np.abs(one - ideal) - np.abs(two - ideal)).sum(axis=2)
     tiles = gain[: gain.shape[0] // height * height, : gain.shape[1] // width * width]
     sums = tiles.reshape(-1, height, tiles.shape[1] // width, width).sum(axis=(1, 3))
-    best = np.argsort(-sums, axis=None)[:2]  # the tiles in which the passes differ most
+    best = np.argsort(-sums, axis=None)[:2]  # the tiles that gain most by the second pass
     corners = [(int(i % sums.shape[1]) * width, int(i // sums.shape[1]) * height) for i in best]
     parts = shown([*images, reference], exposure)
     return np.concatenate([crops(parts, corner, (width, height), zoom=4) for corner in corners])
@@ -74,21 +77,11 @@ def both_ways() -> Pixels:
 BY_EYE = (("rigging", 20, (60, 10)), ("court", 10, (160, 100)))
 ARTIFACTS = (
     ("thin_movers", 16, (30, 196)),  # the first image after a cut
-    ("moving_shadows", 12, (408, 285)),  # the edge of a shadow that moves
-    ("thin_movers", 14, (468, 183)),  # what thin things have left
-    ("thin_movers", 22, (371, 237)),  # thin things at rest, from a moving camera
+    ("moving_shadows", 12, (408, 285)),  # the edge of a moving shadow
+    ("thin_movers", 14, (468, 183)),  # the trail of thin geometry
+    ("thin_movers", 22, (371, 237)),  # static thin geometry, from a moving camera
 )
 """Test shot, frame and corner of each crop."""
-
-
-def by_eye() -> Pixels:
-    """Return crops of test shots by two methods, and their references."""
-    return of_test_shots(BY_EYE, ("taau", "classifier"), (240, 135), zoom=2)
-
-
-def artifacts() -> Pixels:
-    """Return crops without history, of moving light, of thin things that move, and of thin things at rest."""
-    return of_test_shots(ARTIFACTS, ("bilinear", "taau", "classifier"), (120, 68), zoom=3)
 
 
 def of_test_shots(
@@ -97,10 +90,10 @@ def of_test_shots(
     size: tuple[int, int],
     zoom: int,
 ) -> Pixels:
-    """Return a row of crops for each place: an image of each method, then the reference.
+    """Return a row of crops for each place: the image of each method, then the reference.
 
     Args:
-        places: name of a test shot, frame, and corner of the crop in display pixels.
+        places: test shot, frame, and corner of each crop in display pixels.
         methods: names of shipped models.
         size: width and height of a crop in display pixels.
         zoom: factor by which crops are enlarged.
@@ -119,7 +112,7 @@ def of_test_shots(
 
 
 def families() -> Pixels:
-    """Return a frame of each family of scenes, and the classes of its pixels."""
+    """Return the image families."""
     size, index, columns = (240, 135), 12, 3
     renderer, tiles = Renderer(size), []
     for family in (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES):
@@ -137,12 +130,12 @@ def families() -> Pixels:
 
 
 def shown(images: Iterable[NDArray[np.float32]], exposure: float) -> list[Pixels]:
-    """Return the images as a display shows them."""
+    """Return the images after the display transform."""
     return [to_uint8(display_transform(np.asarray(image), exposure)) for image in images]
 
 
 def crops(images: Iterable[Pixels], corner: tuple[int, int], size: tuple[int, int], zoom: int) -> Pixels:
-    """Return a row of crops, enlarged by nearest pixels, with white borders at their right and bottom."""
+    """Return a row of crops, enlarged by nearest pixels, with white borders at the right and the bottom."""
     (left, top), (width, height) = corner, size
     parts = [image[top : top + height, left : left + width] for image in images]
     parts = [part.repeat(zoom, axis=0).repeat(zoom, axis=1) for part in parts]
@@ -153,11 +146,11 @@ def crops(images: Iterable[Pixels], corner: tuple[int, int], size: tuple[int, in
 IMAGES = {
     "input-and-output": (input_and_output, 88),
     "both-ways": (both_ways, 88),
-    "by-eye": (by_eye, 88),
-    "artifacts": (artifacts, 88),
+    "by-eye": (partial(of_test_shots, BY_EYE, ("taau", "classifier"), (240, 135), 2), 88),
+    "artifacts": (partial(of_test_shots, ARTIFACTS, ("bilinear", "taau", "classifier"), (120, 68), 3), 88),
     "families": (families, 85),
 }
-"""Functions and JPEG qualities."""
+"""Function and JPEG quality of each image."""
 
 if __name__ == "__main__":
     make, quality = IMAGES[sys.argv[1]]

@@ -1,9 +1,9 @@
-"""Draw web-page.jpg: the page of `supersampler demo --web` in Chromium, bilinear beside `classifier`.
+"""Make web-page.jpg: the page of `supersampler demo --web` in Chromium, bilinear next to `classifier`.
 
     pip install -e . playwright
     python docs/images/web_page.py [path of Chromium]
 
-Chromium runs on its software adapter, so that the image needs no GPU; a frame then takes seconds.
+Chromium runs on its software adapter, so no GPU is needed; a frame takes seconds.
 """
 
 import shutil

@@ -1,9 +1,9 @@
-"""Writes the frames of a shot as raw planes of float32, which `upscale` reads.
+"""Write the frames of a shot as raw float32 planes for `upscale`.
 
     python examples/cpp_onnxruntime/raw_planes.py SHOT_FOLDER OUT_FOLDER [FRAMES]
 
-The shot must be in this package's conventions, as shots of `supersampler import` are. FRAMES is how many,
-from the first on. The format is at the top of upscale.cpp.
+The shot must have this package's conventions, like shots of `supersampler import`. FRAMES is the number of
+frames to write. upscale.cpp describes the format at its top.
 """
 
 import json
@@ -20,7 +20,7 @@ if len(sys.argv) not in (3, 4):
 shot, out = Path(sys.argv[1]), Path(sys.argv[2])
 description = json.loads((shot / "shot.json").read_text())
 if description["conventions"]:
-    sys.exit(f"{shot} is in other conventions; convert it: supersampler import {shot} -o CONVERTED")
+    sys.exit(f"{shot} has other conventions; convert it: supersampler import {shot} -o CONVERTED")
 width, height = description["display_size"]
 out.mkdir(parents=True, exist_ok=True)
 lines = []

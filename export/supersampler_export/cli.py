@@ -1,6 +1,6 @@
 """`supersampler export METHOD -o FOLDER`: a model folder, or with --target shaders for engines.
 
-Torch is imported where it is used: --help and shaders work without.
+Torch is only imported for a model folder: --help and shaders work without it.
 """
 
 from pathlib import Path
@@ -58,7 +58,7 @@ def export(
       supersampler export classifier --weights run/weights.safetensors -o my_classifier
       supersampler upscale SHOT --model my_taau -o out
       supersampler export classifier --target wgsl -o shaders
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    """  # noqa: D301  # \b makes click keep the line breaks
     if target is not None:
         if weights is not None:
             hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."

@@ -1,5 +1,6 @@
-"""Write a model folder (step.onnx, model.json, a model card), only if ONNX Runtime matches torch."""
+"""Writing of a model folder (step.onnx, model.json, a model card), after the check against torch."""
 
+import copy
 import dataclasses
 import hashlib
 import json
@@ -12,15 +13,15 @@ from typing import Any
 import msgspec
 import onnx
 import torch
+from torch.utils.flop_counter import FlopCounterMode
 
 from supersampler import __version__
 from supersampler.errors import ShotError
 from supersampler.io.files import check_ours, write_bytes
 from supersampler.io.json_files import read_json
 from supersampler.methods.model_file import CONTRACT
-from supersampler.methods.model_info import EXTRAPOLATED
-from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
-from supersampler_export.count import multiply_adds_of
+from supersampler.methods.model_info import EXTRAPOLATED, extents
+from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of, sized
 from supersampler_export.graph import OPSET, export_graph, export_subgraph, history_name
 from supersampler_export.half import to_half
 from supersampler_export.parity import (
@@ -47,24 +48,24 @@ _FILES = {
     "network.npz": "is the int8 network, for the CPU backend.",
     f"{EXTRAPOLATED}/model.json": "describes the step for extrapolated frames, on the same history.",
 }
-"""Text of the model card on each optional file."""
+"""Description of each optional file in the model card."""
 
 
 def write_model_folder(method: Method, folder: Path) -> None:
-    """Export `method`, check it against torch, then write the folder, model.json last.
+    """Export `method`, check it against torch, and write the folder, model.json last.
 
-    The method for extrapolated frames, if it is another one, goes to a folder in the folder.
+    A separate method for extrapolated frames goes to a subfolder.
 
     Raises:
         ExportError: opset, operators or parity fail; nothing is written.
-        ShotError: files in the way were not written by an export; nothing is written.
+        ShotError: existing files were not written by an export; nothing is written.
     """
     inner: dict[str, bytes] = {}
     if (extrapolated := method.on_extrapolated()) is not None:
         inner = {f"{EXTRAPOLATED}/{name}": made for name, made in _folder_files(extrapolated, {}).items()}
     content = {**inner, **_folder_files(method, inner)}
     for name in content:
-        check_ours(folder / name, _is_listed, "listed by a model.json beside it")
+        check_ours(folder / name, _is_listed, "listed by a model.json next to it")
     (folder / EXTRAPOLATED if inner else folder).mkdir(parents=True, exist_ok=True)
     for name, made in content.items():
         write_bytes(folder / name, made)
@@ -81,21 +82,20 @@ def _is_listed(path: Path) -> bool:
 
 
 def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return all files of a folder by name, model.json last; it lists the model.json of `inner`."""
+    """Return all files of a folder by name, model.json last. It also lists the model.json in `inner`."""
     described = describe(method)
     graph = _labelled(export_graph(method), described)
     files = {"step.onnx": _serialized(graph)}
     parity = check_parity(method, files["step.onnx"])
     if not method.extrapolates():  # upscalers blend AOVs
         files["aovs.onnx"] = aovs_graph()
-    subgraph, network = method.subgraph(), cpu_network(method)
+    subgraph, network, half = method.subgraph(), cpu_network(method), to_half(method)
     if subgraph is not None:
         alone = export_subgraph(subgraph)
         files["network.onnx"] = _serialized(alone)
         check_subgraph(subgraph, files["network.onnx"])
         if network is not None:
             files["network.int8.onnx"] = _serialized(quantized_network(alone, network))
-    half = to_half(method)
     if half is not None:
         check_half(method, half)
         files["step.fp16.onnx"] = _serialized(_labelled(without_detours(export_graph(half)), described))
@@ -113,7 +113,7 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
 
 @cache
 def aovs_graph() -> bytes:
-    """Export the blending of AOVs once; it is the same in every folder.
+    """Return the graph that blends AOVs, which is the same in every folder.
 
     Raises:
         ExportError: see `write_model_folder`.
@@ -136,7 +136,7 @@ def _serialized(graph: onnx.ModelProto) -> bytes:
 
 
 def describe(method: Method) -> dict[str, Any]:
-    """Return the content of model.json except for files and parity."""
+    """Return the content of model.json without files and parity."""
     spec, subgraph = method.spec, method.subgraph()
     config = getattr(method, "config", spec.config())
     return {
@@ -191,10 +191,7 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         "",
         "| render | display | difference | median |",
         "|---|---|---|---|",
-        *(
-            f"| {_size(p.render)} | {_size(p.display)} | {p.difference:.1e} | {p.median:.1e} |"
-            for p in parity
-        ),
+        *(f"| {_x(p.render)} | {_x(p.display)} | {p.difference:.1e} | {p.median:.1e} |" for p in parity),
         "",
         f"Operators: {', '.join(f'{name} {n}' for name, n in sorted(operators.items()))}.",
         "",
@@ -204,7 +201,7 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
 
 
 def _purpose(described: Mapping[str, Any]) -> str:
-    """Return the model card's text about sizes."""
+    """Return the model card's text about purpose and sizes."""
     low, high = described["ratios"]
     if described["image"]["shape"][2:] == list(RENDER):
         return (
@@ -233,15 +230,30 @@ def _origin(learned: Mapping[str, Any] | None) -> str:
     )
 
 
+def multiply_adds_of(subgraph: NetworkSubgraph) -> float:
+    """Count the multiply-adds of convolutions and matrix products, per display pixel, on meta tensors."""
+    width, height = display = 960, 544  # multiples of the network's coarsest pixels
+    render = width // subgraph.ratio, height // subgraph.ratio
+    sizes = extents(render=render, display=display, previous=render)
+    inputs = [torch.empty(sized(shape, sizes), device="meta") for shape in subgraph.inputs.values()]
+    network = copy.deepcopy(subgraph.module).eval().to("meta")
+    with torch.no_grad(), FlopCounterMode(display=False) as counter:
+        network(*inputs)
+    operations: int = counter.get_total_flops()  # a product and a sum per multiply-add
+    return operations / 2 / (width * height)
+
+
 def _network(subgraph: NetworkSubgraph) -> dict[str, Any]:
-    tensors = {"inputs": subgraph.inputs, "outputs": subgraph.outputs}
-    described = {kind: [_tensor(*item) for item in shapes.items()] for kind, shapes in tensors.items()}
-    return {**described, "multiply_adds": multiply_adds_of(subgraph)}
+    return {
+        "inputs": [_tensor(*item) for item in subgraph.inputs.items()],
+        "outputs": [_tensor(*item) for item in subgraph.outputs.items()],
+        "multiply_adds": multiply_adds_of(subgraph),
+    }
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:
     return {"name": name, "type": dtype_of(name), "shape": list(shape)}
 
 
-def _size(size: Sequence[int]) -> str:
+def _x(size: Sequence[int]) -> str:
     return f"{size[0]}x{size[1]}"

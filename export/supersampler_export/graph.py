@@ -17,33 +17,16 @@ from torch import Tensor, nn
 
 from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler.errors import SupersamplerError
+from supersampler.methods import spec as shapes
 from supersampler.methods.model_info import extents
-from supersampler.methods.spec import (
-    BETWEEN,
-    BLOCKS,
-    CHANNELS,
-    DISPLAY,
-    EARLIER,
-    HALF,
-    LARGE,
-    LARGE_HALF,
-    NEXT_BLOCKS,
-    NEXT_PHASES,
-    PHASES,
-    PREVIOUS,
-    RENDER,
-    SHADED,
-    TENSORS,
-    Shape,
-    sized,
-)
+from supersampler.methods.spec import DISPLAY, HALF, LARGE_HALF, RENDER, TENSORS, Shape, sized
 from supersampler_export.half import folded
 from supersampler_export.simplify import joined_slices, simplified_gathers
 from supersampler_model import ops
 from supersampler_model.methods.base import Method, NetworkSubgraph
 
 OPSET = 17
-"""Last opset in which every provider implements GridSample alike (docs/contract.md)."""
+"""Last opset whose GridSample every provider implements alike (docs/contract.md)."""
 
 PORTABLE_OPERATORS = frozenset({
     "Abs", "Add", "And", "Cast", "Clip", "Concat", "Conv", "ConvTranspose", "DepthToSpace", "Div", "Equal",
@@ -72,38 +55,31 @@ def export_graph(method: Method) -> onnx.ModelProto:
     """
     arguments = example_arguments(method, *traced_sizes(method), ops.Size(22, 15))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
-    shapes = {name: shape_of(method, name) for name in names}
-    dims = _dims(method)
-    dynamic = [_free(shape, dims) for shape in shapes.values()]
-    inputs = [history_name(name) for name in names]
-    outputs = ["image", *(f"next.{name}" for name in method.history), *method.spec.aux_outputs]
+    inputs = {history_name(name): shape_of(method, name) for name in names}
+    outputs: dict[str, Sequence[int | str]] = {"image": method.spec.image}
     # this frame's size is the next one's previous size
-    current = dict(zip((*PREVIOUS, *BLOCKS, PHASES), (*RENDER, *NEXT_BLOCKS, NEXT_PHASES), strict=True))
-    next_history = [
-        [current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()
-    ]
-    model = _traced(folded(copy.deepcopy(method).eval()), arguments, inputs, outputs, dynamic)
-    _declare(model.graph.input, list(shapes.values()))
-    aux_outputs = [TENSORS[name] for name in method.spec.aux_outputs]
-    _declare(model.graph.output, [method.spec.image, *next_history, *aux_outputs])
-    _strip(model)
-    return model
+    previous = *shapes.PREVIOUS, *shapes.BLOCKS, shapes.PHASES
+    current = dict(zip(previous, (*RENDER, *shapes.NEXT_BLOCKS, shapes.NEXT_PHASES), strict=True))
+    for name, shape in method.history.items():
+        outputs[f"next.{name}"] = [current.get(n, n) if isinstance(n, str) else n for n in shape]
+    outputs |= {name: TENSORS[name] for name in method.spec.aux_outputs}
+    return _traced(folded(copy.deepcopy(method).eval()), arguments, inputs, outputs, _dims(method))
 
 
 def traced_sizes(method: Method) -> tuple[ops.Size, ops.Size]:
-    """(render, display) that a graph is traced at; not a whole ratio unless the method requires one."""
+    """Return (render, display) to trace at; not a whole ratio unless the method requires one."""
     render, ratio = ops.Size(26, 18), only_ratio(method.ratios)
     display = (52, 37) if ratio is None else scaled(render, ratio)
     if display is None:
-        raise ExportError(f"{method.name}: {tuple(render)} has no size {ratio:g} times as large")
+        raise ExportError(f"{method.name}: {tuple(render)} times {ratio:g} is not a whole size")
     return render, ops.Size(*display)
 
 
 def _dims(method: Method) -> dict[str, Any]:
-    """Dim of each name in shapes; at one whole ratio, display sizes are multiples of render sizes."""
-    free: tuple[str, ...] = (*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *BLOCKS, PHASES)
-    free += (*SHADED, *EARLIER, *BETWEEN, CHANNELS)
-    dims: dict[str, Any] = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
+    """Return the Dim of each name in shapes. At one whole ratio, display sizes are multiples of render's."""
+    sizes = extents(render=(1, 1), display=(1, 1), previous=(1, 1))
+    names = *sizes, *shapes.SHADED, *shapes.EARLIER, *shapes.BETWEEN, shapes.CHANNELS
+    dims: dict[str, Any] = {name: torch.export.Dim(name, min=1, max=1 << 15) for name in names}
     ratio = only_ratio(method.ratios)
     if ratio is not None and ratio.is_integer():
         for render, display, half in zip(RENDER, DISPLAY, HALF, strict=True):
@@ -111,11 +87,6 @@ def _dims(method: Method) -> dict[str, Any]:
             if ratio % 2 == 0:
                 dims[half] = _times(dims[render], int(ratio) // 2)
     return dims
-
-
-def _free(shape: Shape, dims: Mapping[str, Any]) -> dict[int, Any]:
-    """Dim of each axis of a tensor that has no fixed extent."""
-    return {axis: dims[extent] for axis, extent in enumerate(shape) if isinstance(extent, str)}
 
 
 def _times(dim: Any, factor: int) -> Any:
@@ -130,20 +101,15 @@ def export_subgraph(subgraph: NetworkSubgraph) -> onnx.ModelProto:
     """
     dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *LARGE_HALF, *RENDER)}
     dims |= {d: _times(dims[r], subgraph.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
-    dynamic = [_free(shape, dims) for shape in subgraph.inputs.values()]
     arguments = example_inputs(subgraph, ops.Size(21, 13))
-    model = _traced(subgraph.module, arguments, list(subgraph.inputs), list(subgraph.outputs), dynamic)
-    _declare(model.graph.input, list(subgraph.inputs.values()))
-    _declare(model.graph.output, list(subgraph.outputs.values()))
-    _strip(model)
-    return model
+    return _traced(subgraph.module, arguments, subgraph.inputs, subgraph.outputs, dims)
 
 
 def example_inputs(subgraph: NetworkSubgraph, size: ops.Size) -> list[Tensor]:
-    """Return random inputs of the network; `size` is half that of its images, or the render size."""
-    sizes = {
-        n: extent for names in (HALF, LARGE_HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)
-    }
+    """Return random inputs of the network; `size` is half the size of its images, or the render size."""
+    sizes: dict[str, int] = {}
+    for names in (HALF, LARGE_HALF, RENDER):
+        sizes |= zip(names, size[::-1], strict=True)
     sizes |= {d: subgraph.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
     return [torch.rand(sized(shape, sizes)) for shape in subgraph.inputs.values()]
 
@@ -151,21 +117,30 @@ def example_inputs(subgraph: NetworkSubgraph, size: ops.Size) -> list[Tensor]:
 def _traced(
     module: nn.Module,
     arguments: Sequence[Tensor],
-    inputs: list[str],
-    outputs: list[str],
-    dynamic: Sequence[Mapping[int, Any]],
+    inputs: Mapping[str, Shape],
+    outputs: Mapping[str, Sequence[int | str]],
+    dims: Mapping[str, Any],
 ) -> onnx.ModelProto:
+    """Trace a module; inputs and outputs get the symbolic shapes of the contract, with `dims` for names."""
+    dynamic = [{axis: dims[n] for axis, n in enumerate(s) if isinstance(n, str)} for s in inputs.values()]
     parameters = inspect.signature(module.forward).bind(*dynamic).arguments  # `*history` takes several
     with _quiet(), _fast_rewriting(), torch.no_grad():
         program = torch.onnx.export(
-            module.eval(), tuple(arguments), dynamo=True, opset_version=OPSET, input_names=inputs,
-            output_names=outputs, dynamic_shapes=parameters, verbose=False,
+            module.eval(), tuple(arguments), dynamo=True, opset_version=OPSET, input_names=[*inputs],
+            output_names=[*outputs], dynamic_shapes=parameters, verbose=False,
         )  # fmt: skip
     if program is None:
         raise ExportError("torch.onnx.export returned no program")
     model = simplified_gathers(joined_slices(program.model_proto))
     check_portable(model)
     onnx.checker.check_model(model, full_check=True)
+    for values, shape_by_name in ((model.graph.input, inputs), (model.graph.output, outputs)):
+        for value, shape in zip(values, shape_by_name.values(), strict=True):
+            kind = value.type.tensor_type.elem_type
+            value.CopyFrom(onnx.helper.make_tensor_value_info(value.name, kind, shape))
+    del model.graph.value_info[:], model.graph.metadata_props[:]  # of the exporter
+    for node in model.graph.node:
+        del node.metadata_props[:]
     return model
 
 
@@ -180,8 +155,8 @@ def example_arguments(
     method: Method, render: ops.Size, display: ops.Size, previous: ops.Size
 ) -> list[Tensor]:
     """Return random inputs of the step, for tracing."""
-    sizes = extents(render=render, display=display, previous=previous) | {CHANNELS: 3}
-    for i, (height, width) in enumerate((SHADED, EARLIER, BETWEEN), 1):
+    sizes = extents(render=render, display=display, previous=previous) | {shapes.CHANNELS: 3}
+    for i, (height, width) in enumerate((shapes.SHADED, shapes.EARLIER, shapes.BETWEEN), 1):
         sizes |= {height: previous.height + 2 * i, width: previous.width + i}
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     noise = {name: torch.rand(sized(shape_of(method, name), sizes)) for name in names}
@@ -189,39 +164,22 @@ def example_arguments(
 
 
 def check_portable(model: onnx.ModelProto, others: Collection[str] = ()) -> None:
-    """Raise ExportError unless the graph is at opset 17 and operators are portable, or among `others`."""
+    """Raise ExportError unless the opset is 17, and all operators are portable or among `others`."""
     opsets = {opset.domain: opset.version for opset in model.opset_import}
     if opsets.get("") != OPSET or set(opsets) - {""}:
         raise ExportError(f"the exporter returned opsets {opsets}; want {OPSET} and no other domain")
     unsupported = {node.op_type for node in model.graph.node} - PORTABLE_OPERATORS - {*others}
     if unsupported:
-        raise ExportError(
-            f"operators {sorted(unsupported)} are not on the portable list; rewrite the step without"
-        )
+        raise ExportError(f"operators {sorted(unsupported)} are not portable; rewrite the step without them")
     for node in model.graph.node:
         for attribute in node.attribute:
             if node.op_type == "GridSample" and attribute.name == "mode" and attribute.s == b"bicubic":
                 raise ExportError("GridSample bicubic differs between providers; use nine bilinear reads")
 
 
-def _declare(values: Sequence[onnx.ValueInfoProto], shapes: Sequence[Sequence[int | str]]) -> None:
-    """Give inputs or outputs the symbolic shapes of the contract, in place of the exporter's own names."""
-    for value, shape in zip(values, shapes, strict=True):
-        kind = value.type.tensor_type.elem_type
-        value.CopyFrom(onnx.helper.make_tensor_value_info(value.name, kind, shape))
-
-
-def _strip(model: onnx.ModelProto) -> None:
-    """Remove the exporter's metadata of values and nodes."""
-    del model.graph.value_info[:]
-    for node in model.graph.node:
-        del node.metadata_props[:]
-    del model.graph.metadata_props[:]
-
-
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence the exporter's progress and warnings; its errors are still raised."""
+    """Silence the progress and the warnings of the exporter."""
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -239,9 +197,9 @@ def _quiet() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _fast_rewriting() -> Iterator[None]:
-    """Show the rewriting rule SlicesSplit slices only.
+    """Apply the rewriting rule SlicesSplit to slices only.
 
-    It compares every node with every Slice, which takes a third of the time of a trace.
+    Otherwise it compares every node with every Slice, which takes a third of the time of a trace.
     """
 
     def on_slices(rewrite: Callable[..., Any], model: Any, graph: Any, node: Any, **options: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Convert a method to half precision, for providers that move and compute it fast."""
+"""Conversion of a method to half precision, which some providers move and compute faster."""
 
 import copy
 from typing import TypeVar
@@ -18,7 +18,7 @@ class HalfNetwork(nn.Module):
     exceed the range of half floats.
 
     Args:
-        network: network of (tensor, ...) to (tensor, ...); not changed.
+        network: a network of tensors to a tuple of tensors; not changed.
     """
 
     def __init__(self, network: nn.Module) -> None:
@@ -31,7 +31,7 @@ class HalfNetwork(nn.Module):
 
 
 def folded(network: Folded) -> Folded:
-    """Fold each batch normalisation into the convolution that it follows in a `Sequential`; in place."""
+    """Fold each batch normalisation into the convolution before it in a `Sequential`; in place."""
     for module in network.modules():
         if not isinstance(module, nn.Sequential):
             continue
@@ -44,7 +44,8 @@ def folded(network: Folded) -> Folded:
 def to_half(method: Method) -> Method | None:
     """Return `method` in half precision; None without a network.
 
-    With `runs_in_fp16` all stages compute in half floats (docs/explanation/precision.md), else the network.
+    With `runs_in_fp16` all stages compute in half floats (docs/explanation/precision.md), otherwise only the
+    network.
     """
     if method.subgraph() is None or not isinstance(method, LearnedMethod):
         return None

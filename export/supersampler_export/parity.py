@@ -1,4 +1,4 @@
-"""The parity gate: ONNX Runtime must reproduce the images of torch over several frames."""
+"""Parity gate: ONNX Runtime must reproduce the images of torch over several frames."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -32,31 +32,31 @@ SIZES: Sizes = tuple(
         ((240, 135), (480, 270)),
     )
 )
-"""Sizes of the gate for methods with a range of ratios, up to its end; only the first was traced."""
+"""Sizes of the gate for methods with a range of ratios; only the first pair is traced."""
 RENDERS = [ops.Size(*size) for size in ((80, 45), (61, 47), (33, 17), (1, 1), (1, 9), (2, 2), (120, 68))]
-"""Render sizes of the gate for methods with one ratio, besides the traced one."""
+"""Render sizes of the gate for methods with one ratio, in addition to the traced one."""
 
 FRAMES = 4
 SHADED = (True, False, True, False, False)
-"""Frames of the gate for extrapolating methods: whether each is shaded."""
+"""Whether each frame of the gate is shaded, for methods that extrapolate."""
 AOV_CHANNELS = 3
 TOLERANCE = 1e-4
 QUANTILE = 0.999
 """Fraction of the values of toned images that differ by at most TOLERANCE.
 
-At the others a rounding error decides a comparison (closest of two equal depths, floor of a position on a
-sample). Noise, the content of the gate, has many of these.
+At the other values a rounding error decides a comparison (closest of two equal depths, floor of a position on
+a sample), which is frequent in noise.
 """
 
 TOLERANCE_HALF_NETWORK = 1e-3
-"""Tolerance with the network alone in half precision, whose steps are 5e-4 of a value."""
+"""Tolerance with only the network in half precision, whose relative precision is 5e-4."""
 TOLERANCE_HALF = 3e-3
-"""Tolerance with all stages in half precision, which round a toned colour several times, by up to 2.5e-4."""
+"""Tolerance with all stages in half precision, which round a toned colour several times by up to 2.5e-4."""
 
 
 @dataclass(frozen=True)
 class Parity:
-    """Difference between torch and ONNX Runtime on one pair of sizes, of images toned to [0, 1)."""
+    """Difference of the toned images of torch and ONNX Runtime at one pair of sizes."""
 
     render: ops.Size
     display: ops.Size
@@ -66,17 +66,17 @@ class Parity:
 
 
 def check_parity(method: Method, graph: bytes, tolerance: float = TOLERANCE) -> list[Parity]:
-    """Compare torch and ONNX Runtime at all sizes.
+    """Compare torch and ONNX Runtime at all sizes of the gate.
 
     Raises:
-        ExportError: they differ by more than the tolerance at some size.
+        ExportError: they differ by more than the tolerance.
     """
     options = ort.SessionOptions()
     options.log_severity_level = 3
     session = ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
     results = [compare(method, session, render, display) for render, display in sizes_of(method)]
     for result in results:
-        _check(result, tolerance, f"{method.name} at {{}} -> {{}}: ONNX Runtime is off by")
+        _check(result, tolerance, f"ONNX Runtime's {method.name}")
     return results
 
 
@@ -89,28 +89,27 @@ def tolerance_of_half(method: Method) -> float:
 def check_half(method: Method, half: Method) -> None:
     """Compare a method in half precision with the method itself, in torch.
 
-    ONNX Runtime's CPU provider computes a graph in half floats mostly in float32; torch rounds as GPUs do.
+    Torch rounds like GPUs; ONNX Runtime's CPU provider computes half floats mostly in float32.
 
     Raises:
-        ExportError: they differ by more than the tolerance at some size.
+        ExportError: they differ by more than the tolerance.
     """
     for render, display in sizes_of(method):
-        difference = _differences(method, lambda *tensors: half.step(*tensors)[:2], render, display)
-        result = _parity(render, display, difference)
-        _check(result, tolerance_of_half(method), f"{method.name} in half floats at {{}} -> {{}}: off by")
+        result = _parity(method, lambda *tensors: half.step(*tensors)[:2], render, display)
+        _check(result, tolerance_of_half(method), f"{method.name} in half floats")
 
 
-def _check(result: Parity, tolerance: float, message: str) -> None:
+def _check(result: Parity, tolerance: float, what: str) -> None:
     if not result.difference <= tolerance:
-        sizes = message.format(tuple(result.render), tuple(result.display))
-        raise ExportError(f"{sizes} {result.difference:.1e}; want {tolerance:.0e}")
+        sizes = f"{tuple(result.render)} -> {tuple(result.display)}"
+        raise ExportError(f"{what} at {sizes} is off by {result.difference:.1e}; want {tolerance:.0e}")
 
 
 def sizes_of(method: Method) -> Sizes:
-    """Return the sizes of the gate for a method; only the first was traced."""
+    """Return the sizes of the gate for a method; only the first pair is traced."""
     ratio = only_ratio(method.ratios)
     if ratio is None:
-        limit = method.ratios[1] + 0.2  # rounded up
+        limit = method.ratios[1] + 0.2  # sizes are rounded
         return tuple(pair for pair in SIZES if max(map(truediv, *reversed(pair))) < limit)
     pairs = [(render, scaled(render, ratio)) for render in RENDERS]
     fitting = [(render, ops.Size(*display)) for render, display in pairs if display is not None]
@@ -121,7 +120,7 @@ def check_subgraph(subgraph: NetworkSubgraph, graph: bytes) -> None:
     """Compare the network alone in torch and ONNX Runtime, at sizes not traced.
 
     Raises:
-        ExportError: they differ by more than the tolerance, of the largest value.
+        ExportError: they differ by more than the tolerance, relative to the largest value.
     """
     session = ort.InferenceSession(graph, providers=["CPUExecutionProvider"])
     for half in (ops.Size(16, 8), ops.Size(33, 17), ops.Size(1, 1)):
@@ -136,7 +135,7 @@ def check_subgraph(subgraph: NetworkSubgraph, graph: bytes) -> None:
 
 
 def compare(method: Method, session: ort.InferenceSession, render: ops.Size, display: ops.Size) -> Parity:
-    """Step noisy frames through torch and ONNX Runtime, each with its own history."""
+    """Step noisy frames in torch and ONNX Runtime, each with its own history."""
     names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
 
     def step(*tensors: Tensor) -> tuple[Tensor, list[Tensor]]:
@@ -144,24 +143,15 @@ def compare(method: Method, session: ort.InferenceSession, render: ops.Size, dis
         image, *others = (torch.from_numpy(array) for array in session.run(None, feeds))
         return image, others[: len(method.history)]
 
-    return _parity(render, display, _differences(method, step, render, display))
+    return _parity(method, step, render, display)
 
 
-def _parity(render: ops.Size, display: ops.Size, difference: NDArray[np.float32]) -> Parity:
-    median, high = np.quantile(difference, [0.5, QUANTILE])
-    return Parity(render, display, float(median), float(high), float(difference.max()))
-
-
-def _differences(
+def _parity(
     method: Method, step: Callable[..., tuple[Tensor, list[Tensor]]], render: ops.Size, display: ops.Size
-) -> NDArray[np.float32]:
-    """Return the differences of all values of the images of FRAMES noisy frames, toned without pre-exposure.
+) -> Parity:
+    """Compare the images of noisy frames by `method` and `step`, toned without pre-exposure.
 
-    Args:
-        method: compared with `step`, each with its own history.
-        step: takes the inputs and the history of the method; returns an image and the next history.
-        render: size of the frames.
-        display: size of the images.
+    `step` takes the inputs and the history of the method, and returns an image and the next history.
     """
     shaded = SHADED if method.extrapolates() else (False,) * FRAMES
     ours = theirs = method.first_history(display, render, AOV_CHANNELS)
@@ -175,14 +165,16 @@ def _differences(
             image, ours, _ = method.step(*arguments, *ours)
             other, theirs = step(*arguments, *theirs)
         differences.append((ops.tone(image / unit) - ops.tone(other / unit)).abs().numpy().ravel())
-    return np.concatenate(differences)
+    difference = np.concatenate(differences)
+    median, high = np.quantile(difference, [0.5, QUANTILE])
+    return Parity(render, display, float(median), float(high), float(difference.max()))
 
 
 def noise(render: ops.Size, display: ops.Size, frames: int) -> Iterator[dict[str, Tensor]]:
-    """Yield frames of smooth colour plus noise, sloping depth with steps, motion of a few pixels.
+    """Yield frames of smooth colour plus noise, sloping depth with steps, and motion of a few pixels.
 
-    G-buffers are other waves at both sizes; depth at display size is the same surface as at render size. Each
-    frame has another pre-exposure, and the second one adds no samples to the mean.
+    G-buffers are other waves, except that depth is the same surface at both sizes. Each frame has another
+    pre-exposure, and the second one adds no samples to the mean.
     """
     random = np.random.default_rng(render.width * 1000 + render.height)
     y, x = np.mgrid[: render.height, : render.width].astype(np.float32)
@@ -211,7 +203,7 @@ def noise(render: ops.Size, display: ops.Size, frames: int) -> Iterator[dict[str
 def _gbuffers(
     render: ops.Size, display: ops.Size, *, phase: float, steps: tuple[float, float]
 ) -> dict[str, Tensor]:
-    """Return base colour and parameters in [0, 1], unit normals, depth as the frame's."""
+    """Return base colour and parameters in [0, 1], unit normals, and the frame's depth."""
     made = {}
     for number, (name, place) in enumerate(GBUFFERS.items()):
         size = display if place.of_display else render

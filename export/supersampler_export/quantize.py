@@ -1,15 +1,13 @@
 """The int8 network of the classifiers for the CPU backend: `network.npz` of a model folder.
 
-Values are (byte - zero) * scale. Products of bytes are summed as integers; a scale and a bias per output
+A value is (byte - zero) * scale. Products of bytes are summed as integers; a scale and a bias per output
 convert the sum to the next layer's bytes:
 
     sum of w x  =  sigma * sum of w' (byte - zero),  w' = round(w scale / sigma),  sigma = max |w scale| / 127
 
-The scale of each input channel is folded into the weights, so that inputs from several sources need no common
-scale. Outputs of depthwise convolutions are signed and stored around 128.
-
-Each layer writes its output channels in the order in which the next layer reads them, with padding, so that
-no bytes are moved between layers.
+The scale of each input channel is folded into the weights, so inputs from several sources need no common
+scale. Outputs of depthwise convolutions are signed and stored around 128. Each layer writes its output
+channels, padded, in the order in which the next layer reads them, so no bytes are moved between layers.
 """
 
 import io
@@ -41,23 +39,22 @@ BYTE, SIGNED, MIDDLE = 255.0, 127.0, 128.0
 EPSILON = 1e-5  # of batch normalisation
 EIGHT = 8  # outputs per iteration of the last layer
 HALF_SIZE_BYTES = 8  # bytes of the half-size inputs in a record
-SCALES, FRAMES = (1.5, 2.5), 10  # ratios that the shipped shot is stepped at, frames of each
+SCALES, FRAMES = (1.5, 2.5), 10  # ratios and frames of the calibration on the shipped shot
 SHARE = 0.9999
-"""Quantile at which a range ends; outliers would make the quantization of all other values coarser."""
+"""Quantile at which a range ends: outliers would make the quantization of all other values coarser."""
 MARGIN = 1.5
-"""Factor for scenes with larger values than the calibration shot."""
+"""Factor of ranges, for scenes with larger values than the calibration shot."""
 
 
 def cpu_network(method: Method) -> bytes | None:
-    """Return the int8 network; None without kernels for the method's config."""
+    """Return the int8 network; None if kernels do not support the method's config."""
     if not isinstance(method, Classifier) or type(method.net) is not ClassifierNetwork:
         return None
-    # the fields that kernels read or are compiled for; the others must have their defaults
+    # kernels read these fields or are compiled for them; the others must have their defaults
     names = "network", *constants_of(method.spec), *flags_of(method.spec)
     constants = {name: getattr(method.config, name) for name in names}
-    if method.config != replace(type(method.config)(), **constants) or width_problem(
-        vars(method.config.network)
-    ):
+    problem = width_problem(vars(method.config.network))
+    if problem is not None or method.config != replace(type(method.config)(), **constants):
         return None
     stream = io.BytesIO()
     arrays: dict[str, Any] = quantized(method.net, calibrated(method))
@@ -67,11 +64,11 @@ def cpu_network(method: Method) -> bytes | None:
 
 @dataclass(frozen=True)
 class ByteLayout:
-    """Layout of channels as contiguous bytes, one entry per byte.
+    """Layout of channels as contiguous bytes; one entry per byte.
 
     Attributes:
-        channel: index of the channel; -1: padding.
-        scale: scale of its values.
+        channel: index of the channel, or -1 for padding.
+        scale: scale of the values.
         zero: byte of the value 0.
     """
 
@@ -81,7 +78,7 @@ class ByteLayout:
 
     @classmethod
     def of(cls, channels: Sequence[int] | int, scale: float, zero: float = 0.0) -> "ByteLayout":
-        """Return a layout with equal scales; an integer is a number of channels."""
+        """Return a layout with equal scales; `channels` may be a number of channels."""
         order = np.arange(channels) if isinstance(channels, int) else np.array(channels, np.int64)
         return cls(order, np.full(len(order), scale), np.full(len(order), zero))
 
@@ -103,12 +100,12 @@ class ByteLayout:
         )
 
     def up_to(self, multiple: int) -> "ByteLayout":
-        """Pad to a multiple."""
+        """Append padding bytes up to a multiple."""
         return self.followed_by(-len(self.channel) % multiple)
 
 
 def pixelwise(weights: Floats, bias: Floats, given: ByteLayout, made: ByteLayout) -> Arrays:
-    """Quantize a 1x1 convolution, weights (out, in); as `kernels.network.pointwise` reads it."""
+    """Quantize a 1x1 convolution, weights (out, in), for `pointwise` of the CPU library."""
     given, made = given.up_to(WORD), made.up_to(BLOCK)
     scaled = np.where(given.channel >= 0, weights[:, given.channel] * given.scale, 0.0)
     sigma = np.maximum(np.abs(scaled).max(axis=1), 1e-12) / SIGNED
@@ -124,7 +121,7 @@ def pixelwise(weights: Floats, bias: Floats, given: ByteLayout, made: ByteLayout
 
 
 def by_output(layer: Arrays, outputs: int) -> Arrays:
-    """Reorder a layer output by output, (outputs in eights, words, WORD), as the last layer is read."""
+    """Reorder the last layer output by output: (outputs up to a multiple of eight, words, WORD)."""
     outputs = -(-outputs // EIGHT) * EIGHT
     blocks, words = layer["weights"].shape[:2]
     rows = layer["weights"].transpose(0, 2, 1, 3).reshape(blocks * BLOCK, words, WORD)
@@ -132,7 +129,7 @@ def by_output(layer: Arrays, outputs: int) -> Arrays:
 
 
 def depthwise(weights: Floats, given: float, made: float) -> Arrays:
-    """Quantize a 3x3 convolution of each channel, (channels, 3, 3), to bytes around MIDDLE."""
+    """Quantize a depthwise 3x3 convolution, weights (channels, 3, 3), with outputs around MIDDLE."""
     sigma = np.maximum(np.abs(weights).max(axis=(1, 2)), 1e-12) / SIGNED
     whole = np.round(weights / sigma[:, None, None]).astype(np.int8)
     # a word has three vertical neighbours and padding
@@ -145,8 +142,8 @@ def depthwise(weights: Floats, given: float, made: float) -> Arrays:
     }
 
 
-def folded(layer: nn.Module) -> tuple[Floats, Floats]:
-    """Return weights (out, in) and bias of a `Pointwise`, its batch normalisation folded in."""
+def fused(layer: nn.Module) -> tuple[Floats, Floats]:
+    """Return weights (out, in) and bias of a `Pointwise` with its batch normalisation folded in."""
     state = layer.state_dict().items()
     values = {name: value.detach().cpu().numpy().astype(np.float64) for name, value in state}
     scale = values["1.weight"] / np.sqrt(values["1.running_var"] + EPSILON)
@@ -155,7 +152,7 @@ def folded(layer: nn.Module) -> tuple[Floats, Floats]:
 
 
 def packed_bytes() -> ByteLayout:
-    """Return the layout of packed pixels: inputs are in [0, 1] but the difference of depth, in [-1, 1]."""
+    """Return the layout of packed pixels: inputs in [0, 1], except the depth difference, in [-1, 1]."""
     scale, zero = np.full(len(DEFAULT_INPUTS), 1.0 / BYTE), np.zeros(len(DEFAULT_INPUTS))
     at = DEFAULT_INPUTS.index("depth_difference")
     scale[at], zero[at] = 2.0 / BYTE, 0.5 * BYTE
@@ -163,7 +160,7 @@ def packed_bytes() -> ByteLayout:
 
 
 def unpacked(channels: int, level: int) -> list[int]:
-    """Return channels of a level in the order in which the decoder reads its sub-pixels, KEPT bytes each."""
+    """Return the channels of a level in the decoder's order: sub-pixel by sub-pixel, KEPT bytes each."""
     parts = 4**level
     return [
         channel * parts + part if channel * parts < channels else -1
@@ -176,12 +173,12 @@ def quantized(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
     """Quantize all layers.
 
     Args:
-        network: trained.
-        ranges: ranges of the outputs of layers, by name, from `calibrated`.
+        network: the trained network.
+        ranges: ranges of the outputs of layers by name; see `calibrated`.
 
     Returns:
-        "<layer>.weights", ".scale" and ".bias" of each; "logits.first", the index of the classes among the
-        outputs of the hidden layer, and "logits.scale".
+        "<layer>.weights", "<layer>.scale" and "<layer>.bias" of each layer; "logits.first", the index of the
+        classes among the outputs of the hidden layer, and "logits.scale".
     """
     layers: dict[str, Arrays] = {}
     packed = packed_bytes()
@@ -193,22 +190,22 @@ def quantized(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
         channels = len(kernel)
         inner, signed = ranges[f"{name}.0"] / BYTE, ranges[f"{name}.1"] / SIGNED
         made = ranges[f"{name}.2"] / BYTE
-        layers[f"{level}.first"] = pixelwise(*folded(first), given, ByteLayout.of(channels, inner))
+        layers[f"{level}.first"] = pixelwise(*fused(first), given, ByteLayout.of(channels, inner))
         layers[f"{level}.spatial"] = depthwise(kernel, inner, signed)
         kept = channels if level + 1 == len(KEPT) else channels // 2
         order = unpacked(kept, level) + list(range(kept, channels))
         middle = ByteLayout.of(channels, signed, MIDDLE)
-        layers[f"{level}.last"] = pixelwise(*folded(last), middle, ByteLayout.of(order, made))
+        layers[f"{level}.last"] = pixelwise(*fused(last), middle, ByteLayout.of(order, made))
         here = ByteLayout.of(kept // 4**level, made)
         here = here.followed_by(KEPT[level] - len(here.channel))
         read = read.beside(here)
         given = ByteLayout.of(channels - kept, made)
     (decoder,) = network.decoder
-    weights, bias = folded(decoder)
+    weights, bias = fused(decoder)
     features = ByteLayout.of(len(bias), ranges["decoder.0"] / BYTE)
     layers["decoder"] = pixelwise(weights, bias, read, features)
     record = packed.beside(features)
-    weights, bias = folded(network.hidden)
+    weights, bias = fused(network.hidden)
     classes = np.zeros((CLASSES, weights.shape[1]))
     classes[:, len(packed.channel) :] = _weights(network.classes)[:, :, 0, 0]
     made_hidden = ByteLayout.of(len(bias), ranges["hidden"] / BYTE)
@@ -233,9 +230,9 @@ def _weights(layer: nn.Module, name: str = "weight") -> Floats:
 
 
 def calibrated(method: Classifier) -> dict[str, float]:
-    """Step the shipped shot at several ratios; return the range of each layer's output, by name.
+    """Step the shipped shot at several ratios, and return the range of each layer's output, by name.
 
-    Rounded to two digits, so that rounding errors of the arithmetic do not change the int8 network.
+    Ranges are rounded to two digits, so that rounding errors do not change the int8 network.
     """
     ranges: dict[str, float] = {}
     layers = {name: layer for name, layer in method.net.named_modules() if _is_quantized(name)}
@@ -245,7 +242,7 @@ def calibrated(method: Classifier) -> dict[str, float]:
         logits, blend = method.net(*method.network_inputs(gathered))
         return logits, unpack(blend)
 
-    vars(method)["infer"] = infer  # layer by layer, on packed pixels: as the int8 network computes
+    vars(method)["infer"] = infer  # layer by layer on packed pixels, like the int8 network
     try:
         for scale in SCALES:
             _step_plaza(method, scale)
@@ -257,7 +254,7 @@ def calibrated(method: Classifier) -> dict[str, float]:
 
 
 def _is_quantized(name: str) -> bool:
-    """Return whether the output of a layer is quantized: parts of blocks, decoder, compositor, classes."""
+    """Return whether a layer's output is quantized: parts of blocks, decoder, compositor, classes."""
     path = name.split(".")
     return name in ("hidden", "classes") or (path[0], len(path)) in (("encoder", 4), ("decoder", 2))
 
@@ -287,9 +284,10 @@ def _step_plaza(method: Classifier, scale: float) -> None:
 
 
 def painted(frame: Frame, display: tuple[int, int]) -> Frame:
-    """Return a frame with G-buffers, as if its toned colours were those of flat surfaces that face one way.
+    """Return a frame with made-up G-buffers, which the shipped shot lacks.
 
-    The shipped shot has none. At display size they are those of the nearest samples.
+    The base colour is the toned colour, and all normals are equal. Display-size buffers are the nearest
+    samples.
     """
     color = np.maximum(np.asarray(frame.color, np.float32), 0.0)
     base = color / (1.0 + color.max(axis=2, keepdims=True))

@@ -1,9 +1,9 @@
 """`network.int8.onnx` of a model folder: the int8 network of the CPU backend as a QDQ graph.
 
-It has the operators of `network.onnx`, and the weights, scales and biases of `network.npz`. Values between
-layers are in steps of their own last bit, 0 to 255, as in `quantize`: scales are folded into the weights, so
-each QuantizeLinear but that of the logits has a scale of 1, and values of several layers are concatenated as
-they are. Results of depthwise convolutions have a zero point of MIDDLE.
+It has the operators of `network.onnx`, and the weights, scales and biases of `network.npz`. As in `quantize`,
+values between layers are 0 to 255, because scales are folded into the weights. So every QuantizeLinear has a
+scale of 1, except the logits', and outputs of several layers can be concatenated. The outputs of depthwise
+convolutions have the zero point MIDDLE.
 """
 
 import io
@@ -21,17 +21,17 @@ from supersampler_export.quantize import BYTE, MIDDLE, packed_bytes, unpacked
 
 Arrays = Mapping[str, NDArray[Any]]
 QUANTIZED_OPERATORS = frozenset({"QuantizeLinear", "DequantizeLinear"})
-"""Operators of a QDQ graph beside PORTABLE_OPERATORS."""
+"""Operators of a QDQ graph in addition to PORTABLE_OPERATORS."""
 ENDS = {"packed": "packed.bytes", "half_inputs": "half_inputs.bytes"}
-"""Inputs of the graph, and the same in steps of their last bit."""
+"""Inputs of the graph, and the names of their quantized values."""
 
 
 class Layer(NamedTuple):
-    """A layer of `network.npz`, channels in the order of the graph: sum of weights * bytes * scale + bias.
+    """A layer of `network.npz`, with channels in the graph's order: sum(weights * bytes) * scale + bias.
 
     Attributes:
         weights: int8, in the shape of the graph's convolution.
-        scale, bias: float32, one of each output channel.
+        scale, bias: float32, one per output channel.
     """
 
     weights: NDArray[np.int8]
@@ -44,7 +44,7 @@ def quantized_network(network: onnx.ModelProto, content: bytes) -> onnx.ModelPro
 
     Args:
         network: `network.onnx`; not changed.
-        content: `network.npz` of the same weights.
+        content: `network.npz` with the same weights.
 
     Raises:
         ExportError: the graph has an operator that is not portable.
@@ -70,9 +70,7 @@ def quantized_network(network: onnx.ModelProto, content: bytes) -> onnx.ModelPro
 
 
 def layer_of(arrays: Arrays, name: str, shape: tuple[int, ...]) -> Layer:
-    """Return a layer in the order of the graph.
-
-    The inverse of `pixelwise`, `depthwise` and `by_output` of `quantize`.
+    """Return a layer in the order of the graph: the inverse of `quantize.pixelwise` and its relatives.
 
     Args:
         arrays: arrays of `network.npz`.
@@ -109,7 +107,7 @@ def _part_of(name: str) -> str:
 
 
 def _decoder_columns(arrays: Arrays) -> NDArray[np.int64]:
-    """Return the bytes that the decoder reads of each level, without padding."""
+    """Return the indices of the bytes of each level that the decoder reads, without padding."""
     channels = [len(arrays[f"{level}.spatial.scale"]) for level in range(len(KEPT))]
     kept = [*(count // 2 for count in channels[:-1]), channels[-1]]
     firsts = np.cumsum((0, *KEPT))
@@ -117,17 +115,17 @@ def _decoder_columns(arrays: Arrays) -> NDArray[np.int64]:
 
 
 class _Graph:
-    """Nodes and constants of a QDQ graph that is made of another one."""
+    """Builder of a QDQ graph from a float graph."""
 
     def __init__(self, source: onnx.ModelProto) -> None:
         self._source = source
         self._weights = {t.name: t for t in source.graph.initializer}
         self._nodes: list[onnx.NodeProto] = []
         self._constants: dict[str, onnx.TensorProto] = {}
-        self._names: dict[str, str] = {}  # of values that have another name here
+        self._names: dict[str, str] = {}  # new names of values that were renamed
 
     def model(self) -> onnx.ModelProto:
-        """Return the graph; constants that nothing reads are left out."""
+        """Return the graph, without constants that nothing reads."""
         model = onnx.ModelProto()
         model.CopyFrom(self._source)
         read = {name for node in self._nodes for name in node.input}
@@ -139,7 +137,7 @@ class _Graph:
         return model
 
     def read_inputs(self) -> None:
-        """Convert the inputs, in [0, 1] or [-1, 1], to steps of their last bit."""
+        """Quantize the inputs, which are in [0, 1] or [-1, 1]."""
         packed = packed_bytes()
         count = self._source.graph.input[1].type.tensor_type.shape.dim[1].dim_value
         scales = {"packed": packed.scale, "half_inputs": np.full(count, 1.0 / BYTE)}
@@ -152,15 +150,15 @@ class _Graph:
             self._quantize(f"{name}.shifted", made)
 
     def add(self, node: onnx.NodeProto) -> None:
-        """Add a node as it is."""
+        """Add a node unchanged."""
         self._nodes.append(node)
 
     def read_instead(self, name: str, given: str) -> None:
-        """Read the value `name` where `given` is read."""
+        """Replace the value `given` by `name`."""
         self._names[given] = self._names.get(name, name)
 
     def add_quantized(self, node: onnx.NodeProto) -> None:
-        """Add a node that moves bytes; its results are bytes again."""
+        """Add a node that moves bytes, and quantize its outputs again."""
         moved = onnx.NodeProto()
         moved.CopyFrom(node)
         is_shape = node.op_type == "Concat" and node.attribute[0].i == 0
@@ -172,7 +170,7 @@ class _Graph:
             self._quantize(f"{name}.moved", name)
 
     def add_convolution(self, node: onnx.NodeProto, arrays: Arrays) -> None:
-        """Add a convolution of bytes; its result is rounded to bytes, except for the blend parameters."""
+        """Add a convolution of bytes; its output is quantized, except for the blend parameters."""
         name, (result,) = node.input[1].removesuffix(".weight"), node.output
         layer = layer_of(arrays, name, tuple(self._weights[node.input[1]].dims))
         if name == "blend":
@@ -181,14 +179,14 @@ class _Graph:
         scale, bias = layer.scale.astype(np.float64), layer.bias.astype(np.float64)
         step = arrays["logits.scale"].item() if name == "classes" else 1.0
         zero = MIDDLE if name == "classes" or _part_of(name).endswith("spatial") else 0.0
-        if _part_of(name).endswith("last"):  # the zero point of its input
+        if _part_of(name).endswith("last"):  # compensate the zero point of its input
             bias += MIDDLE * scale * layer.weights.sum(axis=(1, 2, 3), dtype=np.int64)
         values = (scale * step, (bias - zero) * step)
         self._convolve(node, Layer(layer.weights, *(v.astype(np.float32) for v in values)), f"{result}.sum")
         self._quantize(f"{result}.sum", result, step, zero)
 
     def _convolve(self, node: onnx.NodeProto, layer: Layer, result: str) -> None:
-        """Add a convolution. Its bias stays float, as in `network.npz`; providers round it if they must."""
+        """Add a convolution. Its bias stays float, as in `network.npz`; providers may round it."""
         name = node.input[1]
         given = [
             self._constant(f"{name}.bytes", layer.weights),
@@ -204,7 +202,7 @@ class _Graph:
         self._nodes.append(made)
 
     def _quantize(self, name: str, result: str, step: float = 1.0, zero: float = 0.0) -> None:
-        """Round a value to bytes, and back to floats."""
+        """Quantize a value to bytes, and convert it back to floats."""
         scale = self._constant(f"step.{step:g}", np.array(step))
         point = self._constant(f"zero.{zero:g}", np.array(zero, np.uint8))
         self._add("QuantizeLinear", [name, scale, point], f"{result}.rounded")
@@ -219,7 +217,7 @@ class _Graph:
         )
 
     def _constant(self, name: str, array: NDArray[Any]) -> str:
-        """Return the name of a constant; floats are float32."""
+        """Add a constant, with floats as float32, and return its name."""
         values = array.astype(np.float32) if array.dtype == np.float64 else array
         self._constants.setdefault(name, numpy_helper.from_array(values.copy(), name))
         return name

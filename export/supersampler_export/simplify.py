@@ -1,4 +1,4 @@
-"""Simplify the exporter's slices, gathers, and casts of half floats; results stay bit-equal."""
+"""Simplifications of the exporter's slices, gathers and casts of half floats; results stay bit-equal."""
 
 from collections import Counter
 
@@ -9,17 +9,17 @@ from onnx import helper, numpy_helper
 
 HALF, FLOAT = onnx.TensorProto.FLOAT16, onnx.TensorProto.FLOAT
 DETOURS = ("Abs", "ReduceMax", "ReduceSum")
-"""Operators that the exporter computes in float32 where their input is half floats."""
+"""Operators that the exporter computes in float32 if their input is half floats."""
 AXIS, STEP = 3, 4
-"""Inputs of a Slice, after the image, starts and ends."""
+"""Indices of inputs of a Slice, after the image, starts and ends."""
 Constants = dict[str, NDArray[np.generic]]
 Extents = list[object]
 
 
 def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Join each Slice that only another Slice of another axis reads with that one; in place.
+    """Join a Slice with the Slice of another axis that is its only reader; in place.
 
-    The exporter writes slices of two axes one after the other. Both must have a step of 1.
+    The exporter writes slices of two axes as two nodes. Only steps of 1 are joined.
     """
     graph = model.graph
     constants = {tensor.name: numpy_helper.to_array(tensor) for tensor in graph.initializer}
@@ -29,7 +29,7 @@ def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
     made: dict[tuple[str, str], str] = {}
 
     def joint(first: str, second: str) -> str:
-        """Return the name of both inputs one after the other: a constant, else the result of a Concat."""
+        """Return the name of both inputs concatenated: a constant, or the output of a Concat."""
         if (first, second) not in made:
             name = made[first, second] = f"slices_{len(made)}"
             if first in constants and second in constants:
@@ -54,7 +54,7 @@ def joined_slices(model: onnx.ModelProto) -> onnx.ModelProto:
 
 
 def _independent(first: onnx.NodeProto, second: onnx.NodeProto, constants: Constants) -> bool:
-    """Return whether two slices have steps of 1 and constant axes that differ."""
+    """Return whether two slices have steps of 1, and different constant axes."""
     names = [node.input[place] for node in (first, second) for place in (AXIS, STEP)]
     if not all(name in constants for name in names):
         return False
@@ -63,10 +63,10 @@ def _independent(first: onnx.NodeProto, second: onnx.NodeProto, constants: Const
 
 
 def simplified_gathers(model: onnx.ModelProto) -> onnx.ModelProto:
-    """Read rows by indices of two axes in one operator; in place.
+    """Read rows by indices of one or two axes without a Reshape; in place.
 
-    `index_select` has indices of one axis. The exporter reshapes them to one axis, also where they have one,
-    and a result of two axes is reshaped once more. A Gather takes indices of any rank.
+    The exporter reshapes the indices of `index_select` to one axis, even if they have one, and reshapes the
+    result for two axes. But a Gather takes indices of any rank.
     """
     graph = model.graph
     shapes = {v.name: _extents(v) for v in (*graph.value_info, *graph.input, *graph.output)}
@@ -92,13 +92,13 @@ def simplified_gathers(model: onnx.ModelProto) -> onnx.ModelProto:
 
 
 def _extents(value: onnx.ValueInfoProto) -> Extents:
-    """Return numbers and names; for an unknown extent an object that equals no other."""
+    """Return numbers and names of extents, and for each unknown extent an object that equals no other."""
     extents = value.type.tensor_type.shape.dim
     return [getattr(extent, extent.WhichOneof("value") or "", object()) for extent in extents]
 
 
 def _result(gather: onnx.NodeProto, indices: str, shapes: dict[str, Extents]) -> Extents | None:
-    """Return the shape that a Gather would have with these indices; None where it is not known."""
+    """Return the shape that a Gather would have with these indices; None if it is unknown."""
     image, rows = shapes.get(gather.input[0]), shapes.get(indices)
     if image is None or rows is None:
         return None
@@ -109,7 +109,7 @@ def _result(gather: onnx.NodeProto, indices: str, shapes: dict[str, Extents]) ->
 def without_detours(model: onnx.ModelProto) -> onnx.ModelProto:
     """Remove the casts to float32 and back that the exporter adds around DETOURS; in place.
 
-    Providers convert by themselves where they compute such an operator in float32.
+    Providers that compute such an operator in float32 convert on their own.
     """
     graph = model.graph
     outputs = {value.name for value in graph.output}
@@ -139,7 +139,7 @@ def _casts_to(node: onnx.NodeProto, kind: int) -> bool:
 
 
 def _readers(graph: onnx.GraphProto) -> Counter[str]:
-    """Return how often each value is read, by nodes and as an output."""
+    """Return the number of readers of each value: nodes and graph outputs."""
     readers = Counter(name for node in graph.node for name in node.input)
     readers.update(value.name for value in graph.output)
     return readers

@@ -1,8 +1,8 @@
-"""Builds the CPU library, and puts it where the Python package looks for it.
+"""Build the CPU library, and copy it to where the Python package loads it from.
 
     python sdk/native/build.py
 
-Only what has changed is built again. `pip install` builds it, too, see build_hook.py.
+Only changed sources are compiled again. `pip install` also builds the library; see build_hook.py.
 """
 
 import importlib.util
@@ -25,12 +25,12 @@ NAMES = {"win32": "supersampler.dll", "darwin": "libsupersampler.dylib"}
 NAME = NAMES.get(sys.platform, "libsupersampler.so")
 MIN_CMAKE = 3, 20
 MIN_COMPILERS = {"__clang_major__": 14, "__GNUC__": 12}
-"""Oldest versions, by their macros. clang defines both."""
+"""Oldest supported versions, by the macros that hold them. clang defines both macros."""
 COMPILERS = ("cc", "c++"), ("gcc", "g++"), ("clang", "clang++")
 
 
 class Target(NamedTuple):
-    """A platform that Zig compiles for: its name there, the tag of its wheels, and the library's name."""
+    """A platform that Zig compiles for: Zig's name of it, the tag of its wheels, and the library's name."""
 
     zig: str
     tag: str
@@ -49,7 +49,7 @@ TARGETS = {
 
 
 def build() -> Path:
-    """Return the library in the package; build it first where a source is newer.
+    """Return the library in the package, after building it if a source is newer.
 
     Raises:
         RuntimeError: the build fails, or CMake or a compiler is missing.
@@ -70,14 +70,12 @@ def compile_library(folder: Path, options: Sequence[str]) -> None:
     """Compile the library in `folder`, with options for CMake.
 
     Raises:
-        RuntimeError: it fails; the message has the compiler's output.
+        RuntimeError: the build fails; the message has the compiler's output.
     """
-    cmake = shutil.which("cmake")
-    assert cmake is not None  # noqa: S101 - `has_cmake`, or required
     generator = ["-G", "Ninja"] if shutil.which("ninja") else []
     options = ["-DCMAKE_BUILD_TYPE=Release", "-DSS_TESTS=OFF", *options]
-    _run(cmake, "-S", str(SOURCES), "-B", str(folder), *generator, *options)
-    _run(cmake, "--build", str(folder), "--parallel", str(os.cpu_count() or 1))
+    _run("cmake", "-S", str(SOURCES), "-B", str(folder), *generator, *options)
+    _run("cmake", "--build", str(folder), "--parallel", str(os.cpu_count() or 1))
 
 
 def install(built: Path) -> None:
@@ -89,7 +87,7 @@ def install(built: Path) -> None:
 
 
 def has_cmake() -> bool:
-    """Return whether CMake is here, and new enough."""
+    """Return whether CMake is installed and new enough."""
     if shutil.which("cmake") is None:
         return False
     found = re.search(r"version (\d+)\.(\d+)", _run("cmake", "--version"))
@@ -97,8 +95,8 @@ def has_cmake() -> bool:
 
 
 def machine_compiler() -> list[str] | None:
-    """Return options for CMake that choose the machine's C++ compiler; None: there is none, or an old one."""
-    if "CXX" in os.environ:  # CMake takes it
+    """Return CMake options that select the machine's C++ compiler; None if it has none that is new enough."""
+    if "CXX" in os.environ:  # CMake reads it
         return []
     for c, cxx in COMPILERS:
         paths = shutil.which(c), shutil.which(cxx)
@@ -117,7 +115,7 @@ def _compiles(cxx: str) -> bool:
 
 
 def zig_compiler(target: Target) -> list[str]:
-    """Return options for CMake that cross-compile with PyPI's package ziglang."""
+    """Return CMake options that cross-compile with PyPI's package ziglang."""
     spec = importlib.util.find_spec("ziglang")
     if spec is None or spec.origin is None:
         raise RuntimeError("the package ziglang is missing: `pip install ziglang`")
@@ -127,10 +125,10 @@ def zig_compiler(target: Target) -> list[str]:
 
 
 def machine_target() -> Target:
-    """Return what Zig compiles for on this machine.
+    """Return the target of this machine.
 
     Raises:
-        RuntimeError: it does not know this machine.
+        RuntimeError: it is not in TARGETS.
     """
     musl = "musl" in (sysconfig.get_config_var("HOST_GNU_TYPE") or "")
     systems = {"Linux": "musllinux" if musl else "manylinux", "Darwin": "macos", "Windows": "windows"}
@@ -143,8 +141,8 @@ def machine_target() -> Target:
 
 
 def machine_tag() -> str:
-    """Return the platform tag of a wheel that the machine's compiler builds."""
-    if sys.platform == "darwin":  # Python's own name may say universal2
+    """Return the platform tag of wheels with a library of the machine's compiler."""
+    if sys.platform == "darwin":  # Python's own tag may be universal2
         return f"macosx_{platform.mac_ver()[0].split('.')[0]}_0_{platform.machine()}"
     return re.sub(r"[-.]", "_", sysconfig.get_platform())
 

@@ -1,9 +1,9 @@
 """Build hook of Hatchling: compiles the CPU library into wheels and editable installs.
 
-`pip install .` takes the machine's CMake, Ninja and C++ compiler. What is missing or too old comes from
-PyPI, for the time of the build; the compiler is Zig then. The environment variable SUPERSAMPLER_TARGET, a
-name of `TARGETS` in build.py, builds for another platform. SUPERSAMPLER_BUILD is a folder to build in, in
-which a later build compiles only what has changed; else it is a temporary one.
+`pip install .` uses the machine's CMake, Ninja and C++ compiler. Missing or outdated ones come from PyPI
+during the build, with Zig as the compiler. Environment variables: SUPERSAMPLER_TARGET, a name in `TARGETS` of
+build.py, builds for another platform; SUPERSAMPLER_BUILD is a folder to build in, where later builds compile
+only changed sources, in place of a temporary folder.
 """
 
 import importlib.util
@@ -25,10 +25,10 @@ TARGET = os.environ.get("SUPERSAMPLER_TARGET")
 
 
 class LibraryHook(BuildHookInterface[Any]):
-    """Adds the library to a wheel; puts it into the source tree for an editable install."""
+    """Adds the library to a wheel, or for an editable install to the source tree."""
 
     def dependencies(self) -> list[str]:
-        """Return requirements for what this machine lacks."""
+        """Return the requirements of the tools that this machine lacks."""
         needed = [] if native_build.has_cmake() else ["cmake>=3.20"]
         needed += [] if shutil.which("ninja") else ["ninja"]
         needs_zig = TARGET or native_build.machine_compiler() is None
@@ -49,7 +49,7 @@ class LibraryHook(BuildHookInterface[Any]):
             return
         build_data["force_include"][str(built)] = str(native_build.PLACE / name)
         build_data["pure_python"] = False
-        build_data["tag"] = f"py3-none-{tag}"  # ctypes loads it: any version of Python will do
+        build_data["tag"] = f"py3-none-{tag}"  # ctypes loads the library, in any version of Python
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove the temporary folder."""

@@ -1,9 +1,9 @@
-"""Builds wheels for all platforms on one machine, with Zig, and checks what their libraries need.
+"""Build wheels for all platforms on one machine, with Zig, and check their libraries.
 
     python sdk/native/wheels.py dist [NAME ...]
 
-It needs hatchling, cmake, ninja, ziglang and lief of PyPI. NAME is one of `TARGETS` in build.py; without one
-all are built.
+It needs hatchling, cmake, ninja, ziglang and lief of PyPI. NAME is one of `TARGETS` in build.py; without a
+NAME all are built.
 """
 
 import importlib.util
@@ -20,21 +20,16 @@ SOURCES = Path(__file__).resolve().parent
 ROOT = SOURCES.parents[1]
 ALLOWED = {
     "linux": {
-        "libc.so.6",
-        "libm.so.6",
-        "libpthread.so.0",
-        "libc.so",
-        "ld-linux-x86-64.so.2",
-        "ld-linux-aarch64.so.1",
+        "libc.so.6", "libm.so.6", "libpthread.so.0", "libc.so",
+        "ld-linux-x86-64.so.2", "ld-linux-aarch64.so.1",
     },
     "macosx": {"/usr/lib/libSystem.B.dylib"},
     "win": {"kernel32.dll"},
-}
-"""Libraries that every machine of a platform has, beside Windows' own C runtime, api-ms-win-crt-*.dll."""
+}  # fmt: skip
+"""Libraries that every machine of a platform has, apart from Windows' C runtime, api-ms-win-crt-*.dll."""
 MAX_GLIBC = 2, 17
-MAX_LIBRARY = 3 << 20
-MAX_WHEEL = 36 << 20
-"""Bytes. Half of a wheel is the shot that ships."""
+MAX_LIBRARY, MAX_WHEEL = 3 << 20, 36 << 20
+"""Bytes. The shipped shot is half of a wheel."""
 
 _spec = importlib.util.spec_from_file_location("native_build", SOURCES / "build.py")
 assert _spec is not None
@@ -44,7 +39,7 @@ _spec.loader.exec_module(native_build)
 
 
 def build_wheel(target: str, folder: Path) -> Path:
-    """Build the wheel of a target; return its path."""
+    """Build the wheel of a target, and return its path."""
     before = set(folder.glob("*.whl"))
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
     subprocess.run(command, cwd=ROOT, env={**os.environ, "SUPERSAMPLER_TARGET": target}, check=True)
@@ -53,10 +48,10 @@ def build_wheel(target: str, folder: Path) -> Path:
 
 
 def check_wheel(wheel: Path) -> str:
-    """Return a line about a wheel.
+    """Return a line with the sizes of a wheel and its library.
 
     Raises:
-        RuntimeError: its library needs more than the platform of its tag has, or it is too large.
+        RuntimeError: the library needs others that the platform may lack, or a file is too large.
     """
     platform = wheel.stem.rsplit("-", 1)[1]
     with zipfile.ZipFile(wheel) as archive, tempfile.TemporaryDirectory() as folder:
@@ -68,15 +63,15 @@ def check_wheel(wheel: Path) -> str:
     if more:
         raise RuntimeError(f"{wheel.name}: {name} needs {', '.join(sorted(more))}")
     if size > MAX_LIBRARY or wheel.stat().st_size > MAX_WHEEL:
-        raise RuntimeError(f"{wheel.name} has {wheel.stat().st_size} bytes, its library {size}: too many")
+        raise RuntimeError(f"{wheel.name} is too large: {wheel.stat().st_size} bytes, its library {size}")
     return f"{wheel.name}: {wheel.stat().st_size / 1e6:.1f} MB, library {size / 1e6:.1f} MB"
 
 
 def needed(path: Path) -> set[str]:
-    """Return the libraries that a library needs.
+    """Return the names of the libraries that a library needs.
 
     Raises:
-        RuntimeError: it needs a newer version of the C library of Linux.
+        RuntimeError: it needs a version of glibc newer than MAX_GLIBC.
     """
     binary = lief.parse(str(path))
     if isinstance(binary, lief.PE.Binary):
@@ -89,13 +84,12 @@ def needed(path: Path) -> set[str]:
                     raise RuntimeError(f"{path.name} needs {name}; want {MAX_GLIBC} or older")
         return {str(library) for library in binary.libraries}
     assert isinstance(binary, lief.MachO.Binary)
-    return {str(library.name) for library in binary.libraries} - {
-        "@rpath/libsupersampler.0.dylib"
-    }  # its own name
+    own = "@rpath/libsupersampler.0.dylib"
+    return {str(library.name) for library in binary.libraries} - {own}
 
 
 def try_wheel(wheel: Path) -> None:
-    """Install a wheel of this machine in a new environment, and upscale a frame."""
+    """Install a wheel for this machine in a new environment, and upscale a frame."""
     program = (
         "from supersampler import Shot, Upscaler;"
         "upscaler = Upscaler('classifier', display_size=(640, 360), executor='cpu');"
@@ -104,14 +98,13 @@ def try_wheel(wheel: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
         python = Path(folder, "Scripts/python.exe" if os.name == "nt" else "bin/python")
-        subprocess.run(
-            [python, "-m", "pip", "install", "-q", "--disable-pip-version-check", wheel], check=True
-        )
+        install: list[str | Path] = [python, "-m", "pip", "install", "-q", "--disable-pip-version-check"]
+        subprocess.run([*install, wheel], check=True)
         subprocess.run([python, "-c", program], check=True, cwd=folder)
 
 
 def main() -> None:
-    """Build, check and try."""
+    """Build and check the wheels; try the one for this machine."""
     folder = Path(sys.argv[1]).resolve()
     own = native_build.machine_target()
     for name in sys.argv[2:] or native_build.TARGETS:

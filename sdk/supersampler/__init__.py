@@ -76,7 +76,7 @@ _SUBMODULES = (
 
 
 def __getattr__(name: str) -> Any:
-    """Import heavy modules on first use; for names of other modules, raise an error that names the module."""
+    """Import heavy modules on first use; the error for a name of another module names that module."""
     if name in _LAZY:
         value = getattr(import_module(f"supersampler.{_LAZY[name]}"), name)
         globals()[name] = value

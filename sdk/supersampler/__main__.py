@@ -1,4 +1,4 @@
-"""`python -m supersampler` is the `supersampler` command."""
+"""`python -m supersampler` runs the `supersampler` command."""
 
 from supersampler.cli import main
 

@@ -1,7 +1,7 @@
-"""Checks of arguments, with one rule for each kind of value in the whole package.
+"""Checks of arguments, the same for the whole package.
 
 `as_...` return None for a value of another kind, so that callers raise errors of their own.
-`checked_...` return the value, converted, or raise ArgumentError.
+`checked_...` return the converted value, or raise ArgumentError.
 """
 
 import operator
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from supersampler.errors import ArgumentError, did_you_mean, shown
 
 MAX_SIDE = 32768
-"""Largest width or height of an image: single precision then places samples to 1/512 of a pixel."""
+"""Largest width or height of an image: float32 coordinates are then exact to 1/512 of a pixel."""
 MAX_PIXELS = 2**26
 """Largest number of pixels of an image: kernels and graphs index up to 32 values per pixel with 32 bits."""
 IMAGE_SIZES = f"each at least 1 and at most {MAX_SIDE}, at most {MAX_PIXELS} pixels together"
@@ -24,8 +24,8 @@ IMAGE_SIZES = f"each at least 1 and at most {MAX_SIDE}, at most {MAX_PIXELS} pix
 MAX_THREADS = 256
 
 ieee_arithmetic = np.errstate(all="ignore")
-"""Decorator of public functions that compute. NaN, infinities and denormals are values there: numpy neither
-warns nor raises, whatever the program has set by `numpy.seterr`."""
+"""Decorator of public functions that compute. NaN, infinities and denormals are valid values: numpy neither
+warns nor raises, regardless of the program's `numpy.seterr`."""
 
 AtRest = Literal["converge", "accumulate", "off"]
 _Choice = TypeVar("_Choice")
@@ -36,7 +36,7 @@ def as_number(value: object) -> float | None:
     if type(value) is float:
         return value
     if type(value) is not int and isinstance(value, (bool, str, bytes, bytearray, np.ma.MaskedArray)):
-        return None  # numpy imports `ma` when it is first read
+        return None  # the check of `float` comes first because numpy imports `ma` on first use
     kind = getattr(getattr(value, "dtype", None), "kind", "f")  # only numpy's dtypes have a kind
     if kind not in "iuf" or getattr(value, "ndim", 0) != 0:
         return None
@@ -67,7 +67,7 @@ def as_flag(value: object) -> bool | None:
 
 
 def is_row(values: object) -> bool:
-    """Return whether this is a list, a tuple or another sequence, or an array of one axis; not text."""
+    """Return whether this is a sequence (but not text) or a one-dimensional array."""
     if isinstance(values, np.ndarray):
         return values.ndim == 1
     return isinstance(values, Sequence) and not isinstance(values, (str, bytes, bytearray))
@@ -79,7 +79,7 @@ def is_image_size(width: int, height: int) -> bool:
 
 
 def checked_choice(name: str, value: _Choice, choices: Collection[_Choice], hint: str = "") -> _Choice:
-    """Return one of a few words; `hint` follows the list of them in the error message."""
+    """Return the value if it is one of `choices`; `hint` is added to the error message."""
     if isinstance(value, str) and value in choices:
         return value
     *others, last = map(repr, choices)
@@ -97,7 +97,7 @@ def checked_flag(name: str, value: object) -> bool:
 
 
 def checked_threads(threads: int) -> int:
-    """Return a number of CPU threads, 0 for every core."""
+    """Return a number of CPU threads; 0 is every core."""
     count = as_index(threads)
     if count is None or not 0 <= count <= MAX_THREADS:
         want = f"a whole number from 1 to {MAX_THREADS}, or 0 for every core"
@@ -126,7 +126,7 @@ def checked_size(name: str, size: Sequence[int] | None) -> tuple[int, int]:
 
 
 def checked_names(name: str, names: Collection[str]) -> tuple[str, ...]:
-    """Return a collection of names as a tuple; refuse a single name, None and generators."""
+    """Return a collection of names as a tuple; a single name, None and generators are refused."""
     several = isinstance(names, Collection) and not isinstance(names, (str, bytes, np.ndarray))
     if not several or not all(isinstance(each, str) for each in names):
         raise ArgumentError(name, got=shown(names), want="names in a tuple, a list or a set")
@@ -134,7 +134,7 @@ def checked_names(name: str, names: Collection[str]) -> tuple[str, ...]:
 
 
 def checked_path(name: str, path: str | Path) -> str | Path:
-    """Return a path that a file can have, or a name that is looked up like one."""
+    """Return the value if it is a valid path or name of a file."""
     if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str):
         raise ArgumentError(name, got=shown(path), want="text or a pathlib.Path")
     try:

@@ -10,7 +10,7 @@ from supersampler.io.compare import Legend, false_color, false_color_legend
 from supersampler.io.images import Bytes
 
 NO_CLASS = (24, 24, 24)
-"""sRGB of a pixel that shows no ghosting and no aliasing."""
+"""sRGB of a pixel without ghosting and aliasing."""
 CLASS_COLORS: Mapping[str, tuple[int, int, int]] = {
     "visibility": (213, 94, 0),  # vermilion
     "visibility, aliased": (204, 121, 167),  # purple
@@ -29,13 +29,13 @@ LEGENDS: Mapping[str, Legend] = {
     "count": false_color_legend("no sample", f"{MAX_SAMPLES:.0f}, by logarithm"),
     "converged": false_color_legend("the method's image", "frozen mean of the samples"),
 }
-"""Legend of each layer, for `compare.About`."""
+"""Legend of each layer; see `compare.About`."""
 
 
 def aux_output_layers(result: StepResult) -> dict[str, Bytes]:
-    """Return an image for each auxiliary output of `result`, by the names of `LEGENDS`.
+    """Return an image of each auxiliary output of `result`, by its name in LEGENDS.
 
-    Each is (h, w, 3) uint8 sRGB in the size of the output.
+    Each is (h, w, 3) uint8 sRGB, in the size of the output.
     """
     layers = {}
     if result.class_map is not None:

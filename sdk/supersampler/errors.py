@@ -1,18 +1,18 @@
-"""All errors and warnings of this package. Messages state the value given, the value wanted, and a remedy.
+"""All errors and warnings of this package. Messages state the value found, the value wanted, and a remedy.
 
 SupersamplerError
-  FrameError         one input of one frame breaks the contract
-  ArgumentError      an argument of a call that is not a frame's input (sizes, conventions, options)
+  FrameError         an input of a frame breaks the contract
+  ArgumentError      an argument that is not a frame's input is invalid (sizes, conventions, options)
   ShotError          a file of a shot cannot be read or written; names the file and the channel
     MissingFramesError   frames are missing between others
   RecordingError     a recording of an Upscaler cannot be read, written or replayed; names the file
-  ModelError         a model folder that this runtime cannot run
+  ModelError         this runtime cannot run a model folder
   ProviderError      an ONNX Runtime execution provider was requested and is not available
   LibraryError       the CPU library is missing or cannot be loaded
   DeviceError        the GPU backend found no device, or the device failed
 
-Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`); BackendWarning, when a slower
-backend runs because a faster one cannot.
+Warnings: FrameWarning, from checks of pixels (`validate="warn"`); BackendWarning, if a slower backend runs
+because a faster one cannot.
 """
 
 import difflib
@@ -23,7 +23,7 @@ from typing import Any
 INCOMPLETE_PACKAGE = (
     "Build a frozen app with pyinstaller --collect-all supersampler; otherwise install the package again."
 )
-"""Remedy where a data file of this package is missing."""
+"""Remedy if a data file of this package is missing."""
 _MAX_SHOWN = 120  # characters of a value in a message
 
 
@@ -44,7 +44,7 @@ class _ValueError(SupersamplerError, ValueError):
 
 
 class FrameError(_ValueError):
-    """One input of one frame breaks the contract; `name` says which.
+    """An input of a frame breaks the contract; `name` says which.
 
     >>> str(FrameError("depth", got="(80, 45) float32", want="(45, 80) float32"))
     'frame.depth is (80, 45) float32; want (45, 80) float32.'
@@ -54,7 +54,7 @@ class FrameError(_ValueError):
 
 
 class ArgumentError(_ValueError):
-    """An argument is out of its range or contradicts another; `name` says which."""
+    """An argument is out of range or contradicts another one; `name` says which."""
 
 
 class _FileError(SupersamplerError, OSError):
@@ -71,8 +71,8 @@ class MissingFramesError(ShotError):
     """Frames are missing between others.
 
     Attributes:
-        missing: numbers of the first and the last one that is missing.
-        present: numbers of the first and the last frame that is there.
+        missing: numbers of the first and the last missing frame.
+        present: numbers of the first and the last present frame.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class ModelError(SupersamplerError, ValueError):
 
 
 class ProviderError(SupersamplerError, RuntimeError):
-    """An execution provider was requested and is not available; the message lists those that are."""
+    """An execution provider was requested and is not available; the message lists the available ones."""
 
 
 class LibraryError(SupersamplerError, RuntimeError):
@@ -103,7 +103,7 @@ class DeviceError(SupersamplerError, RuntimeError):
 
 
 class FrameWarning(UserWarning):
-    """A check of pixels found a likely mistake in a frame; the message names it."""
+    """A check of pixels found a likely mistake in a frame."""
 
 
 class BackendWarning(UserWarning):
@@ -120,7 +120,7 @@ def _restored(
 
 
 def did_you_mean(word: object, choices: Collection[str]) -> str:
-    """Return "Did you mean 'x'?" for a misspelt word; "" where no choice is similar."""
+    """Return "Did you mean 'x'?" for a misspelt word; "" if no choice is similar."""
     if not isinstance(word, str) or len(word) > _MAX_SHOWN:
         return ""
     by_lower = {choice.lower(): choice for choice in choices}
@@ -129,21 +129,21 @@ def did_you_mean(word: object, choices: Collection[str]) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a short text for any value, for messages; a `repr` that fails is not a problem.
+    """Return a short text for any value, for messages, even if its `repr` fails.
 
-    Arrays are shown by shape, and what contains them by type.
+    Arrays are shown by shape, containers of arrays by type.
     """
     try:
         if getattr(value, "ndim", 0):
             return f"{type(value).__name__} {tuple(value.shape)} {value.dtype}"  # type: ignore[attr-defined]
         text = " ".join(repr(value).split())
-        if "array(" in text or "tensor(" in text:  # their numbers say nothing
+        if "array(" in text or "tensor(" in text:  # many numbers
             return f"of type {type(value).__name__}"
-    except Exception:  # of a user's class, or of an int with more than 4300 digits
+    except Exception:  # by a user's class, or by an int of more than 4300 digits
         return f"of type {type(value).__name__}"
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 
 
 def printable(text: str) -> str:
-    """Replace unprintable characters: names in files must not send control codes to a terminal or a log."""
+    """Replace unprintable characters, so that names in files cannot send control codes to a terminal."""
     return "".join(character if character.isprintable() else "?" for character in text)

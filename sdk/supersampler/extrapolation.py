@@ -1,4 +1,4 @@
-"""Extrapolation: the colour of unshaded frames, computed from the last shaded one (docs/contract.md)."""
+"""Extrapolation of the colour of unshaded frames from the last shaded frame (docs/contract.md)."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ from supersampler.arguments import checked_path
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.frame import Float32, Frame
-from supersampler.methods.array_spec import checked_arrays
+from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
 from supersampler.methods.executors import ExecutorName, choose_extrapolation
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import extrapolation_names, find_model, read_model_info
@@ -22,11 +22,10 @@ EARLIER = "earlier_"
 """Prefix of tensors that hold the history as it was before the last shaded frame."""
 _FRAME_INPUTS = {name: name for name in ("color", "depth", "jitter", "motion")}
 _FRAME_INPUTS |= {"motion_jitter": "jitter", SHADED_MOTION: "motion"}
-"""Frame input that fills a history tensor; other history tensors are G-buffers without their prefix."""
-
+"""Frame input that fills a history tensor; the other history tensors are named after G-buffers."""
 
 ShadedHistory: TypeAlias = Mapping[str, Any]
-"""The history from which unshaded frames are extrapolated: the last shaded frame, and the motion since.
+"""History from which unshaded frames are extrapolated: the last shaded frame, and the motion since then.
 
 Tensors of the executor by their names in the graph, read only."""
 
@@ -35,7 +34,7 @@ class Extrapolator:
     """A model that computes the colour of unshaded frames. It keeps no state between calls.
 
     Attributes:
-        info: contents of its model.json.
+        info: content of its model.json.
         executor: the backend in use, "onnx" or "cpu".
 
     Raises:
@@ -53,8 +52,8 @@ class Extrapolator:
         self.info = read_model_info(find_model(checked_path("extrapolation", name_or_path)))
         if not self.info.extrapolates:
             raise ModelError(
-                f"{self.info.method!r} upscales, and extrapolates no unshaded frames; "
-                f"extrapolation takes {' or '.join(extrapolation_names())}, or a model folder like those."
+                f"{self.info.method!r} upscales and does not extrapolate; "
+                f"extrapolation takes {' or '.join(extrapolation_names())}, or a folder of such a model."
             )
         self._executor = choose_extrapolation(self.info, providers, threads, executor)
         self.executor = self._executor.name
@@ -62,10 +61,11 @@ class Extrapolator:
     def after_shaded(self, frame: Frame, history: ShadedHistory | None = None) -> ShadedHistory:
         """Return the history after a shaded frame: copies of the frame's arrays, and no motion.
 
-        The colour is kept without pre-exposure.
+        The colour is stored without pre-exposure.
 
-        `history` is the one before this frame, of which a model may keep parts; it is ignored on a
-        reset.
+        Args:
+            frame: the frame.
+            history: history before this frame, parts of which a model may keep; ignored on a reset.
 
         Raises:
             FrameError: the frame lacks a G-buffer that the model reads.
@@ -73,13 +73,11 @@ class Extrapolator:
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
         history = None if frame.reset else history
         tensors: dict[str, Any] = {}
-        for entry in self.info.history:
-            full_name = entry.name
+        for full_name in (entry.name for entry in self.info.history):
             name = full_name.removeprefix("history.")
-            current_name = name.removeprefix(EARLIER)
-            if current_name != name:
+            if name.startswith(EARLIER):
                 source = tensors if history is None else history
-                tensors[full_name] = source[f"history.{current_name}"]
+                tensors[full_name] = source[f"history.{name.removeprefix(EARLIER)}"]
             elif name == MOTION or (name == SHADED_MOTION and history is None):
                 zeros = np.zeros((1, 2, *frame.size[::-1]), np.float32)
                 tensors[full_name] = self._executor.upload(zeros)
@@ -106,32 +104,33 @@ class Extrapolator:
             FrameError: the frame has colour or lacks a G-buffer that the model reads, or there is no history.
         """
         if frame.color is not None:
-            want, hint = "None, as it is to be extrapolated", "`step` takes shaded frames."
+            want, hint = "None, because it is extrapolated", "`step` takes shaded frames."
             raise FrameError("color", got=frame.color.shape, want=want, hint=hint)
         if frame.reset:
-            hint = "There is nothing to extrapolate from: shade the first frame after a cut."
+            hint = "Shade the first frame after a cut: there is nothing to extrapolate from."
             raise FrameError("reset", got="True on a frame that was not shaded", want="False", hint=hint)
         if history is None:
-            hint = (
-                "After a start or a reset there is nothing to extrapolate from: shade a frame, and `step` it."
-            )
+            hint = "`step` a shaded frame first: after a start or reset there is nothing to extrapolate from."
             raise FrameError("color", got="None before any shaded frame", want="(h, w, 3)", hint=hint)
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
         return self._executor.extrapolate(frame, history)
 
     def save(self, history: ShadedHistory) -> dict[str, NDArray[Any]]:
-        """Return copies of a history's tensors, by their names in the contract."""
+        """Return copies of a history's tensors, by name in the graph."""
         return {name: self._executor.download(tensor) for name, tensor in history.items()}
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> ShadedHistory:
-        """Return the history whose tensors `save` copied.
+        """Return the history that `save` copied.
 
-        Images may hold any values, as in a frame: what is not finite is sanitized when it is read.
+        Images may hold any values, as in a frame: they are sanitized when they are read.
 
         Raises:
             ArgumentError: the arrays belong to another model, or their types or sizes do not match.
         """
-        specs = {h.name: h.spec_of_frames() for h in self.info.history}
+        specs = {
+            h.name: ArraySpec(h.type, h.shape, values_of(h.name) if "jitter" in h.name else None)
+            for h in self.info.history
+        }
         checked = checked_arrays(
             arrays, specs, lambda got, want: ArgumentError("state.shaded", got=got, want=want)
         )

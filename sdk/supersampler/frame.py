@@ -35,7 +35,7 @@ _HALF_OR_SINGLE = (np.dtype(np.float16), *_SINGLE)
 class Frame:
     """One rendered frame at render size (w, h). Row 0 is the top row; x points right, y down.
 
-    Arrays are numpy arrays, or anything with DLPack (a torch tensor, say), which is copied to the CPU.
+    Arrays are numpy arrays, or anything with DLPack (such as a torch tensor), which is copied to the CPU.
     Shapes and types are always checked. Pixel values are not; `Upscaler(validate=...)` checks those.
 
     Attributes:
@@ -49,19 +49,19 @@ class Frame:
             current: what is at p now was at p + motion[p] in the previous frame, shaded or not.
         jitter: (x, y) in [-0.5, 0.5], render pixels. Samples lie at pixel centre + jitter.
         reset: True on the first frame after a cut: the history is dropped.
-        reactive: (h, w) float32 or float16 in [0, 1]. How unreliable the history is there (particles,
-            screens, glass): the weight w of this frame becomes w + (1 - w) reactive. None is 0 everywhere.
+        reactive: (h, w) float32 or float16 in [0, 1]. How unreliable the history is (particles, screens,
+            glass): the weight w of this frame becomes w + (1 - w) reactive. None is 0 everywhere.
         exposure: > 0, multiplies the colour before the tone curve. None measures it from the frames.
         pre_exposure: in [2^-24, 2^24]. Factor that the renderer has applied to the colour. It may change
-            from frame to frame: history and `exposure` are for the colour without it; the image is multiplied
-            by it again.
+            from frame to frame: the history and `exposure` refer to the colour without it, and the image is
+            multiplied by it again.
         gbuffer: render-size buffers by name: base_color (h, w, 3), normal (h, w, 3; world space, unit length,
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
-            Linear, in [0, 1] except for the normal. Where a method reads a missing one at both sizes, it is
-            taken from the display pixel nearest to each sample, which costs quality along edges.
-        gbuffer_display: display-size buffers by name: the same and `depth`, sampled at pixel centres without
-            jitter.
-        aovs: (h, w, k), k at most MAX_AOVS. Alpha or other channels, blended by the colour's weights.
+            Linear, in [0, 1] except for the normal. If a method reads a buffer at both sizes, the render-size
+            one may be missing: it is sampled from the other one, which costs quality along edges.
+        gbuffer_display: display-size buffers by name, as in `gbuffer`, and `depth`, sampled at pixel centres
+            without jitter.
+        aovs: (h, w, k), k at most MAX_AOVS. Alpha or other channels, blended with the colour's weights.
         motion_next: (h, w, 2) float32 or float16. Render pixels, without jitter, next minus current: what is
             at p now is at p + motion_next[p] in the next frame. Only `upscale_sequence` reads it; None is
             computed from the motion of the next frame.
@@ -110,7 +110,7 @@ class Frame:
     def check_shapes(self) -> None:
         """Raise FrameError unless the arrays have the shapes and types above.
 
-        Checked again before each step, because the caller may have set another shape since.
+        Steps check again, because the caller may have set another shape meanwhile.
         """
         leader = self.depth if self.color is None else self.color  # the other arrays must match its size
         if leader.ndim < 2 or 0 in leader.shape:
@@ -136,9 +136,9 @@ def checked_frame(frame: Frame) -> Frame:
 
 
 def _frame_hint(value: object) -> str:
-    """Return advice for what is often passed instead of a Frame."""
+    """Return advice for values that are often passed instead of a Frame."""
     if isinstance(getattr(value, "frame", None), Frame):
-        return f"It holds one: pass the `frame` of the {type(value).__name__}."
+        return f"Pass the `frame` of the {type(value).__name__}."
     if isinstance(value, list | tuple):
         return "Pass one frame per call, in order."
     if hasattr(value, "shape"):
@@ -185,7 +185,7 @@ def checked_pre_exposure(pre_exposure: float) -> float:
     """Return a frame's pre-exposure; raise FrameError unless it is in [2^-24, 2^24]."""
     number = as_number(pre_exposure)
     if number is None or not _MIN_PRE_EXPOSURE <= number <= _MAX_PRE_EXPOSURE:
-        hint = "It is what the renderer has multiplied the colour by; 1 where it does not."
+        hint = "It is the factor that the renderer has applied to the colour; 1 if none."
         want = "a number > 0, in [2^-24, 2^24]"
         raise FrameError("pre_exposure", got=shown(pre_exposure), want=want, hint=hint)
     return number
@@ -207,7 +207,7 @@ def as_array(
     Args:
         name: name of the input, for the error.
         value: a numpy array, or a tensor with DLPack, which is copied if it is in device memory.
-        error: the exception to raise.
+        error: type of the exception to raise.
 
     Raises:
         FrameError: `value` is neither, is masked, or is larger than an image may be.
@@ -222,10 +222,10 @@ def _plain_array(name: str, value: object, error: type[FrameError] | type[Argume
     if type(value) is np.ndarray:
         return value
     if isinstance(value, np.ma.MaskedArray):
-        hint = "Fill what is masked first: array.filled(0), say."
+        hint = "Fill masked values first: array.filled(0), for instance."
         raise error(name, got=f"a masked array {value.shape}", want="a numpy array without a mask", hint=hint)
     if isinstance(value, np.ndarray):
-        return value.view(np.ndarray)  # drops the rules of subclasses, such as np.matrix and np.memmap
+        return value.view(np.ndarray)  # without the behaviour of subclasses such as np.matrix
     if hasattr(value, "__dlpack__"):
         try:
             return np.from_dlpack(value, device="cpu")
@@ -240,7 +240,7 @@ def _plain_array(name: str, value: object, error: type[FrameError] | type[Argume
 def _check(
     name: str, array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[np.dtype[Any], ...]
 ) -> None:
-    if array.shape == shape and array.dtype in dtypes:  # compares the byte order, too
+    if array.shape == shape and array.dtype in dtypes:  # of the native byte order
         return
     wanted = " or ".join(dtype.name for dtype in dtypes)
     text = "(" + ", ".join(map(str, shape)) + ")"
@@ -253,7 +253,7 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
     """Return advice for the usual mistakes behind a wrong shape or type."""
     if array.shape == shape:
         if array.dtype.kind in "biu":
-            return "Bring integers to their range first: array.astype(np.float32) / 255, say."
+            return "Scale integers to the range: array.astype(np.float32) / 255, for instance."
         return "Convert it: array.astype(np.float32)."
     if len(shape) == 3 and array.shape[1:] == shape[:2]:
         rest = "[..., :3]" if shape[2] == 3 and array.shape[0] == 4 else ""
@@ -270,12 +270,12 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
 
 
 def _is_channels_first(color: NDArray[Any]) -> bool:
-    """Return whether colour is likely (3, h, w) or (4, h, w), as torch has it."""
+    """Return whether the shape is likely (3, h, w) or (4, h, w), torch's order."""
     return color.ndim == 3 and color.shape[0] in (3, 4) and color.shape[2] > 4
 
 
 def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Return a frame's `gbuffer` or `gbuffer_display`; raise FrameError unless it maps G-buffer names.
+    """Return a frame's `gbuffer` or `gbuffer_display`; raise FrameError unless it maps names of G-buffers.
 
     The arrays are not checked.
     """
@@ -295,7 +295,7 @@ def _check_reactive(mask: Array) -> None:
     with np.errstate(invalid="ignore"):
         low, high = float(mask.min()), float(mask.max())
     if not (low >= 0.0 and high <= 1.0):  # written so that NaN fails
-        hint = "0 keeps the history, 1 shows this frame alone: np.clip(mask, 0, 1), say."
+        hint = "0 keeps the history, 1 shows this frame alone: np.clip(mask, 0, 1)."
         raise FrameError("reactive", got=f"from {low:g} to {high:g}", want="values in [0, 1]", hint=hint)
 
 

@@ -1,4 +1,4 @@
-"""State between steps: `History`, and `State` to store it; `StepResult` and `Stats` of steps."""
+"""State between steps, as `History` and stored as `State`; `StepResult` and `Stats` of steps."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -10,19 +10,19 @@ from supersampler.backends.base import Buffers
 from supersampler.frame import Float32, Size
 
 STATE_VERSION = 4
-"""Version of the contents of a State. Other versions are refused: the meaning of arrays may differ."""
+"""Version of the content of a State. Other versions are refused, because arrays may differ in meaning."""
 
 
 @dataclass(eq=False)
 class History:
-    """The state that a step passes to the next one, in the format of the model's executor.
+    """State that a step passes to the next step, in the format of the model's executor.
 
     Attributes:
         display_size: (width, height) of the images.
-        render_size: (width, height) of the frame that the step upscaled.
+        render_size: (width, height) of the last frame.
         buffers: buffers of the executor.
         aovs: (1, k, H, W) float32 blended AOVs; None if they were not requested.
-        kind: identifies the model; a model accepts only histories of its own kind.
+        kind: identity of the model; a model accepts only its own histories.
     """
 
     display_size: Size
@@ -40,12 +40,12 @@ class StepResult:
         image: (H, W, 3) float32 linear RGB.
         aovs: (H, W, k) float32 AOVs of the frame, blended with the weights of the image.
         class_map: (H / 2, W / 2, 6) float32, sizes rounded up: class probabilities of each 2x2 pixels. Three
-            classes of ghosting: no ghost, disocclusion, changed light; three of aliasing: none, edge, fine
+            classes of ghosting: none, disocclusion, changed light; three of aliasing: none, edge, fine
             detail.
         weight: (H, W) float32 weight of the history in the image, [0, 1].
         count: (H, W) float32 number of samples that each pixel has accumulated.
-        converged: (H, W) float32 1 where the image is frozen, else 0: it is the mean of one jitter period of
-            samples, and stays the same, bit for bit, until something moves or changes there.
+        converged: (H, W) float32, 1 where the image is frozen, else 0. A frozen pixel is the mean of one
+            jitter period of samples, and stays the same, bit for bit, until something moves or changes there.
     """
 
     image: Float32
@@ -67,9 +67,8 @@ class Stats:
         seconds: wall time of the steps, without extrapolation.
         extrapolation_seconds: wall time of extrapolating the colour of unshaded frames.
         stages: wall time by stage of the CPU backend, seconds; empty with other backends.
-        converged: fraction of the image, in [0, 1], that is frozen after the last frame: it stays the same
-            until something moves or changes. At 1 a viewer may stop rendering. None where the method does
-            not converge.
+        converged: fraction of the image, in [0, 1], that is frozen after the last frame. At 1 a viewer may
+            stop rendering until something moves or changes. None if the method does not converge.
     """
 
     frames: int = 0
@@ -88,13 +87,9 @@ class Stats:
         stages: Mapping[str, float] | None = None,
         extrapolation_seconds: float | None = None,
     ) -> "Stats":
-        """Return the stats after one more step.
+        """Return the stats after another step; `fresh` says that it had no history.
 
-        Args:
-            fresh: whether the step had no history.
-            seconds: wall time of the step.
-            stages: its wall time by stage.
-            extrapolation_seconds: wall time of extrapolating the frame's colour; None for a shaded frame.
+        `extrapolation_seconds` is None for a shaded frame.
         """
         return replace(
             self,
@@ -109,14 +104,14 @@ class Stats:
 
 @dataclass(frozen=True)
 class State:
-    """A copy of an Upscaler's history as plain arrays and numbers, which can be pickled or sent.
+    """A copy of an Upscaler's history as plain arrays and numbers, which can be pickled.
 
     Attributes:
         method: name of the method.
         display_size: (width, height) of the images.
         render_size: (width, height) of the previous frame; None without a history.
         history: tensors by name; None without a history.
-        shaded: tensors from which unshaded frames are extrapolated; None without a shaded frame.
+        shaded: tensors from which unshaded frames are extrapolated; None before a shaded frame.
         version: STATE_VERSION of the package that saved it.
     """
 
@@ -125,4 +120,4 @@ class State:
     render_size: Size | None
     history: Mapping[str, NDArray[Any]] | None
     shaded: Mapping[str, NDArray[Any]] | None = None
-    version: int = field(default_factory=lambda: STATE_VERSION)  # no class attribute: old pickles lack it
+    version: int = field(default_factory=lambda: STATE_VERSION)  # old pickles lack it; no class attribute

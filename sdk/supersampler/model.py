@@ -49,8 +49,8 @@ from supersampler.methods.at_rest import ADDED, check_history, converged_fractio
 from supersampler.methods.executors import ExecutorName, Precision, choose_executor
 from supersampler.methods.gbuffers import check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
-from supersampler.methods.model_info import ModelInfo, map_size
-from supersampler.methods.spec import resized
+from supersampler.methods.model_info import ModelInfo
+from supersampler.methods.spec import HALF, LARGE_HALF, half_size, resized
 
 if TYPE_CHECKING:
     import wgpu
@@ -71,8 +71,8 @@ class Plan:
         executor: the backend; see `Model.executor`.
         precision: precision of the network: "fp32", "fp16" or "int8".
         history_bytes: bytes of two histories: a step reads one and writes the other.
-        working_bytes: bytes of the buffers of a step, which Upscalers of one Model share. None with the ONNX
-            backend, where ONNX Runtime allocates them.
+        working_bytes: bytes of a step's buffers, which Upscalers of one Model share. None with the ONNX
+            backend, because ONNX Runtime allocates them.
         multiply_adds: multiply-adds of the network per frame; 0 without a network.
     """
 
@@ -87,12 +87,11 @@ class Model:
     """An exported method, ready to run; threads and Upscalers may share it.
 
     Attributes:
-        info: contents of its model.json.
-        providers: execution providers of ONNX Runtime in use, in order of preference; the CPU's with the CPU
-            and GPU backends.
+        info: content of its model.json.
+        providers: execution providers of ONNX Runtime in use, in order of preference; only the CPU's with the
+            CPU and GPU backends.
         threads: number of CPU threads, as given; 0 uses every core.
-        on_extrapolated: the model that steps on extrapolated frames with the same histories; most models do
-            so themselves.
+        on_extrapolated: the model that steps on extrapolated frames with the same histories; often this one.
     """
 
     def __init__(
@@ -123,12 +122,12 @@ class Model:
             providers: "auto" (CUDA, DirectML, else CPU), the name of a provider ("cpu", "cuda", "directml",
                 ... or ONNX Runtime's own), or several in order of preference.
             threads: number of CPU threads; 0 uses every core.
-            executor: "onnx" runs the model's graph in ONNX Runtime; "cpu" runs kernels compiled for this
-                processor, which is several times as fast; "auto" uses "cpu" if the provider is the CPU and
-                the model has kernels; "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`).
+            executor: "onnx" runs the model's graph in ONNX Runtime; "cpu" runs compiled kernels, which is
+                several times as fast; "auto" uses "cpu" if the provider is the CPU and the model has kernels;
+                "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`).
             precision: precision of the network: "int8", which the CPU backend always uses; "fp32" or "fp16"
-                with the ONNX backend. With "fp16", colours within a frame are half floats, too; the history
-                never is.
+                with the ONNX backend. With "fp16", colours within a frame are half floats, too, but not the
+                history.
             device: with executor="gpu", the device of the caller's textures; None opens one.
 
         Raises:
@@ -160,7 +159,7 @@ class Model:
 
     @property
     def device(self) -> str:
-        """The device of histories and of tensors for `run_tensors`: "cpu", "cuda", "dml"."""
+        """Device of histories and of tensors for `run_tensors`: "cpu", "cuda", "dml"."""
         return self._executor.device if isinstance(self._executor, OnnxExecutor) else "cpu"
 
     @property
@@ -176,7 +175,7 @@ class Model:
         return cast("GpuExecutor", self._executor)
 
     def plan(self, render_size: Size, display_size: Size) -> Plan:
-        """Return the memory and arithmetic that frames of this size need; nothing is allocated.
+        """Return the memory and arithmetic that frames of this size need, without allocating it.
 
         Raises:
             FrameError: the method does not support this ratio.
@@ -211,10 +210,10 @@ class Model:
         """Upscale one frame to the display size of `history`.
 
         Args:
-            frame: the frame. Its `reset` is ignored: pass `first_history` for a frame without a history.
+            frame: the frame. Its `reset` is ignored: pass `first_history` to start without a history.
             history: history after the previous frame; not changed.
             out: (H, W, 3) float32 to write the image to; None allocates it.
-            history_out: an older history, whose buffers are reused; None allocates new ones.
+            history_out: an older history whose buffers are reused; None allocates new ones.
 
         Returns:
             The image (H, W, 3) float32, linear RGB, >= 0, and the history for the next frame.
@@ -237,14 +236,14 @@ class Model:
         at_rest: AtRest = "converge",
         skip: bool = True,
     ) -> tuple[StepResult, History]:
-        """Upscale like `run`, and return the fields of `StepResult` that `outputs` names, with the image.
+        """Upscale like `run`, and return the image and the fields of `StepResult` that `outputs` names.
 
-        Other fields cost nothing. See `Upscaler` for `at_rest` and `skip`.
+        Other fields are not computed. See `Upscaler` for `at_rest` and `skip`.
 
         Raises:
-            FrameError: as `run`; or `outputs` has "aovs", and the frame has no AOVs, or not as many channels
-                as the previous one.
-            ArgumentError: as `run`; or the model has no such output.
+            FrameError: see `run`; or "aovs" are requested, and the frame has none, or another number of
+                channels than the previous frame.
+            ArgumentError: see `run`; or the model lacks an output.
         """
         at_rest, skip = checked_choice("at_rest", at_rest, get_args(AtRest)), checked_flag("skip", skip)
         outputs = checked_names("outputs", outputs)
@@ -263,12 +262,12 @@ class Model:
         previous_aovs: Float32 | None = None,
         out: Float32 | None = None,
     ) -> None:
-        """Check what `run_outputs` needs of a valid frame, and raise its errors, before anything is computed.
+        """Raise the errors of `run_outputs` for a valid frame, before anything is computed.
 
-        `previous_aovs` are those of the history.
+        `previous_aovs` are the AOVs of the history.
         """
         if frame.color is None:
-            hint = "`extrapolate`, and `upscale --extrapolate`, take frames that were not shaded."
+            hint = "`extrapolate` and `upscale --extrapolate` take frames that were not shaded."
             want = f"(h, w, 3); {self.info.method!r} needs shaded frames"
             raise FrameError("color", got=None, want=want, hint=hint)
         check_ratio(self.info.ratios, frame.size, display_size)
@@ -291,9 +290,9 @@ class Model:
         adds_samples: float,
         skip: bool,
     ) -> tuple[StepResult, History, Mapping[str, float]]:
-        """Run `run_outputs` without its checks; return the wall seconds of the stages, too.
+        """Run `run_outputs` without its checks; also return the wall seconds of the stages.
 
-        `adds_samples`: see `Executor.step`.
+        See `Executor.step` for `adds_samples`.
         """
         display = history.display_size
         image = aligned((*display[::-1], 3)) if out is None else out
@@ -326,7 +325,8 @@ class Model:
             if planes is None:
                 tensor = tensors[source.output]
                 planes = self._executor.tensor(next_history.buffers, tensor.name)
-                planes = resized(planes, map_size(tensor.shape, display))
+                halved = tensor.shape[2:] in (HALF, LARGE_HALF)
+                planes = resized(planes, half_size(display) if halved else display)  # of the larger display
             maps[name] = pixels_of(planes[:, source.first : source.first + source.channels])
         return StepResult(image, aovs=aovs, **maps), next_history, report.stages
 
@@ -376,10 +376,10 @@ class Model:
         adds_samples: float = 1.0,
         skip: bool = True,
     ) -> History:
-        """Encode a step on a frame in memory of the GPU; see `Upscaler.encode_into`.
+        """Encode a step on a frame in GPU memory; see `Upscaler.encode_into`.
 
         Returns:
-            The history for the next frame, which holds it once the commands have run.
+            The history for the next frame; its buffers are written when the commands run.
         """
         self._check_histories(history, history_out)
         check_ratio(self.info.ratios, frame.size, history.display_size)
@@ -390,7 +390,7 @@ class Model:
         return next_history
 
     def converged(self, history: History | None) -> float | None:
-        """Return `Stats.converged` of the step that returned this history; 0 before the first frame."""
+        """Return `Stats.converged` for this history; 0 before the first frame."""
         if not self.info.converges:
             return None
         if history is None:
@@ -399,7 +399,7 @@ class Model:
         return converged_fraction(blocks, history.display_size, history.render_size)
 
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:
-        """Return copies of all history tensors; each executor of the model can load them."""
+        """Return copies of all history tensors, which every executor of the model can load."""
         names = [h.name for h in self.info.history]
         copies = {name: np.array(self._executor.tensor(history.buffers, name)) for name in names}
         return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
@@ -414,8 +414,10 @@ class Model:
         """
         display = checked_size("state.display_size", display_size)
         render = checked_size("state.render_size", render_size)
-        tensors = self.info.history
-        specs = {t.name: t.spec_for(render=render, display=display, previous=render) for t in tensors}
+        specs = {
+            t.name: ArraySpec(t.type, t.shape_for(render=render, display=display), values_of(t.name))
+            for t in self.info.history
+        }
         if isinstance(arrays, Mapping) and AOVS in arrays:
             specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))
 
@@ -441,13 +443,13 @@ class Model:
                 hint = "`first_history`, `run` and `load_history` of the model make one."
                 raise ArgumentError(name, got=shown(given), want="a History of this model", hint=hint)
         if not self._executor.fits(history.buffers, history.display_size, history.render_size):
-            got = f"changed: it is not of {history.display_size} and {history.render_size}"
+            got = f"changed: its buffers do not match {history.display_size} and {history.render_size}"
             raise ArgumentError("history", got=got, want="unchanged")
         if next_history is not None and next_history.buffers is history.buffers:
             raise ArgumentError("history_out", got="history itself", want="other buffers")
 
     def _next_history(self, history: History | None, display: Size, render: Size) -> History:
-        """Return the next history; it reuses the buffers of `history` if they have the right sizes."""
+        """Return the next history, in the buffers of `history` if they have the right sizes."""
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers, kind=self._kind)
         return History(display, render, self._executor.zeros(display, render), kind=self._kind)

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     _DeviceImage: TypeAlias = wgpu.GPUTexture | wgpu.GPUBuffer
 
 _Names = tuple[str, *tuple[str, ...]]
-"""At least one name, so that the type of the result is known."""
+"""At least one name: then the result is a StepResult."""
 _Out = Float32 | StepResult
 PresetName = Literal["fast", "balanced", "high"]
 
@@ -63,18 +63,18 @@ PRESETS: Mapping[PresetName, Preset] = {
     "balanced": Preset("classifier-small", "auto"),
     "high": Preset("classifier", "auto"),
 }
-"""Settings on the Pareto frontier of run time and error (docs/pareto.md), as `bench pareto` chooses them."""
+"""Settings on the Pareto frontier of run time and error (docs/pareto.md), selected by `bench pareto`."""
 
 
 class CameraState(NamedTuple):
-    """State between frames. Replaced as a whole, so that an interrupted step changes all of it or nothing.
+    """State between frames. It is replaced as a whole, so an interrupted step changes all of it or nothing.
 
     Attributes:
         display_size: (width, height) of the images; with `scale`, None before the first frame.
-        history: history for the next frame; None at a start or after a reset.
-        spare: the history before that one; the next step writes to its buffers.
+        history: history for the next frame; None at the start or after a reset.
+        spare: the previous history; the next step writes to its buffers.
         shaded: history from which unshaded frames are extrapolated.
-        stats: see `Upscaler`.
+        stats: see `Upscaler.stats`.
     """
 
     display_size: Size | None
@@ -96,25 +96,24 @@ class Upscaler:
     Args:
         model: a `Model`, the name of a shipped one, or a model folder; None is "classifier".
         display_size: (width, height) of the images.
-        scale: instead of `display_size`: display size over the first frame's render size, rounded to pixels.
-        render_size: (width, height) of the frames. Only `warm_up` needs it; with `scale` it fixes the display
-            size before the first frame. Frames may have other sizes.
+        scale: display size over the first frame's render size, rounded to pixels; instead of `display_size`.
+        render_size: (width, height) of the frames, which may have other sizes later. `warm_up` needs it; with
+            `scale` it fixes the display size before the first frame.
         providers, threads, precision: see `Model.load`; not with a `Model`.
         executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
         at_rest: "converge": where nothing moves or changes, the image converges to the mean of one jitter
             period of samples, and is then frozen. "accumulate", for path tracers: where only noise changes,
-            all samples are averaged without limit. "off": images depend on recent frames only, as chunks of a
-            shot need; methods that do not converge always do so.
-        skip: whether frozen tiles may be skipped, as the CPU and the GPU backend do. The images are the same,
-            bit for bit.
-        preset: "fast", "balanced" or "high" in place of `model` and `precision`: Pareto-optimal settings of
+            all samples are averaged without limit. "off": images depend on recent frames only, which chunks
+            of a shot need; methods that do not converge always behave like this.
+        skip: whether the CPU and GPU backends may skip frozen tiles. The images are the same, bit for bit.
+        preset: "fast", "balanced" or "high" instead of `model` and `precision`: Pareto-optimal settings of
             time and error (docs/pareto.md).
         extrapolation: model for `extrapolate`, which computes the colour of unshaded frames: "guided-warp",
             "guided-flow", or a model folder. It uses the providers and threads of `model`. None disables
             `extrapolate`.
         validate: "warn" checks the pixels of the first frames after a start or reset and warns of likely
             mistakes, "strict" checks every frame and raises, "off" checks only shapes and types.
-        record: a new folder, to which all calls are recorded for `supersampler replay` until `close`.
+        record: a new folder to which all calls are recorded until `close`, for `supersampler replay`.
 
     Attributes:
         model: the model in use.
@@ -124,8 +123,8 @@ class Upscaler:
     Raises:
         ArgumentError: sizes are missing, or arguments contradict each other.
         ModelError, ProviderError: see `Model.load`.
-        RecordingError: the folder exists already or cannot be written. Any call may raise it, before it
-            changes anything; later calls are not recorded then.
+        RecordingError: the folder already exists or cannot be written. Any call may raise it before it
+            changes anything; later calls are then not recorded.
     """
 
     def __init__(
@@ -163,7 +162,7 @@ class Upscaler:
             given = [name for name, word in words.items() if not (isinstance(word, str) and word == "auto")]
             given += ["threads"] * (as_index(threads) != 0)
             if given:
-                raise ArgumentError(" and ".join(given), got="set beside a Model", want="set in Model.load")
+                raise ArgumentError(" and ".join(given), got="set with a Model", want="set in Model.load")
             self.model = model
         else:
             self.model = Model.load(
@@ -201,7 +200,7 @@ class Upscaler:
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
     ) -> Plan:
-        """Return the memory and the multiply-adds that an Upscaler needs per frame; nothing is allocated.
+        """Return the memory and the multiply-adds that an Upscaler needs, without allocating it.
 
         >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
         >>> megabytes = plan.history_bytes / 1e6
@@ -220,7 +219,7 @@ class Upscaler:
 
     @property
     def display_size(self) -> Size | None:
-        """(width, height) of the images; with `scale` None until the first frame."""
+        """(width, height) of the images; with `scale`, None before the first frame."""
         return self._camera.display_size
 
     @property
@@ -245,13 +244,13 @@ class Upscaler:
         Args:
             frame: see `Frame`. Its render size may differ from the previous frame's; the history is kept.
             out: (H, W, 3) float32 to write the image to.
-            outputs: names of further outputs: "aovs", "class_map", "weight", "count", "converged";
-                see `StepResult`. A method may lack some. Only these are computed. With "aovs"
-                no tile is skipped; after a frame without "aovs" it starts without AOV history.
+            outputs: names of further outputs to compute: "aovs", "class_map", "weight", "count",
+                "converged"; see `StepResult`. A method may lack some. With "aovs" no tile is skipped; after a
+                frame without "aovs" there is no AOV history.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
-            With `outputs`, a `StepResult` that holds it as `image`.
+            With `outputs`, a `StepResult` with this image.
 
         Raises:
             FrameError: the frame breaks the contract. The history is unchanged; continue with the next frame.
@@ -278,21 +277,21 @@ class Upscaler:
 
     @ieee_arithmetic
     def extrapolate(self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()) -> _Out:
-        """Upscale the next frame, which was not shaded: its colour comes from the last shaded frame.
+        """Upscale the next frame, which was not shaded: the last shaded frame provides the colour.
 
-        Shaded and unshaded frames may alternate in any order. `step` upscales the shaded ones, which must
-        have the G-buffers of the extrapolation, too. Motion points to the previous frame, shaded or not. The
-        jitter counts shaded frames: `halton_jitter(index // 2, ratio)` where every second one is shaded.
+        Shaded and unshaded frames may alternate in any order. Shaded frames go to `step`, and must also have
+        the G-buffers of the extrapolation. Motion points to the previous frame, shaded or not. The jitter
+        index counts shaded frames: `halton_jitter(index // 2, ratio)` if every second frame is shaded.
 
         >>> upscaler = Upscaler(display_size=(1920, 1080), extrapolation="guided-warp")
         >>> image = upscaler.step(shaded) if is_shaded else upscaler.extrapolate(without_color)
 
-        The frame has no colour, and the G-buffers of the extrapolation and of the method. Otherwise arguments
-        and result are those of `step`.
+        The frame has no colour, and has the G-buffers of the extrapolation and of the method. See `step` for
+        the other arguments and the result.
 
         Raises:
-            FrameError: as `step`; or the frame has colour, or is the first after a start or a reset.
-            ArgumentError: as `step`; or the Upscaler has no `extrapolation`.
+            FrameError: see `step`; or the frame has colour, or is the first after a start or a reset.
+            ArgumentError: see `step`; or the Upscaler has no `extrapolation`.
         """
         outputs = self._checked_call(frame, outputs)
         with self._recorded("extrapolate", frame, outputs) as results:
@@ -308,10 +307,10 @@ class Upscaler:
 
     @ieee_arithmetic
     def step_computed(self, frame: Frame, color: Float32, *, outputs: Collection[str] = ()) -> _Out:
-        """Upscale the next frame, which was not shaded, with a colour that was computed elsewhere.
+        """Upscale the next frame, which was not shaded, with a colour that the caller has computed.
 
-        As after `extrapolate`, the mean of a static pixel's samples does not take it for a sample. It cannot
-        be recorded.
+        As with `extrapolate`, the colour is not added to the means of static pixels. The call cannot be
+        recorded.
 
         Args:
             frame: the frame, without colour.
@@ -319,8 +318,8 @@ class Upscaler:
             outputs: see `step`.
 
         Raises:
-            FrameError: as `step`; or the frame has colour.
-            ArgumentError: as `step`; or the calls are recorded.
+            FrameError: see `step`; or the frame has colour.
+            ArgumentError: see `step`; or calls are recorded.
         """
         outputs = self._checked_call(frame, outputs)
         if self._recorder is not None:
@@ -344,7 +343,7 @@ class Upscaler:
         reset: bool = False,
         out: Tensor | None = None,
     ) -> Tensor:
-        """Upscale the next frame on the provider's device, without copies of images to or from the CPU.
+        """Upscale the next frame on the provider's device, without copying images to or from the CPU.
 
         >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
         >>> image = torch.from_dlpack(image)
@@ -352,9 +351,9 @@ class Upscaler:
         Requires executor="onnx", and no `extrapolation`. Pixels are not validated.
 
         Args:
-            tensors: inputs by name, as float32 contiguous tensors with DLPack (torch, CuPy, JAX): "color"
-                (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the method's G-buffers; see
-                docs/contract.md. "reactive" (1, 1, h, w) may be missing.
+            tensors: inputs by name, as contiguous float32 tensors with DLPack (torch, CuPy, JAX): "color"
+                (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), optionally "reactive" (1, 1, h, w),
+                and the method's G-buffers (docs/contract.md).
             jitter: see `Frame`.
             exposure: see `Frame`.
             pre_exposure: see `Frame`.
@@ -398,7 +397,7 @@ class Upscaler:
         render_size: Size | None = None,
         out: "_DeviceImage | None" = None,
     ) -> "_DeviceImage":
-        """Upscale the next frame on the GPU, without copies of images to or from the CPU.
+        """Upscale the next frame on the GPU, without copying images to or from the CPU.
 
         >>> model = Model.load("classifier", executor="gpu", device=device)
         >>> upscaler = Upscaler(model, display_size=(1920, 1080))
@@ -408,16 +407,15 @@ class Upscaler:
         no `extrapolation`. Pixels are not validated.
 
         Args:
-            images: images by name, on the model's device, in the units of `Frame`. Textures of a float
-                format, with TEXTURE_BINDING: "color" (RGB), "depth" (R), "motion" (RG), "reactive" (R),
-                which may be missing. Or buffers of float32, with STORAGE: the arrays of a `Frame`, row by
-                row.
+            images: images by name, on the model's device, in the units of `Frame`: "color" (RGB), "depth"
+                (R), "motion" (RG), optionally "reactive" (R). Either textures of a float format, with
+                TEXTURE_BINDING, or buffers of float32, with STORAGE: the arrays of a `Frame`, row by row.
             jitter: see `Frame`.
             exposure: see `Frame`.
             pre_exposure: see `Frame`.
             reset: see `Frame`.
-            render_size: (width, height) of buffers; textures have theirs.
-            out: to write the image to: a texture rgba16float with STORAGE_BINDING, or a buffer of float32
+            render_size: (width, height) of buffers; not needed for textures.
+            out: where to write the image: a texture rgba16float with STORAGE_BINDING, or a buffer of float32
                 (H, W, 3) with STORAGE; None allocates a texture.
 
         Returns:
@@ -427,7 +425,7 @@ class Upscaler:
             FrameError: an image is missing, or has a wrong format, size, usage or device. The history is
                 unchanged.
             DeviceError: the device failed. The history is unchanged unless the message says that it is lost.
-            ArgumentError: the executor has no textures, or `out` is not as described.
+            ArgumentError: the executor is not "gpu", or `out` has a wrong format, size, usage or device.
         """
         encoder = self.model.gpu.device.create_command_encoder()
         image = self.encode_into(
@@ -451,10 +449,10 @@ class Upscaler:
     ) -> "_DeviceImage":
         """Encode `step_textures` into a command encoder, for engines that submit their own commands.
 
-        The next call continues from this frame: submit frames in order, each once. Call `reset` after an
-        encoder that is not submitted. Arguments, result and errors are those of `step_textures`.
+        The next call continues from this frame: submit frames in order, each once. Call `reset` if an encoder
+        is not submitted. See `step_textures` for arguments, result and errors.
         """
-        # not imported by sessions on other backends
+        # other backends do not need it
         from supersampler.backends.gpu.frame import DeviceFrame, check_encoder, checked_images, checked_target
 
         self._check_open()
@@ -489,7 +487,7 @@ class Upscaler:
 
     @ieee_arithmetic
     def warm_up(self, render_size: Size | None = None) -> None:
-        """Run once on a black frame, so that the first `step` is fast; the history is unchanged.
+        """Step on a black frame, so that the first `step` is fast; the history is unchanged.
 
         Raises:
             ArgumentError: `render_size` is missing here and in the constructor.
@@ -506,7 +504,7 @@ class Upscaler:
             self._on_extrapolated.run(frame, history)
 
     def save_state(self) -> State:
-        """Copy the history. An Upscaler that loads it computes the same next images, bit for bit."""
+        """Copy the history. An Upscaler that loads it computes the same images from then on, bit for bit."""
         self._check_open()
         history, shaded = self._camera.history, self._camera.shaded
         if history is None:
@@ -518,7 +516,7 @@ class Upscaler:
         return State(self.model.info.method, *sizes, self.model.save_history(history), saved_shaded)
 
     def load_state(self, state: State) -> None:
-        """Continue from `state`. If it holds no shaded frame, a shaded one must precede `extrapolate`.
+        """Continue from `state`. If it has no shaded frame, `step` one before `extrapolate`.
 
         Raises:
             ArgumentError: the state has another method, extrapolation or display size. The history is
@@ -537,14 +535,14 @@ class Upscaler:
         self._checker.reset()
 
     def close(self) -> None:
-        """Free the history and end the recording; later calls other than `close` raise ArgumentError."""
+        """Free the history and end the recording; all later calls except `close` raise ArgumentError."""
         self._camera = CameraState(self.display_size, stats=self.stats)
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
 
     def __reduce__(self) -> NoReturn:
-        """Refuse copies and pickles: two Upscalers must not share one history."""
+        """Refuse copying and pickling, because two Upscalers must not share one history."""
         hint = "Make a new Upscaler and load the history: `new.load_state(old.save_state())`."
         raise ArgumentError("upscaler", got="to be copied or pickled", want="one of its own", hint=hint)
 
@@ -560,7 +558,7 @@ class Upscaler:
     def _recorded(
         self, call: str, frame: Frame, outputs: tuple[str, ...]
     ) -> AbstractContextManager[list[StepResult]]:
-        """Record the step of a `with` block, which appends its result to the list, if there is a recorder."""
+        """Record the step of a `with` block, which appends the result to the list, if there is a recorder."""
         return nullcontext([]) if self._recorder is None else self._recorder.step(call, frame, outputs)
 
     def _upscale(
@@ -573,10 +571,10 @@ class Upscaler:
         outputs: Collection[str],
         extrapolation_seconds: float | None = None,
     ) -> StepResult:
-        """Step on `frame`, which has colour: `given`, or its extrapolation."""
+        """Step on `frame`, which is `given`, or `given` with an extrapolated colour."""
         started, display = time.perf_counter(), self._display_size_for(frame.size)
         history = None if frame.reset else self._camera.history
-        # before anything is allocated or kept for a frame that is then refused
+        # before anything is allocated for a frame that may be refused
         model.check(frame, display, outputs, None if history is None else history.aovs, out)
         self._checker.check(given, display, self.gbuffers)
         history = self._history(frame.size, reset=frame.reset)
@@ -605,7 +603,7 @@ class Upscaler:
         stages: Mapping[str, float] | None = None,
         extrapolation_seconds: float | None = None,
     ) -> None:
-        """Continue from the step that read `history` and began at the time `started`."""
+        """Store the result of a step that read `history` and began at the time `started`."""
         stats = self._camera.stats.after_step(
             fresh=history is not self._camera.history,
             seconds=time.perf_counter() - started,
@@ -630,7 +628,7 @@ class Upscaler:
             raise ArgumentError(call, got="called with extrapolation", want="neither", hint=hint)
 
     def _history_of(self, state: State) -> History | None:
-        """Return the history in a state; None if it has none."""
+        """Return the history in a state, or None; raise ArgumentError if the state does not fit."""
         version = getattr(state, "version", None)
         if type(version) is not int or version != STATE_VERSION:
             hint = "Load it with the version of supersampler that saved it, or start without a state."
@@ -653,7 +651,7 @@ class Upscaler:
 def preset_model(
     preset: PresetName | None, model: Model | str | Path | None, precision: Precision
 ) -> tuple[Model | str | Path, Precision]:
-    """Return model and precision: those given, or those of a preset.
+    """Return the given model and precision, or those of the preset.
 
     Raises:
         ArgumentError: a value is unknown, or a preset is given together with a value that it sets.
@@ -663,6 +661,6 @@ def preset_model(
         return "classifier" if model is None else model, precision
     checked_choice("preset", preset, get_args(PresetName))
     if model is not None or precision != "auto":
-        got = f"{preset!r} beside a model or a precision"
+        got = f"{preset!r} with a model or a precision"
         raise ArgumentError("preset", got=got, want="either a preset, or a model and a precision")
     return PRESETS[preset]

@@ -24,8 +24,7 @@ from supersampler.methods.model_file import CONTRACT, find_model, read_model_inf
 from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.registry import methods
 from supersampler_export import folder as folder_module
-from supersampler_export.count import multiply_adds_of
-from supersampler_export.folder import describe, model_card, write_model_folder
+from supersampler_export.folder import describe, model_card, multiply_adds_of, write_model_folder
 from supersampler_export.graph import (
     ExportError,
     check_portable,

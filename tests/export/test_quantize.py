@@ -21,7 +21,7 @@ from supersampler_export.quantized_graph import quantized_network
 from supersampler_model.methods import load_method
 from supersampler_model.methods.classifier import Classifier
 
-NAMES = [name for name in model_names() if "int8" in read_model_info(find_model(name)).networks]
+NAMES = [name for name in model_names() if "network.int8.onnx" in read_model_info(find_model(name)).files]
 DISPLAYS = [(321, 181), (322, 180)]
 """Odd, so that the last packed row and column repeat, and in no multiple of 8 packed pixels; even."""
 FRAMES = 2

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from supersampler.backends.gpu.memory import BufferSpec
+from supersampler.backends.gpu.memory import PixelBuffer
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram
 from supersampler.cli.app import app
 from supersampler.errors import ArgumentError, ModelError, ShotError
@@ -108,18 +108,18 @@ def test_sizes_by_rule_are_those_of_the_gpu_backend_and_of_the_larger_display_at
     signatures = across, down * phases
     sizes = {"one": (1, 1), "render": render, "previous": render, "display": display}
     sizes |= {"signatures": signatures, "previous_signatures": signatures}
-    specs, exact = program(method).specs(render, display), method != "classifier-large"
+    memory, exact = program(method).memory(), method != "classifier-large"
     described = about(folders[method])
     held = [one for one in described["resources"] if one["role"] in ("history", "next", "work", "aux")]
     assert len(held) >= 6
     for one in held:
-        size, spec = size_of(one["size"], sizes), specs[one["name"]]
+        size, want = size_of(one["size"], sizes), memory[one["name"]]
         suits = eq if exact or one["size"]["of"] != "display" else ge
-        if isinstance(spec, BufferSpec):
-            assert suits(one["bytes"] * prod(size), spec.bytes), one
+        if isinstance(want, PixelBuffer):
+            assert suits(one["bytes"] * prod(size), want.total_bytes(render, display)), one
         else:
-            assert all(map(suits, size, spec.size)), one
-            assert one["format"] == spec.format, one
+            assert all(map(suits, size, want.extent.size(render, display))), one
+            assert one["format"] == want.format, one
     for entry, of_pass in zip(described["passes"], program(method).passes, strict=True):
         suits = eq if of_pass.extent.of != "large" else ge
         assert all(map(suits, size_of(entry["covers"], sizes), of_pass.extent.size(render, display)))

@@ -90,7 +90,7 @@ class OnGpu:
         frame, gpu = given.frame, self.executor
         if self.history is None or frame.reset:
             self.history = gpu.zeros(self.display, frame.size)
-        if self.spare is None or not self.spare.fits(self.display, frame.size):
+        if self.spare is None or not gpu.fits(self.spare, self.display, frame.size):
             self.spare = gpu.zeros(self.display, frame.size)
         image = np.empty((*self.display[::-1], 3), np.float32)
         wanted = () if self.skip else ("weight", "converged")
@@ -99,7 +99,7 @@ class OnGpu:
             adds_samples=given.adds_samples, skip=self.skip,
         )  # fmt: skip
         before, self.history, self.spare = self.history, self.spare, None
-        self.spare = before if before.fits(self.display, frame.size) else None
+        self.spare = before if gpu.fits(before, self.display, frame.size) else None
         return image, found.outputs["converged"][0, 0] if wanted else None
 
     def tensor(self, name: str) -> Float32:

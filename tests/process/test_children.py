@@ -218,15 +218,14 @@ def test_the_last_line_of_a_failed_command_is_the_error(extension: Any, tmp_path
 
 
 def test_the_extensions_commands_are_accepted(extension: Any, tmp_path: Path) -> None:
-    common = {"scale": 2.0, "image_format": "png"}
-    blender = str(fake_blender(tmp_path))
+    blender, frames = str(fake_blender(tmp_path)), tmp_path / "out" / "render"
     rendered = extension.render_command(
         "supersampler", str(scene_file(tmp_path)), tmp_path / "out", blender=blender, frames=(5, 6),
-        scene="Scene", samples=4, overwrite=True, **common,
+        scene="Scene", samples=4, scale=2.0, format="exr", overwrite=True,  # the recorded scene has no view
     )  # fmt: skip
-    rendered = ["exr" if word == "png" else word for word in rendered]  # the recorded scene has no view
-    frames = tmp_path / "out" / "render"
-    upscaled = extension.upscale_command("supersampler", frames, tmp_path / "again", **common)
+    upscaled = extension.command_line(
+        "supersampler", "upscale", frames, tmp_path / "again", scale=2.0, format="png", overwrite=False
+    )
     for command in (rendered, upscaled):
         done = CliRunner().invoke(app, [*command[1:], "--method", "bilinear"])
         assert done.exit_code == 0, done.output

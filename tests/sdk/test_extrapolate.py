@@ -24,8 +24,11 @@ from supersampler import (
     Upscaler,
     halton_jitter,
 )
+from supersampler.backends.onnx.executor import OnnxExtrapolation
 from supersampler.frame import Float32
+from supersampler.methods import executors
 from supersampler.methods.model_file import extrapolation_names, model_names
+from supersampler.methods.model_info import ModelInfo
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 from supersampler_model.methods.guided_warp import GuidedWarp
@@ -123,7 +126,7 @@ def test_extrapolation_models_and_upscaling_models_are_not_interchangeable(taau:
         lambda name: Upscaler(name, scale=2.0),
         lambda n: Upscaler.plan(SIZE, DISPLAY, n),
     ):
-        with pytest.raises(ModelError, match=r"upscales nothing.*Upscaler\(extrapolation='guided-warp'\)"):
+        with pytest.raises(ModelError, match=r"does not upscale.*Upscaler\(extrapolation='guided-warp'\)"):
             use("guided-warp")
     with pytest.raises(ModelError, match=r"'taau' upscales.*extrapolation takes guided-flow or guided-warp"):
         make(taau, extrapolation="taau")
@@ -210,3 +213,19 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 @pytest.mark.skipif(sys.platform != "linux", reason="counts in kilobytes")
 def test_a_frame_of_960x540_takes_less_than_a_gigabyte() -> None:
     assert int(run_apart(_LARGE).stdout) < 800_000
+
+
+def test_upscalers_in_use_share_the_graph_of_an_extrapolation(
+    taau: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+
+    def counted(info: ModelInfo, *given: Any) -> Any:
+        opened.append(info.method)
+        return OnnxExtrapolation(info, *given)
+
+    monkeypatch.setattr(executors, "OnnxExtrapolation", counted)
+    first = make(taau, extrapolation="guided-flow")
+    with make(taau, extrapolation="guided-flow"):
+        assert len(opened) <= 1, "none if another test has it open"
+    first.close()

@@ -122,7 +122,7 @@ def test_a_model_of_extrapolated_frames_alone_is_refused(folder: Path, joint: Mo
     ):
         with pytest.raises(ModelError, match=r"'joint-drawn' steps only on frames .*joint', extrapolation="):
             use(folder / "extrapolated")
-    with pytest.raises(ModelError, match=r"'joint-drawn' upscales, and extrapolates no unshaded frames"):
+    with pytest.raises(ModelError, match=r"'joint-drawn' upscales and does not extrapolate"):
         make(joint, extrapolation=folder / "extrapolated")
     assert not {"extrapolated", "extrapolate-unshaded"} & {*model_names(), *extrapolation_names()}
     with pytest.raises(ModelError, match="no model 'extrapolate-unshaded'"):

@@ -171,7 +171,7 @@ def test_a_folder_that_holds_something_is_left_alone(tmp_path: Path) -> None:
     write_site(tmp_path, FEW)
     (tmp_path / "index.html").write_text("my home page")
     for folder in (tmp_path, tmp_path / "index.html"):
-        with pytest.raises(ShotError, match="is there already, and is not an empty folder"):
+        with pytest.raises(ShotError, match="exists and is not an empty folder"):
             write_site(folder, {**FEW, "new.js": bytes})
     assert (tmp_path / "index.html").read_text() == "my home page"
     assert not (tmp_path / "new.js").exists()

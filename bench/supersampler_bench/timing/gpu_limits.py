@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from supersampler.backends.gpu.memory import BufferSpec, MemorySpec, TextureSpec, allocate, write_to
+from supersampler.backends.gpu.memory import (
+    RENDER,
+    PixelBuffer,
+    PixelMemory,
+    PixelTexture,
+    allocate,
+    write_to,
+)
 from supersampler_bench.timing.gpu_stopwatch import Stopwatch
 
 if TYPE_CHECKING:
@@ -77,11 +84,11 @@ class GpuLimits:
 def measure_limits(device: "wgpu.GPUDevice", *, size: tuple[int, int] = COPY_SIZE) -> GpuLimits:
     """Measure copies of `size` texels, and products; the fastest of RUNS runs of each."""
     texels = size[0] * size[1]
-    buffer, texture = BufferSpec(16 * texels), TextureSpec(size)
+    buffer, texture = PixelBuffer(16, RENDER), PixelTexture(RENDER)
     noise = np.random.default_rng(0).random((size[1], size[0], 4), np.float32)  # zeros may be compressed
 
-    def seconds(code: str, *specs: MemorySpec) -> float:
-        bound = [allocate(device, spec) for spec in specs]
+    def seconds(code: str, *kinds: PixelMemory) -> float:
+        bound = [allocate(device, kind, size, size) for kind in kinds]
         write_to(device, bound[0], noise)
         return min(_run_seconds(device, code, [memory.resource for memory in bound], size))
 

@@ -49,7 +49,7 @@ class PassCost(NamedTuple):
 def pass_costs(program: GpuProgram, render: Size, display: Size) -> list[PassCost]:
     """Return the cost of each pass of a step, on a frame and an image in textures."""
     pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
-    sizes = {name: spec.bytes for name, spec in program.specs(render, display).items()}
+    sizes = {name: memory.total_bytes(render, display) for name, memory in program.memory().items()}
     sizes |= {name: words.nbytes for name, words in program.weights.items()}
     sizes |= {name: size * pixels[name.partition("_")[0]] for name, size in PIXEL_BYTES.items()}
     costs, phases = [], phase_count(display, render)

@@ -1,4 +1,4 @@
-"""The content of upscaler.json: inputs, resources and passes of a step, for a host in any language."""
+"""Content of upscaler.json: inputs, resources and passes of a step, for hosts in any language."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,21 +14,21 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler_export.shaders import texts
 
 FORMAT, VERSION = "supersampler-shaders", 3
-"""The name of the format, and its version, raised when hosts must change."""
+"""Name and version of the format. The version is raised when hosts must change."""
 LANGUAGE_FEATURES = {"fp32": [], "int8": ["packed_4x8_integer_dot_product"]}
 """WGSL language features by precision."""
 VARIANTS = {"textures": TEXTURES, "buffers": ARRAYS}
-"""Kinds of resources that hold frame and image."""
+"""Shader variants by the kind of the resources that hold frame and image."""
 _CONSTANT = re.compile(r"^const (\w+) = ([^;]+);", re.MULTILINE)
 _WORKGROUP = re.compile(r"@workgroup_size\(([^)]*)\)")
 
 
 class ExportedPass(NamedTuple):
-    """A pass, with its complete shader.
+    """A pass with its complete shader.
 
     Attributes:
         name: number and name, unique.
-        spec: as the method has it.
+        spec: the method's pass.
         shader: its code.
     """
 
@@ -38,11 +38,11 @@ class ExportedPass(NamedTuple):
 
     @property
     def file(self) -> str:
-        """Name of its file."""
+        """Name of the shader's file."""
         return f"{self.name}.wgsl"
 
     def resource(self, binding: Binding) -> str:
-        """Return the name of the resource of a binding."""
+        """Return the name of a binding's resource."""
         return self.spec.names.get(binding.name, binding.name)
 
 
@@ -80,8 +80,17 @@ def described(
         "licence": info.licence,
         "attributions": list(info.attributions),
         "requires": _requires(program, passes),
-        "inputs": [_input(name, images) for name in inputs],
-        "output": _output(images),
+        "inputs": [
+            {"name": name, "resource": f"frame_{name}", **texts.INPUTS[name]}
+            | ({} if images == "textures" else {"formats": ["float32"]})
+            for name in inputs
+        ],
+        "output": {
+            "resource": "image",
+            "layout": texts.OUTPUT_LAYOUTS[images],
+            "unit": "the unit of color, including params.pre_exposure",
+            "range": [0.0, 65504.0],
+        },
         "params": _params(),
         "aux": {"resource": "aux", "layout": texts.AUX},
         "history": {
@@ -98,17 +107,14 @@ def described(
 
 
 def workgroup_size(shader: Shader) -> list[int]:
-    """Return the threads of a workgroup, (x, y, z)."""
+    """Return the number of threads of a workgroup, (x, y, z)."""
     constants = dict(_CONSTANT.findall(shader.code))
     found = _WORKGROUP.search(shader.code)
-    given = found[1].split(",") if found else []
-    sides = [prod(_whole(factor, constants) for factor in text.split("*")) for text in given]
+    sides = []
+    for text in found[1].split(",") if found else ():
+        factors = [factor.strip() for factor in text.split("*")]
+        sides.append(prod(int(constants.get(factor, factor).rstrip("u")) for factor in factors))
     return [*sides, 1, 1][:3]
-
-
-def _whole(text: str, constants: Mapping[str, str]) -> int:
-    text = text.strip()
-    return int(constants.get(text, text).rstrip("u"))
 
 
 def _pass(one: ExportedPass) -> dict[str, Any]:
@@ -133,7 +139,7 @@ def _pass(one: ExportedPass) -> dict[str, Any]:
 
 
 def _size(extent: SizeRule) -> dict[str, Any]:
-    """Return the rule of a size. That of the larger display gives a size at least as large as it needs."""
+    """Return the rule of a size. For the larger display the size may be larger than needed."""
     of, divide, (across, down) = extent
     if of == "large":  # 7/5 of the display, rounded up
         of, divide, across, down = "display", 5 * divide, 7 * across, 7 * down
@@ -141,7 +147,7 @@ def _size(extent: SizeRule) -> dict[str, Any]:
 
 
 def _resources(program: GpuProgram, images: str, used: Mapping[str, str]) -> Iterator[dict[str, Any]]:
-    """Yield all resources, those of frame and image last; `used`: kinds of the bindings of each."""
+    """Yield all resources, frame and image last; `used` has the kind of each resource's bindings."""
     yield {"name": "params", "role": "params", "kind": "uniform", **_buffer(PixelBuffer(_params()["bytes"]))}
     for name, words in program.weights.items():
         kind, memory = "uniform" if used[name] == "uniform" else "buffer", PixelBuffer(words.nbytes)
@@ -171,20 +177,6 @@ def _buffer(memory: PixelBuffer) -> dict[str, Any]:
     return {"size": _size(memory.extent), "bytes": memory.bytes}
 
 
-def _input(name: str, images: str) -> dict[str, Any]:
-    formats = {} if images == "textures" else {"formats": ["float32"]}
-    return {"name": name, "resource": f"frame_{name}", **texts.INPUTS[name], **formats}
-
-
-def _output(images: str) -> dict[str, Any]:
-    layout = {
-        "textures": "linear RGB, alpha 1",
-        "buffers": "float32 (display height, display width, 3), linear RGB",
-    }
-    unit = "that of color, params.pre_exposure included"
-    return {"resource": "image", "layout": layout[images], "unit": unit, "range": [0.0, 65504.0]}
-
-
 def _params() -> dict[str, Any]:
     fields, offset = [], 0
     for name, count, meaning in texts.FIELDS:
@@ -194,7 +186,7 @@ def _params() -> dict[str, Any]:
 
 
 def _requires(program: GpuProgram, passes: Sequence[ExportedPass]) -> dict[str, Any]:
-    """Return features and limits; WebGPU's default limits suffice."""
+    """Return the required features and limits. WebGPU's default limits suffice."""
     shaders = [one.shader for one in passes]
     threads = [workgroup_size(shader) for shader in shaders]
 

@@ -1,4 +1,4 @@
-"""Write the folder: a shader for each pass, weights, and upscaler.json last."""
+"""Writing of a shader folder: a shader for each pass, the weights, and upscaler.json."""
 
 import hashlib
 import json
@@ -16,9 +16,9 @@ from supersampler_export.shaders.description import FORMAT, described, exported_
 Images = Literal["textures", "buffers"]
 DESCRIPTION = "upscaler.json"
 _NAMES = re.compile(r"\d+_\w+\.wgsl|network\w*\.bin")
-"""Names that an export writes; other files that a description lists are never removed."""
+"""Names of files that an export writes. Other files that a description lists are never removed."""
 LONGEST_LINE = 140
-"""Longest line of upscaler.json that holds a whole list or object."""
+"""Longest line of upscaler.json with a whole list or object."""
 
 
 def write_shader_folder(model: str | Path, folder: Path, *, images: Images = "textures") -> None:
@@ -27,23 +27,23 @@ def write_shader_folder(model: str | Path, folder: Path, *, images: Images = "te
     Args:
         model: a shipped model by name, or a model folder.
         folder: the folder to write; files of an earlier export are replaced.
-        images: whether the shaders take frame and image in textures or in buffers.
+        images: kind of the resources that hold frame and image.
 
     Raises:
-        ShotError: files in the way were not written by an export; nothing is written.
+        ShotError: existing files were not written by an export; nothing is written.
         ModelError, ArgumentError: see `shader_files`.
     """
     content = shader_files(model, images=images)
     before = _listed(folder)
     for name in content:
-        check_ours(folder / name, lambda path: path.name in before, f"listed by {DESCRIPTION} beside it")
+        check_ours(folder / name, lambda path: path.name in before, f"listed by {DESCRIPTION} next to it")
     remove_files(folder / name for name in before - content.keys())
     for name, data in content.items():
         write_bytes(folder / name, data)
 
 
 def shader_files(model: str | Path, *, images: Images = "textures") -> dict[str, bytes]:
-    """Return the files of the shaders of a model by name; the description is the last one.
+    """Return the files of a model's shaders by name, upscaler.json last.
 
     Args:
         model: see `write_shader_folder`.
@@ -68,7 +68,7 @@ def shader_files(model: str | Path, *, images: Images = "textures") -> dict[str,
 
 
 def _json(value: Any, indent: str = "") -> str:
-    """Return JSON in which lists and objects take one line where they fit on it."""
+    """Return JSON in which each list and object takes one line if it fits."""
     flat = json.dumps(value, ensure_ascii=False)
     if not isinstance(value, dict | list) or len(indent) + len(flat) <= LONGEST_LINE:
         return flat
@@ -83,15 +83,10 @@ def _json(value: Any, indent: str = "") -> str:
 
 
 def _listed(folder: Path) -> set[str]:
-    """Return the names of the files of an earlier export; names that no export writes are left out."""
+    """Return the names of an earlier export's files, as far as an export can have written them."""
     try:
         found = read_json(folder / DESCRIPTION)
     except ShotError:
         return set()
-    if (
-        not isinstance(found, dict)
-        or found.get("format") != FORMAT
-        or not isinstance(found.get("files"), dict)
-    ):
-        return set()
-    return {DESCRIPTION, *filter(_NAMES.fullmatch, found["files"])}
+    files = found.get("files") if isinstance(found, dict) and found.get("format") == FORMAT else None
+    return {DESCRIPTION, *filter(_NAMES.fullmatch, files)} if isinstance(files, dict) else set()

@@ -1,4 +1,4 @@
-"""Texts of upscaler.json about values: the inputs of a frame, the fields of `Params`, and the history."""
+"""Texts of upscaler.json: the inputs of a frame, the fields of `Params`, the output, and the history."""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ INPUTS: dict[str, dict[str, Any]] = {
     },
     "reactive": {
         "channels": 1,
-        "unit": "how little the history says there (particles, screens, glass): the weight w of this frame "
+        "unit": "how unreliable the history is (particles, screens, glass): the weight w of this frame "
         "becomes w + (1 - w) reactive",
         "range": [0.0, 1.0],
         "sampling": "where the colour was",
@@ -47,7 +47,7 @@ INPUTS: dict[str, dict[str, Any]] = {
 FIELDS: tuple[tuple[str, int, str], ...] = (
     ("render", 2, "(width, height) of this frame"),
     ("display", 2, "(width, height) of the image"),
-    ("previous", 2, "render size of the previous frame; that of this frame after a reset"),
+    ("previous", 2, "render size of the previous frame; after a reset, of this frame"),
     (
         "jitter",
         2,
@@ -62,21 +62,24 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
     (
         "adds_samples",
         1,
-        "1; 0 where the colour was not sampled in this frame, but extrapolated, say; 2 where samples are "
-        "never the same, as those of a path tracer: what stands still is then averaged, and never frozen",
+        "1; 0 if the colour of this frame was not sampled but extrapolated; 2 for path tracers, whose "
+        "samples never repeat: static pixels are then averaged, and never frozen",
     ),
     ("writes_aux", 1, "1 where `aux` is written, else 0; 16 bytes of `aux` suffice for 0"),
-    ("pre_exposure", 1, "what the renderer has multiplied the colour by, in [2^-24, 2^24]; 1: nothing"),
+    ("pre_exposure", 1, "factor that the renderer has applied to the colour, in [2^-24, 2^24]; 1: none"),
     ("has_reactive", 1, "1 where the frame has a reactive mask, else 0"),
     (
         "skips",
         1,
-        "1: shaders leave out the method where the image is frozen; the image is the same. "
-        "0 where `aux` is read",
+        "1: shaders skip frozen tiles; the image is the same. 0 if `aux` is read",
     ),
 )
 """Fields of `Params` in order: name, number of f32 values, meaning."""
 
+OUTPUT_LAYOUTS = {
+    "textures": "linear RGB, alpha 1",
+    "buffers": "float32 (display height, display width, 3), linear RGB",
+}
 AUX = "float32 (display height, display width, 2): weight of the history in the image; 1 where it is frozen"
 STEP = (
     "Write params, then dispatch the passes in order. A pass covers a size: dispatch ceil(size / tile) "
@@ -84,23 +87,21 @@ STEP = (
 )
 SIZES = (
     "A size is (ceil(width / divide) * multiply[0], ceil(height / divide) * multiply[1]) of the size that "
-    "`of` names: render, of this frame; previous, of the frame before; display, of the image; one, which is "
-    "1x1; signatures, which is (ceil(w / 4), ceil(h / 4) * phases) of the render size (w, h), with phases = "
-    "floor(9 * W * H / (w * h)) + 2 of the display size (W, H); previous_signatures, the same of the "
-    "previous render size. A buffer has `bytes` for each pixel of its size, rounded up to 4, and at least "
-    "16; bind that many. "
-    "Textures may be larger."
+    "`of` names: render, the size of this frame; previous, the size of the previous frame; display, the size "
+    "of the image; one, 1x1; signatures, (ceil(w / 4), ceil(h / 4) * phases) of the render size (w, h), with "
+    "phases = floor(9 * W * H / (w * h)) + 2 of the display size (W, H); previous_signatures, the same of "
+    "the previous render size. A buffer has `bytes` for each pixel of its size, rounded up to 4, and at "
+    "least 16; bind exactly this size. Textures may be larger."
 )
 SWAP = (
-    "After a step, each `next` is what the following step reads as `history`: two buffers that swap. A step "
-    "writes only a part of `next_signatures`: the rest is of the step before the last, which wrote the same "
-    "buffer."
+    "After a step, the next step reads each `next` as `history`: two buffers that swap. A step writes only a "
+    "part of `next_signatures`; the rest was written two steps earlier, to the same buffer."
 )
 RESET = (
     "All zeros mean no history: clear every `history` resource before the first frame and on a cut, and set "
     "params.previous = params.render."
 )
 RESIZE = (
-    "The history stays when the render size changes: a `history` resource of size `previous` has that of the "
-    "frame that wrote it, and its `next` that of this frame. Another display size needs a reset."
+    "The history is kept when the render size changes: a `history` resource of size `previous` has the size "
+    "of the frame that wrote it, and its `next` the size of this frame. Another display size needs a reset."
 )

@@ -27,7 +27,7 @@ class StepReport(NamedTuple):
 
 
 class Executor(Protocol):
-    """Runs steps of one model. Results depend on no state of an executor; threads may share it.
+    """Runs steps of one model. It keeps no state that results depend on; threads may share it.
 
     Attributes:
         name: "onnx", "cpu" or "gpu".

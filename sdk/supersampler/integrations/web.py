@@ -1,7 +1,7 @@
-"""The page that upscales in a browser: written as a static folder, and served on this machine.
+"""The page that upscales in a browser: as a static folder, or served on this machine.
 
-All links in it are relative, so any file host will do. Its own files are in examples/web; the wheel has them
-in web_page/.
+All its links are relative, so any file host can serve it. Its own files are in examples/web; the wheel has
+them in web_page/.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -30,9 +30,9 @@ __all__ = ["PACKAGES", "page_files", "serving", "site_files", "write_site"]
 
 SHOT = "plaza"
 PACKAGES: Mapping[str, str] = {"three": "0.187.0", "onnxruntime-web": "1.30.0"}
-"""Packages of npm and their versions, for three.html and for the fallback without WebGPU."""
+"""npm packages and their versions, for three.html and for the fallback without WebGPU."""
 SiteFiles: TypeAlias = Mapping[str, Callable[[], bytes]]
-"""Functions that return the content of a file, by its path in the page's folder, with "/"."""
+"""Function that returns the content of each file, by the file's path in the page's folder, with "/"."""
 _FILES: Mapping[str, tuple[str, ...]] = {
     "three": ("build/three.core.js", "build/three.webgpu.js", "build/three.tsl.js", "LICENSE"),
     "onnxruntime-web": (
@@ -54,7 +54,7 @@ TYPES: Mapping[str, str] = {
     ".wgsl": "text/plain; charset=utf-8",
     ".wasm": "application/wasm",
 }
-"""Types of files; Python's own come from the system, where they may be wrong."""
+"""Content types; those of `mimetypes` come from the system, where they may be wrong."""
 _TIMEOUT = 30.0  # seconds for a request or an answer
 
 
@@ -64,7 +64,7 @@ def site_files(
     """Return the files of the page: its own, shaders, graphs and the shipped shot.
 
     Args:
-        shader_files: returns the shaders of a method by name: `supersampler_export.shaders.folder`.
+        shader_files: see `supersampler_export.shaders.folder`.
         node_modules: npm's folder with PACKAGES; parts of the page that need a missing package say so.
 
     Raises:
@@ -96,21 +96,19 @@ def write_site(folder: Path, files: SiteFiles) -> None:
         ShotError: the folder holds something; or the disk refuses.
     """
     if is_there(folder) and not (folder.is_dir() and next(folder.iterdir(), None) is None):
-        raise ShotError(
-            folder, "is there already, and is not an empty folder", "Choose another, or remove it."
-        )
+        raise ShotError(folder, "exists and is not an empty folder", "Choose another, or remove it.")
     for name, content in files.items():
         write_bytes(folder / name, content())
 
 
 def page_files() -> Path:
-    """Return the folder of the page's own files: beside this module, or in a checkout's examples/."""
+    """Return the folder of the page's own files: next to this module, or in a checkout's examples/."""
     shipped = Path(__file__).parent / "web_page"
     return shipped if shipped.is_dir() else Path(__file__).parents[3] / "examples" / "web"
 
 
 class _Package(msgspec.Struct):
-    """The fields of npm's package.json that are read."""
+    """The fields of npm's package.json that are read here."""
 
     version: str
 
@@ -121,28 +119,25 @@ def _content(path: Path) -> bytes:
 
 
 def _with_methods(page: Path) -> bytes:
-    """Return the page with an option for each method that has shaders, those with a network first."""
+    """Return the page with an option for each method that has shaders; methods with a network come first."""
     names = sorted(with_shaders(), key=lambda name: not methods()[name].task)
     options = "".join(f"<option>{name}</option>" for name in names)
     return _content(page).replace(b"<!-- methods -->", options.encode())
 
 
 def _reference(shot: Shot, index: int) -> bytes:
-    """Return a reference as an EXR of half floats, compressed so that the page can read it."""
+    """Return a reference as an EXR of half floats, in a compression that the page can read."""
     return encode_exr(np.asarray(shot.read_reference(index), np.float16))
 
 
 def _packages(node_modules: Path | None) -> dict[str, Path]:
-    """Return the folders of the packages that are installed."""
-    found = {}
+    """Return the folders of the installed packages."""
+    found: dict[str, Path] = {}
     for name, tested_version in PACKAGES.items():
-        if node_modules is None:
+        if node_modules is None or not is_there(node_modules / name / "package.json"):
             continue
         package = node_modules / name
-        file = package / "package.json"
-        if not is_there(file):
-            continue
-        version = read_typed(file, _Package).version
+        version = read_typed(package / "package.json", _Package).version
         if version != tested_version:
             hint = f"Install it: npm install {name}@{tested_version}"
             raise ShotError(package, f"is version {version}; the page is tested with {tested_version}", hint)
@@ -152,11 +147,11 @@ def _packages(node_modules: Path | None) -> dict[str, Path]:
 
 @contextmanager
 def serving(files: SiteFiles, port: int = 0) -> Iterator[str]:
-    """Serve files on 127.0.0.1 during the block, on threads; yields the URL.
+    """Serve files on 127.0.0.1 during the block, in threads; yield the URL.
 
     Args:
-        files: as `site_files` returns them.
-        port: to listen on; 0 takes a free one.
+        files: see `site_files`.
+        port: port to listen on; 0 takes a free one.
 
     Raises:
         ArgumentError: the port is in use, or not allowed.
@@ -177,30 +172,26 @@ def serving(files: SiteFiles, port: int = 0) -> Iterator[str]:
 
 
 class _Server(ThreadingHTTPServer):
-    """Answers from a mapping: no path of a request ever reaches the file system."""
+    """Answers from a mapping: the paths of requests never reach the file system."""
 
     def __init__(self, port: int, files: SiteFiles) -> None:
         self.files = files
         super().__init__((HOST, port), _Handler)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Print nothing: a browser left, or sent an invalid request."""
+        """Print nothing: a browser has left, or has sent an invalid request."""
 
 
 class _Handler(BaseHTTPRequestHandler):
     server: _Server
     timeout = _TIMEOUT
 
-    def do_GET(self) -> None:  # the base class's name
-        """Answer with a file."""
-        self._answer(with_content=True)
-
-    def do_HEAD(self) -> None:  # the base class's name
-        """Answer with the header of a file's answer."""
-        self._answer(with_content=False)
-
-    def _answer(self, *, with_content: bool) -> None:
-        if not self._names_this_server():
+    def do_GET(self) -> None:
+        """Answer a GET or HEAD request with a file."""
+        # A page of another site can let its own name resolve to 127.0.0.1. Browsers would let it read the
+        # answers, but its requests have that name as the host.
+        address = f"{HOST}:{self.server.server_port}"
+        if self.headers.get("Host", address) not in (address, f"localhost:{self.server.server_port}"):
             self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
             return
         path = unquote(urlsplit(self.path).path)
@@ -220,18 +211,11 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(data)))
         self.send_header("Cache-Control", "no-cache")  # the next run may serve other files
         self.end_headers()
-        if with_content:
+        if self.command == "GET":
             with suppress(OSError):  # a browser that leaves or reloads a page stops reading
                 self.wfile.write(data)
 
-    def _names_this_server(self) -> bool:
-        """Return whether the request names this server.
-
-        A page of another site can let its own name resolve to 127.0.0.1. Its requests have that name here,
-        and browsers would let it read the answers.
-        """
-        port = self.server.server_port
-        return self.headers.get("Host", f"{HOST}:{port}") in {f"{HOST}:{port}", f"localhost:{port}"}
+    do_HEAD = do_GET  # noqa: N815  # the base class's name
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002  # the base class's name
         """Print nothing."""

@@ -1,4 +1,4 @@
-"""Check arrays that come from files and users: states, recordings, network files."""
+"""Checks of arrays that come from files and users: states, recordings, network files."""
 
 import math
 import reprlib
@@ -20,8 +20,8 @@ class ArraySpec:
 
     Attributes:
         dtype: numpy's name of its type, in the byte order of this machine.
-        shape: numbers, and names of free extents: from 1 to MAX_SIDE, equal wherever the name is equal.
-        values: minimum and maximum; NaN is in no range. None: any values.
+        shape: numbers, and names of free extents. These are 1 to MAX_SIDE, and the same for the same name.
+        values: minimum and maximum, which exclude NaN; None allows any values.
     """
 
     dtype: str
@@ -34,16 +34,15 @@ class ArraySpec:
 
 
 Refusal = Callable[[str, str], Exception]
-"""Makes an exception from what was given ("with 'a' (2,) float64") and wanted ("(1,) float32")."""
+"""Makes an exception of the value found ("with 'a' (2,) float64") and the value wanted ("(1,) float32")."""
 
 
 def checked_arrays(
     arrays: object, specs: Mapping[str, ArraySpec], refusal: Refusal
 ) -> dict[str, NDArray[Any]]:
-    """Check that there are the arrays of `specs` and no others, and return them.
+    """Check that `arrays` has the arrays of `specs` and no others, and return them in the order of `specs`.
 
-    The result is plain numpy arrays on the same memory, in the order of `specs`; `refusal` makes the
-    exception.
+    The result is plain numpy arrays on the same memory. `refusal` makes the exception.
     """
     if not isinstance(arrays, Mapping):
         raise refusal(type(arrays).__name__, "arrays by name")
@@ -89,5 +88,5 @@ def _checked(
 
 
 def values_of(name: str) -> tuple[float, float]:
-    """Return the allowed values of a history tensor: [-0.5, 0.5] for jitter, else all finite numbers."""
+    """Return the allowed range of a history tensor: [-0.5, 0.5] for jitter, else all finite numbers."""
     return (-0.5, 0.5) if "jitter" in name else (-LARGEST, LARGEST)

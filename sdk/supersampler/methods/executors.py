@@ -1,8 +1,10 @@
-"""Choose the backend of a model, and check that its kernels or shaders support the model."""
+"""Choice of a model's backend, and checks that its kernels or shaders support the model."""
 
+import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
+from weakref import WeakValueDictionary
 
 from supersampler.backends.base import Executor, ExtrapolationExecutor
 from supersampler.backends.cpu.executor import CpuExecutor, CpuExtrapolation, CpuModel
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 ExecutorName = Literal["auto", "onnx", "cpu", "gpu"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
+_opened: WeakValueDictionary[tuple[object, ...], OnnxExtrapolation] = WeakValueDictionary()
+"""Extrapolations in use, which keep no state: Upscalers of the same model share one."""
 
 
 def choose_executor(
@@ -47,7 +51,7 @@ def choose_executor(
     kind = "fp32" if precision == "auto" else precision
     if executor == "cpu" or kind not in info.steps:
         got = f"{executor=}, {precision=}, providers {', '.join(providers)}"
-        want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
+        want = f"a graph of {info.method!r} ({' or '.join(info.steps)}), or its kernels, if any, on the CPU"
         raise ArgumentError("executor", got=got, want=want)
     return OnnxExecutor(info, threads, providers, kind)
 
@@ -65,14 +69,19 @@ def choose_extrapolation(
         model = _cpu_model(info, threads, required=executor == "cpu")
         if model is not None:
             return CpuExtrapolation(model)
-    return OnnxExtrapolation(info, providers, threads)
+    graph = info.files["step.onnx"], *info.graph_inputs, *info.graph_outputs
+    key = graph, tuple(providers), threads, os.getpid()  # a forked child cannot use its parent's threads
+    opened = _opened.get(key)
+    if opened is None:
+        opened = _opened[key] = OnnxExtrapolation(info, providers, threads)
+    return opened
 
 
 def gpu_program(info: ModelInfo) -> "GpuProgram | None":
-    """Return passes, memory and weights of a model's step on a GPU; None where it has no shaders.
+    """Return passes, memory and weights of a model's step on a GPU; None without shaders.
 
     Raises:
-        ModelError: a constant is out of its range, or the weights cannot be read.
+        ModelError: a constant is out of range, or the weights cannot be read.
     """
     spec = _supported(info)
     if spec is None or not spec.gpu:
@@ -104,14 +113,14 @@ _warned: list[str] = []
 
 
 def _cpu_model(info: ModelInfo, threads: int, *, required: bool) -> CpuModel | None:
-    """Return a model in the CPU library; None where that does not compute it, or cannot be loaded.
+    """Return a model in the CPU library; None if the library does not support it, or cannot be loaded.
 
     Raises:
         LibraryError: the library cannot be loaded, and is required.
-        ModelError: a constant is out of its range, or the weights cannot be read.
+        ModelError: a constant is out of range, or the weights cannot be read.
 
     Warns:
-        BackendWarning: the library cannot be loaded; once in a process.
+        BackendWarning: the library cannot be loaded; once per process.
     """
     spec = _supported(info)
     if spec is None or not spec.cpu:
@@ -135,7 +144,7 @@ def _cpu_model(info: ModelInfo, threads: int, *, required: bool) -> CpuModel | N
 
 
 def _supported(info: ModelInfo) -> MethodSpec | None:
-    """Return the spec of a model's method; None where its kernels and shaders do not compute this model."""
+    """Return the spec of a model's method; None if its kernels and shaders do not support this model."""
     spec = find_method(info.method)
     if spec is None or not info.files.keys() >= {*spec.kernel_files}:
         return None
@@ -147,11 +156,11 @@ def _supported(info: ModelInfo) -> MethodSpec | None:
 
 
 def _check_constants(info: ModelInfo, spec: MethodSpec) -> None:
-    """Raise ModelError where a constant of model.json is not in the range that the kernels support."""
-    config: Mapping[str, Any] = info.config
+    """Raise ModelError if a constant of model.json is out of the range that the kernels support."""
     for name, (low, high) in constants_of(spec).items():
-        if type(config.get(name)) not in (int, float) or not low <= config[name] <= high:
-            raise info.config_error(name, config.get(name), f"a number from {low:g} to {high:g}")
+        value: Any = info.config.get(name)
+        if type(value) not in (int, float) or not low <= value <= high:
+            raise info.config_error(name, value, f"a number from {low:g} to {high:g}")
     for name in flags_of(spec):
-        if type(config.get(name)) is not bool:
-            raise info.config_error(name, config.get(name), "true or false")
+        if type(info.config.get(name)) is not bool:
+            raise info.config_error(name, info.config.get(name), "true or false")

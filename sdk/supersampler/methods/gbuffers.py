@@ -15,9 +15,9 @@ IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next")
 
 
 class BufferField(NamedTuple):
-    """The field and key of a G-buffer in a frame; `str` gives gbuffer_display['normal']."""
+    """The field of `Frame` and the key of a G-buffer; `str` gives gbuffer_display['normal']."""
 
-    group: str  # the frame's field
+    group: str
     key: str
     channels: int
 
@@ -30,12 +30,12 @@ class BufferField(NamedTuple):
         return self.group == "gbuffer_display"
 
     def find(self, frame: Frame | RawFrame) -> Array | None:
-        """The buffer; None where the frame lacks it."""
+        """Return the buffer; None if the frame lacks it."""
         buffers: Mapping[str, Array] = getattr(frame, self.group) or {}
         return buffers.get(self.key)
 
     def shape(self, render: Size, display: Size) -> tuple[int, ...]:
-        """(h, w) or (h, w, 3)."""
+        """Return (h, w) or (h, w, 3)."""
         width, height = display if self.of_display else render
         return (height, width) if self.channels == 1 else (height, width, self.channels)
 
@@ -49,45 +49,44 @@ GBUFFERS: Mapping[str, BufferField] = {
 
 
 def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, method: str) -> None:
-    """Raise FrameError if a G-buffer is missing or has a wrong size; see `sampled` for what may be missing.
+    """Raise FrameError if a G-buffer that the method reads is missing or has a wrong size.
 
-    `names` are the inputs of the method; other buffers of the frame are not checked.
+    `names` are the inputs of the method. See `sampled` for buffers that may be missing.
     """
     names = tuple(names)
-    for name, place in ((name, GBUFFERS[name]) for name in names):
+    required = lacking(names, names_of(frame))
+    for name in names:
+        place = GBUFFERS[name]
         array, want = place.find(frame), place.shape(frame.size, display_size)
-        if array is None and twin_of(name) in names:
-            continue
-        if array is None:
+        if name in required:
             where = "display size, at pixel centres without jitter" if place.of_display else "render size"
             hint = f"{method!r} reads it: render it at {where}, or choose a method that needs none."
             raise FrameError(str(place), got=None, want=want, hint=hint)
-        if array.shape != want:  # `Frame` has checked those of render size
-            hint = f"It does not have the display size, {display_size[0]}x{display_size[1]}: render it so."
+        if array is not None and array.shape != want:  # only display sizes: `Frame` has checked render sizes
+            hint = f"Render it at the display size, {display_size[0]}x{display_size[1]}."
             raise FrameError(str(place), got=array.shape, want=want, hint=hint)
 
 
 def twin_of(name: str) -> str | None:
-    """Tensor name of the display-size buffer that stands in for one of render size; None for the others.
+    """Return the display-size buffer that replaces a missing render-size one if a method reads both.
 
-    It does so where a method reads both; see `sampled`.
+    None for a display-size buffer; see `sampled`.
     """
     place = GBUFFERS[name]
-    twin = f"gbuffer_display_{place.key}"
-    return None if place.of_display or twin not in GBUFFERS else twin
+    return None if place.of_display else f"gbuffer_display_{place.key}"
 
 
 def lacking(names: Iterable[str], there: Collection[str]) -> list[str]:
-    """Return the names of required buffers that are missing; one that has a stand-in is not required."""
+    """Return the names of required buffers that are missing; one with a replacement is not required."""
     read = tuple(names)
     return [name for name in read if name not in there and twin_of(name) not in read]
 
 
 def sampled(frame: Frame, names: Collection[str], display_size: Size) -> Frame:
-    """Return the frame with all render-size buffers of these names.
+    """Return the frame with all render-size buffers that a method reads.
 
-    A missing one is read from the buffer of display size, at the pixel whose centre is nearest to each
-    sample: exact on surfaces that fill a pixel, and another surface's along edges.
+    A missing one is sampled from the display-size buffer, at the pixel centre nearest to each sample. That is
+    exact inside surfaces; along edges it may be another surface.
 
     The frame has passed `check_gbuffers`; `names` are the inputs of the method.
     """
@@ -106,23 +105,19 @@ def sampled(frame: Frame, names: Collection[str], display_size: Size) -> Frame:
 
 
 def names_of(frame: Frame | RawFrame) -> list[str]:
-    """Tensor names of the G-buffers that a frame has."""
+    """Return the tensor names of the G-buffers that a frame has."""
     return [name for name, place in GBUFFERS.items() if place.find(frame) is not None]
 
 
 def only_gbuffers(frame: Frame, names: Collection[str]) -> Frame:
-    """Return the frame without G-buffers other than these."""
-    there = names_of(frame)
-    if set(there) <= set(names):
-        return frame
-    found = {name: GBUFFERS[name].find(frame) for name in there if name in names}
-    kept = {name: array for name, array in found.items() if array is not None}
-    gbuffer, gbuffer_display = grouped(kept)
+    """Return the frame with only these G-buffers."""
+    arrays = arrays_by_name(frame)
+    gbuffer, gbuffer_display = grouped({name: arrays[name] for name in names_of(frame) if name in names})
     return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
 
 
 def grouped(buffers: Mapping[str, Array]) -> tuple[Mapping[str, Array] | None, Mapping[str, Array] | None]:
-    """Group buffers by tensor name into a frame's `gbuffer` and `gbuffer_display`; None: there are none."""
+    """Return a frame's `gbuffer` and `gbuffer_display` from buffers by tensor name; None for an empty one."""
     groups: dict[str, dict[str, Array]] = {"gbuffer": {}, "gbuffer_display": {}}
     for name, array in buffers.items():
         groups[GBUFFERS[name].group][GBUFFERS[name].key] = array
@@ -130,16 +125,16 @@ def grouped(buffers: Mapping[str, Array]) -> tuple[Mapping[str, Array] | None, M
 
 
 def arrays_by_name(frame: Frame) -> dict[str, Array]:
-    """Return the arrays that a frame has, by tensor name."""
+    """Return the arrays of a frame by tensor name."""
     images = {name: getattr(frame, name) for name in IMAGES if getattr(frame, name) is not None}
     return images | {name: GBUFFERS[name].find(frame) for name in names_of(frame)}
 
 
 def frame_of(arrays: Mapping[str, Array], **values: Any) -> Frame:
-    """Return the frame that has these arrays, by tensor name, and other values of `Frame`.
+    """Return a frame of arrays by tensor name, and of other values of `Frame`.
 
     Raises:
-        FrameError: depth or motion is missing, or an array is not as in `Frame`.
+        FrameError: depth or motion is missing, or see `Frame`.
     """
     gbuffer, gbuffer_display = grouped({name: arrays[name] for name in arrays if name in GBUFFERS})
     images: dict[str, Any] = {name: arrays.get(name) for name in IMAGES}
@@ -149,23 +144,15 @@ def frame_of(arrays: Mapping[str, Array], **values: Any) -> Frame:
 def black(names: Iterable[str], render: Size, display: Size) -> Frame:
     """Return a frame of zeros with these G-buffers; sizes are (width, height)."""
     zeros = np.zeros((*render[::-1], 3), np.float32)
+    images = {"color": zeros, "depth": zeros[..., 0], "motion": zeros[..., :2]}
     buffers = {name: np.zeros(GBUFFERS[name].shape(render, display), np.float32) for name in names}
-    gbuffer, gbuffer_display = grouped(buffers)
-    return Frame(
-        color=zeros,
-        depth=zeros[..., 0],
-        motion=zeros[..., :2],
-        jitter=(0.0, 0.0),
-        gbuffer=gbuffer,
-        gbuffer_display=gbuffer_display,
-    )
+    return frame_of(images | buffers, jitter=(0.0, 0.0))
 
 
 def listed(names: Collection[str]) -> str:
     """Return a text such as "normal at render size; normal, depth at display size"."""
-    places = [GBUFFERS[name] for name in names]
-    texts = []
-    for of_display, size in ((False, "render"), (True, "display")):
-        keys = [place.key for place in places if place.of_display == of_display]
-        texts += [f"{', '.join(keys)} at {size} size"] if keys else []
-    return "; ".join(texts) or "none"
+    keys: dict[str, list[str]] = {"gbuffer": [], "gbuffer_display": []}
+    for name in names:
+        keys[GBUFFERS[name].group].append(GBUFFERS[name].key)
+    sizes = {"render": keys["gbuffer"], "display": keys["gbuffer_display"]}
+    return "; ".join(f"{', '.join(found)} at {size} size" for size, found in sizes.items() if found) or "none"

@@ -1,4 +1,4 @@
-"""Find model folders by name; read model.json, and check it against the graph contract (docs/contract.md)."""
+"""Finding model folders by name, and reading and checking model.json (docs/contract.md)."""
 
 import hashlib
 import json
@@ -14,21 +14,10 @@ from msgspec.structs import replace
 from supersampler.errors import INCOMPLETE_PACKAGE, ModelError, ShotError, did_you_mean, shown
 from supersampler.io.files import is_file
 from supersampler.io.json_files import read_typed
-from supersampler.methods.model_info import ModelInfo, TensorInfo, has_render_size
+from supersampler.methods import spec as shapes
+from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.registry import find_method
-from supersampler.methods.spec import (
-    BLOCKS,
-    DISPLAY,
-    HALF,
-    INPUTS,
-    LARGE,
-    LARGE_HALF,
-    PHASES,
-    PREVIOUS,
-    RENDER,
-    WEIGHT,
-    dtype_of,
-)
+from supersampler.methods.spec import INPUTS, WEIGHT, dtype_of
 
 CONTRACT = 4
 """Version of the graph contract (docs/contract.md), raised when engines must change their integration."""
@@ -36,22 +25,28 @@ MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
 """Maximum bytes of a model's file and of model.json."""
 _HINT = "Export the model again; docs/contract.md lists the keys."
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
+_IMAGES = (1, 3, *shapes.DISPLAY), (1, 3, *shapes.RENDER)
+_EXTENTS = {
+    *shapes.RENDER, *shapes.DISPLAY, *shapes.HALF, *shapes.LARGE, *shapes.LARGE_HALF, *shapes.PREVIOUS,
+    *shapes.BLOCKS, shapes.PHASES,
+}  # fmt: skip
 _MAPS = {"class_map", "weight", "count", "converged"}  # fields of StepResult
 
 
 def model_names() -> list[str]:
-    """Names of the models that ship with this package, for `Upscaler(name)`."""
+    """Return the names of the models that ship with this package, for `Upscaler(name)`."""
     return _names(extrapolate=False)
 
 
 def extrapolation_names() -> list[str]:
-    """Names of the shipped models that extrapolate unshaded frames, for `Upscaler(extrapolation=name)`."""
+    """Return the names of the shipped models that extrapolate, for `Upscaler(extrapolation=name)`."""
     return _names(extrapolate=True)
 
 
 def _names(*, extrapolate: bool) -> list[str]:
     read = {name: json.loads(path.read_text("utf-8")) for name, path in _described().items()}
-    return sorted(n for n, data in read.items() if has_render_size(data["image"]["shape"]) is extrapolate)
+    has_render_size = {name: data["image"]["shape"][2:] == [*shapes.RENDER] for name, data in read.items()}
+    return sorted(name for name, extrapolates in has_render_size.items() if extrapolates is extrapolate)
 
 
 def _described() -> dict[str, Path]:
@@ -60,7 +55,7 @@ def _described() -> dict[str, Path]:
 
 
 def find_model(name_or_path: str | Path) -> Path:
-    """Folder of a shipped model by name, or of any model by path.
+    """Return the folder of a shipped model by name, or of any model by path.
 
     Raises:
         ModelError: neither exists; or the package's own models are missing.
@@ -85,20 +80,20 @@ def find_model(name_or_path: str | Path) -> Path:
 
 
 def shipped_model(name: str) -> Path:
-    """Folder of a shipped model, even if the working directory has a folder of that name."""
+    """Return the folder of a shipped model, even if the working directory has a folder of that name."""
     return _shipped() / name
 
 
 def is_shipped(path: Path) -> bool:
-    """Whether a file is part of this package; such files are trusted."""
+    """Return whether a file is part of this package and therefore trusted."""
     return path.resolve().is_relative_to(_shipped().resolve())
 
 
 def read_model_info(folder: Path) -> ModelInfo:
-    """Read and check `folder`/model.json and the files in the folder that it names.
+    """Read and check `folder`/model.json, and check the files that it lists.
 
     Raises:
-        ModelError: it is damaged, or of another version of the contract.
+        ModelError: a file is missing or damaged, or the contract has another version.
     """
     try:
         info = _described_in(folder)
@@ -106,7 +101,7 @@ def read_model_info(folder: Path) -> ModelInfo:
             _check_file(folder, name, digest)
         if info.extrapolated is not None:
             _check_extrapolated(info, _described_in(info.extrapolated))
-    except (OSError, ValueError) as error:  # ValueError: a path that no system has
+    except (OSError, ValueError) as error:  # ValueError: an impossible path
         if isinstance(error, ModelError):
             raise
         raise ModelError(f"{folder}: cannot be read ({error}). Copy the whole folder again.") from error
@@ -117,26 +112,20 @@ def read_upscaling_info(name_or_path: str | Path) -> ModelInfo:
     """Read the model.json of a model that upscales; see `find_model` and `read_model_info`.
 
     Raises:
-        ModelError: see there; or the model only extrapolates.
+        ModelError: see there; or the model only extrapolates, or only steps on extrapolated frames.
     """
     info = read_model_info(find_model(name_or_path))
     if info.extrapolates:
         raise ModelError(
-            f"{info.method!r} upscales nothing: it extrapolates unshaded frames. "
-            f"Upscaler(extrapolation={info.folder.name!r}) takes it beside a model that upscales."
+            f"{info.method!r} does not upscale: it extrapolates unshaded frames. "
+            f"Upscaler(extrapolation={info.folder.name!r}) takes it, in addition to a model that upscales."
         )
     if info.only_extrapolated:
         raise ModelError(
-            f"{info.method!r} steps only on frames that were extrapolated, beside the model in the parent "
-            f"folder. Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
+            f"{info.method!r} only steps on extrapolated frames, for the model in the parent folder. "
+            f"Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
         )
     return info
-
-
-def sha256(path: Path) -> str:
-    """Hex digest of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _check_file(folder: Path, name: str, digest: str) -> None:
@@ -147,12 +136,14 @@ def _check_file(folder: Path, name: str, digest: str) -> None:
         raise ModelError(f"{path}: is a link out of the folder. Copy the file itself there.")
     if path.stat().st_size > MAX_FILE:
         raise ModelError(f"{path}: is {path.stat().st_size} bytes; want at most {MAX_FILE}.")
-    if sha256(path) != digest:
+    with path.open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+    if found != digest:
         raise ModelError(f"{path}: its content is not what model.json describes (sha256 differs)")
 
 
 def _described_in(folder: Path) -> ModelInfo:
-    """Read and check model.json alone, without the files that it names."""
+    """Read and check model.json, but not the files that it lists."""
     path = folder / "model.json"
     try:
         contract = read_typed(path, _Contract, _HINT, MAX_DESCRIPTION).contract
@@ -177,15 +168,15 @@ def _shipped() -> Path:
 
 
 def _check_contract(info: ModelInfo) -> None:
-    """Raise ModelError where a tensor or map is not one of the contract."""
+    """Raise ModelError if a tensor or map does not match the contract."""
     for tensor in info.inputs:
         if tensor.name not in INPUTS:
             _refuse(info, "inputs", repr(tensor.name), f"any of {', '.join(INPUTS)}")
         wanted = dtype_of(tensor.name), INPUTS[tensor.name]
         if (tensor.type, tensor.shape) != wanted:
             _refuse(info, f"input {tensor.name!r}", _text(tensor), f"{wanted[1]} {wanted[0]}")
-    if (info.image.type, info.image.shape) not in [("float32", (1, 3, *s)) for s in (DISPLAY, RENDER)]:
-        _refuse(info, "image", _text(info.image), f"{(1, 3, *DISPLAY)} or {(1, 3, *RENDER)} float32")
+    if (info.image.type, info.image.shape) not in [("float32", shape) for shape in _IMAGES]:
+        _refuse(info, "image", _text(info.image), f"{_IMAGES[0]} or {_IMAGES[1]} float32")
     _check_unique(info, "inputs and history", info.graph_inputs)
     _check_unique(info, "image, history's outputs and aux_outputs", info.graph_outputs)
     if info.extrapolates:
@@ -196,7 +187,7 @@ def _check_contract(info: ModelInfo) -> None:
 
 
 def _check_extrapolated(outer: ModelInfo, inner: ModelInfo) -> None:
-    """Raise ModelError unless the model for extrapolated frames, `inner`, has the tensors of `outer`."""
+    """Raise ModelError unless `inner`, the model for extrapolated frames, has the tensors of `outer`."""
     tensors = [(m.history, m.image.shape, {t.name for t in m.aux_outputs}) for m in (outer, inner)]
     if not inner.only_extrapolated or tensors[0] != tensors[1]:
         want = f"true, with history, image and aux_outputs as in {outer.folder / 'model.json'}"
@@ -206,14 +197,15 @@ def _check_extrapolated(outer: ModelInfo, inner: ModelInfo) -> None:
 def _check_upscaling(info: ModelInfo) -> None:
     if "color" not in (tensor.name for tensor in info.inputs):
         _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
-    known = {*RENDER, *DISPLAY, *HALF, *LARGE, *LARGE_HALF, *PREVIOUS, *BLOCKS, PHASES}
     for tensor in info.history:
-        if tensor.type != "float32" or not _named(tensor) <= known or tensor.name == "history.aovs":
-            _refuse(info, f"history {tensor.name!r}", _text(tensor), f"float32 of {', '.join(sorted(known))}")
+        named = {extent for extent in tensor.shape if isinstance(extent, str)}
+        if tensor.type != "float32" or not named <= _EXTENTS or tensor.name == "history.aovs":
+            want = f"float32 of {', '.join(sorted(_EXTENTS))}"
+            _refuse(info, f"history {tensor.name!r}", _text(tensor), want)
 
 
 def _check_extrapolation(info: ModelInfo) -> None:
-    """Check that each history tensor has the name of a frame's input, and `earlier_X` comes after `X`."""
+    """Check that each history tensor is named after a frame's input, and `earlier_X` follows `X`."""
     inputs = {tensor.name for tensor in info.inputs}
     if "color" in inputs or "step.onnx" not in info.files:
         got, want = "with 'color' or without 'step.onnx'", "neither: it computes the colour"
@@ -233,8 +225,8 @@ def _check_extrapolation(info: ModelInfo) -> None:
 def _check_aux_outputs(info: ModelInfo) -> None:
     for tensor in info.aux_outputs:
         named = tensor.shape[2:]
-        if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (DISPLAY, HALF):
-            want = f"(1, k, ...) float32 of {DISPLAY} or {HALF}"
+        if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (shapes.DISPLAY, shapes.HALF):
+            want = f"(1, k, ...) float32 of {shapes.DISPLAY} or {shapes.HALF}"
             _refuse(info, f"aux_outputs {tensor.name!r}", _text(tensor), want)
         if tensor.name in ("weight", "converged") and tensor.shape != WEIGHT:
             _refuse(info, f"aux_outputs {tensor.name!r}", _text(tensor), f"{WEIGHT} float32")
@@ -242,9 +234,9 @@ def _check_aux_outputs(info: ModelInfo) -> None:
     if info.converges and "converged" not in names:
         got, want = ", ".join(names) or "none", "'converged' too, as there is a history of the mean"
         _refuse(info, "aux_outputs", got, want)
-    shapes = {h.output: h.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
+    known = {h.output: h.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
     for name, where in info.maps.items():
-        shape = shapes.get(where.output, ())
+        shape = known.get(where.output, ())
         channels = shape[1] if len(shape) == 4 else 0
         if name not in _MAPS or not isinstance(channels, int) or where.first + where.channels > channels:
             got = f"channels {where.first} to {where.first + where.channels} of {where.output!r}"
@@ -256,10 +248,6 @@ def _check_unique(info: ModelInfo, what: str, tensors: Iterable[TensorInfo]) -> 
     for name, count in Counter(tensor.name for tensor in tensors).items():
         if count > 1:
             _refuse(info, what, f"{name!r} twice", "each name once")
-
-
-def _named(tensor: TensorInfo) -> set[str]:
-    return {extent for extent in tensor.shape if isinstance(extent, str)}
 
 
 def _text(tensor: TensorInfo) -> str:

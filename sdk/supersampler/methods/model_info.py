@@ -3,7 +3,7 @@
 import math
 import re
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,33 +13,15 @@ from supersampler.conventions.jitter import only_ratio
 from supersampler.errors import ModelError
 from supersampler.frame import Size
 from supersampler.io.json_files import Text
-from supersampler.methods.array_spec import ArraySpec, values_of
+from supersampler.methods import spec as shapes
 from supersampler.methods.at_rest import AT_REST_HISTORY, block_count, phase_count
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.methods.spec import (
-    BLOCKS,
-    DISPLAY,
-    HALF,
-    LARGE,
-    LARGE_HALF,
-    MAX_CHANNELS,
-    NEXT_BLOCKS,
-    NEXT_PHASES,
-    PHASES,
-    PREVIOUS,
-    RENDER,
-    MapOf,
-    Shape,
-    half_size,
-    large_size,
-    sized,
-)
+from supersampler.methods.spec import MAX_CHANNELS, MapOf, half_size, large_size, sized
 
 EXTRAPOLATED = "extrapolated"
 """Subfolder of a model's folder with the model for extrapolated frames."""
 EXTRAPOLATED_FILE = f"{EXTRAPOLATED}/model.json"
-"""Entry of its model.json in `files`, the only one with a folder in its name."""
-
+"""Entry of that model in `files`, the only one with a folder in its name."""
 
 _MANY = msgspec.Meta(max_length=100)
 _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
@@ -54,7 +36,7 @@ class TensorInfo(msgspec.Struct, frozen=True):
     Attributes:
         name: name in the graph.
         type: numpy's name of its element type.
-        shape: numbers, and names of dynamic extents: render_width, display_height, previous_width, ...
+        shape: numbers, and names of dynamic extents: render_width, display_height, ...
     """
 
     name: _Name
@@ -65,18 +47,9 @@ class TensorInfo(msgspec.Struct, frozen=True):
         if math.prod(extent for extent in self.shape if isinstance(extent, int)) > MAX_CHANNELS:
             raise ValueError(f"shape is {self.shape}; want numbers whose product is at most {MAX_CHANNELS}")
 
-    def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
-        """Return the shape at the given (width, height) sizes."""
-        return sized(self.shape, extents(render=render, display=display, previous=previous))
-
-    def spec_for(self, *, render: Size, display: Size, previous: Size) -> ArraySpec:
-        """Return the type, shape and range of this history tensor, at the given (width, height) sizes."""
-        shape = self.shape_for(render=render, display=display, previous=previous)
-        return ArraySpec(self.type, shape, values_of(self.name))
-
-    def spec_of_frames(self) -> ArraySpec:
-        """Return the type and shape where the history is earlier frames: of any size, with any pixels."""
-        return ArraySpec(self.type, self.shape, values_of(self.name) if "jitter" in self.name else None)
+    def shape_for(self, *, render: Size, display: Size) -> tuple[int, ...]:
+        """Return the shape at these sizes, (width, height), after a frame of the same size."""
+        return sized(self.shape, extents(render=render, display=display, previous=render))
 
 
 class HistoryInfo(TensorInfo, frozen=True):
@@ -94,8 +67,8 @@ class NetworkInfo(msgspec.Struct, frozen=True):
 class ModelInfo(msgspec.Struct, frozen=True, kw_only=True):
     """The checked content of a model.json; `supersampler info MODEL` prints it.
 
-    `only_extrapolated`: the model handles extrapolated frames only, for the model in the parent folder.
-    `folder` is that of the file, and no key of it.
+    `only_extrapolated` says that the model steps on extrapolated frames only, for the model in the parent
+    folder. `folder` is the folder of the file; it is not a key.
     """
 
     contract: int
@@ -132,19 +105,13 @@ class ModelInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def extrapolated(self) -> Path | None:
-        """Folder of the model for extrapolated frames; None where this model handles them."""
+        """Folder of the model for extrapolated frames; None if this model steps on them."""
         return self.folder / EXTRAPOLATED if EXTRAPOLATED_FILE in self.files else None
 
     @property
     def steps(self) -> Mapping[str, Path]:
         """Graphs of the whole recurrent step, by the precision of the network."""
         names = {"fp32": "step.onnx", "fp16": "step.fp16.onnx"}
-        return {kind: self.folder / name for kind, name in names.items() if name in self.files}
-
-    @property
-    def networks(self) -> Mapping[str, Path]:
-        """Graphs of the network alone, by its precision; empty for methods without a network."""
-        names = {"fp32": "network.onnx", "int8": "network.int8.onnx"}
         return {kind: self.folder / name for kind, name in names.items() if name in self.files}
 
     @property
@@ -155,11 +122,11 @@ class ModelInfo(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def extrapolates(self) -> bool:
         """Whether it extrapolates unshaded frames instead of upscaling: its image has render size."""
-        return has_render_size(self.image.shape)
+        return self.image.shape[2:] == shapes.RENDER
 
     @property
     def converges(self) -> bool:
-        """Whether the image becomes the mean of its samples where nothing moves (`methods.at_rest`)."""
+        """Whether static pixels converge to the mean of their samples (`methods.at_rest`)."""
         channels = {h.name: h.shape[:2] for h in self.history}
         wanted = {f"history.{name}": shape[:2] for name, shape in AT_REST_HISTORY.items()}
         return wanted.items() <= channels.items()
@@ -177,7 +144,7 @@ class ModelInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def only_ratio(self) -> float | None:
-        """The only ratio of display to render size; None where there is a range."""
+        """The single ratio of display to render size; None for a range."""
         return only_ratio(self.ratios)
 
     def config_error(self, name: str, value: Any, want: str) -> ModelError:
@@ -192,27 +159,17 @@ class ModelInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
     """Return the dynamic extents by name, at the given (width, height) sizes."""
-    large = large_size(display)
     sizes = {
-        RENDER: render,
-        DISPLAY: display,
-        HALF: half_size(display),
-        LARGE: large,
-        LARGE_HALF: half_size(large),
-        PREVIOUS: previous,
+        shapes.RENDER: render,
+        shapes.DISPLAY: display,
+        shapes.HALF: half_size(display),
+        shapes.LARGE: large_size(display),
+        shapes.LARGE_HALF: half_size(large_size(display)),
+        shapes.PREVIOUS: previous,
+        shapes.BLOCKS: block_count(previous),
+        shapes.NEXT_BLOCKS: block_count(render),
     }
-    sizes |= {BLOCKS: block_count(previous), NEXT_BLOCKS: block_count(render)}
-    extents = {
-        name: extent for pair, size in sizes.items() for name, extent in zip(pair, size[::-1], strict=True)
-    }
-    return extents | {PHASES: phase_count(display, previous), NEXT_PHASES: phase_count(display, render)}
-
-
-def map_size(shape: Shape, display: Size) -> Size:
-    """Return the (width, height) of a map of a history tensor: those of the larger display are resampled."""
-    return half_size(display) if shape[2:] in (HALF, LARGE_HALF) else display
-
-
-def has_render_size(shape: Sequence[int | str]) -> bool:
-    """Whether a tensor (1, channels, height, width) has the size of the frame."""
-    return tuple(shape[2:]) == RENDER
+    found = {shapes.PHASES: phase_count(display, previous), shapes.NEXT_PHASES: phase_count(display, render)}
+    for names, size in sizes.items():
+        found |= zip(names, size[::-1], strict=True)
+    return found

@@ -1,6 +1,6 @@
-"""`register` and `methods`: the one list of methods, which everything that lists methods reads.
+"""`register` and `methods`: the only list of methods.
 
-Each folder of this package with a `spec.py` registers its methods when that is imported.
+The `spec.py` in each folder of this package registers the folder's methods when it is imported.
 """
 
 from collections.abc import Iterable, Mapping
@@ -28,7 +28,7 @@ def methods() -> Mapping[str, MethodSpec]:
 
 
 def find_method(name: str) -> MethodSpec | None:
-    """Return a method by name; None where there is none. It imports no more specs than necessary."""
+    """Return a method by name, or None. It imports no more specs than necessary."""
     stem = name.replace("-", "_")
     for folder in sorted(_folders(), key=lambda folder: not stem.startswith(folder)):
         if name not in _registered:
@@ -37,7 +37,7 @@ def find_method(name: str) -> MethodSpec | None:
 
 
 def listed_methods(specs: Iterable[MethodSpec]) -> str:
-    """Return names with commas between; those without released weights are marked."""
+    """Return the names, comma-separated; methods without released weights are marked."""
     return ", ".join(spec.name if spec.ships else f"{spec.name} (no weights ship)" for spec in specs)
 
 

@@ -1,7 +1,7 @@
 """`MethodSpec`: a method's name, tensor shapes, ratios, outputs and constants, for all backends and training.
 
-The `spec.py` in each method's folder registers a `MethodSpec` (see `registry`) with a frozen dataclass of
-constants. Constants that kernels use are annotated with their range: `gamma: Number = 1.0`.
+The `spec.py` in a method's folder registers the `MethodSpec` (see `registry`) with a frozen dataclass of
+constants. Annotations give the ranges of constants that kernels use: `gamma: Number = 1.0`.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ from supersampler.methods.gbuffers import GBUFFERS
 
 Shape = tuple[int | str, ...]
 MAX_CHANNELS = 1024
-"""Largest number of values that a pixel has in a tensor."""
+"""Largest number of values per pixel in a tensor."""
 
 RENDER = ("render_height", "render_width")
 PREVIOUS = ("previous_height", "previous_width")
@@ -39,9 +39,9 @@ BLOCKS = ("previous_blocks_down", "previous_blocks_across")
 NEXT_BLOCKS = ("blocks_down", "blocks_across")
 """Blocks of this frame."""
 PHASES = "previous_phases"
-"""Phases of the jitter of which history is kept: int(9 ratio^2) + 2, for the previous frame."""
+"""Number of jitter phases with a history: int(9 ratio^2) + 2 at the previous frame's ratio."""
 NEXT_PHASES = "phases"
-"""Phases of the jitter, for this frame."""
+"""Number of jitter phases at this frame's ratio."""
 CHANNELS = "channels"
 """Number of a frame's AOV channels."""
 
@@ -60,21 +60,20 @@ INPUTS: Mapping[str, Shape] = {
         for name, place in GBUFFERS.items()
     },
 }
-"""Shapes of the inputs that a step may take, by tensor name."""
+"""Shapes of all inputs of steps, by tensor name."""
 FRAME_INPUTS = (
     "color", "depth", "motion", "reactive", "jitter", "exposure", "pre_exposure", "display_size",
 )  # fmt: skip
 """Inputs of every method with a history."""
 WEIGHT: Shape = (1, 1, *DISPLAY)
-"""Shape of the auxiliary outputs "weight" and "converged": weight of the history, or of the mean of
-static pixels, in the image."""
+"""Shape of the auxiliary outputs "weight" and "converged"."""
 TENSORS: Mapping[str, Shape] = {
     **INPUTS,
     "aovs": (1, CHANNELS, *RENDER),
     "weight": WEIGHT,
     "converged": WEIGHT,
 }
-"""Shapes of the inputs of all graphs and of auxiliary outputs."""
+"""Shapes of the inputs of all graphs, and of auxiliary outputs."""
 
 
 def half_size(size: Size) -> Size:
@@ -88,7 +87,7 @@ def large_size(display: Size) -> Size:
 
 
 def resized(planes: Float32, size: Size) -> Float32:
-    """Return the nearest pixels of planes (1, c, h, w) at another (width, height)."""
+    """Return planes (1, c, h, w) resampled to another (width, height) by nearest pixels."""
     if planes.shape[:1:-1] == tuple(size):
         return planes
     rows, columns = (
@@ -116,14 +115,12 @@ Number = Annotated[float, Range(0.0, 1e6)]
 """A non-negative constant."""
 UnitFloat = Annotated[float, Range(0.0, 1.0)]
 """A fraction or weight."""
-
-
 Flag = Annotated[bool, "compiled"]
-"""An option for which kernels are compiled either way."""
+"""An option that kernels are compiled for, on and off."""
 
 
 class MapOf(msgspec.Struct, frozen=True):
-    """A map for debug views: `channels` channels of the graph's output `output`, from `first` on."""
+    """A debug view: `channels` channels of the graph's output `output`, from index `first` on."""
 
     output: Annotated[str, msgspec.Meta(min_length=1, max_length=80)]
     first: Annotated[int, msgspec.Meta(ge=0, le=MAX_CHANNELS)]
@@ -135,36 +132,30 @@ class NoConstants:
     """Config of methods without constants."""
 
 
-def _any_config(_: Mapping[str, Any]) -> bool:
-    return True
-
-
 @dataclass(frozen=True, kw_only=True)
 class MethodSpec:
-    """Description of one method.
-
-    The implementations are named, and imported when they are used: "package.module:name".
+    """Description of one method. Implementations are given as "package.module:name", and imported on use.
 
     Attributes:
-        name: name for `Upscaler(name)`, and of its model folder.
+        name: name of the method, for `Upscaler(name)`, and of its model folder.
         source: the paper or definition that it follows.
         inputs: names in INPUTS that the step takes, in the order of the graph.
         history: shape of each history tensor, in the order of the graph. The input `history.NAME` takes the
             previous step's `next.NAME`; zeros mean no history.
-        aux_outputs: names in TENSORS of outputs that the next step does not need.
+        aux_outputs: names in TENSORS of outputs that the next step does not read.
         maps: debug views, by name.
         image: shape of the image.
-        ratios: smallest and largest ratio of display to render size, per axis. Where both are equal, display
-            sizes are exactly that many times the render size.
-        only_extrapolated: whether it handles extrapolated frames only, for a method of shaded frames.
+        ratios: smallest and largest ratio of display to render size, per axis. If they are equal, the ratio
+            is exact: no size is rounded.
+        only_extrapolated: whether it steps on extrapolated frames only, next to a method of shaded frames.
         config: frozen dataclass of its constants, with defaults.
         torch: the torch module that defines the step.
-        task: the training task; "" where nothing is learned.
-        weights: file of the released weights in supersampler_model/weights; "" where none ship.
-        cpu: the method of the CPU library that computes it; "" where there is none.
+        task: the training task; "" without learned parts.
+        weights: file of the released weights in supersampler_model/weights; "" if none ship.
+        cpu: name of the method in the CPU library; "" if the library lacks it.
         gpu: the function that returns the program of the GPU backend; "" without shaders.
         kernel_files: files of the model folder that kernels and shaders read.
-        kernels_support: whether kernels and shaders compute the step with a config.
+        kernels_support: returns whether kernels and shaders compute the step with a config.
     """
 
     name: str
@@ -183,7 +174,7 @@ class MethodSpec:
     cpu: str = ""
     gpu: str = ""
     kernel_files: tuple[str, ...] = ()
-    kernels_support: Callable[[Mapping[str, Any]], bool] = _any_config
+    kernels_support: Callable[[Mapping[str, Any]], bool] = lambda _: True
 
     @property
     def ships(self) -> bool:

@@ -1,6 +1,6 @@
-"""Sequences whose later frames are known: `upscale_sequence` steps forward and backward, and merges.
+"""`upscale_sequence`: upscaling where later frames are available, by a forward and a backward run.
 
-The runs and their chunks are in both_ways.py, the light of unshaded frames in interpolation.py.
+The runs and their chunks are in both_ways.py, the colour of unshaded frames in interpolation.py.
 """
 
 import math
@@ -40,16 +40,17 @@ def upscale_sequence(
     validate: Validate = "warn",
     scratch: str | Path | None = None,
 ) -> Iterator[Float32]:
-    """Upscale frames whose later frames are available: a shot on disk, or a live stream with some delay.
+    """Upscale frames whose later frames are available: a shot on disk, or a live stream with a delay.
 
-    With two passes, each image is the mean of a run in order and one in reverse, which begins at the next
-    cut or 16 frames after a chunk of 64 frames. What is disoccluded for one run was visible to the other.
+    With two passes, each image is the mean of a forward and a backward run. The backward run starts at the
+    next cut, or 16 frames after a chunk of 64 frames. Surfaces that are disoccluded in one run were visible
+    in the other.
 
     >>> for image in upscale_sequence(Shot.open("plaza"), display_size=(640, 360)):
     ...     show(image)  # (360, 640, 3) float32, linear RGB
 
     Frames are read once, in order, so a generator works. The frames of a chunk and its backward images are
-    kept in memory up to 1 GiB, and beyond that in a scratch file, which is removed at the end, after an
+    kept in memory up to 1 GiB, and beyond that in a scratch file. The file is removed at the end, after an
     error, and when the iterator is closed or deleted.
 
     Args:
@@ -57,9 +58,9 @@ def upscale_sequence(
         display_size: (width, height) of the images; or `scale`.
         scale: display over render size.
         model: see `Upscaler`.
-        passes: 1 steps in order, bit for bit as `Upscaler.step`; 2 runs both ways.
-        lookahead: for live use, with two passes: chunks of this many frames, 1 to 64, which read as many
-            further frames. The image of a frame comes at most 2 * `lookahead` frames later and costs three
+        passes: 1 steps in order, bit for bit as `Upscaler.step`; 2 also runs backward.
+        lookahead: for live use, with two passes: number of frames of a chunk, 1 to 64, and of the frames
+            after it that are read. An image is delayed by at most 2 * `lookahead` frames and costs three
             steps; frames are kept in memory. None is for frames on disk.
         providers: see `Upscaler`.
         threads: see `Upscaler`.
@@ -67,8 +68,8 @@ def upscale_sequence(
         precision: see `Upscaler`.
         at_rest: see `Upscaler`.
         skip: see `Upscaler`.
-        extrapolation: model for frames without colour, such as "guided-warp". One pass takes their light from
-            the previous shaded frame, as `Upscaler.extrapolate`; two passes from the previous and the next.
+        extrapolation: model for frames without colour, such as "guided-warp". One pass extrapolates from the
+            previous shaded frame, as `Upscaler.extrapolate`; two passes interpolate to the next one.
         validate: see `Upscaler`.
         scratch: existing folder for the scratch file; None is the system's temporary folder.
 
@@ -76,7 +77,7 @@ def upscale_sequence(
         An iterator over the images, (H, W, 3) float32 linear RGB, in order; each may be kept.
 
     Raises:
-        ArgumentError: an argument is not usable; before anything is read.
+        ArgumentError: an argument is invalid; raised before any frame is read.
         FrameError: a frame breaks the contract.
         ShotError: a frame cannot be read, or there is no room for the scratch file.
         ModelError, ProviderError: see `Upscaler`.
@@ -95,7 +96,7 @@ def upscale_sequence(
     interpolator = None if extrapolation is None else interpolator_of(extrapolation, forward, executor)
     backward = Upscaler(
         forward.model, display_size=display_size, scale=scale, at_rest=at_rest, skip=skip, validate="off"
-    )  # the same frames: one check is enough
+    )  # the forward run checks the same frames
     memory = None if lookahead is None else math.inf
     runs = BothWays(forward, backward, chunk, interpolator=interpolator, memory=memory, scratch=folder)
     return _both_ways(frames_of(frames, buffers_of(forward, interpolator)), forward, backward, runs)
@@ -122,9 +123,8 @@ def _checked_chunk(passes: int, lookahead: int | None) -> ChunkSize:
     if lookahead is None:
         return ChunkSize()
     if passes == 1:
-        raise ArgumentError(
-            "lookahead", got=shown(lookahead), want="None, because one pass reads no later frame"
-        )
+        want = "None, because one pass reads no later frame"
+        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
     if type(lookahead) is not int or not 1 <= lookahead <= MAX_LOOKAHEAD:
         want = f"a whole number of frames from 1 to {MAX_LOOKAHEAD}, or None"
         raise ArgumentError("lookahead", got=shown(lookahead), want=want)

@@ -1,9 +1,9 @@
-"""Motion for a run over reversed frames: where each sample is in the next frame.
+"""Motion of each sample to the next frame, for a backward run.
 
-A renderer that knows it fills `Frame.motion_next`. Otherwise the next frame's motion, which leads back, is
-scattered: each of its samples was at a known position in this frame. If several were at one pixel, the one
-with the nearest depth is used. A pixel that none reached, because its surface is occluded in the next frame
-or was magnified, takes the motion of the nearest pixels of its surface.
+A renderer may give it as `Frame.motion_next`. Otherwise the next frame's motion, which points to this frame,
+is scattered: each sample of the next frame was at a known position in this one. If several were at one pixel,
+the one with the nearest depth is used. A pixel that none reached, because its surface is occluded or minified
+in the next frame, takes the motion of the nearest pixels of its surface.
 """
 
 from dataclasses import replace
@@ -17,11 +17,11 @@ from supersampler.frame import Float32, Frame
 
 @ieee_arithmetic
 def reversed_frame(frame: Frame, following: Frame | None) -> Frame:
-    """Return a frame for a run over reversed frames, in which `following` is the previous one.
+    """Return a frame for a backward run.
 
     Args:
         frame: the frame.
-        following: the next frame of the shot; None where the reversed run begins with `frame`.
+        following: the next frame of the shot, which precedes `frame` in the run; None if the run starts here.
     """
     if following is None:
         return replace(frame, motion=np.zeros((*frame.depth.shape, 2), np.float32), reset=True)

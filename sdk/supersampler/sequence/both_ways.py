@@ -1,4 +1,4 @@
-"""A forward and a backward run over the frames of a sequence, chunk by chunk, and their merged images."""
+"""Forward and backward runs over the frames of a sequence, chunk by chunk, and their merged images."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
@@ -20,29 +20,29 @@ from supersampler.sequence.interpolation import Interpolator
 from supersampler.upscaler import Upscaler
 
 MOTION_NEXT = "motion_next"
-"""Name of that buffer in the `gbuffers` of `Shot.frames`."""
+"""Name of `Frame.motion_next` in the `gbuffers` of `Shot.frames`."""
 WEIGHT_MAPS = ("count", "converged")
-"""Auxiliary outputs that `weight_of` reads, where a method has them."""
+"""Auxiliary outputs that `weight_of` reads, if a method has them."""
 MIN_COUNT = 0.05
-"""Lower bound of the sample count in a weight: weights stay positive."""
+"""Lower bound of the sample count in a weight, which keeps weights positive."""
 WARM_UP_STEPS = 4
 """Steps after which a run's image has its full weight."""
 CONVERGED = 255.0
-"""Additional weight where an image is the mean of all samples of a static pixel. If only one run has
-converged, the merged image differs from it by less than an 8-bit step."""
+"""Additional relative weight of a converged pixel. If only one run has converged, the merged image differs
+from that run's by less than an 8-bit step."""
 
 Direction = Literal["backward", "forward"]
 Around = Callable[[int, Direction], AbstractContextManager[object]]
 
 
 class ChunkSize(NamedTuple):
-    """Frames that are merged at once, and frames after them that build the backward run's history."""
+    """Number of frames that are merged at once, and of frames after them that start the backward run."""
 
     frames: int = 64
     overlap: int = 16
 
     def backward_steps(self, count: int) -> int:
-        """Return the steps of the backward run over `count` frames without a cut."""
+        """Return the number of steps of the backward run over `count` frames without a cut."""
         steps = 0
         while count >= sum(self):
             steps, count = steps + sum(self), count - self.frames
@@ -58,13 +58,13 @@ class Merged(NamedTuple):
 
 @dataclass
 class _Window:
-    """Frames that were read and not merged yet.
+    """Frames that were read and are not merged yet.
 
     Attributes:
-        first: index of the first one in the sequence.
+        first: index in the sequence of the first of them.
         frames: the frames, in order.
-        ended: whether a cut or the end follows the last one.
-        following: the first frame after the cut, which was read to find it.
+        ended: whether a cut or the end follows the last of them.
+        following: the first frame after that cut.
     """
 
     first: int = 0
@@ -76,10 +76,15 @@ class _Window:
 class BothWays:
     """Merges a forward and a backward run of a model.
 
-    `forward` keeps its history from chunk to chunk; `backward`, with the same model and display size,
-    restarts with each. Of the auxiliary `outputs` all but "aovs" are those of the forward run.
-    `around` makes a context for each step, from the index of its frame and the direction. Without an
-    interpolator, unshaded frames are refused. For `memory` and `scratch` see `FrameStore`.
+    Args:
+        forward: keeps its history from chunk to chunk.
+        backward: has the same model and display size; it restarts with each chunk.
+        chunk: sizes of the chunks.
+        outputs: auxiliary outputs to return. "aovs" are merged, the others are the forward run's.
+        around: makes a context for each step, from the index of its frame and the direction.
+        interpolator: computes the colour of unshaded frames; without one they are refused.
+        memory: see `FrameStore`.
+        scratch: see `FrameStore`.
 
     Raises:
         ShotError: `scratch` is not a folder.
@@ -100,17 +105,17 @@ class BothWays:
         self._forward, self._backward, self._interpolator = forward, backward, interpolator
         self._chunk, self._outputs, self._around = chunk or ChunkSize(), outputs, around
         self._store = FrameStore(memory=memory, folder=scratch, names=buffers_of(forward, interpolator))
-        self._colors: dict[int, Stored] = {}  # colours of unshaded frames of the window
-        self._meter, self._steps = ExposureMeter(), 0  # of the forward run since the last cut
+        self._colors: dict[int, Stored] = {}  # of the unshaded frames of the window
+        self._meter, self._steps = ExposureMeter(), 0  # steps of the forward run since the last cut
         self._weights = tuple(name for name in WEIGHT_MAPS if name in forward.model.info.maps)
 
     def run(self, frames: Iterable[Frame], *, skip: int = 0) -> Iterator[Merged]:
         """Yield the outputs of each frame, in order; at most chunk + overlap frames are read ahead.
 
         Args:
-            frames: frames in order; `reset` marks the first one after a cut.
-            skip: number of frames at the beginning that only build the history: chunks without others have
-                no backward run.
+            frames: frames in order; `reset` marks the first frame after a cut.
+            skip: number of first frames whose images are not needed: a chunk of only such frames has no
+                backward run.
         """
         source, window = iter(frames), _Window()
         with self._store:
@@ -128,8 +133,8 @@ class BothWays:
                 window.frames, window.first = window.frames[count:], window.first + count
 
     def _fill(self, window: _Window, source: Iterator[Frame]) -> bool:
-        """Read until the window is full or a cut ends it; return False at the end of the sequence."""
-        if window.ended:  # all of its frames are merged
+        """Read until the window is full or ends with a cut; return False at the end of the sequence."""
+        if window.ended:  # all of its frames were merged
             window.ended = False
             if window.following is not None:
                 window.frames.append(self._store.put_frame(window.following))
@@ -178,7 +183,7 @@ class BothWays:
     def _step(
         self, upscaler: Upscaler, frame: Frame, place: int, outputs: tuple[str, ...] = ()
     ) -> StepResult:
-        """Step with these outputs and those of the merge, on a computed colour where there is none."""
+        """Step with `outputs` and those that the merge needs, on the interpolated colour if there is one."""
         aovs = ("aovs",) * (frame.aovs is not None and "aovs" in self._outputs)
         others = (name for name in outputs if name != "aovs")
         names = tuple(dict.fromkeys((*aovs, *self._weights, *others)))
@@ -191,12 +196,12 @@ class BothWays:
 
 
 def buffers_of(upscaler: Upscaler, interpolator: Interpolator | None = None) -> frozenset[str]:
-    """Return the names of the buffers that two passes read of each frame, as in `Shot.frames`."""
+    """Return the names of the buffers of a frame that two passes read, as in `Shot.frames`."""
     return frozenset((*upscaler.gbuffers, *(interpolator.gbuffers if interpolator else ()), MOTION_NEXT))
 
 
 def frames_of(frames: Shot | Iterable[Frame], names: Collection[str]) -> Iterator[Frame]:
-    """Yield the frames of a shot, with these buffers, or those of an iterable, checked."""
+    """Yield the frames of a shot, with these buffers, or the checked frames of an iterable."""
     if isinstance(frames, Shot):
         yield from (item.frame for item in frames.frames(gbuffers=names, references=False))
         return
@@ -208,12 +213,12 @@ def frames_of(frames: Shot | Iterable[Frame], names: Collection[str]) -> Iterato
 def weight_of(result: StepResult, steps: int) -> Float32:
     """Return the weight (H, W) of a run's image in the merge, > 0.
 
-    It is the sample count, where a method has one, and less in a run's first steps. Where a run has just
-    begun, or its history was disoccluded, the other run's image dominates; elsewhere they are averaged.
+    It is the sample count, if the method has one, and is reduced in a run's first steps. Thus the other run
+    dominates where this one has just started or a pixel was disoccluded; elsewhere both are averaged.
 
     Args:
-        result: result with the outputs WEIGHT_MAPS that the method has.
-        steps: number of steps of the run since its history began, including this one.
+        result: result with those outputs of WEIGHT_MAPS that the method has.
+        steps: number of steps of the run since its history started, including this one.
     """
     weight = np.full(result.image.shape[:2], min(steps / WARM_UP_STEPS, 1.0), np.float32)
     if result.count is not None:
@@ -229,10 +234,8 @@ def merge_images(
 ) -> None:
     """Write the weighted mean of two images to `image`.
 
-    The mean is taken of c / (1 + max(c)), of exposed colours: the brighter of two linear values would
-    dominate on a display.
-
-    Images are (H, W, 3) float32 linear RGB, of the forward and the backward run; weights are (H, W).
+    The mean is taken of c / (1 + max(c)) of exposed colours, because in a mean of linear values the brighter
+    one would dominate on a display. Images are (H, W, 3) float32 linear RGB; weights are (H, W).
     """
     height, width = weight.shape
     arrays = [np.ascontiguousarray(array, np.float32) for array in (image, other, weight, other_weight)]

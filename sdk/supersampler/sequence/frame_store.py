@@ -1,4 +1,4 @@
-"""Arrays of frames and images that are needed later, in memory and in a scratch file on disk."""
+"""Storage of frames and images that are needed later, in memory and in a scratch file."""
 
 import tempfile
 from collections.abc import Mapping
@@ -14,19 +14,19 @@ from supersampler.io.files import os_errors_as_shot_error
 from supersampler.methods.gbuffers import IMAGES, arrays_by_name, frame_of
 
 MEMORY = 2.0**30
-"""Bytes of frames and images that are kept in memory; more go to the disk."""
-_NO_ROOM = "Is the disk full? `scratch` names a folder on another disk; images that were written stay."
+"""Bytes of frames and images that are kept in memory before the scratch file is used."""
+_NO_ROOM = "Is the disk full? `scratch` names a folder on another disk; finished images are kept."
 
 
 class Stored(NamedTuple):
-    """Arrays in a `FrameStore`: key, and type and shape of each array by name, in the order of the file."""
+    """Reference to arrays in a `FrameStore`: a key, and type and shape of each array, in the file's order."""
 
     key: int
     arrays: Mapping[str, tuple[np.dtype[Any], tuple[int, ...]]]
 
 
 class StoredFrame(NamedTuple):
-    """A frame in a `FrameStore`: its arrays, and other values of `Frame`."""
+    """Reference to a frame in a `FrameStore`: its arrays, and its other values."""
 
     stored: Stored
     jitter: tuple[float, float]
@@ -36,19 +36,25 @@ class StoredFrame(NamedTuple):
 
 
 class FrameStore:
-    """Keeps arrays until they are dropped: in memory up to a limit, the others in a scratch file.
+    """Keeps arrays until they are dropped: in memory up to a limit, beyond it in a scratch file.
 
-    The file has no name, or one that the system removes: nothing of it is left however the process ends.
+    The system removes the file however the process ends.
 
-    `memory` is the limit in bytes (None: MEMORY), `folder` the place of the scratch file (None: the
-    system's). Optional arrays of frames are kept if they are in `names` (None: all).
+    Args:
+        memory: limit of the memory in bytes; None is MEMORY.
+        folder: folder of the scratch file; None is the system's temporary folder.
+        names: tensor names of the G-buffers of frames to keep.
 
     Raises:
         ShotError: `folder` is not a folder.
     """
 
     def __init__(
-        self, *, memory: float | None = None, folder: Path | None = None, names: frozenset[str] | None = None
+        self,
+        *,
+        memory: float | None = None,
+        folder: Path | None = None,
+        names: frozenset[str] = frozenset(),
     ) -> None:
         if folder is not None and not folder.is_dir():
             raise ShotError(folder, "is not a folder", "`scratch` names an existing one.")
@@ -57,11 +63,11 @@ class FrameStore:
         self._in_memory: dict[int, dict[str, NDArray[Any]]] = {}
         self._next_key = self._file_end = 0
         self._file: IO[bytes] | None = None
-        self._in_file: dict[int, tuple[int, int]] = {}  # offset and bytes, by key
-        self._free: list[tuple[int, int]] = []  # in the file
+        self._in_file: dict[int, tuple[int, int]] = {}  # offset and size, by key
+        self._free: list[tuple[int, int]] = []  # gaps in the file, offset and size
 
     def put(self, arrays: Mapping[str, NDArray[Any]]) -> Stored:
-        """Keep some arrays, which must not be changed later; ShotError where the disk is full."""
+        """Keep arrays, which must not be changed later; raise ShotError if the disk is full."""
         key, self._next_key = self._next_key, self._next_key + 1
         stored = Stored(key, {name: (array.dtype, array.shape) for name, array in arrays.items()})
         size = sum(array.nbytes for array in arrays.values())
@@ -85,16 +91,15 @@ class FrameStore:
         """Return the arrays, which must not be changed."""
         if stored.key in self._in_memory:
             return dict(self._in_memory[stored.key])
-        assert self._file is not None  # noqa: S101  # `put` made it
+        assert self._file is not None  # noqa: S101  # `put` has opened it
         with os_errors_as_shot_error(self._folder, "read"):
             self._file.seek(self._in_file[stored.key][0])
             return {name: self._read(*fact) for name, fact in stored.arrays.items()}
 
     def put_frame(self, frame: Frame) -> StoredFrame:
-        """Keep a copy of a frame, with the optional arrays in `names`."""
-        arrays = arrays_by_name(frame)
-        kept = arrays if self._names is None else {*IMAGES, *self._names}
-        copies = {name: array.copy() for name, array in arrays.items() if name in kept}  # engines reuse them
+        """Keep a copy of a frame, because engines reuse their arrays."""
+        kept = {*IMAGES, *self._names}
+        copies = {name: array.copy() for name, array in arrays_by_name(frame).items() if name in kept}
         return StoredFrame(self.put(copies), frame.jitter, frame.reset, frame.exposure, frame.pre_exposure)
 
     def get_frame(self, frame: StoredFrame) -> Frame:
@@ -105,7 +110,7 @@ class FrameStore:
         )
 
     def drop(self, stored: Stored) -> None:
-        """Forget arrays, and free their memory or their place in the file."""
+        """Free the memory of arrays, or their space in the file."""
         arrays = self._in_memory.pop(stored.key, None)
         if arrays is not None:
             self._free_memory += sum(array.nbytes for array in arrays.values())
@@ -113,7 +118,7 @@ class FrameStore:
             self._free.append(self._in_file.pop(stored.key))
 
     def close(self) -> None:
-        """Remove all that is kept, and the scratch file."""
+        """Free all memory, and remove the scratch file."""
         self._in_memory.clear()
         if self._file is not None:
             self._file.close()
@@ -125,10 +130,10 @@ class FrameStore:
         self.close()
 
     def _allocated(self, size: int) -> tuple[int, int]:
-        """Return offset and bytes of a free place: the smallest that fits, of at most twice the size."""
-        fitting = [place for place in self._free if size <= place[1] <= 2 * size]
+        """Return offset and size of a range: the smallest gap of up to twice `size`, or the file's end."""
+        fitting = [gap for gap in self._free if size <= gap[1] <= 2 * size]
         if fitting:
-            best = min(fitting, key=lambda place: place[1])
+            best = min(fitting, key=lambda gap: gap[1])
             self._free.remove(best)
             return best
         self._file_end += size
@@ -141,6 +146,6 @@ class FrameStore:
         while remaining:
             count = self._file.readinto(remaining) if self._file is not None else 0  # type: ignore[attr-defined]
             if not count:
-                raise ShotError(self._folder, "its scratch file is shorter than it was written")
+                raise ShotError(self._folder, "its scratch file was truncated")
             remaining = remaining[count:]
         return array

@@ -1,9 +1,9 @@
-"""Colour of frames that were not shaded, from the shaded frames before and after.
+"""Interpolation of the colour of unshaded frames between the shaded frames before and after.
 
-A model such as `guided-warp` extrapolates the light of each side onto the surfaces of the unshaded frame:
-from the frame before by its motion, and from the frame after by the motion to the next frame. Both images
-have the reflectance of the same pixels, so their mean interpolates the light between the shaded frames. It is
-weighted by the distance in time, and by whether the surface was visible on that side.
+A model such as `guided-warp` extrapolates the light of both shaded frames onto the surfaces of the unshaded
+frame: from the earlier one by motion to the previous frame, from the later one by motion to the next frame.
+Both images have the reflectance of the same pixels, so their mean interpolates the light. It is weighted by
+the distance in time, and by the visibility of the surface in the shaded frame.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,19 +24,19 @@ from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
 from supersampler.upscaler import Upscaler
 
 SURFACE_SIGMA, DEPTH_SIGMA = 0.1, 0.02
-"""Standard deviations of base colour and normal, and of relative depth, on one surface."""
+"""Standard deviations of base colour and normal, and of relative depth, within a surface."""
 MIN_AGREEMENT = 1e-3
 """Agreement of a surface that was not visible in the shaded frame."""
 _REQUIRED = tuple(f"history.{name}" for name in ("motion", "jitter", "depth", "base_color", "normal"))
 
 
 class Side(NamedTuple):
-    """The colour of an unshaded frame from one side.
+    """Colour of an unshaded frame, extrapolated from one shaded frame.
 
     Attributes:
         color: (h, w, 3) linear RGB.
-        agreement: (h, w) similarity of its surfaces to those of the shaded frame, MIN_AGREEMENT to 1.
-        frames: distance to the shaded frame.
+        agreement: (h, w) similarity of its surfaces to the shaded frame's, MIN_AGREEMENT to 1.
+        frames: distance to the shaded frame, in frames.
     """
 
     color: Float32
@@ -45,12 +45,12 @@ class Side(NamedTuple):
 
 
 class Interpolator:
-    """Computes the colours of the unshaded frames of windows of a sequence, one window after another.
+    """Computes the colours of unshaded frames of a sequence, window by window.
 
-    `gbuffers` are those that it and the upscaler read on unshaded frames.
+    `gbuffers` are the G-buffers of unshaded frames that it and the upscaler read.
 
     Raises:
-        ArgumentError: the model keeps no surfaces of the shaded frame.
+        ArgumentError: the model's history lacks surfaces of the shaded frame.
     """
 
     def __init__(self, extrapolator: Extrapolator, gbuffers: tuple[str, ...]) -> None:
@@ -60,16 +60,16 @@ class Interpolator:
             raise ArgumentError("extrapolation", got=got, want="a model such as guided-warp for two passes")
         self._extrapolator, self.gbuffers = extrapolator, gbuffers
         self._history: ShadedHistory | None = None  # before the window
-        self._since = 0  # frames from the last shaded one to the window
+        self._since = 0  # number of unshaded frames since the last shaded one, before the window
 
     @ieee_arithmetic
     def colors(self, frames: Sequence[StoredFrame], next_start: int, store: FrameStore) -> dict[int, Stored]:
-        """Return the colours of the unshaded frames among some, by their indices, as arrays "color".
+        """Return the colours of unshaded frames by index in `frames`, stored as arrays "color".
 
         Args:
             frames: consecutive frames; only the first one may follow a cut.
-            next_start: index of the frame that the next call begins with; len(frames) where a cut follows.
-            store: has the frames, and keeps the colours.
+            next_start: index of the first frame of the next call; len(frames) if a cut follows.
+            store: store of the frames and of the colours.
 
         Raises:
             FrameError: the first frame after a cut is not shaded, or a frame lacks a G-buffer.
@@ -91,10 +91,10 @@ class Interpolator:
     def _sides_before(
         self, frames: Sequence[StoredFrame], next_start: int, store: FrameStore
     ) -> dict[int, tuple[Stored, int]]:
-        """Extrapolate from the shaded frames before; keep the history for the next window.
+        """Extrapolate from earlier shaded frames; keep the history for the next window.
 
         Returns:
-            The colours and agreements of unshaded frames by their indices, and their distances.
+            For each unshaded frame, by index, its colour and agreement, and the distance.
         """
         history, since = (None, 0) if frames[0].reset else (self._history, self._since)
         found: dict[int, tuple[Stored, int]] = {}
@@ -111,9 +111,9 @@ class Interpolator:
         return found
 
     def _sides_after(self, frames: Sequence[StoredFrame], store: FrameStore) -> Iterator[tuple[int, Side]]:
-        """Extrapolate from the shaded frames after, last frame first; yield index and side.
+        """Extrapolate from later shaded frames, last frame first; yield index and side.
 
-        Frames after the last shaded one have no such side.
+        Frames after the last shaded one are left out.
         """
         history: ShadedHistory | None = None
         following: Frame | None = None
@@ -136,7 +136,7 @@ class Interpolator:
 
 
 def interpolator_of(model: str | Path, upscaler: Upscaler, executor: ExecutorName = "auto") -> Interpolator:
-    """Return an Interpolator on the providers and threads of an Upscaler.
+    """Return an Interpolator with the providers and threads of an Upscaler.
 
     Raises:
         ModelError: the model does not exist, or does not extrapolate.
@@ -149,21 +149,21 @@ def interpolator_of(model: str | Path, upscaler: Upscaler, executor: ExecutorNam
 
 @ieee_arithmetic
 def interpolated(before: Side, after: Side) -> Float32:
-    """Return the colour between two sides, (h, w, 3)."""
-    a = before.agreement * np.float32(after.frames)  # nearer in time: larger
+    """Return the mean of both sides, (h, w, 3), weighted by agreement and closeness in time."""
+    a = before.agreement * np.float32(after.frames)
     b = after.agreement * np.float32(before.frames)
     result: Float32 = before.color + (b / (a + b))[..., None] * (after.color - before.color)
     return result
 
 
 def surface_agreement(frame: Frame, history: dict[str, NDArray[Any]]) -> Float32:
-    """Return the similarity of each surface of a frame to a shaded frame, (h, w), MIN_AGREEMENT to 1.
+    """Return the similarity of each surface of a frame to a shaded frame's, (h, w), MIN_AGREEMENT to 1.
 
-    It is that of the most similar of the four samples around the reprojected position.
+    The most similar of the four samples around the reprojected position counts.
 
     Args:
         frame: a frame with base colour and normals.
-        history: tensors of the extrapolation after `frame`: the shaded frame, and the motion to it.
+        history: history tensors after the extrapolation of `frame`: the shaded frame, and the motion to it.
     """
     motion, jitter = history["history.motion"][0], history["history.jitter"][0]
     height, width = frame.depth.shape
@@ -188,7 +188,7 @@ def surface_agreement(frame: Frame, history: dict[str, NDArray[Any]]) -> Float32
 
 
 def _difference(frame: Frame, history: dict[str, NDArray[Any]], place: NDArray[np.intp]) -> Float32:
-    """Return the squared distance of each surface to a sample of the shaded frame, in standard deviations."""
+    """Return the squared difference of each surface from a sample of the shaded frame, in deviations."""
     gbuffer = frame.gbuffer or {}
     depth = history["history.depth"][0, 0].ravel()[place]
     larger = np.maximum(np.maximum(depth, frame.depth), np.float32(1e-30))

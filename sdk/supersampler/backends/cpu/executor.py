@@ -29,12 +29,12 @@ _AUX_OUTPUTS = ("weight", "converged")
 
 
 class CpuModel:
-    """A model in the library, which frees it with this object.
+    """A model in the library. It is freed with this object.
 
     Args:
         library: the library.
         data: the bytes of the model; see `model_bytes`.
-        options: threads, instructions and others; see `ss_options`.
+        options: threads, instruction set, ...; see `ss_options`.
 
     Raises:
         ModelError: the bytes are not a model that the library runs.
@@ -49,12 +49,12 @@ class CpuModel:
 
     @property
     def instructions(self) -> str:
-        """The instructions in use."""
+        """Name of the instruction set in use."""
         return str(self.library.ss_model_instructions(self.handle).decode())
 
 
 class CpuHistory:
-    """A history in the library, which frees it with this object."""
+    """A history in the library. It is freed with this object."""
 
     def __init__(self, model: CpuModel, display: Size, render: Size) -> None:
         self.model, self.display, self.handle = model, display, c_void_p()
@@ -64,7 +64,7 @@ class CpuHistory:
         self.model.library.ss_history_destroy(self.handle)
 
     def tensors(self) -> dict[str, tuple[int, ...]]:
-        """Return the shapes of its tensors by their names in the graph, in the order of the library."""
+        """Return the shape of each tensor by its name in the graph, in the library's order."""
         found: dict[str, tuple[int, ...]] = {}
         shape, axes = (c_int64 * 4)(), c_int()
         while name := self.model.library.ss_history_tensor(self.handle, len(found), shape, axes):
@@ -73,12 +73,7 @@ class CpuHistory:
 
 
 class CpuExecutor:
-    """Runs steps of one model in the library; see `Executor`.
-
-    Args:
-        model: the model.
-        precision: precision of the network.
-    """
+    """Runs steps of one model in the library; see `Executor`."""
 
     name = "cpu"
 
@@ -185,7 +180,7 @@ class CpuExtrapolation:
 
 
 def frame_data(frame: Frame) -> tuple[FrameData, list[NDArray[Any]]]:
-    """Return a frame for the library, and the arrays that must live as long as it."""
+    """Return a frame for the library, and the arrays that must be kept alive as long as it."""
     images = {name: getattr(frame, name) for name in ("color", "depth", "motion", "reactive")}
     images |= {name: GBUFFERS[f"gbuffer_{name}"].find(frame) for name in FRAME_GBUFFERS}
     data, arrays = FrameData(*frame.size), []

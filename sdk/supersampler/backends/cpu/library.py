@@ -1,4 +1,4 @@
-"""`CpuLibrary`: the functions of the CPU library, sdk/native, by ctypes."""
+"""`CpuLibrary`: ctypes bindings of the CPU library, sdk/native."""
 
 import sys
 import threading
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from supersampler.errors import INCOMPLETE_PACKAGE, LibraryError, ModelError, SupersamplerError
 
 VERSION = 100
-"""`ss_version` of the library that this package is for."""
+"""`ss_version` that this package needs."""
 _NAMES = {"win32": "supersampler.dll", "darwin": "libsupersampler.dylib"}
 _PATH = Path(__file__).with_name(_NAMES.get(sys.platform, "libsupersampler.so"))
 _FLOAT32, _FLOAT16 = 0, 1
@@ -68,13 +68,13 @@ class Image(Structure):
 
     @classmethod
     def of(cls, array: NDArray[Any], *, planes: bool = False) -> "Image":
-        """Return a view of (h, w) or (h, w, channels) values; with `planes` of (1, channels, h, w).
+        """Return a view of an array (h, w) or (h, w, channels), or with `planes` of (1, channels, h, w).
 
-        The array is float32 or float16, and no stride of it is 0; see `readable`.
+        The array is float32 or float16, and none of its strides is 0; see `readable`.
         """
         if planes:
             array = array[0].transpose(1, 2, 0)
-        # the stride of an axis of one element says nothing, and 0 stands for "packed"
+        # the stride of an axis of one element is arbitrary, and 0 would mean "packed"
         rows, pixels, *channels = (
             stride if count > 1 else 1 << 20 for stride, count in zip(array.strides, array.shape, strict=True)
         )
@@ -84,7 +84,7 @@ class Image(Structure):
 
 
 def readable(array: NDArray[Any]) -> NDArray[Any]:
-    """Return an array that `Image.of` takes: this one, or a copy of another type or of repeated values."""
+    """Return the array if `Image.of` takes it, else a contiguous copy, float16 or float32."""
     if array.dtype in (np.float32, np.float16) and 0 not in array.strides:
         return array
     return np.array(array, np.float16 if array.dtype == np.float16 else np.float32, order="C")
@@ -238,12 +238,12 @@ class CpuLibrary:
         return getattr(self._library, name)
 
     def call(self, name: str, *arguments: Any) -> None:
-        """Call a function, and raise what it reports.
+        """Call a function, and raise the error that it reports.
 
         Raises:
             ModelError: the bytes of a model are damaged.
-            MemoryError: there is no memory.
-            SupersamplerError: another error, which arguments that were checked before do not lead to.
+            MemoryError: there is not enough memory.
+            SupersamplerError: another error; checked arguments cause none.
         """
         error = ErrorText()
         status = getattr(self._library, name)(*arguments, error)
@@ -255,9 +255,9 @@ class CpuLibrary:
 
     @contextmanager
     def interruptible(self, outputs: Outputs | ExtrapolatedOutputs) -> Iterator[None]:
-        """Context of a call with these outputs, which an exception in a signal handler (Ctrl-C) cancels.
+        """Context of a call with these outputs. An exception in a signal handler (Ctrl-C) cancels the call.
 
-        Python runs signal handlers in the main thread, between instructions of Python.
+        Python runs signal handlers only in the main thread.
         """
         if threading.get_ident() != threading.main_thread().ident:
             yield
@@ -275,15 +275,15 @@ class CpuLibrary:
 def _polled(raised: list[BaseException]) -> Generator[int, object, None]:
     """Yield 0 to the library until a signal handler raises, then 1.
 
-    A handler runs where this generator goes on, which is inside of `try`. A plain function would run it at
-    its first instruction, before any `try`, and ctypes drops what a callback raises.
+    A handler runs when the generator resumes, inside `try`. In a plain function it would run at the first
+    instruction, before any `try`, and ctypes drops exceptions of callbacks.
     """
     try:
         while True:
             yield 0
     except GeneratorExit:
         raise
-    except BaseException as error:  # of any handler
+    except BaseException as error:  # a handler may raise anything
         raised.append(error)
     while True:
         yield 1
@@ -300,7 +300,7 @@ def cpu_library() -> CpuLibrary:
 
 
 def aligned(shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return float32 zeros that start at a cache line, so that the library can write past the caches."""
+    """Return float32 zeros that start at a cache line, as the library's non-temporal stores need."""
     size = int(np.prod(shape)) * 4
     room = np.zeros(size + _LINE, np.uint8)
     first = -room.ctypes.data % _LINE

@@ -1,7 +1,4 @@
-"""The bytes of a model for the CPU library: its method, constants and weights.
-
-sdk/native/src/arrays.h describes them.
-"""
+"""A model as bytes for the CPU library: method, constants and weights, as in sdk/native/src/arrays.h."""
 
 import struct
 import zlib
@@ -21,7 +18,7 @@ _TYPES = {"float32": 0, "int8": 1, "uint8": 2}
 
 
 def model_bytes(info: ModelInfo, spec: MethodSpec) -> bytes:
-    """Return the bytes of a model of a method that the library has.
+    """Return a model as bytes; the library has its method.
 
     Raises:
         ModelError: network.npz is damaged, or does not match the model's config.
@@ -35,7 +32,7 @@ def model_bytes(info: ModelInfo, spec: MethodSpec) -> bytes:
 
 
 def arrays_bytes(arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Return named arrays as bytes. Types other than float32, int8 and uint8 become float32."""
+    """Return named arrays as bytes; types other than float32, int8 and uint8 are converted to float32."""
     parts = [_MAGIC]
     for name, given in arrays.items():
         array = np.ascontiguousarray(given if str(given.dtype) in _TYPES else given.astype(np.float32))

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from supersampler.backends.base import ForkSafeLock
 from supersampler.errors import DeviceError
@@ -22,19 +22,19 @@ LIMITS = {
     "max-compute-invocations-per-workgroup": 256,
     "max-texture-dimension-2d": 8192,
 }
-"""WebGPU's defaults, which every implementation supports, so that the same shaders run in browsers."""
+"""WebGPU's default limits, which every implementation supports: the same shaders run in browsers."""
 TEXTURE_SIDE = "max-texture-dimension-2d"
 SIZES = TEXTURE_SIDE, "max-storage-buffer-binding-size", "max-buffer-size"
-"""Limits that are requested at the adapter's maximum: large displays need them, shaders do not."""
+"""Limits that are requested at the adapter's maximum, for large displays."""
 _lock = ForkSafeLock()
 _devices: list["wgpu.GPUDevice"] = []
-"""The device of this process, if there is one."""
+"""The device of this process, if one is open."""
 _used_by: set[int] = set()
-"""Processes that have used a device; a forked child gets its parent's."""
+"""Processes that have used a device; a forked child inherits the set of its parent."""
 
 
 def default_device() -> "wgpu.GPUDevice":
-    """Return this process's device on the fastest adapter; `WGPU_ADAPTER_NAME` chooses another.
+    """Return this process's device on the fastest adapter; `WGPU_ADAPTER_NAME` selects another adapter.
 
     Raises:
         DeviceError: wgpu is not installed, there is no adapter, or the parent of a forked process has used
@@ -47,15 +47,8 @@ def default_device() -> "wgpu.GPUDevice":
         return _devices[0]
 
 
-def forget_device(device: "wgpu.GPUDevice") -> None:
-    """Forget a lost device; `default_device` opens another."""
-    with _lock.lock:
-        if device in _devices:
-            _devices.remove(device)
-
-
 def adapter_text() -> str:
-    """Return the name of this process's adapter, or why there is none."""
+    """Return the name of this process's adapter, or "none" and the reason."""
     try:
         return name_of(default_device().adapter)
     except DeviceError as error:
@@ -63,7 +56,7 @@ def adapter_text() -> str:
 
 
 def _note_process() -> None:
-    """Raise DeviceError in a forked child of a process with a device: calls of the driver would hang."""
+    """Raise DeviceError in a forked child if its parent has used a device: calls of the driver would hang."""
     _used_by.add(os.getpid())
     if len(_used_by) > 1:
         raise DeviceError(
@@ -95,22 +88,19 @@ def _open_device() -> "wgpu.GPUDevice":
 
 
 def requested_limits(adapter: "wgpu.GPUAdapter") -> dict[str, int]:
-    """Return WebGPU's default limits with the sizes of an adapter."""
+    """Return WebGPU's default limits, with the adapter's limits of sizes."""
     return LIMITS | {name: int(adapter.limits.get(name, LIMITS[name])) for name in SIZES}
 
 
 def name_of(adapter: "wgpu.GPUAdapter") -> str:
-    """Return the name of an adapter, its kind and interface: "llvmpipe (CPU, Vulkan)"."""
+    """Return the name, type and API of an adapter: "llvmpipe (CPU, Vulkan)"."""
     info = adapter.info
     return f"{info['device']} ({info['adapter_type']}, {info['backend_type']})"
 
 
 @contextmanager
 def raising(device: "wgpu.GPUDevice", doing: str) -> Iterator[None]:
-    """Raise DeviceError, which names the adapter and a remedy, for errors of wgpu in a block.
-
-    A lost device is forgotten.
-    """
+    """Raise errors of wgpu in a block as DeviceErrors with the adapter and a remedy; forget a lost device."""
     import wgpu
 
     _note_process()
@@ -124,7 +114,9 @@ def raising(device: "wgpu.GPUDevice", doing: str) -> Iterator[None]:
         if isinstance(error, wgpu.GPUOutOfMemoryError | MemoryError) or "out of memory" in text.lower():
             kind, remedy = "ran out of memory", "choose a smaller display size, or free memory of the GPU"
         elif "lost" in text.lower():
-            forget_device(device)
+            with _lock.lock:
+                if device in _devices:  # `default_device` then opens another one
+                    _devices.remove(device)
             kind = "was lost"
             remedy = "histories on it are lost; make a new Upscaler, and load a saved state or reset"
         raise DeviceError(
@@ -133,29 +125,23 @@ def raising(device: "wgpu.GPUDevice", doing: str) -> Iterator[None]:
 
 
 def check_texture_size(device: "wgpu.GPUDevice", size: Size) -> None:
-    """Raise DeviceError where (width, height) exceeds the device's textures; it names the adapter's limit."""
+    """Raise DeviceError if (width, height) exceeds the device's textures."""
     limit, of_adapter = (int(each.limits[TEXTURE_SIDE]) for each in (device, device.adapter))
     if max(size) > limit:
         remedy = "choose a smaller display size, or executor='auto'"
         if limit < of_adapter:
             remedy = f"request the device with {TEXTURE_SIDE} {of_adapter}"
         raise DeviceError(
-            f"adapter {name_of(device.adapter)} has textures of at most {of_adapter} pixels a side, "
-            f"and the device of {limit}; want {size[0]}x{size[1]}: {remedy}"
+            f"the device supports textures of at most {limit} pixels a side, the adapter "
+            f"{name_of(device.adapter)} of {of_adapter}; want {size[0]}x{size[1]}: {remedy}"
         )
-
-
-def storage_limit(device: Any) -> int:
-    """Return the largest storage binding in bytes."""
-    return int(device.limits["max-storage-buffer-binding-size"])
 
 
 @cache
 def parse_all_types() -> None:
-    """Let cffi parse pointers to all types of wgpu at once.
+    """Let cffi parse pointers to all types of wgpu at once, which is faster than one by one on first use.
 
-    It reads and fills private attributes of cffi. Where a version has others, nothing is done, and each type
-    is parsed when it is first used.
+    It reads and fills private attributes of cffi, and does nothing if this version of cffi lacks them.
     """
     try:
         from wgpu.backends.wgpu_native._ffi import ffi

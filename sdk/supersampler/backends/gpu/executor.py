@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import ForkSafeLock, StepReport
-from supersampler.backends.gpu.device import default_device, raising, storage_limit
+from supersampler.backends.gpu.device import default_device, raising
 from supersampler.backends.gpu.frame import (
     IMAGE_FORMAT,
     PARAMS,
@@ -25,13 +25,12 @@ from supersampler.backends.gpu.frame import (
 )
 from supersampler.backends.gpu.history import SIGNATURES, GpuHistory
 from supersampler.backends.gpu.memory import (
-    BufferSpec,
     Memory,
+    PixelBuffer,
     Readback,
     allocate,
     encode_write,
-    image_of,
-    uniform_of,
+    new_texture,
     write_to,
 )
 from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram
@@ -45,16 +44,21 @@ if TYPE_CHECKING:
 Resource = Any
 """A buffer or a texture view."""
 MAX_GROUPS = 16
-"""Number of bind groups that a pass caches, for the resources that it used last."""
+"""Bind groups that a pass caches, the most recently used ones."""
+MAX_SIZES = 2
+"""Pairs of render and display size whose buffers are kept; dynamic resolution changes them often."""
 _pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
 _lock = Lock()
 
 
 class Pass:
-    """A shader, ready to be encoded.
+    """A compiled shader.
 
-    It dispatches workgroups of `tile` pixels (x, y); `names` has the resources of variables whose names
-    differ.
+    Args:
+        device: the device.
+        shader: the shader.
+        tile: (x, y) pixels of a workgroup.
+        names: resource of each variable that has another name than its resource.
     """
 
     def __init__(
@@ -69,10 +73,7 @@ class Pass:
     def encode(
         self, encoder: "wgpu.GPUComputePassEncoder", resources: Mapping[str, Resource], size: Sequence[int]
     ) -> None:
-        """Dispatch the workgroups that cover `size`, (width, height).
-
-        `resources` are by name of the shader's variable, or by the one that `names` gives for it.
-        """
+        """Dispatch workgroups that cover `size`, (width, height), on these resources by name."""
         encoder.set_pipeline(self._pipeline)
         for number, bindings in enumerate(self._bindings):
             bound = [resources[self._names.get(b.name, b.name)] for b in bindings]
@@ -114,17 +115,13 @@ def _pipeline(device: "wgpu.GPUDevice", shader: Shader) -> tuple[Any, list[Any]]
         return known[shader.code]
 
 
-MAX_SIZES = 2
-"""Sizes whose buffers are kept; dynamic resolution changes them often."""
-
-
 @dataclass(eq=False)
 class StepBuffers:
-    """Buffers of a step for frames and images of one size.
+    """Buffers of a step for one render size and one display size.
 
     Attributes:
         params: see `step_params`.
-        memory: memory of the frame and between passes, by the names that shaders use.
+        memory: frame and intermediate memory, by the names that shaders use.
         image: (H, W, 3) float32.
         aux: (H, W, 2) float32, the auxiliary outputs AUX.
     """
@@ -154,7 +151,7 @@ class GpuExecutor:
         self.passes(ARRAYS)
         self.weights: dict[str, Memory] = {}
         for name, words in program.weights.items():
-            self.weights[name] = allocate(self.device, BufferSpec(words.nbytes))
+            self.weights[name] = allocate(self.device, PixelBuffer(words.nbytes))
             write_to(self.device, self.weights[name], words)
 
     def passes(self, variants: Mapping[str, str]) -> list[Pass]:
@@ -175,7 +172,7 @@ class GpuExecutor:
 
     def fits(self, buffers: GpuHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
-        return buffers.fits(display, render)
+        return (buffers.display, buffers.render) == (display, render)
 
     def step(
         self,
@@ -231,13 +228,12 @@ class GpuExecutor:
         """
         kinds = {"frame": frame.in_textures, "image": is_texture(image)}
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}
-        display = history.display
         params = step_params(
             frame, history, has_reactive="reactive" in frame.images, adds_samples=adds_samples,
             writes_aux=False, skip=skip,
         )  # fmt: skip
-        with self._lock.lock, raising(self.device, f"encoding a step to {display}"):
-            buffers = self._buffers_for(frame.size, display)
+        with self._lock.lock, raising(self.device, f"encoding a step to {history.display}"):
+            buffers = self._buffers_for(frame.size, history.display)
             inputs = {f"frame_{name}": self._resource(image) for name, image in frame.images.items()}
             if frame.in_textures and "reactive" not in frame.images:
                 inputs["frame_reactive"] = self._no_mask
@@ -246,16 +242,16 @@ class GpuExecutor:
 
     @cached_property
     def _no_mask(self) -> Resource:
-        """A texture in place of a missing reactive mask, which no shader reads."""
-        return image_of(self.device, (1, 1), IMAGE_FORMAT).create_view()
+        """A texture to bind in place of a missing reactive mask; no shader reads it."""
+        return new_texture(self.device, (1, 1), IMAGE_FORMAT).create_view()
 
     def new_image(self, display: Size) -> "wgpu.GPUTexture":
         """Allocate a texture for an image."""
         with raising(self.device, f"allocating an image of {display}"):
-            return image_of(self.device, display, IMAGE_FORMAT)
+            return new_texture(self.device, display, IMAGE_FORMAT)
 
     def _resource(self, given: Any) -> Resource:
-        """Return what a bind group takes for a texture or buffer of the caller."""
+        """Return the caller's buffer, or a view of the caller's texture, for a bind group."""
         if not is_texture(given):
             return given
         if given not in self._views:
@@ -272,7 +268,7 @@ class GpuExecutor:
         inputs: Mapping[str, Resource],
         buffers: StepBuffers,
     ) -> None:
-        """Encode all passes; `inputs`: the image, and the frame unless it is in the buffers of `buffers`."""
+        """Encode all passes; `inputs` are the caller's images, which replace those of `buffers`."""
         render = int(params[0]), int(params[1])
         resources: dict[str, Resource] = {
             "params": buffers.params,
@@ -301,27 +297,26 @@ class GpuExecutor:
         return self._buffers[key]
 
     def _new_buffers(self, render: Size, display: Size) -> StepBuffers:
-        pixels, shape = display[0] * display[1], (display[1], display[0])
-        if 12 * pixels > storage_limit(self.device):
+        size, limit = 12 * display[0] * display[1], self.device.limits["max-storage-buffer-binding-size"]
+        if size > limit:
             raise DeviceError(
-                f"an image of {display} needs {12 * pixels} bytes in one binding; the device's limit is "
-                f"{storage_limit(self.device)}: at most {storage_limit(self.device) // 12} pixels"
+                f"an image of {display} needs {size} bytes in one binding; the device's limit is {limit}: "
+                f"at most {limit // 12} pixels"
             )
         memory = {**frame_buffers(self.program.layout.spec.inputs), **self.program.work}
         return StepBuffers(
-            uniform_of(self.device, 4 * PARAMS),
-            {name: allocate(self.device, of.spec(render, display)) for name, of in memory.items()},
-            Readback(self.device, (*shape, 3)),
-            Readback(self.device, (*shape, len(AUX))),
+            allocate(self.device, PixelBuffer(4 * PARAMS)).resource,
+            {name: allocate(self.device, each, render, display) for name, each in memory.items()},
+            Readback(self.device, (*display[::-1], 3)),
+            Readback(self.device, (*display[::-1], len(AUX))),
         )
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        history = self.program.layout.specs(display, render)
-        specs = self.program.specs(render, display)
-        working = [spec.bytes for name, spec in specs.items() if not name.startswith(("history_", "next_"))]
-        mapped = specs["image"].bytes + specs["aux"].bytes  # what the CPU reads
-        return sum(spec.bytes for spec in history.values()), sum(working) + mapped
+        sizes = {name: m.total_bytes(render, display) for name, m in self.program.memory().items()}
+        history = sum(size for name, size in sizes.items() if name.startswith("next_"))
+        working = sum(size for name, size in sizes.items() if not name.startswith(("history_", "next_")))
+        return history, working + sizes["image"] + sizes["aux"]  # the CPU maps copies of these two
 
     def tensor(self, buffers: GpuHistory, name: str) -> Float32:
         """See `Executor`."""

@@ -1,4 +1,4 @@
-"""The frame and the parameters that a step reads: arrays, or textures and buffers of the caller's device."""
+"""Inputs of a step: a frame in arrays, or in textures and buffers of the caller; and the parameters."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 IMAGE_FORMAT = "rgba16float"
 PARAMS = 16
-"""Values of the shader's `Params`."""
+"""Number of values in the shader's `Params`."""
 CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1}
-"""Images of a frame that shaders read, and their channels; the last may be missing."""
-_SAMPLED, _STORED, _STORAGE = 4, 8, 128  # usages, as WebGPU numbers them
+"""Images of a frame that shaders read, and their channels; "reactive" may be missing."""
+_SAMPLED, _STORED, _STORAGE = 4, 8, 128  # WebGPU's usage flags
 _SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
 
 
@@ -42,17 +42,13 @@ def step_params(
 
 def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:
     """Return the buffers of the images that a method reads, by the names that shaders use."""
-    return {
-        f"frame_{name}": PixelBuffer(4 * channels, RENDER)
-        for name, channels in CHANNELS.items()
-        if name in names
-    }
+    return {f"frame_{name}": PixelBuffer(4 * n, RENDER) for name, n in CHANNELS.items() if name in names}
 
 
 def upload_frame(
     device: "wgpu.GPUDevice", memory: Mapping[str, Memory], frame: Frame, names: Collection[str]
 ) -> None:
-    """Copy the images of a frame that the method reads to its buffers."""
+    """Copy the images of a frame that the method reads to the device."""
     for name in CHANNELS:
         image: Any = getattr(frame, name)
         if name in names and image is not None:
@@ -64,7 +60,7 @@ class DeviceFrame:
     """A frame on the GPU.
 
     Attributes:
-        images: textures, or buffers, by name: "color", "depth", "motion", perhaps "reactive".
+        images: textures or buffers by name: "color", "depth", "motion", optionally "reactive".
         size: (width, height).
         jitter: see `Frame`.
         exposure: see `Frame`.
@@ -93,29 +89,25 @@ def checked_images(
 ) -> tuple[dict[str, Any], Size]:
     """Return the images that a method reads, and their size.
 
-    `names` are the inputs of the method, `render_size` is that of buffers; see `Upscaler.step_textures`.
+    `names` are the method's inputs, `render_size` is the size of buffers; see `Upscaler.step_textures`.
 
     Raises:
         FrameError: an image is missing, of another device, or has a wrong size, format or usage.
     """
     if not isinstance(images, Mapping):
         raise FrameError("images", got=shown(images), want="textures or buffers by name")
-    required = [name for name in CHANNELS if name in names]
-    if images.get("reactive") is None and "reactive" in required:
-        required.remove("reactive")
-    for name in required:
-        if images.get(name) is None:
+    given = {name: images.get(name) for name in CHANNELS if name in names}
+    if given.get("reactive") is None:
+        given.pop("reactive", None)
+    for name, image in given.items():
+        if image is None:
             raise FrameError(name, got=None, want="a wgpu texture or buffer")
-    given = {name: images[name] for name in required}
     kinds = {is_texture(image) for image in given.values()}
     if len(kinds) > 1:
         raise FrameError("images", got="textures and buffers", want="one kind")
-    if kinds == {True}:
-        size = given["color"].size[0], given["color"].size[1]
-    elif render_size is None:
+    size = tuple(images["color"].size[:2]) if kinds == {True} else render_size
+    if size is None:
         raise FrameError("render_size", got=None, want="(width, height) of the buffers")
-    else:
-        size = render_size
     for name, image in given.items():
         _check_image(name, image, size, device)
     return given, size
@@ -151,9 +143,9 @@ def check_encoder(encoder: object, device: "wgpu.GPUDevice") -> None:
         raise ArgumentError("encoder", got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
 
 
-def device_of(image: Any) -> Any:
-    """Return the device of a texture or buffer."""
-    return image._device  # wgpu has no public name for it
+def device_of(resource: Any) -> Any:
+    """Return the device of a texture, buffer or encoder."""
+    return resource._device  # wgpu has no public name for it
 
 
 def _check_image(name: str, image: Any, size: Size, device: "wgpu.GPUDevice") -> None:

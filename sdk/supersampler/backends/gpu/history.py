@@ -1,4 +1,4 @@
-"""History on the device: planes of pixels in textures and buffers, and values of a whole frame."""
+"""History on the device: planes of pixels in textures and buffers, and values per frame."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,6 @@ from supersampler.backends.gpu.memory import (
     LARGE_HALF,
     PHASES,
     Memory,
-    MemorySpec,
     PixelBuffer,
     PixelMemory,
     PixelTexture,
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 
 STATE = "state"
 STATE_VALUES = 16
-"""Fields of the shader's `State`: signed exposure, flash, jitter, light, and values of one step."""
+"""Values of the shader's `State`: signed exposure, flash, jitter, light, and values of one step."""
 _STATE_TENSORS = {"exposure": slice(0, 1), "jitter": slice(2, 4), "light": slice(4, 8)}
 SIGNATURES, PHASE_TABLE = "signatures", "phases"
 _MEAN, _BLOCKS = "static_mean", "static_blocks"
@@ -52,10 +51,10 @@ class HistoryPlane(NamedTuple):
     """A plane of a history.
 
     Attributes:
-        tensor: a history tensor of its size.
-        words: words of four bytes of a pixel.
-        texture: format of a texture; None: a buffer.
-        codec: None where the words are float32.
+        tensor: name of a history tensor with the plane's size.
+        words: four-byte words per pixel.
+        texture: format of the texture; None for a buffer.
+        codec: conversion of the words; None for float32.
     """
 
     tensor: str
@@ -64,14 +63,12 @@ class HistoryPlane(NamedTuple):
     codec: Codec | None = None
 
     def memory(self, extent: SizeRule) -> PixelMemory:
-        """Return the memory that it needs."""
-        if self.texture is not None:
-            return PixelTexture(extent, self.texture)
-        return PixelBuffer(4 * self.words, extent)
+        """Return the memory of a plane of this size."""
+        return PixelTexture(extent, self.texture) if self.texture else PixelBuffer(4 * self.words, extent)
 
 
 PIXEL_EXPONENT = 80
-"""Smallest shared exponent of a pixel, as in a float's bits."""
+"""Smallest shared exponent of a pixel, biased as in a float32."""
 _PART_BITS, _PARTS = 14, (1 << 14) - 1
 
 
@@ -101,12 +98,12 @@ PIXELS = HistoryPlane("color", 2, "rg32uint", Codec(_unpack_pixels, _pack_pixels
 
 @dataclass(frozen=True)
 class HistoryLayout:
-    """Places of the history tensors of a method.
+    """Mapping of a method's history tensors to planes.
 
     Attributes:
         spec: the method.
         planes: planes by name.
-        channels: channels of each tensor: plane and channel of each of its channels.
+        channels: for each tensor, the plane and the plane's channel of each of its channels.
     """
 
     spec: MethodSpec
@@ -114,7 +111,7 @@ class HistoryLayout:
     channels: Mapping[str, tuple[tuple[str, int], ...]]
 
     def extent(self, plane: str, frame: Literal["previous", "render"]) -> SizeRule:
-        """Return the size of a plane after the previous frame, or after this one."""
+        """Return the size of a plane of the history that a step reads ("previous") or writes ("render")."""
         tensor = self.planes[plane].tensor
         if tensor == PHASE_TABLE:
             return PHASES
@@ -139,10 +136,6 @@ class HistoryLayout:
         planes = {name: plane.memory(self.extent(name, frame)) for name, plane in self.planes.items()}
         return {STATE: PixelBuffer(4 * STATE_VALUES), **planes}
 
-    def specs(self, display: Size, render: Size) -> dict[str, MemorySpec]:
-        """Return `memory` after a frame of size `render`."""
-        return {name: memory.spec(render, display) for name, memory in self.memory("render").items()}
-
 
 def of_plane(plane: str, *channels: int) -> tuple[tuple[str, int], ...]:
     """Return the entry of `HistoryLayout.channels` for channels of one plane."""
@@ -161,16 +154,16 @@ def _image_of(tensor: str, values: NDArray[Any], channel: int) -> NDArray[Any]:
 
 @dataclass(eq=False)
 class GpuHistory:
-    """Buffers of a history; zeros at first, which mean no history.
+    """Buffers of a history, initially zeros, which mean no history.
 
     Attributes:
         device: device of the buffers.
-        layout: where the tensors are.
+        layout: layout of the tensors.
         display: (width, height) of the images.
         render: (width, height) of the previous frame.
-        memory: memory by name; "state" is that of a whole frame.
+        memory: memory of each plane, and of "state", the values per frame.
         step: identity of the step that wrote it.
-        previous: identity of the step that wrote the history which that step read.
+        previous: identity of the step before that one.
     """
 
     device: "wgpu.GPUDevice"
@@ -182,19 +175,16 @@ class GpuHistory:
     previous: object = None
 
     def __post_init__(self) -> None:
-        specs = self.layout.specs(self.display, self.render)
-        self.memory = {name: allocate(self.device, spec) for name, spec in specs.items()}
-
-    def fits(self, display: Size, render: Size) -> bool:
-        """Return whether it is of these sizes."""
-        return (self.display, self.render) == (display, render)
+        memory = self.layout.memory("render").items()
+        self.memory = {name: allocate(self.device, m, self.render, self.display) for name, m in memory}
 
     def follow(self, history: "GpuHistory") -> bool:
-        """Note that a step from `history` is written to this one.
+        """Record that a step reads `history` and writes this one.
 
         Returns:
-            Whether `signatures` must be copied first. A step writes only those of its own phase and of the
-            step before. The others are those of `history` if this was written two steps before.
+            Whether `signatures` must be copied from `history` first. A step writes only the signatures of its
+            own phase and of the previous step's. The others are up to date if this history was written two
+            steps ago.
         """
         is_second = self.step is history.previous
         self.step, self.previous = object(), history.step
@@ -204,18 +194,20 @@ class GpuHistory:
         """Return a history tensor of the contract (`history.NAME` or NAME), NCHW."""
         name = name.removeprefix("history.")
         if name in _STATE_TENSORS:
-            values = self._words(STATE)[_STATE_TENSORS[name]].view(np.float32)
+            values = read_back(self.device, self.memory[STATE])[_STATE_TENSORS[name]].view(np.float32)
             return values.copy().reshape(sized(self.layout.spec.history[name], {}))
         where = self.layout.channels[name]
         pixels = {plane: self._pixels(plane) for plane, _ in where}
         planes = np.stack([pixels[plane][..., channel] for plane, channel in where])
+        phases = phase_count(self.display, self.render)
         if name == PHASE_TABLE:
-            return np.ascontiguousarray(planes[:, 0, : self._phases].T)
+            return np.ascontiguousarray(planes[:, 0, :phases].T)
         if name == SIGNATURES:
-            split = planes.reshape(4, self._phases, -1, planes.shape[2])
+            split = planes.reshape(4, phases, -1, planes.shape[2])
             return np.ascontiguousarray(split.transpose(1, 0, 2, 3))
-        if name == _MEAN:
-            planes = planes * self._has_mean()
+        if name == _MEAN:  # shaders do not update the mean of blocks that have none
+            columns, rows = map(block_of_pixels, self.display, self.render)
+            planes = planes * (self.tensor(_BLOCKS)[0, 0, rows[:, None], columns] != 0.0)
         return planes[None]
 
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
@@ -238,23 +230,9 @@ class GpuHistory:
             packed = pixels if plane.codec is None else plane.codec.pack(pixels)
             write_to(self.device, self.memory[name], packed)
 
-    @property
-    def _phases(self) -> int:
-        return phase_count(self.display, self.render)
-
-    def _has_mean(self) -> Float32:
-        """(H, W) 1 where there is a mean: shaders do not update that of other blocks."""
-        ages = self.tensor(_BLOCKS)[0, 0]
-        columns, rows = map(block_of_pixels, self.display, self.render)
-        has_mean: Float32 = (ages[rows[:, None], columns] != 0.0).astype(np.float32)
-        return has_mean
-
-    def _words(self, name: str) -> NDArray[np.uint32]:
-        return read_back(self.device, self.memory[name])
-
     def _pixels(self, name: str) -> Float32:
         plane = self.layout.planes[name]
         width, height = self.layout.size(name, self.display, self.render)
-        words = self._words(name)[: height * width * plane.words]  # the smallest buffer is longer
+        words = read_back(self.device, self.memory[name])[: height * width * plane.words]  # without padding
         words = words.reshape(height, width, plane.words)
         return words.view(np.float32) if plane.codec is None else plane.codec.unpack(words)

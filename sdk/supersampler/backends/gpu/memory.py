@@ -1,4 +1,4 @@
-"""Textures and buffers on the device, rules for their sizes, and copies between them and arrays."""
+"""Textures and buffers of the device, the rules of their sizes, and copies between them and arrays."""
 
 import math
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -15,64 +15,27 @@ if TYPE_CHECKING:
     import wgpu
 
 ROW = 256
-"""Rows of textures are copied to buffers at multiples of this many bytes."""
+"""Bytes to which each row is padded when a texture is copied to a buffer."""
 TEXELS = {
     "rgba32float": 16, "rgba32uint": 16, "rgba16float": 8, "rg32float": 8, "rg32uint": 8, "r32uint": 4,
 }  # fmt: skip
-"""Bytes of a pixel by format."""
-# usages, as WebGPU numbers them
+"""Bytes of a pixel, by format."""
+# WebGPU's usage flags
 _MAP_READ = 1
 _COPY_SRC, _COPY_DST, _UNIFORM, _STORAGE = 4, 8, 64, 128
 _TEXTURE_COPY_SRC, _TEXTURE_COPY_DST, _SAMPLED, _STORED = 1, 2, 4, 8
-
-
-class BufferSpec(NamedTuple):
-    """A storage buffer of at least `bytes`."""
-
-    bytes: int
-
-
-class TextureSpec(NamedTuple):
-    """A texture of (width, height), of a format in TEXELS."""
-
-    size: Size
-    format: str = "rgba32float"
-
-    @property
-    def bytes(self) -> int:
-        """Bytes of all pixels."""
-        return TEXELS[self.format] * self.size[0] * self.size[1]
-
-
-MemorySpec = BufferSpec | TextureSpec
 
 
 class Memory(NamedTuple):
     """A buffer or a texture.
 
     Attributes:
-        resource: what a bind group takes: the buffer, or a view of the texture.
+        resource: the buffer, or a view of the texture, for a bind group.
         texture: the texture; None for a buffer.
     """
 
     resource: Any
     texture: Any = None
-
-
-def allocate(device: "wgpu.GPUDevice", spec: MemorySpec) -> Memory:
-    """Allocate memory, zeros."""
-    if isinstance(spec, BufferSpec):
-        size = max(-(-spec.bytes // 4) * 4, 16)
-        return Memory(device.create_buffer(size=size, usage=_STORAGE | _UNIFORM | _COPY_SRC | _COPY_DST))
-    usage = _TEXTURE_COPY_SRC | _TEXTURE_COPY_DST | _SAMPLED | _STORED
-    check_texture_size(device, spec.size)
-    texture = device.create_texture(size=(*spec.size, 1), format=spec.format, usage=usage)
-    return Memory(texture.create_view(), texture)
-
-
-def uniform_of(device: "wgpu.GPUDevice", size: int) -> "wgpu.GPUBuffer":
-    """Allocate a uniform buffer."""
-    return device.create_buffer(size=size, usage=_UNIFORM | _COPY_DST)
 
 
 def encode_write(
@@ -81,15 +44,15 @@ def encode_write(
     buffer: "wgpu.GPUBuffer",
     values: NDArray[Any],
 ) -> None:
-    """Encode a write to a buffer, in the order of the encoder: one may hold several steps."""
+    """Encode a write to a buffer. A write by the queue would run before all steps of the encoder."""
     source = device.create_buffer_with_data(data=values, usage=_COPY_SRC)
     encoder.copy_buffer_to_buffer(source, 0, buffer, 0, values.nbytes)
 
 
-def image_of(device: "wgpu.GPUDevice", size: Size, texture_format: str) -> "wgpu.GPUTexture":
-    """Allocate a texture that shaders write, and others sample and copy."""
-    usage = _TEXTURE_COPY_SRC | _SAMPLED | _STORED
+def new_texture(device: "wgpu.GPUDevice", size: Size, texture_format: str) -> "wgpu.GPUTexture":
+    """Allocate a texture that shaders sample and write, and that can be copied."""
     check_texture_size(device, size)
+    usage = _TEXTURE_COPY_SRC | _TEXTURE_COPY_DST | _SAMPLED | _STORED
     return device.create_texture(size=(*size, 1), format=texture_format, usage=usage)
 
 
@@ -113,29 +76,23 @@ def read_back(device: "wgpu.GPUDevice", memory: Memory) -> NDArray[np.uint32]:
     row = -(-texel * width // ROW) * ROW
     rows = device.create_buffer(size=row * height, usage=_COPY_SRC | _COPY_DST)
     encoder = device.create_command_encoder()
-    source, target = (
-        {"texture": memory.texture},
-        {"buffer": rows, "bytes_per_row": row, "rows_per_image": height},
-    )
-    encoder.copy_texture_to_buffer(source, target, (width, height, 1))
+    target = {"buffer": rows, "bytes_per_row": row, "rows_per_image": height}
+    encoder.copy_texture_to_buffer({"texture": memory.texture}, target, (width, height, 1))
     device.queue.submit([encoder.finish()])
     words = np.frombuffer(device.queue.read_buffer(rows), np.uint32).reshape(height, row // 4)
     return words[:, : texel // 4 * width].reshape(-1)
 
 
 class Readback:
-    """A storage buffer, and a second one in which the CPU reads its contents.
-
-    Shaders write to `buffer`, a float32 array of this shape.
-    """
+    """A storage buffer of float32 values that shaders write, and a second buffer that the CPU maps."""
 
     def __init__(self, device: "wgpu.GPUDevice", shape: tuple[int, ...]) -> None:
         self._device = device
-        self.buffer = allocate(device, BufferSpec(4 * math.prod(shape))).resource
+        self.buffer = allocate(device, PixelBuffer(4 * math.prod(shape))).resource
         self._mapped = device.create_buffer(size=self.buffer.size, usage=_MAP_READ | _COPY_DST)
 
     def encode(self, encoder: "wgpu.GPUCommandEncoder") -> None:
-        """Encode the copy."""
+        """Encode the copy to the second buffer."""
         if self._mapped.map_state != "unmapped":  # the previous copy was interrupted
             self._mapped = self._device.create_buffer(size=self._mapped.size, usage=self._mapped.usage)
         encoder.copy_buffer_to_buffer(self.buffer, 0, self._mapped, 0, self._mapped.size)
@@ -159,9 +116,10 @@ class SizeRule(NamedTuple):
     """A size in pixels: `of` / `divide`, rounded up, times `multiply`.
 
     Attributes:
-        of: "render" and "previous", sizes of this frame and of the one before; "display", of the image;
-            "large", 1.4 times the display (`large_size`); "one", which is (1, 1); "signatures" and
-            "previous_signatures", the blocks of that frame, one phase of the jitter below the other.
+        of: "render", "previous": the size of this frame and of the previous one; "display": of the image;
+            "large": 1.4 times the display (`large_size`); "one": (1, 1); "signatures" and
+            "previous_signatures": the blocks of this and the previous frame, with the jitter phases stacked
+            vertically.
         divide: divisor of both axes.
         multiply: factors of the axes, (x, y).
     """
@@ -172,30 +130,22 @@ class SizeRule(NamedTuple):
 
     def size(self, render: Size, display: Size) -> Size:
         """Return (width, height) at these sizes, after a previous frame of the same size."""
-        width, height = _size_of(self.of, render, display)
+        if self.of == "large":
+            width, height = large_size(display)
+        elif self.of.endswith("signatures"):
+            width, height = block_count(render)
+            height *= phase_count(display, render)
+        else:
+            width, height = {"one": (1, 1), "display": display}.get(self.of, render)
         return -(-width // self.divide) * self.multiply[0], -(-height // self.divide) * self.multiply[1]
 
     @property
     def enlarged(self) -> "SizeRule":
-        """This rule on the larger display; unchanged where it does not depend on the display."""
+        """This rule with the larger display in place of the display."""
         return self._replace(of="large") if self.of == "display" else self
 
 
-def _size_of(base: Base, render: Size, display: Size) -> Size:
-    if base == "large":
-        return large_size(display)
-    if base.endswith("signatures"):
-        across, down = block_count(render)
-        return across, down * phase_count(display, render)
-    return {"one": (1, 1), "display": display}.get(base, render)
-
-
-ONE, RENDER, PREVIOUS, DISPLAY = (
-    SizeRule("one"),
-    SizeRule("render"),
-    SizeRule("previous"),
-    SizeRule("display"),
-)
+ONE, RENDER, DISPLAY = SizeRule("one"), SizeRule("render"), SizeRule("display")
 HALF, LARGE, LARGE_HALF = SizeRule("display", 2), SizeRule("large"), SizeRule("large", 2)
 BLOCKS, PHASES = SizeRule("render", BLOCK), SizeRule("one", multiply=(MAX_PHASES, 1))
 
@@ -206,10 +156,9 @@ class PixelBuffer(NamedTuple):
     bytes: int
     extent: SizeRule = ONE
 
-    def spec(self, render: Size, display: Size) -> MemorySpec:
-        """Return the memory at these sizes; see `SizeRule.size`."""
-        width, height = self.extent.size(render, display)
-        return BufferSpec(self.bytes * width * height)
+    def total_bytes(self, render: Size, display: Size) -> int:
+        """Return the bytes of all pixels; see `SizeRule.size`."""
+        return self.bytes * math.prod(self.extent.size(render, display))
 
 
 class PixelTexture(NamedTuple):
@@ -218,9 +167,20 @@ class PixelTexture(NamedTuple):
     extent: SizeRule
     format: str = "rgba32float"
 
-    def spec(self, render: Size, display: Size) -> MemorySpec:
-        """Return the memory at these sizes; see `SizeRule.size`."""
-        return TextureSpec(self.extent.size(render, display), self.format)
+    def total_bytes(self, render: Size, display: Size) -> int:
+        """Return the bytes of all pixels; see `SizeRule.size`."""
+        return TEXELS[self.format] * math.prod(self.extent.size(render, display))
 
 
 PixelMemory = PixelBuffer | PixelTexture
+
+
+def allocate(
+    device: "wgpu.GPUDevice", memory: PixelMemory, render: Size = (1, 1), display: Size = (1, 1)
+) -> Memory:
+    """Allocate zeros for these sizes; see `SizeRule.size`."""
+    if isinstance(memory, PixelBuffer):
+        size = max(-(-memory.total_bytes(render, display) // 4) * 4, 16)
+        return Memory(device.create_buffer(size=size, usage=_STORAGE | _UNIFORM | _COPY_SRC | _COPY_DST))
+    texture = new_texture(device, memory.extent.size(render, display), memory.format)
+    return Memory(texture.create_view(), texture)

@@ -14,21 +14,19 @@ from supersampler.backends.gpu.memory import (
     DISPLAY,
     ONE,
     RENDER,
-    MemorySpec,
     PixelBuffer,
     PixelMemory,
     PixelTexture,
     SizeRule,
 )
 from supersampler.backends.gpu.shader import Constants, Shader, load_shader
-from supersampler.frame import Size
-from supersampler.methods import at_rest
+from supersampler.methods.at_rest import TILE
 
 ARRAYS = {"frame": "frame_arrays", "image": "image_array"}
 TEXTURES = {"frame": "frame_textures", "image": "image_texture"}
 """Files that shaders import for frames and images in buffers, and in textures of the caller."""
 PARTS = 256
-"""Workgroups of the pass `measure`, and sums that `follow_exposure` adds up."""
+"""Workgroups of the pass `measure`, and sums that `follow_frame` adds up."""
 AUX = ("weight", "converged")
 
 
@@ -39,9 +37,9 @@ class PassSpec(NamedTuple):
         shader: name of its file.
         extent: size that its workgroups cover.
         tile: pixels that a workgroup computes.
-        constants: constants of this pass, beside those of the method.
-        names: names of the resources of variables, where they differ.
-        variants: files to import in place of a name.
+        constants: constants of this pass, in addition to the method's.
+        names: resource of each variable that has another name than its resource.
+        variants: file to import in place of each name.
     """
 
     shader: str
@@ -53,28 +51,27 @@ class PassSpec(NamedTuple):
 
     @property
     def title(self) -> str:
-        """Name of its shader; with its level, where a method has it several times."""
+        """Name of its shader, with the level if it has one."""
         return f"{self.shader} {self.constants['level']}" if "level" in self.constants else self.shader
 
 
 MEASURE = PassSpec("measure", SizeRule("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS})
 FOLLOW = PassSpec("follow_frame", ONE, (1, 1), {"parts": PARTS})
-"""The first passes of every method."""
-EXPOSURE_MEMORY: Mapping[str, PixelMemory] = {"measured": PixelBuffer(8 * PARTS)}
+"""The first two passes of every method."""
 
 
 @dataclass(frozen=True)
 class GpuProgram:
-    """Passes, memory and weights of a method's step on a GPU; it needs no device.
+    """Passes, memory and weights of a method's step on a GPU, independent of a device.
 
     Attributes:
         layout: layout of the method's history.
-        packages: packages with the method's shaders in their folders `shaders`, in the order of the search.
+        packages: packages whose folders `shaders` are searched, in this order.
         constants: constants of the method, by name.
-        method_passes: method passes in order, after those of the whole frame.
-        method_memory: between these passes, by the names that shaders use.
+        method_passes: the method's passes in order, which follow MEASURE and FOLLOW.
+        method_memory: memory between these passes, by the names that shaders use.
         weights: weights of a network, by the names that shaders use; rows of four words.
-        precision: precision of the network, or of all where there is none.
+        precision: precision of the network, or of all passes without a network.
     """
 
     layout: HistoryLayout
@@ -93,8 +90,8 @@ class GpuProgram:
 
     @property
     def work(self) -> dict[str, PixelMemory]:
-        """The memory between passes, by the names that shaders use."""
-        return {**EXPOSURE_MEMORY, **self.method_memory}
+        """Memory between passes, by the names that shaders use."""
+        return {"measured": PixelBuffer(8 * PARTS), **self.method_memory}
 
     @property
     def outputs(self) -> dict[str, PixelMemory]:
@@ -103,17 +100,13 @@ class GpuProgram:
 
     def memory(self) -> dict[str, PixelMemory]:
         """Return all memory of a step with frame and image in buffers, without weights."""
-        histories = {"history": self.layout.memory("previous"), "next": self.layout.memory("render")}
         return {
-            **{f"{of}_{name}": memory for of, known in histories.items() for name, memory in known.items()},
+            **{f"history_{name}": memory for name, memory in self.layout.memory("previous").items()},
+            **{f"next_{name}": memory for name, memory in self.layout.memory("render").items()},
             **frame_buffers(self.layout.spec.inputs),
             **self.work,
             **self.outputs,
         }
-
-    def specs(self, render: Size, display: Size) -> dict[str, MemorySpec]:
-        """Return `memory` at these sizes, after a frame of the same size."""
-        return {name: memory.spec(render, display) for name, memory in self.memory().items()}
 
     def shader(self, spec: PassSpec, variants: Mapping[str, str]) -> Shader:
         """Return the shader of a pass for frames and images in buffers, or in textures."""
@@ -122,14 +115,8 @@ class GpuProgram:
 
 
 SIDE = 16
-"""Samples of a workgroup of `preprocess` in either direction."""
-BLOCK_PASSES = (
-    PassSpec("compare_blocks", BLOCKS, (4, 4)),
-    PassSpec("decide_blocks", BLOCKS, (8, 8)),
-)
-"""Passes that find static blocks. They read the frame, the exposure and the history, nothing else."""
-TILES = SizeRule("display", at_rest.TILE)
-TILE_PASS = PassSpec("rest_tiles", TILES, (8, 8))
+"""Side of a workgroup of `preprocess`, samples."""
+TILES = SizeRule("display", TILE)
 REST_PLANES = {
     "mean": HistoryPlane("static_mean"),
     "blocks": HistoryPlane("static_blocks"),
@@ -142,21 +129,26 @@ REST_CHANNELS = {
     "signatures": of_plane("signatures", 0, 1, 2, 3),
     "phases": of_plane("phases", 0, 1, 2, 3),
 }
-REST_MEMORY: Mapping[str, PixelMemory] = {
+FRAME_MEMORY: Mapping[str, PixelMemory] = {
     "awake": PixelBuffer(4),
     "block_sums": PixelBuffer(64, BLOCKS),
     "block_states": PixelTexture(BLOCKS, "rg32uint"),
-}
-"""Memory that BLOCK_PASSES write for later passes."""
-TILE_MEMORY: Mapping[str, PixelMemory] = {"tiles": PixelBuffer(8, TILES)}
-SAMPLE_MEMORY: Mapping[str, PixelMemory] = {
+    "tiles": PixelBuffer(8, TILES),
     "samples": PixelTexture(RENDER, "rgba16float"),
     "dilated": PixelTexture(RENDER, "rg32uint"),
     "light": PixelBuffer(8, SizeRule("render", SIDE)),
 }
-"""Memory that `preprocess` writes for later passes, beside the history."""
+"""Memory that `frame_passes` write for later passes, in addition to the history."""
 
 
-def preprocess(surface: str) -> PassSpec:
-    """Return the pass on the samples of a frame; `surface`: what it stores of them, "depth" or "shade"."""
-    return PassSpec("preprocess", RENDER, (SIDE, SIDE), variants={"surface": f"surface_{surface}"})
+def frame_passes(surface: str) -> tuple[PassSpec, ...]:
+    """Return the passes that find static blocks and frozen tiles, and preprocess the samples.
+
+    `surface`, "depth" or "shade", selects the property of samples that the last pass stores.
+    """
+    return (
+        PassSpec("compare_blocks", BLOCKS, (4, 4)),
+        PassSpec("decide_blocks", BLOCKS, (8, 8)),
+        PassSpec("rest_tiles", TILES, (8, 8)),
+        PassSpec("preprocess", RENDER, (SIDE, SIDE), variants={"surface": f"surface_{surface}"}),
+    )

@@ -1,13 +1,13 @@
 """WGSL sources: imports, constants, and the declarations and bindings that an entry point needs.
 
-Loops that are marked with `/* unroll */` are written out: wgpu adds a counter to every loop, and drivers then
-unroll none, so that vectors and arrays that a loop indexes stay in memory. Written out, the indices are
-constants. Mark small loops that index; others only cost time to compile.
+Loops marked with `/* unroll */` are unrolled here: wgpu adds a counter to every loop, drivers then unroll
+none, and the arrays that a loop indexes stay in memory. Mark only small loops that index arrays; unrolling
+others only costs compile time.
 """
 
 import re
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -22,9 +22,9 @@ SHARED_CONSTANTS = (
 )
 """Modules whose constants shaders and the CPU library can use."""
 GPU_CONSTANTS = "supersampler.backends.gpu.history"
-"""Module whose constants shaders can use, too."""
+"""Module whose constants only shaders can use."""
 MAX_ROUNDS = 16
-"""Loops with more rounds stay loops: they would take long to compile."""
+"""Largest number of iterations that are unrolled; longer loops would take long to compile."""
 Number = float | int | bool
 Constants = Mapping[str, Number]
 Vector = tuple[float, float, float]
@@ -48,8 +48,8 @@ class Declaration(NamedTuple):
 
     Attributes:
         name: its name.
-        text: its code, with comments before it and at the end of its line.
-        words: names of others that it may use.
+        text: its code, with the comments before it and at the end of its line.
+        words: identifiers in it that may name other declarations.
     """
 
     name: str
@@ -69,9 +69,9 @@ class Binding:
     """A resource that a pass declares.
 
     Attributes:
-        group: bind group.
-        index: binding in it.
-        name: name of the variable, which is that of the resource.
+        group: index of the bind group.
+        index: binding in the group.
+        name: name of the variable.
         kind: "uniform", "storage", "read-only-storage", "texture", "uint-texture" or "storage-texture".
         format: format of a storage texture, else "".
     """
@@ -89,7 +89,7 @@ class Binding:
 
     @property
     def is_texture(self) -> bool:
-        """Whether it is a texture, and no buffer."""
+        """Whether the resource is a texture rather than a buffer."""
         return self.kind.endswith("texture")
 
     def layout(self) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class Shader:
 
     Attributes:
         name: name of the file, without its suffix.
-        code: complete WGSL: what `main` needs.
+        code: `main` and all declarations that it needs, in WGSL.
         bindings: the resources that it uses.
     """
 
@@ -123,17 +123,15 @@ class Shader:
 def load_shader(
     name: str, folders: Sequence[str], constants: Constants, variants: Mapping[str, str] | None = None
 ) -> Shader:
-    """Return a shader after what it needs of the files that it imports (`// import NAME`), each once.
-
-    Loops that are marked with `/* unroll */` are written out (`unroll`).
+    """Return a shader with the declarations that it needs of imported files (`// import NAME`).
 
     Args:
         name: name of its file, without the suffix.
         folders: packages of methods, with a folder `shaders` and a module `spec`. Shaders of `backends.gpu`
             are always found.
-        constants: declared first, as `const NAME = value;`, after those of SHARED_CONSTANTS,
-            GPU_CONSTANTS and the specs.
-        variants: files to import in place of a name.
+        constants: declared as `const NAME = value;`, with those of SHARED_CONSTANTS, GPU_CONSTANTS and the
+            specs, which they override.
+        variants: file to import in place of each name.
     """
     modules = *SHARED_CONSTANTS, GPU_CONSTANTS, *(f"{folder}.spec" for folder in reversed(folders))
     known = {key: value for module in modules for key, value in numbers_of(module).items()}
@@ -155,7 +153,7 @@ def _collect(name: str, folders: Sequence[str], variants: Mapping[str, str], par
 
 @cache
 def _source(name: str, folders: tuple[str, ...]) -> tuple[list[str], Part]:
-    """Return what a file imports, and the rest of it."""
+    """Return the imports of a file, and its declarations."""
     for folder in folders:
         file = files(folder) / "shaders" / f"{name}.wgsl"
         if file.is_file():
@@ -166,7 +164,7 @@ def _source(name: str, folders: tuple[str, ...]) -> tuple[list[str], Part]:
 
 @cache
 def numbers_of(module: str) -> Mapping[str, Number | Vector]:
-    """Return the public constants of a module that are numbers, or three of them, by name."""
+    """Return the public constants of a module that are numbers or triples of numbers, by name."""
     return {
         name: value
         for name, value in vars(import_module(module)).items()
@@ -183,7 +181,7 @@ def _is_vector(value: object) -> bool:
 
 
 def _declarations(name: str, value: Number | Vector) -> list[Declaration]:
-    """Return `const NAME`; of a float >= 0 also `const NAME_BITS`, its bits in single precision."""
+    """Return `const NAME`, and for a float >= 0 `const NAME_BITS`, its bits in single precision."""
     found = [Declaration(name, f"const {name} = {_literal(value)};", frozenset())]
     if isinstance(value, float) and value >= 0.0:
         (bits,) = struct.unpack("<I", struct.pack("<f", value))
@@ -214,9 +212,9 @@ def _bindings(code: str) -> list[Binding]:
 
 
 def parse(source: str) -> Part:
-    """Return the declarations of a file.
+    """Return the declarations of a file, each with the comments before it.
 
-    Comments belong to the declaration after them; the first comment, before an empty line, to the file.
+    A first comment that an empty line follows belongs to the file.
     """
     header, blank, rest = source.partition("\n\n")
     if not blank or _COMMENT.sub("", header).strip():
@@ -229,15 +227,10 @@ def parse(source: str) -> Part:
     return Part(header.strip(), found)
 
 
-def reachable_code(parts: Iterable[Part], entry: str = "main") -> str:
-    """Return the code of what `entry` needs, in order, with the headers of the files.
-
-    Raises:
-        KeyError: nothing is called `entry`.
-    """
-    parts = list(parts)
+def reachable_code(parts: Collection[Part]) -> str:
+    """Return `main` and the declarations that it needs, in order, with the headers of the files."""
     known = {one.name: one for part in parts for one in part.declarations}
-    reached, waiting = set[str](), [known[entry].name]
+    reached, waiting = set[str](), ["main"]
     while waiting:
         name = waiting.pop()
         if name not in reached:
@@ -248,7 +241,7 @@ def reachable_code(parts: Iterable[Part], entry: str = "main") -> str:
 
 
 def _text(part: Part) -> str:
-    """Return the code of a file: lines close up where both declarations are of one line."""
+    """Return the code of a file, with an empty line around declarations of several lines."""
     text = f"{part.header}\n\n" if part.header else ""
     for index, one in enumerate(part.declarations):
         before = part.declarations[index - 1].text if index else one.text
@@ -257,7 +250,7 @@ def _text(part: Part) -> str:
 
 
 def _end(source: str) -> int:
-    """Return where the first declaration of a source ends, the comment on its last line included."""
+    """Return the end of the first declaration of a source, including a comment on its last line."""
     code, depth = _blanked(source), 0
     for at, letter in enumerate(code):
         depth += (letter in "([{") - (letter in ")]}")
@@ -282,13 +275,13 @@ def _declaration(text: str) -> Declaration:
 
 
 def unroll(code: str) -> str:
-    """Write out marked loops: a block with a constant for each round.
+    """Replace each marked loop by its iterations: blocks in which the index is a constant.
 
     A marked loop is `/* unroll */ for (var i = FIRST; i < END; i++) {`, or with `<=`. FIRST is a number; END
-    is a number or a constant of the module that is a number. The loop neither breaks nor continues.
+    is a number or a numeric constant of the module. The loop neither breaks nor continues.
 
     Raises:
-        ValueError: a marked loop is of another form.
+        ValueError: a marked loop has another form.
     """
     return _unroll(code, {name: int(value) for name, value in _CONSTANT.findall(code)})
 
@@ -316,7 +309,7 @@ def _unroll(code: str, constants: Mapping[str, int]) -> str:
 
 
 def _closing(code: str, begin: int) -> int:
-    """Return where the block ends whose first character is at `begin`."""
+    """Return the end of the block that begins at `begin`."""
     depth = 1
     for at, letter in enumerate(_blanked(code[begin:])):
         depth += (letter == "{") - (letter == "}")

@@ -1,4 +1,4 @@
-"""`OnnxExecutor` and others: run steps, extrapolation and the blending of AOVs as graphs in ONNX Runtime."""
+"""Executors in ONNX Runtime: steps, extrapolation, and the blending of AOVs."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -30,7 +30,7 @@ Tensors = dict[str, "ort.OrtValue"]
 class OnnxExecutor:
     """Runs a graph of the whole step; see `Executor`.
 
-    `precision` is a key of `ModelInfo.steps`; `device` is that of the buffers, see `device_of`.
+    `precision` is a key of `ModelInfo.steps`. `device` is the device of the buffers; see `device_of`.
     """
 
     name = "onnx"
@@ -71,7 +71,7 @@ class OnnxExecutor:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
         outputs = {
-            t.name: np.empty(t.shape_for(render=display, display=display, previous=display), np.float32)
+            t.name: np.empty(t.shape_for(render=display, display=display), np.float32)
             for t in self._info.aux_outputs
             if t.name in aux_outputs
         }
@@ -99,13 +99,12 @@ class OnnxExecutor:
         """
         info = self._info
         render = render_size_of(given["color"])
-        sizes = {"render": render, "display": display, "previous": render}
         if image is None:
-            shape = info.image.shape_for(**sizes)
+            shape = info.image.shape_for(render=render, display=display)
             image = ort.OrtValue.ortvalue_from_shape_and_type(list(shape), np.float32, self.device, 0)
         for tensor in (*(t for t in info.inputs if t.name not in VECTORS), info.image):
             value = image if tensor is info.image else given[tensor.name]
-            check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
+            check_tensor(value, tensor, tensor.shape_for(render=render, display=display), self.device)
         self._run(given, history, next_history, {info.image.name: image})
         return image
 
@@ -128,8 +127,7 @@ class OnnxExecutor:
             tensor.update_inplace(np.ascontiguousarray(tensors[name], np.float32))
 
     def _history_shapes(self, display: Size, render: Size) -> dict[str, tuple[int, ...]]:
-        sizes = {"render": render, "display": display, "previous": render}
-        return {h.name: h.shape_for(**sizes) for h in self._info.history}
+        return {h.name: h.shape_for(render=render, display=display) for h in self._info.history}
 
 
 def _values(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Tensors:
@@ -143,10 +141,9 @@ class OnnxExtrapolation:
     name = "onnx"
 
     def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
-        self._info = info
-        path = info.steps["fp32"]
+        self._info, self._path = info, info.steps["fp32"]
         self._session = open_session(
-            path, threads, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
+            self._path, threads, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
         )
         self._device = device_of(self._session.get_providers()[0])
 
@@ -167,8 +164,7 @@ class OnnxExtrapolation:
         names = [entry.name for entry in self._info.history]
         outputs: dict[str, Any] = {entry.output: self._device for entry in self._info.history}
         outputs[self._info.image.name] = ort.OrtValue.ortvalue_from_numpy(planes)
-        path = self._info.steps["fp32"]
-        binding = run_bound(self._session, path, {**_values(inputs), **history}, outputs)
+        binding = run_bound(self._session, self._path, {**_values(inputs), **history}, outputs)
         return pixels_of(planes), dict(zip(names, binding.get_outputs()[: len(names)], strict=True))
 
 
@@ -180,7 +176,7 @@ _OUTPUTS = [TensorInfo("image", "float32", AOVS.image)]
 
 
 def check_aovs(frame: Frame, history: Float32 | None) -> None:
-    """Raise FrameError unless the frame has AOVs, with as many channels as `history` (1, k, H, W)."""
+    """Raise FrameError unless the frame has AOVs, with the number of channels of `history` (1, k, H, W)."""
     if frame.aovs is None:
         raise FrameError("aovs", got=None, want="(h, w, k), because AOVs are requested")
     channels = frame.aovs.shape[2]
@@ -202,8 +198,8 @@ class AovBlender:
     ) -> Float32:
         """Upsample the channels to display size and blend them with their history.
 
-        `frame` has `aovs` (h, w, k), see `check_aovs`; `weight` is (1, 1, H, W), that of the history,
-        or None for a method without one. History and result are (1, k, H, W) float32.
+        The frame has passed `check_aovs`. `weight` is the weight of the history, (1, 1, H, W), or None for a
+        method without one. History and result are (1, k, H, W) float32.
         """
         inputs = frame_inputs(frame, display_size, ("aovs", "depth", "motion", "jitter", "display_size"))
         shape = (1, inputs["aovs"].shape[1], *display_size[::-1])

@@ -1,16 +1,16 @@
-"""Checks that an .onnx file holds a plain graph, before ONNX Runtime loads a file from an unknown source.
+"""Check that an .onnx file from an unknown source holds a plain graph, before ONNX Runtime loads it.
 
 ONNX Runtime would read external data from any file, and load custom operators. This module reads protobuf's
-wire format; the field numbers are those of onnx.proto (onnx 1.23, IR version 14). Other fields are skipped.
+wire format, with the field numbers of onnx.proto (onnx 1.23, IR version 14), and skips other fields.
 """
 
 from collections.abc import Iterator, Mapping
 
 DOMAINS = {"", "ai.onnx"}
 """Domains of ONNX's own operators."""
-_MAX_DEPTH = 32  # of nested graphs, each of which takes three messages: graph, node, attribute
+_MAX_DEPTH = 32  # of nested graphs; a level takes three messages: graph, node, attribute
 _MAX_FIELDS = 4_000_000  # the largest shipped graph has 40,000
-_VARINT, _BYTES, _FIXED = 0, 2, {1: 8, 5: 4}  # wire types; sizes of those with a fixed size
+_VARINT, _BYTES, _FIXED = 0, 2, {1: 8, 5: 4}  # wire types, and bytes of the fixed-size ones
 
 _DOMAIN, _REFUSED = "domain", "refused"
 _MESSAGES: Mapping[str, Mapping[int, str]] = {
@@ -25,8 +25,8 @@ _MESSAGES: Mapping[str, Mapping[int, str]] = {
     "tensor": {13: _REFUSED, 14: _REFUSED},
     "sparse tensor": {1: "tensor", 2: "tensor"},
 }  # fmt: skip
-"""Fields of each message that are read: messages, domains, and refused ones (training_info of a model,
-external_data and data_location of a tensor)."""
+"""Fields of each message that are read: nested messages, domains, and refused fields (training_info of a
+model, external_data and data_location of a tensor)."""
 
 
 def refusal_of(content: bytes) -> str | None:
@@ -56,7 +56,7 @@ def refusal_of(content: bytes) -> str | None:
                 if kind == _DOMAIN:
                     domain = content[at:stop].decode(errors="replace")
                     if domain not in DOMAINS:
-                        return f"has operators of {domain[:80]!r}; want those of ONNX alone"
+                        return f"has operators of {domain[:80]!r}; want only ONNX's own"
                 else:
                     graphs += kind == "graph"
                     waiting.append((kind, at, stop, depth + 1))
@@ -66,9 +66,9 @@ def refusal_of(content: bytes) -> str | None:
 
 
 def _fields(content: bytes, at: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """Yield the fields of a message from `at` to `end`: number, first byte, and one past the last byte.
+    """Yield the fields of a message from `at` to `end`: field number, first byte, and one past the last byte.
 
-    For a field that is a number, the bytes are (0, 0) if it is zero, else (0, -1).
+    A field that holds a number has (0, 0) for the bytes if it is zero, else (0, -1).
 
     Raises:
         IndexError, ValueError: the message is damaged.
@@ -95,7 +95,7 @@ def _fields(content: bytes, at: int, end: int) -> Iterator[tuple[int, int, int]]
 
 
 def _varint(content: bytes, at: int) -> tuple[int, int]:
-    """Return a number, which has seven bits per byte, and one past its last byte."""
+    """Return a number, encoded in seven bits per byte, and one past its last byte."""
     value = 0
     for i in range(10):
         byte = content[at + i]

@@ -1,13 +1,12 @@
-"""ONNX Runtime without telemetry, which all modules import from here, and its execution providers.
+"""ONNX Runtime without telemetry, and its execution providers. All modules import `ort` from here.
 
-It is imported when it is first used: the CPU and GPU backends do without it.
+ONNX Runtime is imported on first use, because the CPU and GPU backends do not need it.
 
 Since 1.29, official builds for Linux and macOS write a device id and a database to the user's cache during
 the import, and later send names and hashes of models to Microsoft. The variable `ORT_DISABLE_TELEMETRY`
-prevents all of that. It is read during the import only, so it is set for the import and then removed.
-`disable_telemetry_events` is for Windows, and for programs that have already imported onnxruntime.
-
-If the user has set the variable, to any value, nothing is changed.
+prevents this. It is only read during the import, so it is set for the import and then removed.
+`disable_telemetry_events` covers Windows, and programs that have already imported onnxruntime. If the user
+has set the variable, to any value, nothing is changed.
 """
 
 import atexit
@@ -39,7 +38,7 @@ def _onnx_runtime() -> ModuleType:
         finally:
             os.environ.pop(_VARIABLE, None)
         onnxruntime.disable_telemetry_events()
-    atexit.register(_wait_for_runs)  # so that it is called before handlers of ONNX Runtime
+    atexit.register(_wait_for_runs)  # after the import, so that it runs before ONNX Runtime's handlers
     module: ModuleType = onnxruntime
     return module
 
@@ -58,8 +57,8 @@ else:
 
 __all__ = ["CPU", "NAMES", "OnnxRun", "device_of", "ort", "precise", "resolve_providers"]
 
-_MAX_SECONDS = 30.0  # that the interpreter waits
-_running: set[int] = set()  # threads that are in a run
+_MAX_SECONDS = 30.0  # that the interpreter waits for runs
+_running: set[int] = set()  # threads in a run
 _ended = Event()
 
 
@@ -104,12 +103,12 @@ NAMES = {
     "coreml": "CoreMLExecutionProvider",
     "webgpu": "WebGpuExecutionProvider",
 }
-"""Short names; ONNX Runtime's own names are accepted, too."""
+"""ONNX Runtime's name of each provider, by its short name. Both are accepted."""
 CPU = NAMES["cpu"]
 
 _AUTOMATIC = ("cuda", "directml", "cpu")  # providers that support every operator of our graphs
 _PRECISE = {NAMES["cuda"]: {"use_tf32": "0"}}
-"""Options of full float32 products: TF32 has 10 bits, too few for the moments of colours."""
+"""Options for full float32 products: TF32 has 10 bits, too few for the moments of colours."""
 _DEVICES = {NAMES["cuda"]: "cuda", NAMES["tensorrt"]: "cuda", NAMES["directml"]: "dml"}
 _DISTRIBUTIONS = ("onnxruntime", *(f"onnxruntime-{kind}" for kind in ("gpu", "directml", "rocm", "openvino")))
 
@@ -127,7 +126,7 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
         raise ArgumentError("providers", got=shown(providers), want=want)
     is_plain = _distribution() == "onnxruntime" or find_spec("onnxruntime") is None
     if is_plain and isinstance(providers, str) and providers in ("auto", "cpu"):
-        return [CPU]  # what that distribution has of `_AUTOMATIC`; other backends run without any
+        return [CPU]  # the only one of _AUTOMATIC in that distribution; the CPU and GPU backends need none
     available = ort.get_available_providers()
     if isinstance(providers, str) and providers == "auto":
         return [NAMES[name] for name in _AUTOMATIC if NAMES[name] in available][:1]
@@ -154,12 +153,12 @@ def device_of(provider: str) -> str:
 
 
 def precise(providers: Sequence[str]) -> list[str | tuple[str, dict[str, str]]]:
-    """Return providers with the options that switch off TF32, where a provider has it on by default."""
+    """Return providers, with options that switch TF32 off where it is on by default."""
     return [(name, _PRECISE[name]) if name in _PRECISE else name for name in providers]
 
 
 def _distribution() -> str | None:
-    """Return the distribution of ONNX Runtime that is installed, if known.
+    """Return the installed distribution of ONNX Runtime, if it is a known one.
 
     Raises:
         ProviderError: there are two, which overwrite each other's files.

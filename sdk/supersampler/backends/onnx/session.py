@@ -19,18 +19,9 @@ from supersampler.methods.model_file import MAX_FILE, is_shipped
 from supersampler.methods.model_info import TensorInfo
 
 VECTORS = ("jitter", "exposure", "pre_exposure", ADDS_SAMPLES, "display_size")
-"""Inputs of a graph that are not images: small, and in CPU memory."""
+"""Inputs of a graph that are not images; they stay in CPU memory."""
 ORT_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
-"""Names of types in ONNX Runtime."""
-
-
-def _session_options(threads: int) -> "ort.SessionOptions":
-    """Return the options of all sessions; 0 threads uses every core."""
-    options = ort.SessionOptions()
-    options.log_severity_level = 3  # errors only: other messages would disturb a progress bar
-    options.intra_op_num_threads = threads
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    return options
+"""ONNX Runtime's names of element types."""
 
 
 def open_session(
@@ -44,22 +35,35 @@ def open_session(
 ) -> "ort.InferenceSession":
     """Load the graph at `path`.
 
-    Graphs that do not ship with this package are first checked: those with data in other files, or with
-    operators that are not ONNX's own, are refused.
+    A graph that does not ship with this package is refused if it has data in other files, or operators that
+    are not ONNX's own.
 
-    The graph must have exactly these inputs (an empty list disables the check), and these outputs,
-    perhaps among others. `records_placement`: see `node_placement`.
+    Args:
+        path: the graph.
+        threads: number of threads; 0 uses every core.
+        providers: ONNX Runtime's names of the providers, in order of preference.
+        inputs: all inputs that the graph must have; empty disables the check.
+        outputs: outputs that the graph must have; it may have others.
+        records_placement: see `node_placement`.
 
     Raises:
         ModelError: the graph is too large, refused, has other tensors, or ONNX Runtime cannot load it.
         ProviderError: the first provider cannot start.
     """
-    output_names, options = {tensor.name for tensor in outputs}, _session_options(threads)
+    output_names, options = {tensor.name for tensor in outputs}, ort.SessionOptions()
+    options.log_severity_level = 3  # errors only: other messages would disturb a progress bar
+    options.intra_op_num_threads = threads
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     if records_placement:
         options.add_session_config_entry("session.record_ep_graph_assignment_info", "1")
     try:
         session = ort.InferenceSession(_content(path), options, providers=precise(providers))
-        _check_in_use(providers[0], session.get_providers())
+        if providers[0] not in session.get_providers():  # ONNX Runtime falls back if libraries are missing
+            raise ProviderError(
+                f"{providers[0]} is installed but could not start; ONNX Runtime fell back to "
+                f"{', '.join(session.get_providers())}. Its libraries (CUDA and cuDNN for "
+                "CUDAExecutionProvider) are missing or of another version."
+            )
         if inputs:
             _check_tensors(path, "input", inputs, session.get_inputs())
         found = [node for node in session.get_outputs() if node.name in output_names]
@@ -72,9 +76,9 @@ def open_session(
 
 
 def node_placement(path: Path, provider: str) -> dict[str, Counter[str]]:
-    """Return the operators of the graph at `path` that each provider runs: numbers of nodes, by type.
+    """Return the number of nodes of the graph at `path` that each provider runs, by operator.
 
-    ONNX Runtime assigns nodes when it loads a graph. Those that `provider` cannot run go to the CPU's.
+    ONNX Runtime assigns nodes when it loads a graph. The CPU provider gets those that `provider` cannot run.
 
     Raises:
         ModelError, ProviderError: see `open_session`.
@@ -103,9 +107,9 @@ def run_bound(
     inputs: "Mapping[str, ort.OrtValue]",
     outputs: "Mapping[str, ort.OrtValue | str]",
 ) -> "ort.IOBinding":
-    """Run the graph at `path`, and return the binding, which has its outputs.
+    """Run the graph at `path`, and return the binding, which has the outputs.
 
-    Outputs are values to write to, or names of devices to allocate them on.
+    Each output is a value to write to, or the name of a device to allocate it on.
     """
     binding = session.io_binding()
     for name, value in inputs.items():
@@ -122,17 +126,8 @@ def run_bound(
     return binding
 
 
-def _check_in_use(provider: str, used: Sequence[str]) -> None:
-    """Raise ProviderError if ONNX Runtime uses another provider, as it does when libraries are missing."""
-    if provider not in used:
-        raise ProviderError(
-            f"{provider} is installed but could not start; ONNX Runtime fell back to {', '.join(used)}. "
-            "Its libraries (CUDA and cuDNN for CUDAExecutionProvider) are missing or of another version."
-        )
-
-
 def _content(path: Path) -> bytes:
-    """Return the content of a graph that ONNX Runtime may load."""
+    """Return the content of a graph; raise ModelError if ONNX Runtime must not load it."""
     if path.stat().st_size > MAX_FILE:
         raise ModelError(f"{path}: is {path.stat().st_size} bytes; want at most {MAX_FILE}.")
     content = path.read_bytes()
@@ -143,7 +138,7 @@ def _content(path: Path) -> bytes:
 
 
 def _check_tensors(path: Path, kind: str, wanted: Sequence[TensorInfo], nodes: Sequence[Any]) -> None:
-    """Raise ModelError unless names, types and shapes of a graph's tensors are those of model.json."""
+    """Raise ModelError unless a graph's tensors have the names, types and shapes in model.json."""
     by_name = {node.name: node for node in nodes}
     if set(by_name) != {tensor.name for tensor in wanted}:
         want = ", ".join(sorted(tensor.name for tensor in wanted))
@@ -164,7 +159,7 @@ def _check_tensors(path: Path, kind: str, wanted: Sequence[TensorInfo], nodes: S
 def frame_inputs(
     frame: Frame, display_size: Size, names: Collection[str], *, adds_samples: float = 1.0
 ) -> dict[str, np.ndarray[Any, Any]]:
-    """Return a frame's inputs of a graph, by name: images as contiguous NCHW, and vectors."""
+    """Return a frame's inputs of a graph by name: images as contiguous NCHW float32, and VECTORS."""
     vectors = vector_inputs(
         frame.jitter, frame.exposure, display_size, frame.pre_exposure, adds_samples=adds_samples
     )
@@ -187,7 +182,7 @@ def vector_inputs(
     *,
     adds_samples: float,
 ) -> dict[str, np.ndarray[Any, Any]]:
-    """Return a frame's inputs of a graph that are not images, by name: VECTORS."""
+    """Return the inputs VECTORS of a graph by name."""
     return {
         "jitter": np.array([jitter], np.float32),
         "exposure": np.array([usable_exposure(exposure) or 0.0], np.float32),

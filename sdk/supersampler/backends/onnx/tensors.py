@@ -12,7 +12,7 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import ORT_TYPES, image_of, pixels_of, planes_of
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.gbuffers import GBUFFERS, grouped, names_of
+from supersampler.methods.gbuffers import GBUFFERS, frame_of, names_of
 from supersampler.methods.model_info import TensorInfo
 
 _IMAGES = ("color", "depth", "motion")
@@ -29,7 +29,7 @@ class Tensor(Protocol):
 
 
 def checked_tensors(tensors: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
-    """Return `tensors`; raise ArgumentError if it is not a mapping."""
+    """Return `tensors`; raise ArgumentError unless it is a mapping."""
     if not isinstance(tensors, Mapping):
         raise ArgumentError("tensors", got=shown(tensors), want="a mapping of names to tensors")
     return tensors
@@ -48,7 +48,7 @@ def ort_value_of(tensor: Tensor, name: str) -> "ort.OrtValue":
     try:
         return ort.OrtValue.from_dlpack(tensor)
     except Exception as error:  # each library raises its own types
-        want = "a contiguous tensor that supports DLPack (detached, if of torch)"
+        want = "a contiguous tensor with DLPack (torch: detached)"
         got = f"{type(tensor).__name__} ({' '.join(str(error).split())})"
         raise FrameError(name, got=got, want=want) from error
 
@@ -59,7 +59,7 @@ def graph_inputs(
     vectors: Mapping[str, NDArray[Any]],
     device: str,
 ) -> "dict[str, ort.OrtValue]":
-    """Return the inputs of a graph, by name: a frame's tensors, and `vectors`; a missing mask is zeros.
+    """Return the inputs of a graph by name: a frame's tensors, and `vectors`; a missing mask is zeros.
 
     Raises:
         FrameError: a tensor is missing or cannot be shared.
@@ -79,7 +79,7 @@ def graph_inputs(
 
 @lru_cache(2)
 def _zeros(size: Size, device: str) -> "ort.OrtValue":
-    """Return a reactive mask of zeros, which graphs only read."""
+    """Return a reactive mask of zeros; it is shared, as graphs only read it."""
     return ort.OrtValue.ortvalue_from_numpy(np.zeros((1, 1, *size[::-1]), np.float32), device, 0)
 
 
@@ -126,8 +126,8 @@ def frame_of_tensors(
 ) -> Frame:
     """Return a frame with copies of tensors in CPU memory.
 
-    `inputs` are the names of the tensors that the method reads. Depth and motion that it does not read
-    may be missing, and are then 0; other G-buffers are ignored.
+    `inputs` are the names of the tensors that the method reads. Others are ignored. Depth and motion that are
+    neither given nor read are 0.
 
     Raises:
         FrameError: a tensor is missing, or has a wrong type, shape or range.
@@ -145,11 +145,7 @@ def frame_of_tensors(
         if planes.ndim != 4 or planes.shape[0] != 1:
             raise FrameError(name, got=planes.shape, want="(1, c, h, w)")
         images[name] = pixels_of(planes)
-    gbuffer, gbuffer_display = grouped({name: images.pop(name) for name in gbuffers})
-    return Frame(
-        **images, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset,
-        gbuffer=gbuffer, gbuffer_display=gbuffer_display,
-    )  # fmt: skip
+    return frame_of(images, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset)
 
 
 def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:

@@ -1,4 +1,4 @@
-"""Blender: a script that renders jittered frames inside Blender, and the process around it.
+"""Blender: a script that renders frames inside Blender, the process around it, and an extension.
 
 `render_frames.py` runs in Blender's own Python and imports nothing of this package.
 """

@@ -1,13 +1,12 @@
-"""Compare the ways to render a scene of Cycles on a few small frames: plain, denoised over time, upscaled.
+"""Compare ways to render a Cycles scene on a few small frames: plain, denoised over time, upscaled.
 
-There is no reference. Instead, one frame is rendered again with other noise. Before it is denoised, that
-render is the truth plus noise of mean 0 that no result depends on. So the mean square of a result's
-difference from it is the result's own error plus the variance of that noise, the same for every result. The
-variance follows from the difference between the two noisy images: that of n samples is taken as proportional
-to 1 / n.
+There is no reference. Instead, one frame is rendered again with another seed and is not denoised: it is the
+true image plus noise of mean 0, independent of all results. The mean squared difference of a result from it
+is therefore the result's own error plus the variance of that noise, which is the same for all results. The
+variance is estimated from the difference of the two noisy images, as proportional to 1 / samples.
 
-The second render has more samples: at the same small number, errors of two seeds correlate in Cycles (0.06 at
-4 samples a pixel), which favours a plain frame.
+The second render has more samples, because at the same small number the errors of two seeds correlate in
+Cycles (0.06 at 4 samples per pixel), which favours a plain frame.
 """
 
 import time
@@ -28,24 +27,24 @@ from supersampler.io.shot.numbered import FrameRange
 from supersampler.upscaler import Upscaler
 
 FRAMES = 5
-"""Frames that each way has: for temporal denoising the compared one is the middle, for upscaling the last."""
+"""Frames of each way. Temporal denoising is compared at the middle frame, upscaling at the last one."""
 PART = 0.5
-"""Part of the width and height at which the frames are tried."""
+"""Fraction of the width and height at which frames are tried."""
 _SCALE = 2.0
-_MORE = 4  # samples of the render that results are compared to, over those of the frames
-_BLOCK = 8  # side of the squares of pixels that are taken to be independent
+_MORE = 4  # samples of the second render, divided by those of the frames
+_BLOCK = 8  # side of the blocks of pixels whose errors are taken as independent
 _DARK = 0.01  # luminance below which errors are not relative
-_SLOWER = 1.1  # ratio of times that decides between ways that are alike
+_SLOWER = 1.1  # largest ratio of times at which two ways count as equally fast
 
 
 @dataclass(frozen=True, kw_only=True)
 class Way:
-    """A way to render, as tried.
+    """Result of trying one way to render.
 
     Attributes:
         name: "plain", "temporal" or "upscaled".
-        seconds: estimated wall time of a frame of full size: that of the small frame by its number of pixels.
-        error: root mean square of the relative error of light, without the noise of what it is compared to.
+        seconds: estimated wall time of a full-size frame, proportional to the number of pixels.
+        error: estimated root mean square of the relative error of light.
         image: (h, w, 3) the compared frame, linear RGB.
     """
 
@@ -57,15 +56,14 @@ class Way:
 
 @dataclass(frozen=True, kw_only=True)
 class Advice:
-    """Ways to render, and the one that promises most.
+    """Comparison of the ways to render.
 
     Attributes:
         scene: the scene, as rendered for the trial.
         ways: plain, temporal, upscaled.
-        best: the way with the smallest error. Of those that cannot be told apart, the fastest; of those that
-            are as fast, too, the one with the smallest error.
-        alike: names of the ways whose errors cannot be told from that of the smallest error.
-        frame: number of the frame that is compared.
+        best: of the ways `alike`, the fastest; of equally fast ones, the one with the smallest error.
+        alike: names of the ways whose errors are not significantly larger than the smallest error.
+        frame: number of the compared frame.
     """
 
     scene: RenderedScene
@@ -78,16 +76,16 @@ class Advice:
 def advise(
     request: RenderRequest, folder: Path, *, overwrite: bool = False, note: Callable[[str], None]
 ) -> Advice:
-    """Render FRAMES frames at PART of the size in each way, and return how they compare.
+    """Render FRAMES frames at PART of the size in each way, and compare them.
 
     Args:
-        request: the scene; `frames`, `samples`, `display_size` and names are used, and no scale.
-        folder: folder for the renders; a complete one is used again.
-        overwrite: render them again.
-        note: called with each message about a setting that differs from that of the file.
+        request: the scene, without a scale.
+        folder: folder for the renders; complete ones are used again.
+        overwrite: render all of them again.
+        note: called with each message about a setting that differs from the file's.
 
     Raises:
-        ArgumentError: the request has a scale, or there is no Blender.
+        ArgumentError: the request has a scale, or Blender was not found.
         ShotError: the scene cannot be rendered, its engine is not Cycles, or it samples adaptively and the
             request has no number of samples.
     """
@@ -109,7 +107,7 @@ def advise(
     filtered = (time.perf_counter() - began) / len(frames)
     plain = np.asarray(frames[middle].color, np.float32)
     again = replace(full, frames=FrameRange(number, number), seed=1, samples=_MORE * (scene.samples or 1))
-    with rendering(again, folder / "again", overwrite=overwrite, note=_ignore) as render:
+    with rendering(again, folder / "again", overwrite=overwrite, note=lambda _: None) as render:
         render.shot.read(0)
         noisy = [_noisy(folder / name / frame_file(number), scene.layer) for name in ("full", "again")]
     upscaled, small = _upscaled(full, folder, scene, number, overwrite=overwrite)
@@ -118,13 +116,9 @@ def advise(
     weight = 1.0 / (np.square(plain @ BT709) + _DARK**2)
     squares = {name: _relative_squares(image, noisy[1], weight) for name, image in images.items()}
     variance = float(_relative_squares(noisy[0], noisy[1], weight).mean()) / (_MORE + 1)
+    errors = {name: max(0.0, float(found.mean()) - variance) ** 0.5 for name, found in squares.items()}
     ways = tuple(
-        Way(
-            name=name,
-            seconds=times[name] / PART**2,
-            error=float(np.sqrt(max(0.0, float(squares[name].mean()) - variance))),
-            image=image,
-        )
+        Way(name=name, seconds=times[name] / PART**2, error=errors[name], image=image)
         for name, image in images.items()
     )
     least = min(ways, key=lambda way: way.error)
@@ -137,7 +131,7 @@ def advise(
 def _upscaled(
     full: RenderRequest, folder: Path, scene: RenderedScene, number: int, *, overwrite: bool
 ) -> tuple[Float32, float]:
-    """Return an upscaled frame with as many samples as one of `full`, and its seconds."""
+    """Return an upscaled frame with the same number of samples as a frame of `full`, and its seconds."""
     request = replace(
         full,
         denoise="frame",
@@ -147,7 +141,7 @@ def _upscaled(
         display_size=scene.display_size,
     )
     with (
-        rendering(request, folder / "small", overwrite=overwrite, note=_ignore) as render,
+        rendering(request, folder / "small", overwrite=overwrite, note=lambda _: None) as render,
         Upscaler(display_size=scene.display_size, validate="off") as upscaler,
     ):
         for item in render.shot:
@@ -157,7 +151,7 @@ def _upscaled(
 
 
 def _seconds(render: Rendering) -> float:
-    """Return the shortest wall time of a frame: the first ones also load the scene and kernels."""
+    """Return the shortest wall time of a frame; the first frames also load the scene and kernels."""
     return min(camera.seconds for camera in render.cameras())
 
 
@@ -169,7 +163,7 @@ def _noisy(path: Path, layer: str) -> Float32:
 
 
 def _relative_squares(image: Float32, other: Float32, weight: Float32) -> Float32:
-    """Return the means of the weighted squares of differences in blocks of pixels, flat."""
+    """Return the mean weighted squared difference of each block of pixels, flat."""
     squares = np.square(image - other).mean(axis=-1) * weight
     height, width = (side // _BLOCK * _BLOCK for side in squares.shape)
     blocks = squares[:height, :width].reshape(height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK)
@@ -178,10 +172,6 @@ def _relative_squares(image: Float32, other: Float32, weight: Float32) -> Float3
 
 
 def _are_alike(squares: Float32, least: Float32) -> bool:
-    """Return whether the mean of the differences is within two of its standard errors of 0."""
+    """Return whether the mean of the differences is at most two standard errors above 0."""
     difference = squares - least
     return bool(difference.mean() <= 2.0 * difference.std() / np.sqrt(difference.size))
-
-
-def _ignore(_: str) -> None:
-    """Drop a note that the first render has given already."""

@@ -1,9 +1,8 @@
-"""Render a .blend file, small with jitter or at full size, by Blender in a child process, as a Shot.
+"""Render a .blend file as a Shot in a child process of Blender: small with jitter, or at full size.
 
-The folder of the frames is one that a later run can continue. The messages of the script and Blender's own
-output share one pipe. Each message begins with a random token that this process generates for the run. No
-other line can pass for a message, although Blender prints names from the .blend file verbatim, including
-their line breaks.
+A later run can continue in the same folder. The script's messages and Blender's own output share one pipe.
+Each message begins with a random token of the run, so that no other line can pass for a message: Blender
+prints names from the .blend file verbatim, including line breaks.
 """
 
 import hashlib
@@ -58,11 +57,11 @@ from supersampler.io.shot.shot import Shot
 
 Engine = Literal["cycles", "eevee", "workbench"]
 _FRAMES = re.compile(r"\d{4,}\.exr|render\.json")
-_SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be imported here
+_SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy, so it cannot be imported here
 _SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the script
-_SCALE = 2.0  # of frames that are upscaled, by default; `render_frames.SCALE`
-_LAST_LINES = 20  # of Blender's output, searched for its error
-_LINE_BYTES = 1 << 20  # maximum of one read
+_SCALE = 2.0  # default scale of frames that are upscaled, as `render_frames.SCALE`
+_LAST_LINES = 20  # of Blender's output, which are searched for its error
+_LINE_BYTES = 1 << 20  # maximum bytes per read
 _POLL = 0.5  # seconds between checks whether the process has ended
 _INSTALL_PATHS = {
     "darwin": ("/Applications/Blender.app/Contents/MacOS/Blender",),
@@ -72,23 +71,23 @@ _INSTALL_PATHS = {
 
 @dataclass(frozen=True, kw_only=True)
 class RenderRequest:
-    """Settings of a render of a .blend file; None is the scene's own.
+    """Settings of a render of a .blend file. None stands for the scene's own setting.
 
     Attributes:
         blend: the file; it is never written.
         frames: numbers of the frames.
         display_size: (width, height) of the upscaled images.
         scale: display over render size, >= 1, of frames that are upscaled; None is 2.
-        samples: samples per render pixel; None is 16 in Cycles where frames are upscaled.
+        samples: samples per render pixel; None is 16 if Cycles' frames are upscaled.
         denoise: "temporal": Cycles renders at full size without jitter, and denoises each frame, with the
             guides that denoising over time needs. "frame", "off": whether Cycles denoises small frames that
             are upscaled. None is "temporal" in Cycles, and "frame" with a scale.
         engine: render engine.
         camera, scene: names in the file.
-        keep_blur: for temporal denoising: whether motion blur and depth of field are rendered in.
-        part: of the scene's width and height, where `display_size` is None.
-        most: None, or for a trial the number of frames in the middle of the scene's, where `frames` is None.
-            Trials have no adaptive sampling.
+        keep_blur: whether motion blur and depth of field stay on; only with temporal denoising.
+        part: fraction of the scene's width and height to render, if `display_size` is None.
+        most: for a trial: number of frames in the middle of the scene's range, if `frames` is None. Trials
+            do not sample adaptively. None for a normal render.
         seed: added to the scene's seed, for other noise.
         program: Blender, or a Python that has bpy; None searches for Blender.
     """
@@ -109,10 +108,10 @@ class RenderRequest:
     program: str | None = None
 
     def settings(self) -> dict[str, object]:
-        """Return all settings that the frames depend on, but not their numbers; JSON values.
+        """Return all settings that the frames depend on, as JSON values, without the frame numbers.
 
         Raises:
-            ArgumentError: one is out of range, or two do not agree.
+            ArgumentError: a setting is out of range, or two contradict each other.
             ShotError: the file cannot be read.
         """
         if self.denoise == "temporal" and self.scale is not None:
@@ -120,29 +119,21 @@ class RenderRequest:
             raise ArgumentError("scale", got=f"{self.scale:g}, with temporal denoising", want=want)
         with os_errors_as_shot_error(self.blend), self.blend.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return {
+        settings = {name: value for name, value in vars(self).items() if name not in ("frames", "program")}
+        return settings | {
             "blend": digest,
-            "display_size": None if self.display_size is None else list(self.display_size),
+            "display_size": self.display_size and list(self.display_size),
             "scale": None if self.scale is None else checked_scale(self.scale),
-            "samples": self.samples,
-            "denoise": self.denoise,
-            "engine": self.engine,
-            "camera": self.camera,
-            "scene": self.scene,
-            "keep_blur": self.keep_blur,
-            "part": self.part,
-            "most": self.most,
-            "seed": self.seed,
         }
 
 
 class Rendering(NamedTuple):
-    """The rendered scene and its frames.
+    """A rendered scene and its frames.
 
     Attributes:
         scene: the scene, as Blender reports it.
-        shot: the frames; reading one waits for it.
-        cameras: returns the cameras, with the times, of the frames that are complete.
+        shot: the frames; reading one waits until it is rendered.
+        cameras: returns the cameras and times of the complete frames.
     """
 
     scene: RenderedScene
@@ -154,20 +145,20 @@ class Rendering(NamedTuple):
 def rendering(
     request: RenderRequest, folder: Path, *, overwrite: bool = False, note: Callable[[str], None]
 ) -> Iterator[Rendering]:
-    """Yield a scene and a Shot whose frames Blender renders meanwhile; reading one waits for it.
+    """Yield a scene and a Shot whose frames Blender renders in the background; reading one waits for it.
 
-    Frames that an earlier call with the same request has completed are kept. Blender ends with the block.
+    Complete frames of an earlier call with the same request are kept. Blender ends with the block.
 
     Args:
         request: settings of the render.
         folder: folder for the frames, render.json and blender.log.
         overwrite: remove the frames of an earlier call instead.
-        note: called with each message about a setting that differs from that of the file.
+        note: called with each message about a setting that differs from the file's.
 
     Raises:
-        ArgumentError: there is no Blender, or the request is out of range.
-        ShotError: the .blend file cannot be rendered like this; or the folder holds other files, or frames of
-            another request.
+        ArgumentError: Blender was not found, or the request is out of range.
+        ShotError: the .blend file cannot be rendered with these settings; or the folder has other files, or
+            frames of another request.
     """
     check_is_file(request.blend)
     check_apart(folder, request.blend)
@@ -196,7 +187,7 @@ def rendering(
 
 
 class _RenderFolder:
-    """The folder of the frames: a file is listed in render.json before it has its name.
+    """Folder of the frames. A frame is listed in render.json before its file gets its final name.
 
     Attributes:
         run: part of the temporary names of this run's files.
@@ -205,7 +196,7 @@ class _RenderFolder:
     def __init__(self, path: Path, request: RenderRequest, note: Callable[[str], None]) -> None:
         self.path, self.request, self.note = path, request, note
         self.run = secrets.token_hex(4)
-        self._own: list[Path] = []  # files of an earlier run
+        self._own: list[Path] = []  # frames of an earlier run
         settings = request.settings()
         scale = _SCALE if request.scale is None else request.scale
         jitter = tuple(halton_jitter(index, scale) for index in range(jitter_phase_count(scale)))
@@ -213,10 +204,10 @@ class _RenderFolder:
         self.record = RenderRecord(settings=settings, first=first, jitter=jitter)
 
     def begin(self, *, overwrite: bool) -> None:
-        """Take over the frames of an earlier run, or remove them; nothing else in the folder is changed.
+        """Keep the frames of an earlier run, or remove them; nothing else in the folder is changed.
 
         Raises:
-            ShotError: they are of another request; or files of another program are in the way.
+            ShotError: the frames are of another request, or files of another program are in the way.
         """
         earlier = read_render_record(self.path) if is_there(self.path / RENDER_FILE) else None
         self._own = [] if earlier is None else [self.path / name for name in _files(earlier)]
@@ -232,7 +223,7 @@ class _RenderFolder:
         self.record = msgspec.structs.replace(earlier, frames=frames)
 
     def prepare(self) -> LogFile:
-        """Create the folder, remove what killed runs have not completed, and return the log of this run."""
+        """Create the folder, remove incomplete files of killed runs, and return the log of this run."""
         with os_errors_as_shot_error(self.path, "written", NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
         self.remove_incomplete()
@@ -241,7 +232,7 @@ class _RenderFolder:
         return log
 
     def remove_incomplete(self) -> None:
-        """Remove what this run or killed ones have not completed."""
+        """Remove incomplete files of this run and of killed runs."""
         remove_partial_files(self.path, _FRAMES.fullmatch)
 
     def is_complete(self) -> bool:
@@ -256,10 +247,10 @@ class _RenderFolder:
         self.record.write(self.path)
 
     def add(self, number: int, camera: RenderedCamera) -> None:
-        """List the next frame, and give its file its name.
+        """List the next frame, and give its file the final name.
 
         Raises:
-            ShotError: another frame is next, another program's file has its name, or the disk refuses.
+            ShotError: another frame is next, another program's file has the name, or the disk refuses.
         """
         want = self.record.first + len(self.record.frames)
         if number != want:
@@ -272,7 +263,7 @@ class _RenderFolder:
         rename_partial(partial_name(path, self.run), path)
 
     def rendering(self, wait: Callable[[int], None], stop_waiting: Callable[[], None]) -> Rendering:
-        """Return scene and Shot; `wait` is called with a frame's index before it is read."""
+        """Return scene and Shot; `wait` is called with a frame's index before the frame is read."""
         assert self.record.scene is not None  # noqa: S101  # the callers wait for it
 
         def camera_of(index: int) -> RenderedCamera:
@@ -309,17 +300,17 @@ class _RenderFolder:
 
 
 class BlenderRender:
-    """A running render; frames are complete in the order of their numbers.
+    """A running render, which completes frames in order.
 
     >>> with BlenderRender(find_blender(), blend, log, settings, target) as render:
     ...     render.wait_for_scene()
     ...     render.wait_for(0)
 
-    `settings` are those of `render_frames.main`, without "blend" and "token". Another thread writes to
-    `target`; an error of it ends the render.
+    `settings` are the arguments of `render_frames.main`, without "blend" and "token". Another thread writes
+    to `target`; an error of `target` ends the render.
 
     Raises:
-        ShotError: (of any method) Blender ended before its work was done; the message says why.
+        ShotError: (by any method) Blender ended before its work was done; the message says why.
     """
 
     def __init__(
@@ -348,7 +339,7 @@ class BlenderRender:
             raise self._failure("before the first frame")
 
     def wait_for(self, index: int) -> None:
-        """Wait until a frame is complete, by its index among those of this render."""
+        """Wait until the frame with this index in the render is complete."""
         if not self._wait(lambda: self._count > index):
             raise self._failure(f"after {self._count} frames" if self._count else "at the first frame")
 
@@ -365,7 +356,7 @@ class BlenderRender:
         with self._changed:
             while not (is_true() or self._done):
                 self._changed.wait(_POLL)
-                if self._child.poll() is not None:  # a program that Blender started may hold the pipe
+                if self._child.poll() is not None:  # a child of Blender may keep the pipe open
                     self._changed.wait_for(lambda: self._done, GRACE)
                     self._done = True
             return is_true()
@@ -399,7 +390,7 @@ class BlenderRender:
         """Process a message of the script.
 
         Raises:
-            ShotError: it is not such a message, or the frame cannot be stored.
+            ShotError: the message is invalid, or the frame cannot be stored.
             _ScriptError: the script reports an error.
         """
         answer = decoded(self._blend, text, _Answer, "Blender runs another script.")
@@ -443,11 +434,7 @@ class _ScriptError(Exception):
 
 
 def start_script(program: str, script: Path, variables: Mapping[str, str]) -> ChildProcess:
-    """Start a script in Blender; its output is all that either prints.
-
-    Environment variables of this Python are not passed on, because Blender's Python would find this one's
-    packages.
-    """
+    """Start a script in Blender. Python's environment variables are not passed on to Blender's own Python."""
     command = [program, str(script)]
     if not Path(program).stem.lower().startswith("python"):
         command = [program, "--background", "--python-exit-code", "1", "--python", str(script)]
@@ -465,13 +452,13 @@ def _lines(child: ChildProcess) -> Iterator[str]:
 
 
 def find_blender(path: str | None = None) -> str:
-    """Return the program that renders: `path`, or `blender` on the PATH, or where installers put it.
+    """Return the program that renders: `path`, or `blender` on the PATH or where installers put it.
 
     Args:
         path: Blender, or a Python that has the module bpy; None searches for Blender.
 
     Raises:
-        ArgumentError: there is none.
+        ArgumentError: it was not found.
     """
     if path is not None:
         found = shutil.which(path)

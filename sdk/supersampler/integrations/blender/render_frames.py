@@ -1,10 +1,10 @@
-"""Render the frames of a scene, small with jitter to be upscaled, or at full size to be denoised.
+"""Render the frames of a scene: small with jitter for upscaling, or at full size for denoising.
 
-Runs inside Blender without supersampler.
+Runs inside Blender, without supersampler.
 
     SUPERSAMPLER_RENDER='{...}' blender --background --python-exit-code 1 --python render_frames.py
 
-The environment variable holds the settings as JSON: see `main`. A line on stdout that begins with the token
+The environment variable holds the settings as JSON; see `main`. A line on stdout that begins with the token
 of the settings is a message in JSON: {"note": ...} for a changed setting, {"scene": ...} once, {"frame":
 number, "shift": ..., "camera": ...} for each rendered frame, {"error": ...} if the scene cannot be rendered.
 The .blend file is never saved.
@@ -14,13 +14,12 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 SETTINGS: dict[str, Any] = json.loads(os.environ.pop("SUPERSAMPLER_RENDER", "{}"))
-"""Settings of the render; removed from the environment, which programs that Blender starts inherit."""
+"""Settings of the render. They are removed from the environment, which children of Blender inherit."""
 
 
 def report(**content: object) -> None:
@@ -35,12 +34,12 @@ except ImportError as error:
     report(error=f"{sys.executable} is not Blender, and cannot import bpy: {error}")
     sys.exit(1)
 
-OLDEST = (3, 6)  # Blender
+OLDEST = (3, 6)  # supported version of Blender
 PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector")
-SURFACE_PASSES = ("use_pass_normal", "use_pass_diffuse_color")  # of frames that are upscaled
-SAMPLES = 16  # per pixel in Cycles, denoised, of small frames; docs/tutorials/blender.md compares numbers
+SURFACE_PASSES = ("use_pass_normal", "use_pass_diffuse_color")  # for frames that are upscaled
+SAMPLES = 16  # per pixel of small frames in Cycles; docs/tutorials/blender.md compares numbers
 SCALE = 2.0  # display over render size of upscaled frames
-EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # width in pixels: one position; that of BOX is always 1
+EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # width in pixels, one position in effect; BOX is always 1 wide
 
 
 class BlenderSceneError(Exception):
@@ -53,15 +52,15 @@ def main(settings: dict[str, Any]) -> None:
     Args:
         settings: "blend": file to open; "folder" to write to; "run": part of the files' temporary names;
             "token": begins each message; "display_size": [width, height] of the images, null for the scene's;
-            "scale": display over render size, null for SCALE; "frames": numbers of the first and the last,
-            null for the scene's; "complete": how many of them, from the first on, are not to be rendered
-            again; "jitter": [[x, y], ...] of the first frames, in render pixels, x right, y down, which then
-            repeat; "engine", "scene", "camera": null for the scene's own; "samples": null for SAMPLES in
-            small frames of Cycles, the scene's own elsewhere; "denoise": "temporal" for frames of full size
-            without jitter, "frame" or "off" for small ones, null: see `chosen_denoising`; "keep_blur":
-            whether motion blur and depth of field stay as they are; "part": of the scene's width and height,
-            where "display_size" is null; "seed": added to the scene's, for other noise; "most": null, or
-            for a trial the number of frames in the middle of the scene's, where "frames" is null.
+            "scale": display over render size, null for SCALE; "frames": numbers of the first and the last
+            frame, null for the scene's; "complete": number of first frames that are already rendered;
+            "jitter": [[x, y], ...] of successive frames, in render pixels, x right, y down, repeated;
+            "engine", "scene", "camera": null for the scene's own; "samples": null for SAMPLES in small
+            frames of Cycles, otherwise the scene's own; "denoise": "temporal" for full-size frames without
+            jitter, "frame" or "off" for small ones, null: see `chosen_denoising`; "keep_blur": whether
+            motion blur and depth of field stay on; "part": fraction of the scene's width and height, if
+            "display_size" is null; "seed": added to the scene's, for other noise; "most": null, or for a
+            trial the number of frames in the middle of the scene's range, if "frames" is null.
     """
     if bpy.app.version < OLDEST:
         raise BlenderSceneError(f"Blender {bpy.app.version_string} is too old; use 3.6 or later")
@@ -102,41 +101,40 @@ def main(settings: dict[str, Any]) -> None:
 def check_step(scene: Any) -> None:
     """Check that the scene renders every frame."""
     if scene.frame_step != 1:
-        problem = (
-            f"the scene renders every {scene.frame_step}th frame, but motion leads to the previous frame"
-        )
+        problem = f"the scene renders every {scene.frame_step}th frame, but motion is to the previous frame"
         raise BlenderSceneError(f"{problem}: pass --frames {scene.frame_start}-{scene.frame_end}")
 
 
 def own_range(scene: Any, most: int | None) -> tuple[int, int]:
     """Return the numbers of the scene's first and last frame, or of `most` frames in the middle."""
+    first, last = scene.frame_start, scene.frame_end
     if most is not None:
-        first = max(scene.frame_start, (scene.frame_start + scene.frame_end - most + 1) // 2)
-        return first, min(first + most - 1, scene.frame_end)
-    return scene.frame_start, scene.frame_end
+        first = max(first, (first + last - most + 1) // 2)
+        last = min(first + most - 1, last)
+    return first, last
 
 
 def chosen_scene(name: str | None) -> Any:
-    """Return the scene of that name, after making it the window's scene."""
-    if name is not None:
-        if name not in bpy.data.scenes:
-            raise BlenderSceneError(f"no scene is named {name!r}; the file has {named(bpy.data.scenes)}")
-        if bpy.context.window is not None:
-            bpy.context.window.scene = bpy.data.scenes[name]
-        return bpy.data.scenes[name]
-    return bpy.context.scene
+    """Return the scene of that name, and make it the window's scene; None is the active scene."""
+    if name is None:
+        return bpy.context.scene
+    if name not in bpy.data.scenes:
+        raise BlenderSceneError(f"no scene is named {name!r}; the file has {named(bpy.data.scenes)}")
+    if bpy.context.window is not None:
+        bpy.context.window.scene = bpy.data.scenes[name]
+    return bpy.data.scenes[name]
 
 
 def choose_camera(scene: Any, name: str | None) -> None:
-    """Make the camera of that name the scene's; check that motion of each camera is known."""
+    """Activate the camera of that name; check that all used cameras are supported."""
     cameras = [item for item in scene.objects if item.type == "CAMERA"]
     if name is not None:
         found = [item for item in cameras if item.name == name]
         if not found:
             raise BlenderSceneError(f"no camera is named {name!r}; the scene has {named(cameras)}")
         for marker in scene.timeline_markers:
-            marker.camera = None  # it would take the place of the one that is named
-        scene.camera = found[0]  # last: each change of a marker chooses a camera
+            marker.camera = None  # it would override the named camera
+        scene.camera = found[0]  # after the markers, because each change of a marker activates a camera
     if not used_cameras(scene):
         hint = f"pass --camera, one of {named(cameras)}" if cameras else "add one"
         raise BlenderSceneError(f"scene {scene.name!r} has no active camera: {hint}")
@@ -146,17 +144,17 @@ def choose_camera(scene: Any, name: str | None) -> None:
             raise BlenderSceneError(f"{what}; use a perspective or orthographic one")
     if switches := camera_switches(scene):
         at = ", ".join(map(str, switches))
-        report(note=f"markers switch cameras at frame {at}: nothing is taken from the frames before a switch")
+        report(note=f"markers switch cameras at frame {at}: the history is dropped there")
 
 
 def camera_markers(scene: Any) -> list[Any]:
-    """Return the markers that choose a camera, in order."""
+    """Return the markers that activate a camera, in order."""
     markers = [item for item in scene.timeline_markers if item.camera and not item.camera.hide_render]
     return sorted(markers, key=lambda item: item.frame)
 
 
 def used_cameras(scene: Any) -> list[Any]:
-    """Return the cameras of the markers, or the active one where no marker has one; [] without any."""
+    """Return the cameras of the markers, or the active camera if no marker has one; [] without a camera."""
     cameras = [marker.camera for marker in camera_markers(scene)] or [scene.camera]
     return list({camera.name_full: camera for camera in cameras if camera is not None}.values())
 
@@ -178,9 +176,9 @@ def chosen_denoising(scene: Any, denoise: str | None, scale: float | None) -> st
 
 
 def set_engine(scene: Any, samples: int | None, denoise: str) -> None:
-    """Set samples and denoising; no wide pixel filter in frames that are upscaled."""
+    """Set samples, denoising, and a narrow pixel filter in frames that are upscaled."""
     if scene.render.engine == "CYCLES":
-        scene.cycles.use_animated_seed = True  # noise that changes is averaged over time
+        scene.cycles.use_animated_seed = True  # other noise in each frame, which is averaged over time
         scene.cycles.use_denoising = denoise != "off"
         if denoise == "temporal":
             set_full_size_cycles(scene, samples)
@@ -192,23 +190,20 @@ def set_engine(scene: Any, samples: int | None, denoise: str) -> None:
             scene.eevee.taa_render_samples = samples
     elif scene.render.engine == "BLENDER_WORKBENCH":
         if any(camera.data.type == "ORTHO" for camera in used_cameras(scene)):
-            raise BlenderSceneError(
-                "Workbench writes no motion of an orthographic camera; use --engine eevee"
-            )
+            raise BlenderSceneError("Workbench writes no motion of orthographic cameras; use --engine eevee")
         scene.display.render_aa = "OFF"
     else:
-        raise BlenderSceneError(
-            f"engine {scene.render.engine} is not supported; use --engine cycles, eevee or workbench"
-        )
+        what = f"engine {scene.render.engine} is not supported"
+        raise BlenderSceneError(f"{what}; use --engine cycles, eevee or workbench")
 
 
 def set_full_size_cycles(scene: Any, samples: int | None) -> None:
-    """Let OIDN denoise frames of full size; samples and pixel filter are the scene's own."""
+    """Let OIDN denoise full-size frames, with the scene's own pixel filter."""
     if samples is not None:
         scene.cycles.samples = samples
     scene.cycles.denoiser = "OPENIMAGEDENOISE"
     scene.cycles.denoising_input_passes = "RGB_ALBEDO_NORMAL"
-    scene.cycles.denoising_prefilter = "ACCURATE"  # the guides have noise, behind glass most of all
+    scene.cycles.denoising_prefilter = "ACCURATE"  # the guides are noisy, especially behind glass
     what = f"Cycles renders at full size with {scene.cycles.samples} samples, and denoises"
     report(note=f"{what}; --scale 2 renders small and upscales instead")
 
@@ -223,11 +218,11 @@ def set_trial(scene: Any, samples: int | None, seed: int) -> None:
 
 
 def set_small_cycles(scene: Any, samples: int | None, denoise: str) -> None:
-    """Let each pixel of the frames be one position, with a fixed number of samples."""
+    """Sample each pixel at one position, a fixed number of times."""
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = EXACT_FILTER
     scene.cycles.use_adaptive_sampling = False
     scene.cycles.samples = SAMPLES if samples is None else samples
-    scene.cycles.denoising_prefilter = "NONE"  # one position per pixel: OIDN's guides have no noise
+    scene.cycles.denoising_prefilter = "NONE"  # at one position per pixel OIDN's guides have no noise
     if samples is None:
         what = f"{scene.cycles.samples} samples, {'not ' if denoise == 'off' else ''}denoised"
         report(note=f"Cycles renders {what}; --samples and --denoise off change it")
@@ -241,25 +236,23 @@ def set_blur(scene: Any, *, keep: bool, denoise: str) -> None:
         raise BlenderSceneError(f"{problem}: blurred frames cannot be upscaled")
     if keep:
         if scene.render.use_motion_blur:
-            lost = "Cycles then writes no vectors, and what moves itself is denoised less over time"
+            lost = "Cycles then writes no vectors, and moving objects are denoised less over time"
             report(note=f"motion blur is kept: {lost}")
         if focused:
-            lost = "what is out of focus is denoised less over time"
-            report(note=f"depth of field is kept: {lost}")
+            report(note="depth of field is kept: areas out of focus are denoised less over time")
         return
-    why = "cannot be reprojected"
-    hint = "; --keep-blur renders it in" if denoise == "temporal" else ""
+    why = "cannot be reprojected" + ("; --keep-blur keeps it" if denoise == "temporal" else "")
     if scene.render.use_motion_blur:
         scene.render.use_motion_blur = False
-        report(note=f"motion blur is off: blurred frames {why}{hint}")
+        report(note=f"motion blur is off: blurred frames {why}")
     for camera in focused:
         camera.data.dof.use_dof = False
     if focused:
-        report(note=f"depth of field is off: blurred depth and motion {why}{hint}")
+        report(note=f"depth of field is off: blurred depth and motion {why}")
 
 
 def choose_engine(scene: Any, engine: str) -> None:
-    """Choose cycles, eevee or workbench, whose names change between versions of Blender."""
+    """Select cycles, eevee or workbench; Blender's names of them depend on its version."""
     names = {
         "cycles": ("CYCLES",),
         "eevee": ("BLENDER_EEVEE_NEXT", "BLENDER_EEVEE"),
@@ -268,14 +261,14 @@ def choose_engine(scene: Any, engine: str) -> None:
     for name in names[engine]:
         try:
             scene.render.engine = name
-        except TypeError:  # this version has none of that name
+        except TypeError:  # this version of Blender has no such engine
             continue
         return
     raise BlenderSceneError(f"this Blender has no engine {engine}")
 
 
 def set_passes(scene: Any, denoise: str) -> str:
-    """Enable the passes that are read, in addition to others, and return the view layer's name."""
+    """Enable the passes that are read, and return the name of the view layer."""
     layers = [layer for layer in scene.view_layers if layer.use]
     if not layers:
         raise BlenderSceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
@@ -285,7 +278,7 @@ def set_passes(scene: Any, denoise: str) -> str:
             setattr(layers[0], name, True)
     if is_temporal:
         layers[0].cycles.denoising_store_passes = True
-        layers[0].use_pass_vector = not scene.render.use_motion_blur  # with blur it would hold zeros
+        layers[0].use_pass_vector = not scene.render.use_motion_blur  # with blur it is zero
     if denoise != "off":
         layers[0].cycles.use_denoising = True
     for other in layers[1:]:
@@ -296,13 +289,12 @@ def set_passes(scene: Any, denoise: str) -> str:
 
 
 def set_size(scene: Any, display_size: list[int] | None, part: float, scale: float) -> tuple[int, int]:
-    """Set the render size, display size / scale; return the display size, by default the scene's * part."""
+    """Set the render size to display size / scale; return the display size, by default the scene's * part."""
     render = scene.render
     own = (
-        render.resolution_x * render.resolution_percentage // 100,
-        render.resolution_y * render.resolution_percentage // 100,
+        extent * render.resolution_percentage // 100 for extent in (render.resolution_x, render.resolution_y)
     )
-    width, height = display_size or (max(4, round(own[0] * part)), max(4, round(own[1] * part)))
+    width, height = display_size or (max(4, round(extent * part)) for extent in own)
     if render.use_border:
         render.use_border = False
         report(note="the render border is off: whole frames are rendered")
@@ -312,7 +304,7 @@ def set_size(scene: Any, display_size: list[int] | None, part: float, scale: flo
 
 
 def set_output(scene: Any, denoise: str) -> None:
-    """Write lossless multilayer EXR of floats, without compositing."""
+    """Set lossless multilayer EXR of floats, without compositing."""
     render, image = scene.render, scene.render.image_settings
     if hasattr(image, "media_type"):  # Blender 5
         image.media_type = "MULTI_LAYER_IMAGE"
@@ -332,10 +324,10 @@ def set_output(scene: Any, denoise: str) -> None:
 
 
 class CameraShift:
-    """The cameras' lens shift: the scene's own in each frame plus the jitter.
+    """Lens shift of the cameras: the scene's own in each frame, plus the jitter.
 
-    With jitter it is keyed on every frame (of the scene in memory), because rendering evaluates the animation
-    again. Blender's Vector pass contains no motion of the shift, neither of the jitter nor of an animation.
+    With jitter the shift is keyed in every frame of the scene in memory, because rendering evaluates the
+    animation again. Blender's Vector pass contains no motion of the shift, of jitter or of animation.
     """
 
     def __init__(self, scene: Any, numbers: range, *, is_jittered: bool) -> None:
@@ -344,7 +336,7 @@ class CameraShift:
             return
         for camera in used_cameras(scene):
             if camera.library is not None or camera.data.library is not None:
-                replace_camera(scene, camera, own_copy(scene, camera))
+                replace_linked(scene, camera)
         cameras = [camera.data for camera in used_cameras(scene)]
         changes = len(cameras) > 1 or cameras[0].animation_data is not None
         self.own = {number: self._read(number) for number in (numbers if changes else numbers[:1])}
@@ -355,7 +347,7 @@ class CameraShift:
 
     def set(self, number: int, jitter: tuple[float, float]) -> tuple[float, float]:
         """Go to a frame, add the jitter, and return the shift without it; both in render pixels."""
-        data, x, y = self._at(number)
+        data, x, y = (self.constant or self.own[number]) if self.is_jittered else self._read(number)
         unit_x, unit_y = self._pixels(data)
         if self.is_jittered:
             data.shift_x, data.shift_y = x + jitter[0] / unit_x, y - jitter[1] / unit_y
@@ -364,17 +356,14 @@ class CameraShift:
             self.scene.frame_set(number)
         return x * unit_x, y * unit_y
 
-    def _at(self, number: int) -> tuple[Any, float, float]:
-        return (self.constant or self.own[number]) if self.is_jittered else self._read(number)
-
     def _read(self, number: int) -> tuple[Any, float, float]:
-        """Go to a frame; return its camera's data, and the shift as the animation has it."""
-        self.scene.frame_set(number)  # markers choose the camera
+        """Go to a frame; return the data of its camera, and the animated shift."""
+        self.scene.frame_set(number)  # markers activate the camera
         data = self.scene.camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         return self.scene.camera.data, data.shift_x, data.shift_y
 
     def _pixels(self, data: Any) -> tuple[float, float]:
-        """Return the render pixels of a shift of 1 in x and y: the side that the sensor fits."""
+        """Return the render pixels of a shift of 1 in x and y: the side that the sensor is fitted to."""
         render = self.scene.render
         width, height = render.resolution_x, render.resolution_y
         aspect = render.pixel_aspect_y / render.pixel_aspect_x
@@ -384,25 +373,20 @@ class CameraShift:
         return side, side / aspect
 
 
-def replace_camera(scene: Any, camera: Any, other: Any) -> None:
-    """Let another camera take the place of one."""
-    for marker in scene.timeline_markers:
-        if marker.camera == camera:
-            marker.camera = other
-    if scene.camera == camera:
-        scene.camera = other
-
-
-def own_copy(scene: Any, camera: Any) -> Any:
-    """Return a copy of a linked camera, which Blender does not allow to change."""
+def replace_linked(scene: Any, camera: Any) -> None:
+    """Replace a linked camera, which is read-only, by a copy."""
     copied = camera.copy()
     copied.data = camera.data.copy()
     scene.collection.objects.link(copied)
-    return copied
+    for marker in scene.timeline_markers:
+        if marker.camera == camera:
+            marker.camera = copied
+    if scene.camera == camera:
+        scene.camera = copied
 
 
 class MovedObjects:
-    """Warns of objects that move, where the engine writes no Vector pass."""
+    """Warns of moving objects if the engine writes no Vector pass."""
 
     def __init__(self, scene: Any) -> None:
         self.scene = scene
@@ -412,33 +396,31 @@ class MovedObjects:
             report(note="Workbench writes no Vector pass: only the camera's motion is known")
 
     def warn(self) -> None:
-        """Compare the present frame with the previous one; at most one warning."""
+        """Compare the current frame with the previous one; warn at most once."""
         if not self.is_active:
             return
-        now = dict(self._matrices())
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        now = {
+            item.name: item.evaluated_get(depsgraph).matrix_world.copy()
+            for item in self.scene.objects
+            if item.type not in ("CAMERA", "LIGHT", "EMPTY") and not item.hide_render
+        }
         moved = [name for name in now if self.before and self.before.get(name) not in (None, now[name])]
         self.before = now
         if moved:
-            report(
-                note=f"objects move, and will blur: {', '.join(moved[:8])}; --engine eevee has their motion"
-            )
+            what = f"objects move, and will blur: {', '.join(moved[:8])}"
+            report(note=f"{what}; --engine eevee has their motion")
             self.is_active = False
-
-    def _matrices(self) -> Iterator[tuple[str, Any]]:
-        depsgraph = bpy.context.evaluated_depsgraph_get()
-        for item in self.scene.objects:
-            if item.type not in ("CAMERA", "LIGHT", "EMPTY") and not item.hide_render:
-                yield item.name, item.evaluated_get(depsgraph).matrix_world.copy()
 
 
 def render(scene: Any, path: Path) -> None:
-    """Render the present frame into a file."""
+    """Render the current frame to a file."""
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True, scene=scene.name)
 
 
 def camera_matrix(scene: Any) -> list[list[float]]:
-    """Return projection @ view of the present frame, with the shift that is set; clip space from -1 to 1."""
+    """Return projection @ view of the current frame with the current shift; clip space is from -1 to 1."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
     camera = scene.camera.evaluated_get(depsgraph)
     render = scene.render
@@ -452,7 +434,7 @@ def camera_matrix(scene: Any) -> list[list[float]]:
 def facts(
     scene: Any, layer: str, numbers: tuple[int, int], display_size: tuple[int, int], denoise: str
 ) -> dict[str, object]:
-    """Return the facts of the scene that the reader of the frames needs."""
+    """Return the properties of the scene that the reader of the frames needs."""
     render, view = scene.render, scene.view_settings
     own = Path(bpy.utils.system_resource("DATAFILES"))
     return {
@@ -476,7 +458,7 @@ def facts(
 
 
 def named(items: Any) -> str:
-    """Return names with commas between."""
+    """Return names, comma-separated, or "none"."""
     return ", ".join(item.name for item in items) or "none"
 
 

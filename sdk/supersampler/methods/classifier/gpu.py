@@ -1,4 +1,4 @@
-"""Shaders of `classifier` and its relatives."""
+"""Shaders of `classifier` and related methods."""
 
 import numpy as np
 
@@ -13,16 +13,12 @@ from supersampler.backends.gpu.memory import (
     SizeRule,
 )
 from supersampler.backends.gpu.program import (
-    BLOCK_PASSES,
+    FRAME_MEMORY,
     REST_CHANNELS,
-    REST_MEMORY,
     REST_PLANES,
-    SAMPLE_MEMORY,
-    TILE_MEMORY,
-    TILE_PASS,
     GpuProgram,
     PassSpec,
-    preprocess,
+    frame_passes,
 )
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
@@ -33,17 +29,13 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 
 LOW_STEPS, HIGH_STEPS = 65535.0, 16383.0
-"""Steps of the minimum and of the maximum luma in a word."""
+"""Quantization steps of the minimum and of the maximum luma in a word."""
 TILES = ((14, 14), (8, 8), (8, 8), (4, 4))
 """Pixels of a workgroup at each level: its features fit into 16 KiB."""
-COMPOSED = 16, 16
-"""Display pixels of a workgroup of `compose`."""
-LAST = "_last"
-"""Name of the weights of the last layers, after `network`."""
 UNIFORM_BYTES = 64 << 10
-"""Largest uniform buffer that every device has."""
+"""Largest uniform buffer that every device supports."""
 ALIGNED = 8
-"""The first level, of 2x2 display pixels, repeats its border up to a multiple of it."""
+"""Multiple of pixels to which the first level, of 2x2 display pixels, is extended by repeating its border."""
 TEXELS_ACROSS = {1: 1, 2: 2, 4: 2, 16: 4}
 """Width of the rectangle of texels that holds a pixel's kept features, by the number of texels."""
 
@@ -65,13 +57,11 @@ def _pack_ranges(pixels: Float32) -> Packed:
 
 
 def _unpack_classes(words: Packed) -> Float32:
-    unpacked: Float32 = np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
-    return unpacked
+    return np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
 
 
 def _pack_classes(pixels: Float32) -> Packed:
-    rounded: Packed = (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-    return rounded
+    return (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
 LAYOUT = HistoryLayout(
@@ -94,7 +84,7 @@ LAYOUT = HistoryLayout(
 
 
 def classifier_program(info: ModelInfo) -> GpuProgram:
-    """Return the GPU program of `classifier` or of a relative.
+    """Return the GPU program of a model of `classifier` or a related method.
 
     Raises:
         ModelError: see `read_gpu_network`.
@@ -104,28 +94,19 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     constants = {name: info.config[name] for name in constants_of(CLASSIFIER)}
     constants |= {"low_steps": LOW_STEPS, "high_steps": HIGH_STEPS}
     constants |= variant._asdict()
-    blend = {
-        "colors": variant.history_colors + 3,
-        "sharpness_at": variant.sharpness,
-        "kernel_at": variant.kernel_weights,
-    }
+    blend = {"colors": variant.colors, "sharpness_at": variant.colors, "kernel_at": variant.colors + 1}
     levels = [_level_pass(one.constants, tile) for one, tile in zip(network, TILES, strict=True)]
-    last = _with_network(PassSpec("compose", DISPLAY, COMPOSED, {**last_layers.constants, **blend}), LAST)
-    passes = (
-        *BLOCK_PASSES, TILE_PASS, preprocess("depth"), PassSpec("gather"), *levels,
-        last,
-    )  # fmt: skip
+    last = _with_network(PassSpec("compose", constants={**last_layers.constants, **blend}), "network_last")
+    passes = *frame_passes("depth"), PassSpec("gather"), *levels, last
     memory: dict[str, PixelMemory] = {
-        **REST_MEMORY,
-        **TILE_MEMORY,
-        **SAMPLE_MEMORY,
+        **FRAME_MEMORY,
         "inputs": PixelTexture(DISPLAY, "rgba32uint"),
         "differences": PixelBuffer(4, HALF),
     }
     for level in network:
         memory |= _level_memory(level.constants)
     weights = {f"network{i}": level.words for i, level in enumerate(network)}
-    weights[f"network{LAST}"] = last_layers.words
+    weights["network_last"] = last_layers.words
     packages = ("supersampler.methods.classifier",)
     return GpuProgram(LAYOUT, packages, constants, passes, memory, weights, "int8")
 
@@ -145,14 +126,14 @@ def _level_pass(constants: Constants, tile: tuple[int, int]) -> PassSpec:
         {**constants, "kept_across": TEXELS_ACROSS[kept], "tile_x": tile[0], "tile_y": tile[1]},
         {"kept": f"kept{level}", "pooled": f"pooled{level}", "pooled_above": f"pooled{level - 1}"},
     )
-    return _with_network(spec, str(level))
+    return _with_network(spec, f"network{level}")
 
 
-def _with_network(spec: PassSpec, name: str) -> PassSpec:
-    """Return a pass that reads the weights `network` and a name."""
+def _with_network(spec: PassSpec, weights: str) -> PassSpec:
+    """Return the pass with these weights, in a uniform buffer if they fit."""
     fits = CHUNK * spec.constants["network_size"] <= UNIFORM_BYTES
     variants = {**spec.variants, "network": "network_uniform" if fits else "network_storage"}
-    return spec._replace(names={**spec.names, "network": f"network{name}"}, variants=variants)
+    return spec._replace(names={**spec.names, "network": weights}, variants=variants)
 
 
 def _level_memory(constants: Constants) -> dict[str, PixelMemory]:

@@ -1,8 +1,7 @@
-"""The int8 network of `classifier` as shaders read it: a buffer for each pass, and where its layers begin."""
+"""The int8 network of `classifier` for shaders: the weights of each pass, and the offsets of its layers."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +11,15 @@ from supersampler.methods.classifier.spec import Variant
 from supersampler.methods.model_info import ModelInfo
 
 Arrays = Mapping[str, NDArray[Any]]
+Layer = tuple[NDArray[np.int8], NDArray[Any], NDArray[Any]]
+"""Weights, scales and biases."""
 CHUNK = 16
 """Bytes of a vec4u."""
 CORNERS = 4
 """Display pixels of a packed pixel."""
 
 
-@dataclass(frozen=True)
-class GpuLayers:
+class GpuLayers(NamedTuple):
     """The layers of a pass.
 
     Attributes:
@@ -30,34 +30,33 @@ class GpuLayers:
     words: NDArray[np.uint32]
     constants: dict[str, float | int]
 
-    @classmethod
-    def of(cls, writer: "_Writer", constants: dict[str, float | int]) -> "GpuLayers":
-        """Return what a writer has collected, with its size among the constants."""
-        return cls(np.concatenate(writer.parts), {**constants, "network_size": writer.size})
 
-
-@dataclass
 class _Writer:
-    """Collects layers; `add` returns the first vec4u of one."""
+    """Collects the layers of a pass; each method adds one and returns its offset in vec4u."""
 
-    parts: list[NDArray[np.uint32]] = field(default_factory=list)
-    size: int = 0
+    def __init__(self) -> None:
+        self._parts: list[NDArray[np.uint32]] = []
+        self._size = 0
 
-    def add(self, *parts: NDArray[Any]) -> int:
-        first = self.size
+    def layers(self, constants: dict[str, float | int]) -> GpuLayers:
+        """Return the layers, with their size among the constants."""
+        return GpuLayers(np.concatenate(self._parts), {**constants, "network_size": self._size})
+
+    def _add(self, *parts: NDArray[Any]) -> int:
+        first = self._size
         for part in parts:
             words = np.ascontiguousarray(part).reshape(-1).view(np.uint32).reshape(-1, 4)
-            self.parts.append(words)
-            self.size += len(words)
+            self._parts.append(words)
+            self._size += len(words)
         return first
 
     def pointwise(self, weights: NDArray[np.int8], scale: NDArray[Any], bias: NDArray[Any]) -> int:
-        """Add a 1x1 convolution, weights (outputs, bytes); both are padded to whole chunks."""
+        """Add a 1x1 convolution; both axes of the weights (outputs, bytes) are padded to whole chunks."""
         outputs, given = (-(-extent // CHUNK) * CHUNK for extent in weights.shape)
         padded = np.zeros((outputs, given), np.int8)
         padded[: weights.shape[0], : weights.shape[1]] = weights
         quads = padded.reshape(outputs // 4, 4, given // 4, 4).transpose(0, 2, 1, 3)
-        return self.add(quads, *self._values(outputs, scale, bias), 128 * padded.sum(1, np.int32))
+        return self._add(quads, *self._values(outputs, scale, bias), 128 * padded.sum(1, np.int32))
 
     def depthwise(self, weights: NDArray[np.int8], scale: NDArray[Any], bias: NDArray[Any]) -> int:
         """Add a 3x3 convolution of each channel, weights (9, channels): see `depthwise` in int8.wgsl."""
@@ -65,7 +64,7 @@ class _Writer:
         quads = weights.reshape(9, channels // 4, 4).transpose(1, 2, 0)  # [quad][channel][pixel]
         last = np.eye(4, dtype=np.int8) * quads[..., 8:]
         groups = np.stack([quads[..., :4], quads[..., 4:8], last], 1)
-        return self.add(groups, *self._values(channels, scale, bias), 128 * weights.sum(0, np.int32))
+        return self._add(groups, *self._values(channels, scale, bias), 128 * weights.sum(0, np.int32))
 
     @staticmethod
     def _values(outputs: int, *values: NDArray[Any]) -> list[NDArray[np.float32]]:
@@ -73,7 +72,7 @@ class _Writer:
 
 
 def read_gpu_network(info: ModelInfo, variant: Variant) -> list[GpuLayers]:
-    """Read a model's network.npz for the GPU: the levels of the encoder, and then the last layers.
+    """Read a model's network.npz for the GPU: the levels of the encoder, followed by the last layers.
 
     Raises:
         ModelError: see `read_network`.
@@ -94,13 +93,13 @@ def read_gpu_network(info: ModelInfo, variant: Variant) -> list[GpuLayers]:
         "logits": arrays["logits.first"].item(),
         "logits_scale": arrays["logits.scale"].item(),
     }
-    return [*levels, GpuLayers.of(writer, last)]
+    return [*levels, writer.layers(last)]
 
 
 def _level(arrays: Arrays, level: int, sizes: tuple[int, int, int, int]) -> GpuLayers:
-    """Return a level; sizes: bytes of its inputs, of its channels, and of what is kept and pooled."""
-    writer = _Writer()
-    given, channels, kept, pooled = sizes
+    """Return a level; `sizes` are the bytes of its inputs, channels, kept and pooled outputs."""
+    writer, (given, channels, kept, pooled) = _Writer(), sizes
+    pooled_chunks = -(-pooled // CHUNK)
     first, scale, bias = _pointwise(arrays, f"{level}.first", channels)
     if level == 0:
         first = _by_corner(first)
@@ -112,43 +111,38 @@ def _level(arrays: Arrays, level: int, sizes: tuple[int, int, int, int]) -> GpuL
         "inputs": given // CHUNK,
         "channels": channels // CHUNK,
         "kept": kept // CHUNK,
-        "pooled": -(-pooled // CHUNK),
+        "pooled": pooled_chunks,
         "channel_quads": channels // 4,
-        "output_quads": (kept + -(-pooled // CHUNK) * CHUNK) // 4,
+        "output_quads": (kept + pooled_chunks * CHUNK) // 4,
         "first": writer.pointwise(first, scale, bias),
         "spatial": writer.depthwise(taps, *spatial),
-        "last": writer.pointwise(*_pointwise(arrays, f"{level}.last", kept + -(-pooled // CHUNK) * CHUNK)),
+        "last": writer.pointwise(*_pointwise(arrays, f"{level}.last", kept + pooled_chunks * CHUNK)),
     }
-    return GpuLayers.of(writer, constants)
+    return writer.layers(constants)
 
 
-def _pointwise(
-    arrays: Arrays, name: str, outputs: int
-) -> tuple[NDArray[np.int8], NDArray[Any], NDArray[Any]]:
-    """Return (outputs, bytes) weights, scales and biases from blocks of 32 outputs, padding cut off."""
+def _pointwise(arrays: Arrays, name: str, outputs: int) -> Layer:
+    """Return weights (outputs, bytes), scales and biases from blocks of 32 outputs, without padding."""
     blocks = arrays[f"{name}.weights"]
     weights = blocks.transpose(0, 2, 1, 3).reshape(blocks.shape[0] * blocks.shape[2], -1)
     return weights[:outputs], arrays[f"{name}.scale"][:outputs], arrays[f"{name}.bias"][:outputs]
 
 
 def _by_corner(weights: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Reorder the bytes of packed pixels from (input, corner) to (corner, input), as texels hold them."""
-    packed = weights[:, : CORNERS * INPUT_PLANES].reshape(-1, INPUT_PLANES, CORNERS)
-    return np.concatenate(
-        [packed.transpose(0, 2, 1).reshape(len(weights), -1), weights[:, CORNERS * INPUT_PLANES :]], 1
-    )
+    """Reorder the bytes of packed pixels from (input, corner) to (corner, input), the order in texels."""
+    packed, rest = np.split(weights, [CORNERS * INPUT_PLANES], axis=1)
+    packed = packed.reshape(-1, INPUT_PLANES, CORNERS).transpose(0, 2, 1).reshape(len(weights), -1)
+    return np.concatenate([packed, rest], axis=1)
 
 
-def _hidden(arrays: Arrays) -> tuple[NDArray[np.int8], NDArray[Any], NDArray[Any]]:
+def _hidden(arrays: Arrays) -> Layer:
     weights, scale, bias = _pointwise(arrays, "hidden", CORNERS * CHUNK)
-    room = CORNERS * CHUNK - len(weights)  # narrow networks have fewer
+    room = CORNERS * CHUNK - len(weights)  # narrow networks have fewer outputs
     return np.pad(_by_corner(weights), ((0, room), (0, 0))), scale, bias
 
 
-def _blend(
-    arrays: Arrays, parameters: int, quads: int
-) -> tuple[NDArray[np.int8], NDArray[Any], NDArray[Any]]:
-    """Pad the parameters of each display pixel to whole fours, and the bytes to those of the hidden layer."""
+def _blend(arrays: Arrays, parameters: int, quads: int) -> Layer:
+    """Pad the parameters of each display pixel to a multiple of four, and the bytes to the hidden layer's."""
     found = []
     for name in ("weights", "scale", "bias"):
         values = arrays[f"blend.{name}"].reshape(len(arrays["blend.scale"]), -1)[: CORNERS * parameters]

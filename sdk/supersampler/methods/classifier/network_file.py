@@ -1,9 +1,10 @@
-"""Reads network.npz of a model folder, which is not trusted: each array must be as kernels read it.
+"""Read network.npz of a model folder. The file is not trusted: each array must have the layout of kernels.
 
 The shapes follow from the widths in model.json; `supersampler_export.quantize` explains them.
 """
 
 import io
+import math
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,25 +22,25 @@ from supersampler.methods.model_info import ModelInfo
 INPUT_PLANES = 16
 """Network inputs of a pixel, one byte each."""
 RECORD_WORDS = 18
-"""Words of a packed pixel (2x2 display pixels): INPUT_PLANES, then two of inputs at half display size."""
+"""Words of a packed pixel (2x2 display pixels): INPUT_PLANES, then two for inputs at half display size."""
 KEPT = (16, 8, 4, 4)
 """Bytes that each level contributes to a pixel of the decoder's input."""
 BLOCK, WORD, LANES = 32, 4, 16
 """Outputs that a kernel computes at once; bytes that it multiplies at once; channels of a column."""
 FEATURES, HIDDEN = 32, 64
-"""Outputs of the decoder and of the hidden layer, in bytes, that kernels have room for."""
-_HEAD = 1 << 14  # bytes that an array's header may take
+"""Largest numbers of outputs of the decoder and of the hidden layer that kernels support."""
+_HEAD = 1 << 14  # maximum bytes of an array's header
 
 
 def read_network(info: ModelInfo, outputs: int) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a model's network.npz, as kernels read them.
+    """Return the arrays of a model's network.npz, in the layout of kernels.
 
     Args:
         info: the model.
         outputs: outputs of the last layer.
 
     Raises:
-        ModelError: the file is damaged or too large, kernels have no room for the widths in model.json, or an
+        ModelError: the file is damaged or too large, kernels do not support the widths in model.json, or an
             array has another type, shape or range than they imply.
     """
     path, specs = info.folder / "network.npz", network_specs(info, outputs)
@@ -50,17 +51,17 @@ def read_network(info: ModelInfo, outputs: int) -> dict[str, NDArray[Any]]:
     except Exception as error:  # zipfile, zlib and numpy raise whatever damage leads them to
         raise ModelError(f"{path}: is damaged ({type(error).__name__}: {error}). Export it again.") from error
     checked = checked_arrays(arrays, specs, lambda got, want: _refused(path, got, want))
-    hidden = checked["hidden.weights"]  # kernels read all that the decoder has room for
+    hidden = checked["hidden.weights"]  # kernels always read FEATURES outputs of the decoder
     more = INPUT_PLANES + FEATURES // WORD - hidden.shape[1]
     checked["hidden.weights"] = np.pad(hidden, ((0, 0), (0, more), (0, 0), (0, 0)))
     return checked
 
 
 def network_specs(info: ModelInfo, outputs: int) -> dict[str, ArraySpec]:
-    """Return the arrays of a network with the widths in model.json.
+    """Return the specs of the arrays of a network with the widths in model.json.
 
     Raises:
-        ModelError: kernels have no room for it.
+        ModelError: kernels do not support the widths.
     """
     network = info.config.get("network")
     problem = width_problem(network if isinstance(network, Mapping) else {})
@@ -100,7 +101,7 @@ def _blocks(outputs: int) -> int:
 
 
 def width_problem(widths: Mapping[str, Any]) -> tuple[str, Any, str] | None:
-    """Return name, value and allowed values of a width of `NetworkConfig` that kernels have no room for."""
+    """Return name, value and allowed values of a width of `NetworkConfig` that kernels do not support."""
     levels, decoder, hidden = (widths.get(name) for name in ("levels", "decoder", "hidden"))
     max_widths = [room * 4**level * (1 if level + 1 == len(KEPT) else 2) for level, room in enumerate(KEPT)]
     if (
@@ -121,8 +122,8 @@ def width_problem(widths: Mapping[str, Any]) -> tuple[str, Any, str] | None:
 
 
 def _arrays_of(path: Path, specs: Mapping[str, ArraySpec]) -> dict[str, NDArray[Any]]:
-    """Read arrays by name; at most the bytes of the expected arrays are decompressed and allocated."""
-    max_bytes = {name: _bytes_of(spec) for name, spec in specs.items()}
+    """Read arrays by name, without decompressing more bytes than the expected arrays have."""
+    max_bytes = {n: math.prod((np.dtype(s.dtype).itemsize, *map(int, s.shape))) for n, s in specs.items()}
     limit = sum(max_bytes.values()) + len(max_bytes) * _HEAD
     if path.stat().st_size > limit:
         raise _refused(path, f"of {path.stat().st_size} bytes", f"at most {limit}")
@@ -147,13 +148,6 @@ def _array_of(data: BinaryIO, max_bytes: int) -> NDArray[Any]:
     if fortran or dtype.hasobject or len(values) > max_bytes:
         raise ValueError(f"an array of {dtype} in {len(values)} bytes")
     return np.frombuffer(values, dtype).reshape(shape)
-
-
-def _bytes_of(spec: ArraySpec) -> int:
-    count = np.dtype(spec.dtype).itemsize
-    for extent in spec.shape:
-        count *= int(extent)
-    return count
 
 
 def _refused(path: Path, got: str, want: str) -> ModelError:

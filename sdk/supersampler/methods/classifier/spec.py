@@ -1,4 +1,4 @@
-"""Definitions of `classifier` and its relatives: a network predicts how history and frame are blended."""
+"""Definitions of `classifier` and related methods: a network predicts how history and frame are blended."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -26,24 +26,24 @@ INPUTS = (
     "history",  # luma of the warped history
     "history_to_sample",  # largest difference of a channel
     "history_to_frame",
-    "contrast",  # standard deviation of the samples around
-    "history_contrast",  # of the warped history in 3x3 pixels
-    "beyond_range",  # distance of the sample from that range
+    "contrast",  # standard deviation of the surrounding samples
+    "history_contrast",  # luma range of the warped history in 3x3 pixels
+    "beyond_range",  # distance of the sample's luma from that range
     "min_luma",  # minimum luma of the accumulated samples
-    "max_luma",  # maximum
+    "max_luma",  # maximum luma of the accumulated samples
     "detail",  # cubic minus bilinear resampling of the history
     "confidence",  # sum of Gaussian weights of the samples near the pixel
     "count",  # number of accumulated samples
     "depth_difference",  # relative difference of depth, equation 10
     "surface",  # 0 where disoccluded
     "speed",  # length of the motion
-    "blur",  # of the resampling of the history
+    "blur",  # blur by resampling of the history
     "edge",  # relative range of depth in 3x3 samples
 )
-"""Available inputs per display pixel, (1, 1, H, W) each."""
+"""Available network inputs per display pixel, (1, 1, H, W) each."""
 
 DEFAULT_INPUTS = tuple(name for name in INPUTS if name not in ("speed", "blur"))
-"""The default sixteen: four pixels fill one vector of bytes (docs/methods.md)."""
+"""The sixteen default inputs; the inputs of four pixels fill one vector of bytes (docs/methods.md)."""
 
 NEIGHBOURHOOD_INPUTS = (
     "mean_difference",  # absolute mean difference of history and frame: the lighting changed
@@ -55,22 +55,23 @@ CountCode = Literal["saturating", "logarithm"]
 ToneSpace = Literal["largest", "channels", "logarithm"]
 
 WHITE, RISE, CONTRAST, FLASH_FRACTION = 0.5, 0.2, 0.1, 1.0 / 64.0
-"""The light of a frame is unconfirmed where its toned luma is over WHITE, and more than RISE over all samples
-of the history. More than FLASH_FRACTION of the image must be such pixels, brighter by CONTRAST than their
-neighbourhoods: an area that a moving object disoccludes is not."""
+"""The light of a pixel is unconfirmed if its toned luma exceeds WHITE, and exceeds all samples of the history
+by RISE. This applies only if more than FLASH_FRACTION of the image are such pixels that also exceed their
+neighbourhood by CONTRAST, which excludes areas that a moving object disoccludes."""
 
 MAX_LOG_FACTOR = 16.0
-"""Limit of the logarithm of a learned factor of a weight, in either direction."""
+"""Limit of the absolute logarithm of a learned factor of a weight."""
 MAX_SHARPNESS = 2.0
 """Maximum factor of the detail that is added to the history."""
 FRAME_PRIOR = 0.05
 """Initial weight of the upsampled frame, and of the samples under the learned kernel."""
 OTHER_PRIOR = 0.1
-"""Initial weight of the other history colours, as a fraction of that of the warped history."""
+"""Initial weight of the other history colours, relative to the warped history's."""
 MIN_PRIOR = 1e-3
 """Added to the initial weights of all other colours."""
 HALF_COUNT = 4.0
-"""Sample count whose code, the network input, is 1/2; fraction of the history for which its range is kept."""
+"""Sample count that the network input "count" encodes as 1/2. Also the reciprocal of the fraction of the
+history's samples that must be kept for its luma range to be kept unchanged."""
 
 
 @dataclass(frozen=True)
@@ -88,10 +89,10 @@ class NetworkConfig:
 
 
 class Variant(NamedTuple):
-    """Compile-time variant of kernels and shaders, and the places of the blend parameters that it implies.
+    """Compile-time variant of kernels and shaders, and the indices of blend parameters that follow from it.
 
-    Blend parameters of a pixel: weights of the history colours and of three colours of this frame, sharpness
-    of the history, and a 3x3 kernel on this frame.
+    A pixel's blend parameters are the weights of the history colours and of three colours of this frame, the
+    sharpness of the history, and a 3x3 kernel on this frame.
     """
 
     rectified: bool
@@ -103,24 +104,14 @@ class Variant(NamedTuple):
         return cls(config["rectified"], config["own_motion"])
 
     @property
-    def history_colors(self) -> int:
-        """Number of history colours."""
-        return 1 + self.rectified + self.own_motion
-
-    @property
-    def sharpness(self) -> int:
-        """Index of the sharpness, after the weights of all blended colours."""
-        return self.history_colors + 3
-
-    @property
-    def kernel_weights(self) -> int:
-        """Index of the first of the nine weights of the kernel."""
-        return self.sharpness + 1
+    def colors(self) -> int:
+        """Number of blended colours, whose weights come before the sharpness and the kernel."""
+        return 4 + self.rectified + self.own_motion
 
     @property
     def blend_parameters(self) -> int:
         """Number of blend parameters of a display pixel."""
-        return self.kernel_weights + 9
+        return self.colors + 1 + 9
 
     @property
     def outputs(self) -> int:
@@ -130,7 +121,7 @@ class Variant(NamedTuple):
 
 @dataclass(frozen=True)
 class ClassifierConfig:
-    """Constants of the step; docs/methods.md gives the effect of each."""
+    """Constants of the step; docs/methods.md describes the effect of each."""
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
     """Widths of the network."""
@@ -145,13 +136,13 @@ class ClassifierConfig:
     rectified: Flag = True
     """Whether the clipped history is one of the blended colours."""
     own_motion: Flag = True
-    """Whether the history warped by each pixel's own motion is one of them."""
+    """Whether the history warped by undilated motion is one of the blended colours."""
     tone_space: ToneSpace = "largest"
     """Tone curve of the blended colours."""
     sample_sigma: Sigma = 0.47
-    """Gaussian of a sample's influence, display pixels."""
+    """Gaussian of a sample's weight, display pixels."""
     moment_sigma: Sigma = 0.45
-    """Gaussian window of the moments of the box, render pixels."""
+    """Gaussian window of the moments of the variance box, render pixels."""
     kernel_sigma: Sigma = 0.45
     """Gaussian that the learned kernel multiplies, render pixels."""
     gamma: Number = 1.0
@@ -163,9 +154,9 @@ class ClassifierConfig:
     contraction: Number = 1.0 / 16.0
     """Fraction by which the luma range contracts towards each new sample."""
     depth_margin: Number = 0.005
-    """Relative depth by which the history must be closer before it counts as another surface."""
+    """Relative depth by which the history must be closer before disocclusion begins."""
     depth_ramp: Number = 0.05
-    """Relative depth over which that becomes certain."""
+    """Further relative depth at which disocclusion is complete."""
 
     @property
     def planes(self) -> int:
@@ -180,7 +171,7 @@ class ClassifierConfig:
     @property
     def candidates(self) -> int:
         """Number of blended colours."""
-        return Variant(self.rectified, self.own_motion).sharpness
+        return Variant(self.rectified, self.own_motion).colors
 
     @property
     def filters(self) -> tuple[int, int]:
@@ -190,12 +181,12 @@ class ClassifierConfig:
     @property
     def blend_parameters(self) -> int:
         """Number of blend parameters per display pixel."""
-        return Variant(self.rectified, self.own_motion).blend_parameters
+        return self.candidates + sum(self.filters)
 
 
 @dataclass(frozen=True)
 class SmallConfig(ClassifierConfig):
-    """Half the width, without parts that cost time and gain little."""
+    """About half the width, without the clipped history and the undilated motion."""
 
     network: NetworkConfig = field(
         default_factory=lambda: NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=26)
@@ -223,7 +214,7 @@ BASE = MethodSpec(
         "classes": (1, CLASSES, *HALF),  # class probabilities
         "depth": (1, 2, *PREVIOUS),  # depth, and occluding depth
         "jitter": (1, 2),
-        "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+        "exposure": (1,),  # see `followed_exposure`; 0: none yet
     },
     aux_outputs=("weight",),
     maps={
@@ -234,7 +225,7 @@ BASE = MethodSpec(
     ratios=(1.0, 3.0),
     config=ClassifierConfig,
 )
-"""Facts of all methods with a classifier."""
+"""Common fields of all methods with a classifier."""
 CLASSIFIER = register(
     replace(
         BASE,

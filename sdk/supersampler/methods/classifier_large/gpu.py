@@ -1,17 +1,17 @@
-"""Shaders of `classifier-large`: those of `classifier` on a larger display, and a filter."""
+"""Shaders of `classifier-large`: the shaders of `classifier` on a larger display, and a filter."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
 from supersampler.backends.gpu.history import HistoryLayout
-from supersampler.backends.gpu.memory import LARGE, PixelMemory, PixelTexture
+from supersampler.backends.gpu.memory import LARGE, PixelTexture
 from supersampler.backends.gpu.program import GpuProgram, PassSpec
 from supersampler.methods.classifier.gpu import LAYOUT, classifier_program
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH
 from supersampler.methods.model_info import ModelInfo
 
 _VARIANTS: Mapping[str, str] = {"display": "display_large", "show": "show_large"}
-"""Shader files with which the passes of `classifier` compute images of the larger display."""
+"""Shader files that make the passes of `classifier` compute images of the larger display."""
 
 
 def large_program(info: ModelInfo) -> GpuProgram:
@@ -25,9 +25,7 @@ def large_program(info: ModelInfo) -> GpuProgram:
         one._replace(extent=one.extent.enlarged, variants={**one.variants, **_VARIANTS})
         for one in program.method_passes
     ]
-    memory: dict[str, PixelMemory] = {
-        name: one._replace(extent=one.extent.enlarged) for name, one in program.method_memory.items()
-    }
+    memory = {name: m._replace(extent=m.extent.enlarged) for name, m in program.method_memory.items()}
     return replace(
         program,
         layout=HistoryLayout(CLASSIFIER_LARGE, LAYOUT.planes, LAYOUT.channels),

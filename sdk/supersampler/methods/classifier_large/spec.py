@@ -9,7 +9,7 @@ from supersampler.methods.registry import register
 from supersampler.methods.spec import DISPLAY, HALF, LARGE, LARGE_HALF, Flag, Shape
 
 SHARPNESS = 1.15
-"""Factor by which the Lanczos filter to the display is narrowed, because its input is blurred already."""
+"""Factor by which the Lanczos filter to the display is narrowed, because its input is already blurred."""
 REACH = 3
 """Radius of the filter in history pixels; its support is 2 / SHARPNESS display pixels."""
 LANCZOS_SCALE, LANCZOS_SLOPE = 25.0 / 16.0, 0.4
@@ -20,7 +20,7 @@ _HISTORY = {name: (*shape[:2], *_LARGER.get(shape[2:], shape[2:])) for name, sha
 
 @dataclass(frozen=True)
 class LargeConfig(ClassifierConfig):
-    """`ClassifierConfig` without the clipped history as a blended colour, which gains too little."""
+    """`ClassifierConfig` without the clipped history, which gains too little here."""
 
     rectified: Flag = False
 
@@ -30,10 +30,7 @@ CLASSIFIER_LARGE = register(
         CLASSIFIER,
         name="classifier-large",
         config=LargeConfig,
-        ratios=(
-            1.0,
-            2.0,
-        ),  # the history of `classifier` is up to three times the frame, this one up to 2.8 times
+        ratios=(1.0, 2.0),  # the history is up to 2.8 times as large as the frame; with `classifier` up to 3
         history={**_HISTORY, **AT_REST_HISTORY},
         torch="supersampler_model.methods.classifier:LargeClassifier",
         task="supersampler_model.training.classifier_tasks:LargeTask",

@@ -11,19 +11,19 @@ from supersampler.methods.spec import BETWEEN, EARLIER, PREVIOUS, RENDER, SHADED
 NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
 """Offsets (x, y) of the eight neighbours of a sample, nearest first."""
 SKY_DEPTH = 1e-30
-"""Depth of the sky in logarithms, in place of 0."""
+"""Depth of the sky before the logarithm, in place of 0."""
 INVALID_DEPTH = 1e4
-"""Guide of an invalid depth, in standard deviations: unlike all others."""
+"""Guide value of an invalid depth, in standard deviations: far from all others."""
 KEY_STEPS, MAX_KEY, KEY_INDICES = 16.0, 262143.0, 64.0
 """Layout of a sort key: steps per unit of cost, maximum number of steps, range of indices."""
 
 
 @dataclass(frozen=True)
 class GuidedWarpConfig:
-    """Constants; docs/methods.md gives their origin."""
+    """Constants; docs/methods.md explains them."""
 
     strides: tuple[int, ...] = (1, 3, 5, 9)
-    """Distances of the rings of eight samples around the nearest one, in pixels (equation 1)."""
+    """Radii of the rings of eight samples around the nearest sample, pixels (equation 1)."""
     taps: int = 4
     """Number of samples that are averaged."""
     surface_sigma: Sigma = 0.03
@@ -33,7 +33,7 @@ class GuidedWarpConfig:
     distance_sigma: Sigma = 1.0
     """Standard deviation of screen distance, pixels of the shaded frame (equation 2)."""
     least: Number = 0.02
-    """Reflectance added to base colours before division."""
+    """Reflectance that is added to base colours before a division by them."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class FlowNetworkConfig:
     """Widths of the network of `guided-flow`."""
 
     levels: tuple[int, ...] = (32, 48, 64, 96)
-    """Channels of the levels of the pyramid. The first level has half the size of the inputs, each other one
-    half the size of the level before."""
+    """Channels of the pyramid's levels. The first level has half the size of the inputs, each next level half
+    the size of the previous one."""
 
 
 @dataclass(frozen=True)
 class GuidedFlowConfig:
-    """Constants; docs/methods.md gives their origin."""
+    """Constants; docs/methods.md explains them."""
 
     network: FlowNetworkConfig = field(default_factory=FlowNetworkConfig)
     """Widths of the network."""
@@ -58,13 +58,13 @@ class GuidedFlowConfig:
     max_stops: float = 2.0
     """Maximum gain in stops; 0 disables the gain."""
     normal_sigma: float = 0.5
-    """Standard deviation of normals; light only moves along similar surfaces."""
+    """Standard deviation of normals: light only moves along similar surfaces."""
     depth_sigma: float = 0.1
     """Standard deviation of relative depth."""
 
 
 def _kernels_support(config: Mapping[str, Any]) -> bool:
-    """Return whether these are four taps, and radii of rings that the kernels read: pixels, ascending."""
+    """Return whether there are four taps, and up to seven ascending radii of at most 64 pixels."""
     strides = config.get("strides")
     return (
         config.get("taps") == 4
@@ -81,12 +81,12 @@ GUIDED_WARP = register(
         source="Wu et al. 2023 (ExtraSS), section 4.2",
         inputs=("depth", "motion", "jitter", "pre_exposure", "gbuffer_base_color", "gbuffer_normal"),
         history={
-            "color": (1, 3, *SHADED),  # of the last shaded frame, as the next four
+            "color": (1, 3, *SHADED),  # of the last shaded frame, like the next four
             "base_color": (1, 3, *SHADED),
             "normal": (1, 3, *SHADED),
             "depth": (1, 1, *SHADED),
             "jitter": (1, 2),
-            "motion": (1, 2, *PREVIOUS),  # from the previous frame back to the shaded one, its own pixels
+            "motion": (1, 2, *PREVIOUS),  # from the previous frame back to the shaded one, in its pixels
             "motion_jitter": (1, 2),  # of the previous frame
         },
         image=(1, 3, *RENDER),
@@ -106,12 +106,12 @@ GUIDED_FLOW = register(
         history={
             **GUIDED_WARP.history,
             "shaded_motion": (1, 2, *SHADED),  # of the last shaded frame
-            "earlier_color": (1, 3, *EARLIER),  # of the shaded frame before it, as the next four
+            "earlier_color": (1, 3, *EARLIER),  # of the shaded frame before it, like the next four
             "earlier_base_color": (1, 3, *EARLIER),
             "earlier_normal": (1, 3, *EARLIER),
             "earlier_depth": (1, 1, *EARLIER),
             "earlier_jitter": (1, 2),
-            "earlier_motion": (1, 2, *BETWEEN),  # from the frame before the last shaded one back to that
+            "earlier_motion": (1, 2, *BETWEEN),  # from the frame before the last shaded one back to that one
             "earlier_motion_jitter": (1, 2),  # of the frame before the last shaded one
         },
         config=GuidedFlowConfig,

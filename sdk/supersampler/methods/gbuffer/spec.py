@@ -1,4 +1,4 @@
-"""Definitions of `gbuffer` and its relatives: supersampling with G-buffers of display size."""
+"""Definitions of `gbuffer` and related methods: supersampling with display-size G-buffers."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -8,17 +8,17 @@ from supersampler.methods.registry import register
 from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, PREVIOUS, MethodSpec
 
 FRAME = 11
-"""Channels of a stored frame: linear RGB, depth, base colour, normal, 1 where usable."""
+"""Channels of a stored frame: linear RGB, depth, base colour, normal, 1 if valid."""
 NEIGHBOUR_WEIGHTS = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)
-"""Initial weights of 3x3 pixels under a learned kernel, which multiplies them."""
+"""Initial weights of 3x3 pixels, which a learned kernel multiplies."""
 STEP_COST = 0.002
-"""Relative depth that a sample one step nearer may differ more and still be of the pixel's own surface."""
+"""Cost of a sample per squared step of distance, as a relative difference of depth."""
 Attention = Literal["both", "one", "none"]
 
 
 @dataclass(frozen=True)
 class GBufferNetworkConfig:
-    """Widths, and the parts of the paper's ablation (table IX)."""
+    """Widths, and the parts in the paper's ablation (table IX)."""
 
     surfaces: tuple[int, ...] = (128, 128, 64)
     """Channels of each layer of the G-buffer encoder."""
@@ -29,11 +29,11 @@ class GBufferNetworkConfig:
     levels: tuple[int, ...] = (64, 128, 192, 256)
     """Channels of the fusion network, finest first."""
     separable: bool = False
-    """Whether 3x3 convolutions are depthwise, between 1x1 ones."""
+    """Whether 3x3 convolutions are depthwise, between 1x1 convolutions."""
     gated: bool = True
     """Whether base colour and depth have a gated branch."""
     attention: Attention = "both"
-    """Between the frame and the gradients of the G-buffers: both ways, one way, or none."""
+    """Cross-attention of the frame and the gradients of the G-buffers: both ways, one way, or none."""
     refined: bool = True
     """Whether features of previous frames pass through a refiner network."""
 
@@ -45,7 +45,7 @@ SMALL_NETWORK = GBufferNetworkConfig(
 
 @dataclass(frozen=True)
 class GBufferConfig:
-    """Constants; docs/methods.md gives the effect of each."""
+    """Constants; docs/methods.md describes the effect of each."""
 
     network: GBufferNetworkConfig = field(default_factory=GBufferNetworkConfig)
     """Widths of the network."""
@@ -56,18 +56,18 @@ class GBufferConfig:
     samples: float = 64.0
     """Maximum of the sample count."""
     sample_sigma: float = 0.47
-    """Gaussian of a sample's influence, display pixels."""
+    """Gaussian of a sample's weight, display pixels."""
     smooth_sigma: float = 0.45
-    """Gaussian of the mean by distance alone, render pixels."""
+    """Gaussian of the mean that weighs samples by distance alone, render pixels."""
     depth_margin: float = 0.01
-    """Relative depth by which the history must be closer before it counts as another surface."""
+    """Relative depth by which the history must be closer before disocclusion begins."""
     depth_ramp: float = 0.05
-    """Relative depth over which that becomes certain."""
+    """Further relative depth at which disocclusion is complete."""
     masked: bool = True
     """Whether the previous frames are masked by equations 1 and 2."""
     blended: bool = True
-    """Whether the previous image is blended in per pixel, which the paper leaves to its outlook (section V);
-    otherwise the history only enters as network features."""
+    """Whether the previous image is blended in per pixel, the paper's future work (section V). Otherwise the
+    history only enters as network features."""
 
     @property
     def parts(self) -> tuple[int, int, int]:
@@ -77,21 +77,21 @@ class GBufferConfig:
 
 @dataclass(frozen=True)
 class GBuffer4Config(GBufferConfig):
-    """At a ratio of 4."""
+    """`GBufferConfig` at a ratio of 4."""
 
     ratio: int = 4
 
 
 @dataclass(frozen=True)
 class SmallGBufferConfig(GBufferConfig):
-    """Narrow, of separable convolutions."""
+    """`GBufferConfig` with narrow, separable convolutions."""
 
     network: GBufferNetworkConfig = field(default_factory=lambda: SMALL_NETWORK)
 
 
 @dataclass(frozen=True)
 class SmallGBuffer4Config(SmallGBufferConfig):
-    """Narrow, at a ratio of 4."""
+    """`SmallGBufferConfig` at a ratio of 4."""
 
     ratio: int = 4
 
@@ -110,7 +110,7 @@ GBUFFER = register(
             "motion": (1, 2, *PREVIOUS),
             "jitter": (1, 2),
             "jitter_before": (1, 2),
-            "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+            "exposure": (1,),  # see `followed_exposure`; 0: none yet
         },
         aux_outputs=("weight",),
         ratios=(2.0, 2.0),

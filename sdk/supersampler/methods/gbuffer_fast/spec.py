@@ -8,12 +8,12 @@ from supersampler.methods.registry import register
 from supersampler.methods.spec import DISPLAY, Flag, MethodSpec, Number, Sigma, UnitFloat
 
 _REPLACED = {
-    "min_luma": "relit_to_frame",  # largest difference of a channel of the relit history to this frame
-    "max_luma": "agreement",  # agreement of the nearby samples' surfaces with the pixel's own
+    "min_luma": "relit_to_frame",  # largest channel difference of the relit history and this frame
+    "max_luma": "agreement",  # similarity of the nearby samples' surfaces to the pixel's own
 }
 GUIDED_INPUTS = tuple(_REPLACED.get(name, name) for name in DEFAULT_INPUTS)
-"""Network inputs per pixel: those of `classifier`, except these two. `frame` is the guided colour, and `edge`
-comes from depth in 3x3 display pixels."""
+"""Network inputs per pixel: the inputs of `classifier`, two of them replaced. `frame` is the guided colour,
+and `edge` comes from depth in 3x3 display pixels."""
 GBUFFERS_READ = (
     "gbuffer_base_color",
     "gbuffer_normal",
@@ -23,14 +23,14 @@ GBUFFERS_READ = (
 )
 
 MIN_SIMILARITY = 1e-4
-"""Added to the weights of the farthest sample and of the least similar surface: light is found everywhere."""
+"""Added to the weights of samples by distance and by surface, so that every pixel has samples with weight."""
 MAX_DEPTH_COST = 10.0
-"""Limit of the exponent of a difference in depth: half floats hold its exponential."""
+"""Limit of the exponent of a difference in depth; half floats hold its exponential."""
 
 
 @dataclass(frozen=True)
 class GuidedConfig(ClassifierConfig):
-    """Constants of the step; docs/methods.md gives the effect of each."""
+    """Constants of the step; docs/methods.md describes the effect of each."""
 
     inputs: tuple[str, ...] = GUIDED_INPUTS
     rectified: Flag = False
@@ -39,11 +39,11 @@ class GuidedConfig(ClassifierConfig):
     depth_sigma: Sigma = 0.03
     """Gaussian of a sample's weight by the relative difference of depth."""
     normal_falloff: Number = 4.0
-    """A sample's weight is exp(-falloff * squared difference), of normals."""
+    """A sample's weight is exp(-falloff * squared difference of normals)."""
     base_color_falloff: Number = 8.0
-    """A sample's weight is exp(-falloff * squared difference), of base colours."""
+    """A sample's weight is exp(-falloff * squared difference of base colours)."""
     min_reflectance: UnitFloat = 0.08
-    """Reflectance of black surfaces, about twice that of a dielectric; white ones reflect 1."""
+    """Reflectance of black surfaces, about twice a dielectric's. White surfaces reflect 1."""
 
 
 GBUFFER_FAST = register(

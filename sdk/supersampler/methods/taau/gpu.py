@@ -5,16 +5,12 @@ import numpy as np
 from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
 from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
 from supersampler.backends.gpu.program import (
-    BLOCK_PASSES,
+    FRAME_MEMORY,
     REST_CHANNELS,
-    REST_MEMORY,
     REST_PLANES,
-    SAMPLE_MEMORY,
-    TILE_MEMORY,
-    TILE_PASS,
     GpuProgram,
     PassSpec,
-    preprocess,
+    frame_passes,
 )
 from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
@@ -54,13 +50,10 @@ def taau_program(info: ModelInfo) -> GpuProgram:
     """Return the GPU program of a `taau` model."""
     constants = {name: info.config[name] for name in constants_of(TAAU)}
     passes = (
-        *BLOCK_PASSES,
-        TILE_PASS,
-        preprocess("shade"),
+        *frame_passes("shade"),
         PassSpec("light", ONE, (1, 1)),
         PassSpec("lag", BLOCKS, (8, 8)),
         PassSpec("blend", tile=(32, 4)),
     )
-    kept = {"kept_samples": PixelTexture(BLOCKS, "rg32float")}
-    memory = {**REST_MEMORY, **TILE_MEMORY, **SAMPLE_MEMORY, **kept}
+    memory = {**FRAME_MEMORY, "kept_samples": PixelTexture(BLOCKS, "rg32float")}
     return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, memory)

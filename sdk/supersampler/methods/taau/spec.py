@@ -7,24 +7,24 @@ from supersampler.methods.registry import register
 from supersampler.methods.spec import DISPLAY, FRAME_INPUTS, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
 FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
-"""The light of a frame is unconfirmed where its mean local variance is over FLASH times that of the previous
-frames plus LEAST_FLASH. The previous variance is the maximum, reduced by FLASH_MEMORY a frame, because
-extrapolated frames are smoother than the shaded ones that they alternate with."""
+"""The light of a frame is unconfirmed if its mean local variance exceeds FLASH times the previous frames'
+plus LEAST_FLASH. The previous variance is a maximum that decays by FLASH_MEMORY per frame, because
+extrapolated frames are smoother than the shaded frames that they alternate with."""
 
 UNFIT, FIT = 0.8, 0.95
-"""Fraction of the variance of luma over 3x3 samples that their plane must explain before they count as a
-smooth surface, and from which on they do so fully. It explains at most 0.75 of a straight edge."""
+"""Fractions of the luma variance of 3x3 samples that a fitted plane explains: from UNFIT on they start to
+count as a smooth surface, from FIT on they do so fully. A straight edge reaches at most 0.75."""
 
 LAG_STEP, LEAST_BLOCKS, MOST_SAMPLES = 2, 0.125, 1024.0
 """Distance, along an axis, of samples that are compared for the lag; minimum fraction of a window's blocks
-that must be compared; number of samples that does not limit the history."""
+that must be comparable; number of samples that does not limit the history."""
 
 MIN_CHANGE = 0.004
 """Change of toned luma that is always tolerated: one step of an 8-bit image."""
 MIN_SAMPLES = 1e-3
 """Number of samples below which the history is not used."""
 MIN_BOX_WEIGHT = 0.5
-"""Fraction of the samples in the window of the variance box that must be usable."""
+"""Minimum fraction of valid samples in the window of the variance box."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class TaauConfig:
     """Constants, tuned with `supersampler bench quality` and the analytic scenes of the tests."""
 
     sample_sigma: Sigma = 0.47
-    """Gaussian of a sample's influence on the accumulated colour, display pixels."""
+    """Gaussian of a sample's weight in the accumulated colour, display pixels."""
     history_sharpness: Number = 0.7
     """-a of the cubic that resamples the history; 0.5 is Catmull-Rom."""
     moment_sigma: Sigma = 0.4
@@ -42,40 +42,40 @@ class TaauConfig:
     gamma_moving: Number = 0.8
     """Half size of the box at speeds of `gamma_speed` and above."""
     gamma_speed: Number = 10.0
-    """Speed in display pixels per frame."""
+    """Speed at which `gamma_moving` is reached, display pixels per frame."""
     gamma_time: Number = 1.6
     """Half size of the box in standard deviations over time."""
     spread_samples: Number = 14.0
-    """Samples over which the spread over time is averaged."""
+    """Samples over which the deviation over time is averaged."""
     spread_step: Number = 0.15
-    """The deviation of a sample is limited to the spread so far plus this: thin wires build up a spread over
-    some frames, one firefly does not."""
+    """The deviation of a sample is limited to the average so far plus this: thin wires build it up over some
+    frames, one firefly does not."""
     forget: Number = 0.5
-    """Fraction of the samples dropped per half extent of distance to the box."""
+    """Fraction of the samples that is dropped per half size of the box, by distance to the box."""
     samples: Number = 18.0
     """Maximum of the sample count: samples / (1 + blur_cost * blur + speed_cost * speed)."""
     blur_cost: Number = 32.0
-    """Reduction of that maximum per full resampling blur."""
+    """Reduction of that maximum by a full resampling blur."""
     speed_cost: Number = 7.5
     """Reduction of that maximum per display pixel of motion."""
     settled: Number = 0.9
-    """Count from which on only samples near the pixel's centre are added, not the whole upsampling."""
+    """Sample count from which on only samples near the centre are added, not the upsampled frame."""
     depth_margin: Number = 0.005
-    """Relative depth by which the history must be closer before it counts as another surface."""
+    """Relative depth by which the history must be closer before disocclusion begins."""
     depth_ramp: Number = 0.05
-    """Relative depth over which that becomes certain."""
+    """Further relative depth at which disocclusion is complete."""
     change_deviation: Number = 0.53
-    """The lighting changed where the mean differs by more than this many standard deviations ..."""
+    """The lighting has changed if the mean differs by more than this many standard deviations ..."""
     change_relative: Number = 0.1
-    """... plus this fraction of itself ..."""
+    """... plus this fraction of the mean."""
     change_ramp: Number = 0.65
-    """... and the ramp softens the test."""
+    """Excess, relative to that threshold, at which the change is complete."""
     lag: Number = 0.015
-    """Mean difference of the samples of a window from the history that counts as none, as a part of it ..."""
+    """Tolerated mean difference of a window's samples from the history, relative to the history ..."""
     lag_deviations: Number = 3.0
-    """... and in its standard errors."""
+    """... plus this many standard errors."""
     lag_samples: Number = 0.014
-    """Number of samples that are kept, times the difference over that."""
+    """Number of samples that are kept at an excess of 1 over that; inversely proportional to the excess."""
 
 
 TAAU = register(
@@ -85,11 +85,11 @@ TAAU = register(
         inputs=(*FRAME_INPUTS, ADDS_SAMPLES),
         history={
             "color": (1, 3, *DISPLAY),  # linear RGB
-            "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, and GLARE
+            "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, plus GLARE
             "surface": (1, 3, *PREVIOUS),  # occluding depth, mean and deviation of toned luma
             "jitter": (1, 2),  # of `surface`
-            "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
-            "light": (1, 4),  # mean luma, mean square deviation, that of previous frames, flashes in a row
+            "exposure": (1,),  # see `followed_exposure`; 0: none yet
+            "light": (1, 4),  # mean luma, mean local variance, previous frames' variance, successive flashes
             **AT_REST_HISTORY,
         },
         aux_outputs=("weight", "converged"),

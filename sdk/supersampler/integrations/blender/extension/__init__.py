@@ -1,7 +1,6 @@
-"""Blender's extension: a panel in the render properties, and operators that run the `supersampler` command.
+"""Extension of Blender: a panel in the render properties, and operators that run the `supersampler` command.
 
-The command is installed beside Blender (`pip install supersampler`); the preferences have its path. `run.py`
-does the work; the operators here only forward to it.
+The command is installed separately (`pip install supersampler`); the preferences hold its path.
 """
 
 import sys
@@ -10,13 +9,13 @@ from typing import Any
 
 import bpy
 
-from .run import Run, denoise_command, render_command, upscale_command
+from .run import Run, command_line, render_command
 
-_TICK = 0.5  # seconds between two looks at the command
+_TICK = 0.5  # seconds between updates of the progress
 
 
 class SupersamplerPreferences(bpy.types.AddonPreferences):
-    """Path of the command."""
+    """Preferences: the path of the command."""
 
     bl_idname = __package__
 
@@ -33,11 +32,11 @@ class SupersamplerSettings(bpy.types.PropertyGroup):
     """Settings of a scene."""
 
     scale: bpy.props.FloatProperty(  # type: ignore[valid-type]
-        name="Scale", description="Size of the results over the size of the render", default=2, min=1, max=4
+        name="Scale", description="Size of the results divided by the render size", default=2, min=1, max=4
     )
     samples: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Samples",
-        description="Samples per render pixel; 0: the scene's own, but 16 where Cycles' frames are upscaled",
+        description="Samples per render pixel; 0: the scene's, or 16 if Cycles' frames are upscaled",
         default=0,
         min=0,
     )
@@ -49,7 +48,7 @@ class SupersamplerSettings(bpy.types.PropertyGroup):
         name="Output", description="Folder of the results", subtype="DIR_PATH", default="//supersampled/"
     )
     source: bpy.props.StringProperty(  # type: ignore[valid-type]
-        name="Frames", description="Folder of frames that are rendered already", subtype="DIR_PATH"
+        name="Frames", description="Folder of rendered frames", subtype="DIR_PATH"
     )
     overwrite: bpy.props.BoolProperty(  # type: ignore[valid-type]
         name="Overwrite", description="Replace the results of an earlier run"
@@ -57,17 +56,17 @@ class SupersamplerSettings(bpy.types.PropertyGroup):
 
 
 class _RunsCommand:
-    """Runs a command: with a window beside the user's work, without one until it ends."""
+    """Runs a command, in the foreground if Blender has no window, otherwise in the background."""
 
     _run: Run
     _timer: Any = None
 
     def start(self, context: Any) -> Run:
-        """Start the command; ValueError where it cannot be, which says why."""
+        """Start the command; raise ValueError with the reason if that is not possible."""
         raise NotImplementedError
 
     def execute(self: Any, context: Any) -> set[str]:
-        """Run the command to its end."""
+        """Run the command until it ends."""
         if not self._begin(context):
             return {"CANCELLED"}
         while self._run.wait(_TICK):
@@ -75,7 +74,7 @@ class _RunsCommand:
         return self._end(context)  # type: ignore[no-any-return]
 
     def invoke(self: Any, context: Any, _: Any) -> set[str]:
-        """Run the command beside the user's work."""
+        """Run the command in the background."""
         if not self._begin(context):
             return {"CANCELLED"}
         self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
@@ -83,7 +82,7 @@ class _RunsCommand:
         return {"RUNNING_MODAL"}
 
     def modal(self: Any, context: Any, event: Any) -> set[str]:
-        """Show how far the command is; Escape ends it."""
+        """Show the progress; Escape ends the command."""
         if event.type == "ESC":
             self._run.cancel()
         elif event.type == "TIMER":
@@ -113,7 +112,7 @@ class _RunsCommand:
 
 
 class SUPERSAMPLER_OT_render(_RunsCommand, bpy.types.Operator):
-    """Render the animation small and upscale it, from the file as it was saved last."""
+    """Render the animation of the saved file small, and upscale it."""
 
     bl_idname, bl_label = "supersampler.render", "Render Animation Supersampled"
 
@@ -123,7 +122,7 @@ class SUPERSAMPLER_OT_render(_RunsCommand, bpy.types.Operator):
 
 
 class SUPERSAMPLER_OT_render_denoised(_RunsCommand, bpy.types.Operator):
-    """Render the animation with Cycles and denoise it over time, from the file as it was saved last."""
+    """Render the animation of the saved file with Cycles, and denoise it over time."""
 
     bl_idname, bl_label = "supersampler.render_denoised", "Render Animation Denoised"
 
@@ -133,49 +132,30 @@ class SUPERSAMPLER_OT_render_denoised(_RunsCommand, bpy.types.Operator):
 
 
 class SUPERSAMPLER_OT_upscale(_RunsCommand, bpy.types.Operator):
-    """Upscale frames that are rendered already, with the passes Combined, Z and Vector."""
+    """Upscale rendered frames with the passes Combined, Z and Vector."""
 
     bl_idname, bl_label = "supersampler.upscale", "Upscale Rendered Frames"
 
     def start(self, context: Any) -> Run:
         """Start `supersampler upscale`."""
-        settings, (folder, output) = context.scene.supersampler, _folders(context)
-        command = upscale_command(
-            _program(context),
-            folder,
-            output,
-            scale=settings.scale,
-            image_format=settings.image_format,
-            overwrite=settings.overwrite,
-        )
-        return Run(command, output, _frame_count(folder))
+        return _start_on_frames(context, "upscale", scale=context.scene.supersampler.scale)
 
 
 class SUPERSAMPLER_OT_denoise(_RunsCommand, bpy.types.Operator):
-    """Denoise frames that are rendered already over time, with the passes Combined, Z, Vector, Normal and
-    Denoising Data.
-    """
+    """Denoise rendered frames over time, with the passes Combined, Z, Vector, Normal and Denoising Data."""
 
     bl_idname, bl_label = "supersampler.denoise", "Denoise Rendered Frames"
 
     def start(self, context: Any) -> Run:
         """Start `supersampler denoise`."""
-        settings, (folder, output) = context.scene.supersampler, _folders(context)
-        command = denoise_command(
-            _program(context),
-            folder,
-            output,
-            image_format=settings.image_format,
-            overwrite=settings.overwrite,
-        )
-        return Run(command, output, _frame_count(folder))
+        return _start_on_frames(context, "denoise")
 
 
 def _start_render(context: Any, scale: float | None) -> Run:
-    """Start `supersampler blender`; ValueError where the file is not saved."""
-    changed = bpy.data.is_dirty and not bpy.app.background  # which always reports unsaved changes
+    """Start `supersampler blender`; raise ValueError if the file is not saved."""
+    changed = bpy.data.is_dirty and not bpy.app.background  # in the background it is always dirty
     if not bpy.data.filepath or changed:
-        raise ValueError("Save the file first: it is rendered as it was saved last")
+        raise ValueError("Save the file first: the last saved version is rendered")
     scene, settings = context.scene, context.scene.supersampler
     output = Path(bpy.path.abspath(settings.output))
     command = render_command(
@@ -187,23 +167,21 @@ def _start_render(context: Any, scale: float | None) -> Run:
         scene=scene.name,
         scale=scale,
         samples=settings.samples,
-        image_format=settings.image_format,
+        format=settings.image_format,
         overwrite=settings.overwrite,
     )
     return Run(command, output, scene.frame_end - scene.frame_start + 1)
 
 
-def _folders(context: Any) -> tuple[Path, Path]:
-    """Return the folders of rendered frames and of results; ValueError where there is no such folder."""
+def _start_on_frames(context: Any, name: str, **options: Any) -> Run:
+    """Start a command on the folder of rendered frames; raise ValueError if there is no such folder."""
     settings = context.scene.supersampler
     folder, output = (Path(bpy.path.abspath(path)) for path in (settings.source, settings.output))
     if not settings.source or not folder.is_dir():
         raise ValueError("Choose the folder of the rendered frames")
-    return folder, output
-
-
-def _frame_count(folder: Path) -> int:
-    return sum(1 for _ in folder.glob("[!.]*.exr"))
+    common = {"format": settings.image_format, "overwrite": settings.overwrite}
+    command = command_line(_program(context), name, folder, output, **common, **options)
+    return Run(command, output, sum(1 for _ in folder.glob("[!.]*.exr")))
 
 
 class SUPERSAMPLER_PT_panel(bpy.types.Panel):

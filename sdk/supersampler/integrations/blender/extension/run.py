@@ -1,4 +1,4 @@
-"""A running `supersampler` command and its progress. Imports neither bpy nor supersampler."""
+"""A running `supersampler` command and its progress. This module imports neither bpy nor supersampler."""
 
 import json
 import os
@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from threading import Thread
 
-_PATIENCE = 10.0  # seconds between the attempts to end a command
-_LINES, _LINE = 1000, 4096  # maximum number of messages, and of characters in one
+_PATIENCE = 10.0  # seconds between attempts to end a command
+_LINES, _LINE = 1000, 4096  # maximum number of messages, and of characters per message
 
 
 class Run:
@@ -20,9 +20,9 @@ class Run:
         total: number of frames.
         done: number of complete frames.
         notes: lines that the command has printed.
-        error: why it failed; "" where it has not.
+        error: why the command failed, or "".
 
-    The command stops when this process ends: see END_WITH_STDIN in `supersampler.cli.app`.
+    The command ends with this process; see END_WITH_STDIN in `supersampler.cli.app`.
 
     Raises:
         OSError: there is no such program.
@@ -56,7 +56,7 @@ class Run:
             self._end_if_late()
             return True
         self._hang_up()
-        self._reader.join(_PATIENCE)  # a program that the command started may hold the pipe
+        self._reader.join(_PATIENCE)  # a child of the command may keep the pipe open
         if self._process.returncode and self._cancelled is None and not self.error:
             last = self.notes[-1] if self.notes else f"the command ended with {self._process.returncode}"
             self.error = last.removeprefix("error: ")
@@ -68,7 +68,7 @@ class Run:
         return self.pump()
 
     def cancel(self) -> None:
-        """Ask the command to end, as Ctrl-C does: complete frames are kept. `pump` insists."""
+        """Ask the command to end, as Ctrl-C does; complete frames are kept. `pump` kills it if it is late."""
         if self._cancelled is None:
             self._cancelled = time.monotonic()
             self._hang_up()
@@ -79,7 +79,7 @@ class Run:
             self._process.stdin.close()
 
     def _end_if_late(self) -> None:
-        """Terminate a cancelled command that is still running, and kill it if that does not help."""
+        """Terminate a cancelled command that is still running; later kill it."""
         waited = 0.0 if self._cancelled is None else time.monotonic() - self._cancelled
         if waited > 2 * _PATIENCE:
             self._process.kill()
@@ -87,7 +87,7 @@ class Run:
             self._process.terminate()
 
     def _read(self) -> None:
-        """Keep the last lines that the command prints, each of a bounded length."""
+        """Keep the last lines that the command prints, truncated to _LINE characters."""
         if self._process.stderr is not None:
             with self._process.stderr as pipe:
                 while line := pipe.readline(_LINE):
@@ -95,12 +95,23 @@ class Run:
                     del self.notes[:-_LINES]
 
     def _count(self) -> int:
-        """Return how many frames upscale.json lists."""
+        """Return the number of frames that upscale.json lists."""
         try:
             files = json.loads((self._output / "upscale.json").read_text(encoding="utf-8"))["files"]
             return int(min((count for pattern, count in files.items() if "#" in pattern), default=0))
         except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-            return 0  # not there yet, or of something else
+            return 0  # not there yet, or another program's file
+
+
+def command_line(
+    program: str, name: str, source: str | Path, output: Path, *, overwrite: bool, **options: object
+) -> list[str]:
+    """Return `supersampler NAME SOURCE -o OUTPUT` with the options that are not None."""
+    command = [program, name, str(source), "-o", str(output), *(["--overwrite"] if overwrite else [])]
+    for option, value in options.items():
+        text = f"{value:g}" if isinstance(value, float) else str(value)
+        command += [] if value is None else [f"--{option}", text]
+    return command
 
 
 def render_command(
@@ -108,40 +119,14 @@ def render_command(
     blend: str,
     output: Path,
     *,
-    blender: str,
     frames: tuple[int, int],
-    scene: str,
     scale: float | None,
-    samples: int = 0,
-    image_format: str = "exr",
-    overwrite: bool = False,
+    samples: int,
+    overwrite: bool,
+    **options: str,
 ) -> list[str]:
-    """Return `supersampler blender ...`; samples of 0 are the command's own, a scale of None denoises."""
-    command = [program, "blender", blend, "-o", str(output), "--blender", blender, "--scene", scene]
-    command += ["--frames", f"{frames[0]}-{frames[1]}", "--format", image_format]
-    command += ["--denoise", "temporal"] if scale is None else ["--scale", f"{scale:g}"]
-    command += ["--samples", str(samples)] if samples else []
-    return [*command, "--overwrite"] if overwrite else command
-
-
-def upscale_command(
-    program: str,
-    folder: Path,
-    output: Path,
-    *,
-    scale: float,
-    image_format: str = "exr",
-    overwrite: bool = False,
-) -> list[str]:
-    """Return `supersampler upscale ...` of frames that are there."""
-    command = [program, "upscale", str(folder), "-o", str(output), "--scale", f"{scale:g}"]
-    command += ["--format", image_format]
-    return [*command, "--overwrite"] if overwrite else command
-
-
-def denoise_command(
-    program: str, folder: Path, output: Path, *, image_format: str = "exr", overwrite: bool = False
-) -> list[str]:
-    """Return `supersampler denoise ...` of frames that are there."""
-    command = [program, "denoise", str(folder), "-o", str(output), "--format", image_format]
-    return [*command, "--overwrite"] if overwrite else command
+    """Return `supersampler blender ...`; 0 samples are the command's default, a scale of None denoises."""
+    return command_line(
+        program, "blender", blend, output, frames=f"{frames[0]}-{frames[1]}", samples=samples or None,
+        scale=scale, denoise="temporal" if scale is None else None, overwrite=overwrite, **options,
+    )  # fmt: skip
