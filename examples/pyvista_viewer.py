@@ -1,4 +1,4 @@
-"""View a frog, segmented into its organs, in a PyVista viewer that renders at half size and upscales.
+"""View a frog, segmented into its organs, in a PyVista viewer that upscales while the view moves.
 
     pip install . pyvista
     python examples/pyvista_viewer.py --frames 48 -o out/viewer
@@ -27,7 +27,7 @@ def main() -> None:
     parser.add_argument(
         "--size", type=parse_size, default=(1280, 720), help="size of the window, such as 1280x720"
     )
-    parser.add_argument("--scale", type=float, default=2.0, help="window size over render size")
+    parser.add_argument("--scale", type=float, help="window size / render size; else chosen by times")
     parser.add_argument("--model", default="classifier", help="name of a model, or its folder")
     parser.add_argument("-o", "--output", type=Path, help="folder for the images; else a window shows them")
     options = parser.parse_args()
@@ -48,8 +48,9 @@ def main() -> None:
             plotter.update()
         else:
             plotter.screenshot(options.output / f"{index:04d}.png")
-    if window.upscaler is not None:
-        step = window.upscaler.stats.seconds / window.upscaler.stats.frames
+    upscaler = window.viewports[0].upscaler
+    if upscaler is not None:
+        step = upscaler.stats.seconds / upscaler.stats.frames
         print(f"{1000 * median(seconds):.0f} ms a frame (median), {1000 * step:.0f} ms of it for upscaling")
     plotter.close()
 
@@ -57,6 +58,13 @@ def main() -> None:
 def scene(size: tuple[int, int], *, off_screen: bool) -> Any:
     """Return a plotter that shows the organs, 1.5 million triangles, and a ring."""
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
+    frog(plotter)
+    plotter.show(auto_close=False, interactive_update=True)
+    return plotter
+
+
+def frog(plotter: Any) -> None:
+    """Add the organs and the ring."""
     plotter.set_background("white")
     mesh = pv.examples.load_frog_tissues().contour_labels()
     plotter.add_mesh(mesh, cmap="tab20", show_scalar_bar=False)
@@ -64,8 +72,6 @@ def scene(size: tuple[int, int], *, off_screen: bool) -> Any:
     ring = pv.Disc(center=mesh.center, inner=radius, outer=1.05 * radius, normal=(0, 1, 0), c_res=90)
     plotter.add_mesh(ring, color="black", lighting=False, name="ring")
     pose(plotter, 0, angle=0.0)
-    plotter.show(auto_close=False, interactive_update=True)
-    return plotter
 
 
 def pose(plotter: Any, index: int, *, angle: float) -> None:

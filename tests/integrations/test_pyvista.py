@@ -1,7 +1,8 @@
 """Tests of supersampling in PyVista and VTK, with OpenGL (in software will do): `make pyvista` runs them."""
 
 import importlib.util
-from collections.abc import Iterator
+import runpy
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,16 @@ if importlib.util.find_spec("pyvista") is None:
 
 import pyvista as pv
 from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkRenderingCore import vtkLight
 from vtkmodules.vtkWebCore import vtkWebApplication
 
 from supersampler.integrations.pyvista import enable_supersampling
 from supersampler.integrations.vtk import SupersampledWindow
+from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels, upsampled_depth
 
 SIZE = (240, 160)
 SMALL = (120, 80)
+GALLERY = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pyvista_gallery.py"))["SCENES"]
 
 
 @pytest.fixture
@@ -33,31 +37,72 @@ def plotter() -> Iterator[Any]:
     found.set_background("white")
     plane = pv.Plane(i_size=4, j_size=4, i_resolution=24, j_resolution=24)
     checks = (np.indices((24, 24)).sum(axis=0) % 2).ravel()
-    found.add_mesh(plane, scalars=checks, cmap="gray", show_scalar_bar=False, lighting=False)
+    found.add_mesh(plane, scalars=checks, cmap="gray", show_scalar_bar=False, lighting=False, name="floor")
     found.camera_position = [(1.5, -3.0, 2.0), (0, 0, 0), (0, 0, 1)]
-    found.disable_anti_aliasing()
     found.show(auto_close=False)
     yield found
     found.close()
 
 
+def supersampled(plotter: Any, **options: Any) -> SupersampledWindow:
+    """Turn supersampling on, at any cost."""
+    return enable_supersampling(plotter, **{"scale": 2, "force": True, **options})
+
+
+def seen(plotter: Any) -> Float32:
+    """Return what the window shows, (h, w, 3) in [0, 1], without rendering."""
+    size = plotter.render_window.GetActualSize()
+    pixels = WindowPixels(plotter.render_window).read_color(Rectangle(0, 0, *size))
+    return pixels.astype(np.float32) / np.float32(255)
+
+
 def shown(plotter: Any) -> Float32:
-    """Render once, and return what the window shows, (h, w, 3) in [0, 1]."""
+    """Render once, and return what the window shows."""
     plotter.render()
-    image: Float32 = np.asarray(plotter.screenshot(return_img=True)).astype(np.float32)
-    return image / np.float32(255)
+    return seen(plotter)
 
 
-def stepped(window: SupersampledWindow, plotter: Any) -> Frame:
+def plain(plotter: Any) -> Float32:
+    """Return what PyVista shows with its multi-sampling."""
+    plotter.render_window.SetMultiSamples(4)
+    return shown(plotter)
+
+
+def truth(plotter: Any) -> Float32:
+    """Return the view without supersampling, with 64 samples a pixel."""
+    plotter.render_window.SetMultiSamples(0)
+    total = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
+    for index in range(64):
+        x, y = index % 8 / 8 - 0.4375, index // 8 / 8 - 0.4375
+        plotter.camera.SetWindowCenter(2 * x / SIZE[0], 2 * y / SIZE[1])
+        total += shown(plotter)
+    plotter.camera.SetWindowCenter(0, 0)
+    return total / np.float32(64)
+
+
+def turn(plotter: Any, angle: float = 3.0) -> None:
+    """Turn the camera, without rendering."""
+    plotter.camera.Azimuth(angle)
+    plotter.renderer.ResetCameraClippingRange()
+
+
+def moving(plotter: Any) -> None:
+    """Render some frames that move, with the history that they need."""
+    for _ in range(4):
+        turn(plotter, 0.5)
+        plotter.render()
+
+
+def stepped(window: SupersampledWindow, plotter: Any, viewport: int = 0) -> Frame:
     """Render once, and return the frame that was upscaled."""
-    assert window.upscaler is not None
+    history = window.viewports[viewport]
     frames: list[Frame] = []
-    step = window.upscaler.step
-    window.upscaler.step = lambda frame: frames.append(frame) or step(frame)  # type: ignore[method-assign,assignment,func-returns-value]
+    upscale = history.upscale
+    history.upscale = lambda frame: frames.append(frame) or upscale(frame)  # type: ignore[method-assign,func-returns-value]
     try:
         plotter.render()
     finally:
-        window.upscaler.step = step  # type: ignore[method-assign]
+        history.upscale = upscale  # type: ignore[method-assign]
     assert len(frames) == 1
     return frames[0]
 
@@ -70,23 +115,71 @@ def place(plotter: Any, point: tuple[float, float, float]) -> Array:
     return np.array([x, SIZE[1] - y]) * (SMALL[0] / SIZE[0])
 
 
-def test_a_view_at_rest_is_nearer_to_the_truth_than_without_anti_aliasing(plotter: Any) -> None:
-    none = shown(plotter)
-    plotter.window_size = (SIZE[0] * 8, SIZE[1] * 8)
-    large = shown(plotter)
-    plotter.window_size = SIZE
-    truth = large.reshape(SIZE[1], 8, SIZE[0], 8, 3).mean(axis=(1, 3))
-    enable_supersampling(plotter, scale=2)
+def error(image: Float32, reference: Float32) -> float:
+    return float(np.square(image - reference).mean())
+
+
+def test_the_first_image_is_that_of_plain_pyvista(plotter: Any) -> None:
+    plotter.add_text("sharp", position="upper_left", font_size=10, color="black")
+    before = plain(plotter)
+    supersampled(plotter)
+    np.testing.assert_array_equal(shown(plotter), before)
+
+
+def test_the_first_image_after_movement_is_that_of_plain_pyvista(plotter: Any) -> None:
+    window = supersampled(plotter)
+    plotter.render()
+    moving(plotter)
+    first = shown(plotter)
+    window.disable()
+    np.testing.assert_array_equal(first, plain(plotter))
+
+
+def test_a_view_at_rest_converges_to_the_truth_and_stays_the_same(plotter: Any) -> None:
+    plotter.add_mesh(pv.Line((-1, -1, 0.5), (1, 1, 0.5)), color="red")
+    reference, multi_sampled = truth(plotter), plain(plotter)
+    window = supersampled(plotter)
+    plotter.render()
+    assert not window.is_converged
+    errors = [error(seen(plotter), reference)]
+    while not window.is_converged:
+        errors.append(error(shown(plotter), reference))
+    assert len(errors) <= 20
+    assert errors[-1] < 0.3 * error(multi_sampled, reference)
+    assert max(errors) < 1.3 * errors[0]  # no render at rest is worse than the plain one, by eye
+    converged = seen(plotter)
+    np.testing.assert_array_equal(shown(plotter), converged)
+
+
+def test_a_screenshot_after_converge_has_converged(plotter: Any) -> None:
+    reference = truth(plotter)
+    window = supersampled(plotter)
+    window.converge()
+    image = np.asarray(plotter.screenshot(return_img=True)).astype(np.float32) / np.float32(255)
+    assert window.is_converged
+    window.disable()
+    assert error(image, reference) < 0.3 * error(plain(plotter), reference)
+
+
+def test_a_view_that_moves_is_nearer_to_the_truth_than_without_anti_aliasing(plotter: Any) -> None:
+    window = supersampled(plotter)
+    plotter.render()
     for _ in range(16):
-        ours = shown(plotter)
-    errors = [float(np.square(image - truth).mean()) for image in (ours, none)]
-    assert errors[0] < 0.6 * errors[1]
+        turn(plotter, 0.5)
+        plotter.render()
+    ours = seen(plotter)
+    window.disable()
+    plotter.render_window.SetMultiSamples(0)
+    none = shown(plotter)
+    reference = truth(plotter)
+    assert error(ours, reference) < 0.7 * error(none, reference)
 
 
 def test_motion_of_the_camera_is_that_of_a_point_on_the_screen(plotter: Any) -> None:
-    window = enable_supersampling(plotter, scale=2)
+    window = supersampled(plotter)
     points = [(0.0, 0.0, 0.0), (1.0, 0.7, 0.0), (-0.8, -0.4, 0.0)]
     plotter.render()
+    moving(plotter)
     before = [place(plotter, point) for point in points]
     plotter.camera.Azimuth(3.0)
     plotter.camera.Elevation(-1.0)
@@ -103,9 +196,10 @@ def test_the_background_moves_with_the_closest_broad_surface_of_its_tile_and_res
     plotter: Any,
 ) -> None:
     plotter.camera.zoom(0.4)
-    window = enable_supersampling(plotter, scale=2)
+    window = supersampled(plotter)
     plotter.render()
-    plotter.camera.Azimuth(3.0)
+    moving(plotter)
+    turn(plotter)
     frame = stepped(window, plotter)
     outlines = []
     for row in range(0, SMALL[1], 16):
@@ -124,7 +218,11 @@ def test_the_background_moves_with_the_closest_broad_surface_of_its_tile_and_res
 
 def test_an_actor_that_moves_has_its_own_motion_and_nothing_else_has(plotter: Any) -> None:
     sphere = plotter.add_mesh(pv.Sphere(radius=0.4, center=(0, 0, 0.5)), color="red")
-    window = enable_supersampling(plotter, scale=2)
+    window = supersampled(plotter)
+    plotter.render()
+    sphere.SetPosition(0.01, 0.0, 0.0)
+    plotter.render()
+    sphere.SetPosition(0.0, 0.0, 0.0)
     plotter.render()
     towards = np.subtract(plotter.camera.position, (0.3, 0, 0.5))
     front = np.array([0.3, 0, 0.5]) + 0.4 * towards / np.linalg.norm(towards)
@@ -141,119 +239,226 @@ def test_an_actor_that_moves_has_its_own_motion_and_nothing_else_has(plotter: An
     assert (moved & reddish).sum() > 0.95 * max(moved.sum(), reddish.sum())
 
 
-def test_another_view_and_another_size_start_anew(plotter: Any) -> None:
-    window = enable_supersampling(plotter, scale=2)
+def test_a_jump_and_another_size_show_a_plain_image(plotter: Any) -> None:
+    window = supersampled(plotter)
     plotter.render()
-    assert not stepped(window, plotter).reset
-    plotter.camera_position = [(-3.0, 1.0, 0.4), (0, 0, 0), (0, 0, 1)]
+    moving(plotter)
+    plotter.camera.position = (-3.0, 1.0, 0.4)
+    jumped = shown(plotter)
+    turn(plotter, 1.0)
     assert stepped(window, plotter).reset
-    assert not stepped(window, plotter).reset
-    window.reset()
-    assert stepped(window, plotter).reset
-    plotter.camera.SetParallelProjection(True)
-    assert stepped(window, plotter).reset
-    plotter.window_size = (200, 100)
-    plotter.render()
-    assert window.upscaler is not None
-    assert window.upscaler.display_size == (200, 100)
-    assert shown(plotter).shape == (100, 200, 3)
-
-
-def test_text_is_rendered_at_full_size_on_top(plotter: Any) -> None:
-    plotter.add_text("sharp", position="upper_left", font_size=10, color="black")
-    none = shown(plotter)[:24, :48]
-    enable_supersampling(plotter, scale=2)
-    ours = shown(plotter)[:24, :48]
-    assert none.min() < 0.1
-    np.testing.assert_allclose(ours, none, atol=2 / 255)
-
-
-@pytest.mark.parametrize("width", [1.0, 4.0])
-@pytest.mark.parametrize("kind", ["line", "wireframe", "edges"])
-def test_lines_are_rendered_as_wide_as_in_the_image(kind: str, width: float) -> None:
-    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
-    plotter.set_background("white")
-    if kind == "line":
-        mesh = pv.Line((-1, -0.31, 0), (1, 0.27, 0))
-        look: dict[str, Any] = {"color": "black"}
-    else:
-        mesh = pv.Plane(i_resolution=3, j_resolution=1)
-        look = {"edge_color": "black", "show_edges": True, "color": "white"}
-        look = {"style": "wireframe", "color": "black"} if kind == "wireframe" else look
-    plotter.add_mesh(mesh, line_width=width, lighting=False, **look)
-    plotter.camera_position = "xy"
-    plotter.camera.Roll(12.0)
-    plotter.disable_anti_aliasing()
-    plotter.show(auto_close=False)
-    none = shown(plotter)
-    window = enable_supersampling(plotter, scale=2)
-    plotter.render()
-    colors = [stepped(window, plotter).color for _ in range(32)]  # of all phases of the jitter
-    ink = float(np.mean([(1 - color).sum() for color in colors if color is not None]))
-    assert ink * 4 / (1 - none).sum() == pytest.approx(1.0, abs=0.08)  # a render pixel is four of the image
+    moving(plotter)
+    plotter.render_window.SetSize(200, 100)
+    resized = shown(plotter)
     window.disable()
-    np.testing.assert_array_equal(shown(plotter), none)
+    np.testing.assert_array_equal(resized, plain(plotter))
+    plotter.render_window.SetSize(*SIZE)
+    turn(plotter, -3.0)
+    np.testing.assert_array_equal(jumped, plain(plotter))
+
+
+def change_points(plotter: Any) -> None:
+    plotter.meshes[0].points[:, 2] += 0.3 * np.sin(3 * plotter.meshes[0].points[:, 0])
+
+
+def change_scalars(plotter: Any) -> None:
+    plotter.meshes[0].cell_data.active_scalars[:] = 1 - plotter.meshes[0].cell_data.active_scalars
+
+
+CHANGES: dict[str, Callable[[Any], Any]] = {
+    "points": change_points,
+    "scalars": change_scalars,
+    "colours": lambda plotter: setattr(plotter.mapper.lookup_table, "cmap", "viridis"),
+    "opacity": lambda plotter: plotter.actors["floor"].GetProperty().SetOpacity(0.3),
+    "visibility": lambda plotter: plotter.actors["floor"].VisibilityOff(),
+    "light": lambda plotter: plotter.renderer.lights[0].SetIntensity(0.2),
+    "a light": lambda plotter: plotter.renderer.AddLight(vtkLight()),
+    "background": lambda plotter: plotter.renderer.SetBackground(0.2, 0.4, 0.2),
+    "a mesh": lambda plotter: plotter.add_mesh(pv.Sphere(radius=0.4), color="red", render=False),
+    "a surface that gets edges": lambda plotter: plotter.actors["floor"].GetProperty().EdgeVisibilityOn(),
+}
+
+
+@pytest.mark.parametrize("while_moving", [False, True], ids=["at rest", "moving"])
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
+def test_changes_of_the_scene_show_at_once(
+    plotter: Any, change: Callable[[Any], Any], while_moving: bool
+) -> None:
+    plotter.actors["floor"].GetProperty().LightingOn()
+    window = supersampled(plotter)
+    window.converge()
+    moving(plotter)
+    if not while_moving:
+        plotter.render()
+        plotter.render()
+    change(plotter)
+    if while_moving:
+        turn(plotter, 0.5)
+    ours = shown(plotter)
+    window.disable()
+    np.testing.assert_array_equal(ours, plain(plotter))
+
+
+@pytest.mark.parametrize("kind", ["grid", "line", "points", "wireframe", "edges", "label"])
+def test_lines_points_and_text_are_those_of_plain_pyvista_while_the_view_moves(
+    plotter: Any, kind: str
+) -> None:
+    plotter.remove_actor("floor", render=False)
+    plotter.add_mesh(pv.Sphere(radius=0.7), color="white", lighting=False)
+    plotter.set_background("white")
+    block = pv.Cube(center=(1.2, 0, 0), x_length=0.7)
+    cloud = pv.PolyData(np.random.default_rng(1).uniform(-1, 1, (200, 3)))
+    places = [(0.0, -0.8, 0.2), (0.1, 1.0, -0.4), (0.9, 0.3, 0.4), (-0.9, 0.0, 0.0)]  # the second is hidden
+    add: dict[str, Callable[[], Any]] = {
+        "grid": lambda: plotter.show_grid(color="black"),
+        "line": lambda: plotter.add_mesh(pv.Spline(cloud.points[:20], 400), color="black", line_width=3),
+        "points": lambda: plotter.add_mesh(cloud, color="black", point_size=5, lighting=False),
+        "wireframe": lambda: plotter.add_mesh(block, style="wireframe", color="black", lighting=False),
+        "edges": lambda: plotter.add_mesh(block, show_edges=True, color="white", lighting=False),
+        "label": lambda: plotter.add_point_labels(places, list("abcd"), text_color="black"),
+    }
+    add[kind]()
+    window = supersampled(plotter)
+    plotter.render()
+    moving(plotter)
+    ours = seen(plotter)
+    window.disable()
+    expected = plain(plotter)
+    ink = (1 - expected).mean()
+    assert ink > 0.001
+    assert np.abs(ours - expected).mean() < 0.1 * ink
+
+
+def test_depth_is_interpolated_exactly_on_planes_and_not_across_outlines() -> None:
+    row, column = np.mgrid[:20, :30].astype(np.float32)
+    plane = 0.3 + 0.001 * column + 0.002 * row
+    plane[:, 20:] = 1.0
+    larger = upsampled_depth(plane, (60, 40), (0.25, -0.125))
+    y, x = np.mgrid[:40, :60].astype(np.float32)
+    expected = 0.3 + 0.001 * ((x + 0.5) / 2 - 0.75) + 0.002 * ((y + 0.5) / 2 - 0.375)
+    step = 0.5 * (0.001 + 0.002)  # lines on surfaces are in front by half a sample's step
+    np.testing.assert_allclose(larger[4:36, 4:38], expected[4:36, 4:38] + step, atol=1e-5)
+    assert set(np.unique(larger[:, 42:])) == {1.0}
+
+
+def test_each_viewport_has_its_own_history() -> None:
+    plotter = pv.Plotter(off_screen=True, window_size=(320, 160), shape=(1, 2))
+    for column in range(2):
+        plotter.subplot(0, column)
+        plotter.add_mesh(pv.Sphere(theta_resolution=12), color="red", smooth_shading=True)
+    plotter.show(auto_close=False)
+    window = supersampled(plotter)
+    window.converge()
+    resting = seen(plotter)[:, 160:]
+    first = plotter.renderers[0]
+    for _ in range(4):
+        first.camera.Azimuth(1.0)
+        plotter.render()
+    ours = seen(plotter)
+    upscalers = [viewport.upscaler for viewport in window.viewports]
+    assert upscalers[0] is not None
+    assert upscalers[0].stats.frames == 4
+    assert upscalers[1] is None
+    np.testing.assert_array_equal(ours[:, 160:], resting)
+    window.disable()
+    expected = plain(plotter)
+    assert np.abs(ours - expected).mean() < 0.01
     plotter.close()
 
 
-def test_each_render_is_one_frame_and_changes_nothing_of_the_plotter(plotter: Any) -> None:
-    window = enable_supersampling(plotter, scale=2)
+def test_a_volume_moves_as_its_centre_and_in_no_blocks(plotter: Any) -> None:
+    grid = pv.ImageData(dimensions=(16, 16, 16), spacing=(0.1, 0.1, 0.1), origin=(-0.75, -0.75, 0.0))
+    grid["density"] = np.exp(-6 * np.square(grid.points - (0.0, 0.0, 0.75)).sum(axis=1))
+    plotter.remove_actor("floor", render=False)
+    plotter.add_volume(grid, scalars="density", opacity="linear", show_scalar_bar=False)
+    window = supersampled(plotter)
     plotter.render()
-    assert window.upscaler is not None
-    count = window.upscaler.stats.frames
+    moving(plotter)
+    before = place(plotter, (0.0, 0.0, 0.75))
+    plotter.camera.Elevation(2.0)
+    frame = stepped(window, plotter)
+    now = place(plotter, (0.0, 0.0, 0.75))
+    column, row = np.floor(now).astype(int)
+    np.testing.assert_allclose(frame.motion[row, column], before - now, atol=0.1)
+    inside = frame.motion[row - 12 : row + 12, column - 12 : column + 12]
+    assert np.abs(np.diff(inside, axis=0)).max() < 0.1
+    assert np.abs(np.diff(inside, axis=1)).max() < 0.1
+    assert frame.reactive is not None
+    assert frame.reactive[row, column] > 0
+
+
+def test_upscaling_that_does_not_pay_says_so_and_stays_out(plotter: Any) -> None:
+    window = enable_supersampling(plotter)
+    plotter.render()
+    plotter.render()
+    window.pace.plain = 1e-6
+    with pytest.warns(UserWarning, match="does not pay"):
+        moving(plotter)
+    assert window.is_out
+    turn(plotter)
+    ours = shown(plotter)
+    window.disable()
+    np.testing.assert_array_equal(ours, plain(plotter))
+
+
+def test_each_render_changes_nothing_of_the_plotter(plotter: Any) -> None:
+    supersampled(plotter)
     before = plotter.renderer.GetViewport(), plotter.camera.GetWindowCenter(), plotter.render_window.GetSize()
-    for _ in range(3):
-        plotter.render()
+    plotter.render()
+    moving(plotter)
     after = plotter.renderer.GetViewport(), plotter.camera.GetWindowCenter(), plotter.render_window.GetSize()
     assert after == before
-    assert window.upscaler.stats.frames == count + 3
     assert all(prop.GetVisibility() for prop in plotter.renderer.GetViewProps())
+    assert plotter.renderer.GetPreserveColorBuffer() == 0
 
 
-def test_the_server_side_of_trame_and_jupyter_sends_upscaled_images(plotter: Any, tmp_path: Path) -> None:
+def test_the_server_side_of_trame_and_jupyter_sends_the_same_images(plotter: Any, tmp_path: Path) -> None:
     """Both ask `vtkWebApplication`, which comes with VTK, for a JPEG of the window."""
-    window = enable_supersampling(plotter, scale=2)
-    for _ in range(3):
-        plotter.render()
-    assert window.upscaler is not None
-    frames = window.upscaler.stats.frames
+    window = supersampled(plotter)
+    window.converge()
     server = vtkWebApplication()
     server.SetImageEncoding(0)  # bytes, not base64
     (tmp_path / "sent.jpg").write_bytes(
         vtk_to_numpy(server.StillRender(plotter.render_window, 100)).tobytes()
     )
     sent = np.asarray(ImageBuf(str(tmp_path / "sent.jpg")).get_pixels("float"))
-    assert window.upscaler.stats.frames == frames + 1
-    image = np.asarray(plotter.screenshot(return_img=True)).astype(np.float32) / 255
-    assert np.abs(sent[..., :3] - image).mean() < 0.01
-    window.disable()
-    assert np.abs(sent[..., :3] - shown(plotter)).mean() > 0.01
-
-
-def test_multi_sampling_that_is_turned_on_again_is_turned_off(plotter: Any) -> None:
-    enable_supersampling(plotter, scale=2, model="bicubic")
-    ours, other = shown(plotter), shown(plotter)  # of two jitters
-    plotter.render_window.SetMultiSamples(8)
-    assert np.abs(shown(plotter) - ours).mean() < 1.5 * np.abs(other - ours).mean()
-    assert plotter.render_window.GetMultiSamples() == 0
+    assert window.is_converged
+    assert np.abs(sent[..., :3] - seen(plotter)).mean() < 0.01
 
 
 def test_disabled_again_the_window_renders_as_it_did(plotter: Any) -> None:
     before = shown(plotter)
-    window = enable_supersampling(plotter, scale=2)
-    assert np.abs(shown(plotter) - before).max() > 0.1
+    window = supersampled(plotter)
+    moving(plotter)
+    turn(plotter, -2.0)
     window.disable()
     np.testing.assert_array_equal(shown(plotter), before)
 
 
-def test_other_things_than_an_open_plotter_of_one_view_are_refused(plotter: Any) -> None:
+@pytest.mark.parametrize("name", GALLERY)
+def test_scenes_of_the_gallery_are_those_of_plain_pyvista(name: str) -> None:
+    plotter = pv.Plotter(off_screen=True, window_size=(480, 270))
+    GALLERY[name](plotter)
+    window = supersampled(plotter, scale=None)
+    plotter.show(auto_close=False)
+    moving(plotter)
+    images = [seen(plotter)]
+    window.converge()
+    images.append(seen(plotter))
+    window.disable()
+    expected = plain(plotter)
+    differences = [float(np.abs(image - expected).mean()) for image in images]
+    assert differences[0] < 0.02
+    assert differences[1] < 0.015
+    plotter.close()
+
+
+def test_other_things_than_an_open_plotter_are_refused(plotter: Any) -> None:
     with pytest.raises(ArgumentError, match="plotter is 3; want an open"):
         enable_supersampling(3)
     with pytest.raises(ArgumentError, match=r"scale is 0\.5; want a number >= 1"):
         enable_supersampling(plotter, scale=0.5)
-    several = pv.Plotter(off_screen=True, shape=(1, 2))
-    with pytest.raises(ArgumentError, match="plotter is 2 subplots"):
-        enable_supersampling(several)
-    several.close()
+    closed = pv.Plotter(off_screen=True)
+    closed.close()
     with pytest.raises(ArgumentError, match="plotter is closed"):
-        enable_supersampling(several)
+        enable_supersampling(closed)

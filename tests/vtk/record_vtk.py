@@ -49,24 +49,23 @@ def record(folder: str, name: str) -> None:
     part, samples, count = SHOTS[name]
     vars(vtk)["halton_jitter"] = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
     plotter, mover = scene((480, 270) if samples else (192, 108))  # twice that of the frames
-    window: Any = enable_supersampling(plotter, scale=2, model="bilinear")
-    plotter.render_window.SetMultiSamples(samples)
+    window: Any = enable_supersampling(plotter, scale=2, model="bilinear", force=True)
+    observed = plotter.render_window  # after the observer of supersampling
+    observed.AddObserver("StartEvent", lambda *_: observed.SetMultiSamples(samples), -1.0)
     frames: list[Frame] = []
     plotter.show(auto_close=False)
-
-    def kept(frame: Frame) -> Frame:
-        frames.append(frame)
-        return frame
-
-    step = window.upscaler.step
-    window.upscaler.step = lambda frame: step(kept(frame))
-    window.reset()
-    window._frames = 0
-    for index in range(count):
-        eye = (6.0 - 0.5 * index, -8.0 + 0.25 * index, 3.2)
-        plotter.camera_position = [eye, (0.1 * index, 0, 0.6), (0, 0, 1)]
+    viewport = window.viewports[0]
+    upscale = viewport.upscale
+    viewport.upscale = lambda frame: (frames.append(frame), upscale(frame))
+    for index in range(-1, count):
+        plotter.camera.position = (6.0 - 0.5 * index, -8.0 + 0.25 * index, 3.2)
+        plotter.camera.focal_point, plotter.camera.up = (0.1 * index, 0, 0.6), (0, 0, 1)
+        plotter.renderer.ResetCameraClippingRange()
         mover.position = (1.0 + 0.24 * index, -3.0, 0.6)
         plotter.render()
+        if index < 0:  # it has no history, and is of another size
+            frames.clear()
+            viewport._frames = 0
     writer = ShotWriter(f"{folder}/{name}", name=name, display_size=None, frame_rate=30, compression="zip:9")
     for index, frame in enumerate(frames):
         color = None if frame.color is None else srgb_decoded(frame.color)

@@ -17,29 +17,35 @@ from supersampler.model import Model
 
 
 def enable_supersampling(
-    plotter: Any, *, scale: float = 2.0, model: Model | str | Path = "classifier", threads: int = 0
+    plotter: Any,
+    *,
+    scale: float | None = None,
+    model: Model | str | Path = "classifier",
+    threads: int = 0,
+    force: bool = False,
 ) -> SupersampledWindow:
-    """Make a plotter render at window size / `scale` and show upscaled images.
+    """Make a plotter fast while its view moves, and let its image converge while it rests.
 
-    All output of the plotter is upscaled: `show`, `screenshot`, interaction, movies, and the server side of
-    Trame and Jupyter. `SupersampledWindow` documents the motion it computes and what is rendered on top. The
-    plotter's own anti-aliasing is turned off.
+    This holds for all output of the plotter: `show`, `screenshot`, interaction, movies, and the server side
+    of Trame and Jupyter. `SupersampledWindow` documents what is rendered how. The plotter's own
+    anti-aliasing is replaced: plain frames have multi-sampling.
 
     Args:
-        plotter: a `pyvista.Plotter` without subplots.
-        scale: window size / render size, >= 1.
+        plotter: a `pyvista.Plotter`, with subplots or without.
+        scale: see `SupersampledWindow`.
         model: see `Upscaler`.
         threads: see `Upscaler`.
+        force: see `SupersampledWindow`.
 
     Raises:
-        ArgumentError: `plotter` is not a plotter, has subplots or is closed; or `scale` is below 1.
+        ArgumentError: `plotter` is not a plotter or is closed; or `scale` is below 1.
         ModelError: see `Upscaler`.
     """
     window, renderers = getattr(plotter, "render_window", None), getattr(plotter, "renderers", None)
     if window is None or renderers is None:
         got = "closed" if renderers is not None else shown(plotter)
         raise ArgumentError("plotter", got=got, want="an open pyvista.Plotter")
-    if len(renderers) != 1:
-        raise ArgumentError("plotter", got=f"{len(renderers)} subplots", want="a plotter without subplots")
-    plotter.disable_anti_aliasing()
-    return SupersampledWindow(window, plotter.renderer, scale=scale, model=model, threads=threads)
+    samples = window.GetMultiSamples()
+    plotter.disable_anti_aliasing(all_renderers=True)
+    window.SetMultiSamples(samples)
+    return SupersampledWindow(window, renderers, scale=scale, model=model, threads=threads, force=force)

@@ -1,0 +1,261 @@
+"""Camera, props and motion of a VTK renderer, and what of it is upscaled."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkActor, vtkFollower, vtkProp3D, vtkVolume
+
+from supersampler.conventions import camera_motion
+from supersampler.conventions.encodings import to_reversed_infinite
+from supersampler.frame import Float32, Size
+
+Matrix = NDArray[np.float64]
+_MAX_MEDIAN_MOTION = 0.5  # of the image; beyond it the camera has jumped
+_MIN_TURN_COSINE = np.cos(np.radians(30.0))  # of the angle between view directions; below it, too
+_TILE = 16  # side in pixels of the tiles in which the background moves with a surface
+_MAX_THIN_SAMPLES = 32  # samples in a tile of a surface that is two samples wide
+_PROBE_STEP = 16  # pixels between those whose motion is probed
+_FARTHEST = 0.99999  # depth of a surface at most; 1 is the background
+_REACTIVE = 0.3  # of volumes; 0 has more errors, and so has 1
+_SURFACE = 2  # `vtkProperty.GetRepresentation`
+_GENERATED = ("vtkCubeAxesActor", "vtkAxisActor", "vtkPolarAxesActor")  # actors that draw lines and text
+
+
+@dataclass(frozen=True, slots=True)
+class SceneView:
+    """Camera and props at one frame.
+
+    Attributes:
+        size: (width, height) of the render.
+        jitter: see `Frame`.
+        view_projection: without jitter, to a clip space from -1 to 1.
+        near: distance of the near plane; of the far plane `far`.
+        parallel: whether the projection is parallel.
+        matrices: matrices of the visible surfaces and volumes, from their own space to the world's.
+    """
+
+    size: Size
+    jitter: tuple[float, float]
+    view_projection: Matrix
+    near: float
+    far: float
+    parallel: bool
+    matrices: dict[vtkProp3D, Matrix]
+
+    @classmethod
+    def of(cls, renderer: Any, jitter: tuple[float, float] = (0.0, 0.0)) -> Self:
+        """Read the view of a renderer, before the camera is jittered."""
+        camera = renderer.GetActiveCamera()
+        matrix = _array(camera.GetCompositeProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1))
+        near, far = camera.GetClippingRange()
+        matrices = {prop: _array(prop.GetMatrix()) for prop in visible(renderer) if is_upscaled(prop)}
+        size = tuple(renderer.GetSize())
+        return cls(size, jitter, matrix, near, far, bool(camera.GetParallelProjection()), matrices)
+
+    def is_same(self, other: "SceneView") -> bool:
+        """Return whether neither the camera nor a prop has moved."""
+        return np.array_equal(self.view_projection, other.view_projection) and all(
+            prop in other.matrices and np.array_equal(matrix, other.matrices[prop])
+            for prop, matrix in self.matrices.items()
+        )
+
+    def frame_depth(self, buffer: Float32, unit: float) -> Float32:
+        """Return unit / view distance of the depth buffer's values, 0 at the background."""
+        if self.parallel:  # planes may lie behind the camera: distances count from the near plane
+            range_ = self.far - self.near
+            distance = np.float32(unit) / (np.float32(range_) * (buffer + np.float32(0.1)))
+            return np.where(buffer < 1.0, distance, np.float32(0.0))
+        depth = to_reversed_infinite(buffer, "forward", self.near, self.far)
+        depth *= np.float32(unit / self.near)
+        depth *= buffer < 1.0
+        return depth
+
+    def motion(self, buffer: Float32, previous: "SceneView") -> Float32:
+        """Return `Frame.motion` of static props: that of the camera."""
+        return self._motion(buffer, previous.view_projection)
+
+    def moved_props(
+        self, buffer: Float32, previous: "SceneView"
+    ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
+        """Yield props that move together, and the motion of pixels that show them."""
+        moves: dict[bytes, list[vtkProp3D]] = {}
+        for prop, matrix in self.matrices.items():
+            before = previous.matrices.get(prop)
+            if before is not None and not np.array_equal(before, matrix):
+                move = before @ np.linalg.inv(matrix)
+                moves.setdefault(move.round(12).tobytes(), []).append(prop)
+        for props in moves.values():
+            move = previous.matrices[props[0]] @ np.linalg.inv(self.matrices[props[0]])
+            yield props, self._motion(buffer, previous.view_projection @ move)
+
+    def is_jump(self, motion: Float32, previous: "SceneView") -> bool:
+        """Return whether the camera jumped, so that the history is useless."""
+        if self.parallel != previous.parallel:
+            return True
+        ahead, before = (view.view_projection[2, :3] for view in (self, previous))  # the view directions
+        if ahead @ before < _MIN_TURN_COSINE * np.linalg.norm(ahead) * np.linalg.norm(before):
+            return True
+        probes = np.abs(motion[::_PROBE_STEP, ::_PROBE_STEP]) / np.array(self.size, np.float32)
+        return bool(np.median(probes.max(axis=-1)) > _MAX_MEDIAN_MOTION)
+
+    def place_translucent(self, buffer: Float32) -> Float32:
+        """Give the background behind volumes and translucent surfaces the depth of their centre.
+
+        They write no depth. What they show is on both sides of that depth.
+
+        Args:
+            buffer: (h, w) depth buffer, 1 at the background; changed.
+
+        Returns:
+            (h, w) 0.3 where only volumes may be, else 0; see `Frame.reactive`.
+        """
+        mask = np.zeros(buffer.shape, np.float32)
+        for prop in self.matrices:
+            if is_translucent(prop):
+                columns, rows, depth = self._enclosing(prop.GetBounds())
+                part = buffer[rows, columns]
+                if isinstance(prop, vtkVolume):
+                    mask[rows, columns][part == 1.0] = _REACTIVE
+                part[part == 1.0] = min(depth, _FARTHEST)
+        return mask
+
+    def _enclosing(self, bounds: tuple[float, ...]) -> tuple[slice, slice, float]:
+        """Return the columns and rows that enclose a box of the world, and the depth of its centre."""
+        x, y, z = np.reshape(bounds, (3, 2))
+        corners = np.stack(np.meshgrid(x, y, z), axis=-1).reshape(-1, 3)
+        points = np.vstack([corners, corners.mean(axis=0)])
+        clip = np.column_stack([points, np.ones(9)]) @ self.view_projection.T
+        depth = float(0.5 + 0.5 * clip[8, 2] / clip[8, 3])
+        if clip[:, 3].min() <= 0.0:  # a corner is behind the camera
+            return slice(None), slice(None), depth if 0.0 < depth < 1.0 else 0.5
+        places = (0.5 + 0.5 * clip[:8, :2] / clip[:8, 3:] * (1, -1)) * self.size
+        low, high = np.clip([places.min(axis=0) - 1, places.max(axis=0) + 2], 0, self.size).astype(int)
+        return slice(low[0], high[0]), slice(low[1], high[1]), depth
+
+    def _motion(self, buffer: Float32, previous: Matrix) -> Float32:
+        return camera_motion(
+            buffer, self.view_projection, previous, jitter=self.jitter, clip="minus_one_to_one"
+        )
+
+
+def visible(renderer: Any) -> list[Any]:
+    """Return the visible props of a renderer."""
+    return [prop for prop in renderer.GetViewProps() if prop.GetVisibility()]
+
+
+def is_upscaled(prop: Any) -> bool:
+    """Return whether a prop is a volume or consists of surfaces only, without lines, points or text."""
+    if isinstance(prop, vtkVolume):
+        return True
+    if not isinstance(prop, vtkActor) or isinstance(prop, vtkFollower) or prop.GetMapper() is None:
+        return False
+    look = prop.GetProperty()
+    if look.GetRepresentation() != _SURFACE or look.GetEdgeVisibility() or look.GetVertexVisibility():
+        return False
+    if prop.GetMapper().IsA("vtkPointGaussianMapper") or any(prop.IsA(name) for name in _GENERATED):
+        return False
+    return not any(m.GetNumberOfLines() or m.GetNumberOfVerts() for m in _meshes(prop.GetMapper()))
+
+
+def is_translucent(prop: Any) -> bool:
+    """Return whether a prop writes no depth."""
+    return isinstance(prop, vtkVolume) or bool(prop.HasTranslucentPolygonalGeometry())
+
+
+def appearance(renderer: Any) -> tuple[Any, ...]:
+    """Return what an image depends on, apart from the camera and the matrices of props, to be compared.
+
+    Props, their properties, data and colours count by identity and modification time; lights and the
+    background by value, as VTK modifies them while it renders.
+    """
+    lights = tuple(_light(light) for light in renderer.GetLights())
+    look = renderer.GetBackground(), renderer.GetBackground2(), renderer.GetGradientBackground()
+    texture = _modified(renderer.GetBackgroundTexture()), _modified(renderer.GetEnvironmentTexture())
+    props = tuple((prop, *_state(prop)) for prop in renderer.GetViewProps() if isinstance(prop, vtkProp3D))
+    return lights, look, texture, renderer.GetAmbient(), renderer.GetUseDepthPeeling(), props
+
+
+def _light(light: Any) -> tuple[Any, ...]:
+    place = () if light.LightTypeIsHeadlight() else (light.GetPosition(), light.GetFocalPoint())
+    return (
+        light.GetSwitch(), light.GetLightType(), light.GetIntensity(), light.GetAmbientColor(),
+        light.GetDiffuseColor(), light.GetSpecularColor(), light.GetPositional(), light.GetConeAngle(),
+        light.GetExponent(), light.GetAttenuationValues(), *place,
+    )  # fmt: skip
+
+
+def _state(prop: Any) -> tuple[Any, ...]:
+    """Return the visibility of a prop and the modification times of what it shows."""
+    if not prop.GetVisibility():
+        return (0,)
+    mapper = prop.GetMapper() if isinstance(prop, (vtkActor, vtkVolume)) else None
+    if mapper is None:
+        return 1, prop.GetMTime()
+    mapper.Update()
+    parts = [prop.GetProperty(), mapper, *_data(mapper)]
+    if isinstance(prop, vtkActor):
+        parts += [prop.GetTexture(), prop.GetBackfaceProperty()]
+    return (1, *map(_modified, parts))
+
+
+def _modified(vtk_object: Any) -> tuple[Any, int]:
+    return vtk_object, 0 if vtk_object is None else vtk_object.GetMTime()
+
+
+def _data(mapper: Any) -> Iterator[Any]:
+    """Yield the data sets of a mapper, each block on its own."""
+    data = mapper.GetInputDataObject(0, 0) if mapper.GetNumberOfInputPorts() else None
+    if data is None or not data.IsA("vtkCompositeDataSet"):
+        yield data
+        return
+    blocks = data.NewIterator()
+    blocks.InitTraversal()
+    while not blocks.IsDoneWithTraversal():
+        yield blocks.GetCurrentDataObject()
+        blocks.GoToNextItem()
+
+
+def _meshes(mapper: Any) -> Iterator[Any]:
+    """Yield the polygons that a mapper draws."""
+    if mapper.IsA("vtkDataSetMapper"):  # it extracts them
+        mapper.Update()
+        inner = mapper.GetPolyDataMapper()
+        yield from () if inner is None else _meshes(inner)
+        return
+    for data in _data(mapper):
+        if data is not None and data.IsA("vtkPolyData"):
+            yield data
+
+
+def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
+    """Give the background of each tile the motion of the tile's closest surface, or 0 if it has few samples.
+
+    Outlines of broad objects then keep their history. Behind a thin moving object, the background must be
+    static: its trail is detected by its motion over the background.
+
+    Args:
+        vectors: (h, w) motion, two floats per word; changed at background pixels.
+        buffer: (h, w) depth buffer, 1 at the background.
+    """
+    height, width = buffer.shape
+    nearest = np.ones(-(-width // _TILE) * _TILE, np.float32)  # of each column; 1 beyond the last
+    count = np.zeros(nearest.size, np.int32)  # of samples of surfaces in each column
+    first = np.arange(0, width, _TILE)
+    for top in range(0, height, _TILE):
+        depth, motion = buffer[top : top + _TILE], vectors[top : top + _TILE]
+        background = depth == 1.0
+        if background.any():
+            np.min(depth, axis=0, out=nearest[:width])
+            column = first + nearest.reshape(-1, _TILE).argmin(axis=1)
+            row = depth[:, column].argmin(axis=0)
+            np.sum(~background, axis=0, out=count[:width])
+            is_broad = count.reshape(-1, _TILE).sum(axis=1) > _MAX_THIN_SAMPLES
+            found = np.where(is_broad, motion[row, column], np.uint64(0))
+            np.copyto(motion, found.repeat(_TILE)[:width], where=background)
+
+
+def _array(matrix: Any) -> Matrix:
+    return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
