@@ -56,7 +56,12 @@ def record(folder: str, name: str) -> None:
     plotter.show(auto_close=False)
     viewport = window.viewports[0]
     upscale = viewport.upscale
-    viewport.upscale = lambda frame: (frames.append(frame), upscale(frame))
+
+    def kept(frame: Frame) -> None:
+        frames.append(frame)
+        upscale(frame)
+
+    viewport.upscale = kept
     for index in range(-1, count):
         plotter.camera.position = (6.0 - 0.5 * index, -8.0 + 0.25 * index, 3.2)
         plotter.camera.focal_point, plotter.camera.up = (0.1 * index, 0, 0.6), (0, 0, 1)
