@@ -20,6 +20,7 @@
 # make mitsuba   the third: the examples with Mitsuba from PyPI, of which one needs an LLVM of the system
 # make oidn    frames are denoised by Open Image Denoise, pyoidn from PyPI
 # make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
+# make mujoco  examples/mujoco_cameras.py with MuJoCo from PyPI: OpenGL in software will do, by EGL or OSMesa
 # make webgpu  the fifth: exported shaders in Node with Dawn, from npm
 # make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js and ONNX Runtime Web from npm
 # make cpp   examples/cpp_onnxruntime, compiled and run on the whole shipped shot; headers from Debian's registry
@@ -33,7 +34,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba oidn pygfx webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba oidn pygfx mujoco webgpu web cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -54,7 +55,7 @@ extension:
 	mkdir -p dist
 	cd $(EXTENSION) && $(PYTHON) -m zipfile -c $(CURDIR)/dist/supersampler_blender.zip __init__.py run.py blender_manifest.toml
 
-test-integrations: blender pyvista mitsuba oidn pygfx webgpu
+test-integrations: blender pyvista mitsuba oidn pygfx mujoco webgpu
 
 # Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
 blender: $(DEVELOPMENT) extension
@@ -89,6 +90,12 @@ pygfx: $(DEVELOPMENT)
 	.venv-pygfx/bin/python -c 'import pygfx, supersampler, pytest_timeout' 2>/dev/null \
 	    || .venv-pygfx/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest pytest-timeout hypothesis pygfx
 	.venv-pygfx/bin/pytest -q -rs --timeout=1800 tests/integrations/test_pygfx.py
+
+mujoco: $(DEVELOPMENT)
+	test -d .venv-mujoco || $(PYTHON) -m venv .venv-mujoco
+	.venv-mujoco/bin/python -c 'import mujoco, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-mujoco/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis 'mujoco>=3.3'
+	.venv-mujoco/bin/pytest -q -rs --timeout=1800 tests/integrations/test_mujoco.py
 
 # Dawn refuses Mesa's software adapter before 23; Chromium's SwiftShader, if it is there, is taken for it.
 DAWN_ICD ?= $(firstword $(wildcard /usr/lib/chromium/vk_swiftshader_icd.json))

@@ -37,14 +37,19 @@ class SupersamplerError(Exception):
 
 class _ValueError(SupersamplerError, ValueError):
     _prefix = ""
+    view: int | None = None
 
     def __init__(self, name: str, *, got: object, want: object, hint: str = "") -> None:
         self.name, self.got, self.want, self.hint = name, got, want, hint
         super().__init__(f"{self._prefix}{name} is {got}; want {want}. {hint}".rstrip())
 
+    def name_view(self, view: int) -> None:
+        """Put the number of a view of `Upscaler.step_many` in front of the message."""
+        self.view, self.args = view, (f"view {view}: {self}",)
+
 
 class FrameError(_ValueError):
-    """An input of a frame breaks the contract; `name` says which.
+    """An input of a frame breaks the contract; `name` says which, and `view` in a call of `step_many`.
 
     >>> str(FrameError("depth", got="(80, 45) float32", want="(45, 80) float32"))
     'frame.depth is (80, 45) float32; want (45, 80) float32.'
@@ -54,7 +59,7 @@ class FrameError(_ValueError):
 
 
 class ArgumentError(_ValueError):
-    """An argument is out of range or contradicts another one; `name` says which."""
+    """An argument is out of range or contradicts another one; `name` says which, and `view` as above."""
 
 
 class _FileError(SupersamplerError, OSError):

@@ -29,6 +29,7 @@ _MAX_EXPOSURE = float(np.finfo(np.float32).max)
 _MIN_PRE_EXPOSURE, _MAX_PRE_EXPOSURE = 2.0**-24, 2.0**24
 _SINGLE = (np.dtype(np.float32),)
 _HALF_OR_SINGLE = (np.dtype(np.float16), *_SINGLE)
+_INTEGERS = tuple(map(np.dtype, (np.int32, np.uint32, np.int16, np.uint16, np.int8, np.uint8)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,7 +62,10 @@ class Frame:
             one may be missing: it is sampled from the other one, which costs quality along edges.
         gbuffer_display: display-size buffers by name, as in `gbuffer`, and `depth`, sampled at pixel centres
             without jitter.
-        aovs: (h, w, k), k at most MAX_AOVS. Alpha or other channels, blended with the colour's weights.
+        aovs: (h, w, k) float32 or float16, k at most MAX_AOVS. Alpha or other channels, blended with the
+            colour's weights.
+        ids: (h, w, k) integers of at most 32 bits, k at most MAX_AOVS. Segmentation, object, material or
+            instance ids, never blended; the k values of a pixel belong together.
         motion_next: (h, w, 2) float32 or float16. Render pixels, without jitter, next minus current: what is
             at p now is at p + motion_next[p] in the next frame. Only `upscale_sequence` reads it; None is
             computed from the motion of the next frame.
@@ -82,9 +86,10 @@ class Frame:
     gbuffer_display: Mapping[str, Array] | None = None
     aovs: Array | None = None
     motion_next: Array | None = None
+    ids: NDArray[np.integer[Any]] | None = None
 
     def __post_init__(self) -> None:
-        for name in (*_CHANNELS, "aovs"):
+        for name in (*_CHANNELS, "aovs", "ids"):
             value = getattr(self, name)
             if value is not None or name in ("depth", "motion"):
                 object.__setattr__(self, name, as_array(name, value))
@@ -122,9 +127,12 @@ class Frame:
             if array is not None:
                 shape = (h, w) if channels == 1 else (h, w, channels)
                 _check(name, array, shape, _SINGLE if name == "depth" else _HALF_OR_SINGLE)
-        if self.aovs is not None:
-            count = self.aovs.shape[-1] if self.aovs.shape[:2] == (h, w) and self.aovs.ndim == 3 else 0
-            _check("aovs", self.aovs, (h, w, count if 1 <= count <= MAX_AOVS else "k"), _HALF_OR_SINGLE)
+        for name in ("aovs", "ids"):
+            array = getattr(self, name)
+            if array is not None:
+                count = array.shape[-1] if array.shape[:2] == (h, w) and array.ndim == 3 else 0
+                wanted = (h, w, count if 1 <= count <= MAX_AOVS else "k")
+                _check(name, array, wanted, _INTEGERS if name == "ids" else _HALF_OR_SINGLE)
 
 
 def checked_frame(frame: Frame) -> Frame:
@@ -148,7 +156,7 @@ def _frame_hint(value: object) -> str:
 
 def arrays_of(frame: Frame) -> list[NDArray[Any]]:
     """Return all arrays of a frame, G-buffers included."""
-    images = [getattr(frame, name) for name in (*_CHANNELS, "aovs")]
+    images = [getattr(frame, name) for name in (*_CHANNELS, "aovs", "ids")]
     buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
     return [array for array in (*images, *buffers) if array is not None]
 
@@ -245,12 +253,16 @@ def _check(
     wanted = " or ".join(dtype.name for dtype in dtypes)
     text = "(" + ", ".join(map(str, shape)) + ")"
     raise FrameError(
-        name, got=f"{array.shape} {array.dtype}", want=f"{text} {wanted}", hint=_hint(array, shape)
+        name, got=f"{array.shape} {array.dtype}", want=f"{text} {wanted}", hint=_hint(array, shape, dtypes)
     )
 
 
-def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
+def _hint(array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[np.dtype[Any], ...]) -> str:
     """Return advice for the usual mistakes behind a wrong shape or type."""
+    if array.shape == shape and dtypes is _INTEGERS:
+        if array.dtype == np.float32:
+            return "Cryptomatte's ids are bits: array.view(np.uint32). Else: array.astype(np.int32)."
+        return "Convert it: array.astype(np.int32)."
     if array.shape == shape:
         if array.dtype.kind in "biu":
             return "Scale integers to the range: array.astype(np.float32) / 255, for instance."

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import Buffers
+from supersampler.backends.cpu.ids import IdHistory
 from supersampler.frame import Float32, Size
 
 STATE_VERSION = 4
@@ -22,6 +24,7 @@ class History:
         render_size: (width, height) of the last frame.
         buffers: buffers of the executor.
         aovs: (1, k, H, W) float32 blended AOVs; None if they were not requested.
+        ids: ids at display size; None if they were not requested.
         kind: identity of the model; a model accepts only its own histories.
     """
 
@@ -29,6 +32,7 @@ class History:
     render_size: Size
     buffers: Buffers
     aovs: Float32 | None = None
+    ids: IdHistory | None = None
     kind: Any = None
 
 
@@ -39,6 +43,9 @@ class StepResult:
     Attributes:
         image: (H, W, 3) float32 linear RGB.
         aovs: (H, W, k) float32 AOVs of the frame, blended with the weights of the image.
+        ids: (H, W, k) ids of the frame, in their own type. Each pixel has those of one sample: the nearest
+            one of this frame; or an earlier one that was nearer to the pixel's centre, if its surface,
+            followed by motion, is still among the frame's samples around the pixel.
         class_map: (H / 2, W / 2, 6) float32, sizes rounded up: class probabilities of each 2x2 pixels. Three
             classes of ghosting: none, disocclusion, changed light; three of aliasing: none, edge, fine
             detail.
@@ -54,6 +61,7 @@ class StepResult:
     weight: Float32 | None = None
     count: Float32 | None = None
     converged: Float32 | None = None
+    ids: NDArray[np.integer[Any]] | None = None
 
 
 @dataclass(frozen=True)

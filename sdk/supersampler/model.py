@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from supersampler.arguments import (
     checked_threads,
     ieee_arithmetic,
 )
-from supersampler.backends.base import Executor
+from supersampler.backends.base import Executor, StepReport, StepRequest
+from supersampler.backends.cpu.executor import CpuExecutor
+from supersampler.backends.cpu.ids import IdHistory, IdRequest, check_ids, resample_ids
 from supersampler.backends.cpu.library import aligned
 from supersampler.backends.onnx.executor import AovBlender, OnnxExecutor, check_aovs
 from supersampler.backends.onnx.runtime import CPU, resolve_providers
@@ -60,7 +62,7 @@ if TYPE_CHECKING:
 
 
 __all__ = ["AtRest", "ExecutorName", "Model", "Plan", "Precision"]
-AOVS = "history.aovs"
+AOVS, IDS, ID_DISTANCE = "history.aovs", "history.ids", "history.id_distance"
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,18 @@ class Plan:
     history_bytes: int
     working_bytes: int | None
     multiply_adds: int
+
+
+class ModelStep(NamedTuple):
+    """Arguments of `Model.run_outputs` for one view; see `StepRequest` for `adds_samples`."""
+
+    frame: Frame
+    history: History
+    outputs: Collection[str]
+    out: Float32 | None
+    history_out: History | None
+    adds_samples: float
+    skip: bool
 
 
 class Model:
@@ -248,10 +262,9 @@ class Model:
         at_rest, skip = checked_choice("at_rest", at_rest, get_args(AtRest)), checked_flag("skip", skip)
         outputs = checked_names("outputs", outputs)
         self._check_histories(history, history_out)
-        self.check(checked_frame(frame), history.display_size, outputs, history.aovs, out)
-        result, next_history, _ = self.run_checked(
-            frame, history, outputs, out=out, history_out=history_out, adds_samples=ADDED[at_rest], skip=skip
-        )
+        self.check(checked_frame(frame), history.display_size, outputs, history, out)
+        step = ModelStep(frame, history, outputs, out, history_out, ADDED[at_rest], skip)
+        [(result, next_history, _)] = self.run_checked([step])
         return result, next_history
 
     def check(
@@ -259,12 +272,12 @@ class Model:
         frame: Frame,
         display_size: Size,
         outputs: Collection[str] = (),
-        previous_aovs: Float32 | None = None,
+        previous: History | None = None,
         out: Float32 | None = None,
     ) -> None:
         """Raise the errors of `run_outputs` for a valid frame, before anything is computed.
 
-        `previous_aovs` are the AOVs of the history.
+        `previous` is the history of the step; None: an empty one.
         """
         if frame.color is None:
             hint = "`extrapolate` and `upscale --extrapolate` take frames that were not shaded."
@@ -273,50 +286,73 @@ class Model:
         check_ratio(self.info.ratios, frame.size, display_size)
         check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
         for name in outputs:
-            checked_choice("outputs", name, ("aovs", *self.info.maps))
+            checked_choice("outputs", name, ("aovs", "ids", *self.info.maps))
         if "aovs" in outputs:
-            check_aovs(frame, previous_aovs)
+            check_aovs(frame, None if previous is None else previous.aovs)
+        if "ids" in outputs:
+            check_ids(frame, None if previous is None else previous.ids)
         if out is not None:
             check_out(out, (*display_size[::-1], 3), arrays_of(frame))
 
     def run_checked(
-        self,
-        frame: Frame,
-        history: History,
-        outputs: Collection[str],
-        *,
-        out: Float32 | None,
-        history_out: History | None,
-        adds_samples: float,
-        skip: bool,
-    ) -> tuple[StepResult, History, Mapping[str, float]]:
-        """Run `run_outputs` without its checks; also return the wall seconds of the stages.
+        self, steps: Sequence[ModelStep]
+    ) -> list[tuple[StepResult, History, Mapping[str, float]]]:
+        """Run `run_outputs` on each of several views without its checks.
 
-        See `Executor.step` for `adds_samples`.
+        Returns:
+            Result, next history, and wall seconds of the stages, of each view.
         """
+        requests, histories = [], []
+        for step in steps:
+            display = step.history.display_size
+            next_history = self._next_history(step.history_out, display, step.frame.size)
+            needed = {self.info.maps[name].output for name in step.outputs if name in self.info.maps}
+            needed |= {"weight"} if "aovs" in step.outputs else set()
+            image = step.out
+            if image is None or not image.flags.c_contiguous:
+                image = aligned((*display[::-1], 3))
+            frame = sampled(step.frame, self.info.gbuffers, display)
+            buffers = step.history.buffers, next_history.buffers
+            requests.append(
+                StepRequest(frame, display, *buffers, image, needed, step.adds_samples, step.skip)
+            )
+            histories.append(next_history)
+        reports = self._executor.step_many(requests)
+        self._resample_ids(steps, histories)
+        return [
+            (self._result(step, request.image, report, next_history), next_history, report.stages)
+            for step, request, report, next_history in zip(steps, requests, reports, histories, strict=True)
+        ]
+
+    def _resample_ids(self, steps: Sequence[ModelStep], next_histories: Sequence[History]) -> None:
+        """Write the ids of the steps that ask for them to their next histories."""
+        asking = [k for k, step in enumerate(steps) if "ids" in step.outputs]
+        if not asking:
+            return
+        requests = [
+            IdRequest(steps[k].frame, steps[k].history.display_size, steps[k].history.ids) for k in asking
+        ]
+        handle = self._executor.handle if isinstance(self._executor, CpuExecutor) else None
+        for k, resampled in zip(asking, resample_ids(requests, handle), strict=True):
+            next_histories[k].ids = resampled
+
+    def _result(
+        self, step: ModelStep, image: Float32, report: StepReport, next_history: History
+    ) -> StepResult:
+        """Return the outputs of a step, of which the executor has computed the image and `report`."""
+        frame, history, outputs = step.frame, step.history, step.outputs
         display = history.display_size
-        image = aligned((*display[::-1], 3)) if out is None else out
-        next_history = self._next_history(history_out, display, frame.size)
-        needed = {self.info.maps[name].output for name in outputs if name in self.info.maps}
-        needed |= {"weight"} if "aovs" in outputs else set()
-        computed = image if image.flags.c_contiguous else aligned(image.shape)
-        report = self._executor.step(
-            sampled(frame, self.info.gbuffers, display),
-            display,
-            history.buffers,
-            next_history.buffers,
-            computed,
-            needed,
-            adds_samples=adds_samples,
-            skip=skip,
-        )
-        if computed is not image:
-            np.copyto(image, computed)
+        if step.out is not None and step.out is not image:
+            np.copyto(step.out, image)
+            image = step.out
         aovs = None
         if "aovs" in outputs:
             weight = report.outputs.get("weight")
             next_history.aovs = self._aov_blender.blend(frame, weight, history.aovs, display)
             aovs = next_history.aovs[0].transpose(1, 2, 0).copy()
+        ids = None
+        if next_history.ids is not None and frame.ids is not None:
+            ids = next_history.ids.ids.astype(frame.ids.dtype)
         tensors = {h.output: h for h in self.info.history}
         maps: dict[str, Float32] = {}
         for name in set(outputs) & set(self.info.maps):
@@ -328,7 +364,7 @@ class Model:
                 halved = tensor.shape[2:] in (HALF, LARGE_HALF)
                 planes = resized(planes, half_size(display) if halved else display)  # of the larger display
             maps[name] = pixels_of(planes[:, source.first : source.first + source.channels])
-        return StepResult(image, aovs=aovs, **maps), next_history, report.stages
+        return StepResult(image, aovs=aovs, ids=ids, **maps)
 
     def run_tensors(
         self,
@@ -401,8 +437,14 @@ class Model:
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:
         """Return copies of all history tensors, which every executor of the model can load."""
         names = [h.name for h in self.info.history]
-        copies = {name: np.array(self._executor.tensor(history.buffers, name)) for name in names}
-        return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
+        copies: dict[str, NDArray[Any]] = {
+            name: np.array(self._executor.tensor(history.buffers, name)) for name in names
+        }
+        if history.aovs is not None:
+            copies[AOVS] = history.aovs.copy()
+        if history.ids is not None:
+            copies |= {IDS: history.ids.ids.copy(), ID_DISTANCE: history.ids.distance.copy()}
+        return copies
 
     def load_history(
         self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]
@@ -420,6 +462,9 @@ class Model:
         }
         if isinstance(arrays, Mapping) and AOVS in arrays:
             specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))
+        if isinstance(arrays, Mapping) and IDS in arrays:
+            specs[IDS] = ArraySpec("uint32", (*display[::-1], "ids"))
+            specs[ID_DISTANCE] = ArraySpec("float32", display[::-1], values_of(ID_DISTANCE))
 
         def refusal(got: str, want: str) -> ArgumentError:
             return ArgumentError("state", got=got, want=want)
@@ -431,6 +476,8 @@ class Model:
             history = self.first_history(display, render)
             self._executor.load(history.buffers, checked)
             history.aovs = checked[AOVS].copy() if AOVS in checked else None
+            if IDS in checked:
+                history.ids = IdHistory(*(checked[name].copy("C") for name in (IDS, ID_DISTANCE)))
         except MemoryError:
             raise ArgumentError("state", got=f"at {display}", want="sizes that fit into memory") from None
         return history

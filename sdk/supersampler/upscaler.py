@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -35,7 +35,7 @@ from supersampler.frame import (
 from supersampler.history import STATE_VERSION, History, State, Stats, StepResult
 from supersampler.methods.at_rest import ADDED
 from supersampler.methods.gbuffers import GBUFFERS, black
-from supersampler.model import AtRest, ExecutorName, Model, Plan, Precision
+from supersampler.model import AtRest, ExecutorName, Model, ModelStep, Plan, Precision
 from supersampler.validation import FrameChecker, Validate
 
 if TYPE_CHECKING:
@@ -244,9 +244,10 @@ class Upscaler:
         Args:
             frame: see `Frame`. Its render size may differ from the previous frame's; the history is kept.
             out: (H, W, 3) float32 to write the image to.
-            outputs: names of further outputs to compute: "aovs", "class_map", "weight", "count",
+            outputs: names of further outputs to compute: "aovs", "ids", "class_map", "weight", "count",
                 "converged"; see `StepResult`. A method may lack some. With "aovs" no tile is skipped; after a
-                frame without "aovs" there is no AOV history.
+                frame without "aovs" there is no AOV history, and after one without "ids" no id history.
+                "ids" need the CPU library, with any executor.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
@@ -258,11 +259,92 @@ class Upscaler:
         """
         outputs = self._checked_call(frame, outputs)
         with self._recorded("step", frame, outputs) as results:
-            shaded = None
-            if self._extrapolator is not None and frame.color is not None:
-                shaded = self._extrapolator.after_shaded(frame, self._camera.shaded)
+            shaded = self._after_shaded(frame)
             results.append(self._upscale(self.model, frame, frame, shaded, out, outputs))
         return results[0] if outputs else results[0].image
+
+    @overload
+    @staticmethod
+    def step_many(
+        upscalers: "Sequence[Upscaler]",
+        frames: Sequence[Frame],
+        *,
+        out: Sequence[Float32] | Float32 | None = ...,
+        outputs: tuple[()] = (),
+    ) -> list[Float32]: ...
+
+    @overload
+    @staticmethod
+    def step_many(
+        upscalers: "Sequence[Upscaler]",
+        frames: Sequence[Frame],
+        *,
+        out: Sequence[Float32] | Float32 | None = ...,
+        outputs: _Names,
+    ) -> list[StepResult]: ...
+
+    @staticmethod
+    @ieee_arithmetic
+    def step_many(
+        upscalers: "Sequence[Upscaler]",
+        frames: Sequence[Frame],
+        *,
+        out: Sequence[Float32] | Float32 | None = None,
+        outputs: Collection[str] = (),
+    ) -> list[Float32] | list[StepResult]:
+        """Upscale the next frame of each of several cameras: robot simulators, stereo, thumbnails.
+
+        >>> model = Model.load("taau")
+        >>> cameras = [Upscaler(model, display_size=(256, 256)) for _ in range(16)]
+        >>> images = Upscaler.step_many(cameras, frames)  # frames[k] is the next one of cameras[k]
+
+        Each Upscaler keeps its own history, size, resets and stats, and may also `step` alone. The images are
+        those of `step`, bit for bit. The CPU backend computes one view on each thread, which is faster where
+        images are small; other backends compute one view after another.
+
+        Args:
+            upscalers: different Upscalers of one Model, a view each.
+            frames: the next frame of each.
+            out: (H, W, 3) float32 arrays to write the images to, one for each view; one array (N, H, W, 3)
+                is such a sequence.
+            outputs: see `step`; the same for all views.
+
+        Returns:
+            What `step` returns, for each view. `Stats.seconds` of a view grows by the wall time of the call
+            over the number of views.
+
+        Raises:
+            FrameError: the frame of a view breaks the contract; `FrameError.view` says which. All histories
+                are unchanged.
+            ArgumentError: as `step`; or the sequences differ in length, the Upscalers are of several Models,
+                or one of them is given twice.
+        """
+        started = time.perf_counter()
+        upscalers, frames = _checked_views(upscalers, frames, out)
+        steps, names = [], checked_names("outputs", outputs)
+        for view, (upscaler, frame) in enumerate(zip(upscalers, frames, strict=True)):
+            try:
+                upscaler._checked_call(frame, names)
+                target = None if out is None else out[view]
+                steps.append(upscaler._checked_step(upscaler.model, frame, frame, target, names))
+            except (FrameError, ArgumentError) as error:
+                error.name_view(view)
+                raise
+        with ExitStack() as recordings:
+            recorded = [
+                recordings.enter_context(upscaler._recorded("step", frame, names))
+                for upscaler, frame in zip(upscalers, frames, strict=True)
+            ]
+            made = upscalers[0].model.run_checked(steps)
+            seconds = (time.perf_counter() - started) / len(steps)
+            for upscaler, step, (result, next_history, stages), results in zip(
+                upscalers, steps, made, recorded, strict=True
+            ):
+                upscaler._advance(
+                    step.history, next_history, seconds, upscaler._after_shaded(step.frame), stages
+                )
+                results.append(result)
+        return [result if names else result.image for [result] in recorded]  # type: ignore[return-value]
 
     @overload
     def extrapolate(
@@ -381,7 +463,7 @@ class Upscaler:
                 tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
                 history_out=self._camera.spare, adds_samples=ADDED[self.at_rest],
             )  # fmt: skip
-            self._advance(history, next_history, started)
+            self._advance(history, next_history, time.perf_counter() - started)
             results.append(image)
         return image
 
@@ -474,7 +556,7 @@ class Upscaler:
             encoder, DeviceFrame(given, size, *values), history, image, self._camera.spare,
             adds_samples=ADDED[self.at_rest], skip=self.skip,
         )  # fmt: skip
-        self._advance(history, next_history, started)
+        self._advance(history, next_history, time.perf_counter() - started)
         return image
 
     def reset(self) -> None:
@@ -572,18 +654,31 @@ class Upscaler:
         extrapolation_seconds: float | None = None,
     ) -> StepResult:
         """Step on `frame`, which is `given`, or `given` with an extrapolated colour."""
-        started, display = time.perf_counter(), self._display_size_for(frame.size)
+        started = time.perf_counter()
+        step = self._checked_step(model, given, frame, out, outputs)
+        [(result, next_history, stages)] = model.run_checked([step])
+        seconds = time.perf_counter() - started
+        self._advance(step.history, next_history, seconds, shaded, stages, extrapolation_seconds)
+        return result
+
+    def _checked_step(
+        self, model: Model, given: Frame, frame: Frame, out: Float32 | None, outputs: Collection[str]
+    ) -> ModelStep:
+        """Check the arguments of `_upscale`, and return those of `Model.run_checked`."""
+        display = self._display_size_for(frame.size)
         history = None if frame.reset else self._camera.history
         # before anything is allocated for a frame that may be refused
-        model.check(frame, display, outputs, None if history is None else history.aovs, out)
+        model.check(frame, display, outputs, history, out)
         self._checker.check(given, display, self.gbuffers)
         history = self._history(frame.size, reset=frame.reset)
-        result, next_history, stages = model.run_checked(
-            frame, history, outputs, out=out, history_out=self._camera.spare, skip=self.skip,
-            adds_samples=0.0 if given.color is None else ADDED[self.at_rest],
-        )  # fmt: skip
-        self._advance(history, next_history, started, shaded, stages, extrapolation_seconds)
-        return result
+        adds_samples = 0.0 if given.color is None else ADDED[self.at_rest]
+        return ModelStep(frame, history, outputs, out, self._camera.spare, adds_samples, self.skip)
+
+    def _after_shaded(self, frame: Frame) -> ShadedHistory | None:
+        """Return the history from which unshaded frames after this one are extrapolated."""
+        if self._extrapolator is None or frame.color is None:
+            return None
+        return self._extrapolator.after_shaded(frame, self._camera.shaded)
 
     def _display_size_for(self, render_size: Size) -> Size:
         return self._camera.display_size or display_size_of(render_size, self._scale)
@@ -598,15 +693,15 @@ class Upscaler:
         self,
         history: History,
         next_history: History,
-        started: float,
+        seconds: float,
         shaded: ShadedHistory | None = None,
         stages: Mapping[str, float] | None = None,
         extrapolation_seconds: float | None = None,
     ) -> None:
-        """Store the result of a step that read `history` and began at the time `started`."""
+        """Store the result of a step that read `history` and took `seconds`."""
         stats = self._camera.stats.after_step(
             fresh=history is not self._camera.history,
-            seconds=time.perf_counter() - started,
+            seconds=seconds,
             stages=stages,
             extrapolation_seconds=extrapolation_seconds,
         )
@@ -646,6 +741,32 @@ class Upscaler:
             want = "both with a history"
             raise ArgumentError("state", got="without display_size or render_size", want=want)
         return self.model.load_history(display, state.render_size, state.history)
+
+
+def _checked_views(
+    upscalers: Sequence[Upscaler], frames: Sequence[Frame], out: Sequence[Float32] | Float32 | None
+) -> tuple[list[Upscaler], list[Frame]]:
+    """Return Upscalers and frames of `step_many`; raise ArgumentError unless they belong together."""
+    for name, given in (("upscalers", upscalers), ("frames", frames), ("out", () if out is None else out)):
+        if not hasattr(given, "__len__"):
+            raise ArgumentError(name, got=shown(given), want="a sequence, one for each view")
+    upscalers, frames = list(upscalers), list(frames)
+    if not upscalers:
+        raise ArgumentError("upscalers", got="empty", want="an Upscaler for each view")
+    for name, count in (("frames", len(frames)), ("out", len(upscalers) if out is None else len(out))):
+        if count != len(upscalers):
+            raise ArgumentError(name, got=f"of length {count}", want=f"{len(upscalers)}, one for each view")
+    for view, upscaler in enumerate(upscalers):
+        name = f"upscalers[{view}]"
+        if not isinstance(upscaler, Upscaler):
+            raise ArgumentError(name, got=shown(upscaler), want="an Upscaler")
+        if upscaler.model is not upscalers[0].model:
+            hint = "Load it once: model = Model.load(...), then Upscaler(model, ...) for each view."
+            raise ArgumentError(name, got="of another Model", want="that of upscalers[0]", hint=hint)
+        if upscaler in upscalers[:view]:
+            want = "an Upscaler of its own for each view"
+            raise ArgumentError(name, got=f"upscalers[{upscalers.index(upscaler)}]", want=want)
+    return upscalers, frames
 
 
 def preset_model(

@@ -10,6 +10,7 @@ import pytest
 from gpu_steps import INT8, device_or_skip
 from rest_scenes import Stepped
 from supersampler import Frame, halton_jitter
+from supersampler.backends.base import StepRequest
 from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.history import GpuHistory
 from supersampler.frame import Float32, Size
@@ -94,10 +95,9 @@ class OnGpu:
             self.spare = gpu.zeros(self.display, frame.size)
         image = np.empty((*self.display[::-1], 3), np.float32)
         wanted = () if self.skip else ("weight", "converged")
-        found = gpu.step(
-            frame, self.display, self.history, self.spare, image, wanted,
-            adds_samples=given.adds_samples, skip=self.skip,
-        )  # fmt: skip
+        buffers = self.history, self.spare
+        request = StepRequest(frame, self.display, *buffers, image, wanted, given.adds_samples, self.skip)
+        [found] = gpu.step_many([request])
         before, self.history, self.spare = self.history, self.spare, None
         self.spare = before if gpu.fits(before, self.display, frame.size) else None
         return image, found.outputs["converged"][0, 0] if wanted else None
@@ -355,7 +355,7 @@ def test_signatures_are_right_whichever_buffers_a_history_is_written_to() -> Non
 
     def run(history: GpuHistory, into: GpuHistory, index: int) -> GpuHistory:
         image = np.empty((*DISPLAY[::-1], 3), np.float32)
-        gpu.step(frame_at(index), DISPLAY, history, into, image, (), adds_samples=1.0, skip=True)
+        gpu.step_many([StepRequest(frame_at(index), DISPLAY, history, into, image, adds_samples=1.0)])
         return into
 
     sets = [gpu.zeros(DISPLAY, RENDER) for _ in range(4)]

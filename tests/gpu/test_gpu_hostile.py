@@ -9,6 +9,7 @@ import pytest
 
 from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, distance, make, model, moving
 from supersampler import Frame
+from supersampler.backends.base import StepRequest
 
 Spoil = Callable[[Frame], Frame]
 VALUES = [np.nan, np.inf, -np.inf, -1.0, -0.0, 65504.0, 1e38, 1e-42]
@@ -55,7 +56,7 @@ def test_a_history_of_huge_values_gives_finite_images(method: str) -> None:
     gpu.load(history, {name: tensor.astype(np.float32) for name, tensor in huge.items()})
     image = np.empty((*DISPLAY[::-1], 3), np.float32)
     for index in range(1, 4):
-        gpu.step(moving(index), DISPLAY, history, next_history, image, (), adds_samples=1.0, skip=True)
+        gpu.step_many([StepRequest(moving(index), DISPLAY, history, next_history, image, adds_samples=1.0)])
         history, next_history = next_history, history
         assert np.isfinite(image).all()
         assert image.min() >= 0.0

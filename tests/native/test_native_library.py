@@ -14,6 +14,7 @@ from cpu_models import bytes_of, cpu_executor
 from native_build import SOURCES, native_build, native_generated
 from noise import noise
 from supersampler import Frame, Model
+from supersampler.backends.base import StepRequest
 from supersampler.backends.cpu.executor import CpuModel
 from supersampler.backends.cpu.library import Options, cpu_library
 from supersampler.backends.cpu.model_bytes import arrays_bytes
@@ -68,9 +69,8 @@ class Run:
 
     def step(self, frame: Frame, *, adds: float = 0.0, skip: bool = True) -> Float32:
         image = np.zeros((*self.display[::-1], 3), np.float32)
-        self.executor.step(
-            frame, self.display, self.history, self.spare, image, (), adds_samples=adds, skip=skip
-        )
+        buffers = self.history, self.spare
+        self.executor.step_many([StepRequest(frame, self.display, *buffers, image, (), adds, skip)])
         self.history, self.spare = self.spare, self.history
         return image
 

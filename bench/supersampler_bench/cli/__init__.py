@@ -26,6 +26,7 @@ for command in (
     timing.startup,
     timing.device,
     timing.skip,
+    timing.views,
     quality.still,
     timing.pareto,
     report.stress,

@@ -191,6 +191,34 @@ def skip(
     publish(record, "skip", json)
 
 
+def views(
+    methods: METHODS = "taau,classifier",
+    display_size: DISPLAY_SIZES = "128x128,256x256",
+    count: Annotated[int, typer.Option(min=1, help="Number of cameras.")] = 16,
+    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; all cores unless given.")] = None,
+    ratio: ONE_RATIO = 2.0,
+    rounds: Annotated[int, typer.Option(min=1, help="Timed rounds of each setting.")] = 200,
+    json: JSON = None,
+) -> None:
+    """Time the steps of several small cameras: in one call of `Upscaler.step_many`, and in one call for each.
+
+    Nothing else should run on the machine.
+
+    \b
+    Example:
+      supersampler bench views --count 64 --display-size 64x64
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.timing import views as bench
+
+    names, sizes = split_list(methods), size_list("--display-size", display_size)
+    threads = threads or os.cpu_count() or 1
+    with counted("rounds", len(names) * len(sizes) * rounds) as advance:
+        results = bench.measure_views(
+            names, sizes, views=count, threads=threads, ratio=ratio, rounds=rounds, on_round=advance
+        )
+    publish(bench.ViewsRecord(count, threads, ratio, rounds, results), "views", json)
+
+
 def pareto(
     quality: Annotated[
         list[Path] | None,

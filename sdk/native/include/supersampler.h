@@ -158,6 +158,15 @@ SS_API void ss_upscaler_destroy(ss_upscaler* upscaler);
 /* Upscales the next frame. */
 SS_API ss_status ss_step(ss_upscaler* upscaler, const ss_frame* frame, const ss_outputs* outputs, ss_error* error);
 
+/* Upscales the next frames of several cameras: one frame and one output for each of `count` upscalers of one model. Sizes
+ * may differ. The images are those of `ss_step` on each, bit for bit. Each thread computes a whole view at a time, which is
+ * faster than one call for each where images are small: robot simulators, stereo, thumbnails.
+ *
+ * An error leaves all histories unchanged; its message begins with the view: "view 3: jitter is 0.7". `cancelled` of the
+ * first outputs is asked for all views. `ss_options.parallel_for` gets one task for each view. */
+SS_API ss_status ss_step_many(ss_upscaler* const* upscalers, const ss_frame* frames, const ss_outputs* outputs, int count,
+                              ss_error* error);
+
 /* Drops the history, as `reset` of a frame does. */
 SS_API void ss_reset(ss_upscaler* upscaler);
 
@@ -240,6 +249,29 @@ typedef struct ss_scatter {
  * nearest pixel of its surface. mismatch: (height, width), written to: the relative difference of depth. */
 SS_API ss_status ss_scatter_motion(const ss_scatter* frames, float* motion, float* mismatch, ss_error* error);
 
+/* Ids of one view: integers that name objects, parts, materials or classes. They are never blended. Arrays are packed. */
+typedef struct ss_ids {
+    int width, height, display_width, display_height, channels;
+    const uint32_t* ids;  /* (height, width, channels) of the frame's samples; the channels of a pixel are one name */
+    const float* depth;   /* (height, width) as in `ss_frame` */
+    const float* motion;  /* (height, width, 2) as in `ss_frame` */
+    float jitter[2];
+    const uint32_t* previous;       /* `image` of the previous frame; NULL on the first frame, and after a cut */
+    const float* previous_distance; /* `distance` of the previous frame; NULL with `previous` */
+    uint32_t* image;                /* (display_height, display_width, channels), written to; not `previous` */
+    float* distance; /* (display_height, display_width), written to: from each pixel's centre to the sample that it is named
+                        after, in display pixels; not `previous_distance` */
+} ss_ids;
+
+/* Resamples the ids of several views to display size: segmentation beside the images of `ss_step`. A pixel takes the ids
+ * of the nearest sample of this frame; or keeps those of an earlier sample that was nearer to its centre, if the
+ * surface survives: one of the 3x3 samples has these ids now, and its motion leads to them. Of several such surfaces the one
+ * closest to the camera counts. So ids become as detailed as the image, and where nothing moves, stay. The distance of a
+ * sample that is kept grows by its motion relative to that of the nearest sample.
+ *
+ * model: its threads do the work. NULL: the calling thread alone. */
+SS_API ss_status ss_resample_ids(ss_model* model, const ss_ids* views, int count, ss_error* error);
+
 /* One frame of the temporal filter: packed arrays of the size of the image. */
 typedef struct ss_temporal_frame {
     const float* color;       /* (height, width, 4) linear RGB, denoised, and 1; 0 in all four where a sample is missing */
@@ -284,6 +316,11 @@ SS_API int ss_history_fits(const ss_history* history, int width, int height);
 /* Computes an image and the next history, which is not `history` and fits the frame. */
 SS_API ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
                         const ss_outputs* outputs, ss_error* error);
+
+/* Computes the images and the next histories of several views; see `ss_step_many`. Views may read one history, and each
+ * writes to one of its own. */
+SS_API ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_history* const* histories,
+                             ss_history* const* next_histories, const ss_outputs* outputs, int count, ss_error* error);
 
 /* Runs the network of a classifier alone, as docs/contract.md describes it, with one thread.
  *

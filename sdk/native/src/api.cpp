@@ -41,6 +41,10 @@ static Model* model_of(ss_model* handle) { return reinterpret_cast<Model*>(handl
 static const Model* model_of(const ss_model* handle) { return reinterpret_cast<const Model*>(handle); }
 static Upscaler* upscaler_of(ss_upscaler* handle) { return reinterpret_cast<Upscaler*>(handle); }
 
+static ss_status check_count(int count, ss_error* error) {
+    return count >= 1 ? SS_OK : fail(error, SS_BAD_ARGUMENT, "count is %d; want 1 or more", count);
+}
+
 static ss_status check_upscales(const Model& model, ss_error* error) {
     if (!model.method->extrapolates) return SS_OK;
     return fail(error, SS_BAD_ARGUMENT, "the model is of %s, which extrapolates; ss_extrapolate takes it", model.method->name);
@@ -185,9 +189,18 @@ const char* ss_stage_name(int stage) {
 
 ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
                  const ss_outputs* outputs, ss_error* error) {
-    if (!model || !frame || !history || !next_history || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
-    return run_step(*model_of(model), *frame, *reinterpret_cast<const History*>(history), *history_of(next_history), *outputs,
-                    error);
+    return ss_run_many(model, frame, &history, &next_history, outputs, 1, error);
+}
+
+ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_history* const* histories,
+                      ss_history* const* next_histories, const ss_outputs* outputs, int count, ss_error* error) {
+    if (!model || !frames || !histories || !next_histories || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_count(count, error)) return status;
+    for (int k = 0; k < count; k++)
+        if (!histories[k] || !next_histories[k]) return fail(error, SS_BAD_ARGUMENT, "a history of view %d is NULL", k);
+    return run_steps(*model_of(model), count, [&](int k) {
+        return StepCall{frames[k], *reinterpret_cast<const History*>(histories[k]), *history_of(next_histories[k]), outputs[k]};
+    }, error);
 }
 
 ss_status ss_extrapolate(ss_model* model, const ss_frame* frame, const ss_shaded* shaded, const ss_extrapolated* outputs, ss_error* error) {
@@ -221,27 +234,56 @@ void ss_upscaler_destroy(ss_upscaler* handle) {
 }
 
 ss_status ss_step(ss_upscaler* handle, const ss_frame* frame, const ss_outputs* outputs, ss_error* error) {
-    if (!handle || !frame || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
-    Upscaler& u = *upscaler_of(handle);
-    const Allocator& allocator = u.model.arena.allocator();
-    const Size render = {frame->width, frame->height};
+    return ss_step_many(&handle, frame, outputs, 1, error);
+}
+
+// Allocates the histories that an upscaler lacks for a step.
+static ss_status prepare(Upscaler& u, const ss_frame& frame, ss_error* error) {
+    const Size render = {frame.width, frame.height};
     if (check_size(render.width, render.height, "the frame", error)) return SS_BAD_FRAME;
     if (u.spare && !u.spare->fits(render)) {
-        destroy(allocator, u.spare);
+        destroy(u.model.arena.allocator(), u.spare);
         u.spare = nullptr;
     }
-    History* empty = u.history && !frame->reset ? u.history : new_history(u.model, u.display, render);
+    const bool starts = !u.history || frame.reset;
+    if (starts && !u.empty) u.empty = new_history(u.model, u.display, render);
     if (!u.spare) u.spare = new_history(u.model, u.display, render);
-    ss_status status = empty && u.spare ? run_step(u.model, *frame, *empty, *u.spare, *outputs, error)
-                                        : fail(error, SS_NO_MEMORY, "no memory for a history");
-    if (status != SS_OK) {
-        if (empty != u.history) destroy(allocator, empty);
-        return status;
+    return u.spare && (u.empty || !starts) ? SS_OK : fail(error, SS_NO_MEMORY, "no memory for a history");
+}
+
+// Continues from the next history, or drops what was allocated for a step that failed.
+static void conclude(Upscaler& u, bool succeeded) {
+    const Allocator& allocator = u.model.arena.allocator();
+    if (succeeded) {
+        if (u.empty) destroy(allocator, u.history);
+        History* before = u.empty ? u.empty : u.history;
+        u.history = u.spare, u.spare = before;
+        u.frames++;
+    } else {
+        destroy(allocator, u.empty);
     }
-    if (empty != u.history) destroy(allocator, u.history);
-    u.history = u.spare;
-    u.spare = empty;
-    u.frames++;
+    u.empty = nullptr;
+}
+
+ss_status ss_step_many(ss_upscaler* const* handles, const ss_frame* frames, const ss_outputs* outputs, int count, ss_error* error) {
+    if (!handles || !frames || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (ss_status status = check_count(count, error)) return status;
+    for (int k = 0; k < count; k++) {
+        if (!handles[k]) return fail(error, SS_BAD_ARGUMENT, "upscaler %d is NULL", k);
+        if (&upscaler_of(handles[k])->model != &upscaler_of(handles[0])->model)
+            return fail(error, SS_BAD_ARGUMENT, "upscaler %d is of another model than the first; want upscalers of one model", k);
+    }
+    ss_status status = SS_OK;
+    for (int k = 0; k < count && status == SS_OK; k++) {
+        status = prepare(*upscaler_of(handles[k]), frames[k], error);
+        if (status != SS_OK && count > 1) fail_in_view(k, status, error);
+    }
+    if (status == SS_OK)
+        status = run_steps(upscaler_of(handles[0])->model, count, [&](int k) {
+            const Upscaler& u = *upscaler_of(handles[k]);
+            return StepCall{frames[k], *(u.empty ? u.empty : u.history), *u.spare, outputs[k]};
+        }, error);
+    for (int k = 0; k < count; k++) conclude(*upscaler_of(handles[k]), status == SS_OK);
     return status;
 }
 

@@ -4,7 +4,7 @@
 
 namespace ss {
 
-constexpr int KEPT_SPACES = 4;  // for dynamic resolution
+constexpr int KEPT_SPACES = 4;  // at least, for dynamic resolution
 
 // Takes the buffers that steps of all methods need.
 static void make_step_buffers(const Model& model, Space& space) {
@@ -87,7 +87,7 @@ Space* Model::borrow(Size render, Size image) {
 void Model::give_back(Space* space) {
     space->next = __atomic_exchange_n(&spaces, nullptr, __ATOMIC_ACQUIRE);
     Space* last = space;
-    for (int count = 1; last && count < KEPT_SPACES; count++) last = last->next;
+    for (int count = 1; last && count < max(KEPT_SPACES, pool.threads()); count++) last = last->next;
     Space* dropped = last ? last->next : nullptr;  // those that were not used lately
     if (last) last->next = nullptr;
     put(spaces, space);

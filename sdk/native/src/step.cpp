@@ -285,8 +285,8 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     return SS_OK;
 }
 
-ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
-                   ss_error* error) {
+ss_status check_step(const Model& model, const StepCall& call, ss_error* error) {
+    const auto& [frame, before, after, outputs] = call;
     const Size render = {frame.width, frame.height}, display = before.image;
     if (ss_status status = check_frame(*model.method, frame, display, error)) return status;
     if (!(after.image == display) || &before == &after)
@@ -298,21 +298,29 @@ ss_status run_step(Model& model, const ss_frame& frame, const History& before, H
     if (!outputs.image.data) return fail(error, SS_BAD_ARGUMENT, "image has no data; want an image to write to");
     if (ss_status status = check_output("image", outputs.image, error)) return status;
     if (ss_status status = check_output("weight", outputs.weight, error)) return status;
-    if (ss_status status = check_output("converged", outputs.converged, error)) return status;
-    Space* space = model.borrow(render, display);
-    if (!space) return fail(error, SS_NO_MEMORY, "no memory for the work buffers of a step");
+    return check_output("converged", outputs.converged, error);
+}
+
+ss_status run_step(Model& model, const StepCall& call, Canceller& canceller, bool alone) {
+    const auto& [frame, before, after, outputs] = call;
+    const Size display = before.image;
+    Space* space = model.borrow({frame.width, frame.height}, display);
+    if (!space) return SS_NO_MEMORY;
     const float pre_exposure = frame.pre_exposure > 0.0f ? frame.pre_exposure : 1.0f;
     Target target = {view_of(outputs.image, display.width, 3), view_of(outputs.weight, display.width, 1), display.width,
                      display.height, pre_exposure};
     const IeeeArithmetic arithmetic;
-    Step step = {model, frame, *space, before, after, target, {outputs.cancelled, outputs.user}};
-    ss_status status = run_stages(step, outputs);
-    if (status == SS_OK && step.canceller.is_set()) status = SS_CANCELLED;
-    if (status != SS_OK) after.spoil();
+    Step step = {model, frame, *space, before, after, target, {model.pool, canceller, alone}};
+    const ss_status status = run_stages(step, outputs);
     if (outputs.seconds) step.clock.read(outputs.seconds);
     model.give_back(space);
-    if (status == SS_CANCELLED) return fail(error, status, "the step was cancelled");
-    return status == SS_OK ? succeed(error) : fail(error, status, "no memory for a step");
+    return status;
+}
+
+ss_status fail_in_view(int view, ss_status status, ss_error* error) {
+    if (!error) return status;
+    const ss_error plain = *error;
+    return fail(error, status, "view %d: %s", view, plain.message);
 }
 
 }  // namespace ss

@@ -172,6 +172,7 @@ struct Upscaler {
     Size display;
     History* history = nullptr;
     History* spare = nullptr;
+    History* empty = nullptr;  // history of the step that is being computed, where it is the first one
     int64_t frames = 0;
 };
 History* new_history(Model& model, Size display, Size render);  // null: no memory
@@ -183,14 +184,14 @@ struct Step {
     const History& before;
     History& after;
     Target target;
-    Canceller canceller;
+    Workers at_work;
     StageClock clock = {};
     float exposure = 0.0f;  // signed, see `followed_exposure`
     const RestWork* rest = nullptr;  // static blocks; null where the method does not ask
 
     const Kernels& kernels() const { return *model.kernels; }
     Samples& samples() const { return space.samples; }
-    Workers workers() { return {model.pool, canceller}; }
+    const Workers& workers() const { return at_work; }
 };
 
 void fill_missing(Step& step);  // computes what missing samples show; the exposure is known
@@ -242,8 +243,41 @@ ss_status check_jitter(const float (&jitter)[2], ss_error* error);
 ss_status check_pre_exposure(float pre_exposure, ss_error* error);
 ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out, ss_error* error);
 ss_status run_extrapolation(Model& model, const ss_frame& frame, const ss_shaded& shaded, const ss_extrapolated& outputs, ss_error* error);
-ss_status run_step(Model& model, const ss_frame& frame, const History& before, History& after, const ss_outputs& outputs,
-                   ss_error* error);
+
+// The arguments of a step.
+struct StepCall {
+    const ss_frame& frame;
+    const History& before;
+    History& after;
+    const ss_outputs& outputs;
+};
+ss_status check_step(const Model& model, const StepCall& call, ss_error* error);
+ss_status run_step(Model& model, const StepCall& call, Canceller& canceller, bool alone);  // after `check_step`
+ss_status fail_in_view(int view, ss_status status, ss_error* error);  // puts the view in front of the message
+
+// Computes the steps of several views; call_of(index) returns the StepCall of one. Each thread takes a view at a time. The
+// last ones, which are fewer than threads, share all threads.
+template <class CallOf>
+ss_status run_steps(Model& model, int count, const CallOf& call_of, ss_error* error) {
+    for (int k = 0; k < count; k++) {
+        const StepCall call = call_of(k);
+        ss_status status = check_step(model, call, error);
+        for (int j = 0; j < count && status == SS_OK; j++)
+            if (j != k && (&call.after == &call_of(j).after || &call.after == &call_of(j).before))
+                status = fail(error, SS_BAD_ARGUMENT, "it writes to a history of view %d; want one for each view", j);
+        if (status != SS_OK) return count == 1 ? status : fail_in_view(k, status, error);
+    }
+    Canceller canceller(call_of(0).outputs.cancelled, call_of(0).outputs.user);
+    const int sharing = count == 1 ? 1 : model.pool.nests() ? count % model.pool.threads() : 0;
+    ss_status status = SS_OK;
+    Workers{model.pool, canceller}.run(count, [&](int k, int) {
+        if (run_step(model, call_of(k), canceller, k < count - sharing) == SS_NO_MEMORY) __atomic_store_n(&status, SS_NO_MEMORY, __ATOMIC_RELAXED);
+    });
+    if (canceller.is_set()) status = SS_CANCELLED;
+    for (int k = 0; k < count && status != SS_OK; k++) call_of(k).after.spoil();
+    if (status == SS_CANCELLED) return fail(error, status, "the step was cancelled");
+    return status == SS_OK ? succeed(error) : fail(error, status, "no memory for a step");
+}
 
 // Calls `rows(y0, y1)` and then `beside(y0, y1)`, which reads one more row on either side, on all rows: the second
 // while they are in the cache, but for the rows at which threads meet.

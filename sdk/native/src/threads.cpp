@@ -127,24 +127,33 @@ void ThreadPool::run(int count, Task task, const void* context, Canceller& cance
             *at = job.after;
             break;
         }
-    while (job.busy) lock_.wait();
+    while (job.busy) {  // with tasks that may run others
+        if (Job* other = job_with_more(&canceller)) help(*other);
+        else lock_.wait();
+    }
+}
+
+ThreadPool::Job* ThreadPool::job_with_more(const Canceller* canceller) {
+    Job* job = jobs_;
+    while (job && !(job->has_more() && (!canceller || canceller == &job->canceller))) job = job->after;
+    return job;
+}
+
+// Runs what no thread has begun. The lock is held before and afterwards.
+void ThreadPool::help(Job& job) {
+    job.busy++;
+    lock_.unlock();
+    while (job.run_next()) {
+    }
+    lock_.lock();
+    if (--job.busy == 0) lock_.notify();
 }
 
 void ThreadPool::work() {
     Guard guard(lock_);
     while (!ends_) {
-        Job* job = jobs_;
-        while (job && !job->has_more()) job = job->after;
-        if (!job) {
-            lock_.wait();
-            continue;
-        }
-        job->busy++;
-        lock_.unlock();
-        while (job->run_next()) {
-        }
-        lock_.lock();
-        if (--job->busy == 0) lock_.notify();
+        if (Job* job = job_with_more(nullptr)) help(*job);
+        else lock_.wait();
     }
 }
 

@@ -41,19 +41,30 @@ class Lock {
 #endif
 };
 
+#ifdef _WIN32
+using ThreadId = DWORD;
+inline ThreadId this_thread() { return GetCurrentThreadId(); }
+inline bool is_this_thread(ThreadId thread) { return thread == GetCurrentThreadId(); }
+#else
+using ThreadId = pthread_t;
+inline ThreadId this_thread() { return pthread_self(); }
+inline bool is_this_thread(ThreadId thread) { return pthread_equal(thread, pthread_self()); }
+#endif
+
 struct Guard {
     explicit Guard(Lock& lock) : lock_(lock) { lock_.lock(); }
     ~Guard() { lock_.unlock(); }
     Lock& lock_;
 };
 
-// Asks the caller now and then whether a call is to end.
+// Asks the caller now and then, in its thread, whether a call is to end. One call has one.
 class Canceller {
    public:
     Canceller(int (*asked)(void* user), void* user) : asked_(asked), user_(user), next_(asked ? seconds_now() + INTERVAL : 0.0) {}
+    Canceller(const Canceller&) = delete;
     bool is_set() const { return __atomic_load_n(&is_set_, __ATOMIC_RELAXED); }
-    void ask() {  // in the thread of the caller
-        if (!asked_ || is_set() || seconds_now() < next_) return;
+    void ask() {  // in any thread
+        if (!asked_ || !is_this_thread(caller_) || is_set() || seconds_now() < next_) return;
         if (asked_(user_)) __atomic_store_n(&is_set_, true, __ATOMIC_RELAXED);
         next_ = seconds_now() + INTERVAL;
     }
@@ -63,6 +74,7 @@ class Canceller {
     int (*asked_)(void* user);
     void* user_;
     double next_;
+    const ThreadId caller_ = this_thread();
     bool is_set_ = false;
 };
 
@@ -87,6 +99,7 @@ class ThreadPool {
     ThreadPool(const ThreadPool&) = delete;
 
     int threads() const { return threads_; }
+    bool nests() const { return !parallel_for_; }  // whether a task may run others; those of the caller's threads may not
 
     // Calls task(context, index, thread) for each index from 0 to count - 1, and returns when all calls have returned;
     // see `Workers::run`.
@@ -98,6 +111,8 @@ class ThreadPool {
 
     void start_threads();
     void work();
+    Job* job_with_more(const Canceller* canceller);  // of the call of this canceller; null: of any
+    void help(Job& job);
 
     int threads_, started_ = 0;
     bool ends_ = false;
@@ -119,11 +134,19 @@ class ThreadPool {
 struct Workers {
     ThreadPool& pool;
     Canceller& canceller;
+    bool alone = false;  // whether the calling thread does all of the work
+
+    int threads() const { return alone ? 1 : pool.threads(); }
 
     // Calls function(index, thread) for each index from 0 to count - 1, and returns when all calls have returned.
     // `thread` is from 0 to threads() - 1; no two calls of this run that overlap in time have the same.
     template <class Function>
     void run(int count, const Function& function) const {
+        for (int index = 0; alone && index < count && !canceller.is_set(); index++) {
+            function(index, 0);
+            canceller.ask();
+        }
+        if (alone) return;
         pool.run(count, [](const void* context, int index, int thread) {
             (*static_cast<const Function*>(context))(index, thread);
         }, &function, canceller);
@@ -134,7 +157,7 @@ struct Workers {
     void run_rects(const Rect* rects, int count, int multiple, const Function& function) const {
         int64_t area = 0;
         for (int k = 0; k < count; k++) area += area_of(rects[k]);
-        int parts = pool.threads() == 1 || area == 0 ? 1 : pool.threads() * PARTS_OF_THREAD;
+        int parts = threads() == 1 || area == 0 ? 1 : threads() * PARTS_OF_THREAD;
         run(parts, [&](int part, int thread) {
             int64_t before = 0;
             for (int k = 0; k < count; before += area_of(rects[k++])) {

@@ -113,6 +113,61 @@ static void thread_counts_change_no_bit(void) {
         }
 }
 
+enum { VIEWS = 7 };
+
+/* Steps of several cameras in one call have the images of a call for each, bit for bit; a refused frame changes none. */
+static void views_at_once_have_the_images_of_one_at_a_time(void) {
+    static Pixels pixels[VIEWS];
+    static float at_once[VIEWS][DH * DW * 3], alone[DH * DW * 3];
+    for (int m = 0; m < METHODS; m++)
+        for (int threads = 1; threads <= 4; threads++)
+            for (int own = 0; own < 2; own++) {
+                ss_error error;
+                ss_options options;
+                ss_model* model = NULL;
+                ss_upscaler *many[VIEWS], *one[VIEWS];
+                ss_frame frames[VIEWS];
+                ss_outputs outputs[VIEWS];
+                int calls = 0;
+                memset(&options, 0, sizeof options);
+                options.threads = threads;
+                if (own) options.parallel_for = serial_for, options.user = &calls;
+                CHECK(ss_model_create(methods[m], &options, &model, &error) == SS_OK, "%s", error.message);
+                for (int k = 0; k < VIEWS; k++) {
+                    CHECK(ss_upscaler_create(model, DW, DH, &many[k], &error) == SS_OK, "%s", error.message);
+                    CHECK(ss_upscaler_create(model, DW, DH, &one[k], &error) == SS_OK, "%s", error.message);
+                }
+                for (int index = 0; index < FRAMES; index++) {
+                    const int count = index == 2 ? 3 : VIEWS;
+                    for (int k = 0; k < VIEWS; k++) {
+                        fill(&pixels[k], index + 10 * k);
+                        frames[k] = frame_of(&pixels[k], index + k);
+                        frames[k].reset = index == k;
+                        outputs[k] = outputs_of(at_once[k]);
+                    }
+                    frames[2].jitter[0] = 0.7f;
+                    CHECK(ss_step_many(many, frames, outputs, count, &error) == SS_BAD_FRAME, "a jitter of 0.7");
+                    CHECK(strncmp(error.message, "view 2: jitter is 0.7", 21) == 0, "%s", error.message);
+                    frames[2].jitter[0] = 0.2f;
+                    CHECK(ss_step_many(many, frames, outputs, count, &error) == SS_OK, "%s", error.message);
+                    for (int k = 0; k < count; k++) {
+                        ss_outputs output = outputs_of(alone);
+                        CHECK(ss_step(one[k], &frames[k], &output, &error) == SS_OK, "%s", error.message);
+                        CHECK(memcmp(alone, at_once[k], sizeof alone) == 0, "%s, %d threads, view %d", methods[m], threads, k);
+                    }
+                }
+                ss_upscaler* const kept = many[5];
+                many[5] = many[1];
+                CHECK(ss_step_many(many, frames, outputs, VIEWS, &error) == SS_BAD_ARGUMENT, "an upscaler comes twice");
+                CHECK(strstr(error.message, "view 1: ") && strstr(error.message, "view 5"), "%s", error.message);
+                CHECK(ss_step_many(many, frames, outputs, 0, &error) == SS_BAD_ARGUMENT, "no view");
+                many[5] = NULL;
+                CHECK(ss_step_many(many, frames, outputs, VIEWS, &error) == SS_BAD_ARGUMENT, "NULL is an upscaler");
+                for (int k = 0; k < VIEWS; k++) ss_upscaler_destroy(one[k]), ss_upscaler_destroy(k == 5 ? kept : many[k]);
+                ss_model_destroy(model);
+            }
+}
+
 enum { TALL_W = 16, TALL_H = 200 };
 
 /* Steps three frames of which a model of few threads keeps but some bands at a time. */
@@ -470,10 +525,65 @@ static void the_temporal_filter_averages_frames(void) {
     CHECK(ss_filter_temporal(NULL, &error) == SS_BAD_ARGUMENT, "NULL is a filter");
 }
 
+/* Ids are never blended, become as detailed as the display, and follow what moves. */
+static void ids_follow_surfaces_and_are_never_blended(void) {
+    enum { SIDE = 16, BIG = 2 * SIDE, STEPS = 64 };
+    static uint32_t ids[SIDE][SIDE][2], image[2][BIG][BIG][2], alone[BIG][BIG][2], nearest[BIG][BIG][2];
+    static float depth[SIDE][SIDE], motion[SIDE][SIDE][2], distance[2][BIG][BIG], alone_distance[BIG][BIG];
+    ss_error error;
+    ss_model* model = NULL;
+    ss_options options;
+    memset(&options, 0, sizeof options);
+    options.threads = 3;
+    CHECK(ss_model_create("taau", &options, &model, &error) == SS_OK, "%s", error.message);
+    for (int speed = 0; speed < 2; speed++) { /* a disc that stands, then one that moves by 0.1 pixels a frame */
+        int wrong = 0, wrong_nearest = 0;
+        for (int index = 0; index < STEPS; index++) {
+            const float centre = 6.0f + 0.1f * (float)(speed * index);
+            ss_ids v;
+            memset(&v, 0, sizeof v);
+            v.width = v.height = SIDE, v.display_width = v.display_height = BIG, v.channels = 2;
+            v.jitter[0] = (float)(index * 5 % 8) / 8.0f - 0.4375f, v.jitter[1] = (float)((index * 3 + index / 8) % 8) / 8.0f - 0.4375f;
+            for (int y = 0; y < SIDE; y++)
+                for (int x = 0; x < SIDE; x++) {
+                    const float dx = (float)x + v.jitter[0] - centre, dy = (float)y + v.jitter[1] - 7.0f;
+                    const int inside = dx * dx + dy * dy < 12.0f;
+                    ids[y][x][0] = inside ? 0xFFFFFFFFu : 7u, ids[y][x][1] = inside ? 3u : 0u;
+                    depth[y][x] = inside ? 0.2f : 0.1f;
+                    motion[y][x][0] = inside ? -0.1f * (float)speed : 0.0f, motion[y][x][1] = 0.0f;
+                }
+            v.image = &nearest[0][0][0], v.distance = &alone_distance[0][0];
+            v.ids = &ids[0][0][0], v.depth = &depth[0][0], v.motion = &motion[0][0][0];
+            CHECK(ss_resample_ids(NULL, &v, 1, &error) == SS_OK, "%s", error.message);
+            if (index > 0) v.previous = &image[(index + 1) % 2][0][0][0], v.previous_distance = &distance[(index + 1) % 2][0][0];
+            v.image = &alone[0][0][0];
+            CHECK(ss_resample_ids(NULL, &v, 1, &error) == SS_OK, "%s", error.message);
+            v.image = &image[index % 2][0][0][0], v.distance = &distance[index % 2][0][0];
+            CHECK(ss_resample_ids(model, &v, 1, &error) == SS_OK, "%s", error.message);
+            CHECK(memcmp(alone, image[index % 2], sizeof alone) == 0, "threads change ids");
+            for (int y = 0; y < BIG; y++)
+                for (int x = 0; x < BIG; x++) {
+                    const uint32_t* got = image[index % 2][y][x];
+                    CHECK((got[0] == 0xFFFFFFFFu && got[1] == 3) || (got[0] == 7 && got[1] == 0), "%u %u", got[0], got[1]);
+                    const float dx = ((float)x + 0.5f) / 2.0f - 0.5f - centre, dy = ((float)y + 0.5f) / 2.0f - 0.5f - 7.0f;
+                    const uint32_t truth = dx * dx + dy * dy < 12.0f ? 3 : 0;
+                    wrong += index >= STEPS / 2 && got[1] != truth, wrong_nearest += index >= STEPS / 2 && nearest[y][x][1] != truth;
+                }
+        }
+        CHECK(4 * wrong < (speed ? 3 : 2) * wrong_nearest, "speed %d: %d of %d", speed, wrong, wrong_nearest);
+    }
+    ss_ids bad;
+    memset(&bad, 0, sizeof bad);
+    CHECK(ss_resample_ids(model, &bad, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 0"), "%s", error.message);
+    CHECK(ss_resample_ids(model, NULL, 1, &error) == SS_BAD_ARGUMENT, "NULL is a view");
+    ss_model_destroy(model);
+}
+
 int main(void) {
     states_are_saved_and_loaded();
     CHECK(ss_version() == SS_VERSION, "%d", ss_version());
     thread_counts_change_no_bit();
+    views_at_once_have_the_images_of_one_at_a_time();
     bands_share_buffers_without_a_trace();
     instructions_agree();
     views_of_any_strides_are_read();
@@ -482,5 +592,6 @@ int main(void) {
     bad_arguments_are_named();
     hostile_frames_do_no_harm();
     the_temporal_filter_averages_frames();
+    ids_follow_surfaces_and_are_never_blended();
     return failures ? 1 : 0;
 }

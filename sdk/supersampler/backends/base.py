@@ -3,7 +3,7 @@
 import os
 import weakref
 from _thread import allocate_lock
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from numpy.typing import NDArray
@@ -12,6 +12,31 @@ from supersampler.frame import Float32, Frame, Size
 
 Buffers = Any
 """The buffers of a history; each executor has its own type."""
+
+
+class StepRequest(NamedTuple):
+    """Arguments of a step, checked.
+
+    Attributes:
+        frame: the frame.
+        display: (W, H).
+        history: history after the previous frame; not changed.
+        next_history: written to; not `history`.
+        image: (H, W, 3), written to.
+        aux_outputs: names of auxiliary outputs to return.
+        adds_samples: 1 adds the frame's samples to the mean of static blocks; 0 does not, as for extrapolated
+            frames; NOISY: see `methods.at_rest`.
+        skip: whether tiles whose image is frozen may be left out. It changes no bit of the result.
+    """
+
+    frame: Frame
+    display: Size
+    history: Buffers
+    next_history: Buffers
+    image: Float32
+    aux_outputs: Collection[str] = ()
+    adds_samples: float = 0.0
+    skip: bool = True
 
 
 class StepReport(NamedTuple):
@@ -43,31 +68,8 @@ class Executor(Protocol):
     def fits(self, buffers: Buffers, display: Size, render: Size) -> bool:
         """Return whether these buffers can hold a history of this display and render size."""
 
-    def step(
-        self,
-        frame: Frame,
-        display: Size,
-        history: Buffers,
-        next_history: Buffers,
-        image: Float32,
-        aux_outputs: Collection[str],
-        *,
-        adds_samples: float,
-        skip: bool,
-    ) -> StepReport:
-        """Upscale a frame that has been checked.
-
-        Args:
-            frame: the frame.
-            display: (W, H).
-            history: history after the previous frame; not changed.
-            next_history: written to; not `history`.
-            image: (H, W, 3), written to.
-            aux_outputs: names of auxiliary outputs to return.
-            adds_samples: 1 adds the frame's samples to the mean of static blocks; 0 does not, as for
-                extrapolated frames; NOISY: see `methods.at_rest`.
-            skip: whether tiles whose image is frozen may be left out. It changes no bit of the result.
-        """
+    def step_many(self, steps: Sequence[StepRequest]) -> list[StepReport]:
+        """Upscale one frame of each of several views. No two steps write to the same buffers or image."""
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """Return the bytes of a history, and of a step's working memory (None if unknown)."""

@@ -56,6 +56,7 @@ class RawFrame:
         aovs: (h, w, k) at render size.
         motion_next: (h, w, 2) or (H, W, 2), as `motion`: to the next frame, in the unit and signs of `motion`
             and the direction `Conventions.motion_next_direction`.
+        ids: (h, w, k) at render size.
         aov_names: names of the k AOVs' channels in files of results; None numbers them.
     """
 
@@ -72,6 +73,7 @@ class RawFrame:
     aovs: Array | None = None
     aov_names: Sequence[str] | None = None
     motion_next: Array | None = None
+    ids: NDArray[np.integer[Any]] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -459,6 +461,7 @@ class Converter:
             "color": color,
             "reactive": reactive,
             "aovs": aovs,
+            "ids": None if source.ids is None else self._rows(as_array("ids", source.ids)),
             "gbuffer": self._gbuffer("gbuffer", source.gbuffer, encode=encode),
             "gbuffer_display": self._gbuffer("gbuffer_display", source.gbuffer_display, encode=encode),
             "exposure": source.exposure,

@@ -10,7 +10,7 @@ from supersampler.conventions import RawFrame
 from supersampler.errors import FrameError
 from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array, Frame, Size
 
-IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next")
+IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next", "ids")
 """Fields of a frame that are arrays."""
 
 

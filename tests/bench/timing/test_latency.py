@@ -11,11 +11,13 @@ from gpu_steps import device_or_skip
 from supersampler import ArgumentError
 from supersampler.methods.model_file import find_model
 from supersampler_bench.cli import app
+from supersampler_bench.record import read_record
 from supersampler_bench.timing import latency
 from supersampler_bench.timing.against import FirstFrame, StartupRecord, measure_startup
 from supersampler_bench.timing.cost import CostRecord, cost_of
 from supersampler_bench.timing.latency import measure_latency, plaza_frames
 from supersampler_bench.timing.skip import MOVES, SkipRecord, frame_count, measure_skipping
+from supersampler_bench.timing.views import ViewsRecord, measure_views
 from supersampler_model.methods.classifier import SmallClassifier
 
 
@@ -81,6 +83,36 @@ def test_a_scene_in_which_nothing_moves_is_frozen() -> None:
     table = SkipRecord((96, 64), RATIO, results, frame_count(RATIO)).table()
     assert f"| machine_hall | nothing | taau | {still.milliseconds:.1f} | {still.first:.2f} |" in table
     assert f"{frame_count(RATIO)} frames of test shots" in table
+
+
+# --- `bench views` times several cameras in one call ---
+
+
+def test_several_cameras_are_timed_at_once_and_one_after_another(tmp_path: Path) -> None:
+    arguments = [
+        "views",
+        "--methods",
+        "taau",
+        "--display-size",
+        "32x18,40x40",
+        "--count",
+        "3",
+        "--rounds",
+        "2",
+    ]
+    result = CliRunner().invoke(app, [*arguments, "--json", str(tmp_path / "views.json")])
+    assert result.exit_code == 0, result.output
+    record = ViewsRecord.from_json(read_record(tmp_path / "views.json"))
+    assert [times.display for times in record.results] == [(32, 18), (40, 40)]
+    for times in record.results:
+        assert min(times.one, times.each, times.at_once) > 0.0
+        assert list(times.ratios) == sorted(times.ratios)
+    assert "| 40x40 | taau |" in record.table()
+
+
+def test_views_larger_than_the_shot_are_refused() -> None:
+    with pytest.raises(ArgumentError, match="render size is 400x400; want at most 320x180"):
+        measure_views(["taau"], [(800, 800)], views=1, threads=1)
 
 
 # --- first-frame time with an empty and with a full kernel cache ---

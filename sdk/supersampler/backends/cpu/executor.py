@@ -1,14 +1,14 @@
 """`CpuExecutor` and `CpuExtrapolation`: run steps and `guided-warp` in the CPU library."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from ctypes import c_double, c_int, c_int64, c_size_t, c_void_p
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.base import StepReport
+from supersampler.backends.base import StepReport, StepRequest
 from supersampler.backends.cpu.library import (
     FRAME_GBUFFERS,
     CpuLibrary,
@@ -81,6 +81,11 @@ class CpuExecutor:
         self._model, self._library, self.precision = model, model.library, precision
         self._names = [self._library.ss_stage_name(stage).decode() for stage in range(_STAGES)]
 
+    @property
+    def handle(self) -> c_void_p:
+        """The model in the library."""
+        return self._model.handle
+
     def zeros(self, display: Size, render: Size) -> CpuHistory:
         """See `Executor`."""
         return CpuHistory(self._model, display, render)
@@ -89,34 +94,33 @@ class CpuExecutor:
         """See `Executor`."""
         return buffers.display == display and bool(self._library.ss_history_fits(buffers.handle, *render))
 
-    def step(
-        self,
-        frame: Frame,
-        display: Size,
-        history: CpuHistory,
-        next_history: CpuHistory,
-        image: Float32,
-        aux_outputs: Collection[str],
-        *,
-        adds_samples: float,
-        skip: bool,
-    ) -> StepReport:
+    def step_many(self, steps: Sequence[StepRequest]) -> list[StepReport]:
         """See `Executor`."""
-        aux = {
-            name: np.zeros((1, 1, *display[::-1]), np.float32) for name in _AUX_OUTPUTS if name in aux_outputs
-        }
-        seconds = (c_double * _STAGES)()
-        outputs = Outputs(image=Image.of(image), compute_all=not skip, seconds=seconds)
-        for name, plane in aux.items():
-            setattr(outputs, name, Image.of(plane[0, 0]))
-        data, arrays = frame_data(frame)
-        data.adds_samples = adds_samples
-        with self._library.interruptible(outputs):
-            self._library.call(
-                "ss_run", self._model.handle, data, history.handle, next_history.handle, outputs
+        count = len(steps)
+        frames, outputs, alive = (FrameData * count)(), (Outputs * count)(), []
+        histories, next_histories = (c_void_p * count)(), (c_void_p * count)()
+        aux, seconds = [], [(c_double * _STAGES)() for _ in steps]
+        for place, step in enumerate(steps):
+            frames[place], arrays = frame_data(step.frame)
+            frames[place].adds_samples = step.adds_samples
+            alive.append(arrays)
+            histories[place], next_histories[place] = step.history.handle, step.next_history.handle
+            shape = (1, 1, *step.display[::-1])
+            planes = {n: np.zeros(shape, np.float32) for n in _AUX_OUTPUTS if n in step.aux_outputs}
+            aux.append(planes)
+            images = {n: Image.of(plane[0, 0]) for n, plane in planes.items()}
+            outputs[place] = Outputs(
+                image=Image.of(step.image), compute_all=not step.skip, seconds=seconds[place], **images
             )
-        del arrays  # kept alive while the library read them
-        return StepReport(aux, {name: time for name, time in zip(self._names, seconds, strict=True) if time})
+        with self._library.interruptible(outputs[0]):
+            self._library.call(
+                "ss_run_many", self._model.handle, frames, histories, next_histories, outputs, count
+            )
+        del alive  # what the library read
+        return [
+            StepReport(planes, {name: time for name, time in zip(self._names, times, strict=True) if time})
+            for planes, times in zip(aux, seconds, strict=True)
+        ]
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""

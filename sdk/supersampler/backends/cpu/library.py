@@ -154,6 +154,17 @@ class ScatterData(Structure):
     )
 
 
+class IdData(Structure):
+    """`ss_ids`."""
+
+    _fields_ = (
+        *((name, c_int) for name in ("width", "height", "display_width", "display_height", "channels")),
+        *((name, c_void_p) for name in ("ids", "depth", "motion")),
+        ("jitter", c_float * 2),
+        *((name, c_void_p) for name in ("previous", "previous_distance", "image", "distance")),
+    )
+
+
 class TemporalFrame(Structure):
     """`ss_temporal_frame`."""
 
@@ -192,7 +203,9 @@ _FUNCTIONS: Mapping[str, tuple[Any, ...]] = {  # result, then arguments
     "ss_history_tensor": (c_char_p, c_void_p, c_int, POINTER(c_int64), POINTER(c_int)),
     "ss_history_read": (c_int, c_void_p, c_int, c_void_p, _ERROR),
     "ss_history_write": (c_int, c_void_p, c_int, c_void_p, _ERROR),
-    "ss_run": (c_int, c_void_p, POINTER(FrameData), c_void_p, c_void_p, POINTER(Outputs), _ERROR),
+    "ss_run_many": (
+        c_int, c_void_p, POINTER(FrameData), _HANDLE, _HANDLE, POINTER(Outputs), c_int, _ERROR
+    ),
     "ss_run_network": (c_int, c_void_p, c_void_p, c_int, c_int, c_void_p, _ERROR),
     "ss_extrapolate": (
         c_int, c_void_p, POINTER(FrameData), POINTER(ShadedData), POINTER(ExtrapolatedOutputs), _ERROR
@@ -203,6 +216,7 @@ _FUNCTIONS: Mapping[str, tuple[Any, ...]] = {  # result, then arguments
     "ss_encode_rgba": (c_int, POINTER(Image), c_int, c_int, c_void_p, c_ssize_t, _ERROR),
     "ss_merge_images": (c_int, *[c_void_p] * 4, c_int, c_int, c_float, _ERROR),
     "ss_scatter_motion": (c_int, POINTER(ScatterData), c_void_p, c_void_p, _ERROR),
+    "ss_resample_ids": (c_int, c_void_p, POINTER(IdData), c_int, _ERROR),
     "ss_filter_temporal": (c_int, POINTER(TemporalData), _ERROR),
     "ss_nearest_motion": (c_int, c_void_p, c_void_p, c_int, c_int, c_void_p, _ERROR),
 }  # fmt: skip

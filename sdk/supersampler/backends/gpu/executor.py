@@ -1,7 +1,7 @@
 """`GpuExecutor`: runs the passes of a method on a device."""
 
 from collections import OrderedDict
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.base import ForkSafeLock, StepReport
+from supersampler.backends.base import ForkSafeLock, StepReport, StepRequest
 from supersampler.backends.gpu.device import default_device, raising
 from supersampler.backends.gpu.frame import (
     IMAGE_FORMAT,
@@ -36,7 +36,7 @@ from supersampler.backends.gpu.memory import (
 from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram
 from supersampler.backends.gpu.shader import Shader
 from supersampler.errors import DeviceError
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Float32, Size
 
 if TYPE_CHECKING:
     import wgpu
@@ -174,19 +174,12 @@ class GpuExecutor:
         """See `Executor`."""
         return (buffers.display, buffers.render) == (display, render)
 
-    def step(
-        self,
-        frame: Frame,
-        display: Size,
-        history: GpuHistory,
-        next_history: GpuHistory,
-        image: Float32,
-        aux_outputs: Collection[str],
-        *,
-        adds_samples: float,
-        skip: bool,
-    ) -> StepReport:
+    def step_many(self, steps: Sequence[StepRequest]) -> list[StepReport]:
         """See `Executor`."""
+        return [self._step(request) for request in steps]
+
+    def _step(self, request: StepRequest) -> StepReport:
+        frame, display, history, next_history, image, aux_outputs, adds_samples, skip = request
         render, names = frame.size, [name for name in AUX if name in aux_outputs]
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
             buffers = self._buffers_for(render, display)
@@ -224,7 +217,7 @@ class GpuExecutor:
     ) -> None:
         """Encode a step on a frame in textures or buffers of this device.
 
-        Encoder, frame and image are checked; see `Executor.step` for `adds_samples` and `skip`.
+        Encoder, frame and image are checked; see `StepRequest` for `adds_samples` and `skip`.
         """
         kinds = {"frame": frame.in_textures, "image": is_texture(image)}
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}

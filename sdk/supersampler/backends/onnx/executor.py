@@ -1,13 +1,13 @@
 """Executors in ONNX Runtime: steps, extrapolation, and the blending of AOVs."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.base import ForkSafeLock, StepReport
+from supersampler.backends.base import ForkSafeLock, StepReport, StepRequest
 from supersampler.backends.onnx.runtime import device_of, ort
 from supersampler.backends.onnx.session import (
     VECTORS,
@@ -56,30 +56,23 @@ class OnnxExecutor:
         shapes = {name: tuple(tensor.shape()) for name, tensor in buffers.items()}
         return shapes == self._history_shapes(display, render)
 
-    def step(
-        self,
-        frame: Frame,
-        display: Size,
-        history: Tensors,
-        next_history: Tensors,
-        image: Float32,
-        aux_outputs: Collection[str],
-        *,
-        adds_samples: float,
-        skip: bool,  # noqa: ARG002  # a graph computes every pixel
-    ) -> StepReport:
+    def step_many(self, steps: Sequence[StepRequest]) -> list[StepReport]:
         """See `Executor`."""
+        return [self._step(request) for request in steps]
+
+    def _step(self, request: StepRequest) -> StepReport:
+        frame, display = request.frame, request.display
         planes = np.empty((1, 3, *display[::-1]), np.float32)
         outputs = {
             t.name: np.empty(t.shape_for(render=display, display=display), np.float32)
             for t in self._info.aux_outputs
-            if t.name in aux_outputs
+            if t.name in request.aux_outputs
         }
         names = [t.name for t in self._info.inputs]
-        given = frame_inputs(frame, display, names, adds_samples=adds_samples)
+        given = frame_inputs(frame, display, names, adds_samples=request.adds_samples)
         results = _values({**outputs, self._info.image.name: planes})
-        self._run(_values(given), history, next_history, results)
-        np.copyto(image, planes[0].transpose(1, 2, 0))
+        self._run(_values(given), request.history, request.next_history, results)
+        np.copyto(request.image, planes[0].transpose(1, 2, 0))
         return StepReport(outputs)
 
     def step_tensors(

@@ -1,0 +1,84 @@
+"""Ids at display size: `ss_resample_ids` of the CPU library, for steps of any backend."""
+
+from collections.abc import Sequence
+from ctypes import c_void_p
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.library import IdData, cpu_library
+from supersampler.errors import FrameError
+from supersampler.frame import Float32, Frame, Size
+
+UInt32 = NDArray[np.uint32]
+
+
+class IdHistory(NamedTuple):
+    """Ids at display size.
+
+    Attributes:
+        ids: (H, W, k).
+        distance: (H, W) display pixels between a pixel's centre and the sample that it has its ids of.
+    """
+
+    ids: UInt32
+    distance: Float32
+
+
+class IdRequest(NamedTuple):
+    """Arguments of `resample_ids` for one view: a frame with ids, and the history, None after a cut."""
+
+    frame: Frame
+    display: Size
+    history: IdHistory | None
+
+
+def check_ids(frame: Frame, history: IdHistory | None) -> None:
+    """Raise FrameError unless the frame has ids, with as many channels as the previous frame."""
+    if frame.ids is None:
+        raise FrameError("ids", got=None, want="(h, w, k), because ids are requested")
+    channels = frame.ids.shape[2]
+    if history is not None and history.ids.shape[2] != channels:
+        want = f"{history.ids.shape[2]} channels as before, or a reset"
+        raise FrameError("ids", got=f"{channels} channels", want=want)
+
+
+def resample_ids(requests: Sequence[IdRequest], model: c_void_p | None) -> list[IdHistory]:
+    """Resample the ids of several views to display size; see `ss_resample_ids`.
+
+    Args:
+        requests: a view each.
+        model: the model of the library whose threads do the work; None: the calling thread alone.
+
+    Raises:
+        LibraryError: the CPU library cannot be loaded.
+    """
+    views, alive, results = (IdData * len(requests))(), [], []
+    for place, (frame, display, history) in enumerate(requests):
+        assert frame.ids is not None  # noqa: S101  # see `check_ids`
+        channels = frame.ids.shape[2]
+        result = IdHistory(
+            np.empty((*display[::-1], channels), np.uint32), np.empty(display[::-1], np.float32)
+        )
+        arrays: dict[str, NDArray[Any]] = {
+            "ids": np.ascontiguousarray(frame.ids).astype(
+                np.uint32, copy=False
+            ),  # negative values wrap around
+            "depth": np.ascontiguousarray(frame.depth),
+            "motion": np.ascontiguousarray(frame.motion, np.float32),
+            "image": result.ids,
+            "distance": result.distance,
+        }
+        if history is not None:
+            arrays |= {"previous": history.ids, "previous_distance": history.distance}
+        data = IdData(*frame.size, *display, channels)
+        data.jitter[:] = frame.jitter
+        for name, array in arrays.items():
+            setattr(data, name, array.ctypes.data)
+        views[place] = data
+        alive.append(arrays)
+        results.append(result)
+    cpu_library().call("ss_resample_ids", model, views, len(requests))
+    del alive  # what the library read
+    return results

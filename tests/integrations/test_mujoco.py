@@ -1,0 +1,89 @@
+"""Tests of examples/mujoco_cameras.py with MuJoCo, OpenGL in software will do: `make mujoco` runs them."""
+
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from supersampler import Upscaler, halton_jitter
+from supersampler.io.images import read_image
+
+SCRIPT = Path(__file__).parents[2] / "examples" / "mujoco_cameras.py"
+
+if importlib.util.find_spec("mujoco") is None:
+    pytest.skip("mujoco is not installed here", allow_module_level=True)
+if sys.platform == "linux":
+    os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+@pytest.fixture(scope="module")
+def example() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("mujoco_cameras", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_images_are_closer_to_the_reference_than_those_of_msaa(
+    example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import argparse
+
+    options = {"cameras": 4, "size": 192, "frames": 33, "model": "classifier", "score_every": 8}
+    example.main(argparse.Namespace(**options, output=tmp_path))
+    lines = dict(line.split(": ") for line in capsys.readouterr().out.splitlines())
+    upscaled, nearest = (float(lines[f"PSNR {name}, dB"]) for name in ("upscaled", "nearest"))
+    assert upscaled > nearest + 3.0, lines
+    wrong, wrong_nearest = (float(lines[f"wrong ids {name}, %"]) for name in ("upscaled", "nearest"))
+    assert wrong < 0.7 * wrong_nearest, lines
+    picture = read_image(tmp_path / "cameras.png")["G"]
+    assert picture.shape == (2 * 192, 4 * 3 * 192)
+    assert picture.std() > 0.1
+
+
+def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleType) -> None:
+    import mujoco
+
+    renderer = example.make_renderer(128, samples=0)
+    data = mujoco.MjData(renderer.model)
+    view = example.View(1, 4)  # it orbits
+    frames = []
+    for index in range(6):
+        data.ctrl[:] = 1.0, 0.5
+        mujoco.mj_step(renderer.model, data, nstep=10)
+        frames.append(view.frame(renderer, data, data.time, halton_jitter(index, 2.0)))
+    before, frame = frames[-2:]
+    y, x = np.mgrid[:128, :128]
+    at = np.rint(np.stack([x, y], -1) + frame.jitter + frame.motion - before.jitter).astype(int)
+    inside = ((at >= 0) & (at < 128)).all(axis=2)
+    at = at[inside]
+    same = (before.ids[at[:, 1], at[:, 0]] == frame.ids[inside]).all(axis=1)
+    assert same.mean() > 0.97
+    assert np.abs(frame.motion[inside]).max() > 0.5, "something moves"
+    ratio = before.depth[at[:, 1], at[:, 0]][same] / np.maximum(frame.depth[inside][same], 1e-6)
+    assert np.median(np.abs(np.log(np.maximum(ratio, 1e-6)))) < 0.02
+
+
+def test_ids_of_images_are_ids_of_the_simulation(example: ModuleType) -> None:
+    import mujoco
+
+    renderer = example.make_renderer(96, samples=0)
+    data = mujoco.MjData(renderer.model)
+    views = [example.View(index, 3) for index in range(3)]
+    upscalers = [Upscaler("taau", display_size=(192, 192), threads=1) for _ in range(1)]
+    upscalers += [Upscaler(upscalers[0].model, display_size=(192, 192)) for _ in range(2)]
+    for index in range(4):
+        mujoco.mj_step(renderer.model, data, nstep=10)
+        frames = [view.frame(renderer, data, data.time, halton_jitter(index, 2.0)) for view in views]
+        for frame, result in zip(
+            frames, Upscaler.step_many(upscalers, frames, outputs=("ids",)), strict=True
+        ):
+            there = {tuple(ids) for ids in frame.ids.reshape(-1, 2).tolist()}
+            assert result.ids is not None
+            assert {tuple(ids) for ids in result.ids.reshape(-1, 2).tolist()} <= there

@@ -1,0 +1,155 @@
+"""`Upscaler.step_many`: several cameras in one call."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from method_lists import WITH_KERNELS
+from noise import noise
+from recorded_files import replayed
+from shared_models import shared_model
+from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
+from supersampler.frame import Float32
+from supersampler.model import ExecutorName
+
+SIZES = ((32, 18), (20, 26), (32, 18), (9, 9), (32, 18))
+
+
+def frames_at(index: int) -> list[Frame]:
+    """One frame of each view; views restart at different times, and one is rendered smaller for a while."""
+    sizes = [(34, 19) if view == 2 and index == 2 else size for view, size in enumerate(SIZES)]
+    return [noise(10 * view + index, size, reset=index == view) for view, size in enumerate(sizes)]
+
+
+def cameras(model: Model, **options: Any) -> list[Upscaler]:
+    options = {"validate": "off", **options}
+    return [Upscaler(model, display_size=(2 * w, 2 * h), **options) for w, h in SIZES]
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize("threads", [1, 2, 3])
+@pytest.mark.parametrize("method", WITH_KERNELS)
+def test_images_are_those_of_a_session_for_each_view(
+    method: str, threads: int, executor: ExecutorName
+) -> None:
+    if (executor, threads) == ("onnx", 3):
+        pytest.skip("ONNX Runtime computes one view after another, with any number of threads")
+    model = shared_model(method, threads=threads, executor=executor)
+    at_once, alone = cameras(model), cameras(model)
+    for index in range(4):
+        frames = frames_at(index)
+        images = Upscaler.step_many(at_once, frames)
+        for image, upscaler, frame in zip(images, alone, frames, strict=True):
+            np.testing.assert_array_equal(image, upscaler.step(frame))
+    for ours, theirs in zip(at_once, alone, strict=True):
+        assert (ours.stats.frames, ours.stats.resets) == (theirs.stats.frames, theirs.stats.resets)
+        assert ours.stats.seconds > 0.0
+        saved, expected = ours.save_state().history, theirs.save_state().history
+        assert saved is not None
+        assert expected is not None
+        for name, tensor in expected.items():
+            np.testing.assert_array_equal(saved[name], tensor, err_msg=name)
+
+
+def test_images_are_written_to_one_array_of_all_views() -> None:
+    model = shared_model("taau")
+    views = [Upscaler(model, display_size=(64, 36)) for _ in range(3)]
+    frames = [noise(seed) for seed in range(3)]
+    out = np.empty((3, 36, 64, 3), np.float32)
+    images = Upscaler.step_many(views, frames, out=out)
+    assert all(np.shares_memory(image, out[view]) for view, image in enumerate(images))
+    for upscaler, frame, image in zip(views, frames, out, strict=True):
+        upscaler.reset()
+        np.testing.assert_array_equal(upscaler.step(frame), image)
+
+
+def test_outputs_are_those_of_a_session_for_each_view() -> None:
+    model = shared_model("classifier")
+    at_once, alone = cameras(model), cameras(model)
+    for index in range(2):
+        frames = frames_at(index)
+        results = Upscaler.step_many(at_once, frames, outputs=("weight", "class_map"))
+        for result, upscaler, frame in zip(results, alone, frames, strict=True):
+            expected = upscaler.step(frame, outputs=("weight", "class_map"))
+            assert isinstance(expected, StepResult)
+            for name in ("image", "weight", "class_map"):
+                np.testing.assert_array_equal(getattr(result, name), getattr(expected, name))
+
+
+def test_views_step_alone_between_common_calls() -> None:
+    model = shared_model("taau", threads=2)
+    mixed, alone = cameras(model), cameras(model)
+    for index in range(4):
+        frames = frames_at(index)
+        expected = [upscaler.step(frame) for upscaler, frame in zip(alone, frames, strict=True)]
+        got: list[Float32] = []
+        if index % 2:
+            got = [upscaler.step(frame) for upscaler, frame in zip(mixed, frames, strict=True)]
+        else:
+            got = [*Upscaler.step_many(mixed[:2], frames[:2]), *Upscaler.step_many(mixed[2:], frames[2:])]
+        for image, want in zip(got, expected, strict=True):
+            np.testing.assert_array_equal(image, want)
+
+
+def test_a_refused_frame_names_its_view_and_changes_no_history() -> None:
+    model = shared_model("taau")
+    views, alone = cameras(model, validate="strict"), cameras(model)
+    Upscaler.step_many(views, frames_at(0))
+    for upscaler, frame in zip(alone, frames_at(0), strict=True):
+        upscaler.step(frame)
+    frames = frames_at(1)
+    frames[3] = noise(31, SIZES[3], depth=np.full(SIZES[3][::-1], -1.0, np.float32))
+    with pytest.raises(FrameError, match=r"^view 3: frame\.depth") as caught:
+        Upscaler.step_many(views, frames)
+    assert (caught.value.view, caught.value.name) == (3, "depth")
+    frames = frames_at(1)
+    frames[4] = noise(31, (500, 500))
+    with pytest.raises(FrameError, match=r"^view 4: ") as caught:
+        Upscaler.step_many(views, frames)
+    for image, upscaler, frame in zip(
+        Upscaler.step_many(views, frames_at(1)), alone, frames_at(1), strict=True
+    ):
+        np.testing.assert_array_equal(image, upscaler.step(frame))
+
+
+def test_arguments_that_do_not_belong_together_are_refused() -> None:
+    model = shared_model("taau")
+    views, frames = cameras(model), frames_at(0)
+    with pytest.raises(ArgumentError, match="frames is of length 4; want 5"):
+        Upscaler.step_many(views, frames[:4])
+    with pytest.raises(ArgumentError, match="out is of length 1; want 5"):
+        Upscaler.step_many(views, frames, out=[np.empty((36, 64, 3), np.float32)])
+    with pytest.raises(ArgumentError, match=r"view 1: out is .*\(52, 40, 3\)") as caught:
+        Upscaler.step_many(views, frames, out=np.empty((5, 36, 64, 3), np.float32))
+    assert caught.value.view == 1
+    with pytest.raises(ArgumentError, match="upscalers is empty"):
+        Upscaler.step_many([], [])
+    with pytest.raises(ArgumentError, match=r"upscalers\[4\] is upscalers\[0\]; want an Upscaler of its own"):
+        Upscaler.step_many([*views[:4], views[0]], frames)
+    with pytest.raises(ArgumentError, match=r"upscalers\[1\] is of another Model"):
+        Upscaler.step_many([views[0], *cameras(shared_model("bicubic"))[1:]], frames)
+    with pytest.raises(ArgumentError, match=r"upscalers\[2\] is None; want an Upscaler"):
+        Upscaler.step_many([views[0], views[1], None], frames[:3])  # type: ignore[list-item]
+    with pytest.raises(ArgumentError, match=r"upscalers is <.*Upscaler.*>; want a sequence"):
+        Upscaler.step_many(views[0], frames)  # type: ignore[call-overload]
+    with pytest.raises(ArgumentError, match="view 0: frame is"):
+        Upscaler.step_many(views[:1], [None])  # type: ignore[list-item]
+    views[1].close()
+    with pytest.raises(ArgumentError, match="view 1: upscaler is closed"):
+        Upscaler.step_many(views, frames)
+
+
+def test_recorded_views_replay_alone(tmp_path: Path) -> None:
+    model = Model.load("taau", threads=1)
+    views = [Upscaler(model, display_size=(64, 36), record=tmp_path / f"{view}") for view in range(2)]
+    for index in range(3):
+        frames = [noise(10 * view + index, reset=index == 0) for view in range(2)]
+        Upscaler.step_many(views, frames)
+        refused = [frames[0], noise(1, (500, 500))]
+        with pytest.raises(FrameError, match="view 1"):
+            Upscaler.step_many(views, refused)
+    for view, upscaler in enumerate(views):
+        upscaler.close()
+        assert [step.exact for step in replayed(tmp_path / f"{view}")] == [True] * 3
