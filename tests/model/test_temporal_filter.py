@@ -15,7 +15,15 @@ from supersampler.denoising.temporal import TemporalFilter
 from supersampler.frame import Array
 from supersampler.io.shot import ShotWriter
 from supersampler_model.denoising import filter as definition
-from supersampler_model.denoising.training import blended, constants, example_of, examples_of, fit, planes
+from supersampler_model.denoising.training import (
+    Example,
+    blended,
+    constants,
+    example_of,
+    examples_of,
+    fit,
+    planes,
+)
 
 
 def frames_of(
@@ -94,6 +102,32 @@ def test_wrong_arguments_of_the_library_are_errors() -> None:
     with pytest.raises(SupersamplerError, match="an argument is NULL"):
         cpu_library().call("ss_filter_temporal", TemporalData(4, 3))
     assert ours
+
+
+def test_a_change_of_light_counts_more_than_noise_of_its_size() -> None:
+    guide, still = torch.zeros(1, 3, 24, 24), torch.zeros(1, 2, 24, 24)
+    signs = torch.where(torch.rand(1, 3, 24, 24, generator=torch.Generator().manual_seed(0)) < 0.5, -0.3, 0.3)
+
+    def frame(stops: torch.Tensor) -> definition.WindowFrame:
+        color = torch.cat([0.2 * torch.exp2(stops), torch.ones(1, 1, 24, 24)], dim=1)
+        return definition.WindowFrame(color, guide, guide, still, still)
+
+    def weight(other: torch.Tensor) -> float:
+        gathered = definition.gathered(frame(0.0 * signs), [frame(other)], "to_previous")
+        distances = definition.distances(frame(0.0 * signs), gathered[0], 1.0)
+        return definition.TemporalFilter().weight(distances.permute(0, 2, 3, 1)).mean().item()
+
+    assert weight(signs.abs()) < 0.5 * weight(signs)
+
+
+def test_fitting_leaves_costs_that_are_held() -> None:
+    generator = torch.Generator().manual_seed(0)
+    colors, reference = torch.rand(50, 2, 3, generator=generator), torch.rand(50, 3, generator=generator)
+    distances = torch.rand(50, 2, len(definition.COSTS), generator=generator)
+    example = Example(reference + 0.1, colors, distances, torch.ones(50, 2), reference)
+    model = fit([example], held=definition.COSTS[1:], steps=3)
+    changed = (model.log_costs - definition.TemporalFilter().log_costs).abs() > 1e-6
+    assert changed.tolist() == [True] + [False] * (len(definition.COSTS) - 1)
 
 
 def test_fitting_learns_which_neighbours_to_trust() -> None:

@@ -20,7 +20,7 @@ from supersampler_model.ops.motion import positions_of, read, read_cubic, usable
 
 COSTS = (
     "COLOR_COST", "COLOR_COST_3X3", "COLOR_COST_5X5", "NORMAL_COST", "NORMAL_COST_3X3", "ALBEDO_COST",
-    "ALBEDO_COST_3X3", "AGE_COST",
+    "ALBEDO_COST_3X3", "AGE_COST", "SHIFT_COST_9X9",
 )  # fmt: skip
 """Names of the costs of `supersampler.denoising.spec`, in the order of `distances`."""
 MANTISSA = 2.0**-23
@@ -168,12 +168,15 @@ def distances(frame: WindowFrame, other: Gathered, exposure: float) -> Tensor:
     def logs(image: Tensor) -> Tensor:
         return log2(image[:, :3] * exposure + LOG_OFFSET)
 
-    color = squared(logs(other.color) - logs(frame.color)) / 3.0
+    difference = logs(other.color) - logs(frame.color)
+    color = squared(difference) / 3.0
+    shift = box(difference.mean(dim=1, keepdim=True), 4).square()
     normal = squared(other.normal - frame.normal)
     albedo = squared(other.albedo - frame.albedo)
     age = torch.full_like(color, other.age / REACH)
     return torch.cat(
-        [color, box(color, 1), box(color, 2), normal, box(normal, 1), albedo, box(albedo, 1), age], dim=1
+        [color, box(color, 1), box(color, 2), normal, box(normal, 1), albedo, box(albedo, 1), age, shift],
+        dim=1,
     )
 
 

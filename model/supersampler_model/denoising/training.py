@@ -1,13 +1,15 @@
 """Fits the constants of the temporal filter to frames of a path tracer with references.
 
-    python -m supersampler_model.denoising.training SHOT...
+    python -m supersampler_model.denoising.training [--hold NAME,...] SHOT...
 
-prints the lines of `supersampler.denoising.spec`. Some frames of each SHOT have references. Frames that are
-not denoised are denoised by Open Image Denoise. A pixel's loss is its error as displayed over the mean error
-of the frame itself. What is worse than in the frame itself counts twice.
+prints the lines of `supersampler.denoising.spec`; constants that are held keep their values. Some frames of
+each SHOT have references. Frames that are not denoised are denoised by Open Image Denoise. A pixel's loss is
+its error as displayed over the mean error of the frame itself. What is worse than in the frame itself counts
+twice.
 """
 
 import sys
+from argparse import ArgumentParser
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -83,10 +85,14 @@ def blended(model: TemporalFilter, example: Example) -> Tensor:
     return (example.own + (weights[..., None] * example.colors).sum(dim=1)) / total[:, None]
 
 
-def fit(examples: Sequence[Example], *, steps: int = STEPS, seed: int = 0) -> TemporalFilter:
-    """Fit a filter to these examples, each as often as the others."""
+def fit(
+    examples: Sequence[Example], *, held: Sequence[str] = (), steps: int = STEPS, seed: int = 0
+) -> TemporalFilter:
+    """Fit a filter to these examples, each as often as the others; costs in `held` keep their values."""
     torch.manual_seed(seed)
     model = TemporalFilter()
+    is_free = torch.tensor([name not in held for name in COSTS])
+    model.log_costs.register_hook(lambda gradient: gradient * is_free)
     scales = [float(errors(example.own, example.reference).mean()) for example in examples]
     optimizer = torch.optim.Adam(model.parameters(), LEARNING_RATE)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
@@ -137,5 +143,15 @@ def planes(array: Float32) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(array, np.float32)).permute(2, 0, 1)[None]
 
 
+def main() -> None:
+    """Fit to the shots of the command line."""
+    parser = ArgumentParser(description="Fits the constants of the temporal filter.")
+    parser.add_argument("--hold", default="", metavar="NAME,...", help="costs that keep their values")
+    parser.add_argument("shots", nargs="+", metavar="SHOT", help="frames, some of which have references")
+    options = parser.parse_args()
+    examples = [example for name in options.shots for example in examples_of(Shot.open(name))]
+    sys.stdout.write("\n".join(constants(fit(examples, held=options.hold.split(",")))) + "\n")
+
+
 if __name__ == "__main__":
-    print("\n".join(constants(fit([e for name in sys.argv[1:] for e in examples_of(Shot.open(name))]))))
+    main()

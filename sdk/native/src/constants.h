@@ -285,7 +285,7 @@ namespace temporal_filter {
 constexpr int REACH = 8;
 constexpr float LOG_OFFSET = 0.01f;
 constexpr float KNOWN_SHARE = 0.999f;
-constexpr float LOG_WEIGHT = -0.3944f;
+constexpr float LOG_WEIGHT = -0.3332f;
 constexpr float COLOR_COST = 0.0406f;
 constexpr float COLOR_COST_3X3 = 0.7726f;
 constexpr float COLOR_COST_5X5 = 1.9646f;
@@ -293,6 +293,7 @@ constexpr float NORMAL_COST = 0.5598f;
 constexpr float NORMAL_COST_3X3 = 1.6067f;
 constexpr float ALBEDO_COST = 0.6355f;
 constexpr float ALBEDO_COST_3X3 = 0.7755f;
-constexpr float AGE_COST = 3.6091f;
+constexpr float AGE_COST = 3.1036f;
+constexpr float SHIFT_COST_9X9 = 12.4576f;
 }  // namespace temporal_filter
 }  // namespace ss

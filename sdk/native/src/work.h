@@ -236,8 +236,8 @@ struct RestWork;
 
 // The temporal filter: see `ss_temporal`.
 struct TemporalFilter {
-    static constexpr int TILE_ROWS = 16, TILE_COLUMNS = 64;
-    static constexpr int SCRATCH = 24 * (TILE_ROWS + 4) * (TILE_COLUMNS + LANES);  // floats
+    static constexpr int TILE_ROWS = 32, TILE_COLUMNS = 64, BORDER = 4;  // BORDER: pixels around a tile that its patches reach
+    static constexpr int SCRATCH = 26 * (TILE_ROWS + 2 * BORDER) * (TILE_COLUMNS + LANES);  // floats
     const ss_temporal_frame* frames;
     int previous, following, groups;
     float exposure;

@@ -7,13 +7,13 @@ namespace ss::SS_ISA {
 
 using namespace temporal_filter;
 
-constexpr int REACH_OF_BOX = 2;  // pixels around a tile that its patches reach
-constexpr int ROWS = TemporalFilter::TILE_ROWS + 2 * REACH_OF_BOX;
+constexpr int BORDER = TemporalFilter::BORDER;
+constexpr int ROWS = TemporalFilter::TILE_ROWS + 2 * BORDER;
 constexpr int PITCH = TemporalFilter::TILE_COLUMNS + LANES;  // of planes; more than the tile and its border
 constexpr int PLANE = ROWS * PITCH;
-static_assert(LANES >= 2 * REACH_OF_BOX);
+static_assert(LANES >= 2 * BORDER);
 
-enum Plane { OWN_LOGS, OWN_GUIDES = 3, X = 9, Y, ON_SCREEN, COLORS, KNOWN = 15, NORMALS, ALBEDOS, PATCHES, NORMALS_3, ALBEDOS_3, PATCHES_3, PATCHES_5, SUMS, PLANES };
+enum Plane { OWN_LOGS, OWN_GUIDES = 3, X = 9, Y, ON_SCREEN, COLORS, KNOWN = 15, NORMALS, ALBEDOS, PATCHES, SHIFTS, NORMALS_3, ALBEDOS_3, PATCHES_3, PATCHES_5, SHIFTS_9, SUMS, PLANES };
 static_assert(PLANES * PLANE == TemporalFilter::SCRATCH);
 
 // Exponent plus mantissa of positive floats: a piecewise linear logarithm to base 2.
@@ -26,10 +26,10 @@ struct Tile {
     float* planes;
     int columns, rows;  // with the border
     Tile(const TemporalFilter& w, Rect rect)
-        : inner(rect), size(w.size), planes(w.scratch), columns(rect.x1 - rect.x0 + 2 * REACH_OF_BOX), rows(rect.y1 - rect.y0 + 2 * REACH_OF_BOX) {}
+        : inner(rect), size(w.size), planes(w.scratch), columns(rect.x1 - rect.x0 + 2 * BORDER), rows(rect.y1 - rect.y0 + 2 * BORDER) {}
     float* row(int plane, int y) const { return planes + plane * PLANE + y * PITCH; }
-    int image_row(int y) const { return clamp(inner.y0 + y - REACH_OF_BOX, 0, size.height - 1); }
-    I image_columns(int x) const { return clamped(ramp() + (inner.x0 + x - REACH_OF_BOX), 0, size.width - 1); }
+    int image_row(int y) const { return clamp(inner.y0 + y - BORDER, 0, size.height - 1); }
+    I image_columns(int x) const { return clamped(ramp() + (inner.x0 + x - BORDER), 0, size.width - 1); }
 };
 
 // Loads four channels of the pixels at W offsets, as a vector per channel.
@@ -39,22 +39,22 @@ SS_INLINE void load_pixels(const float* image, I offset, F (&v)[4]) {
     gather4(image, places, 1, v);
 }
 
-// Mean of 3x3 or 5x5 values around each pixel of the tile, without its border: `plane` to `to`.
+// Mean of the values up to `reach` pixels around each pixel of the tile, without its border: `plane` to `to`.
 template <int reach>
 static void box(const Tile& t, int plane, int to) {
     constexpr float share = 1.0f / ((2 * reach + 1) * (2 * reach + 1));
     for (int y = 0; y < t.rows; y++)
         for (int x = 0; x < t.inner.x1 - t.inner.x0; x += W) {
-            const float* from = t.row(plane, y) + x + REACH_OF_BOX;
+            const float* from = t.row(plane, y) + x + BORDER;
             F sum = load(from);
             for (int k = 1; k <= reach; k++) sum += load(from - k) + load(from + k);
             store(t.row(SUMS, y) + x, sum);
         }
-    for (int y = REACH_OF_BOX; y < t.rows - REACH_OF_BOX; y++)
+    for (int y = BORDER; y < t.rows - BORDER; y++)
         for (int x = 0; x < t.inner.x1 - t.inner.x0; x += W) {
             F sum = load(t.row(SUMS, y) + x);
             for (int k = 1; k <= reach; k++) sum += load(t.row(SUMS, y - k) + x) + load(t.row(SUMS, y + k) + x);
-            store(t.row(to, y) + x + REACH_OF_BOX, sum * share);
+            store(t.row(to, y) + x + BORDER, sum * share);
         }
 }
 
@@ -107,17 +107,18 @@ static void gather_frame(const TemporalFilter& w, const Tile& t, const float* st
             load_channels(color, c);
             load_channels(albedo, a);
             load_channels(normal, n);
-            F of_albedo = F{}, of_normal = F{}, of_color = F{};
+            F of_albedo = F{}, of_normal = F{}, of_color = F{}, shift = F{};
             for (int k = 0; k < 3; k++) {
                 const F da = a[k] - load(t.row(OWN_GUIDES + k, y) + x), dn = n[k] - load(t.row(OWN_GUIDES + 3 + k, y) + x);
                 const F dc = log2(c[k] * w.exposure + LOG_OFFSET) - load(t.row(OWN_LOGS + k, y) + x);
-                of_albedo += da * da, of_normal += dn * dn, of_color += dc * dc;
+                of_albedo += da * da, of_normal += dn * dn, of_color += dc * dc, shift += dc;
                 store(t.row(COLORS + k, y) + x, c[k]);
             }
             store(t.row(KNOWN, y) + x, select(load(complete) > KNOWN_SHARE, inside, 0.0f));
             store(t.row(ALBEDOS, y) + x, of_albedo);
             store(t.row(NORMALS, y) + x, of_normal);
             store(t.row(PATCHES, y) + x, of_color * (1.0f / 3.0f));
+            store(t.row(SHIFTS, y) + x, shift * (1.0f / 3.0f));
         }
 }
 
@@ -127,22 +128,25 @@ static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_
     box<1>(t, ALBEDOS, ALBEDOS_3);
     box<1>(t, PATCHES, PATCHES_3);
     box<2>(t, PATCHES, PATCHES_5);
+    box<4>(t, SHIFTS, SHIFTS_9);
     const struct {
         int plane;
         float cost;
     } distances[] = {{PATCHES, COLOR_COST}, {PATCHES_3, COLOR_COST_3X3}, {PATCHES_5, COLOR_COST_5X5}, {NORMALS, NORMAL_COST}, {NORMALS_3, NORMAL_COST_3X3},
                      {ALBEDOS, ALBEDO_COST}, {ALBEDOS_3, ALBEDO_COST_3X3}};
     const float young = LOG_WEIGHT - AGE_COST * static_cast<float>(age) / REACH;
-    for (int y = REACH_OF_BOX; y < t.rows - REACH_OF_BOX; y++)
-        for (int x = REACH_OF_BOX; x < t.columns - REACH_OF_BOX; x += W) {
+    for (int y = BORDER; y < t.rows - BORDER; y++)
+        for (int x = BORDER; x < t.columns - BORDER; x += W) {
             F log_weight = spread(young);
             for (const auto& distance : distances) log_weight -= load(t.row(distance.plane, y) + x) * distance.cost;
+            const F shift = load(t.row(SHIFTS_9, y) + x);
+            log_weight -= shift * shift * SHIFT_COST_9X9;
             const F weight = exponential(log_weight) * load(t.row(KNOWN, y) + x);
-            const ptrdiff_t pixel = static_cast<ptrdiff_t>(t.image_row(y)) * t.size.width + t.inner.x0 + x - REACH_OF_BOX;
+            const ptrdiff_t pixel = static_cast<ptrdiff_t>(t.image_row(y)) * t.size.width + t.inner.x0 + x - BORDER;
             float added[4][W];
             for (int c = 0; c < 3; c++) store(added[c], load(t.row(COLORS + c, y) + x) * weight);
             store(added[3], weight);
-            const int count = min(W, t.inner.x1 - t.inner.x0 - (x - REACH_OF_BOX));
+            const int count = min(W, t.inner.x1 - t.inner.x0 - (x - BORDER));
             for (int i = 0; i < count; i++)
                 store4(w.image + 4 * (pixel + i), load4(w.image + 4 * (pixel + i)) + F4{added[0][i], added[1][i], added[2][i], added[3][i]});
             for (int group = 0; group < w.groups; group++) {
