@@ -542,7 +542,7 @@ class Upscaler:
         self._check_no_extrapolation("step_textures")
         if self._recorder is not None:
             hint = "Recordings hold arrays: use `step`."
-            raise ArgumentError("step_textures", got="called while recording", want="neither", hint=hint)
+            raise ArgumentError("step_textures", got="called while recording", want="one of the two", hint=hint)
         check_encoder(encoder, gpu.device)
         names = [tensor.name for tensor in self.model.info.inputs]
         size = None if render_size is None else checked_size("render_size", render_size)
@@ -720,7 +720,7 @@ class Upscaler:
     def _check_no_extrapolation(self, call: str) -> None:
         if self._extrapolator is not None:
             hint = "Extrapolation takes arrays only: use `step`."
-            raise ArgumentError(call, got="called with extrapolation", want="neither", hint=hint)
+            raise ArgumentError(call, got="called with extrapolation", want="one of the two", hint=hint)
 
     def _history_of(self, state: State) -> History | None:
         """Return the history in a state, or None; raise ArgumentError if the state does not fit."""
