@@ -155,7 +155,7 @@ def test_a_step_without_a_frame_names_the_argument_and_prints_no_pixels() -> Non
     item = shot.read(0)
     upscaler = Upscaler("bilinear", display_size=(640, 360))
     for value, advice in (
-        (item, "pass the `frame` of the ShotFrame"),
+        (item, "Pass the `frame` of the ShotFrame"),
         ([item.frame], "one frame per call"),
         (item.frame.color, "Frame(color=, depth=, motion=, jitter=) takes the arrays"),
         (shot.read_raw(0), "`Conventions.converter` makes one of a RawFrame"),
