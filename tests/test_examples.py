@@ -130,7 +130,7 @@ def test_without_a_display_a_window_that_was_asked_for_is_refused_in_one_line(tm
     done = live("--window", "always", "-o", str(tmp_path), DISPLAY=":nowhere")
     assert done.returncode == 1
     assert done.stderr.startswith("no window: ")
-    assert done.stderr.endswith("With --window never only files are written.\n")
+    assert done.stderr.endswith("--window never only writes files.\n")
     assert not list(tmp_path.iterdir())
 
 

@@ -230,7 +230,7 @@ def test_a_video_shows_the_frames_as_blender_shows_them_at_the_rate_of_the_scene
         ({"camera": False}, (), "has no active camera: add one"),
         ({}, ("--camera", "Other"), "no camera is named 'Other'; the scene has Camera"),
         ({}, ("--scene", "Other"), "no scene is named 'Other'; the file has Scene"),
-        ({"camera_type": "ORTHO"}, ("--engine", "workbench"), "no motion of an orthographic camera"),
+        ({"camera_type": "ORTHO"}, ("--engine", "workbench"), "no motion of orthographic cameras"),
         ({"camera_type": "PANO"}, (), "camera 'Camera' is panoramic, and cannot be jittered or followed"),
     ],
 )

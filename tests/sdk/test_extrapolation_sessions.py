@@ -104,7 +104,7 @@ def test_a_refused_frame_changes_nothing(make: Make, kind: str, before: str) -> 
 def test_before_any_shaded_frame_and_after_a_reset_there_is_nothing_to_draw_from(make: Make) -> None:
     upscaler = make()
     for _ in range(2):
-        with pytest.raises(FrameError, match=r"None before any shaded frame; want .*shade a frame"):
+        with pytest.raises(FrameError, match=r"None before any shaded frame; want .*a shaded frame first"):
             upscaler.extrapolate(unshaded(1))
         run(upscaler, "su")
         upscaler.reset()

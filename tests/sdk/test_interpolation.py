@@ -81,7 +81,7 @@ def test_chunks_do_not_change_the_images(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_the_first_frame_after_a_cut_must_be_shaded() -> None:
     frames = alternating(4)
     frames[2] = lit(2, light=1.0, shaded=False, reset=True)
-    with pytest.raises(FrameError, match="shade the first frame after a cut"):
+    with pytest.raises(FrameError, match="Shade the first frame after a cut"):
         images(frames, 2)
 
 

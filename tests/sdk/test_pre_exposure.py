@@ -105,7 +105,7 @@ def test_another_pre_exposure_is_refused_and_the_history_is_as_it_was(bad: Any) 
     for upscaler in (ours, theirs):
         upscaler.step(noise(0, RENDER))
     with pytest.raises(
-        FrameError, match=r"frame\.pre_exposure is .*; want a number > 0, in .* It is what the"
+        FrameError, match=r"frame\.pre_exposure is .*; want a number > 0, in .* It is the factor"
     ):
         ours.step(noise(1, RENDER, pre_exposure=bad))
     tensors = tensors_of_frame(noise(1, RENDER), "cpu")
