@@ -542,7 +542,9 @@ class Upscaler:
         self._check_no_extrapolation("step_textures")
         if self._recorder is not None:
             hint = "Recordings hold arrays: use `step`."
-            raise ArgumentError("step_textures", got="called while recording", want="one of the two", hint=hint)
+            raise ArgumentError(
+                "step_textures", got="called while recording", want="one of the two", hint=hint
+            )
         check_encoder(encoder, gpu.device)
         names = [tensor.name for tensor in self.model.info.inputs]
         size = None if render_size is None else checked_size("render_size", render_size)

@@ -289,7 +289,7 @@ def test_advice_compares_three_ways_and_writes_their_images(tmp_path: Path) -> N
     assert len(seconds) == 3
     assert (seconds > 0).all()
     assert (errors > 0).all()
-    assert re.search("^Most promising: (full|half) size, .* Options: ", done.stdout, re.MULTILINE)
+    assert re.search("^Recommended: (full|half) size, .* Options: ", done.stdout, re.MULTILINE)
     folder = tmp_path / "out" / "advise"
     assert {path.name for path in folder.glob("*.png")} == {"plain.png", "temporal.png", "upscaled.png"}
     assert {ImageBuf(str(path)).spec().width for path in folder.glob("*.png")} == {96}

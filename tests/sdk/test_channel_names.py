@@ -58,7 +58,7 @@ def test_unknown_channel_names_have_no_meaning(name: str) -> None:
     ("extra", "message"),
     [
         (["beauty.R", "beauty.G", "beauty.B"], r"several channels for color: R, G, B and beauty\.R"),
-        (["depth.Z"], r"several channels for depth: Z and depth\.Z\. State them in a channels"),
+        (["depth.Z"], r"several channels for depth: Z and depth\.Z\. Choose in a channels"),
         (["backward.u", "backward.v"], r"several channels for motion: backward\.u, backward\.v and motion"),
     ],
 )

@@ -192,7 +192,7 @@ def test_jitter_that_stops_is_warned_of_only_where_a_still_image_would_converge(
 
 def test_jitter_that_never_changes_is_warned_of_once_in_all() -> None:
     (message,) = messages_of(rest(40)[4:])
-    assert "in 3 frames in a row" in message
+    assert "in 3 consecutive frames" in message
 
 
 def test_an_upscaler_warns_of_jitter_that_stops_if_its_method_converges() -> None:

@@ -131,7 +131,7 @@ def test_a_still_scene_tells_jitter_but_not_motion(frames: list[Frame]) -> None:
     detection = detect_conventions([still(frame.jitter) for frame in frames])
     assert detection.conventions == Conventions(jitter_sign=-1)
     assert [verdict.certain for verdict in detection.verdicts] == [False, True, False]
-    assert "motion: cannot tell, nothing moves" in detection.summary()
+    assert "motion: cannot tell, too few pixels move" in detection.summary()
     assert "depth: cannot tell" in detection.summary()
 
 
@@ -148,7 +148,7 @@ def test_black_frames_are_no_evidence(frames: list[Frame]) -> None:
         [replace(raw, color=raw.color * 0) for raw in raws if raw.color is not None]
     )
     assert detection.agrees
-    assert "motion: cannot tell, no two neighbouring frames have texture" in detection.summary()
+    assert "motion: cannot tell, no two neighbouring frames have enough texture" in detection.summary()
 
 
 def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
@@ -184,7 +184,7 @@ def test_frames_of_two_sizes_are_read_size_by_size() -> None:
     assert detection.jitter.certain
     assert detection.conventions == conventions
     alternating = planted([frames[i] for i in (0, 1, 3, 4)], conventions)
-    assert "three frames of one size" in detect_conventions(alternating).jitter.reason
+    assert "three consecutive frames of one size" in detect_conventions(alternating).jitter.reason
 
 
 def test_one_frame_is_too_few(frames: list[Frame]) -> None:

@@ -61,7 +61,7 @@ def test_a_hyphen_that_every_name_has_separates(tmp_path: Path) -> None:
 def test_a_hyphen_that_may_be_a_sign_is_refused(tmp_path: Path, pattern: str) -> None:
     write_frames(tmp_path, "s-0001.exr", "s0000.exr", "s0001.exr")
     message = (
-        r"s-0001\.exr: has a hyphen that is a sign or a separator: .* Name negative frames s\.-0001\.exr"
+        r"s-0001\.exr: has an ambiguous hyphen, a sign or a separator: .* Name negative frames s\.-0001\.exr"
     )
     with pytest.raises(ShotError, match=message):
         open_source(tmp_path / pattern, conventions=OURS)

@@ -315,20 +315,22 @@ def test_the_layout_is_detected_from_the_files(tmp_path: Path) -> None:
 
 
 def test_an_unrecognised_layout_is_answered_with_the_channels_found(tmp_path: Path) -> None:
-    with pytest.raises(ShotError, match=r"nowhere: there is no such file or folder\. Known are"):
+    with pytest.raises(ShotError, match=r"nowhere: there is no such file or folder\. Supported"):
         open_source(tmp_path / "nowhere")
     with pytest.raises(ShotError, match="holds nothing"):
         open_source(tmp_path)
     for index in range(10):
         (tmp_path / f"{index}.txt").write_text("")
     with pytest.raises(
-        ShotError, match=r"holds 0\.txt, .*, 7\.txt and 2 more\. Known are a folder with shot\.json"
+        ShotError, match=r"holds 0\.txt, .*, 7\.txt and 2 more\. Supported: a folder with shot\.json"
     ):
         open_source(tmp_path)
     with pytest.raises(ShotError, match="is neither a folder nor"):
         open_source(tmp_path / "0.txt")
     write_exr(tmp_path / "a_1.exr", {"R": plane(0), "Z": plane(1)})
-    with pytest.raises(ShotError, match=r"holds frames with the channels R, Z\. A channels\.json says"):
+    with pytest.raises(
+        ShotError, match=r"holds frames with the channels R, Z\. Map them in a channels\.json"
+    ):
         open_source(tmp_path)
     with pytest.raises(
         ArgumentError, match="layout is 'exr'; want 'auto', 'shot', 'render', 'blender', 'channels' or 'arm'"

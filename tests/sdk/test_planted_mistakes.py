@@ -118,13 +118,13 @@ def coarse_motion(frame: Frame) -> Frame:
 
 PLANTED: dict[str, tuple[Callable[[Frame], Frame], str]] = {
     "motion zero": (
-        lambda f: replace(f, motion=np.zeros_like(f.motion)), "frame.motion is 0 everywhere, though"
+        lambda f: replace(f, motion=np.zeros_like(f.motion)), "frame.motion is 0 everywhere, although"
     ),
     "bytes": (lambda f: colored(f, lambda c: 255 * image_file(c)), "frame.color is in whole numbers up to 2"),
     "sRGB": (lambda f: colored(f, image_file), "frame.color is in steps of 1/255"),
     "bottom-up": (lambda f: misread(f, bottom_up=True), "frame.color is bottom-up with depth and motion"),
     "coarse depth": (lambda f: replace(f, depth=in_steps(f.depth, 255)), "evenly spaced values"),
-    "reset": (lambda f: replace(f, reset=True), "frame.reset is True in 4 frames in a row"),
+    "reset": (lambda f: replace(f, reset=True), "frame.reset is True in 4 consecutive frames"),
 }  # fmt: skip
 
 
@@ -194,7 +194,7 @@ def test_a_fraction_of_the_jitter_is_estimated(shots: Shots) -> None:
 
 
 def test_a_wide_pixel_filter_is_hinted_at(shots: Shots) -> None:
-    assert "of the edges of depth" in messages(shots.filtered, "strict")
+    assert "of the depth edges" in messages(shots.filtered, "strict")
 
 
 def test_coarse_motion_is_reported_with_its_step(shots: Shots) -> None:
@@ -224,7 +224,7 @@ def test_depth_that_is_linear_along_planes_is_not_said_to_be_a_distance() -> Non
     raws = [RawFrame(color=f.color, depth=f.depth, motion=f.motion, jitter=f.jitter) for f in frames]
     detection = detect_conventions(raws)
     assert detection.conventions.depth == "reversed_infinite"
-    assert "that of a parallel projection" in detection.depth.reason
+    assert "may be a parallel projection" in detection.depth.reason
 
 
 def test_resets_on_different_images_are_not_a_mistake() -> None:
@@ -259,7 +259,7 @@ def test_a_thin_margin_never_contradicts_what_is_stated() -> None:
 def test_colour_upside_down_is_blamed_and_motion_is_not(shots: Shots) -> None:
     frames = [colored(frame, lambda color: color[::-1]) for frame in shots.right]
     said = messages(frames)
-    assert "frame.color is upside down against depth" in said
+    assert "frame.color is upside down relative to depth" in said
     assert len(said.splitlines()) == 1
-    assert "frame.color is upside down against depth" in notes(frames)
+    assert "frame.color is upside down relative to depth" in notes(frames)
     assert "Write" not in notes(frames)

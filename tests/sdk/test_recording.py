@@ -163,7 +163,7 @@ def test_wrong_calls_and_ctrl_c_are_not_recorded(
     assert [step.exact for step in replayed(file)] == [True, True]
 
 
-@pytest.mark.parametrize("moment", ["returned", "OutcomeRecord"])
+@pytest.mark.parametrize("moment", ["recorder.returned", "OutcomeRecord"])
 def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
     models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch, moment: str
 ) -> None:
@@ -173,7 +173,7 @@ def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
     with recorded(models["taau"], file) as upscaler:
         upscaler.step(noise(0))
         with monkeypatch.context() as patch:
-            patch.setattr(f"supersampler.recording.recorder.{moment}", interrupt)
+            patch.setattr(f"supersampler.recording.{moment}", interrupt)
             with pytest.raises(KeyboardInterrupt):
                 upscaler.step(noise(1))
         upscaler.step(noise(2))

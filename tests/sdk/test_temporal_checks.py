@@ -49,7 +49,7 @@ def complaint(*jitters: tuple[float, float], size: tuple[int, int] = (80, 70)) -
 def test_one_jitter_in_three_frames_on_end_is_no_accident() -> None:
     assert complaint((0.1, 0.2), (0.1, 0.2)) == ""
     found = complaint((0.1, 0.2), (0.1, 0.2), (0.1, 0.2))
-    assert "in 3 frames in a row" in found
+    assert "in 3 consecutive frames" in found
     assert "halton_jitter" in found
     assert complaint((0.1, 0.2), (0.1, 0.2), (0.1, 0.3)) == ""
     assert complaint((0.1, 0.2), (0.1, 0.2), (0.2, 0.2)) == ""

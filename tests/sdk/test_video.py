@@ -37,7 +37,7 @@ def gradient(size: tuple[int, int], number: int) -> Any:
 def write(path: Path, images: list[Any], rate: float = 24.0, size: tuple[int, int] = (96, 64)) -> None:
     with video_writer(path, size, rate) as writer:
         for image in images:
-            writer.write(image)
+            writer(image)
 
 
 def decoded(path: Path) -> tuple[Any, list[Any]]:

@@ -1,7 +1,7 @@
-"""The `supersampler` command, with one function per command; each imports its dependencies when it runs.
+"""The `supersampler` command: one function per command, which imports its dependencies when it runs.
 
-Errors of this package or the file system are one line on stderr and exit code 1; Ctrl-C is exit code 130; a
-wrong command line is exit code 2. Other errors are bugs and keep their traceback.
+Exit code 1: an error of this package or the file system, printed as one line on stderr. Exit code 2: a wrong
+command line. Exit code 130: Ctrl-C. Other errors are bugs and keep their traceback.
 """
 
 from supersampler.cli.app import TOOLS, app, main

@@ -1,4 +1,4 @@
-"""The command group: global options, one-line errors, signals, and the commands of other packages."""
+"""The command group: global options, one-line errors, signals, and commands of other packages."""
 
 import os
 import re
@@ -32,7 +32,7 @@ TOOLS = {
     ),
     "bench": ("supersampler_bench.cli", "Measure methods against references. Needs flip-evaluator."),
 }
-"""Commands of other packages: module of their `app`, imported when they are called, and help text."""
+"""Commands of other packages: module of their `app`, imported when the command runs, and help text."""
 EXTRAS = {
     "av": "video",
     "torch": "train",
@@ -46,22 +46,22 @@ EXTRAS = {
     "moderngl": "render",
     "safetensors": "render",
 }
-"""Packages that are missing in a runtime-only install, and the extra that installs each."""
+"""Optional packages, and the extra that installs each."""
 END_WITH_STDIN = "SUPERSAMPLER_END_WITH_STDIN"
 """Environment variable: the command stops, as after Ctrl-C, when its standard input closes.
 
-A program that runs a command keeps this pipe open, and closes it to stop the command; the pipe also closes
-when the program ends. This works where SIGINT is ignored or, as on Windows, cannot be sent.
+A program that runs a command keeps the other end of this pipe open, and closes it to stop the command. The
+pipe also closes when that program ends. This works where SIGINT is ignored or, as on Windows, cannot be sent.
 """
 _INTERRUPTED = 128 + signal.SIGINT
 _received = [int(signal.SIGINT)]
 
 
 class Commands(TyperGroup):
-    """Finds commands of other packages, and prints expected errors as one line."""
+    """Command group that finds commands of other packages, and prints expected errors as one line."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the command of another package in place of its entry in `--help`."""
+        """Resolve a command of another package to its real implementation."""
         if args and args[0] in TOOLS:
             command = typer.main.get_command(import_module(TOOLS[args[0]][0]).app)
             return args[0], command, args[1:]
@@ -94,7 +94,7 @@ app = typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, rich
 
 
 def main() -> None:
-    """Run the command line and exit, with code 128 + n where signal n has stopped the command."""
+    """Run the command line and exit; the exit code is 128 + n if signal n stopped the command."""
     stop_on_signals()
     try:
         typer.main.get_command(app)(prog_name="supersampler")
@@ -103,7 +103,7 @@ def main() -> None:
 
 
 def stop_on_signals() -> None:
-    """Make SIGTERM and SIGHUP raise KeyboardInterrupt unless they are ignored; a second one ends at once."""
+    """Make SIGTERM and SIGHUP raise KeyboardInterrupt unless they are ignored; a second one kills at once."""
     for name in ("SIGTERM", "SIGHUP"):
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
@@ -113,17 +113,8 @@ def stop_on_signals() -> None:
         Thread(target=_interrupt_when_stdin_closes, name="stdin", daemon=True).start()
 
 
-def missing_extra(error: Exception) -> str:
-    """Return "needs X, which is not installed" and the remedy, for an error of an import; "" for others."""
-    package = (getattr(error, "name", None) or "").partition(".")[0]
-    if package not in EXTRAS:
-        return ""
-    install = f'pip install "supersampler[{EXTRAS[package]}]"'
-    return f"needs {package}, which is not installed. Install it: {install}"
-
-
 def _line(error: Exception) -> str | None:
-    """Return the line to print for an error; None where it is a bug, such as a missing required module."""
+    """Return the line to print for an error; None if it is a bug, such as a missing required module."""
     match error:
         case SupersamplerError():
             return str(error)
@@ -133,8 +124,11 @@ def _line(error: Exception) -> str | None:
             return f"a file that should hold text does not ({error})"
         case MemoryError():
             return f"there is not enough memory for this. {error}".rstrip()
-    missing = missing_extra(error)
-    return f"this command {missing}" if missing else None
+    package = (getattr(error, "name", None) or "").partition(".")[0]
+    if package not in EXTRAS:
+        return None
+    install = f'pip install "supersampler[{EXTRAS[package]}]"'
+    return f"this command needs {package}, which is not installed. Install it: {install}"
 
 
 def _interrupt(number: int, _: FrameType | None) -> None:
@@ -147,7 +141,7 @@ def _interrupt_when_stdin_closes() -> None:
     with suppress(OSError):
         while os.read(0, 4096):
             pass
-    if hasattr(signal, "pthread_kill") and main_thread().ident is not None:  # wakes it where it waits
+    if hasattr(signal, "pthread_kill") and main_thread().ident is not None:  # interrupts a blocking call
         signal.pthread_kill(main_thread().ident or 0, signal.SIGINT)
     else:
         signal.raise_signal(signal.SIGINT)

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from supersampler.io.display_transforms import DisplayTransform
     from supersampler.io.shot import Shot
 
-# The same words as in the SDK's modules, whose import would slow down `--help`.
+# The types of `Upscaler`'s arguments; to import its modules would slow down `--help`.
 Validate = Literal["off", "warn", "strict"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
 Executor = Literal["auto", "onnx", "cpu", "gpu"]
@@ -25,39 +25,38 @@ AtRest = Literal["converge", "accumulate", "off"]
 Layout = Literal["auto", "blender", "channels", "arm"]
 
 Compare = Annotated[bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")]
-ShotArgument = Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")]
 
-LayoutOption: TypeAlias = Annotated[Layout, typer.Option(help="Layout of the files; auto detects it.")]
-JitterOption: TypeAlias = Annotated[
+LayoutOption = Annotated[Layout, typer.Option(help="Layout of the files; auto detects it.")]
+JitterOption = Annotated[
     Path | None,
     typer.Option(
         help="JSON file: [[x, y], ...], one pair per frame.", show_default="jitter.json beside the frames"
     ),
 ]
-ChannelsOption: TypeAlias = Annotated[
+ChannelsOption = Annotated[
     Path | None,
     typer.Option(
         help="JSON file that maps our names to channels of EXR, PNG or TIFF files, and to packed bytes.",
         show_default="channels.json beside the frames, or detected by name",
     ),
 ]
-ConventionsOption: TypeAlias = Annotated[
+ConventionsOption = Annotated[
     str | None,
     typer.Option(
         help=f"One of {', '.join(PRESETS)}; or fields as JSON; or a JSON file with them. supersampler: the "
         "frames use this package's units and signs (docs/conventions.md)."
     ),
 ]
-FrameRateOption: TypeAlias = Annotated[
+FrameRateOption = Annotated[
     float | None, typer.Option(help="Frames per second.", show_default="from the files, or 24")
 ]
-CutsOption: TypeAlias = Annotated[
+CutsOption = Annotated[
     str | None, typer.Option(help="Indices of the first frames after cuts, from 0: 48,120.")
 ]
-ReferenceOption: TypeAlias = Annotated[
+ReferenceOption = Annotated[
     str | None, typer.Option(metavar="PATTERN", help="Reference images, such as reference/*.exr.")
 ]
-ColorSpaceOption: TypeAlias = Annotated[
+ColorSpaceOption = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
@@ -68,7 +67,7 @@ ColorSpaceOption: TypeAlias = Annotated[
 SOURCE_OPTIONS = (
     "layout", "jitter", "channels", "conventions", "frame_rate", "cuts", "reference", "color_space",
 )  # fmt: skip
-"""Parameters of the commands that have the options above: see `open_with`."""
+"""Parameters of the options above; see `open_with`."""
 
 Ocio = Annotated[
     str | None,
@@ -92,56 +91,36 @@ Exposure = Annotated[
     ),
 ]
 DISPLAY_OPTIONS = ("ocio", "display", "view", "look", "exposure")
-"""Parameters of the commands that have the options above: see `display_transform_of`."""
+"""Parameters of the options above; see `display_transform_of`."""
 
+# Enums, as typer does not support lists of a Literal.
+ImageFormat = StrEnum("ImageFormat", ["exr", "png", "tif"])
+Format = StrEnum("Format", ["exr", "png", "tif", "mp4"])
 
-class ImageFormat(StrEnum):  # a Literal cannot be given several times
-    """Formats of image files."""
-
-    exr = "exr"
-    png = "png"
-    tif = "tif"
-
-
-class Format(StrEnum):
-    """Formats of results."""
-
-    exr = "exr"
-    png = "png"
-    tif = "tif"
-    mp4 = "mp4"
-
-
-OutputOption: TypeAlias = Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")]
-FramesOption: TypeAlias = Annotated[
+OutputOption = Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")]
+FramesOption = Annotated[
     str | None,
     typer.Option(metavar="FIRST-LAST", help="Numbers of the frames to write: 10-50.", show_default="all"),
 ]
-FormatOption: TypeAlias = Annotated[
+FormatOption = Annotated[
     list[Format] | None,
     typer.Option(
         help="exr: linear half floats. png, tif, mp4: as displayed. Repeat it for several.",
         show_default="exr; sRGB frames keep theirs",
     ),
 ]
-NameOption: TypeAlias = Annotated[
+NameOption = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME.####",
-        help="Names of the results; #### is the number.",
-        show_default="as the frames",
+        metavar="NAME.####", help="Names of the results; #### is the number.", show_default="as the frames"
     ),
 ]
-CompressionOption: TypeAlias = Annotated[
+CompressionOption = Annotated[
     Literal["zip", "dwaa", "piz", "none"], typer.Option(help="EXR compression; dwaa is lossy.")
 ]
-ThreadsOption: TypeAlias = Annotated[int, typer.Option(min=0, help="CPU threads; 0 uses every core.")]
-OverwriteOption: TypeAlias = Annotated[
-    bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")
-]
-JsonOption: TypeAlias = Annotated[
-    bool, typer.Option("--json", help="Print a line of JSON per frame to stdout.")
-]
+ThreadsOption = Annotated[int, typer.Option(min=0, help="CPU threads; 0 uses every core.")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print a line of JSON per frame to stdout.")]
 
 
 def open_with(
@@ -153,11 +132,14 @@ def open_with(
 ) -> "Shot":
     """Open a shot, a folder, a pattern or a file.
 
-    `options` are values of the parameters SOURCE_OPTIONS, and maybe others; for `frames` see
-    `open_source`, for `guides`, of Blender's frames, `import_blender`.
+    Args:
+        source: its path.
+        options: values of the parameters SOURCE_OPTIONS; others are ignored.
+        frames: see `open_source`.
+        guides: see `import_blender`; other layouts ignore it.
 
     Raises:
-        ArgumentError: an option is wrong, or the layout does not use it; it is named as on the command line.
+        ArgumentError: an option is wrong, or the layout does not use it. The error has the option's name.
         ShotError: see `open_source`.
     """
     from supersampler.io.shot.sources import layout_of, open_source
@@ -173,16 +155,16 @@ def open_with(
             arguments["guides"] = guides
         return open_source(source, layout=layout, frames=frames, **arguments)
     except ArgumentError as error:
-        raise _with_option(error, {**dict.fromkeys(given, ""), "channel_map": "--channels"}) from error
+        raise _with_option(error, [*given, "channel_map"]) from error
 
 
 def source_of(options: dict[str, Any]) -> dict[str, str]:
-    """Return the options SOURCE_OPTIONS that were given, as text for the settings of a run."""
+    """Return the given SOURCE_OPTIONS as text, for the settings of a run."""
     return {key: str(options[key]) for key in SOURCE_OPTIONS if options[key] is not None}
 
 
 def source_notes(shot: "Shot") -> list[str]:
-    """Return lines to print about an opened shot: what is not read, or not known."""
+    """Return lines to print about an opened shot: channels that are not read, and an unknown colour space."""
     from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
     notes = []
@@ -194,12 +176,11 @@ def source_notes(shot: "Shot") -> list[str]:
 
 
 def display_transform_of(color_space: str, *, srgb: bool, options: dict[str, Any]) -> "DisplayTransform":
-    """Return `display_transform_from` of DISPLAY_OPTIONS; errors name the options as they are typed.
-
-    `options` are values of the parameters DISPLAY_OPTIONS, and maybe others.
+    """Return the display transform of DISPLAY_OPTIONS; other `options` are ignored.
 
     Raises:
-        ArgumentError, ShotError: a name is not in the configuration, or it cannot be read.
+        ArgumentError: see `display_transform_from`. The error has the option's name.
+        ShotError: the configuration cannot be read.
     """
     from supersampler.io.display_transforms import display_transform_from
 
@@ -207,11 +188,11 @@ def display_transform_of(color_space: str, *, srgb: bool, options: dict[str, Any
     try:
         return display_transform_from(color_space=color_space, srgb=srgb, **given)
     except ArgumentError as error:
-        raise _with_option(error, dict.fromkeys([*given, "color_space"], "")) from error
+        raise _with_option(error, [*given, "color_space"]) from error
 
 
 def parse_size(text: str, option: str = "size") -> Size:
-    """Parse "1920x1080" as (1920, 1080); ArgumentError, with the name of the option, for anything else."""
+    """Parse "1920x1080" as (1920, 1080); ArgumentError, with the option's name, for anything else."""
     found = re.fullmatch(r"\s*([1-9]\d*)\s*[xX×]\s*([1-9]\d*)\s*", text)
     if found is None:
         raise ArgumentError(option, got=repr(text), want="WIDTHxHEIGHT in pixels, such as 1920x1080")
@@ -219,7 +200,7 @@ def parse_size(text: str, option: str = "size") -> Size:
 
 
 def parse_providers(text: str) -> str | list[str]:
-    """Parse "cuda,cpu" as a list of names; one name stays text, as "auto" is not allowed in a list."""
+    """Parse "cuda,cpu" as a list of names; a single name stays text, because a list cannot hold "auto"."""
     names = [name.strip() for name in text.split(",")]
     return names[0] if len(names) == 1 else names
 
@@ -229,15 +210,12 @@ def size_text(size: Sequence[int] | None) -> str:
     return "none" if size is None else f"{size[0]}x{size[1]}"
 
 
-def _with_option(error: ArgumentError, names: dict[str, str]) -> ArgumentError:
-    """Return the error with the option in place of the argument that it names.
-
-    `names` maps arguments to options; "" stands for the option of the argument's name.
-    """
-    if error.name not in names:
+def _with_option(error: ArgumentError, arguments: Sequence[str]) -> ArgumentError:
+    """Return the error about one of these arguments with the name of its option; others unchanged."""
+    if error.name not in arguments:
         return error
-    option = names[error.name] or f"--{error.name.replace('_', '-')}"
-    return ArgumentError(option, got=error.got, want=error.want, hint=error.hint)
+    option = "channels" if error.name == "channel_map" else error.name.replace("_", "-")
+    return ArgumentError(f"--{option}", got=error.got, want=error.want, hint=error.hint)
 
 
 def _conventions(text: str) -> Conventions:
@@ -252,19 +230,16 @@ def _conventions(text: str) -> Conventions:
 
 
 def _json_object(text: str, option: str) -> dict[str, Any]:
-    """Return a JSON object: the text itself if it begins with {, else the file of this name."""
-    from supersampler.io.json_files import decoded, read_json
+    """Parse a JSON object: the text itself if it begins with {, otherwise the file of this name."""
+    from supersampler.io.json_files import decoded, read_typed
 
-    want = 'an object, {"name": value, ...}'
+    is_text = text.lstrip().startswith("{")
     try:
-        is_text = text.lstrip().startswith("{")
-        content = decoded(Path("JSON"), text, dict) if is_text else read_json(Path(text))
+        kind = dict[str, Any]
+        return decoded(Path("JSON"), text, kind) if is_text else read_typed(Path(text), kind)
     except ShotError as error:
         got = f"not JSON ({error.problem})" if is_text else f"{text} ({error.problem})"
-        raise ArgumentError(option, got=got, want=want) from error
-    if not isinstance(content, dict):
-        raise ArgumentError(option, got=type(content).__name__, want=want)
-    return content
+        raise ArgumentError(option, got=got, want='an object, {"name": value, ...}') from error
 
 
 def _indices(text: str) -> list[int]:

@@ -1,4 +1,4 @@
-"""`supersampler blender`: renders a .blend file, and denoises or upscales the frames meanwhile."""
+"""`supersampler blender`: renders a .blend file, and denoises or upscales the frames as they are rendered."""
 
 from collections.abc import Callable
 from functools import partial
@@ -55,7 +55,7 @@ def blender(
     ] = None,
     blender: Annotated[
         str | None,
-        typer.Option(metavar="PATH", help="Blender, or a Python that has bpy.", show_default="searched for"),
+        typer.Option(metavar="PATH", help="Blender, or a Python with bpy.", show_default="searched for"),
     ] = None,
     camera: Annotated[str | None, typer.Option(help="Name of a camera.", show_default="the scene's")] = None,
     scene: Annotated[str | None, typer.Option(help="Name of a scene.", show_default="the active one")] = None,
@@ -72,9 +72,7 @@ def blender(
     ] = None,
     advise: Annotated[
         bool,
-        typer.Option(
-            "--advise", help="Cycles: only try each way on a few small frames, and say which promises most."
-        ),
+        typer.Option("--advise", help="Cycles: only try each way on a few small frames, and recommend one."),
     ] = False,
     compare: Compare = False,
     overwrite: Annotated[
@@ -86,7 +84,7 @@ def blender(
     Cycles renders at full size, and the frames are denoised over time. Other engines, and Cycles with
     --scale, render small and with jitter, and the frames are upscaled. Blender runs in the background, in its
     own process. Its rendered frames go to OUTPUT/render, the results to OUTPUT; both keep Blender's frame
-    numbers. Motion blur, depth of field and compositing are turned off, and a line says so. The same command
+    numbers. Motion blur, depth of field and compositing are turned off, with a message. The same command
     resumes a stopped run.
 
     \b
@@ -95,11 +93,10 @@ def blender(
       supersampler blender kitchen.blend -o out --samples 8 --denoise temporal --format png
       supersampler blender kitchen.blend -o out --scale 2 --display-size 3840x2160 --samples 16
       supersampler blender kitchen.blend -o out --advise
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.cli.denoise_run import DenoiseJob, run_denoise
-    from supersampler.cli.job import UpscaleJob
     from supersampler.cli.results import ImageOptions
-    from supersampler.cli.run import run_job
+    from supersampler.cli.upscale_run import UpscaleJob, run_upscale
     from supersampler.integrations.blender.render import RenderRequest, rendering
     from supersampler.io.shot.numbered import FrameRange
 
@@ -135,7 +132,7 @@ def blender(
         if render.scene.denoise == "temporal":
             run_denoise(DenoiseJob(**same, per_frame="none"))
         else:
-            run_job(UpscaleJob(**same, model=method))
+            run_upscale(UpscaleJob(**same, model=method))
     echo(f"Frames: {output}")
 
 
@@ -144,11 +141,11 @@ _LABELS = {
     "temporal": ("full size, also denoised over time", "--denoise temporal"),
     "upscaled": ("half size, 4 times the samples, upscaled", "--scale 2 --samples {small}"),
 }
-"""Description of each way of `supersampler blender --advise`, and the options that choose it."""
+"""Description of each way that `--advise` tries, and the options that choose it."""
 
 
 def _advise(request: "RenderRequest", folder: Path, *, overwrite: bool, note: Callable[[str], None]) -> None:
-    """Render a few frames each way, write one image of each, and print times and errors."""
+    """Render a few frames each way, write one image for each, and print times and errors."""
     from supersampler.integrations.blender.advice import FRAMES, advise
     from supersampler.io.display import auto_exposure, to_uint8
     from supersampler.io.images import write_png
@@ -161,25 +158,25 @@ def _advise(request: "RenderRequest", folder: Path, *, overwrite: bool, note: Ca
         shown = transform.show(way.image, exposure)
         write_png(folder / f"{way.name}.png", to_uint8(shown), transform.encoding)
         echo(f"{_LABELS[way.name][0]:<42}{way.seconds:>9.1f}{way.error:>9.1%}")
-    name, (what, options) = advice.best.name, _LABELS[advice.best.name]
+    name, (label, options) = advice.best.name, _LABELS[advice.best.name]
     others = [other for other in advice.alike if other != name]
     why = "the smallest error"
     if others:
-        why = f"within the noise its error equals that of {', '.join(others)}, and it is not slower"
-    echo(f"Most promising: {what}: {why}. Options: {options.format(small=4 * samples)}")
+        why = f"its error equals that of {', '.join(others)} within the noise, and it is not slower"
+    echo(f"Recommended: {label}: {why}. Options: {options.format(small=4 * samples)}")
     echo(
-        f"Seconds: at most, of a frame of full size; four times those of a quarter of its pixels. Error: "
-        f"relative, in frame {advice.frame}, estimated from a render with other noise. Each way had {FRAMES} "
-        "frames: with more, temporal denoising and upscaling gain. Flicker is not measured."
+        "Seconds: upper bound for a frame of full size, 4x the time of a frame with a quarter of its pixels. "
+        f"Error: relative, in frame {advice.frame}, estimated from a render with other noise. Each way had "
+        f"{FRAMES} frames; temporal denoising and upscaling improve with more. Flicker is not measured."
     )
     echo(f"Images: {folder}")
 
 
 def _transform_of(scene: "RenderedScene", formats: list[str]) -> "DisplayTransform":
-    """Return the view that Blender shows the scene with; ShotError or ArgumentError if it is missing."""
+    """Return Blender's view transform of the scene; ShotError or ArgumentError if it is missing."""
     from supersampler.io.display_transforms import DEFAULT_TRANSFORM, ocio_transform
 
-    if set(formats) == {"exr"}:  # nothing is shown, and a file of Blender's may be missing
+    if set(formats) == {"exr"}:  # needs no view transform; Blender's configuration may be missing
         return DEFAULT_TRANSFORM
     view = scene.view
     return ocio_transform(

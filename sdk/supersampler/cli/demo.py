@@ -1,4 +1,4 @@
-"""`supersampler demo`: upscales the shipped shot, or serves the page that upscales in a browser."""
+"""`supersampler demo`: upscales the shipped shot, or serves a page that upscales in a browser."""
 
 import time
 from importlib import import_module
@@ -37,11 +37,11 @@ def demo(
         ),
     ] = None,
 ) -> None:
-    """Upscale the shot that ships with the package by 2x, and show the result beside input and reference.
+    """Upscale the shipped shot by 2x, and compare the result with input and reference.
 
     Writes EXR frames (linear), PNG frames (as displayed) and compare.html, a page that needs no network: drag
-    the split, step through the frames, zoom. An earlier demo in the folder is replaced. With --web: a page
-    that renders a scene live and upscales it with WebGPU.
+    the split, step through the frames, zoom. Replaces an earlier demo in the folder. With --web: serves a
+    page that renders a scene live and upscales it with WebGPU.
     """
     if web:
         _serve(port or 0, write, node_modules or (_NODE_MODULES if _NODE_MODULES.is_dir() else None))
@@ -52,9 +52,8 @@ def demo(
 
 
 def _upscale(output: Path, method: str, *, overwrite: bool) -> None:
-    from supersampler.cli.job import UpscaleJob
     from supersampler.cli.results import DEMO, ImageOptions
-    from supersampler.cli.run import run_job
+    from supersampler.cli.upscale_run import UpscaleJob, run_upscale
     from supersampler.io.shot import Shot
 
     job = UpscaleJob(
@@ -68,7 +67,7 @@ def _upscale(output: Path, method: str, *, overwrite: bool) -> None:
         source=DEMO,
         overwrite=overwrite,
     )
-    run_job(job)
+    run_upscale(job)
     echo(f"EXR frames: {output / 'exr'}")
     echo(f"PNG frames: {output / 'png'}")
     echo(f"Open in a browser: {output / 'compare.html'}")
@@ -88,5 +87,5 @@ def _serve(port: int, write: Path | None, node_modules: Path | None) -> None:
         return
     with serving(files, port) as url:
         echo(f"Open in a browser with WebGPU: {url}  (Ctrl-C stops)")
-        while True:  # a wait without a limit would not see Ctrl-C on Windows
+        while True:  # on Windows, Ctrl-C does not interrupt an unlimited wait
             time.sleep(0.5)

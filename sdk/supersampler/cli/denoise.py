@@ -9,6 +9,9 @@ from supersampler.cli import arguments
 from supersampler.cli.arguments import open_with, source_notes, source_of
 from supersampler.cli.terminal import Terminal, echo
 
+_JOB_OPTIONS = ("output", "compare", "per_frame", "passes", "lookahead", "threads", "overwrite", "json")
+"""Parameters that are passed to `DenoiseJob` unchanged."""
+
 
 def denoise(
     shot: Annotated[
@@ -22,13 +25,13 @@ def denoise(
         Literal["auto", "oidn", "none"],
         typer.Option(
             help="Denoiser of single frames. oidn: Open Image Denoise. none: the frames are denoised "
-            "already. auto: none where the files say so (Blender's Noisy Image)."
+            "already. auto: none if the files state that (Blender's Noisy Image)."
         ),
     ] = "auto",
     passes: Annotated[
         int,
         typer.Option(
-            min=1, max=2, help="2: average with previous and following frames. 1: with previous ones."
+            min=1, max=2, help="2: average with previous and following frames. 1: with previous frames."
         ),
     ] = 2,
     lookahead: Annotated[
@@ -70,37 +73,24 @@ def denoise(
       supersampler denoise renders -o out
       supersampler denoise "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler denoise renders -o out --per-frame none --compare
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.cli.denoise_run import DenoiseJob, parts_of, run_denoise
-    from supersampler.cli.results import name_pattern
     from supersampler.cli.upscale import image_options
     from supersampler.io.shot.numbered import FrameRange
 
     given = dict(locals())
     numbers = None if frames is None else FrameRange.parse(frames, "--frames")
-    name = None if name is None else name_pattern(name)
     console = Terminal(stderr=True)
     open_frames = partial(open_with, shot, given, guides="denoising")
     for part, opened, note in parts_of(numbers, open_frames, passes):
         for line in (*filter(None, [note]), *source_notes(opened)):
             console.print(line, soft_wrap=True)
         job = DenoiseJob(
-            shot=opened,
-            output=output,
-            source=source_of(given),
-            images=image_options(opened, given, name),
-            numbers=part,
-            compare=compare,
-            per_frame=per_frame,
-            passes=passes,
-            lookahead=lookahead,
-            threads=threads,
-            overwrite=overwrite,
-            json=json,
-            console=console,
-        )
+            shot=opened, source=source_of(given), images=image_options(opened, given), numbers=part,
+            console=console, **{key: given[key] for key in _JOB_OPTIONS},
+        )  # fmt: skip
         results = run_denoise(job)
         if job.images.video and not json:
-            echo(f"Video: {output / results.video}")
+            echo(f"Video: {output / results.record.video}")
         if compare and not json:
-            echo(f"Open in a browser: {output / results.page}")
+            echo(f"Open in a browser: {output / results.record.page}")

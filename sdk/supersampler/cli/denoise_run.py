@@ -1,31 +1,26 @@
-"""Denoise a shot into a folder, frame by frame; a stopped run can continue."""
+"""Denoise a shot into a folder, frame by frame; a stopped run can be resumed."""
 
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 from supersampler import __version__
+from supersampler.cli import frame_run
 from supersampler.cli.arguments import size_text
-from supersampler.cli.frame_run import FrameRun, Layers, OnStep, PageLayers, SteppedFrame, run_frames
-from supersampler.cli.job import EXPOSURE_FRAMES, FrameJob, FramePlan, plan_frames
+from supersampler.cli.frame_run import FrameJob, FramePlan, FrameRun, OnStep, SteppedFrame
 from supersampler.cli.results import PREROLL, Results
-from supersampler.denoising.sequence import (
-    BUFFERS,
-    PerFrame,
-    TemporalDenoiser,
-    checked_lookahead,
-    missing_guides,
-)
+from supersampler.denoising import sequence
+from supersampler.denoising.sequence import PerFrame, TemporalDenoiser
 from supersampler.denoising.spec import REACH
 from supersampler.errors import FrameError, MissingFramesError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.compare import compare_layers
-from supersampler.io.images import Channel
-from supersampler.io.shot import Shot, ShotFrame
+from supersampler.io.images import Bytes, Channel
+from supersampler.io.shot import Shot
 from supersampler.io.shot.named_channels import is_id
 from supersampler.io.shot.numbered import FrameRange
 
@@ -35,10 +30,10 @@ class DenoiseJob(FrameJob):
     """Input, settings and output of one run that denoises.
 
     Attributes:
-        per_frame: denoiser of single frames: "oidn"; "none" for frames that are denoised already; "auto" is
-            "none" if the shot states that they are, otherwise "oidn".
-        passes: 1 uses previous frames only; 2 also following frames.
-        lookahead: frames after a frame that are read; see `denoise_sequence`.
+        per_frame: denoiser of single frames: "oidn"; "none" for frames that are already denoised; "auto" is
+            "none" if the shot states that its frames are denoised, otherwise "oidn".
+        passes: 1 averages with previous frames; 2 also with following frames.
+        lookahead: number of following frames; see `denoise_sequence`.
         threads: 0 is one per core.
     """
 
@@ -49,51 +44,37 @@ class DenoiseJob(FrameJob):
 
     @property
     def denoiser(self) -> PerFrame:
-        """The denoiser of single frames that runs first: "oidn" or "none"."""
+        """The denoiser that runs on each frame first: "oidn" or "none"."""
         if self.per_frame != "auto":
             return self.per_frame
         return "none" if self.shot.is_denoised else "oidn"
 
-    def settings(self, after: int) -> dict[str, object]:
-        """Return all that the images depend on, but the number of frames: a shot may still grow."""
-        return {
-            "supersampler": __version__,
-            "method": "denoise",
-            "per frame": self.denoiser,
-            "frames after": after,
-            PREROLL: REACH if self.numbers is not None else None,
-            **self.shot_settings(),
-        }
-
 
 def run_denoise(job: DenoiseJob) -> Results:
-    """Denoise the frames that are not complete yet, and print a summary.
-
-    Raises:
-        typer.Exit: 130 after Ctrl-C; complete frames are kept.
-        SupersamplerError: a frame or a file is not usable; or the output lies in the shot, or would replace
-            files of another program.
-        ModuleNotFoundError: pyoidn is not installed.
-    """
-    after = checked_lookahead(job.passes, job.lookahead)
-    plan = plan_frames(job.shot, job.numbers, REACH, 2 if after else 1)
+    """Denoise the frames that are not complete yet, and print a summary; for errors see `run_frames`."""
+    after = sequence.checked_lookahead(job.passes, job.lookahead)
+    plan = frame_run.plan_frames(job.shot, job.numbers, REACH, 2 if after else 1)
+    settings = {
+        "supersampler": __version__,
+        "method": "denoise",
+        "per frame": job.denoiser,
+        "frames after": after,
+        PREROLL: REACH if job.numbers is not None else None,
+        **job.shot_settings(),
+    }
     with TemporalDenoiser(per_frame=job.denoiser, lookahead=after, threads=job.threads) as denoiser:
-        return run_frames(
-            job,
-            plan,
-            job.settings(after),
-            lambda results, first: _DenoiseRun(job, denoiser, results, plan, first),
-        )
+        begin = partial(_DenoiseRun, job, denoiser, plan)
+        return frame_run.run_frames(job, plan, settings, begin)
 
 
 def parts_of(
     numbers: FrameRange | None, open_frames: Callable[..., Shot], passes: int
 ) -> Iterator[tuple[FrameRange | None, Shot, str]]:
-    """Yield the numbers, the shot and a note of each part of a sequence: a missing frame is a cut.
+    """Yield the frame numbers, the shot and a note of each part of a sequence; missing frames separate parts.
 
     Args:
-        numbers: numbers of the frames to write; None is all of them.
-        open_frames: opens all frames, or those from a first to a last number.
+        numbers: numbers of the frames to write; None writes all.
+        open_frames: opens all frames, or the frames from a first to a last number.
         passes: 1 or 2.
 
     Raises:
@@ -115,8 +96,9 @@ def parts_of(
 
 
 def _opened(numbers: FrameRange, open_frames: Callable[..., Shot], passes: int) -> Shot:
-    """Open a range of frames and those around it that its images depend on, up to the next gap."""
-    first, last = numbers.first - REACH - EXPOSURE_FRAMES, numbers.last + (REACH if passes == 2 else 0)
+    """Open a range of frames, and the frames around it that its images depend on, up to the next gap."""
+    first = numbers.first - REACH - frame_run.EXPOSURE_FRAMES
+    last = numbers.last + (REACH if passes == 2 else 0)
     while True:
         try:
             return open_frames((first, last))
@@ -130,18 +112,13 @@ def _opened(numbers: FrameRange, open_frames: Callable[..., Shot], passes: int) 
 
 
 class _DenoiseRun(FrameRun[DenoiseJob]):
-    activity = "denoising"
+    activity, reach = "denoising", REACH
 
     def __init__(
-        self, job: DenoiseJob, denoiser: TemporalDenoiser, results: Results, plan: FramePlan, first: int
+        self, job: DenoiseJob, denoiser: TemporalDenoiser, plan: FramePlan, results: Results, first: int
     ) -> None:
         super().__init__(job, results, plan, first, job.shot.render_size)
         self._denoiser, self._count, self._reading = denoiser, 0, plan.start
-
-    def plan_from(self, begins: int) -> FramePlan:
-        first = self._plan.index(begins)
-        start = max(self._plan.start, self._shot.last_cut(first), first - REACH)
-        return replace(self._plan, start=start)
 
     def step_count(self, plan: FramePlan, needed: int) -> int:
         return plan.stop - needed
@@ -152,18 +129,21 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
         names: deque[Sequence[str] | None] = deque()
 
         def read() -> Iterator[Frame]:
-            for item in self._shot.frames(plan.start, plan.end, gbuffers=BUFFERS, references=False):
+            for item in self._shot.frames(plan.start, plan.end, gbuffers=sequence.BUFFERS, references=False):
                 frame, self._reading = item.frame, item.index
                 if item.index == plan.start:
-                    self._warn(item)
                     frame = replace(frame, reset=True)
+                    if missing := sequence.missing_guides(frame):
+                        lost = "edges between surfaces of similar colour may blur"
+                        text = f"The frames have no {' and no '.join(missing)}: {lost}."
+                        self._job.console.print(text, soft_wrap=True)
                 if item.index >= needed:
                     names.append(item.raw.aov_names)
                 yield frame
 
         try:
             yield from self._denoised(read(), plan, needed, names, on_step, references=references)
-        except FrameError as error:  # of the frame that was read last
+        except FrameError as error:  # in the frame that was read last
             number = self._shot.first_number + self._reading
             raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
 
@@ -180,11 +160,11 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
         exposure = self._exposure_at(needed)
         before = time.perf_counter()
         for index, denoised in enumerate(self._denoiser.run(frames, skip=needed - plan.start), needed):
-            if index >= plan.stop:  # later ones are neighbours only
+            if index >= plan.stop:  # later frames are neighbours only
                 return
             reference = self._shot.read_reference(index) if references else None
             frame = denoised.frame
-            if index == needed and exposure is not None:  # that of a run of the whole shot
+            if index == needed and exposure is not None:
                 frame = replace(frame, exposure=exposure)
             result = StepResult(denoised.image, aovs=denoised.aovs)
             seconds = time.perf_counter() - before
@@ -203,22 +183,10 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
             "each frame first": {"oidn": "Open Image Denoise", "none": "as it came"}[self._job.denoiser],
         }
 
-    def page_layers(self, stack: ExitStack) -> PageLayers:  # noqa: ARG002  # nothing is to be closed
-        transform = self._job.images.transform
-
-        def layers_of(stepped: SteppedFrame, exposure: float) -> tuple[Layers, Mapping[str, float]]:
-            image, reference = stepped.result.image, stepped.reference
-            return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
-
-        return layers_of
+    def layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
+        image, reference, transform = stepped.result.image, stepped.reference, self._job.images.transform
+        return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
 
     def copied(self, index: int) -> Mapping[str, Channel]:
         names = [name for name in self._shot.ignored_channels if is_id(name)]
         return self._shot.read_channels(index, names) if names else {}
-
-    def _warn(self, item: ShotFrame) -> None:
-        """Say what the first frame lacks."""
-        missing = missing_guides(item.frame)
-        if missing:
-            lost = "edges between surfaces of similar colour may blur"
-            self._job.console.print(f"The frames have no {' and no '.join(missing)}: {lost}.", soft_wrap=True)

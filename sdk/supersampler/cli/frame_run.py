@@ -1,33 +1,136 @@
-"""Write the images of a run into a folder, frame by frame; a stopped run can continue."""
+"""Write the images of a run into a folder, frame by frame; a stopped run can be resumed."""
 
 import time
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
-from dataclasses import dataclass, replace
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import typer
 
-from supersampler.cli.job import EXPOSURE_FRAMES, FrameJob, FramePlan
-from supersampler.cli.results import OutputImage, OutputQueue, Results
-from supersampler.cli.terminal import RunProgress, frame_warnings
+from supersampler.cli.arguments import size_text
+from supersampler.cli.results import FIRST, FRAMES, SOURCE, ImageOptions, OutputImage, OutputQueue, Results
+from supersampler.cli.terminal import RunProgress, Terminal, frame_warnings
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
-from supersampler.io.compare import ERROR_LEGEND, About, Legend, compare_page, versions_text
+from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, Legend, compare_page, versions_text
 from supersampler.io.display import ExposureMeter, usable_exposure
 from supersampler.io.files import check_apart
 from supersampler.io.images import Bytes, Channel, Metadata, pixel_aspect, result_metadata
-from supersampler.io.video import VideoWriter, video_writer
+from supersampler.io.shot import Shot
+from supersampler.io.shot.numbered import FrameRange
+from supersampler.io.video import video_writer
 
 COMPARE_FRAMES = 64
-"""Number of frames, the last ones, in a page: browsers load larger pages slowly."""
+"""Number of frames in a page, the last ones of the run: browsers load larger pages slowly."""
+EXPOSURE_FRAMES = 96
+"""Number of frames before a preroll from which the exposure is measured. A measured exposure moves a tenth of
+the way in each frame, so that the exposure before these frames has a weight of 0.9^96, 4e-5."""
 _PAGE_NOTES = (
     "JPEG of quality 92, small ones PNG. The input is as rendered, with its jitter.",
     "error: mean over r, g, b of |output − reference| of these images. PSNR: of the same images before "
     "rounding to 8 bits, whole frame.",
 )
+
+
+@dataclass(frozen=True)
+class FramePlan:
+    """The frames of a run.
+
+    Attributes:
+        numbers: numbers of the frames to write.
+        first_number: number of the frame with index 0.
+        start, stop: index of the first frame to step through, which has no history, and after the last.
+        end: index after the last frame to read, >= `stop`: with two passes, the backward run begins there.
+    """
+
+    numbers: FrameRange
+    first_number: int
+    start: int
+    stop: int
+    end: int
+
+    def position(self, index: int) -> int | None:
+        """Return the position of the frame with this index among those to write; None for other frames."""
+        number = self.first_number + index
+        return number - self.numbers.first if number in self.numbers else None
+
+    def index(self, position: int) -> int:
+        """Return the index of the frame at a position among those to write."""
+        return self.numbers.first + position - self.first_number
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameJob:
+    """Input and output of one run.
+
+    Attributes:
+        shot: the frames.
+        output: folder of the images.
+        source: the options that opened the shot.
+        images: names, formats and encodings of the images.
+        numbers: numbers of the frames to write; None writes all.
+        compare: whether to write the page.
+        overwrite: whether to replace the files of an earlier run.
+        holds_shot: whether the shot may be in a subfolder of `output`.
+        json: whether to print each frame as a line of JSON.
+        console: prints messages.
+    """
+
+    shot: Shot
+    output: Path
+    source: Mapping[str, str] = field(default_factory=dict)
+    images: ImageOptions = field(default_factory=ImageOptions)
+    numbers: FrameRange | None = None
+    compare: bool = False
+    overwrite: bool = False
+    holds_shot: bool = False
+    json: bool = False
+    console: Terminal = field(default_factory=lambda: Terminal(stderr=True))
+
+    def shot_settings(self) -> dict[str, object]:
+        """Return the settings that the images of every method depend on: the frames and the file formats."""
+        return {
+            "shot": str(self.shot.path.resolve()),
+            "names": self.shot.info.file_names,
+            "frame rate": self.shot.frame_rate,
+            **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
+            "render size": size_text(self.shot.render_size),
+            "conventions": self.shot.conventions.to_json(),
+            **self.images.to_json(),
+            SOURCE: dict(self.source),
+        }
+
+
+def plan_frames(shot: Shot, numbers: FrameRange | None, preroll: int, passes: int = 1) -> FramePlan:
+    """Return the plan of a run; ShotError if the shot lacks one of the frames.
+
+    Args:
+        shot: the shot.
+        numbers: numbers of the frames to write; None writes all.
+        preroll: number of frames before them that build the history; fewer after a cut. With two passes, as
+            many frames after them build the history of the backward run.
+        passes: 1 or 2.
+    """
+    own = FrameRange(shot.first_number, shot.first_number + len(shot) - 1)
+    if numbers is None:
+        return FramePlan(own, own.first, 0, len(shot), len(shot))
+    for number in (numbers.first, numbers.last):
+        if number not in own:
+            problem = f"has no frame {number}"
+            raise ShotError(shot.path, problem, f"Its frames are {own.first} to {own.last}.")
+    index, stop = numbers.first - own.first, numbers.last - own.first + 1
+    cut = shot.last_cut(index)
+    start = max(cut, index - preroll)
+    while start > cut and not shot.is_shaded(start):  # history begins with colour
+        start -= 1
+    end = stop
+    while passes == 2 and end < min(stop + preroll, len(shot)) and shot.last_cut(end) != end:
+        end += 1
+    return FramePlan(numbers, own.first, start, stop, end)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +146,7 @@ class SteppedFrame:
 
 
 class Written(NamedTuple):
-    """A frame of which all files are written."""
+    """A frame whose files are written."""
 
     position: int
     number: int
@@ -51,11 +154,8 @@ class Written(NamedTuple):
     seconds: float  # of the step
 
 
-_AddToPage: TypeAlias = Callable[[SteppedFrame, float], None]
-Layers: TypeAlias = Mapping[str, Bytes]
-PageLayers: TypeAlias = Callable[[SteppedFrame, float], tuple[Layers, Mapping[str, float]]]
-"""Makes layers and numbers for the page of a frame, at an exposure."""
 OnStep: TypeAlias = Callable[[int, str], None]
+"""Function that is called after each step with the frame's index and "forward" or "backward"."""
 Job = TypeVar("Job", bound=FrameJob)
 
 
@@ -72,12 +172,12 @@ def run_frames(
     Args:
         job: the job.
         plan: its frames.
-        settings: all that the images depend on.
+        settings: everything that the images depend on, except the number of frames: a shot may still grow.
         begin: returns the run, given the folder and the position of the first incomplete frame.
-        all_frames: whether to compute complete frames, too.
+        all_frames: whether to compute complete frames again.
 
     Raises:
-        typer.Exit: 130 after Ctrl-C; complete frames are kept.
+        typer.Exit: code 130 after Ctrl-C; complete frames are kept.
         SupersamplerError: a frame or a file is not usable; or the output lies in the shot, or would replace
             files of another program.
     """
@@ -85,8 +185,8 @@ def run_frames(
     if not job.holds_shot:
         check_apart(job.output, job.shot.source)
     first = results.begin(settings, count, overwrite=job.overwrite, page=job.compare)
-    page = job.compare and not (first == count and results.is_newest(results.page))
-    video = job.images.video and not (first == count and results.is_newest(results.video))
+    page = job.compare and not (first == count and results.is_newest(results.record.page))
+    video = job.images.video and not (first == count and results.is_newest(results.record.video))
     if first == count and not (page or video or all_frames):
         job.console.print(f"All {count} frames are there already.")
         with RunProgress(job.console, 0, json=job.json) as progress:
@@ -105,25 +205,23 @@ def run_frames(
 
 
 class FrameRun(Generic[Job]):
-    """One run: frames before position `first` are complete, and only rebuild the history of later ones.
+    """One run. Frames before position `first` are complete and only rebuild the history of later frames.
 
     Subclasses yield the frames with their images, and describe the page.
 
     Attributes:
         activity: name of a step in the progress bar.
-        legends: legends of the page's layers beside "error".
+        legends: legends of the page's layers other than "error".
+        reach: maximum number of frames before a frame that its image depends on; None: all since the cut.
     """
 
     activity: str
     legends: Mapping[str, Legend] = {}
+    reach: int | None = None
 
     def __init__(self, job: Job, results: Results, plan: FramePlan, first: int, display_size: Size) -> None:
         self._job, self._shot, self._display_size = job, job.shot, display_size
         self._results, self._plan, self._first = results, plan, first
-
-    def plan_from(self, begins: int) -> FramePlan:
-        """Return the frames to read for those from position `begins` on."""
-        raise NotImplementedError
 
     def step_count(self, plan: FramePlan, needed: int) -> int:
         """Return the number of steps; `needed` is the index of the first frame whose image is needed."""
@@ -132,11 +230,11 @@ class FrameRun(Generic[Job]):
     def steps(
         self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
     ) -> Generator["SteppedFrame"]:
-        """Yield each frame of a plan with its images; `on_step` is called after each step."""
+        """Yield each frame of a plan with its image; calls `on_step` after each step."""
         raise NotImplementedError
 
     def summary(self, wall: float) -> tuple[int, str]:
-        """Return the number of frames that were computed in `wall` seconds, and a line on them."""
+        """Return the number of computed frames, and a line of text on them; `wall` is the time, seconds."""
         raise NotImplementedError
 
     def facts(self) -> dict[str, str]:
@@ -144,28 +242,30 @@ class FrameRun(Generic[Job]):
         raise NotImplementedError
 
     def copied(self, index: int) -> Mapping[str, Channel]:  # noqa: ARG002  # of subclasses
-        """Return channels of a frame that its result holds as they are; called on threads."""
+        """Return channels of a frame that its EXR file keeps unchanged; called on threads."""
         return {}
 
-    def page_layers(self, stack: ExitStack) -> PageLayers:
-        """Return the function that makes a frame's layers and numbers for the page; `stack` ends with it."""
+    def layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
+        """Return the layers and numbers of a frame for the page, at an exposure."""
         raise NotImplementedError
 
     def run(self, begins: int, *, page: bool, video: bool) -> None:
-        """Compute the frames that lead to those from position `begins` on, and write them."""
+        """Compute and write the frames from position `begins` on; frames before them build the history."""
         job, results, began, cpu = self._job, self._results, time.perf_counter(), time.process_time()
-        plan, count = self.plan_from(begins), len(self._plan.numbers)
-        needed = min(max(plan.index(begins), plan.start), plan.stop)  # the first one whose image is needed
+        count, needed = len(self._plan.numbers), self._plan.index(begins)
+        start = max(self._plan.start, self._shot.last_cut(needed))
+        start = start if self.reach is None else max(start, needed - self.reach)
+        plan = replace(self._plan, start=start)
         with (
-            self._page() if page else nullcontext() as add_to_page,
+            self._page() if page else nullcontext() as compare,
             self._film() if video else nullcontext() as film,
             RunProgress(job.console, self.step_count(plan, needed), json=job.json) as progress,
             OutputQueue[Written](partial(self._finish, film, progress)) as queue,
         ):
             progress.event("begin", shot=self._shot.name, frames=count, complete=self._first)
-            self._write_frames(plan, needed, queue, add_to_page, progress)
+            self._write_frames(plan, needed, queue, compare, progress)
         if video:
-            results.end_file(results.video, count)
+            results.end_file(results.record.video, count)
         wall, cpu = time.perf_counter() - began, time.process_time() - cpu
         frames, line = self.summary(wall)
         job.console.print(line)
@@ -176,7 +276,7 @@ class FrameRun(Generic[Job]):
         plan: FramePlan,
         needed: int,
         queue: OutputQueue[Written],
-        add_to_page: _AddToPage | None,
+        page: ComparePage | None,
         progress: RunProgress,
     ) -> None:
         job, meter = self._job, ExposureMeter()
@@ -187,7 +287,7 @@ class FrameRun(Generic[Job]):
             forward = self.activity if writes else "replaying"
             progress.advance("stepping backward" if direction == "backward" else forward)
 
-        steps = self.steps(plan, needed, on_step, references=add_to_page is not None)
+        steps = self.steps(plan, needed, on_step, references=page is not None)
         with closing(steps):
             for stepped in steps:
                 exposure = meter.read_frame(stepped.frame) / stepped.frame.pre_exposure  # of the images
@@ -199,11 +299,11 @@ class FrameRun(Generic[Job]):
                 if position >= self._first or job.images.video:
                     values = stepped.index, stepped.aov_names, stepped.result, stepped.seconds
                     queue.put(partial(self._write, position, exposure, *values))
-                if add_to_page is not None and position >= len(plan.numbers) - COMPARE_FRAMES:
-                    add_to_page(stepped, exposure)
+                if page is not None and position >= len(plan.numbers) - COMPARE_FRAMES:
+                    page.add(self._shot.first_number + stepped.index, *self.layers(stepped, exposure))
 
     def _exposure_at(self, index: int) -> float | None:
-        """Return the exposure that a run of the whole shot has at a frame; None where a cut begins there."""
+        """Return the exposure of a frame in a run of the whole shot; None if a cut begins at the frame."""
         cut = self._shot.last_cut(index)
         if cut == index:
             return None
@@ -231,9 +331,10 @@ class FrameRun(Generic[Job]):
             display_size=self._display_size,
         )  # fmt: skip
 
-    def _film(self) -> AbstractContextManager[VideoWriter]:
+    def _film(self) -> AbstractContextManager[Callable[[Bytes], None]]:
         rate, aspect = self._shot.frame_rate or 24.0, pixel_aspect(self._metadata(0))
-        return video_writer(self._results.begin_file(self._results.video), self._display_size, rate, aspect)
+        path = self._results.begin_file(self._results.record.video)
+        return video_writer(path, self._display_size, rate, aspect)
 
     def _write(
         self,
@@ -244,7 +345,7 @@ class FrameRun(Generic[Job]):
         result: StepResult,
         seconds: float,
     ) -> Written:
-        """Write the files of a frame; on a thread of the queue."""
+        """Write the files of a frame, on a thread of the queue."""
         job, number = self._job, self._plan.numbers.first + position
         output = OutputImage(
             image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
@@ -253,32 +354,17 @@ class FrameRun(Generic[Job]):
         images = job.images if position >= self._first else replace(job.images, formats=("mp4",))
         return Written(position, number, images.write(job.output, number, output), seconds)
 
-    def _finish(self, film: VideoWriter | None, progress: RunProgress, written: Written) -> None:
+    def _finish(self, film: Callable[[Bytes], None] | None, progress: RunProgress, written: Written) -> None:
         if film is not None and written.video_image is not None:
-            film.write(written.video_image)
+            film(written.video_image)
         if written.position >= self._first:
             places = {"index": written.position, "frames": len(self._plan.numbers)}
             progress.event("frame", number=written.number, **places, seconds=round(written.seconds, 4))
 
-    @contextmanager
-    def _page(self) -> Iterator[_AddToPage]:
-        """Write compare.html; it appears when the block ends without an error."""
-        with (
-            compare_page(self._results.begin_file(self._results.page), self._about()) as page,
-            ExitStack() as stack,
-        ):
-            layers_of = self.page_layers(stack)
-
-            def add(stepped: SteppedFrame, exposure: float) -> None:
-                page.add(self._shot.first_number + stepped.index, *layers_of(stepped, exposure))
-
-            yield add
-
-    def _about(self) -> About:
-        """Describe the page."""
+    def _page(self) -> AbstractContextManager[ComparePage]:
         shot, facts = self._shot, self.facts()
         sources = ". ".join(line.rstrip(".") for line in (*shot.info.attribution, shot.info.license) if line)
-        return About(
+        about = About(
             title=shot.name,
             method=facts["method"],
             display_size=self._display_size,
@@ -292,3 +378,4 @@ class FrameRun(Generic[Job]):
                 versions_text(),
             ],
         )
+        return compare_page(self._results.begin_file(self._results.record.page), about)

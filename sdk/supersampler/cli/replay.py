@@ -49,14 +49,14 @@ def replay(
 ) -> None:
     """Replay a recording of `upscale --record FOLDER` or `Upscaler(record=FOLDER)`, and compare the images.
 
-    Prints the number of bit-identical frames, the first frame that differs, and the largest difference. Exit
-    code 1 if a frame is beyond tolerance, or is refused in only one of the two runs.
+    Prints the number of bit-identical frames, the first frame that differs, and the largest difference. The
+    exit code is 1 if a frame is beyond tolerance, or is refused in only one of the two runs.
 
     \b
     Examples:
       supersampler replay kitchen.recording
       supersampler replay kitchen.recording -o out --format png --executor onnx
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.cli.results import ImageOptions, OutputImage
     from supersampler.io.files import check_apart, is_there
     from supersampler.recording import open_recording
@@ -76,25 +76,23 @@ def replay(
         if is_there(output):
             raise ShotError(output, "is there already", "Choose another name, or move it away.")
     steps: list[Replayed] = []
-    for line in _machines(replay):
-        echo(line)
+    _print_machines(replay)
     try:
         for step in _repeat(replay, steps):
             if output is not None and step.result is not None:
                 result = step.result
                 image = OutputImage(image=result.image, exposure=step.exposure, aovs=result.aovs)
                 images.write(output, step.index, image)
-    finally:  # also where a damaged file ends the replay
+    finally:  # also if a damaged file ends the replay
         for line in _verdict(replay, steps):
             echo(line)
     if not all(step.within for step in steps):
         raise typer.Exit(1)
 
 
-def _machines(replay: "Replay") -> Iterator[str]:
-    """Yield lines about the recording, the recorded machine and this one."""
-    from supersampler.io.machine import machine
-    from supersampler.recording import versions
+def _print_machines(replay: "Replay") -> None:
+    """Print the recording's method and size, the recorded machine, and this machine."""
+    from supersampler.io.machine import machine, versions
 
     setup, model = replay.recording.setup, replay.model
     size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"
@@ -102,9 +100,9 @@ def _machines(replay: "Replay") -> Iterator[str]:
         setup, executor=model.executor, precision=model.precision, providers=tuple(model.providers),
         versions=versions(), machine=machine(),
     )  # fmt: skip
-    yield f"{replay.recording.path}: {setup.method}, {size}"
-    yield f"  recorded  {_machine(setup)}"
-    yield f"  here      {_machine(here)}"
+    echo(f"{replay.recording.path}: {setup.method}, {size}")
+    echo(f"  recorded  {_machine(setup)}")
+    echo(f"  here      {_machine(here)}")
 
 
 def _machine(setup: "Setup") -> str:
@@ -120,7 +118,7 @@ def _repeat(replay: "Replay", steps: "list[Replayed]") -> "Iterator[Replayed]":
 
     console, call = Terminal(stderr=True), None
     for call in replay.recording:
-        if isinstance(call, StepCall) and call.outcome is None:  # it may end this process, too
+        if isinstance(call, StepCall) and call.outcome is None:  # print first: it may crash this process, too
             echo(f"frame {call.index}: its outcome was not recorded")
         with frame_warnings(console, len(steps)):
             step = replay.call(call)
@@ -135,7 +133,7 @@ def _repeat(replay: "Replay", steps: "list[Replayed]") -> "Iterator[Replayed]":
 
 
 def _verdict(replay: "Replay", steps: "list[Replayed]") -> Iterator[str]:
-    """Yield lines that say whether images differ, from which frame on, and by how much."""
+    """Yield lines that state how many images differ, from which frame on, and by how much."""
     if not replay.is_recorded_model:
         yield "The model is not the recorded one, so the images differ."
     known = [step for step in steps if step.exact is not None]

@@ -1,11 +1,10 @@
-"""The output folder of `supersampler upscale`: numbered images, a page, a video, and upscale.json.
+"""The output folder of a run: numbered images, a page, a video, and upscale.json.
 
-upscale.json has the settings of a run and the list of the files that it wrote. In it,
-`"files": {"exr/####.exr": 12, "compare.html": 1}` stands for exr/0000.exr to exr/0011.exr and a page; with
-`"first frame": 7` for exr/0007.exr to exr/0018.exr. A run of some frames has a file of its own,
-upscale.0010-0050.json with `"frames": "10-50"`, so that several runs can write into one folder at once. A
-file is listed before it is written. Files that are not listed are never counted, replaced or removed. Only
-names that a run can write are accepted from the list.
+upscale.json has the settings of a run and lists the files that it wrote: `"files": {"exr/####.exr": 12,
+"compare.html": 1}` stands for exr/0000.exr to exr/0011.exr and a page; with `"first frame": 7`, for
+exr/0007.exr to exr/0018.exr. A run of a range of frames writes upscale.0010-0050.json with `"frames":
+"10-50"`, so that several runs can write into one folder at once. A file is listed before it is written. Files
+that are not listed are never counted, replaced or removed. A list with a name that no run writes is refused.
 """
 
 import json
@@ -14,15 +13,15 @@ import re
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
-from supersampler import __version__
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32
+from supersampler.io import images
 from supersampler.io.display import to_uint8, to_uint16
 from supersampler.io.display_transforms import DEFAULT_TRANSFORM, REC709, DisplayTransform
 from supersampler.io.files import (
@@ -33,31 +32,21 @@ from supersampler.io.files import (
     remove_partial_files,
     write_text,
 )
-from supersampler.io.images import (
-    Bytes,
-    Channel,
-    Metadata,
-    half_pixels,
-    pixel_aspect,
-    write_exr,
-    write_png,
-    write_tiff,
-)
+from supersampler.io.images import Bytes, Channel, Metadata
 from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, aov_channels, is_frame_range
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.video import check_video_encoder
-from supersampler.model import Model
 
 FILE_NAME = "upscale.json"
 FIRST, FRAMES, SOURCE, PREROLL = "first frame", "frames", "source", "preroll"
-"""Settings: number of the first frame in file names, 0 if missing; numbers of the frames of the run, missing
-if it has all from FIRST on; options by which the shot was opened; frames before a range."""
+"""Settings: number of the first frame, 0 if missing; range of the frames, missing if the run has all from
+FIRST on; options that opened the shot; frames before the range that build the history."""
 DEMO: Mapping[str, str] = {"command": "demo"}
-"""SOURCE of a run of `supersampler demo`, whose files another one replaces."""
+"""SOURCE of a run of `supersampler demo`. Another demo replaces its files."""
 FORMATS = ("exr", "png", "tif")
 NAME = re.compile(r"(?!\.)[^/\\:*?\"<>|#\x00-\x1f]*#+[^/\\:*?\"<>|#\x00-\x1f]*")
-"""Names of images without extension: one run of # is the number, with at least as many digits."""
+"""Names of images without extension. One run of # stands for the number and gives its minimum of digits."""
 _FRAME_FILES = re.compile(
     rf"(?:(?P<folder>{'|'.join(FORMATS)})/)?{NAME.pattern}\.(?P<format>{'|'.join(FORMATS)})"
 )
@@ -70,15 +59,15 @@ _Written = TypeVar("_Written")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputImage:
-    """The image of one frame, and what is written beside its colour.
+    """The image of one frame, with its AOVs and metadata.
 
     Attributes:
         image: (H, W, 3) linear RGB.
         exposure: > 0, for PNG, TIFF and video.
-        aovs: (H, W, k) AOVs for the EXR; PNG and TIFF have the one named A, alpha.
-        aov_names: names of their channels; None: A for k = 1, else aovs.0, aovs.1 and so on.
-        metadata: entries of the header: EXR has all, PNG and TIFF the pixel aspect ratio.
-        copied: (H, W) channels by name that the EXR holds as they are: ids.
+        aovs: (H, W, k) AOVs, written to EXR. PNG and TIFF store only the one named A, alpha.
+        aov_names: names of the AOVs' channels; None: A for k = 1, otherwise aovs.0, aovs.1 and so on.
+        metadata: header entries, written to EXR. PNG and TIFF store only the pixel aspect ratio.
+        copied: (H, W) channels by name that are written to EXR unchanged, such as ids.
     """
 
     image: Float32
@@ -96,7 +85,7 @@ class OutputImage:
 
     @property
     def alpha(self) -> Float32 | None:
-        """(H, W, 1) alpha in [0, 1]; None where no AOV is named A."""
+        """(H, W, 1) alpha in [0, 1]; None if no AOV is named A."""
         if self.aovs is None or "A" not in self.aov_channels:
             return None
         at = self.aov_channels.index("A")
@@ -109,14 +98,13 @@ class ImageOptions:
     """Names, formats and encodings of the images of a run.
 
     Attributes:
-        formats: "exr", "png", "tif", "mp4"; several image formats have subfolders of their names.
-        name: name of the images without extension; a run of # is the frame's number.
+        formats: "exr", "png", "tif", "mp4". Several image formats are written to subfolders of their names.
+        name: name of the images without extension; a run of # stands for the frame's number.
         transform: display transform of PNG, TIFF and video.
         compression: compression of EXR: "zip", "dwaa", "piz" or "none".
-        bits: bits of PNG: 8 or 16. TIFF has 16.
+        bits: bits of a PNG channel: 8 or 16. TIFF has 16.
         straight_alpha: whether colour is not multiplied by alpha, as in PNG and TIFF; in EXR it is.
-        color_space: linear colour space that EXR files state. None: unknown; they keep the source's
-            entries.
+        color_space: linear colour space that EXR files state. None: unknown; files keep the source's entries.
     """
 
     formats: Collection[str] = ("exr",)
@@ -139,15 +127,12 @@ class ImageOptions:
 
     @property
     def patterns(self) -> list[str]:
-        """Patterns of the files of each format, as upscale.json lists them."""
-        return [f"{self.subfolder(name)}{self.name}.{name}" for name in self.image_formats]
-
-    def subfolder(self, image_format: str) -> str:
-        """Return the subfolder of a format, "png/", or "" where there is none."""
-        return f"{image_format}/" if len(self.image_formats) > 1 else ""
+        """File patterns of the image formats, as upscale.json lists them."""
+        formats = self.image_formats
+        return [f"{name}/" * (len(formats) > 1) + f"{self.name}.{name}" for name in formats]
 
     def to_json(self) -> dict[str, object]:
-        """Return all that the files depend on, as JSON."""
+        """Return the options that change the files' content, as JSON."""
         return {
             "formats": self.image_formats,
             "name": self.name,
@@ -161,30 +146,30 @@ class ImageOptions:
         """Write the files of one frame, each atomically; several threads may write different frames.
 
         Returns:
-            (H, W, 3) uint8, the image of the video; None where there is none.
+            (H, W, 3) uint8 for the video; None if there is no video.
 
         Raises:
             ShotError: the disk refused.
         """
-        encoding, aspect = self.transform.encoding, pixel_aspect(output.metadata or {})
+        encoding, aspect = self.transform.encoding, images.pixel_aspect(output.metadata or {})
         display_image = self._display_image(output) if {"png", "tif"}.intersection(self.formats) else None
         for pattern in self.patterns:
             path = frame_path(folder, pattern, number)
             if display_image is not None and path.suffix == ".png":
-                write_png(
+                images.write_png(
                     path,
                     to_uint8(display_image) if self.bits == 8 else to_uint16(display_image),
                     encoding,
                     aspect,
                 )
             elif display_image is not None and path.suffix == ".tif":
-                write_tiff(path, to_uint16(display_image), encoding, aspect)
+                images.write_tiff(path, to_uint16(display_image), encoding, aspect)
             else:
                 arrays = [output.image] if output.aovs is None else [output.image, output.aovs]
                 names = [*COLOR, *(output.aov_channels if output.aovs is not None else ())]
-                image = half_pixels(arrays)
+                image = images.half_pixels(arrays)
                 channels = {name: image[..., at] for at, name in enumerate(names)} | dict(output.copied)
-                write_exr(
+                images.write_exr(
                     path, channels if output.copied else image, names, compression=self.compression,
                     metadata=output.metadata, color_space=self.color_space,
                 )  # fmt: skip
@@ -195,7 +180,7 @@ class ImageOptions:
         return to_uint8(display_image)
 
     def _display_image(self, output: OutputImage) -> Float32:
-        """Return (H, W, 3) as a display shows it, or (H, W, 4) with straight alpha."""
+        """Return the image after the display transform: (H, W, 3), or (H, W, 4) with straight alpha."""
         image, alpha = output.image, output.alpha
         if alpha is None:
             return self.transform.show(image, output.exposure)
@@ -204,23 +189,19 @@ class ImageOptions:
         return np.concatenate([self.transform.show(image, output.exposure), alpha], axis=2)
 
 
-def checked_name(name: str) -> str:
-    """Return the value of --name; ArgumentError where files cannot have it."""
-    if NAME.fullmatch(name) is None or Path(name).suffix[1:] in FORMATS:
+def name_pattern(name: str) -> str:
+    """Return the value of --name, with %04d replaced by ####; ArgumentError if files cannot have the name."""
+    pattern = re.sub(r"%0?(\d{0,2})d", lambda field: "#" * int(field[1] or 1), name)
+    if NAME.fullmatch(pattern) is None or Path(pattern).suffix[1:] in FORMATS:
         want = "a file name without extension, with one run of # for the number, such as beauty.####"
         raise ArgumentError("--name", got=repr(name), want=want)
-    return name
-
-
-def name_pattern(name: str) -> str:
-    """Return the value of --name with # for the number, which may be given as %04d; see `checked_name`."""
-    return checked_name(re.sub(r"%0?(\d{0,2})d", lambda field: "#" * int(field[1] or 1), name))
+    return pattern
 
 
 class OutputQueue(Generic[_Written]):
     """Runs functions on threads, and passes their results on in order, on the caller's thread.
 
-    At most one more function waits than there are threads, so that few images are in memory.
+    The number of waiting functions is limited, so that few images are in memory.
 
     Args:
         then: called with each result, in the order of `put`.
@@ -233,7 +214,7 @@ class OutputQueue(Generic[_Written]):
         self._waiting: deque[Future[_Written]] = deque()
 
     def put(self, function: Callable[[], _Written]) -> None:
-        """Run a function when a thread is free; raises what an earlier one raised."""
+        """Run a function when a thread is free; raises the exception of an earlier function."""
         self._waiting.append(self._pool.submit(function))
         while self._waiting and (len(self._waiting) > self._max_waiting or self._waiting[0].done()):
             self._then(self._waiting.popleft().result())
@@ -242,7 +223,7 @@ class OutputQueue(Generic[_Written]):
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Wait until all functions have run; after an error no further result is passed on."""
+        """Wait until all functions have run; after an error, drop their results."""
         try:
             while kind is None and self._waiting:
                 self._then(self._waiting.popleft().result())
@@ -255,9 +236,9 @@ class RunRecord:
     """Content of upscale.json.
 
     Attributes:
-        settings: all that the images depend on; JSON values.
-        files: number of files, from the first frame on, by pattern such as `exr/####.exr`; 1 for the page,
-            the number of frames for the video.
+        settings: everything that the images depend on; JSON values.
+        files: number of files by pattern, such as `exr/####.exr`, counted from the first frame; 1 for the
+            page, the number of frames for the video.
     """
 
     settings: Mapping[str, Any]
@@ -265,7 +246,7 @@ class RunRecord:
 
     @property
     def numbers(self) -> FrameRange:
-        """Numbers of the frames in the names of files, without an end where the run has all."""
+        """Numbers of the frames in the names of files; open-ended if the run has all frames."""
         if FRAMES in self.settings:
             return FrameRange.parse(self.settings[FRAMES], FRAMES)
         return FrameRange(int(self.settings.get(FIRST, 0)), LARGEST_NUMBER)
@@ -290,17 +271,12 @@ class RunRecord:
         return f".{self.numbers.label}" if FRAMES in self.settings else ""
 
     def lists(self, pattern: str, number: int) -> bool:
-        """Return whether the frame of this number is listed."""
+        """Return whether the frame with this number is listed."""
         numbers = self.numbers
         return 0 <= number - numbers.first < min(len(numbers), self.files.get(pattern, 0))
 
-    def write(self, folder: Path) -> None:
-        """Write the record into the folder, which is created where it is missing."""
-        content = {**self.settings, "files": dict(self.files)}
-        write_text(folder / self.file_name, json.dumps(content, indent=2) + "\n")
-
     def own_files(self, folder: Path) -> list[Path]:
-        """Return the listed files that exist; ShotError where a link or folder has the name of one."""
+        """Return the listed files that exist; ShotError if a link or a folder has one of the names."""
         single = (self.page, self.video)
         found = [folder / name for name in single if self.files.get(name) and is_there(folder / name)]
         for pattern in self.files.keys() - single:
@@ -311,13 +287,13 @@ class RunRecord:
         return sorted(found)
 
     def differences(self, settings: Mapping[str, object], ignored: Collection[str] = ()) -> list[str]:
-        """Return the names of other settings with different values."""
+        """Return the names of the settings whose values differ."""
         current = {name: value for name, value in settings.items() if name not in ignored}
         return [name for name, v in current.items() if self.settings.get(name) != json.loads(json.dumps(v))]
 
 
 def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
-    """Read the record of this name in a folder, or return None; ShotError where it is damaged or foreign."""
+    """Read a record in a folder, None if it does not exist; ShotError if it is not of this command."""
     path = folder / name
     if not is_there(path):
         return None
@@ -342,24 +318,15 @@ def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
 class Results:
     """Numbered images in a folder.
 
-    Args:
+    Attributes:
         folder: the folder.
         options: names, formats and encodings.
+        record: the run's record.
     """
 
     def __init__(self, folder: Path, options: ImageOptions) -> None:
         self.folder, self.options = folder, options
-        self._record, self._others = RunRecord({}), list[RunRecord]()
-
-    @property
-    def page(self) -> str:
-        """Name of the page."""
-        return self._record.page
-
-    @property
-    def video(self) -> str:
-        """Name of the video."""
-        return self._record.video
+        self.record, self._others = RunRecord({}), list[RunRecord]()
 
     def begin(
         self, settings: Mapping[str, object], frame_count: int, *, overwrite: bool, page: bool = False
@@ -367,15 +334,15 @@ class Results:
         """Prepare the folder, and return the position of the first incomplete frame.
 
         Args:
-            settings: all that the images depend on; JSON values.
+            settings: everything that the images depend on; JSON values.
             frame_count: number of frames.
-            overwrite: whether to remove the files of an earlier run instead of continuing it. A demo does so
-                with one of other settings.
+            overwrite: whether to remove the files of an earlier run instead of continuing it. A demo
+                always removes the files of a demo with other settings.
             page: whether the page will be written.
 
         Raises:
             ShotError: files of another program are in the way; or images of other settings exist and
-                `overwrite` is False; or no video can be encoded. Nothing has been changed.
+                `overwrite` is False; or no video can be encoded. Nothing was changed.
             ModuleNotFoundError: a video is requested, and PyAV is not installed.
         """
         record = RunRecord(settings)
@@ -383,9 +350,8 @@ class Results:
         names = [path.name for path in self.folder.iterdir()] if self.folder.is_dir() else []
         names = sorted(n for n in names if _RECORDS.fullmatch(n) and n != record.file_name)
         self._others = [other for name in names if (other := read_run_record(self.folder, name))]
-        numbers = {name: settings[name] for name in (FIRST, FRAMES) if name in settings}
-        self._record = earlier or replace(record, settings=numbers)
-        own = self._record.own_files(self.folder)
+        self.record = earlier or record
+        own = self.record.own_files(self.folder)
         if earlier is not None and not overwrite:
             both_demos = earlier.settings.get(SOURCE) == DEMO == settings.get(SOURCE)
             overwrite = both_demos and earlier.differences(settings) != []
@@ -400,79 +366,82 @@ class Results:
             check_video_encoder(self.folder / record.video)
         if overwrite:
             remove_files(own)
-        kept = {} if overwrite else self._record.files
-        listed = [*self._record.files]
-        self._save(RunRecord(settings, kept))
+        kept = {} if overwrite else self.record.files
+        listed = [*self.record.files]
+        self._save(kept, settings)
         subfolders = {str(Path(pattern).parent) for pattern in listed} - {"."}
         remove_partial_files(self.folder, lambda name: self._is_own_name(name, listed), subfolders)
         return self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
-        """Return the number of complete frames from the first on; only files of these runs count."""
-        patterns = self.options.patterns
+        """Return the number of complete frames, counted from the first; only listed files count."""
+        patterns, video = self.options.patterns, self.record.video
         if not patterns:  # a video alone is complete, or starts again
-            is_whole = self._record.files.get(self.video) == frame_count and self.is_newest(self.video)
-            return frame_count if is_whole else 0
-        count = min([frame_count, *(self._record.files.get(pattern, 0) for pattern in patterns)])
+            return frame_count if self.record.files.get(video) == frame_count and self.is_newest(video) else 0
+        count = min([frame_count, *(self.record.files.get(pattern, 0) for pattern in patterns)])
         for position in range(count):
-            number = self._record.numbers.first + position
+            number = self.record.numbers.first + position
             if not all(is_regular(frame_path(self.folder, pattern, number)) for pattern in patterns):
                 return position
         return count
 
     def list_files(self, position: int) -> None:
-        """List the files of the frame at a position of the run as this run's, before they are written.
+        """List the files of the frame at a position of the run, before they are written.
 
         Raises:
-            ShotError: the disk refused, or a file of another program has a name that is not listed yet.
+            ShotError: the disk refused, or another program's file has one of the names.
         """
-        listed = dict(self._record.files)
+        listed = dict(self.record.files)
         for pattern in self.options.patterns:
             for new in range(listed.get(pattern, 0), position + 1):
-                number = self._record.numbers.first + new
+                number = self.record.numbers.first + new
                 if is_there(path := frame_path(self.folder, pattern, number)):
                     self._check_listed_elsewhere(pattern, number, path)
             listed[pattern] = max(listed.get(pattern, 0), position + 1)
-        if listed != self._record.files:
-            self._save(replace(self._record, files=listed))
+        if listed != self.record.files:
+            self._save(listed)
 
     def begin_file(self, name: str) -> Path:
         """List the page or the video and return its path; ShotError if the file is another program's."""
-        if not self._record.files.get(name):
-            self._check_free(self._record, 0, [name])
+        if not self.record.files.get(name):
+            self._check_free(self.record, 0, [name])
             self.end_file(name, 1)
         return self.folder / name
 
     def end_file(self, name: str, frame_count: int) -> None:
         """State how many frames the video has."""
-        self._save(replace(self._record, files={**self._record.files, name: frame_count}))
+        self._save({**self.record.files, name: frame_count})
 
     def is_newest(self, name: str) -> bool:
         """Return whether the page or the video exists and no image is newer."""
-        times = {path.name: path.stat().st_mtime_ns for path in self._record.own_files(self.folder)}
-        images = [time for other, time in times.items() if other not in (self.page, self.video)]
-        return name in times and times[name] >= max(images, default=0)
+        times = {path.name: path.stat().st_mtime_ns for path in self.record.own_files(self.folder)}
+        single = (self.record.page, self.record.video)
+        image_times = [time for other, time in times.items() if other not in single]
+        return name in times and times[name] >= max(image_times, default=0)
 
-    def _save(self, record: RunRecord) -> None:
-        record.write(self.folder)
-        self._record = record
+    def _save(self, files: Mapping[str, int], settings: Mapping[str, object] | None = None) -> None:
+        """Write the record with these files; `settings` None keeps its settings."""
+        record = RunRecord(self.record.settings if settings is None else settings, files)
+        content = {**record.settings, "files": dict(files)}
+        write_text(self.folder / record.file_name, json.dumps(content, indent=2) + "\n")
+        self.record = record
 
     def _is_own_name(self, name: str, listed: Collection[str]) -> bool:
-        """Return whether a file of this name is one of this run, and not of another that is running."""
-        if name in (self.page, self.video, self._record.file_name):
+        """Return whether this run writes files of this name, rather than another run in the folder."""
+        if name in (self.record.page, self.record.video, self.record.file_name):
             return True
         numbers = [_frame_number(Path(pattern).name, name) for pattern in listed]
-        return any(number is not None and number in self._record.numbers for number in numbers)
+        return any(number is not None and number in self.record.numbers for number in numbers)
 
     def _check_free(self, record: RunRecord, frame_count: int, single: Collection[str]) -> None:
-        """Raise ShotError where an unlisted file has the name of one that will be written."""
+        """Raise ShotError if a file that is not listed has the name of a file to write."""
         for name in single:
-            if not self._record.files.get(name) and is_there(self.folder / name):
+            if not self.record.files.get(name) and is_there(self.folder / name):
                 raise _foreign(self.folder / name)
         patterns, numbers = self.options.patterns, record.numbers
         for pattern in patterns:
             for number, path in sorted(_numbered(self.folder, pattern)):
-                if 0 <= number - numbers.first < frame_count and not self._record.lists(pattern, number):
+                if 0 <= number - numbers.first < frame_count and not self.record.lists(pattern, number):
                     self._check_listed_elsewhere(pattern, number, path)
 
     def _check_listed_elsewhere(self, pattern: str, number: int, path: Path) -> None:
@@ -482,7 +451,7 @@ class Results:
     def _check_same(
         self, earlier: RunRecord, settings: Mapping[str, object], *, ignored: Collection[str] = ()
     ) -> None:
-        """Raise ShotError where other settings of an earlier run than the ignored ones differ."""
+        """Raise ShotError if a setting of an earlier run differs, except the ignored ones."""
         for key in earlier.differences(settings, ignored):
             before = earlier.settings.get(key)
             problem = f"images of another run are there: {key} was {before}, is now {settings[key]}"
@@ -490,26 +459,14 @@ class Results:
             raise ShotError(self.folder, problem, f"Choose another folder{start_over}.")
 
 
-def model_settings(model: Model) -> dict[str, object]:
-    """Return the settings of `Results.begin` that follow from a model."""
-    return {
-        "supersampler": __version__,
-        "method": model.info.method,
-        "model files": dict(model.info.files),
-        "providers": list(model.providers),
-        "executor": model.executor,
-        "precision": model.precision,
-    }
-
-
 def frame_path(folder: Path, pattern: str, number: int) -> Path:
-    """Return a frame's file: exr/0007.exr for `exr/####.exr` and 7."""
+    """Return the path of a frame's file: exr/0007.exr for `exr/####.exr` and 7."""
     sign = "-" if number < 0 else ""
     return folder / re.sub("#+", lambda digits: f"{sign}{abs(number):0{len(digits[0])}d}", pattern)
 
 
 def _frame_number(pattern: str, name: str) -> int | None:
-    """Return the number of the frame whose file has this name by `frame_path`; None where there is none."""
+    """Return the number of the frame that `frame_path` gives this name; None if it gives it to none."""
     if "#" not in pattern:
         return None
     before, _, after = re.split("(#+)", pattern)
@@ -520,7 +477,7 @@ def _frame_number(pattern: str, name: str) -> int | None:
 
 
 def _numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
-    """Yield number and path of all files with names of this pattern; ShotError where a folder is a link."""
+    """Yield number and path of the files of a pattern; ShotError if a subfolder is a link or a file."""
     place = folder / Path(pattern).parent
     if not is_there(place) or (place == folder and not place.is_dir()):
         return

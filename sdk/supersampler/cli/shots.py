@@ -1,4 +1,4 @@
-"""`supersampler info`, `check` and `import`: commands that read shots, and print properties of models."""
+"""`supersampler info`, `check` and `import`: commands on shots and models."""
 
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def info(
-    what: Annotated[
+    name: Annotated[
         str | None, typer.Argument(metavar="METHOD|SHOT", help="A method's name, a model folder, or a shot.")
     ] = None,
     providers: Annotated[
@@ -27,23 +27,23 @@ def info(
 ) -> None:
     """Print a method's inputs and outputs, or a shot's properties; without argument, all names and the GPU.
 
-    With --providers, its graph is loaded by each provider that is installed. Nodes that a GPU's provider
-    leaves to the CPU are listed by operator: each costs a copy between both.
+    --providers loads the method's graph with each installed provider, and lists the nodes that a GPU provider
+    leaves to the CPU, by operator. Each of them costs a copy between CPU and GPU.
 
     \b
     Examples:
       supersampler info taau
       supersampler info classifier --providers
       supersampler info renders/kitchen
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.backends.gpu.device import adapter_text
     from supersampler.io.shot import open_source
     from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
     from supersampler.methods.registry import methods
 
-    untrained = {name: spec for name, spec in methods().items() if not spec.ships}
+    untrained = {key: spec for key, spec in methods().items() if not spec.ships}
     models, extrapolations = model_names(), extrapolation_names()
-    if what is None:
+    if name is None:
         rows = {
             "models": ", ".join(models),
             "extrapolation": ", ".join(extrapolations),
@@ -51,27 +51,27 @@ def info(
             "shots": "plaza",
             "GPU": adapter_text(),
         }
-    elif what in [*models, *extrapolations] or (Path(what) / "model.json").is_file():
-        model = read_model_info(find_model(what))
+    elif name in [*models, *extrapolations] or (Path(name) / "model.json").is_file():
+        model = read_model_info(find_model(name))
         rows = _provider_rows(model) if providers else _model_rows(model)
-    elif what in untrained and not Path(what).exists():
-        rows = _untrained_rows(untrained[what])
-    elif (Path(what) / "dataset.json").is_file():
-        rows = import_module("supersampler_model.data.dataset.overview").rows(Path(what))
+    elif name in untrained and not Path(name).exists():
+        rows = _untrained_rows(untrained[name])
+    elif (Path(name) / "dataset.json").is_file():
+        rows = import_module("supersampler_model.data.dataset.overview").rows(Path(name))
     else:
         try:
-            rows = _shot_rows(open_source(what))
+            rows = _shot_rows(open_source(name))
         except ShotError as error:
-            hint = did_you_mean(what, methods())
+            hint = did_you_mean(name, methods())
             raise ShotError(error.path, error.problem, hint or error.hint) from None
     width = max(map(len, rows))
-    for name, value in rows.items():
+    for label, value in rows.items():
         for number, line in enumerate(value.split("\n")):
-            echo(f"{name if number == 0 else '':{width}}  {line}".rstrip())
+            echo(f"{label if number == 0 else '':{width}}  {line}".rstrip())
 
 
 def check(
-    shot: arguments.ShotArgument,
+    shot: Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")],
     layout: arguments.LayoutOption = "auto",
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
@@ -84,15 +84,16 @@ def check(
 ) -> None:
     """Detect the conventions of SHOT: motion, jitter and depth.
 
-    Tries motion units, directions and flips, and jitter units, signs and flips, on a few frames, and ranks
-    them by how well they reproject each image to the next. Prints the best, the margins and the Conventions
-    to write, and the G-buffers of the first frame. Exit code 1 where they contradict the shot's own.
+    Tries all units, directions and flips of motion, and all units, signs and flips of jitter, on a few
+    frames. Ranks them by how well they reproject each image to the next. Prints the best ones, their margins,
+    the Conventions to write, and the G-buffers of the first frame. The exit code is 1 if the detected
+    conventions differ from the stated ones.
 
     \b
     Examples:
       supersampler check shots/kitchen
       supersampler check "out/beauty.####.exr" --conventions unreal --jitter jitter.json
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.methods.gbuffers import listed, names_of
     from supersampler.validation import detect_conventions
 
@@ -125,9 +126,9 @@ def import_shot(
 ) -> None:
     """Copy frames of other programs into a shot of this package's format.
 
-    Pixels are not converted: the shot states their conventions, and `supersampler check` tests them. Motion
-    and depth packed into 8-bit channels are unpacked as --channels says (docs/shots.md). The same command
-    resumes a stopped run.
+    Pixels are not converted: the shot states their conventions, which `supersampler check` tests. --channels
+    describes motion and depth that are packed into 8-bit channels (docs/shots.md). The same command resumes a
+    stopped run.
 
     \b
     Examples:
@@ -136,7 +137,7 @@ def import_shot(
       supersampler import unreal_out -o shots/city --channels map.json --conventions unreal
       supersampler import village_png -o shots/village --channels packed.json --conventions uv.json
       supersampler import 0001.safetensors -o shots/arm
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.io.shot import copy_shot
 
     shot = open_with(source, locals())
@@ -188,8 +189,8 @@ def _model_rows(model: "ModelInfo") -> dict[str, str]:
 
     ratios = _ratio_text(model.ratios)
     if model.extrapolates:
-        ratios = "none: it computes the colour of unshaded frames, at render size"
-    extrapolated = {"extrapolated frames": "no others"} if model.only_extrapolated else {}
+        ratios = "none: computes the colour of unshaded frames, at render size"
+    extrapolated = {"extrapolated frames": "only"} if model.only_extrapolated else {}
     if model.extrapolated is not None:
         extrapolated = {"extrapolated frames": f"by the model in {model.extrapolated.name}"}
     return {

@@ -1,6 +1,6 @@
 """Output on the terminal: text, warnings and progress.
 
-Names in other people's files send it no control codes, and are not markup.
+Control codes and markup in the names of other people's files have no effect.
 """
 
 import json
@@ -8,6 +8,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from typing import Any, Self
 
 import typer
@@ -25,11 +26,7 @@ def echo(line: str, *, err: bool = False) -> None:
 
 
 class Terminal(Console):
-    """A Console that prints text verbatim: no markup, no emoji codes, and no control codes but line ends.
-
-    Args:
-        stderr: whether it prints there, else to stdout.
-    """
+    """Console that prints text verbatim: no markup, no emoji codes, no control codes except line ends."""
 
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
@@ -54,7 +51,7 @@ def frame_warnings(console: Terminal, index: int) -> Iterator[None]:
 
 
 class RunProgress:
-    """Progress of a run: a bar on a terminal, a line now and then in a log, or a line of JSON per frame."""
+    """Progress of a run: a bar on a terminal, a line every 15 s in a log, or a line of JSON per frame."""
 
     def __init__(self, console: Terminal, total: int, *, json: bool) -> None:
         from rich import progress  # --help does not need it
@@ -86,12 +83,10 @@ class RunProgress:
         self._bar.update(self._task, advance=1, description=activity, rate=text)
         if not self._console.is_terminal and not self._json and now - self._logged >= LOG_SECONDS:
             self._logged = now
-            minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
-            hours, minutes = divmod(minutes, 60)
-            remaining = f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
+            remaining = timedelta(seconds=round((self._total - self._done) / rate))
             self._console.print(f"{activity} {self._done} of {self._total}: {text}, {remaining} left")
 
     def event(self, event: str, **values: Any) -> None:
-        """Print a line of JSON, if these were requested."""
+        """Print a line of JSON, if JSON was requested."""
         if self._json:
             print(json.dumps({"event": event, **values}), flush=True)

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from supersampler.cli import arguments
-from supersampler.cli.arguments import (
-    display_transform_of,
-    open_with,
-    parse_providers,
-    parse_size,
-    source_notes,
-    source_of,
-)
+from supersampler.cli.arguments import display_transform_of, open_with, source_notes, source_of
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ArgumentError
 
@@ -26,7 +19,7 @@ _JOB_OPTIONS = (
     "output", "preroll", "scale", "compare", "maps", "threads", "precision", "at_rest", "preset", "passes",
     "scratch", "validate", "record", "overwrite", "json",
 )  # fmt: skip
-"""Parameters that `UpscaleJob` has by the same name."""
+"""Parameters that are passed to `UpscaleJob` unchanged."""
 
 
 def upscale(
@@ -150,10 +143,8 @@ def upscale(
       supersampler upscale plaza -o out --compare
       supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler upscale shots/city -o out --format png --view "ACES 2.0 - SDR 100 nits (Rec.709)"
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.cli.job import UpscaleJob, open_for
-    from supersampler.cli.results import name_pattern
-    from supersampler.cli.run import run_job
+    """  # noqa: D301  # \b: click keeps the line breaks
+    from supersampler.cli.upscale_run import UpscaleJob, open_for, run_upscale
     from supersampler.io.shot.numbered import FrameRange
 
     given = dict(locals())
@@ -164,8 +155,7 @@ def upscale(
     if record is not None and passes > 1:
         raise ArgumentError("--record", got="given with --passes 2", want="one pass, in order")
     numbers = None if frames is None else FrameRange.parse(frames, "--frames")
-    size = None if display_size is None else parse_size(display_size, "--display-size")
-    name = None if name is None else name_pattern(name)
+    size = None if display_size is None else arguments.parse_size(display_size, "--display-size")
     console, note = Terminal(stderr=True), ""
     if numbers is None:
         opened = open_with(shot, given)
@@ -176,30 +166,30 @@ def upscale(
     job = UpscaleJob(
         shot=opened,
         source=source_of(given),
-        images=image_options(opened, given, name),
+        images=image_options(opened, given),
         numbers=numbers,
         model=model or method,
         display_size=size,
-        providers=parse_providers(providers),
+        providers=arguments.parse_providers(providers),
         skip=not no_skip,
         extrapolation=extrapolate,
         console=console,
         **{key: given[key] for key in _JOB_OPTIONS},
     )
-    results = run_job(job)
+    results = run_upscale(job)
     if json:
         return
     if record is not None:
         echo(f"Replay: supersampler replay {record}")
     if job.images.video:
-        echo(f"Video: {output / results.video}")
+        echo(f"Video: {output / results.record.video}")
     if compare:
-        echo(f"Open in a browser: {output / results.page}")
+        echo(f"Open in a browser: {output / results.record.page}")
 
 
-def image_options(shot: "Shot", options: dict[str, Any], name: str | None) -> "ImageOptions":
-    """Return the options of the images of a shot; by default sRGB-encoded frames come back as they were."""
-    from supersampler.cli.results import ImageOptions, checked_name
+def image_options(shot: "Shot", options: dict[str, Any]) -> "ImageOptions":
+    """Return the options of a shot's images; by default, sRGB-encoded frames keep their format and bits."""
+    from supersampler.cli.results import ImageOptions, name_pattern
     from supersampler.io.display_transforms import REC709
     from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
@@ -208,7 +198,7 @@ def image_options(shot: "Shot", options: dict[str, Any], name: str | None) -> "I
     same = srgb and stored.format in ("png", "tif")
     return ImageOptions(
         formats=[str(item) for item in options["format"] or [stored.format if same else "exr"]],
-        name=name or checked_name(shot.info.file_names),
+        name=name_pattern(shot.info.file_names if options["name"] is None else options["name"]),
         transform=display_transform_of(space or REC709, srgb=srgb, options=options),
         compression=options["compression"],
         straight_alpha=stored.format in ("png", "tif"),

@@ -1,6 +1,6 @@
-"""Convert frames between the conventions of engines: units, signs, axes, jitter, depth; docs/conventions.md.
+"""Conversion of frames between the conventions of engines: units, signs, axes, jitter, depth.
 
-No file is read here.
+docs/conventions.md describes them.
 """
 
 from supersampler.conventions.camera_motion import camera_motion

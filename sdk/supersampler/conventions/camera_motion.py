@@ -15,7 +15,7 @@ from supersampler.frame import Array, Float32, as_array
 Matrix = NDArray[np.float64]
 ClipDepth = Literal["zero_to_one", "minus_one_to_one"]
 
-_PARALLEL = 1e-5  # of the depth row to the w row of a matrix: the rounding of float32 matrices
+_PARALLEL = 1e-5  # maximum relative deviation of parallel matrix rows: rounding of float32 matrices
 
 
 @ieee_arithmetic
@@ -30,9 +30,8 @@ def camera_motion(
 ) -> Float32:
     """Return `Frame.motion` of static geometry: where the previous camera saw each sample.
 
-    The depth places each sample in clip space, and previous_view_projection @ inverse(view_projection) takes
-    it to the previous clip space. The sky moves as the camera turns. Moving objects must
-    write their own motion.
+    Depth places each sample in clip space; previous_view_projection @ inverse(view_projection) maps it to the
+    previous clip space. The sky moves as the camera turns. Moving objects must write their own motion.
 
     Args:
         depth: (h, w), row 0 on top. Without `near`, the depth buffer's values in [0, 1], as `view_projection`
@@ -41,29 +40,37 @@ def camera_motion(
         view_projection: (4, 4) of this frame, projection @ view, without jitter; row-major, acting on column
             vectors; clip space y points up. Transpose the matrices of an engine with row vectors (Direct3D,
             Unreal); negate row 1 of a Vulkan projection whose y points down.
-        previous_view_projection: the same for the previous frame.
+        previous_view_projection: as `view_projection`, of the previous frame.
         jitter: (x right, y down) of this frame, in render pixels.
         near: the distance that `Frame.depth` is relative to, > 0.
-        clip: clip space depth / w of what the depth buffer shows as 0 to 1: "zero_to_one" (Direct3D, Vulkan,
-            Metal, WebGPU, OpenGL with glClipControl) or "minus_one_to_one" (OpenGL).
+        clip: range of z / w in clip space that the depth buffer maps to [0, 1]: "zero_to_one" (Direct3D,
+            Vulkan, Metal, WebGPU, OpenGL with glClipControl) or "minus_one_to_one" (OpenGL).
 
     Returns:
-        (h, w, 2) float32: previous minus current, render pixels, x right and y down, without jitter. What was
-        behind the previous camera gets a vector that points out of the image.
+        (h, w, 2) float32: previous minus current, render pixels, x right and y down, without jitter. The
+        vector of a sample behind the previous camera points out of the image.
 
     Raises:
         LibraryError: the CPU library cannot be loaded.
         ArgumentError: `depth` is not (h, w) of floats, a matrix is not 4 x 4, finite and invertible, `jitter`
             is not two finite numbers, `near` is not > 0 or was given with a matrix that is not perspective.
     """
-    buffer = _checked_depth(depth)
+    buffer = as_array("depth", depth, ArgumentError)
+    if buffer.ndim != 2 or 0 in buffer.shape or buffer.dtype.kind != "f":
+        raise ArgumentError("depth", got=shown(buffer), want="(h, w) floats, at least one pixel")
+    buffer = readable(buffer)
     current = checked_matrix("view_projection", view_projection).astype(np.float64)
     previous = checked_matrix("previous_view_projection", previous_view_projection).astype(np.float64)
     if checked_choice("clip", clip, get_args(ClipDepth)) == "minus_one_to_one":
-        current[2] = (current[2] + current[3]) / 2.0  # as in the depth buffer; X, Y and W are unchanged
+        current[2] = (current[2] + current[3]) / 2.0  # as in the depth buffer; x, y and w are unchanged
     to_clip, far_depth = _to_clip_space(current, near)
-    to_clip[2, 3] += to_clip[2, 2] * far_depth  # depth counts from there: far away none of it is rounded
-    to_previous = np.ascontiguousarray(previous @ _inverse(current) @ to_clip)
+    to_clip[2, 3] += to_clip[2, 2] * far_depth  # depth relative to the far plane loses no bits there
+    try:
+        from_clip = np.linalg.inv(current)
+    except np.linalg.LinAlgError:
+        got = shown(current.tolist())
+        raise ArgumentError("view_projection", got=got, want="an invertible matrix") from None
+    to_previous = np.ascontiguousarray(previous @ from_clip @ to_clip)
     height, width = buffer.shape
     motion = np.empty((height, width, 2), np.float32)
     offset = (c_float * 2)(*finite_jitter(jitter))
@@ -74,25 +81,8 @@ def camera_motion(
     return motion
 
 
-def _checked_depth(depth: Array) -> Array:
-    array = as_array("depth", depth, ArgumentError)
-    if array.ndim != 2 or 0 in array.shape:
-        raise ArgumentError("depth", got=f"of shape {array.shape}", want="(h, w), at least one pixel")
-    if array.dtype.kind != "f":
-        raise ArgumentError("depth", got=array.dtype, want="floats")
-    return readable(array)
-
-
-def _inverse(view_projection: Matrix) -> Matrix:
-    try:
-        return np.linalg.inv(view_projection).astype(np.float64, copy=False)
-    except np.linalg.LinAlgError:
-        got = shown(view_projection.tolist())
-        raise ArgumentError("view_projection", got=got, want="an invertible matrix") from None
-
-
 def _to_clip_space(matrix: Matrix, near: float | None) -> tuple[Matrix, float]:
-    """Return the matrix from (x, y, depth, 1) to clip space / w, and the depth of the farthest, 0 or 1."""
+    """Return the matrix from (x, y, depth, 1) to clip space / w, and the depth of the far plane, 0 or 1."""
     # In a perspective, z / w = far + slope / w: the rows of z and w have parallel directions.
     z, w = matrix[2], matrix[3]
     squared = float(w[:3] @ w[:3])

@@ -1,4 +1,4 @@
-"""Units, signs and spaces of engines (`Conventions`), and the `Converter` of frames to ours and back."""
+"""Units, signs and spaces of an engine (`Conventions`), and conversion of its frames to ours and back."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -8,13 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import as_number, checked_choice, checked_size, ieee_arithmetic
-from supersampler.conventions.encodings import (
-    DepthKind,
-    from_reversed_infinite,
-    srgb_decoded,
-    srgb_encoded,
-    to_reversed_infinite,
-)
+from supersampler.conventions import encodings
+from supersampler.conventions.encodings import DepthKind
 from supersampler.errors import ArgumentError, FrameError, did_you_mean, shown
 from supersampler.frame import (
     Array,
@@ -32,9 +27,10 @@ Unit = Literal["pixels", "uv", "ndc"]
 Direction = Literal["previous_minus_current", "current_minus_previous"]
 NextDirection = Literal["next_minus_current", "current_minus_next"]
 Resolution = Literal["render", "display"]
+_Motion = Literal["motion", "motion_next"]
 _Pair = tuple[float, float]
 
-_MIN_FACTOR, _MAX_FACTOR = 1e-30, 1e30  # factors for single precision
+_MIN_FACTOR, _MAX_FACTOR = 1e-30, 1e30  # range of factors in single precision
 _RANGE = f"{_MIN_FACTOR:g} to {_MAX_FACTOR:g}"
 
 
@@ -49,7 +45,7 @@ class RawFrame:
         jitter: (x, y) in the unit `Conventions.jitter_unit`; None is no jitter.
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies the colour before the tone curve, or None.
-        pre_exposure: factor by which the renderer has multiplied the colour.
+        pre_exposure: factor that the renderer has already multiplied the colour by.
         reactive: (h, w) at render size, in [0, 1], or None.
         gbuffer: G-buffers at render size, with the names of `Frame`.
         gbuffer_display: G-buffers at display size, with the names of `Frame`; its depth is of `depth`'s kind.
@@ -57,7 +53,7 @@ class RawFrame:
         motion_next: (h, w, 2) or (H, W, 2), as `motion`: to the next frame, in the unit and signs of `motion`
             and the direction `Conventions.motion_next_direction`.
         ids: (h, w, k) at render size.
-        aov_names: names of the k AOVs' channels in files of results; None numbers them.
+        aov_names: names of the k AOVs' channels in output files; None numbers them.
     """
 
     depth: Array
@@ -78,36 +74,36 @@ class RawFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Conventions:
-    """Units, signs and spaces of an engine's frames. The defaults are those of `Frame`.
+    """Units, signs and spaces of an engine's frames. The defaults are the conventions of `Frame`.
 
-    Units: "pixels" are those of the buffer's own grid; "uv" spans the image from 0 to 1, "ndc" from -1 to 1.
-    x points right; y points down, but up in "ndc". A `flip_y` reverses y.
+    Units: "pixels" are pixels of the buffer; "uv" spans the image from 0 to 1, "ndc" from -1 to 1. x points
+    right; y points down, but up in "ndc". A `flip_y` reverses y.
 
     Attributes:
         motion_unit: unit of the vectors after `motion_scale`.
-        motion_scale: (x, y), not 0, factor of the stored vectors: FSR's motionVectorScale, Streamline's
-            mvecScale, XeSS's velocity scale.
+        motion_scale: (x, y), not 0, factor that multiplies the stored vectors: FSR's motionVectorScale,
+            Streamline's mvecScale, XeSS's velocity scale.
         motion_direction: "previous_minus_current" vectors are added to a pixel to find it in the previous
             frame, "current_minus_previous" ones are subtracted.
         motion_next_direction: direction of `motion_next`: "next_minus_current" vectors are added to a pixel
             to find it in the next frame, "current_minus_next" ones are subtracted.
-        motion_flip_y: True where y is opposite to that of the unit.
+        motion_flip_y: True if y of the vectors is opposite to y of the unit.
         motion_resolution: "render"; or "display": vectors at display size, already dilated. Each render pixel
             takes the vector at its centre + jitter.
-        motion_jittered: True where the vectors contain the change of the jitter between the two frames.
+        motion_jittered: True if the vectors contain the change of the jitter between the two frames.
         depth: "reversed_infinite" near / distance; "reversed" 1 at the near plane, 0 at the far plane;
             "forward" 0 at the near plane, 1 at the far plane; "forward_infinite" 1 - near / distance;
             "linear" distance along the view axis, 0 or infinite at the sky.
-        near: distance of the near plane, > 0, also where depth is reversed. It is used with a finite far
-            plane and with linear depth, where it changes no image.
+        near: distance of the near plane, > 0, also if depth is reversed. Used with a finite far plane, and
+            with linear depth, where it changes no image.
         far: distance of the far plane, > near. "reversed" and "forward" need it; for "linear", surfaces at
             this distance and beyond are sky.
         jitter_unit: unit of the jitter.
         jitter_sign: +1: the sample is taken at the pixel's centre + jitter; -1: at centre - jitter (the image
             moves by + jitter).
-        jitter_flip_y: True where y is opposite to that of the unit.
-        bottom_up: True where row 0 is the bottom row. It does not affect the y of vectors.
-        srgb: True where colour is sRGB-encoded; it is decoded to linear.
+        jitter_flip_y: True if y of the jitter is opposite to y of the unit.
+        bottom_up: True if row 0 is the bottom row. It does not affect the y of vectors.
+        srgb: True if colour is sRGB-encoded; it is decoded to linear.
 
     Raises:
         ArgumentError: a field has a value that is not allowed, or contradicts another.
@@ -143,7 +139,7 @@ class Conventions:
 
     def _check_planes(self) -> None:
         if not _is_usable(self.near) or self.near <= 0:
-            hint = "near is the distance of the near plane, also where depth is reversed."
+            hint = "near is the distance of the near plane, also if depth is reversed."
             want = f"a finite distance > 0, {_RANGE}"
             raise ArgumentError("near", got=shown(self.near), want=want, hint=hint)
         if self.far is None:
@@ -153,7 +149,7 @@ class Conventions:
                 raise ArgumentError("far", got=None, want=want, hint=hint)
             return
         if not _is_usable(self.far) or self.far <= self.near:
-            hint = "far is the farther plane, also where depth is reversed."
+            hint = "far is the farther plane, also if depth is reversed."
             want = f"finite and > near = {self.near}, or None"
             raise ArgumentError("far", got=shown(self.far), want=want, hint=hint)
         if self.depth.endswith("infinite"):
@@ -164,7 +160,7 @@ class Conventions:
         return f"Conventions({', '.join(f'{name}={value!r}' for name, value in self._changed().items())})"
 
     def converter(self, *, display_size: Size | None = None) -> "Converter":
-        """Return a converter for one sequence of frames, which are to be converted in order.
+        """Return a converter for one sequence of frames, to be converted in order.
 
         Args:
             display_size: (width, height), needed only by `Converter.from_frame` with motion at display size.
@@ -174,32 +170,27 @@ class Conventions:
         """
         return Converter(self, display_size=display_size)
 
-    def motion_factor(self, size: Size, buffer_size: Size) -> tuple[float, float]:
-        """Return the factor (x, y) from a stored vector to render pixels, previous minus current.
+    def motion_factor(self, size: Size, buffer_size: Size, name: _Motion = "motion") -> tuple[float, float]:
+        """Return the factor (x, y) from a stored vector to render pixels, other frame minus current.
 
         Args:
             size: render size.
             buffer_size: size of the motion buffer: render or display size.
+            name: "motion" to the previous frame, or "motion_next" to the next.
         """
-        return self._vector_factor(size, buffer_size, self.motion_direction == "previous_minus_current")
-
-    def motion_next_factor(self, size: Size, buffer_size: Size) -> tuple[float, float]:
-        """Return the factor (x, y) from a stored `motion_next` to render pixels, next minus current."""
-        return self._vector_factor(size, buffer_size, self.motion_next_direction == "next_minus_current")
+        direction = self.motion_direction if name == "motion" else self.motion_next_direction
+        sign = 1.0 if direction.endswith("minus_current") else -1.0
+        x, y = _pixels_per_unit(self.motion_unit, size, buffer_size)
+        scale_x, scale_y = self.motion_scale
+        return sign * scale_x * x, sign * scale_y * (-y if self.motion_flip_y else y)
 
     def jitter_factor(self, size: Size) -> tuple[float, float]:
         """Return the factor (x, y) from a stored jitter to render pixels, pixel centre to sample."""
         x, y = _pixels_per_unit(self.jitter_unit, size, size)
         return self.jitter_sign * x, self.jitter_sign * (-y if self.jitter_flip_y else y)
 
-    def _vector_factor(self, size: Size, buffer_size: Size, to_other_frame: bool) -> tuple[float, float]:
-        x, y = _pixels_per_unit(self.motion_unit, size, buffer_size)
-        sign = 1.0 if to_other_frame else -1.0
-        scale_x, scale_y = self.motion_scale
-        return sign * scale_x * x, sign * scale_y * (-y if self.motion_flip_y else y)
-
     def to_json(self) -> dict[str, Any]:
-        """Return the fields that are not defaults as a dict of JSON values."""
+        """Return the fields that differ from the defaults as a dict of JSON values."""
         changed = self._changed().items()
         return {name: list(value) if isinstance(value, tuple) else value for name, value in changed}
 
@@ -209,7 +200,7 @@ class Conventions:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:
-        """Return the conventions of a dict of `to_json`; missing fields are defaults.
+        """Return the conventions from a dict of `to_json`; missing fields are defaults.
 
         Raises:
             ArgumentError: it is not a mapping, a key is unknown, or a value is not allowed.
@@ -232,8 +223,8 @@ class Conventions:
         """AMD FSR 2 and 3, Arm ASR: motion in pixels, previous minus current; the image moves by + jitter.
 
         `motion_scale` is motionVectorScale: (W, H) for vectors in UV, and (0.5 W, -0.5 H) for NDC. (FSR's
-        README shows (W, H) for NDC, which is twice too long and upside down.) Depth is what FSR recommends,
-        reversed with an infinite far plane; without its flags use depth="forward", near=, far=.
+        README shows (W, H) for NDC, which is twice too long and upside down.) Depth is reversed with an
+        infinite far plane, as FSR recommends; without its flags use depth="forward", near=, far=.
 
         Sources: FidelityFX-FSR2 README "Camera jitter" (translation by 2 x / W, -2 y / H on the left of the
         projection); ffx_fsr2.cpp (motionVectorScale / target size); ffx_fsr2_upsample.h (sample at - jitter);
@@ -262,8 +253,8 @@ class Conventions:
         eFalse is depth="forward_infinite" or "forward", motionVectorsJittered is motion_jittered=True. NGX
         itself takes pixels: motion_unit="pixels" and InMVScale as `motion_scale`.
 
-        Sources: Streamline sl_consts.h, ProgrammingGuideDLSS.md section 6. The jitter's sign is not written
-        there; evidence: OptiScaler hands NGX's Jitter_Offset to FSR 2 and XeSS unchanged.
+        Sources: Streamline sl_consts.h, ProgrammingGuideDLSS.md section 6. They do not state the jitter's
+        sign; OptiScaler passes NGX's Jitter_Offset to FSR 2 and XeSS unchanged.
         """
         return cls._preset({"motion_unit": "uv", "jitter_sign": -1}, overrides)
 
@@ -271,10 +262,10 @@ class Conventions:
     def unreal(cls, **overrides: Any) -> Self:
         """Unreal Engine: velocity in NDC, current minus previous; TemporalJitterPixels with FSR's sign.
 
-        Decode the velocity buffer first, with the engine's DecodeVelocityFromTexture, and where its x is 0
+        Decode the velocity buffer first, with the engine's DecodeVelocityFromTexture. Where its x is 0,
         compute the camera's motion from depth and ClipToPrevClip. By hand: v = (stored - 32767 / 65535) /
-        0.2495, and from shader model 5 on (VELOCITY_ENCODE_GAMMA in 5.7 and 5.8) v |v| / 2 of that. An
-        exported SceneDepth is depth="linear".
+        0.2495, then, from shader model 5 on (VELOCITY_ENCODE_GAMMA in 5.7 and 5.8), v |v| / 2. An exported
+        SceneDepth is depth="linear".
 
         Sources: accuracy-super-resolution-for-unreal, ConvertVelocity.usf (decoding; v (-0.5, 0.5) is FSR's);
         SceneVisibility.cpp, HackAddTemporalAAProjectionJitter(2 x / W, -2 y / H); Arm's capture plugin
@@ -287,11 +278,11 @@ class Conventions:
     def unity(cls, **overrides: Any) -> Self:
         """Unity HDRP: motion in UV, current minus previous; taaJitter moves the camera, in pixels.
 
-        Rows are those of Unity's textures, from v = 0 on, as shaders, ReadPixels and AsyncGPUReadback give
-        them: the image is upside down, and so are y of motion and jitter, on every platform. For images the
-        right way up add motion_flip_y=True and jitter_flip_y=True, to arrays of ReadPixels bottom_up=True,
-        too (EncodeToEXR turns the rows itself). In URP the jitter moves the image: jitter_sign=-1. Set near
-        and far to the camera's; these are Unity's defaults.
+        Rows begin at v = 0, as shaders, ReadPixels and AsyncGPUReadback read Unity's textures: the image is
+        upside down, and so are y of motion and jitter, on every platform. For upright images add
+        motion_flip_y=True and jitter_flip_y=True; for arrays of ReadPixels also bottom_up=True (EncodeToEXR
+        flips the rows itself). In URP the jitter moves the image: jitter_sign=-1. Set near and far to the
+        camera's; the preset has Unity's defaults.
 
         Sources: script reference, AMD.FSR2Context.executeData (FSR's jitter is - taaJitter and its
         motionVectorScale - (w, h), in x and y alike); HDCamera.cs, GetJitteredProjectionMatrix; HDRP
@@ -309,8 +300,8 @@ class Conventions:
         """Godot 4.3 and later: velocity in UV, previous minus current; taa_jitter in NDC with y down.
 
         The jitter is - (P.z.x, P.z.y) of P = RenderSceneData.get_cam_projection(), for a camera without
-        offset. With a temporal 3D scaling mode, velocity is (-1, -1) where only the camera moves: fill it by
-        `camera_motion`. Set near and far to the camera's; these are Godot's defaults.
+        offset. With a temporal 3D scaling mode, velocity is (-1, -1) where only the camera moves: fill these
+        pixels with `camera_motion`. Set near and far to the camera's; the preset has Godot's defaults.
 
         Sources: scene_forward_clustered.glsl (motion_vector); render_scene_data_rd.cpp (correction,
         add_jitter_offset); render_forward_clustered.cpp (FSR 2's jitter is taa_jitter size / 2; velocity
@@ -326,12 +317,11 @@ class Conventions:
     def blender(cls, **overrides: Any) -> Self:
         """Blender's Cycles passes: Vector's X and Y in pixels, y up, previous minus current; Z is distance.
 
-        Vector's Z and W are current minus next.
+        Vector's Z and W are current minus next. The sky's Z is 1e10. Blender has no jitter of its own: a
+        camera with shift_x = x / max(w, h) and shift_y = -y / max(w, h) samples at the pixel's centre +
+        (x, y), which is this package's sign.
 
-        The sky's Z is 1e10. Blender has no jitter of its own: a camera with shift_x = x / max(w, h) and
-        shift_y = -y / max(w, h) samples at the pixel's centre + (x, y), which is this package's sign.
-
-        Source: rendered and measured; a converged image that is warped so matches the next.
+        Source: measured; a converged image, warped by these vectors, matches the next.
         """
         preset = {
             "motion_next_direction": "current_minus_next", "motion_flip_y": True,
@@ -356,10 +346,10 @@ class Conventions:
     def vtk(cls, **overrides: Any) -> Self:
         """VTK and PyVista: GetZbufferData of a perspective camera, GetPixelData, jitter by SetWindowCenter.
 
-        Rows are bottom-up, those of `motion` too. VTK has no motion vectors: `camera_motion` makes those of
-        the camera, of flipped depth, with clip="minus_one_to_one". Set near and far to the camera's clipping
-        range, which must stay the same between resets; these are VTK's defaults. The jitter is what was added
-        to the window centre: (2 x / w, -2 y / h) samples at the pixel's centre + (x, y).
+        Rows are bottom-up, also in `motion`. VTK has no motion vectors: `camera_motion` computes the camera's
+        from flipped depth, with clip="minus_one_to_one". Set near and far to the camera's clipping range,
+        which must stay the same between resets; the preset has VTK's defaults. The jitter is the offset of
+        the window centre: (2 x / w, -2 y / h) samples at the pixel's centre + (x, y).
 
         Sources: vtkCamera.cxx, ComputeProjectionTransform (the window centre moves the frustum, in units of
         half the view); vtkOpenGLRenderWindow.cxx, GetZbufferData (z / w of -1 to 1 as 0 to 1).
@@ -376,11 +366,11 @@ PRESETS: Mapping[str, Callable[..., Conventions]] = {
     "godot": Conventions.godot, "blender": Conventions.blender, "arm_gym": Conventions.arm_gym,
     "vtk": Conventions.vtk,
 }  # fmt: skip
-"""Conventions by name, as `--conventions` takes them; "supersampler" are those of `Frame`."""
+"""Conventions by name, for `--conventions`; "supersampler" is the package's own, as in `Frame`."""
 
 
 class Converter:
-    """Converts the frames of one sequence, in order; made by `Conventions.converter`.
+    """Converts the frames of one sequence, in order; `Conventions.converter` makes it.
 
     Its only state is the previous frame's jitter, for jittered motion vectors. A refused frame leaves it
     unchanged. The two directions are independent of each other.
@@ -398,7 +388,7 @@ class Converter:
 
         Raises:
             FrameError: an input has a shape, type or range that these conventions do not allow.
-            ArgumentError: it is no RawFrame.
+            ArgumentError: the argument is not a RawFrame.
         """
         if not isinstance(raw, RawFrame):
             raise ArgumentError("raw", got=shown(raw), want="a supersampler.RawFrame")
@@ -424,7 +414,7 @@ class Converter:
 
         Raises:
             FrameError: the depth has surfaces beyond the far plane.
-            ArgumentError: it is no Frame; or motion is at display size and `display_size` was not given.
+            ArgumentError: the argument is not a Frame; or motion is at display size, without `display_size`.
         """
         checked_frame(frame)
         shift = self._shift(frame.jitter, frame.size, None if frame.reset else self._previous_out)
@@ -450,13 +440,13 @@ class Converter:
         return np.ascontiguousarray(array[::-1]) if self.conventions.bottom_up else array
 
     def _converted(self, source: RawFrame | Frame, *, encode: bool = False) -> dict[str, Any]:
-        """Return the fields that both directions convert alike, but for sRGB and the kind of depth."""
+        """Return the fields that both directions convert alike; `encode` reverses sRGB and kind of depth."""
         color, reactive, aovs = (
             None if array is None else self._rows(_floating(name, array))
             for name, array in (("color", source.color), ("reactive", source.reactive), ("aovs", source.aovs))
         )
         if color is not None and self.conventions.srgb:
-            color = srgb_encoded(color) if encode else srgb_decoded(color)
+            color = encodings.srgb_encoded(color) if encode else encodings.srgb_decoded(color)
         return {
             "color": color,
             "reactive": reactive,
@@ -470,7 +460,7 @@ class Converter:
 
     def _depth(self, depth: Array, *, encode: bool = False) -> NDArray[np.float32]:
         kind = self.conventions
-        convert = from_reversed_infinite if encode else to_reversed_infinite
+        convert = encodings.from_reversed_infinite if encode else encodings.to_reversed_infinite
         return convert(depth, kind.depth, kind.near, kind.far)
 
     def _gbuffer(
@@ -492,21 +482,16 @@ class Converter:
         return checked_jitter((_snapped(x * scale_x), _snapped(y * scale_y)))
 
     def _shift(self, jitter: _Pair, size: Size, previous: _Pair | None) -> _Pair:
-        """Return what jitter adds to a vector: current minus previous jitter, in render pixels.
+        """Return the jitter in a vector: current minus previous jitter, in render pixels.
 
-        The image moves by - jitter, so that previous minus current position changes by that.
+        The image moves by - jitter, so this adds to the previous minus current position.
         """
         if not self.conventions.motion_jittered or previous is None:
             return 0.0, 0.0
         return jitter[0] - previous[0] * size[0], jitter[1] - previous[1] * size[1]
 
-    def _factor(self, name: str, size: Size, buffer_size: Size) -> _Pair:
-        stated = self.conventions
-        factor = stated.motion_factor if name == "motion" else stated.motion_next_factor
-        return factor(size, buffer_size)
-
     def _vectors_in(
-        self, name: str, stored: Array, jitter: _Pair, size: Size, shift: _Pair = (0.0, 0.0)
+        self, name: _Motion, stored: Array, jitter: _Pair, size: Size, shift: _Pair = (0.0, 0.0)
     ) -> Array:
         """Return the vectors of the render pixels, in render pixels."""
         vectors = self._rows(_floating(name, stored))
@@ -517,14 +502,14 @@ class Converter:
                 for axis in (0, 1)
             )
             vectors = _sampled(vectors, x, y)
-        factor = self._factor(name, size, buffer_size)
+        factor = self.conventions.motion_factor(size, buffer_size, name)
         if factor == (1.0, 1.0) and shift == (0.0, 0.0):
             return vectors
         pixels: NDArray[np.float32] = vectors.astype(np.float32) * _vector(factor) - _vector(shift)
         return pixels
 
-    def _vectors_out(self, name: str, frame: Frame, shift: _Pair = (0.0, 0.0)) -> Array:
-        """Return the vectors of the pixels of the buffer, in the unit of these conventions."""
+    def _vectors_out(self, name: _Motion, frame: Frame, shift: _Pair = (0.0, 0.0)) -> Array:
+        """Return the vectors of the motion buffer's pixels, in the unit of these conventions."""
         vectors, size = getattr(frame, name), frame.size
         buffer_size = size
         if self.conventions.motion_resolution == "display":
@@ -534,13 +519,13 @@ class Converter:
                 for axis in (0, 1)
             )
             vectors = _sampled(vectors, x, y)
-        factor = self._factor(name, size, buffer_size)
+        factor = self.conventions.motion_factor(size, buffer_size, name)
         if factor != (1.0, 1.0) or shift != (0.0, 0.0):
             vectors = (vectors.astype(np.float32) + _vector(shift)) / _vector(factor)
         return self._rows(vectors)
 
     def _motion_next_in(self, raw: RawFrame, jitter: _Pair, size: Size) -> Array | None:
-        """Return `Frame.motion_next`; FrameError where it contains jitter, the next frame's."""
+        """Return `Frame.motion_next`; FrameError if it contains jitter: the next frame's is not known."""
         if raw.motion_next is None:
             return None
         if self.conventions.motion_jittered:
@@ -617,7 +602,7 @@ def _checked_motion_size(name: str, motion: NDArray[Any], size: Size, resolution
 
 
 def _sampled(vectors: Array, x: NDArray[np.float64], y: NDArray[np.float64]) -> Array:
-    """Return the vectors of the pixels that contain the positions, clamped to the image."""
+    """Return the vectors of the pixels that contain these positions, clamped to the image."""
     rows, columns = (
         np.clip(np.floor(position).astype(np.intp), 0, count - 1)
         for position, count in zip((y, x), vectors.shape, strict=False)
@@ -634,5 +619,5 @@ def _in_uv(jitter: _Pair, size: Size) -> _Pair:
 
 
 def _snapped(jitter: float) -> float:
-    """Clamp a jitter that exceeds half a pixel by rounding: float32 UV or NDC is not exact."""
+    """Clamp a jitter that exceeds half a pixel only by rounding: float32 UV or NDC is not exact."""
     return max(-0.5, min(0.5, jitter)) if abs(jitter) <= 0.5 + 1e-4 else jitter

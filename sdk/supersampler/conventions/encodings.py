@@ -1,4 +1,4 @@
-"""Convert every kind of depth buffer to near / view distance, and back."""
+"""Conversion between kinds of depth, and between linear and sRGB-encoded colour."""
 
 from typing import Literal
 
@@ -18,13 +18,13 @@ def to_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: float 
             0 is the sky, too.
         kind: see `Conventions.depth`.
         near: distance of the near plane, > 0, in the unit of linear depth.
-        far: distance of the far plane; None only where `kind` needs none.
+        far: distance of the far plane; None if `kind` needs none.
     """
     values = depth.astype(np.float32, copy=False)
     if kind == "reversed_infinite":
         return values
     if kind == "linear":
-        # no surface is at distance 0: renderers write it where nothing is
+        # renderers write 0 at the sky
         inverse = np.divide(np.float32(near), values, out=np.zeros_like(values), where=values != 0)
         return inverse if far is None else np.where(values >= far, np.float32(0), inverse)
     if kind.startswith("forward"):
@@ -37,7 +37,7 @@ def from_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: floa
     """Return (h, w) depth of `kind`: the inverse of `to_reversed_infinite`.
 
     Raises:
-        FrameError: a surface lies beyond the far plane, where this kind of depth has no values.
+        FrameError: a surface lies beyond the far plane, which this kind of depth cannot represent.
     """
     values = depth.astype(np.float32, copy=False)
     if kind == "reversed_infinite":

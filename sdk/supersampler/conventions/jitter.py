@@ -20,9 +20,8 @@ from supersampler.frame import Size
 def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
     """Raise FrameError unless a method with these ratios (min, max) upscales between the sizes.
 
-    A range allows for the rounding of either size to whole pixels: some sizes less than a pixel larger or
-    smaller have a ratio in it. A method with one ratio computes whole blocks of display pixels for each
-    render pixel, and needs exactly that multiple of the render size.
+    A range allows for the rounding of both sizes to whole pixels. A method with a single ratio computes a
+    whole block of display pixels for each render pixel, and needs exactly that multiple of the render size.
     """
     low, high = ratios
     if low == high:
@@ -35,7 +34,7 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
         raise FrameError(
             "size",
             got=f"{render_size}, for a display of {display_size}",
-            want=f"{' or '.join(possible) or 'others'}: this method upscales exactly {low:g} times",
+            want=f"{' or '.join(possible) or 'other sizes'}: this method upscales exactly {low:g} times",
             hint="Sizes are (width, height).",
         )
     for axis, name in enumerate(("width", "height")):
@@ -52,24 +51,20 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
 
 
 def only_ratio(ratios: tuple[float, float]) -> float | None:
-    """Return the only ratio, where both ends are equal; None for a range."""
+    """Return the single ratio of a method whose range has equal ends; None for other ranges."""
     low, high = ratios
     return low if low == high else None
 
 
 def scaled(size: Size, ratio: float) -> Size | None:
-    """Return a size `ratio` times as large; None where it is not whole pixels."""
+    """Return a size times `ratio`; None if the result is not whole pixels."""
     exact = Fraction(ratio).limit_denominator(1000)  # 0.333... is 1/3
     width, height = size[0] * exact, size[1] * exact
     return (int(width), int(height)) if width.denominator == height.denominator == 1 else None
 
 
 def display_size_of(render_size: Size, scale: float) -> Size:
-    """Return the display size that is `scale` times a render size, rounded to whole pixels.
-
-    Raises:
-        ArgumentError: it is not an image size.
-    """
+    """Return a render size times `scale`, rounded to whole pixels; ArgumentError if that is no image size."""
     return checked_size("display_size", (round(render_size[0] * scale), round(render_size[1] * scale)))
 
 
@@ -156,7 +151,7 @@ def jittered_projection(
 ) -> NDArray[np.floating[Any]]:
     """Return the projection that moves the image by - `jitter`: pixels are sampled at centre + jitter.
 
-    It is a translation in clip space on the left of `matrix`, for any projection and depth range.
+    Multiplies `matrix` by a translation in clip space from the left, for any projection and depth range.
 
     Args:
         matrix: (4, 4), row-major, acting on column vectors (clip = matrix @ view); clip space y points up.
@@ -165,7 +160,7 @@ def jittered_projection(
         render_size: (width, height).
 
     Returns:
-        (4, 4), of the type of `matrix` where that is a floating type, else float64.
+        (4, 4), of the type of `matrix` if that is a floating type, otherwise float64.
 
     Raises:
         ArgumentError: `matrix` is not 4 x 4, `jitter` not two finite numbers, or the size not whole and > 0.
@@ -198,11 +193,7 @@ def _checked_scale(scale: float) -> float:
 
 
 def checked_matrix(name: str, matrix: ArrayLike) -> NDArray[Any]:
-    """Return a matrix as an array.
-
-    Raises:
-        ArgumentError: it is not 4 x 4, or its elements are not finite numbers.
-    """
+    """Return a matrix as an array; ArgumentError if it is not 4 x 4 finite numbers."""
     try:
         array = np.asarray(matrix)
     except Exception:  # rows of several lengths, or an error of a user's class
@@ -215,11 +206,7 @@ def checked_matrix(name: str, matrix: ArrayLike) -> NDArray[Any]:
 
 
 def finite_jitter(jitter: Sequence[float]) -> tuple[float, float]:
-    """Return a jitter of any length as two floats.
-
-    Raises:
-        ArgumentError: it is not two finite numbers.
-    """
+    """Return a jitter, not limited to one pixel, as two floats; ArgumentError if it is not finite numbers."""
     pair = [as_number(value) for value in jitter] if is_row(jitter) else []
     if len(pair) != 2 or not all(value is not None and math.isfinite(value) for value in pair):
         raise ArgumentError("jitter", got=shown(jitter), want="(x, y) in render pixels")

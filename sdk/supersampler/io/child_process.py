@@ -1,11 +1,11 @@
-"""Child processes that end with this process, however it ends: by an error, by a signal, or killed.
+"""Child processes that end with this process, whether it ends normally, by an error, or by a signal.
 
 A supervisor runs the program. A pipe connects it with this process, and closes when this process ends or
-calls `stop`. The supervisor then ends the program and what that has started: by SIGTERM, and after `GRACE`
-seconds by SIGKILL. On Windows it ends the program alone. A frozen application has no Python interpreter to
-run the supervisor: there `close` ends the program, but nothing does once the application is killed.
+calls `stop`. The supervisor then ends the program and the processes that the program started: by SIGTERM, and
+after `GRACE` seconds by SIGKILL. On Windows it ends only the program. A frozen application has no Python
+interpreter to run the supervisor: there `close` ends the program, but a killed application leaves it running.
 
-This file is the supervisor's program, too. It imports nothing but the standard library.
+This file is also the supervisor's program. It imports only the standard library.
 """
 
 import errno
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import IO
 
 GRACE = 3.0
-"""Seconds that a program has to end by itself."""
+"""Seconds between SIGTERM and SIGKILL."""
 
 
 class ChildProcess:
@@ -29,8 +29,8 @@ class ChildProcess:
 
     Args:
         command: the program and its arguments.
-        environment: environment of the program; None is that of this process.
-        folder: its working directory; None is that of this process.
+        environment: environment of the program; None is this process's.
+        folder: its working directory; None is this process's.
         joined: whether stdout and stderr share one pipe.
 
     Attributes:
@@ -48,7 +48,7 @@ class ChildProcess:
         folder: Path | None = None,
         joined: bool = True,
     ) -> None:
-        if shutil.which(command[0]) is None:  # the supervisor could say so only later
+        if shutil.which(command[0]) is None:  # the supervisor would report it later
             number = errno.EACCES if os.path.exists(command[0]) else errno.ENOENT  # noqa: PTH110  # never raises
             raise OSError(number, os.strerror(number), command[0])
         # In a frozen application, sys.executable is the application, not a Python interpreter.
@@ -65,7 +65,7 @@ class ChildProcess:
                 stderr=subprocess.STDOUT if joined else subprocess.PIPE,
                 cwd=folder,
                 env=environment,
-                start_new_session=True,  # Ctrl-C at a terminal is for this process, which ends the program
+                start_new_session=True,  # Ctrl-C at a terminal reaches this process, which ends the program
                 creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
         except BaseException:
@@ -76,7 +76,7 @@ class ChildProcess:
         self.output: IO[bytes] | None = self._process.stdout
 
     def poll(self) -> int | None:
-        """Return the exit code, 128 + n where signal n ended the program; None while it runs."""
+        """Return the exit code, 128 + n if signal n ended the program; None while it runs."""
         code = self._process.poll()
         return code if code is None or code >= 0 else 128 - code
 
@@ -88,7 +88,7 @@ class ChildProcess:
 
     def stop(self) -> None:
         """Tell the program to end; returns at once."""
-        with self._closing:  # a second close could be that of another file
+        with self._closing:  # a second `os.close` could close another file
             stop_pipe, self._stop_pipe = self._stop_pipe, None
         if stop_pipe is not None:
             os.close(stop_pipe)
@@ -96,7 +96,7 @@ class ChildProcess:
                 _signal_group(self._process, _TERMINATE)
 
     def close(self) -> None:
-        """End the program, if it still runs; waits for that 2 * `GRACE` seconds at most."""
+        """End the program, if it still runs; waits 2 * `GRACE` seconds at most, then kills it."""
         self.stop()
         if self.wait(2 * GRACE) is None:  # the supervisor hangs, or there is none
             _signal_group(self._process, _KILL)
@@ -118,11 +118,11 @@ def run(
 ) -> "subprocess.CompletedProcess[bytes]":
     """Run a program to its end; its standard input is empty.
 
-    See `ChildProcess` for the arguments; `seconds` None is no time limit.
+    See `ChildProcess` for the arguments; `seconds` is the time limit, None for no limit.
 
     Raises:
-        OSError: it cannot be started.
-        subprocess.TimeoutExpired: it took longer, and was ended.
+        OSError: the program cannot be started.
+        subprocess.TimeoutExpired: the program took longer, and was ended.
     """
     child = ChildProcess(command, environment=environment, folder=folder, joined=False)
     with child._process.stdout or nullcontext(), child._process.stderr or nullcontext(), child:
@@ -139,7 +139,7 @@ def end_text(code: int | None) -> str:
 
 
 _TERMINATE = signal.SIGTERM
-_KILL = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows knows one way only
+_KILL = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has no SIGKILL
 
 
 def _signal_group(process: "subprocess.Popen[bytes]", number: int) -> None:
@@ -152,7 +152,7 @@ def _signal_group(process: "subprocess.Popen[bytes]", number: int) -> None:
 def _supervise(command: Sequence[str]) -> int:
     """Run a program until it ends or standard input closes; return its exit code."""
     for name in ("SIGTERM", "SIGINT", "SIGHUP"):
-        if hasattr(signal, name):  # a handler, as the program would inherit that a signal is ignored
+        if hasattr(signal, name):  # a handler, as the program would inherit SIG_IGN
             signal.signal(getattr(signal, name), lambda *_: None)
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL)  # noqa: S603  # the parent names it
     threading.Thread(target=_end_when_closed, args=(process,), daemon=True).start()

@@ -1,12 +1,12 @@
-"""Write compare.html: one self-contained page that compares images, frame by frame.
+"""Write compare.html: a self-contained page that compares images, frame by frame.
 
 >>> with compare_page("out/compare.html", about) as page:
 ...     for item in shot:
 ...         image = upscaler.step(item.frame)
 ...         page.add(item.index, *compare_layers(item.frame, image, item.reference, exposure))
 
-Each frame is encoded and written to disk when it is added, so memory does not grow with the shot. The file
-appears when the last frame is written.
+Each frame is encoded and written when it is added, so memory does not grow with the shot. The file appears
+when the block ends.
 """
 
 import base64
@@ -28,32 +28,32 @@ from supersampler.io.display import decibels, to_uint8
 from supersampler.io.display_transforms import DEFAULT_TRANSFORM, DisplayTransform
 from supersampler.io.files import replacing
 from supersampler.io.images import Bytes, encode_jpeg, encode_png
-from supersampler.io.machine import installed_versions
+from supersampler.io.machine import versions
 
 ERROR_SCALE = 0.25
-"""The largest error that the false colours show, in units of the display range."""
+"""Largest error of the false-colour scale, as a fraction of the display range."""
 
 PSNR = "PSNR (dB)"
 MEANINGS: Mapping[str, str] = {
     "input": "The frame as rendered, jittered, at render size.",
     "bicubic": "This frame alone, its jitter removed, enlarged by Catmull-Rom interpolation.",
-    "output": "The method's output, from this frame and those before it.",
+    "output": "The method's output, from this frame and the previous frames.",
     "reference": "The reference, rendered at display size with many samples per pixel.",
     "error": "Mean over r, g and b of the absolute difference between output and reference.",
-    "classes": "Class of each pixel: disocclusion, shading change, aliasing, or none of them.",
+    "classes": "Class of each pixel: disocclusion, shading change, aliasing, or none of these.",
     "weight": "Weight of the history in each output pixel, in [0, 1].",
     "count": "Number of samples that each pixel of the history has accumulated.",
-    "converged": "Where the output is frozen: the mean of accumulated samples, because the scene is static.",
-    PSNR: "Peak signal-to-noise ratio of output and reference as they are shown; higher is better.",
+    "converged": "Pixels whose output is frozen at the mean of their samples, because the scene is static.",
+    PSNR: "Peak signal-to-noise ratio of output and reference as displayed; higher is better.",
     "method": "Name of the method that made the output.",
     "size": "Width and height of the input, and of the output.",
     "runs on": "ONNX Runtime provider, backend and precision of the network.",
-    "frames": "Number of frames in the shot; the page has the last of them.",
+    "frames": "Number of frames in the shot; the page has the last ones.",
 }
-"""Tooltips of the usual layers, numbers and facts."""
+"""Tooltips of the layers, numbers and facts."""
 
 _JPEG_QUALITY = 92
-_PNG_PIXELS = 65536  # up to this many, PNG costs little and shows pixels as they are
+_PNG_PIXELS = 65536  # smaller images are PNG, which costs little and is exact
 _ERROR_COLORS = ((0, 0, 0), (50, 32, 112), (146, 46, 130), (226, 96, 76), (248, 176, 64), (255, 246, 190))
 _FRAMES_GO_HERE = "<!-- frames -->\n"
 
@@ -63,7 +63,7 @@ class Legend:
     """Legend of a layer in false colours.
 
     Attributes:
-        colors: CSS colours: an even scale from `low` to `high`, or one for each of `names`.
+        colors: CSS colours: an even scale from `low` to `high`, or one per name of `names`.
         low, high: labels of the ends of a scale.
         names: labels of separate colours.
     """
@@ -89,12 +89,11 @@ class About:
     Attributes:
         title: for example the shot's name.
         method: name of the method that made the output.
-        display_size: (width, height) at which all layers are shown, whatever their own sizes.
+        display_size: (width, height) at which layers of all sizes are shown.
         frame_rate: playback rate, frames a second.
         facts: names and values shown beside the title, in order.
         notes: lines of the footnote.
         legends: legends of layers in false colours, by layer.
-        meanings: sentences on layers, numbers and facts, by name.
     """
 
     title: str
@@ -104,11 +103,10 @@ class About:
     facts: Mapping[str, str] = field(default_factory=dict)
     notes: Sequence[str] = ()
     legends: Mapping[str, Legend] = field(default_factory=lambda: {"error": ERROR_LEGEND})
-    meanings: Mapping[str, str] = field(default_factory=lambda: dict(MEANINGS))
 
 
 class ComparePage:
-    """Writes the frames of one page, in order; made by `compare_page`."""
+    """Writer of one page's frames, in order; `compare_page` makes it."""
 
     def __init__(self, file: IO[str], about: About) -> None:
         self._file, self._about = file, about
@@ -120,38 +118,41 @@ class ComparePage:
         """Encode and write one frame.
 
         Args:
-            number: the shot's own number of the frame, >= 0; larger than the previous one.
+            number: the frame's number in the shot, >= 0; larger than the previous one.
             layers: name to (h, w, 3) uint8 sRGB image of any size, shown stretched to the display size.
                 Frames may have different layers.
-            numbers: name to value; the page shows those of each frame, and their mean.
+            numbers: name to value; the page shows each frame's values, and their means.
 
         Raises:
-            ArgumentError: the number is not larger than the last.
+            ArgumentError: the number is not larger than the previous one.
         """
         last = self._frames[-1]["number"] if self._frames else -1
         if number <= last:
             raise ArgumentError("number", got=number, want=f"frames in order, more than {last}")
         for name, pixels in layers.items():
-            tag = f'<script type="text/plain" id="{number}/{escape(name)}">'
-            self._file.write(f"{tag}{_data_uri(pixels)}</script>\n")
+            small = pixels.shape[0] * pixels.shape[1] <= _PNG_PIXELS
+            data = encode_png(pixels) if small else encode_jpeg(pixels, _JPEG_QUALITY)
+            uri = f"data:image/{'png' if small else 'jpeg'};base64,{base64.b64encode(data).decode('ascii')}"
+            self._file.write(f'<script type="text/plain" id="{number}/{escape(name)}">{uri}</script>\n')
         numbers = {name: value for name, value in (numbers or {}).items() if np.isfinite(value)}
         self._frames.append({"number": number, "layers": list(layers), "numbers": numbers})
 
     def finish(self) -> None:
-        """Write the captions of all frames; ArgumentError where there is no frame."""
+        """Write the captions of all frames; ArgumentError if there is no frame."""
         if not self._frames:
             raise ArgumentError("frames", got="none", want="at least one to compare")
         content = {
             **asdict(self._about),
+            "meanings": MEANINGS,
             "facts": list(self._about.facts.items()),
             **{key: self._names(key) for key in ("layers", "numbers")},
             "frames": self._frames,
         }
-        text = json.dumps(content, ensure_ascii=False).replace("<", "\\u003c")  # no tag ends the script early
+        text = json.dumps(content, ensure_ascii=False).replace("<", "\\u003c")  # a tag would end the script
         self._file.write(f'<script type="application/json" id="page">{text}</script>\n')
 
     def _names(self, key: str) -> list[str]:
-        """Return the names of all frames once, in the order in which they first appear."""
+        """Return the distinct names of all frames, in the order of their first appearance."""
         return list(dict.fromkeys(name for frame in self._frames for name in frame[key]))
 
 
@@ -184,15 +185,15 @@ def compare_layers(
     bicubic: Float32 | None = None,
     transform: DisplayTransform = DEFAULT_TRANSFORM,
 ) -> tuple[dict[str, Bytes], dict[str, float]]:
-    """Return the usual layers and numbers of one frame, for `ComparePage.add`.
+    """Return the layers and numbers of one frame, for `ComparePage.add`.
 
     Args:
-        frame: the input frame; without colour there is no layer `input`.
+        frame: the input frame; an unshaded frame has no layer `input`.
         image: (H, W, 3) linear RGB, the output.
         reference: linear RGB, or None. A reference of another size is shown, but not compared.
         exposure: > 0, for all images of the frame.
-        bicubic: (H, W, 3) linear RGB: what the method `bicubic` makes of the frame; None: no such layer.
-        transform: maps all images to what is shown.
+        bicubic: (H, W, 3) linear RGB, the output of the method `bicubic`; None omits the layer.
+        transform: display transform of all images.
 
     Returns:
         The layers input, bicubic, output, reference, error as uint8, and the PSNR over the whole frame. Error
@@ -227,12 +228,5 @@ def false_color(values: Array) -> Bytes:
 
 def versions_text() -> str:
     """Return one line with the versions of the installed packages that images depend on."""
-    names = ("supersampler", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numpy")
-    installed = [f"{name} {version}" for name, version in installed_versions(*names).items()]
-    return ", ".join([*installed, f"Python {platform.python_version()}", platform.platform(terse=True)])
-
-
-def _data_uri(pixels: Bytes) -> str:
-    small = pixels.shape[0] * pixels.shape[1] <= _PNG_PIXELS
-    data = encode_png(pixels) if small else encode_jpeg(pixels, _JPEG_QUALITY)
-    return f"data:image/{'png' if small else 'jpeg'};base64,{base64.b64encode(data).decode('ascii')}"
+    installed = [f"{name} {version}" for name, version in versions().items()]
+    return ", ".join([*installed, platform.platform(terse=True)])

@@ -4,8 +4,8 @@
     toned   = exposed / (1 + max(exposed.r, exposed.g, exposed.b))
     shown   = clip(sRGB(toned), 0, 1)
 
-PNG files, pages and metrics use it. The tone curve keeps hue and maps every highlight below 1. Where the
-engine gives no exposure, `auto_exposure` measures one, by the formula of the models' graphs.
+PNG files, pages and metrics use it. The tone curve keeps hue and maps every highlight below 1. If the engine
+gives no exposure, `auto_exposure` measures it, by the formula of the models' graphs.
 """
 
 from functools import reduce
@@ -23,14 +23,14 @@ EXPOSURE_KEY = 0.18
 """Middle grey: the log-average luminance that `auto_exposure` maps an image to."""
 
 MIN_EXPOSURE, MAX_EXPOSURE = 2.0**-24, 2.0**24
-"""Range of exposures that a frame can give; outside of it, exposure is measured. It brings any half float to
+"""Range of exposures that a frame can give; outside of it, exposure is measured. It maps any half float to
 middle grey, with at least two stops to spare."""
 
 EXPOSURE_ADAPTATION = 0.1
-"""Fraction of the difference in stops by which a measured exposure moves in one frame."""
+"""Fraction of the difference in stops that a measured exposure moves in one frame."""
 
 EXPOSURE_OUTLIER = 64.0
-"""Factor between the exposures of two frames above which a second frame must confirm the change."""
+"""Maximum ratio of the exposures of two frames; a larger change needs a second frame to confirm it."""
 
 DARKEST = 1e-4
 """Minimum luminance in the logarithmic average."""
@@ -46,8 +46,8 @@ BT709 = np.array(BT709_WEIGHTS, np.float32)
 CEILING_DB = 100.0
 """The PSNR of equal images, finite for means and JSON."""
 
-_ROWS = 32  # per block, so that a block stays in the cache
-_LARGEST = 1e30  # exposure; its product with an image still fits single precision
+_ROWS = 32  # rows per block, which stay in the cache
+_MAX_FACTOR = 1e30  # maximum exposure; its product with an image fits single precision
 
 
 @ieee_arithmetic
@@ -65,8 +65,8 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
         ArgumentError: the image is not of that shape, or has no numbers; or `exposure` is not a number > 0.
     """
     number = as_number(exposure)
-    if number is None or not 0.0 < number <= _LARGEST:
-        raise ArgumentError("exposure", got=shown(exposure), want=f"a number > 0, at most {_LARGEST:g}")
+    if number is None or not 0.0 < number <= _MAX_FACTOR:
+        raise ArgumentError("exposure", got=shown(exposure), want=f"a number > 0, at most {_MAX_FACTOR:g}")
     light = checked_image("image", image)
     encoded = np.empty(light.shape, np.float32)
     for row in range(0, len(light), _ROWS):
@@ -108,17 +108,17 @@ def to_uint16(shown: Array) -> NDArray[np.uint16]:
 def auto_exposure(color: NDArray[Any]) -> float:
     """Return the exposure that maps an image's log-average luminance to 0.18.
 
-    0.18 / exp(mean(log(max(luminance, 1e-4)))) with BT.709 luminance of the pixels clamped to [0, 65504],
-    without those that have a NaN.
+    0.18 / exp(mean(log(max(luminance, 1e-4)))), with BT.709 luminance of the pixels clamped to [0, 65504];
+    pixels with a NaN do not count.
 
     Args:
         color: (h, w, 3) linear RGB.
 
     Returns:
-        > 0, at most 1800 (a black image, or one without a usable pixel).
+        > 0, at most 1800 (for a black image, or an image without a usable pixel).
 
     Raises:
-        ArgumentError: it is not of that shape, or has no numbers.
+        ArgumentError: the image has another shape, or does not hold numbers.
     """
     color = checked_image("color", color)
     usable = color[~np.isnan(color).any(axis=-1)].astype(np.float32, copy=False).clip(0.0, MAX_HALF)
@@ -129,22 +129,22 @@ def auto_exposure(color: NDArray[Any]) -> float:
 
 
 def usable_exposure(given: float | None) -> float | None:
-    """Return the frame's exposure; None where it is missing or out of range, so that it is measured."""
+    """Return the frame's exposure; None if it is missing or out of range, so that it is measured."""
     return given if given is not None and MIN_EXPOSURE <= given <= MAX_EXPOSURE else None
 
 
 def followed_exposure(given: float | None, target: float | None, before: float) -> float:
-    """Return the exposure of a frame, as its absolute value; the next call takes the result as `before`.
+    """Return a value whose absolute value is the exposure of a frame, and which the next call needs.
 
-    A given exposure is used unchanged. A measured one moves a tenth of the way, in stops, from the previous
-    exposure to the target. An exposure more than six stops from the previous one is an outlier: this frame
-    keeps the previous exposure, and a second outlier in a row is used at once. The models' graphs do the
-    same.
+    A given exposure is used unchanged. A measured exposure moves a tenth of the way, in stops, from the
+    previous exposure to the target. An exposure more than six stops from the previous one is an outlier: this
+    frame keeps the previous exposure, and a second outlier in a row is used at once. The models' graphs
+    compute the same.
 
     Args:
         given: the frame's exposure, in [MIN_EXPOSURE, MAX_EXPOSURE]; None: it is measured.
-        target: measured exposure, > 0; None where no pixel is usable, which keeps the previous one.
-        before: result of the previous frame: negative after an unconfirmed outlier, 0 for the first frame.
+        target: measured exposure, > 0; None if no pixel is usable, which keeps the previous exposure.
+        before: result for the previous frame: negative after an unconfirmed outlier, 0 for the first frame.
     """
     known = abs(before)
     exposure = given or target or known or EXPOSURE_KEY
@@ -160,10 +160,7 @@ def followed_exposure(given: float | None, target: float | None, before: float) 
 def is_flash(given: float | None, followed: float, before: float) -> bool:
     """Return whether a measured exposure is an outlier: the light of the whole frame is unconfirmed.
 
-    Args:
-        given: the frame's exposure, in [MIN_EXPOSURE, MAX_EXPOSURE]; None: it is measured.
-        followed: result of `followed_exposure` for this frame.
-        before: its result for the previous frame; 0 for the first frame.
+    `given` and `before` are arguments of `followed_exposure`, `followed` is its result for this frame.
     """
     known, used = abs(before), abs(followed)
     is_outlier = followed < 0.0 or not known / EXPOSURE_OUTLIER <= used <= known * EXPOSURE_OUTLIER
@@ -171,10 +168,7 @@ def is_flash(given: float | None, followed: float, before: float) -> bool:
 
 
 class ExposureMeter:
-    """The exposure of each frame of a sequence: the engine's, or measured and smoothed over frames.
-
-    See `followed_exposure`. A reset drops the earlier frames.
-    """
+    """Exposure of each frame of a sequence: given, or measured and smoothed; see `followed_exposure`."""
 
     def __init__(self) -> None:
         self._before = 0.0
@@ -194,7 +188,7 @@ class ExposureMeter:
         reset: bool = False,
         pre_exposure: float = 1.0,
     ) -> float:
-        """Return this frame's exposure, of colour without pre-exposure, and keep it for the next frame.
+        """Return this frame's exposure, for colour without pre-exposure, and keep it for the next frame.
 
         Args:
             color: (h, w, 3) linear RGB; None on an unshaded frame, which keeps the previous exposure.

@@ -38,10 +38,10 @@ class OcioView:
     """Names of a view in an OpenColorIO configuration, and Blender's gamma after it.
 
     Attributes:
-        config: file of the configuration, or the name of one that is built in.
-        display, view: names in it, such as "sRGB" and "AgX".
-        look: name of a look in it; "": the looks of the view.
-        gamma: > 0; the shown values are raised to 1 / gamma.
+        config: file of the configuration, or name of a built-in one.
+        display, view: names in the configuration, such as "sRGB" and "AgX".
+        look: name of a look in the configuration; "": the view's looks.
+        gamma: > 0; the view's values are raised to 1 / gamma.
         encoding: OpenImageIO's name of the display's encoding, such as "srgb_p3d65_display".
     """
 
@@ -56,8 +56,8 @@ class OcioView:
     def show(self, light: Float32, color_space: str) -> Float32:
         """Return (h, w, 3) values in [0, 1] of (h, w, 3) linear RGB in a colour space of the configuration.
 
-        OpenImageIO rebuilds the processor in each call, which takes much less time than a large image: it
-        keeps processors only for the configuration of the environment.
+        OpenImageIO rebuilds the processor in each call, as it caches processors only for the configuration of
+        the environment. This takes much less time than a large image.
         """
         result = ImageBufAlgo.ociodisplay(
             ImageBuf(np.ascontiguousarray(light)),
@@ -76,15 +76,15 @@ class OcioView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DisplayTransform:
-    """Maps linear light to the values of a display; `display_transform_from` makes one of options.
+    """Maps linear light to the values of a display; `display_transform_from` makes it from options.
 
     Attributes:
-        color_space: colour space of the light: a linear space of STUDIO_CONFIG by name, or with `ocio` a
+        color_space: colour space of the light: the name of a linear space of STUDIO_CONFIG; with `ocio`, a
             name, alias or role of its configuration.
-        stops: fixed exposure in stops; None: the exposure that `show` is given.
+        stops: fixed exposure in stops; None: the exposure is an argument of `show`.
         tone_curve: without `ocio`: whether c / (1 + max(r, g, b)) precedes the sRGB encoding; otherwise
             values are clipped at 1.
-        ocio: the view that is shown, or None.
+        ocio: the OpenColorIO view, or None.
     """
 
     color_space: str = REC709
@@ -94,7 +94,7 @@ class DisplayTransform:
 
     @property
     def description(self) -> str:
-        """The transform, in one line for people."""
+        """One line of text about the transform."""
         exposure = "" if self.stops == 0.0 else "exposure"
         exposure += f" of {self.stops:+g} stops" if self.stops else ""
         curve = "c / (1 + max(r, g, b)), sRGB" if self.tone_curve else "clipped to [0, 1], sRGB"
@@ -105,7 +105,7 @@ class DisplayTransform:
 
     @property
     def encoding(self) -> str:
-        """OpenImageIO's name of the encoding of what is shown, for the tags of files."""
+        """OpenImageIO's name of the display's encoding, for the tags of files."""
         return SRGB if self.ocio is None else self.ocio.encoding
 
     @ieee_arithmetic
@@ -114,13 +114,13 @@ class DisplayTransform:
 
         Args:
             image: (h, w, 3) linear RGB. NaN counts as 0, Inf as 65504.
-            exposure: exposure of this frame, > 0; ignored where `stops` is given.
+            exposure: exposure of this frame, > 0; ignored if `stops` is given.
 
         Returns:
             (h, w, 3) float32 in [0, 1].
 
         Raises:
-            ArgumentError: the image has another shape, or has no numbers; or `exposure` is not a number > 0.
+            ArgumentError: the image has another shape, or no numbers; or `exposure` is not a number > 0.
             ShotError: a file of the OpenColorIO configuration cannot be read.
         """
         light = checked_image("image", image).astype(np.float32, copy=False)
@@ -137,12 +137,12 @@ class DisplayTransform:
         return srgb_encoded((light * np.float32(factor)).clip(0.0, 1.0)).clip(0.0, 1.0)
 
     def to_json(self) -> dict[str, object]:
-        """Return all that the values depend on, as JSON."""
+        """Return the fields as JSON."""
         return asdict(self)
 
 
 DEFAULT_TRANSFORM = DisplayTransform()
-"""Exposure of the frame, tone curve and sRGB, for light with the primaries of Rec. 709."""
+"""Transform with the frame's exposure, tone curve and sRGB, for light with the primaries of Rec. 709."""
 
 
 def display_transform_from(
@@ -155,22 +155,22 @@ def display_transform_from(
     look: str | None = None,
     exposure: float | None = None,
 ) -> DisplayTransform:
-    """Return the display transform of these options. All names are checked here.
+    """Return the display transform of these options, after a check of all names.
 
-    With one of `ocio`, `display`, `view` and `look` it is a view of OpenColorIO. Otherwise it is the tone
+    If `ocio`, `display`, `view` or `look` is given, it is a view of OpenColorIO. Otherwise it is the tone
     curve, or sRGB alone for images that were sRGB-encoded when they were read.
 
     Args:
         color_space: colour space of the linear images: "lin_rec709", "ACEScg", or another name, alias or role
             of the configuration.
         srgb: whether the images were sRGB-encoded when they were read (`Conventions.srgb`).
-        ocio: configuration: a file, "ocio://default" or "ocio://studio-config-latest". By default that of
-            the environment variable OCIO, otherwise STUDIO_CONFIG.
+        ocio: configuration: a file, "ocio://default" or "ocio://studio-config-latest". By default the value
+            of the environment variable OCIO, otherwise STUDIO_CONFIG.
         display: by default the configuration's first.
         view: by default the display's first.
-        look: a look, or several with commas between.
-        exposure: exposure in stops, -24 to 24. By default the tone curve uses the exposure of each frame, and
-            the others none.
+        look: a look, or several, separated by commas.
+        exposure: exposure in stops, -24 to 24. By default the exposure of each frame with the tone curve, 0
+            without.
 
     Raises:
         ArgumentError: a name is not in the configuration, the colour space has no tone curve, or `exposure`
@@ -205,18 +205,8 @@ def ocio_transform(
 ) -> DisplayTransform:
     """Return the transform to a view of a configuration, after a check of all names.
 
-    Args:
-        config: a file, or the name of a built-in configuration.
-        display: None: the configuration's first.
-        view: None: the display's first.
-        look: "" is the view's; "None" too, as in Blender.
-        color_space: colour space of the light; a name, alias or role of the configuration.
-        stops: exposure before the view.
-        gamma: > 0, after the view.
-
-    Raises:
-        ArgumentError: there is no such built-in configuration, display, view, look or colour space.
-        ShotError: the configuration, or a file that it names, cannot be read.
+    See `display_transform_from` for the arguments and errors. The look "None" is the view's, as in Blender;
+    `stops` of exposure precede the view, and `gamma` > 0 follows it.
     """
     if not config.startswith(_BUILT_IN_PREFIX):
         check_is_file(Path(config))
@@ -245,7 +235,7 @@ def ocio_transform(
 
 def _open_config(config: str) -> ColorConfig:
     opened = ColorConfig(config)
-    opened.getDisplayNames()  # reads it; until then there is no error
+    opened.getDisplayNames()  # reads the file; `geterror` knows no error before
     if message := opened.geterror():
         if config.startswith(_BUILT_IN_PREFIX):
             _checked("ocio", config, _BUILT_IN)
@@ -254,7 +244,7 @@ def _open_config(config: str) -> ColorConfig:
 
 
 def _checked(name: str, value: str | None, choices: Collection[str]) -> str:
-    """Return a name that is among the choices; ArgumentError for others."""
+    """Return a name that is among the choices; ArgumentError for other names."""
     if value not in choices:
         want = f"one of {', '.join(choices)}" if choices else f"a configuration that has a {name}"
         raise ArgumentError(name, got=repr(value), want=want, hint=did_you_mean(value, choices))
@@ -265,7 +255,7 @@ def _checked(name: str, value: str | None, choices: Collection[str]) -> str:
 def _matrix_to_rec709(color_space: str) -> Float32:
     """Return the (3, 3) matrix for row vectors from a linear space of STUDIO_CONFIG to Rec. 709.
 
-    The white point is adapted to D65. ArgumentError where the space is unknown or not linear.
+    The white point is adapted to D65. ArgumentError if the space is unknown or not linear.
     """
     config = ColorConfig(STUDIO_CONFIG)
     if not config.isColorSpaceLinear(color_space):

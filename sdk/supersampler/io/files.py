@@ -1,4 +1,4 @@
-"""All writes, renames and removals of files, and the checks of paths before them.
+"""Write, rename and remove files, after checks of their paths.
 
 No other module of the project writes files. A file is written under a temporary name in its folder
 (`.name.HEX.partial.exr`) and then renamed, so that a killed run leaves no half-written file. Callers pass
@@ -14,28 +14,27 @@ from io import FileIO
 from pathlib import Path
 from typing import Final
 
+from supersampler.arguments import MAX_SIDE
 from supersampler.errors import ShotError, printable
 
-IMAGE_SIDE: Final = 1 << 15
-"""Maximum width and height, pixels."""
 IMAGE_PIXELS: Final = 1 << 27
 """Maximum width times height: 16384 x 8192."""
 IMAGE_PARTS: Final = 1024
 IMAGE_CHANNELS: Final = 4096
-"""Maximum number in all parts of an image file."""
+"""Maximum number of channels in all parts of an image file."""
 IMAGE_BYTES: Final = 1 << 33
-"""Maximum size of the pixels of an image file that are decoded at once."""
+"""Maximum size of the pixels that are decoded at once."""
 JSON_BYTES: Final = 1 << 26
 """Maximum size of a JSON file, or of the JSON header of another format."""
 RATES: Final = (0.001, 1000.0)
-"""Minimum and maximum frames a second, of a video and of a file's header."""
+"""Minimum and maximum frames per second, of a video and of a file's header."""
 SHOT_FRAMES: Final = 1 << 20
 
 
 def image_size_problem(width: int, height: int) -> str | None:
-    """Return the problem with an image size that a file declares; None where there is none."""
-    if not (1 <= width <= IMAGE_SIDE and 1 <= height <= IMAGE_SIDE and width * height <= IMAGE_PIXELS):
-        return f"is {width}x{height}; want 1 to {IMAGE_SIDE} a side and at most {IMAGE_PIXELS} pixels"
+    """Return the problem with an image size that a file declares; None if there is none."""
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE and width * height <= IMAGE_PIXELS):
+        return f"is {width}x{height}; want 1 to {MAX_SIDE} a side and at most {IMAGE_PIXELS} pixels"
     return None
 
 
@@ -48,7 +47,7 @@ _PARTIAL_NAME = re.compile(rf"\.(.+)\.[0-9a-f]{{8}}{re.escape(_PARTIAL)}((?:\.[^
 
 @contextmanager
 def os_errors_as_shot_error(path: Path | str, action: str = "read", hint: str = "") -> Iterator[None]:
-    """Raise "`path`: cannot be read (reason)" in place of an OSError of the block; ShotErrors pass."""
+    """Replace an OSError of the block by a ShotError: "`path`: cannot be read (reason)"."""
     try:
         yield
     except ShotError:
@@ -58,10 +57,7 @@ def os_errors_as_shot_error(path: Path | str, action: str = "read", hint: str = 
 
 
 def partial_name(path: Path, run: str = "") -> Path:
-    """Return a temporary name beside `path`, as `remove_partial_files` finds it.
-
-    `run` is eight hexadecimal digits; "" generates them.
-    """
+    """Return a temporary name beside `path`; `run` is eight hexadecimal digits, by default random."""
     return path.with_name(f".{path.stem}.{run or secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
 
 
@@ -76,26 +72,26 @@ def replacing(path: Path | str) -> Iterator[Path]:
             yield partial
             partial.replace(path)
     finally:
-        with suppress(OSError):  # whatever went wrong has been raised above
+        with suppress(OSError):  # the error of the block matters more
             partial.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 text file atomically, line ends as they are; ShotError where the disk refuses.
+    """Write a UTF-8 text file atomically, without conversion of line ends; ShotError if the disk refuses.
 
-    Bytes of a path that the locale does not know are written as they were.
+    Surrogate escapes, which stand for undecodable bytes of paths, are written as these bytes.
     """
     write_bytes(path, text.encode(errors="surrogateescape"))
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file atomically; ShotError where the disk refuses."""
+    """Write a file atomically; ShotError if the disk refuses."""
     with replacing(path) as partial:
         partial.write_bytes(data)
 
 
 def rename_partial(partial: Path, path: Path) -> None:
-    """Rename a temporary file to its final name; ShotError if the disk refuses, or it is not a file."""
+    """Rename a temporary file to its final name; ShotError if it is not a file, or the disk refuses."""
     if not is_regular(partial):
         raise ShotError(path, "was not written: its temporary file is missing, or a link", NO_ROOM)
     with os_errors_as_shot_error(path, "written", NO_ROOM):
@@ -103,9 +99,9 @@ def rename_partial(partial: Path, path: Path) -> None:
 
 
 class LogFile:
-    """The output of another program, in a file that each run replaces.
+    """Log of another program's output, replaced by each run.
 
-    The first line is `mark`. A file that begins otherwise is not ours and not replaced: a ShotError.
+    The first line is `mark`. A file that begins with another line is never replaced: ShotError.
     """
 
     def __init__(self, path: Path, mark: str) -> None:
@@ -114,15 +110,15 @@ class LogFile:
         check_ours(path, lambda found: _first_bytes(found, len(first)) == first, "a log of this command")
         remove_files([path])
         with os_errors_as_shot_error(path, "written", NO_ROOM):
-            self._file = FileIO(path, "x")  # fails where anything has this name, a link included
+            self._file = FileIO(path, "x")  # fails if anything has this name, a link included
             self._file.write(first)
 
     def write(self, line: str) -> None:
-        """Append a line, without control characters; beyond 16 MiB nothing is written, nor after `close`."""
+        """Append a line, without control characters; lines beyond 16 MiB or after `close` are dropped."""
         data = f"{printable(line)}\n".encode(errors="replace")
         self._room -= len(data)
         if self._room > 0 and not self._file.closed:
-            with suppress(OSError):  # the log is no reason to end the run
+            with suppress(OSError):  # an error of the log must not end the run
                 self._file.write(data)
 
     def close(self) -> None:
@@ -131,10 +127,10 @@ class LogFile:
 
 
 def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: Iterable[str] = ()) -> None:
-    """Remove the temporary files that killed runs left for files whose names `is_own` accepts.
+    """Remove the temporary files of killed runs whose final names `is_own` accepts.
 
-    Only regular files with a name of `replacing` are removed, in `folder`, which may be a link, and in its
-    subfolders `below`, where links are skipped.
+    Only regular files with names of `partial_name` are removed: in `folder`, which may be a link, and in its
+    subfolders `below`, which may not.
     """
     root = Path(os.path.realpath(folder))
     for place in (root, *(root / name for name in below if name)):
@@ -147,7 +143,7 @@ def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: I
 
 
 def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
-    """Raise ShotError if `path`, which is to be replaced, exists and was not written by this package.
+    """Raise ShotError if a file exists that this package did not write, so that it is not replaced.
 
     `is_ours` decides by the content; `what` describes the expected file: "a record of `bench ... --json`".
     """
@@ -157,14 +153,14 @@ def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
 
 
 def remove_files(paths: Iterable[Path]) -> None:
-    """Remove files, skipping those that do not exist; ShotError where the disk refuses."""
+    """Remove files that exist; ShotError if the disk refuses."""
     for path in paths:
         with os_errors_as_shot_error(path, "removed", "Is it in use or write-protected?"):
             path.unlink(missing_ok=True)
 
 
 def utf8_path(path: Path | str) -> str:
-    """Return a path for a library that expects UTF-8 in any locale; ShotError where it is not UTF-8."""
+    """Return a path for a library that expects UTF-8 in any locale; ShotError if it is not UTF-8."""
     try:
         return os.fsencode(path).decode()
     except UnicodeDecodeError:
@@ -173,22 +169,22 @@ def utf8_path(path: Path | str) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Return whether a regular file or a link to one is there; unlike `Path.is_file`, never raises."""
+    """Return whether the path is a regular file or a link to one; unlike `Path.is_file`, never raises."""
     return os.path.isfile(path)  # noqa: PTH113
 
 
 def is_regular(path: Path) -> bool:
-    """Return whether a regular file is there that is not a link."""
+    """Return whether the path is a regular file, not a link."""
     return is_file(path) and not path.is_symlink()
 
 
 def is_own_folder(path: Path) -> bool:
-    """Return whether a folder is there that is not a link."""
+    """Return whether the path is a folder, not a link."""
     return os.path.isdir(path) and not path.is_symlink()  # noqa: PTH112
 
 
 def check_is_file(path: Path) -> None:
-    """Raise ShotError unless a regular file is there, or a link to one: reading a pipe may never end."""
+    """Raise ShotError unless the path is a regular file or a link to one: reading a pipe may never end."""
     if not is_there(path):
         raise ShotError(path, "there is no such file", NOT_FOUND)
     if not is_file(path):
@@ -201,8 +197,8 @@ def is_there(path: Path) -> bool:
 
 
 def check_apart(output: Path, source: Path) -> None:
-    """Raise ShotError where `output` is `source`, contains it or lies in it, links followed."""
-    hint = "Choose another place for what is written."
+    """Raise ShotError if `output` is `source`, contains it or lies in it, links followed."""
+    hint = "Choose another folder for the output."
     holds = _lies_in(source, output)
     if _lies_in(output, source):
         raise ShotError(output, f"{'is' if holds else 'lies in'} the input, {source}", hint)
@@ -211,7 +207,7 @@ def check_apart(output: Path, source: Path) -> None:
 
 
 def check_inside(folder: Path, paths: Iterable[Path]) -> None:
-    """Raise ShotError where a path leads out of `folder`, by a link or by `..`; `folder` may be a link."""
+    """Raise ShotError if a path leads out of `folder`, by a link or by `..`; `folder` may be a link."""
     root, real_folders = os.path.realpath(folder), dict[Path, str]()
     for path in paths:
         if path.parent not in real_folders:
@@ -229,10 +225,10 @@ def _first_bytes(path: Path, count: int) -> bytes:
 
 
 def _lies_in(path: Path, folder: Path) -> bool:
-    """Return whether `path` is `folder` or lies in it, links followed; False without such a folder."""
+    """Return whether `path` is `folder` or lies in it, links followed; False if `folder` does not exist."""
     real = Path(os.path.realpath(path))
     for place in (real, *real.parents):
-        with suppress(OSError, ValueError):  # one of them does not exist, or cannot
+        with suppress(OSError, ValueError):  # one of the two does not exist
             if place.samefile(folder):
                 return True
     return False

@@ -1,4 +1,4 @@
-"""Read EXR, PNG and TIFF files and their headers, and write those and JPEG, by OpenImageIO.
+"""Read and write EXR, PNG and TIFF files and their headers, and write JPEG, by OpenImageIO.
 
 Channel types are kept; writes are atomic.
 """
@@ -19,27 +19,16 @@ from OpenImageIO import ColorConfig, ImageInput, ImageOutput, ImageSpec, TypeDes
 from supersampler.arguments import as_number
 from supersampler.errors import ArgumentError, ShotError, shown
 from supersampler.frame import Array, Size
+from supersampler.io import files
 from supersampler.io.display import MAX_HALF
 from supersampler.io.display_transforms import REC709, SRGB, STUDIO_CONFIG
-from supersampler.io.files import (
-    IMAGE_BYTES,
-    IMAGE_CHANNELS,
-    IMAGE_PARTS,
-    NO_ROOM,
-    RATES,
-    check_is_file,
-    image_size_problem,
-    os_errors_as_shot_error,
-    replacing,
-    utf8_path,
-)
 
 Channel: TypeAlias = NDArray[Any]
-"""(h, w), of the type it has in the file: float16, float32 or uint32."""
+"""(h, w), of its type in the file: float16, float32 or uint32."""
 Outside: TypeAlias = Mapping[str, float]
-"""Values of pixels outside of a file's data window, by channel; 0 for the others."""
+"""Values of pixels outside of a file's data window, by channel; 0 for other channels."""
 
-_NTSC = 2.5e-4  # relative difference up to which a rate is taken for a multiple of 1000 / 1001
+_NTSC = 2.5e-4  # maximum relative difference of a rate from a multiple of 1000 / 1001
 NO_REASON = "no reason given"
 _MAGIC: Mapping[str, tuple[bytes, ...]] = {
     "exr": (b"v/1\x01",), "png": (b"\x89PNG",), "tif": (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"),
@@ -51,7 +40,7 @@ _TOO_LARGE = "Write a smaller image; if it is smaller, its header is damaged: co
 _SIGNS_OF_DAMAGE = re.compile(
     r"end of file|READ_IO|corrupt|truncat|CRC|read error|cannot read", re.IGNORECASE
 )
-"""Words in messages of the decoders about files that are not whole."""
+"""Words in the decoders' messages about truncated or corrupt files."""
 
 
 def read_exr(
@@ -75,21 +64,21 @@ def read_image(
 ) -> dict[str, Channel]:
     """Read the channels of an EXR, PNG or TIFF file, in OpenImageIO's order (R, G, B, A first, then by name).
 
-    The parts of a multi-part EXR file are read as one image. A part's name is prefixed to its channels where
-    they do not begin with it. Overscan, pixels outside of the display window, is cut off. Of a TIFF with
-    several pages the first is read. RGB is not multiplied by alpha.
+    The parts of a multi-part EXR file are read as one image. A part's name is prefixed to channel names that
+    do not begin with it. Overscan, the pixels outside of the display window, is cut off. Only the first page
+    of a TIFF is read. RGB is not multiplied by alpha.
 
     Args:
         path: the file.
-        only: names of the channels to return; missing ones are left out.
-        without: names of channels to leave out.
-        outside: values where the data window is smaller than the display window; None refuses such a file.
+        only: names of the channels to return, if the file has them.
+        without: names of channels to omit.
+        outside: values for pixels of the display window outside of the data window; None refuses such files.
         formats: formats to accept, of FORMATS.
 
     Returns:
         Channel name to (h, w) array. EXR: half stays float16, float float32, uint uint32. Integers of PNG and
-        TIFF are float32, value / largest value; a palette is read as its colours. The arrays may be views of
-        one that interleaves them.
+        TIFF become float32, value / maximum value; a palette is read as colours. The arrays may be views of
+        one interleaved array.
 
     Raises:
         ShotError: the file is missing, truncated, of another format or deep, has a data window that is not
@@ -106,7 +95,7 @@ def read_image(
 
 
 def last_reason(last_error: Callable[[], str]) -> str:
-    """Return the first line of OpenImageIO's last error message and clear it; "" where there is none."""
+    """Return the first line of OpenImageIO's last error message and clear it; "" if there is none."""
     try:
         message = last_error().strip()
     except UnicodeDecodeError:  # the message quotes bytes of the file
@@ -116,13 +105,13 @@ def last_reason(last_error: Callable[[], str]) -> str:
 
 @contextmanager
 def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tuple[ImageInput, str]]:
-    """Open a file and return its format, too; errors of the decoder become ShotErrors.
+    """Open a file, and yield it with its format; errors of the decoder become ShotErrors.
 
-    The first bytes are checked before, as OpenImageIO would try all of its other decoders.
+    The first bytes are checked before, because OpenImageIO would try all of its decoders.
     """
     try:
-        with os_errors_as_shot_error(path):
-            check_is_file(Path(path))
+        with files.os_errors_as_shot_error(path):
+            files.check_is_file(Path(path))
             with Path(path).open("rb") as file:
                 begins = file.read(4)
             kind = next((kind for kind in formats if begins in _MAGIC[kind]), None)
@@ -132,7 +121,7 @@ def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator
                 raise ShotError(path, f"is not an {listed} image (it begins with {begins!r})", hint)
             as_stored = ImageSpec()
             as_stored.attribute("oiio:UnassociatedAlpha", 1)
-            source = ImageInput.open(utf8_path(path), as_stored)
+            source = ImageInput.open(files.utf8_path(path), as_stored)
             if source is None:
                 raise _unreadable(path, last_reason(geterror) or NO_REASON)
             try:
@@ -144,12 +133,12 @@ def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator
 
 
 def _unreadable(path: Path | str, reason: str) -> ShotError:
-    """Return the error for a file that the decoder does not open; it is called damaged only where it is."""
+    """Return the error for a file that the decoder does not open, with a remedy for the reason."""
     if re.search(r"subsampled.*\b[RB]Y\b", reason, re.IGNORECASE):
         problem = "holds luminance and chroma (Y, RY, BY), chroma at half the size"
         return ShotError(path, problem, "Write R, G and B; ImageMagick converts it: magick IN.exr OUT.exr.")
     if re.search("subsampled", reason, re.IGNORECASE):
-        return ShotError(path, f"holds channels of less than its size ({reason})", "Write all at one size.")
+        return ShotError(path, f"holds channels of reduced size ({reason})", "Write all at one size.")
     hint = _DAMAGED if _SIGNS_OF_DAMAGE.search(reason) else "Write it with other settings, or copy it again."
     return ShotError(path, f"is not an image that can be read ({reason})", hint)
 
@@ -157,7 +146,7 @@ def _unreadable(path: Path | str, reason: str) -> ShotError:
 def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[str]]:
     """Return the channel names of each part; in a multi-part EXR file they begin with the part's name.
 
-    Of other formats only the first image is read: further pages of a TIFF are often small copies.
+    Other formats have one part, the first image: further pages of a TIFF are often small copies.
     """
     if kind != "exr":
         return [list(source.spec().channelnames)]
@@ -167,8 +156,8 @@ def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[st
         spec = source.spec()
         parts.append((spec.get_string_attribute("oiio:subimagename"), list(spec.channelnames)))
         count += spec.nchannels
-        if len(parts) > IMAGE_PARTS or count > IMAGE_CHANNELS:
-            limits = f"want at most {IMAGE_CHANNELS} in {IMAGE_PARTS}"
+        if len(parts) > files.IMAGE_PARTS or count > files.IMAGE_CHANNELS:
+            limits = f"want at most {files.IMAGE_CHANNELS} in {files.IMAGE_PARTS}"
             raise ShotError(path, f"has {count} channels or more in {len(parts)} parts or more; {limits}")
     last_reason(source.geterror)  # clears the message of the seek past the last part
     if len(parts) == 1:
@@ -195,7 +184,7 @@ def _read_part(
     )  # fmt: skip
     covers = x <= full_x and y <= full_y and x + width >= full_x + full_width
     for size in (data[2:], display[2:]):
-        if (problem := image_size_problem(*size)) is not None:
+        if (problem := files.image_size_problem(*size)) is not None:
             raise ShotError(path, problem, _TOO_LARGE)
     if spec.deep:
         raise ShotError(path, "holds deep pixels", "Write it with one value per pixel.")
@@ -206,11 +195,11 @@ def _read_part(
     begin = indices[0]
     area = max(width * height, full_width * full_height)
     size_bytes = area * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
-    if size_bytes > IMAGE_BYTES:
-        problem = f"has {size_bytes >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}"
+    if size_bytes > files.IMAGE_BYTES:
+        problem = f"has {size_bytes >> 30} GiB of pixels; want at most {files.IMAGE_BYTES >> 30}"
         raise ShotError(path, problem, _TOO_LARGE)
     kinds = {str(spec.channelformat(index)) for index in indices}
-    kind = "half" if kinds == {"half"} else "float"  # of mixed types, two reads would decompress twice
+    kind = "half" if kinds == {"half"} else "float"  # a second read for mixed types would decompress again
     pixels = source.read_image(part, 0, begin, indices[-1] + 1, kind)
     if pixels is None:
         reason = last_reason(source.geterror) or NO_REASON
@@ -220,9 +209,9 @@ def _read_part(
 
 
 def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> Channel:
-    """Return one channel with its type in the file; half values are exact in float32."""
+    """Return one channel in its type in the file; half values are exact in float32."""
     kind = str(source.spec().channelformat(index))
-    if kind == "uint":  # converted to float, they would be fractions of 2^32
+    if kind == "uint":  # conversion to float would divide by 2^32
         whole = source.read_image(part, 0, index, index + 1, "uint")
         if whole is not None:
             return whole[..., 0]
@@ -230,8 +219,8 @@ def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> C
 
 
 def _in_display(plane: Channel, spec: ImageSpec, outside: float) -> Channel:
-    """Return the pixels of the display window; `outside` where the data window has none."""
-    left, top = spec.x - spec.full_x, spec.y - spec.full_y  # of the data window
+    """Return the pixels of the display window, with `outside` outside of the data window."""
+    left, top = spec.x - spec.full_x, spec.y - spec.full_y  # corner of the data window
     width, height = spec.full_width, spec.full_height
     if (left, top) == (0, 0) and plane.shape == (height, width):
         return plane
@@ -245,7 +234,7 @@ def _in_display(plane: Channel, spec: ImageSpec, outside: float) -> Channel:
 
 
 UNKNOWN_COLOR_SPACE = "unknown"
-"""Colour space of files with primaries that are none of those below."""
+"""Colour space of files with primaries that are not in _PRIMARIES."""
 
 
 class TypedValues(NamedTuple):
@@ -253,7 +242,7 @@ class TypedValues(NamedTuple):
 
     Attributes:
         type: OpenImageIO's name: "timecode", "rational", "matrix", "float[8]", "vector", "box2i".
-        values: all of its numbers or texts, in order.
+        values: its numbers or texts, in order.
     """
 
     type: str
@@ -270,9 +259,9 @@ _LAYOUT = re.compile(
     "|originalDataWindow|acesImageContainerFlag|textureformat|wrapmodes|tiles|envmap|deepImageState"
     "|maxSamplesPerPixel)$"
 )
-"""Entries that describe the source file only: its storage, windows, parts and views."""
+"""Entries that describe only the file itself: storage, windows, parts and views."""
 _DEFAULTS = {PIXEL_ASPECT: 1.0, "screenWindowWidth": 1.0, "screenWindowCenter": (0.0, 0.0)}
-"""Defaults of entries that every EXR file has; they carry no information."""
+"""Defaults of entries that every EXR file has; they are not kept."""
 _MAX_ENTRIES, _MAX_TEXT, _MAX_VALUES = 256, 4096, 64
 _WHITE_D65, _WHITE_ACES = (0.3127, 0.3290), (0.32168, 0.33767)
 _PRIMARIES = {
@@ -283,7 +272,7 @@ _PRIMARIES = {
     "lin_p3d65": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, *_WHITE_D65),
 }
 """x and y of red, green, blue and white, by the space's name in the OpenColorIO configs of ACES."""
-_TOLERANCE = 2e-3  # of a coordinate; files round them to three digits
+_TOLERANCE = 2e-3  # maximum difference of a coordinate; files round to three digits
 _INTEROP_IDS = {
     "lin_rec709_scene": "lin_rec709", "lin_ap1_scene": "ACEScg", "lin_ap0_scene": "ACES2065-1",
     "lin_rec2020_scene": "lin_rec2020", "lin_p3d65_scene": "lin_p3d65",
@@ -297,13 +286,13 @@ class ImageHeader:
     Attributes:
         format: "exr", "png" or "tif".
         types: channels of `read_image`, with their types: "half", "float", "uint", "uint8", "uint16".
-        metadata: description of the content of an EXR file by the program that wrote it: Frame, Camera, time
-            codes, lens. Entries on its storage are left out: compression, windows, tiles, views, parts.
+        metadata: entries of an EXR header that describe the content: frame, camera, time code, lens. Entries
+            on the storage are omitted: compression, windows, tiles, views, parts.
         views: views of a stereo EXR file; channels without a view's name belong to the first.
         color_space: colour space of the linear light, by its name in the OpenColorIO configs of ACES. EXR
-            files state it by `colorInteropID` or `chromaticities`. Others, and those without: "lin_rec709",
-            which sRGB-encoded colour has when it is decoded. Other chromaticities than Rec. 709, AP1, AP0,
-            Rec. 2020 and P3-D65: "unknown".
+            files state it by `colorInteropID` or `chromaticities`; chromaticities other than Rec. 709, AP1,
+            AP0, Rec. 2020 and P3-D65 are "unknown". Files that state nothing: "lin_rec709", which is also
+            the space of decoded sRGB.
     """
 
     format: str
@@ -314,7 +303,7 @@ class ImageHeader:
 
     @property
     def frame_rate(self) -> float | None:
-        """Frames a second; None where none are stated."""
+        """Frames per second; None if the header does not state them."""
         return rate_of(self.metadata.get(FRAME_RATE))
 
 
@@ -353,11 +342,11 @@ def _metadata(spec: ImageSpec) -> Metadata:
 
 
 def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
-    """Return the frames a second of an entry `framesPerSecond`; None if it is not a film rate."""
+    """Return the frames per second of an entry `framesPerSecond`; None if it is not a valid rate."""
     match entry:
         case TypedValues("rational", (int(frames), int(seconds))) if seconds:
             rate = frames / seconds
-            return rate if RATES[0] <= rate <= RATES[1] else None
+            return rate if files.RATES[0] <= rate <= files.RATES[1] else None
     return None
 
 
@@ -372,18 +361,17 @@ def _color_space(spec: ImageSpec) -> str:
     return UNKNOWN_COLOR_SPACE
 
 
-_TIME_CODE = "smpte:TimeCode"  # it counts frames of a second
-_ROUNDED = 0.02  # relative difference of the two axes' ratios that rounding to whole pixels explains
+_TIME_CODE = "smpte:TimeCode"  # counts frames within a second
+_ROUNDED = 0.02  # maximum relative difference of the two axes' ratios due to whole pixels
 
 
 def result_metadata(
     metadata: Metadata, *, frame_rate: float | None, render_size: Size, display_size: Size
 ) -> Metadata:
-    """Return the header entries of an upscaled image: those of its frame, fitted.
+    """Return the header entries of an upscaled image, from the entries of its frame.
 
-    The pixel aspect ratio changes where the two axes are enlarged by different ratios. A frame rate that the
-    header states becomes `frame_rate`, that of the film (None keeps it); a time code of another rate is
-    left out.
+    The pixel aspect ratio changes if the two axes have different ratios. A stated frame rate is replaced by
+    `frame_rate`, unless that is None; a time code of another rate is removed.
     """
     entries = dict(metadata)
     across, down = display_size[0] / render_size[0], display_size[1] / render_size[1]
@@ -398,21 +386,21 @@ def result_metadata(
 
 
 def exact_rate(frame_rate: float) -> Fraction:
-    """Return frames a second as a fraction: 23.976 is 24000/1001; ArgumentError where it is out of range."""
+    """Return frames per second as a fraction: 23.976 is 24000/1001; ArgumentError if out of range."""
     rate = as_number(frame_rate)
-    if rate is None or not RATES[0] <= rate <= RATES[1]:
+    if rate is None or not files.RATES[0] <= rate <= files.RATES[1]:
         raise ArgumentError("frame_rate", got=shown(frame_rate), want="a number from 0.001 to 1000")
     ntsc = Fraction(round(rate * 1.001) * 1000, 1001)
     return ntsc if abs(ntsc / Fraction(rate) - 1) < _NTSC else Fraction(rate).limit_denominator(1001)
 
 
 def pixel_aspect(metadata: Metadata) -> float:
-    """Return the width of a pixel over its height, 1 where a header states none."""
+    """Return the width of a pixel over its height; 1 if the header does not state it."""
     value = metadata.get(PIXEL_ASPECT)
     return float(value) if isinstance(value, int | float) and 0.01 <= value <= 100.0 else 1.0
 
 
-_PAETH = 128  # libpng's PNG_FILTER_PAETH; to try all filters for each row costs more than it saves
+_PAETH = 128  # libpng's PNG_FILTER_PAETH; trying all filters for each row costs more than it saves
 Bytes: TypeAlias = NDArray[np.uint8]
 Levels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
 """Encoded values as integers: 1 is 255 or 65535."""
@@ -432,14 +420,14 @@ def write_exr(
     A contiguous (h, w, c) array is written without a copy.
 
     Args:
-        path: the file; its folder is created where it is missing.
+        path: the file; its folder is created if it is missing.
         image: (h, w, c) array, or channel name to (h, w) array, whose types may differ.
         channels: the c channel names of an array.
         compression: lossless "zip", "zips", "piz", "rle", "none"; "zip:9" is slower and smaller. Lossy
             "dwaa:45", "dwab:45": larger numbers give smaller files.
         metadata: entries of the header, as in `ImageHeader`.
-        color_space: linear space of the colours, such as "ACEScg": the header states name and primaries if
-            STUDIO_CONFIG has it. None: the header is silent, which means Rec. 709.
+        color_space: linear space of the colours, such as "ACEScg": the header states its name, and its
+            primaries if STUDIO_CONFIG has it. None: the header does not state it, which means Rec. 709.
 
     Raises:
         ShotError: the types or sizes cannot be stored, or the disk refused.
@@ -448,7 +436,7 @@ def write_exr(
     arrays = list(named.values())
     kinds = ["half" if array.dtype == np.float16 else "float" for array in arrays]
     spec = _spec(arrays[0].shape, list(named), kinds[0])
-    if len(set(kinds)) > 1:  # for equal types OpenImageIO wants the image's type only
+    if len(set(kinds)) > 1:  # OpenImageIO takes types per channel only if they differ
         spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
     for name, value in (metadata or {}).items():
@@ -462,16 +450,12 @@ def write_exr(
         if primaries := config.get_chromaticities(color_space):
             spec.attribute("chromaticities", TypeDesc("float[8]"), primaries)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
-    pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image
-    _write(path, spec, np.ascontiguousarray(pixels))  # np.stack: float32 where types differ, exact for half
+    pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image  # mixed types: float32
+    _write(path, spec, np.ascontiguousarray(pixels))
 
 
 def half_pixels(images: Sequence[Array]) -> NDArray[np.float16]:
-    """Return (h, w, c) images as one array of half floats; values beyond +-65504 are clamped to it.
-
-    Args:
-        images: images of equal size, with any number of channels each.
-    """
+    """Return (h, w, c) images of equal size as one array of half floats; values are clamped to +-65504."""
     counts = [image.shape[2] for image in images]
     pixels = np.empty((*images[0].shape[:2], sum(counts)), np.float16)
     for image, end, count in zip(images, np.cumsum(counts), counts, strict=True):
@@ -483,15 +467,15 @@ def write_png(path: Path | str, image: Levels, encoding: str = SRGB, pixel_aspec
     """Write pixels as PNG, atomically.
 
     Args:
-        path: the file; its folder is created where it is missing.
-        image: (h, w, 3) uint8 or uint16; or (h, w, 4), with alpha that the colours are not multiplied by.
-        encoding: encoding of the pixels, by OpenImageIO's name; tags of the file state it.
-        pixel_aspect: width of a pixel over its height; the file states it where it is not 1.
+        path: the file; its folder is created if it is missing.
+        image: (h, w, 3) uint8 or uint16; or (h, w, 4), with straight alpha.
+        encoding: OpenImageIO's name of the pixels' encoding, for the tags of the file.
+        pixel_aspect: width of a pixel over its height; the file states it if it is not 1.
 
     Raises:
         ShotError: the array has another shape or type, or the disk refused.
     """
-    # Compression 3 costs far less than the default, for files little larger.
+    # Compression 3 is much faster than the default, and files are little larger.
     _write_levels(path, image, encoding, pixel_aspect, {"png:compressionLevel": 3, "png:filter": _PAETH})
 
 
@@ -536,7 +520,7 @@ def encode_jpeg(image: Bytes, quality: int = 90) -> bytes:
 
 
 def _encoded(name: str, write: Callable[[Path], None]) -> bytes:
-    """Return the bytes of a file that `write` writes: OpenImageIO's Python side has no encoder to memory."""
+    """Return the bytes of a file that `write` writes: OpenImageIO has no encoder to memory in Python."""
     with tempfile.TemporaryDirectory() as folder:
         write(path := Path(folder) / name)
         return path.read_bytes()
@@ -545,7 +529,7 @@ def _encoded(name: str, write: Callable[[Path], None]) -> bytes:
 def _checked_channels(
     path: Path | str, image: Channel | Mapping[str, Channel], channels: Sequence[str]
 ) -> Mapping[str, Channel]:
-    """Return the channels of an image by name; ShotError where EXR cannot store them."""
+    """Return the channels of an image by name; ShotError if EXR cannot store them."""
     if not isinstance(image, Mapping):
         if image.ndim != 3 or image.shape[2] != len(channels):
             want = f"(h, w, {len(channels)}) for the channels {', '.join(channels)}"
@@ -579,9 +563,9 @@ def _spec(shape: tuple[int, ...], names: list[str], kind: str) -> ImageSpec:
 
 
 def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
-    utf8_path(path)  # raises, with the name that the caller knows
-    with replacing(path) as partial:
-        name = utf8_path(partial)
+    files.utf8_path(path)  # raises with the final name, not the temporary one
+    with files.replacing(path) as partial:
+        name = files.utf8_path(partial)
         target = ImageOutput.create(name)
         if target is None:
             raise ShotError(path, f"cannot be written ({last_reason(geterror) or NO_REASON})")
@@ -590,4 +574,4 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
         if not (target.close() and done) or message:
             reason = message or last_reason(target.geterror) or NO_REASON
             reason = reason.replace(partial.name, Path(path).name)
-            raise ShotError(path, f"cannot be written ({reason})", NO_ROOM)
+            raise ShotError(path, f"cannot be written ({reason})", files.NO_ROOM)

@@ -1,4 +1,4 @@
-"""Read JSON files from users: limited in size, and checked against a type by msgspec."""
+"""Read JSON files from users: their size is limited, and msgspec checks them against a type."""
 
 import re
 import reprlib
@@ -8,23 +8,18 @@ from typing import Annotated, Any, TypeAlias, TypeVar
 
 import msgspec
 
+from supersampler.arguments import MAX_SIDE
 from supersampler.errors import ShotError
-from supersampler.io.files import (
-    IMAGE_SIDE,
-    JSON_BYTES,
-    check_is_file,
-    image_size_problem,
-    os_errors_as_shot_error,
-)
+from supersampler.io.files import JSON_BYTES, check_is_file, image_size_problem, os_errors_as_shot_error
 
 _Value = TypeVar("_Value")
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1, max_length=4096)]
-"""Text for display."""
+"""Text to display."""
 Rate: TypeAlias = Annotated[float, msgspec.Meta(gt=0.0)]
-"""Frames a second."""
-_Side = Annotated[int, msgspec.Meta(ge=1, le=IMAGE_SIDE)]
+"""Frames per second."""
+_Side = Annotated[int, msgspec.Meta(ge=1, le=MAX_SIDE)]
 FileSize: TypeAlias = tuple[_Side, _Side]
-"""[width, height]; a Struct that has one calls `check_sizes`."""
+"""[width, height]; a Struct with such a field calls `check_sizes`."""
 _HINT = "Correct it there, or write it again."
 
 
@@ -45,7 +40,7 @@ def read_typed(path: Path, kind: type[_Value], hint: str = _HINT, limit: int = J
 
     Raises:
         ShotError: it is missing, cannot be read, is larger than `limit` bytes, is not JSON, or is of another
-            type; the message has the place, what was expected there, and the hint.
+            type. The message has the place, the value, the expected type, and the hint.
     """
     with os_errors_as_shot_error(path):
         check_is_file(path)
@@ -64,7 +59,7 @@ def check_version(path: Path, known: int, hint: str, key: str = "version") -> No
 
 
 def decoded(path: Path, text: bytes | str, kind: type[_Value], hint: str = _HINT) -> _Value:
-    """Return JSON text converted to a type; ShotError, which names the file, where it is not of it."""
+    """Return JSON text converted to a type; ShotError, which names the file, if it is of another type."""
     try:
         return msgspec.json.decode(text, type=kind)
     except msgspec.ValidationError as error:
@@ -74,7 +69,7 @@ def decoded(path: Path, text: bytes | str, kind: type[_Value], hint: str = _HINT
 
 
 def _given(text: bytes | str, message: str) -> str:
-    """Return ", is VALUE" for the place that a message of msgspec names; "" where it is not known."""
+    """Return ", is VALUE" for the place in a message of msgspec; "" if there is none."""
     place = re.search(r"at `\$([^`]*)`$", message)
     with suppress(LookupError, TypeError, msgspec.DecodeError):
         if place and "[...]" not in place[1]:

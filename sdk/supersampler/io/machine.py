@@ -17,6 +17,12 @@ def machine() -> dict[str, Any]:
     return {"cpu": cpu, "cores": os.cpu_count(), "os": platform.platform()}
 
 
+def versions() -> dict[str, str]:
+    """Return the versions of Python, this package, and the installed packages that images depend on."""
+    packages = ("supersampler", "numpy", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml")
+    return installed_versions(*packages) | {"Python": platform.python_version()}
+
+
 def installed_versions(*packages: str) -> dict[str, str]:
     """Return the versions of the packages that are installed, by name."""
     found = {}

@@ -1,4 +1,4 @@
-"""Read safetensors files by memory map, and write them: a length, a JSON header, the tensors' bytes."""
+"""Read and write safetensors files: the length of the header, a JSON header, the tensors' bytes."""
 
 import json
 import math
@@ -23,7 +23,7 @@ _HINT = "The file is damaged or cut off; copy it again."
 def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return tensor name to memory-mapped array, and the file's metadata.
 
-    Values are read from the disk when they are accessed. The arrays are read-only.
+    Values are read from the disk on access. The arrays are read-only.
 
     Raises:
         ShotError: the file is missing, truncated, or not of this format.
@@ -50,10 +50,10 @@ def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any
 def write_safetensors(
     path: Path, arrays: Mapping[str, NDArray[Any]], metadata: Mapping[str, str] | None = None
 ) -> None:
-    """Write arrays by name, and texts, atomically; ShotError for a type that the format lacks."""
+    """Write arrays and texts by name, atomically; ShotError for a type that the format does not have."""
     header: dict[str, Any] = {"__metadata__": metadata} if metadata else {}
     parts, end = list[bytes](), 0
-    for name, array in sorted(arrays.items(), key=lambda item: -item[1].itemsize):  # keeps all aligned
+    for name, array in sorted(arrays.items(), key=lambda item: -item[1].itemsize):  # aligns all arrays
         if array.dtype not in _NAMES:
             raise ShotError(path, f"cannot hold {name}, of type {array.dtype}")
         parts.append(array.tobytes())

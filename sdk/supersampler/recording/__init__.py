@@ -1,10 +1,9 @@
-"""Recordings of all calls of an Upscaler, for `supersampler replay`; docs/replay.md has the format.
+"""Recordings of all calls of an Upscaler, for `supersampler replay`; docs/replay.md describes the format.
 
-Each call is a safetensors file, and so is the outcome of each step. `recorder` writes them, `replay` repeats
-the calls.
+A recording has a safetensors file for each call, and one for the outcome of each step. `recorder` writes
+them, `replay` repeats the calls.
 """
 
-import platform
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,7 +21,6 @@ from supersampler.frame import Frame, Size
 from supersampler.history import State
 from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular
 from supersampler.io.json_files import check_version, decoded, read_typed
-from supersampler.io.machine import installed_versions
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler.methods.gbuffers import frame_of
 from supersampler.methods.model_file import CONTRACT
@@ -48,7 +46,6 @@ CALL, OUTCOME = "calls/{:06d}.safetensors", "outcomes/{:06d}.safetensors"
 SHADED = "shaded."
 """Prefix of the arrays of `State.shaded`."""
 Arrays: TypeAlias = Mapping[str, NDArray[Any]]
-_PACKAGES = ("supersampler", "numpy", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml")
 _DAMAGED = "The recording is damaged; copy it again."
 _CRC = "crc32"
 
@@ -76,8 +73,7 @@ class RecordedModel(msgspec.Struct, frozen=True, kw_only=True):
 
     def is_of(self, model: ModelInfo) -> bool:
         """Return whether this is the recorded model, in any folder."""
-        other = RecordedModel.of(model)
-        return (self.method, self.files, self.config) == (other.method, other.files, other.config)
+        return (self.method, self.files, self.config) == (model.method, model.files, model.config)
 
 
 class Setup(RecordedModel, frozen=True, kw_only=True):
@@ -88,11 +84,10 @@ class Setup(RecordedModel, frozen=True, kw_only=True):
         extrapolation: the model that extrapolates unshaded frames, or None.
         executor, precision, providers: see `Model`.
         threads: requested CPU threads; 0 is every core.
-        display_size: (width, height); None where `scale` and the first frame determine it.
+        display_size: (width, height); None if `scale` and the first frame determine it.
         scale: display over render size; unused with a display size.
         at_rest, skip, validate: see `Upscaler`.
-        versions: versions of this package, Python and the packages that images depend on.
-        machine: see `supersampler.io.machine`.
+        versions, machine: see `supersampler.io.machine`.
     """
 
     contract: int = CONTRACT
@@ -111,7 +106,7 @@ class Setup(RecordedModel, frozen=True, kw_only=True):
 
 
 class StepRecord(msgspec.Struct, tag="step", tag_field="call", forbid_unknown_fields=True, kw_only=True):
-    """A step without the arrays of its frame; `name` is that of the method."""
+    """A step without the arrays of its frame; `name` is the name of the called method."""
 
     name: Literal["step", "extrapolate", "step_tensors"]
     outputs: tuple[str, ...]
@@ -124,7 +119,7 @@ class StepRecord(msgspec.Struct, tag="step", tag_field="call", forbid_unknown_fi
 class StateRecord(
     msgspec.Struct, tag="load_state", tag_field="call", forbid_unknown_fields=True, kw_only=True
 ):
-    """A `load_state` without the arrays of the state; `history` and `shaded` say whether it has some."""
+    """A `load_state` without its arrays; `history` and `shaded` state whether the state has such arrays."""
 
     method: str
     display_size: Size | None
@@ -139,7 +134,7 @@ class ResetCall(msgspec.Struct, tag="reset", tag_field="call", forbid_unknown_fi
 
 
 class CloseCall(msgspec.Struct, tag="close", tag_field="call", forbid_unknown_fields=True):
-    """A call of `Upscaler.close`. It is missing where the process ended before it, or still runs."""
+    """A call of `Upscaler.close`; missing if the process ended before it, or still runs."""
 
 
 class OutcomeRecord(msgspec.Struct, forbid_unknown_fields=True):
@@ -155,7 +150,7 @@ class StepOutcome(NamedTuple):
     Attributes:
         digests: CRC-32 of the bytes of each returned array, by its name in `StepResult`.
         samples: some pixels of "image" and "aovs".
-        error: class name and text of the exception; ("", "") where none was raised.
+        error: class name and text of the exception; ("", "") if none was raised.
     """
 
     digests: Mapping[str, int]
@@ -169,10 +164,10 @@ class StepCall:
 
     Attributes:
         index: number of steps before it, including refused ones.
-        name: name of the method.
+        name: name of the called method.
         frame: the frame, without G-buffers that the model does not read.
         outputs: names of the requested auxiliary outputs.
-        outcome: the result or the error; None where the process ended during the step or right after it.
+        outcome: the result or the error; None if the process ended during the step or right after it.
     """
 
     index: int
@@ -193,7 +188,7 @@ Record: TypeAlias = StepRecord | StateRecord | ResetCall | CloseCall
 
 
 class Recording:
-    """The recorded calls of an Upscaler, in order; each iteration reads them from the first on.
+    """Recorded calls of an Upscaler; each iteration reads them from the first on.
 
     Attributes:
         path: the folder.
@@ -204,11 +199,10 @@ class Recording:
         self.path, self.setup = path, setup
 
     def __iter__(self) -> Iterator[Call]:
-        """Yield the calls.
+        """Yield the calls in order.
 
         Raises:
-            RecordingError: a file is damaged, missing, or not of an Upscaler. The calls before it are yielded
-                first.
+            RecordingError: a file is damaged, missing, or was not written by an Upscaler.
         """
         steps = 0
         folder = self.path / "calls"
@@ -243,7 +237,7 @@ class Recording:
         return StepCall(index, record.name, frame, record.outputs, outcome)
 
     def _read(self, name: str, kind: Any) -> tuple[Any, Arrays]:
-        """Return what `write_record` wrote, after a check of its place and its CRC-32."""
+        """Read a file of `write_record`, and check its place and its CRC-32."""
         path = self.path / name
         check_inside(self.path, [path])
         tensors, texts = open_safetensors(path)
@@ -254,13 +248,13 @@ class Recording:
 
 
 def write_record(path: Path, record: Record | OutcomeRecord, arrays: Arrays) -> None:
-    """Write a call or an outcome with its arrays; ShotError where the disk refuses."""
+    """Write a call or an outcome with its arrays; ShotError if the disk refuses."""
     text = msgspec.json.encode(record).decode()
     write_safetensors(path, arrays, {"record": text, _CRC: str(_crc_of(text, arrays))})
 
 
 def open_recording(path: Path | str) -> Recording:
-    """Open a recording of `Upscaler(record=...)`, which may still be written.
+    """Open a recording of `Upscaler(record=...)`; it may still be growing.
 
     >>> for call in open_recording("kitchen.recording"):
     ...     if isinstance(call, StepCall):
@@ -286,13 +280,8 @@ def open_recording(path: Path | str) -> Recording:
         return Recording(folder, setup)
 
 
-def versions() -> dict[str, str]:
-    """Return the versions of this package, Python and the packages that images depend on."""
-    return installed_versions(*_PACKAGES) | {"Python": platform.python_version()}
-
-
 def _state(record: StateRecord, arrays: Arrays) -> State:
-    """Return a state, whose arrays `Upscaler.load_state` checks."""
+    """Return a state; `Upscaler.load_state` checks its arrays."""
     shaded = {name.removeprefix(SHADED): array for name, array in arrays.items() if name.startswith(SHADED)}
     history = {name: array for name, array in arrays.items() if not name.startswith(SHADED)}
     return State(
@@ -313,13 +302,13 @@ def _crc_of(text: str, arrays: Arrays) -> int:
 
 
 def crc32(array: NDArray[Any], start: int = 0) -> int:
-    """Return the CRC-32 of an array's bytes, continued from another."""
+    """Return the CRC-32 of an array's bytes, continued from another CRC-32."""
     return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data, start)
 
 
 @contextmanager
 def _errors_as_recording_error(path: Path, hint: str = _DAMAGED) -> Iterator[None]:
-    """Raise RecordingError in place of other errors about a recording's content."""
+    """Replace other errors about a recording's content by RecordingError."""
     try:
         yield
     except RecordingError:

@@ -11,34 +11,16 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
+from supersampler import recording
 from supersampler.backends.onnx.tensors import Tensor, frame_of_tensors, image_of_tensor
 from supersampler.errors import ArgumentError, RecordingError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.history import State, StepResult
 from supersampler.io.files import NO_ROOM, remove_files, write_text
-from supersampler.io.machine import machine
+from supersampler.io.machine import machine, versions
 from supersampler.methods.gbuffers import arrays_by_name, only_gbuffers
 from supersampler.methods.model_info import ModelInfo
-from supersampler.recording import (
-    CALL,
-    FORMAT,
-    OUTCOME,
-    SETUP,
-    SHADED,
-    Arrays,
-    CloseCall,
-    OutcomeRecord,
-    Record,
-    RecordedModel,
-    ResetCall,
-    Setup,
-    StateRecord,
-    StepOutcome,
-    StepRecord,
-    crc32,
-    versions,
-    write_record,
-)
+from supersampler.recording import Arrays, Record, Setup, StepOutcome
 
 if TYPE_CHECKING:
     from supersampler.model import Model
@@ -50,11 +32,15 @@ SAMPLES = 4096
 class Recorder:
     """Writes each call of an Upscaler before it is made, and its outcome after it.
 
-    Where the disk refuses, the call raises before it is made, and the recording ends with the previous call.
-    Later calls are not recorded.
+    If the disk refuses a call, the recording ends with the previous call: this call raises before it is made,
+    and later calls are not recorded.
 
-    The folder must not exist. `extrapolation` has one model at most; G-buffers that are not in `inputs`
-    are not recorded; `settings` are display_size, scale, at_rest, skip and validate of the Upscaler.
+    Args:
+        path: the folder, which must not exist.
+        model: the Upscaler's model.
+        extrapolation: the model that extrapolates unshaded frames, if there is one.
+        inputs: the G-buffers to record.
+        settings: display_size, scale, at_rest, skip and validate of the Upscaler.
 
     Raises:
         RecordingError: the folder exists, or cannot be written.
@@ -72,8 +58,8 @@ class Recorder:
         self._failure: RecordingError | None = None
         self._count, self._steps, self._on = 0, 0, True
         setup = Setup(
-            **msgspec.structs.asdict(RecordedModel.of(model.info)),
-            extrapolation=next(map(RecordedModel.of, extrapolation), None),
+            **msgspec.structs.asdict(recording.RecordedModel.of(model.info)),
+            extrapolation=next(map(recording.RecordedModel.of, extrapolation), None),
             executor=model.executor,  # type: ignore[arg-type]  # an executor's name
             precision=model.precision,  # type: ignore[arg-type]  # an executor's precision
             providers=tuple(model.providers),
@@ -88,15 +74,15 @@ class Recorder:
             except FileExistsError:
                 hint = "Choose another name, or move it away."
                 raise RecordingError(path, "is there already", hint) from None
-            content = {"format": FORMAT, **msgspec.to_builtins(setup)}
-            write_text(self.path / SETUP, json.dumps(content, indent=1) + "\n")
+            content = {"format": recording.FORMAT, **msgspec.to_builtins(setup)}
+            write_text(self.path / recording.SETUP, json.dumps(content, indent=1) + "\n")
 
     @contextmanager
     def step(self, name: str, frame: Frame, outputs: Sequence[str]) -> Iterator[list[Any]]:
-        """Record the step of a `with` block, which appends its result, a StepResult or tensor, to the list.
+        """Record the step in a `with` block, which appends its result, a StepResult or tensor, to the list.
 
-        The frame is written before the block, so that the recording has it if the process ends in the step.
-        A step that raises ArgumentError or KeyboardInterrupt is removed from the recording.
+        The frame is written before the block, so that the recording has it if the step ends the process. A
+        step that raises ArgumentError or KeyboardInterrupt is removed from the recording.
 
         Raises:
             RecordingError: the call, or the previous outcome, cannot be written; the block was not run.
@@ -106,7 +92,7 @@ class Recorder:
             yield results
             return
         frame = replace(only_gbuffers(frame, self._inputs))  # checks G-buffers again
-        record = StepRecord(
+        record = recording.StepRecord(
             name=name,  # type: ignore[arg-type]  # one of the three
             outputs=tuple(outputs),
             jitter=frame.jitter,
@@ -138,7 +124,7 @@ class Recorder:
         pre_exposure: float,
         reset: bool,
     ) -> Iterator[list[Any]]:
-        """Record a step with tensors as one with a frame that is copied from the device; see `step`.
+        """Record a step with tensors, as a frame that is copied from the device; see `step`.
 
         Raises:
             FrameError: the tensors are not a valid frame; the block was not run.
@@ -155,12 +141,12 @@ class Recorder:
     def reset(self) -> None:
         """Record a reset, before it is made."""
         if self._is_on():
-            self._append(ResetCall(), {})
+            self._append(recording.ResetCall(), {})
 
     def load_state(self, state: State) -> None:
         """Record a state, before it is loaded."""
         if self._is_on():
-            record = StateRecord(
+            record = recording.StateRecord(
                 method=state.method,
                 display_size=state.display_size,
                 render_size=state.render_size,
@@ -168,38 +154,38 @@ class Recorder:
                 history=state.history is not None,
                 shaded=state.shaded is not None,
             )
-            shaded = {f"{SHADED}{name}": array for name, array in (state.shaded or {}).items()}
+            shaded = {f"{recording.SHADED}{name}": array for name, array in (state.shaded or {}).items()}
             self._append(record, {**(state.history or {}), **shaded})
 
     def close(self) -> None:
         """End the recording."""
         if self._is_on():
-            self._append(CloseCall(), {})
+            self._append(recording.CloseCall(), {})
             self._on = False
 
     def _append(self, record: Record, arrays: Arrays) -> None:
         with self._writing():
-            write_record(self.path / CALL.format(self._count), record, arrays)
+            recording.write_record(self.path / recording.CALL.format(self._count), record, arrays)
             self._count += 1
 
     def _write_outcome(self, number: int, outcome: StepOutcome) -> None:
-        """Write the outcome of the last call; where the disk refuses, remove the call, and raise later."""
-        record = OutcomeRecord(dict(outcome.digests), outcome.error)
+        """Write the outcome of the last call; if the disk refuses, remove the call, and raise in the next."""
+        record = recording.OutcomeRecord(dict(outcome.digests), outcome.error)
         with self._writing(lambda: self._remove(number), raises=False):
-            write_record(self.path / OUTCOME.format(number), record, outcome.samples)
+            recording.write_record(self.path / recording.OUTCOME.format(number), record, outcome.samples)
 
     def _remove(self, number: int) -> None:
-        """Remove the last call, a step, if the disk allows."""
+        """Remove the last call, a step, if the disk allows it."""
         with suppress(OSError):
-            remove_files([self.path / CALL.format(number)])
+            remove_files([self.path / recording.CALL.format(number)])
             self._count, self._steps = number, self._steps - 1
 
     @contextmanager
     def _writing(self, undo: Callable[[], None] = lambda: None, *, raises: bool = True) -> Iterator[None]:
-        """After an error of the disk in the block, `undo` and end the recording.
+        """Call `undo` and end the recording if the disk refuses in the block.
 
         Raises:
-            RecordingError: the disk refused; without `raises`, the next call raises it instead.
+            RecordingError: the disk refused. If `raises` is False, the next call raises it.
         """
         try:
             yield
@@ -215,7 +201,7 @@ class Recorder:
                 self._is_on()
 
     def _is_on(self) -> bool:
-        """Return whether calls are recorded; raise where the previous outcome could not be written."""
+        """Return whether calls are recorded; raise if the previous outcome could not be written."""
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure
@@ -223,10 +209,10 @@ class Recorder:
 
 
 def returned(index: int, result: StepResult) -> StepOutcome:
-    """Return the outcome of step `index`, which returned `result`."""
+    """Return the outcome of a step that returned `result`."""
     arrays = {name: array for name, array in vars(result).items() if array is not None}
     samples = {name: _sampled(index, arrays[name]) for name in arrays if name in ("image", "aovs")}
-    return StepOutcome({name: crc32(array) for name, array in arrays.items()}, samples)
+    return StepOutcome({name: recording.crc32(array) for name, array in arrays.items()}, samples)
 
 
 def raised(error: Exception) -> StepOutcome:
@@ -235,10 +221,7 @@ def raised(error: Exception) -> StepOutcome:
 
 
 def _sampled(index: int, image: Float32) -> Float32:
-    """Return every s-th pixel of (H, W, k) in x and y, s = ceil(sqrt(H W / SAMPLES)).
-
-    The offset changes with the index of the step.
-    """
+    """Return every s-th pixel of (H, W, k) in x and y, s = ceil(sqrt(H W / SAMPLES)), offset by the index."""
     height, width = image.shape[:2]
     stride = math.ceil(math.sqrt(height * width / SAMPLES))
     top, left = index % min(stride, height), index // stride % min(stride, width)

@@ -12,13 +12,7 @@ from supersampler.backends.onnx.tensors import image_of_tensor, tensors_of_frame
 from supersampler.errors import ProviderError, RecordingError
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter, display_transform
-from supersampler.methods.model_file import (
-    extrapolation_names,
-    find_model,
-    model_names,
-    read_model_info,
-    shipped_model,
-)
+from supersampler.methods import model_file
 from supersampler.model import ExecutorName, Model, Precision
 from supersampler.recording import (
     Call,
@@ -42,7 +36,7 @@ class ImageDifference(NamedTuple):
 
 
 FP32_TOLERANCE, REDUCED_TOLERANCE = ImageDifference(1e-5, 1e-3, 1.0), ImageDifference(1.0 / 255.0, 0.03, 1.0)
-"""Tolerances between machines and executors: for fp32 networks, and for fp16 or int8 networks."""
+"""Tolerances between machines and backends: for fp32 networks, and for fp16 or int8 networks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +45,11 @@ class Replayed:
 
     Attributes:
         index: index of the step.
-        result: its result; None where it raised.
+        result: its result; None if it raised.
         exposure: exposure at which the images are compared.
-        exact: whether results are bit-identical, or errors the same; None where no outcome was recorded.
-        difference: difference of the recorded pixels; None where there is nothing to compare.
-        within: False where the difference is beyond tolerance.
+        exact: whether the results are bit-identical, or the errors the same; None if none was recorded.
+        difference: difference of the recorded pixels; None if there is nothing to compare.
+        within: False if the difference is beyond tolerance.
         note: errors of either run.
     """
 
@@ -69,7 +63,7 @@ class Replayed:
 
 
 class Replay:
-    """An Upscaler like the recorded one, which repeats the recorded calls.
+    """Repeats recorded calls with an Upscaler like the recorded one.
 
     >>> replay = Replay(open_recording("kitchen.recording"))
     >>> steps = [replay.call(call) for call in replay.recording]
@@ -78,10 +72,9 @@ class Replay:
         recording: the recording.
         model: a model's name or folder; None takes the recorded one, which must ship.
         extrapolation: name or folder of the model that extrapolates unshaded frames; None as for `model`.
-        executor: see `Model.load`. With the recorded model, and none of executor, precision and providers
-            given, the recorded values are used; otherwise None means "auto".
-        precision: see `executor`.
-        providers: see `Model.load`; None is the recorded providers where they are installed, else "auto".
+        executor, precision: see `Model.load`. None is the recorded value if the model is the recorded one and
+            executor, precision and providers are all None; otherwise "auto".
+        providers: see `Model.load`; None is the recorded providers if they are installed, else "auto".
 
     Attributes:
         recording: the recording.
@@ -105,7 +98,7 @@ class Replay:
         providers: str | Sequence[str] | None = None,
     ) -> None:
         setup, given = recording.setup, (executor, precision, providers)
-        folder = _shipped(recording, setup, "--model") if model is None else find_model(model)
+        folder = _shipped(recording, setup, "--model") if model is None else model_file.find_model(model)
         if extrapolation is None and setup.extrapolation is not None:
             extrapolation = _shipped(recording, setup.extrapolation, "--extrapolate")
         pairs = [(setup, folder), (setup.extrapolation, extrapolation)]
@@ -142,7 +135,7 @@ class Replay:
         self._meter = ExposureMeter()
 
     def call(self, call: Call) -> Replayed | None:
-        """Repeat a recorded call; return the comparison where it is a step.
+        """Repeat a recorded call; return the comparison if it is a step.
 
         Raises:
             ArgumentError: a recorded state does not fit this model.
@@ -163,7 +156,7 @@ class Replay:
     def _step(self, call: StepCall) -> Replayed:
         try:
             result = self._repeat(call)
-        except Exception as error:  # any type: the recorded step may have raised the same
+        except Exception as error:  # of any type: the recorded step may have raised the same
             return _compare_errors(call, raised(error))
         frame, recorded = call.frame, call.outcome
         exposure = self._meter.read_frame(frame) / frame.pre_exposure  # images contain pre-exposure
@@ -181,7 +174,7 @@ class Replay:
 
     def _repeat(self, call: StepCall) -> StepResult:
         frame, upscaler = call.frame, self._upscaler
-        if call.name == "step_tensors" and self.model.executor == "onnx":  # others have no tensors
+        if call.name == "step_tensors" and self.model.executor == "onnx":  # other backends have no tensors
             tensors = tensors_of_frame(frame, self.model.device)
             image = upscaler.step_tensors(
                 tensors, jitter=frame.jitter, exposure=frame.exposure, pre_exposure=frame.pre_exposure,
@@ -210,7 +203,7 @@ def _error_text(outcome: StepOutcome) -> str:
 
 
 def _difference(here: StepOutcome, recorded: StepOutcome, exposure: float) -> ImageDifference:
-    """Compare the kept pixels; differences of AOVs are relative to values above 1, without tone curve."""
+    """Compare the recorded pixels. AOVs are not tone-mapped; values above 1 are compared relatively."""
     differences = []
     for name in here.samples.keys() | recorded.samples.keys():
         a, b = here.samples.get(name), recorded.samples.get(name)
@@ -228,17 +221,17 @@ def _difference(here: StepOutcome, recorded: StepOutcome, exposure: float) -> Im
 def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:
     if recorded is None or used is None:
         return recorded is None and used is None
-    return recorded.is_of(read_model_info(find_model(used)))
+    return recorded.is_of(model_file.read_model_info(model_file.find_model(used)))
 
 
 def _shipped(recording: Recording, model: RecordedModel, option: str) -> Path:
-    """Return the shipped folder of a recorded model; RecordingError, with `option`, where none ships."""
+    """Return the shipped folder of a recorded model; RecordingError, which names `option`, if none ships."""
     hint = f"Pass the folder of the recorded one: {option} FOLDER."
-    if model.folder not in [*model_names(), *extrapolation_names()]:
+    if model.folder not in [*model_file.model_names(), *model_file.extrapolation_names()]:
         problem = f"was recorded with the model {model.folder!r} ({model.method}), which does not ship"
         raise RecordingError(recording.path, problem, hint)
-    folder = shipped_model(model.folder)
-    here = read_model_info(folder)
+    folder = model_file.shipped_model(model.folder)
+    here = model_file.read_model_info(folder)
     if not model.is_of(here):
         name = next((name for name in model.files if model.files[name] != here.files.get(name)), "model.json")
         digest, version = model.files.get(name, "")[:12], recording.setup.versions.get("supersampler")

@@ -1,4 +1,4 @@
-"""`detect_conventions`: detects the conventions of a few frames."""
+"""`detect_conventions`: detects units, signs and depth from a few frames."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,25 +8,11 @@ from supersampler.arguments import as_index, ieee_arithmetic
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.conventions import Resolution
 from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.validation import mistakes, rankings
 from supersampler.validation.checker import frame_mistakes
-from supersampler.validation.mistakes import (
-    DEPTH_NOT_REVERSED,
-    JITTER_CONSTANT,
-    JITTER_MISREAD,
-    JITTER_TOO_SMALL,
-    MOTION_MISREAD,
-    RESET_ALWAYS,
-    Mistake,
-)
+from supersampler.validation.mistakes import Mistake
 from supersampler.validation.probe import FrameProbe
-from supersampler.validation.rankings import (
-    Detection,
-    jitters_in_the_pixel,
-    rank_depth,
-    rank_jitter,
-    rank_motion,
-    swapped_axes,
-)
+from supersampler.validation.rankings import Detection
 from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.single_frame import upside_down
 from supersampler.validation.temporal import FramesSeen
@@ -35,9 +21,10 @@ if TYPE_CHECKING:  # which loads OpenImageIO
     from supersampler.io.shot import Shot
 
 _VERDICT_KINDS = {
-    mistake.kind
-    for mistake in (DEPTH_NOT_REVERSED, JITTER_CONSTANT, JITTER_MISREAD, JITTER_TOO_SMALL, MOTION_MISREAD)
-}
+    mistakes.DEPTH_NOT_REVERSED.kind, mistakes.JITTER_CONSTANT.kind, mistakes.JITTER_MISREAD.kind,
+    mistakes.JITTER_TOO_SMALL.kind, mistakes.MOTION_MISREAD.kind,
+}  # fmt: skip
+"""Kinds of mistakes that the verdicts report."""
 
 
 @ieee_arithmetic
@@ -46,16 +33,16 @@ def detect_conventions(
 ) -> Detection:
     """Detect the conventions of some consecutive frames.
 
-    Tries every motion unit, direction and flip, with jitter in the vectors and without, and every jitter
+    Tries every motion unit, direction and flip, with and without jitter in the vectors, and every jitter
     unit, sign and flip, and ranks them by how well they reproject the previous image. The kind of depth
-    follows from disocclusions, the sky and planes. Where the evidence is uncertain, the stated conventions
-    are kept.
+    follows from disocclusions, the sky and planes. The stated conventions are kept where the evidence is
+    uncertain.
 
     Args:
         shot: a `Shot`, whose middle is read, or raw frames in order.
-        frames: number of frames to read, >= 2. Motion with jitter in it needs 3; more are more certain.
-        conventions: the stated conventions; by default the shot's, or `Conventions()`. Rows, sRGB, planes and
-            motion scale are taken from it unchecked.
+        frames: number of frames to read, >= 2. Jitter in motion vectors needs 3; more are more certain.
+        conventions: the stated conventions; by default the shot's, or `Conventions()`. Rows, sRGB, near and
+            far plane, and motion scale are not detected.
 
     Raises:
         ArgumentError: there are fewer than two frames, or an argument has a wrong type.
@@ -70,18 +57,17 @@ def detect_conventions(
     resolution: Resolution = "render" if seen[0].motion.shape[:2] == seen[0].depth.shape else "display"
     found = replace(stated, motion_resolution=resolution)
     textured = [pair for pair in frame_pairs(seen) if pair.textured and not _turned(pair.now)]
-    jitters = jitters_in_the_pixel(seen, stated)
-    motion = rank_motion(textured, jitters, found)
+    jitters = rankings.jitters_in_the_pixel(seen, stated)
+    motion = rankings.rank_motion(textured, jitters, found)
     found = replace(found, **motion.overrides)
-    jitter = rank_jitter(textured, jitters, found)
+    jitter = rankings.rank_jitter(textured, jitters, found)
     found = replace(found, **jitter.overrides)
-    depth = rank_depth(textured, seen, found)
+    depth = rankings.rank_depth(textured, seen, found)
     found = replace(found, **depth.overrides)
-    notes = [str(mistake.error()) for mistake in swapped_axes(textured, jitters, found)]
+    notes = [str(mistake.error()) for mistake in rankings.swapped_axes(textured, jitters, found)]
     if found.depth != stated.depth and found.depth.endswith("infinite"):
         kind = found.depth.removesuffix("_infinite")
-        text = f"Images do not show a far plane; if there is one, write depth='{kind}' with near and far."
-        notes.append(text)
+        notes.append(f"Images do not show a far plane. If there is one, write depth='{kind}', near and far.")
     flips = "motion_flip_y", "jitter_flip_y"
     likely = replace(found, **jitter.ranked[0].overrides) if jitter.ranked else found
     if all(getattr(likely, name) != getattr(stated, name) for name in flips):
@@ -91,29 +77,29 @@ def detect_conventions(
         found = replace(found, **own, bottom_up=not stated.bottom_up)
     notes += _other_mistakes(raws, found)
     if always_reset and any(pair.continues for pair in textured):
-        notes.append(str(RESET_ALWAYS.found(frames=len(raws)).error()))
+        notes.append(str(mistakes.RESET_ALWAYS.found(frames=len(raws)).error()))
     return Detection(motion, jitter, depth, stated, found, tuple(notes))
 
 
 def _turned(frame: FrameProbe) -> bool:
-    """Return whether colour is upside down against depth: then no reading of the motion fits."""
-    return frame.light is not None and any(True for _ in upside_down(frame.depth, frame.light))
+    """Return whether colour is upside down relative to depth: then no reading of the motion fits."""
+    return frame.light is not None and any(upside_down(frame.depth, frame.light))
 
 
 def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
-    """Return the mistakes that the checks find with these conventions, without those of the verdicts."""
+    """Return the mistakes in frames with these conventions, except those that the verdicts report."""
     converter, seen = found.converter(), FramesSeen()
-    mistakes: dict[str, Mistake] = {}
+    by_kind: dict[str, Mistake] = {}
     for raw in raws:
-        try:  # with jitter in vectors, those to the next frame cannot be converted
+        try:  # motion to the next frame with jitter in it cannot be converted
             frame = converter.to_frame(replace(raw, motion_next=None) if found.motion_jittered else raw)
         except (FrameError, ArgumentError) as error:
-            return [*(str(mistake.error()) for mistake in mistakes.values()), str(error)]
+            return [*(str(mistake.error()) for mistake in by_kind.values()), str(error)]
         evidence = FrameProbe.of_frame(frame)
         seen = FramesSeen() if frame.reset else seen
         seen = seen.after(evidence, frame.size)
-        mistakes |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
-    return [str(mistake.error()) for kind, mistake in mistakes.items() if kind not in _VERDICT_KINDS]
+        by_kind |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
+    return [str(mistake.error()) for kind, mistake in by_kind.items() if kind not in _VERDICT_KINDS]
 
 
 def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:

@@ -13,14 +13,14 @@ from supersampler.validation.probe import pixel_grid
 
 _MIN_PIXELS = 100
 _RANGE_ERROR = 1e-3  # rounding error of half floats near 1
-_LENGTH_ERROR = 0.05  # accepted error of a normal's length
+_LENGTH_ERROR = 0.05  # maximum error of a normal's length
 _MIN_FRACTION = 0.01  # minimum fraction of wrong pixels
-_MAX_RATIO = 1.25  # accepted ratio of depths at two sizes
-_MIN_SPREAD = 0.05  # of log depth, from which on surfaces have several distances
+_MAX_RATIO = 1.25  # maximum ratio of depths at the two sizes
+_MIN_SPREAD = 0.05  # minimum spread of log depth ratios that proves another kind of depth
 
 
 def gbuffer_mistakes(frame: Frame, names: Collection[str]) -> Iterator[Mistake]:
-    """Yield the mistakes in the frame's G-buffers of these tensor names; missing ones are skipped."""
+    """Yield the mistakes in the frame's G-buffers with these tensor names, if they exist."""
     for place in (GBUFFERS[name] for name in names):
         array = place.find(frame)
         if array is None:
@@ -81,7 +81,7 @@ def _depth(place: BufferField, array: Array, frame: Frame) -> Iterator[Mistake]:
 
 
 def _at_samples(array: Array, frame: Frame, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Float32:
-    """Return display-size depth where some render pixels are sampled."""
+    """Return display-size depth at the sample positions of these render pixels."""
     indices = []
     for axis, (index, jitter) in enumerate(((rows, frame.jitter[1]), (columns, frame.jitter[0]))):
         position = np.floor((index + 0.5 + jitter) * (array.shape[axis] / frame.depth.shape[axis]))

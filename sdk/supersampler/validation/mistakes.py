@@ -1,6 +1,6 @@
-"""The list of all mistakes that the pixel checks and `detect_conventions` report.
+"""List of all mistakes that the pixel checks and `detect_conventions` report.
 
-`Mistake.found` fills in the names in braces.
+`Mistake.found` replaces the names in braces.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ class Mistake:
         kind: identity of the mistake; each kind warns once until the next reset.
         field: field of `Frame`.
         got, want, hint: see `FrameError`.
-        severity: "hint" where a correct frame may look the same; then it warns, but never raises.
+        severity: "hint" if a correct frame may look the same; a hint warns, but never raises.
     """
 
     kind: str
@@ -37,12 +37,12 @@ class Mistake:
         return replace(self, **{name: getattr(self, name).format(**facts) for name in texts})
 
     def error(self) -> FrameError:
-        """Return the error, whose text is also that of the warning."""
+        """Return the error; the warning has the same text."""
         return FrameError(self.field, got=self.got, want=self.want, hint=self.hint)
 
 
 def where(bad: NDArray[np.bool_]) -> str:
-    """Return text with the number of True pixels in a mask, at least one, and the first."""
+    """Return text with the number of True pixels in a mask, and the position of the first."""
     row, column = np.argwhere(bad)[0]
     return f"in {int(bad.sum())} pixels, first at (x={column}, y={row})"
 
@@ -54,39 +54,39 @@ _JITTER = "pixel centre to sample, render pixels, y down"
 # fmt: off
 COLOR_NOT_FINITE = Mistake(
     "color not finite", "color", "NaN or Inf {where}", "finite",
-    "A division by 0 or a power of a negative number in a shader; one such pixel would spread.")
+    "Is there a division by 0 or a power of a negative number in a shader? One such pixel would spread.")
 COLOR_NEGATIVE = Mistake(
     "color negative", "color", "negative in {share:.0%} of its values", ">= 0",
-    "Wide-gamut colours clip at 0: np.maximum(color, 0). A denoiser or sharpener runs too early.")
+    "Wide-gamut colours clip at 0: np.maximum(color, 0). Or a denoiser or sharpener has run before.")
 COLOR_CLIPPED = Mistake(
     "color clipped", "color", "never above 1, and often 1 in one channel or two",
     "linear scene colour from before tone mapping",
-    "If it is tone-mapped, hand it in from before; if it is only sRGB, Conventions(srgb=True).",
+    "If it is tone-mapped, pass it from before; if it is only sRGB, Conventions(srgb=True).",
     severity="hint")
 COLOR_BYTES = Mistake(
     "color bytes", "color", "in whole numbers up to {high:.0f}",
     "linear scene colour from before tone mapping",
-    "Are these bytes? Divide by 255; those of an image file are sRGB, too: Conventions(srgb=True).")
+    "Are these bytes? Divide by 255. Bytes of image files are also sRGB: Conventions(srgb=True).")
 COLOR_EIGHT_BIT = Mistake(
     "color eight bit", "color", "in steps of 1/255, as an 8-bit image", COLOR_BYTES.want,
     "Eight bits are sRGB: Conventions(srgb=True), or render to floats.", severity="hint")
 COLOR_DISPLAYED = Mistake(
     "color displayed", "color", "never above {top}, and as bright as a displayed image", COLOR_BYTES.want,
-    "{scale}Is it sRGB-encoded? Then Conventions(srgb=True); if it is tone-mapped, hand it in from before.",
+    "{scale}Is it sRGB-encoded? Then Conventions(srgb=True); if it is tone-mapped, pass it from before.",
     severity="hint")
 COLOR_FILTERED = Mistake(
-    "color filtered", "color", "mixed in {share:.0%} of the edges of depth",
-    "samples at one place in the pixel, at centre + jitter",
+    "color filtered", "color", "mixed at {share:.0%} of the depth edges",
+    "point samples at pixel centre + jitter",
     "Turn off anti-aliasing, multi-sampling, blur and wide pixel filters (Blender: 0.01 pixels).",
     severity="hint")
 ROWS_BOTTOM_UP = Mistake(
-    "rows bottom-up", "color", "bottom-up with depth and motion: frames fit {times:.1f} times better so",
+    "rows bottom-up", "color", "bottom-up with depth and motion: frames then fit {times:.1f} times better",
     "row 0 on top",
-    "Conventions(bottom_up=True) turns all of them. Only if the image is upright: {call}.")
+    "Conventions(bottom_up=True) flips all of them. Only if the image is upright: {call}.")
 COLOR_UPSIDE_DOWN = Mistake(
-    "color upside down", "color", "upside down against depth: edges agree {times:.1f} times better turned",
+    "color upside down", "color", "upside down relative to depth: flipped, edges agree {times:.1f}x better",
     "row 0 on top",
-    "Turn one of them: array[::-1]; or Conventions(bottom_up=True) where all are upside down.")
+    "Flip one of them: array[::-1]; or Conventions(bottom_up=True) if all are upside down.")
 DEPTH_NOT_FINITE = Mistake(
     "depth not finite", "depth", "NaN or Inf {where}", "finite",
     "Is it a distance? Conventions(depth='linear') takes inf for the sky.")
@@ -105,42 +105,42 @@ DEPTH_COARSE = Mistake(
     "Is it from an 8-bit image? It is too coarse to find disocclusions, and its kind is not checked.",
     severity="hint")
 DEPTH_CONSTANT = Mistake(
-    "depth constant", "depth", "the same everywhere, though things move at different speeds",
+    "depth constant", "depth", "the same everywhere, although surfaces move at different speeds",
     "near / distance of each pixel", "Is the depth buffer bound, and read before it is cleared?")
 MOTION_NOT_FINITE = Mistake(
     "motion not finite", "motion", "NaN or Inf {where}", "finite",
-    "Give 0, or the camera's motion, where nothing was rendered, such as the sky.")
+    "Write 0, or the camera's motion, where nothing was rendered, such as the sky.")
 MOTION_TOO_LONG = Mistake(
     "motion too long", "motion", "longer than the whole image in {share:.0%} of the pixels", "render pixels",
     "Is it scaled twice? Vectors in pixels need motion_scale=(1, 1).")
 MOTION_MISREAD = Mistake(
-    "motion misread", "motion", "misread: frames fit {times:.1f} times better with it taken as {reading}",
+    "motion misread", "motion", "misread: frames fit {times:.1f} times better if it is {reading}",
     _MOTION, "Try {call}.")
 MOTION_ZERO = Mistake(
-    "motion zero", "motion", "0 everywhere, though the image moves", _MOTION,
+    "motion zero", "motion", "0 everywhere, although the image moves", _MOTION,
     "Is the pass written and read? Blender writes zeros while motion blur is on.")
 MOTION_COARSE = Mistake(
-    "motion coarse", "motion", "in steps of {step:.2g} pixels", "floats, at least 1/16 pixel fine",
+    "motion coarse", "motion", "in steps of {step:.2g} pixels", "floats, in steps of 1/16 pixel or less",
     "Were vectors stored in 8 bits, or in half floats around 0.5? Store them around 0.")
 MOTION_NEXT_MISREAD = Mistake(
     "motion_next misread", "motion_next",
-    "inconsistent: where it leads, the next frame's motion leads elsewhere, {difference:.1f} pixels off with "
+    "inconsistent: from its end, the next frame's motion leads back {difference:.1f} pixels off, with "
     "vectors of {length:.1f}{reading}",
     "render pixels without jitter, next minus current, y down",
-    "Conventions(motion_next_direction='current_minus_next') turns it; without it, it is computed.")
+    "Conventions(motion_next_direction='current_minus_next') reverses it. If left out, it is computed.")
 MOTION_SWAPPED = Mistake(
-    "motion swapped", "motion", "(y, x): frames fit better so", "(x, y)", "Hand it in as motion[..., ::-1].")
+    "motion swapped", "motion", "(y, x): frames then fit better", "(x, y)", "Pass motion[..., ::-1].")
 JITTER_CONSTANT = Mistake(
-    "jitter constant", "jitter", "{jitter} in {frames} frames in a row",
-    "a new place in the pixel each frame, in render pixels",
-    "halton_jitter and jittered_projection make one; without it no detail can be gained.")
+    "jitter constant", "jitter", "{jitter} in {frames} consecutive frames",
+    "a new position in the pixel each frame, in render pixels",
+    "halton_jitter and jittered_projection make one. Without jitter, no detail can be gained.")
 JITTER_HELD = replace(
     JITTER_CONSTANT, got="{jitter} in {frames} frames in which nothing moved", severity="hint",
     hint="A static image needs samples at new positions: continue halton_jitter, or stop stepping.")
 JITTER_ONE_SIDED = Mistake(
     "jitter one-sided", "jitter", "({x:.2f}, {y:.2f}) on average over {frames} shaded frames",
-    "samples on all sides of the pixel's centre: about (0, 0)",
-    "Where every second frame is not shaded, count shaded frames: halton_jitter(index // 2, ratio).",
+    "samples on all sides of the pixel's centre, (0, 0) on average",
+    "If every second frame is not shaded, count shaded frames only: halton_jitter(index // 2, ratio).",
     severity="hint")
 JITTER_TOO_SMALL = Mistake(
     "jitter too small", "jitter", "never more than {high:.2g}", JITTER_CONSTANT.want,
@@ -153,18 +153,18 @@ JITTER_AMPLITUDE = Mistake(
     "jitter amplitude", "jitter", "{factor} times as large in the image as stated", _JITTER,
     "Is it computed for another size, such as Blender's without its resolution percentage?")
 RESET_ALWAYS = Mistake(
-    "reset always", "reset", "True in {frames} frames in a row, each of which continues the one before",
-    "True on the first frame after a cut alone", "Each reset drops the history.")
+    "reset always", "reset", "True in {frames} consecutive frames that continue each other",
+    "True only on the first frame after a cut", "Each reset drops the history.")
 JITTER_SWAPPED = Mistake(
-    "jitter swapped", "jitter", "(y, x): frames fit better so", "(x, y)", "Pass (x, y).")
+    "jitter swapped", "jitter", "(y, x): frames then fit better", "(x, y)", "Pass (x, y).")
 EXPOSURE_OUT_OF_RANGE = Mistake(
     "exposure out of range", "exposure", "{exposure:.3g}",
-    f"{MIN_EXPOSURE:.2g} to {MAX_EXPOSURE:.2g}, what brings middle grey to 0.18",
-    "A measured one is used in its place, as for exposure=None.")
+    f"{MIN_EXPOSURE:.2g} to {MAX_EXPOSURE:.2g}, which maps middle grey to 0.18",
+    "It is ignored, and exposure is measured, as for exposure=None.")
 
 GBUFFER_NOT_FINITE = Mistake(
     "{place} not finite", "{place}", "NaN or Inf {where}", "finite",
-    "Clear the target to 0 where nothing is rendered, and normalise no vector of length 0.")
+    "Clear the target to 0 where nothing is rendered, and do not normalise vectors of length 0.")
 GBUFFER_DEPTH_NOT_FINITE = replace(
     GBUFFER_NOT_FINITE, hint="Is it a distance? The sky of near / distance is 0.")
 GBUFFER_OUT_OF_RANGE = Mistake(
@@ -173,7 +173,7 @@ GBUFFER_OUT_OF_RANGE = Mistake(
     "It is a fraction of reflected light or a parameter of the material, without lighting or exposure.")
 GBUFFER_BYTES = replace(
     GBUFFER_OUT_OF_RANGE,
-    hint="Are these bytes? Divide by 255; a base colour in sRGB is to be made linear, too.")
+    hint="Are these bytes? Divide by 255; convert a base colour from sRGB to linear, too.")
 NORMAL_NOT_UNIT = Mistake(
     "{place} not unit", "{place}",
     "of a length that is neither 1 nor 0 in {share:.0%} of its pixels, from {low:.2g} to {high:.2g}",
@@ -185,14 +185,14 @@ NORMAL_ENCODED = replace(
     hint="Decode it: 2 * normal - 1, and 0 at the sky.")
 GBUFFER_DEPTH_NEGATIVE = Mistake(
     "{place} negative", "{place}", "negative, as small as {low:.3g}",
-    "near / distance of the same near plane as frame.depth, 0 at the sky")
+    "near / distance, with the near plane of frame.depth, 0 at the sky")
 GBUFFER_DEPTH_IS_DISTANCE = Mistake(
     "{place} of another kind", "{place}", "a distance: it grows where frame.depth falls",
     GBUFFER_DEPTH_NEGATIVE.want, "Write near / distance, with the near plane of frame.depth.")
 GBUFFER_DEPTH_SCALED = replace(
     GBUFFER_DEPTH_IS_DISTANCE,
-    got="{scale:.3g} times frame.depth at the same places",
-    hint="Is it forward, a distance, or of another near plane? Write both by the same code.")
+    got="{scale:.3g} times frame.depth at the same positions",
+    hint="Is it forward, a distance, or does it have another near plane? Write both by the same code.")
 # fmt: on
 
 

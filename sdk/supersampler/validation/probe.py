@@ -1,4 +1,4 @@
-"""One frame as the checks read it, kinds of depth, and the readings of motion and jitter that are tried."""
+"""Frames as the checks read them, tests of depth, and the readings of motion and jitter that are tried."""
 
 from dataclasses import dataclass, replace
 from itertools import product
@@ -31,10 +31,10 @@ JITTER_READINGS: tuple[Overrides, ...] = tuple(
     for unit, sign, flip in product(get_args(Unit), (1, -1), (False, True))
 )
 
-_SKY_DISTANCE = 1e6  # from here on linear depth is sky
-_DISTANCE_RATIO = 1.1  # minimum ratio of the distances of two surfaces; one that approaches changes less
-_MIN_PIXELS = 100  # for a median
-_CROP_SIDE = 400  # side in pixels of the square in the middle that `plane_curvature` reads
+_SKY_DISTANCE = 1e6  # minimum linear depth of the sky
+_DISTANCE_RATIO = 1.1  # minimum ratio of the distances of two surfaces; an approaching surface changes less
+_MIN_PIXELS = 100  # minimum number for a median
+_CROP_SIDE = 400  # pixels: side of the central square that `plane_curvature` reads
 _ROUNDING = 1e-6  # relative rounding error of float32 depth
 
 
@@ -43,7 +43,7 @@ class FrameProbe:
     """One frame with row 0 on top and linear luminance; depth, motion and jitter are not converted.
 
     Attributes:
-        light: (h, w) luminance without pre-exposure; None where the frame was not shaded.
+        light: (h, w) luminance without pre-exposure; None for an unshaded frame.
         depth: (h, w).
         motion: (h, w, 2), or (H, W, 2) at display size.
         jitter: (x, y).
@@ -90,7 +90,7 @@ class FrameProbe:
         return self.depth.shape[1], self.depth.shape[0]
 
     def copied(self) -> "FrameProbe":
-        """Return a copy for the comparison with the next frame: engines reuse their buffers."""
+        """Return a copy to compare with the next frame: engines reuse their buffers."""
         following = None if self.motion_next is None else self.motion_next.copy()
         return replace(self, depth=self.depth.copy(), motion=self.motion.copy(), motion_next=following)
 
@@ -99,9 +99,9 @@ class FrameProbe:
         return np.multiply(self.jitter, conventions.jitter_factor(self.size))
 
     def vectors(self, conventions: Conventions, pixels: PixelGrid, *, swapped: bool = False) -> Float32:
-        """Return (n, 2) motion of some pixels in render pixels, interpreted by these conventions.
+        """Return (n, 2) motion of these pixels in render pixels, interpreted by these conventions.
 
-        Jitter in the vectors stays. `swapped` exchanges x and y.
+        Jitter in the vectors is not removed. `swapped` exchanges x and y.
         """
         height, width = self.motion.shape[:2]
         rows = (pixels[0] * 2 + 1) * height // (2 * self.size[1])
@@ -119,7 +119,7 @@ def _luminance(color: Array) -> Float32:
 
 
 def pixel_grid(size: tuple[int, int], count: int = GRID_PIXELS) -> PixelGrid:
-    """Return an even grid of about `count` pixels at most in (width, height)."""
+    """Return a regular grid of about `count` pixels at most in an image of (width, height)."""
     step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / count))))
     columns, rows = (np.arange(step // 2, extent, step) for extent in size)
     return rows.repeat(len(columns)), np.tile(columns, len(rows))
@@ -148,10 +148,10 @@ def _inverse_distance(depth: Array, order: DepthOrder) -> NDArray[np.float64]:
 
 
 def plane_curvature(depth: Array, order: DepthOrder) -> float:
-    """Return how curved 1 / distance is in screen space: it is linear along a plane.
+    """Return how curved 1 / distance is in screen space; along a plane it is linear.
 
-    The median second difference divided by the first, beyond rounding errors, in the middle of the image; NaN
-    where no neighbours differ.
+    The value is the median ratio of second to first differences, beyond rounding errors, in the middle of the
+    image; NaN if no neighbours differ.
     """
     top, left = (max(0, extent // 2 - _CROP_SIDE // 2) for extent in depth.shape)
     inverse = _inverse_distance(depth[top : top + _CROP_SIDE, left : left + _CROP_SIDE], order)
@@ -177,10 +177,10 @@ def sky_fraction(depth: Array, order: DepthOrder) -> float:
 def count_disoccluded(
     now: Array, before: Array, order: DepthOrder, pixels: PixelGrid, offset: NDArray[np.floating[Any]]
 ) -> tuple[int, int]:
-    """Count disoccluded pixels whose occluder in the previous frame is (closer, farther) than themselves.
+    """Count disoccluded pixels whose occluder in the previous frame is (closer, farther) than the pixel.
 
-    With the right depth order, occluders are closer. `now` and `before` are (h, w) depths of the frame and
-    its predecessor; `offset` is (n, 2) pixels from each pixel to its place in the previous frame.
+    With the right depth order, occluders are closer. `now` and `before` are (h, w) depths of this and the
+    previous frame; `offset` is (n, 2) pixels from each pixel to its place in the previous frame.
     """
     height, width = now.shape
     rows, columns = pixels
@@ -193,7 +193,7 @@ def count_disoccluded(
     low, high = _range_3x3(now, order, rows, columns)
     previous_low, previous_high = _range_3x3(before, order, previous_rows, previous_columns)
     ratio = low[inside] / previous_low[inside]
-    if np.isfinite(ratio).sum() >= _MIN_PIXELS:  # a camera that moves ahead brings everything closer
+    if np.isfinite(ratio).sum() >= _MIN_PIXELS:  # a camera that moves forward scales all distances
         scale = np.nanmedian(ratio)
         previous_low, previous_high = scale * previous_low, scale * previous_high
     with np.errstate(invalid="ignore"):
@@ -205,7 +205,7 @@ def count_disoccluded(
 def _range_3x3(
     depth: Array, order: DepthOrder, rows: NDArray[np.intp], columns: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the minimum and maximum 1 / distance of 3 x 3 pixels; NaN with sky in them."""
+    """Return the minimum and maximum 1 / distance of 3 x 3 pixels; NaN if one of them is sky."""
     height, width = depth.shape
     near_rows = [np.clip(rows + step, 0, height - 1) for step in (-1, 0, 1)]
     near_columns = [np.clip(columns + step, 0, width - 1) for step in (-1, 0, 1)]

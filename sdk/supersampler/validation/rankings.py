@@ -1,4 +1,4 @@
-"""Rank hypotheses about motion, jitter and depth by their errors."""
+"""Rank hypotheses about motion, jitter and depth by reprojection error."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,32 +9,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
+from supersampler.validation import probe
 from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mistake
-from supersampler.validation.probe import (
-    JITTER_READINGS,
-    MOTION_READINGS,
-    ORDERS,
-    DepthOrder,
-    FrameProbe,
-    Overrides,
-    pixel_grid,
-    plane_curvature,
-    reading_text,
-    sky_fraction,
-)
+from supersampler.validation.probe import DepthOrder, FrameProbe, Overrides
 from supersampler.validation.reprojection import MIN_TEXTURED, FramePair
 from supersampler.validation.single_frame import depth_values
 from supersampler.validation.temporal import jitter_in_vectors, vectors_have_jitter
 
 SURE = 1.15
-"""Minimum ratio of the second-best error to the best for a certain verdict."""
+"""Minimum ratio of the second-smallest error to the smallest for a certain verdict."""
 
-_OVERRULES = 1.33  # minimum ratio for a verdict that contradicts the stated conventions
+_OVERRULES = 1.33  # minimum ratio of errors for a verdict that contradicts the stated conventions
 _TIE = 1.02  # within this ratio of errors, the stated hypothesis ranks first
 _MAX_RATIO = 0.8  # maximum ratio of errors for a significant improvement
-_MIN_DIFFERENCE = 0.25  # minimum difference of the depth errors without the planes' error
-_MIN_CURVATURE = 1e-4  # below it, all depths are as flat
-_NO_TEXTURE = "no two neighbouring frames have texture to compare"
+_MIN_DIFFERENCE = 0.25  # minimum difference of the depth errors, without the error of planes
+_MIN_CURVATURE = 1e-4  # minimum curvature that distinguishes kinds of depth
+_NO_TEXTURE = "no two neighbouring frames have enough texture to compare"
 _DEPTH_TEXT = {
     "reversed": "reversed (larger is closer)", "forward": "forward (0 is the near plane)",
     "linear": "linear (a distance)",
@@ -57,7 +47,7 @@ class Verdict:
     Attributes:
         name: "motion", "jitter" or "depth".
         ranked: hypotheses, best first; empty without evidence.
-        reason: why the result is uncertain; "" where it is certain.
+        reason: why the result is uncertain; "" if it is certain.
     """
 
     name: str
@@ -71,14 +61,14 @@ class Verdict:
 
     @property
     def margin(self) -> float:
-        """The second-best error divided by the best: 1 is a tie."""
+        """Second-smallest error divided by the smallest; 1 is a tie."""
         if len(self.ranked) < 2:
             return 1.0
         return max(1.0, self.ranked[1].error / max(self.ranked[0].error, 1e-6))
 
     @property
     def overrides(self) -> Mapping[str, Any]:
-        """Overrides of the best hypothesis; empty where it is uncertain."""
+        """Overrides of the best hypothesis; empty if it is uncertain."""
         return self.ranked[0].overrides if self.certain else {}
 
     @property
@@ -96,9 +86,9 @@ class Detection:
 
     Attributes:
         motion, jitter, depth: the verdicts.
-        stated: the given conventions, kept where a verdict is uncertain.
+        stated: the given conventions, which replace uncertain verdicts.
         conventions: the detected conventions; `call` is their Python expression.
-        notes: other mistakes, one text each.
+        notes: other mistakes, as text.
     """
 
     motion: Verdict
@@ -115,16 +105,16 @@ class Detection:
 
     @property
     def call(self) -> str:
-        """The Python expression of the detected conventions: `Conventions(...)` without defaults."""
+        """Python expression of the detected conventions: `Conventions(...)` without defaults."""
         return repr(self.conventions)
 
     @property
     def verdicts(self) -> tuple[Verdict, Verdict, Verdict]:
-        """The verdicts of motion, jitter and depth."""
+        """Verdicts on motion, jitter and depth."""
         return self.motion, self.jitter, self.depth
 
     def summary(self) -> str:
-        """Return lines of text: each verdict with its margin, the notes, and the call to write."""
+        """Return lines of text: each verdict with its margin, the notes, and the Python expression."""
         end = [f"The frames are as stated: {self.call}"]
         if not self.agrees:
             end = [f"The frames are not as stated: {self.stated!r}", f"Write: {self.call}"]
@@ -132,7 +122,7 @@ class Detection:
 
 
 def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> Verdict:
-    """Return the verdict on at least one hypothesis; near a tie the stated one ranks first."""
+    """Return the verdict on one or more hypotheses; near a tie, the stated one ranks first."""
 
     def error(hypothesis: Hypothesis) -> float:
         return hypothesis.error / (_TIE if _is_stated(hypothesis, stated) else 1.0)
@@ -154,7 +144,7 @@ def _is_stated(hypothesis: Hypothesis, stated: Conventions) -> bool:
 
 
 def jitters_in_the_pixel(frames: Sequence[FrameProbe], stated: Conventions) -> list[Overrides]:
-    """Return the readings of the jitter that keep samples inside their pixel; none for constant jitter."""
+    """Return the readings of the jitter that keep samples inside their pixels; none for constant jitter."""
     if np.ptp([frame.jitter for frame in frames], axis=0).max() == 0:
         return []
 
@@ -162,19 +152,20 @@ def jitters_in_the_pixel(frames: Sequence[FrameProbe], stated: Conventions) -> l
         reading = replace(stated, **overrides)
         return max(float(np.abs(frame.jitter_pixels(reading)).max()) for frame in frames)
 
-    return [overrides for overrides in JITTER_READINGS if largest(overrides) <= 0.5 + 1e-3]
+    return [overrides for overrides in probe.JITTER_READINGS if largest(overrides) <= 0.5 + 1e-3]
 
 
 def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated: Conventions) -> Verdict:
-    """Rank unit, direction, flip and whether jitter is in the vectors, by reprojection error.
+    """Rank unit, direction and flip of motion, and whether it contains jitter, by reprojection error.
 
-    Each reading is combined with its best reading of the jitter, so that wrong jitter does not affect it.
+    Each reading is combined with the reading of the jitter that fits it best, so that wrong jitter does not
+    affect it.
     """
     if not pairs:
         return Verdict("motion", (), _NO_TEXTURE)
     moves = _moving(pairs, stated)
     if not moves:
-        return Verdict("motion", (), "nothing moves, or next to nothing")
+        return Verdict("motion", (), "too few pixels move")
 
     def error(reading: Conventions) -> float:
         return float(np.mean([pair.error(pair.offset(reading), where) for pair, where in moves.items()]))
@@ -185,20 +176,20 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
         return float(np.mean([pair.error(shifts[pair], where) for pair, where in moves.items()]))
 
     def hypothesis(overrides: Overrides, error: float) -> Hypothesis:
-        return Hypothesis(reading_text("motion", Conventions(**overrides)), overrides, error)
+        return Hypothesis(probe.reading_text("motion", Conventions(**overrides)), overrides, error)
 
     hypotheses = []
     with_jitter = replace(stated, motion_jittered=True)
     have_jitter = {
         repr(o): any(_vectors_have_jitter(pairs, replace(stated, **o, **jitter)) for jitter in jitters)
-        for o in MOTION_READINGS
+        for o in probe.MOTION_READINGS
     }
     readings = [replace(stated, **jitter, motion_jittered=False) for jitter in jitters]
-    for overrides in MOTION_READINGS:
+    for overrides in probe.MOTION_READINGS:
         bare = error(replace(with_jitter, **overrides))
         best = min((error(replace(reading, **overrides)) for reading in readings), default=bare)
         hypotheses.append(hypothesis({**overrides, "motion_jittered": False}, best))
-        if readings and have_jitter[repr(overrides)]:  # else the image has none, and vectors have none either
+        if readings and have_jitter[repr(overrides)]:  # without jitter in the image, vectors have none either
             hypotheses.append(hypothesis({**overrides, "motion_jittered": True}, bare))
     verdict = ranked("motion", hypotheses, stated)
     if verdict.ranked[0].error > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
@@ -208,41 +199,41 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
 
 
 def rank_jitter(pairs: Sequence[FramePair], jitters: Sequence[Overrides], found: Conventions) -> Verdict:
-    """Rank unit, sign and flip of the jitter, for known motion.
+    """Rank unit, sign and flip of the jitter, for known motion, by reprojection error.
 
-    The error is that of the reprojected image. Where jitter is in the vectors, that does not depend on the
-    jitter's conventions, and the error is the change of unjittered motion from frame to frame.
+    If the vectors contain jitter, the reprojection does not depend on the jitter's conventions. The error is
+    then the change of unjittered motion from frame to frame.
     """
     if not jitters:
-        return Verdict("jitter", (), "it never changes, or no unit brings it into the pixel")
+        return Verdict("jitter", (), "it never changes, or no unit keeps it inside the pixel")
     if found.motion_jittered and not _neighbours(pairs):
-        return Verdict("jitter", (), "motion has jitter in it, which takes three frames of one size in a row")
+        return Verdict("jitter", (), "with jitter in motion, three consecutive frames of one size are needed")
     if not pairs:
         return Verdict("jitter", (), _NO_TEXTURE)
     error = _roughness if found.motion_jittered else _error
     hypotheses = []
     for overrides in jitters:
         reading = replace(found, **overrides)
-        hypotheses.append(Hypothesis(reading_text("jitter", reading), overrides, error(pairs, reading)))
+        hypotheses.append(Hypothesis(probe.reading_text("jitter", reading), overrides, error(pairs, reading)))
     return ranked("jitter", hypotheses, found)
 
 
 def rank_depth(pairs: Sequence[FramePair], frames: Sequence[FrameProbe], found: Conventions) -> Verdict:
     """Rank reversed, forward and linear depth by the sum of three errors, each from 0 to 1.
 
-    They are of disocclusions, whose occluders are closer; of the sky's value; and of planes, where 1 /
-    distance is linear.
+    The first counts disocclusions whose occluders are farther, the second misses the sky's value, the third
+    is the curvature of 1 / distance along planes.
     """
     count = max(depth_values(frame.depth) for frame in frames)
     if count:
-        return Verdict("depth", (), f"it has {count} evenly spaced values, and one step may be a distance")
+        return Verdict("depth", (), f"it has only {count} evenly spaced values")
     curved, skies = (
-        {order: float(np.mean([measure(frame.depth, order) for frame in frames])) for order in ORDERS}
-        for measure in (plane_curvature, sky_fraction)
+        {order: float(np.mean([measure(frame.depth, order) for frame in frames])) for order in probe.ORDERS}
+        for measure in (probe.plane_curvature, probe.sky_fraction)
     )
     max_curvature = float(np.nanmax([*curved.values(), 0.0]))
     hypotheses, without_planes = [], {}
-    for order in ORDERS:
+    for order in probe.ORDERS:
         no_sky = 0.5 if max(skies.values()) < 1e-3 else float(skies[order] < 1e-3)
         without_planes[order] = _wrongly_hidden(pairs, order, found) + no_sky
         of_planes = 0.0
@@ -252,11 +243,11 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[FrameProbe], found: 
         hypotheses.append(Hypothesis(_DEPTH_TEXT[order], _depth_overrides(order, frames, found), error))
     verdict = ranked("depth", hypotheses, found)
     best, own = (
-        next(o for o in ORDERS if kind.startswith(o))
+        next(o for o in probe.ORDERS if kind.startswith(o))
         for kind in (verdict.ranked[0].overrides["depth"], found.depth)
     )
     if without_planes[best] > without_planes[own] - _MIN_DIFFERENCE and best != own:
-        reason = f"it looks {best} by its planes alone, as that of a parallel projection does"
+        reason = f"only its planes look {best}, which may be a parallel projection"
         return Verdict("depth", verdict.ranked, reason)
     return verdict
 
@@ -266,8 +257,8 @@ def swapped_axes(
 ) -> list[Mistake]:
     """Return the mistakes that x and y of motion or jitter are exchanged, by reprojection error.
 
-    Motion is compared where something moves: else a reading with vectors that leave the image, which are
-    not compared, fits best.
+    Motion is compared at moving pixels only: vectors that leave the image are not compared, so that a wrong
+    reading could fit best elsewhere.
     """
     mistakes: list[Mistake] = []
     moves = _moving(pairs, found)
@@ -278,7 +269,7 @@ def swapped_axes(
 
     if moves:
         limit = _MAX_RATIO * error(found, swapped=False)
-        if min(error(replace(found, **o), swapped=True) for o in MOTION_READINGS) < limit:
+        if min(error(replace(found, **o), swapped=True) for o in probe.MOTION_READINGS) < limit:
             mistakes.append(MOTION_SWAPPED)
     limit = _MAX_RATIO * _error(pairs, found) if pairs else 0.0
     if pairs and jitters:  # with exchanged jitter, motion seems to have jitter in it
@@ -289,7 +280,7 @@ def swapped_axes(
 
 
 def _vectors_have_jitter(pairs: Sequence[FramePair], reading: Conventions) -> bool:
-    """Return whether motion changes with the jitter; True where that takes more frames."""
+    """Return whether motion changes with the jitter; True if there are too few frames to tell."""
     sums = 0.0, 0.0
     for before, pair in _neighbours(pairs):
         sums = jitter_in_vectors(sums, pair, [before.before.jitter, before.now.jitter], reading)
@@ -303,7 +294,7 @@ def _moving(pairs: Sequence[FramePair], reading: Conventions) -> dict[FramePair,
 
 
 def _error(pairs: Sequence[FramePair], reading: Conventions, *, jitter_swapped: bool = False) -> float:
-    """Return the mean reprojection error over all pixels."""
+    """Return the mean reprojection error of all compared pixels."""
     errors = [pair.error(pair.offset(reading, jitter_swapped=jitter_swapped)) for pair in pairs]
     return float(np.mean(errors))
 
@@ -312,19 +303,19 @@ def _roughness(pairs: Sequence[FramePair], reading: Conventions) -> float:
     """Return the median change of unjittered motion from frame to frame, in pixels."""
 
     def motion(pair: FramePair) -> NDArray[np.float64]:
-        return pair.now.vectors(reading, pixel_grid(pair.now.size, 4000)) - pair.shift(reading)
+        return pair.now.vectors(reading, probe.pixel_grid(pair.now.size, 4000)) - pair.shift(reading)
 
     changes = [np.abs(motion(now) - motion(before)) for before, now in _neighbours(pairs)]
     return float(np.mean([np.median(change) for change in changes]))
 
 
 def _neighbours(pairs: Sequence[FramePair]) -> list[tuple[FramePair, FramePair]]:
-    """Return consecutive pairs of one size, whose motion can be compared pixel by pixel."""
+    """Return consecutive pairs of the same size, whose motion can be compared pixel by pixel."""
     return [(before, now) for before, now in pairwise(pairs) if now.now.size == before.now.size]
 
 
 def _depth_overrides(order: DepthOrder, frames: Sequence[FrameProbe], found: Conventions) -> Overrides:
-    """Return overrides for an order; near and far planes are kept as stated, as images do not show them."""
+    """Return overrides for an order; stated near and far planes are kept, as images do not show them."""
     if found.depth.startswith(order):
         return {"depth": found.depth, "far": found.far}
     if order != "linear":

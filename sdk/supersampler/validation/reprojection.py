@@ -1,9 +1,9 @@
 """Reprojection error between two frames, for given conventions of motion and jitter.
 
 The error is the mean squared difference of tone-mapped luminance between a pixel and its place in the
-previous image, at a few thousand pixels. It is squared: at aliased edges most pixels stay equal, and a median
-or mean absolute difference would hardly depend on the motion there. Both images are read through the same
-small filter, as otherwise the blur of wrong motion could give the smaller error.
+previous image, at a few thousand pixels. At aliased edges most pixels do not change, so that a median or a
+mean absolute difference would hardly depend on the motion there. Both images are sampled with the same small
+filter; otherwise the blur of wrong motion could give the smaller error.
 """
 
 from collections.abc import Sequence
@@ -21,23 +21,23 @@ from supersampler.validation.probe import DepthOrder, FrameProbe, PixelGrid, cou
 MIN_TEXTURED = 1000
 """Minimum number of textured pixels for significant errors."""
 
-_TEXTURE = 0.01  # minimum change of the tone-mapped luminance between neighbours
-# Movement without motion vectors: tiles of the image are looked for in the previous one.
+_TEXTURE = 0.01  # minimum difference of tone-mapped luminance between neighbours
+# Motion of the image without motion vectors: tiles of the image are searched in the previous image.
 _MAX_TILES = 5  # along each axis
-_TILE_SIDES = (64, 32)  # pixels; the first of which four fit
-_MIN_MOVE = 2  # pixels; shorter moves may be the jitter's
-_MAX_RATIO = 0.7  # of errors, moved and unmoved
-_MIN_CONTRAST = 1e-3  # variance of tone-mapped luminance in a tile
+_TILE_SIDES = (64, 32)  # pixels; the first one that fits is used
+_MIN_MOVE = 2  # pixels; shorter shifts may come from the jitter
+_MAX_RATIO = 0.7  # maximum ratio of the errors with and without the shift
+_MIN_CONTRAST = 1e-3  # minimum variance of tone-mapped luminance in a tile
 _MIN_TILES = 3
 
 
 class FramePair:
-    """Two neighbouring frames of one size, both shaded, compared at some pixels.
+    """Two consecutive shaded frames of the same size, compared at some pixels.
 
     Attributes:
         before, now: the frames.
         pixels: the compared pixels.
-        textured: whether at least MIN_TEXTURED of them differ from their neighbours.
+        textured: whether at least MIN_TEXTURED of these pixels differ from their neighbours.
     """
 
     def __init__(self, before: FrameProbe, now: FrameProbe) -> None:
@@ -55,7 +55,7 @@ class FramePair:
         self.textured = int((change > _TEXTURE).sum()) >= MIN_TEXTURED  # NaN compares False
 
     def error(self, offset: NDArray[np.floating[Any]], where: NDArray[np.bool_] | None = None) -> float:
-        """Return the mean squared difference, in [0, 1]; inf where less than half is on screen.
+        """Return the mean squared difference, in [0, 1]; inf if less than half of the pixels are on screen.
 
         Args:
             offset: (n, 2) or (2,) pixels from each pixel to its place in the previous frame.
@@ -70,7 +70,7 @@ class FramePair:
         return float(np.mean(difference**2)) if 2 * len(difference) > len(before) else float("inf")
 
     def shift(self, conventions: Conventions) -> NDArray[np.float64]:
-        """Return the change of the jitter, (x, y) pixels: the image offset beside unjittered motion."""
+        """Return the change of the jitter, (x, y) pixels: image offset in addition to unjittered motion."""
         return self.now.jitter_pixels(conventions) - self.before.jitter_pixels(conventions)
 
     def offset(
@@ -81,9 +81,9 @@ class FramePair:
         motion_swapped: bool = False,
         jitter_swapped: bool = False,
     ) -> NDArray[np.float64]:
-        """Return (n, 2) pixels from each of some pixels to its place in the previous frame.
+        """Return (n, 2) pixels from each pixel, by default the compared ones, to its previous place.
 
-        `pixels` are the compared ones by default; `motion_swapped` and `jitter_swapped` exchange x and y.
+        `motion_swapped` and `jitter_swapped` exchange x and y.
         """
         pixels = self.pixels if pixels is None else pixels
         offset = self.now.vectors(conventions, pixels, swapped=motion_swapped).astype(np.float64)
@@ -94,18 +94,18 @@ class FramePair:
 
     @property
     def lacks_motion(self) -> bool:
-        """Whether the motion is 0 everywhere, though most of the image moves."""
+        """Whether the motion is 0 everywhere although most of the image moves."""
         inner = slice(1, -1), slice(1, -1)
         return not self.now.motion.any() and _image_moves(self._tone[inner], self._tone_before[inner])
 
     @property
     def variance(self) -> float:
-        """Variance of the tone-mapped luminance; unrelated images have twice that error."""
+        """Variance of the tone-mapped luminance; the error of unrelated images is twice as large."""
         return float(np.nanvar(self._here))
 
     @property
     def continues(self) -> bool:
-        """Whether the image is the previous one moved, rather than another."""
+        """Whether the previous image, reprojected, resembles this one."""
         return self.textured and self.error(self.offset(Conventions())) < 0.5 * self.variance
 
     def moving(self, conventions: Conventions) -> NDArray[np.bool_]:
@@ -123,7 +123,7 @@ class FramePair:
 
 
 def frame_pairs(frames: Sequence[FrameProbe]) -> list[FramePair]:
-    """Return the pairs of neighbours without a cut between, both shaded and of one size."""
+    """Return the pairs of consecutive frames that are shaded and of the same size, without a cut between."""
     return [
         FramePair(before, now)
         for before, now in pairwise(frames)
@@ -159,7 +159,7 @@ def _spline(fraction: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray
 
 
 def _image_moves(tone: Float32, tone_before: Float32) -> bool:
-    """Return whether most textured tiles fit elsewhere in the previous image, and a fifth clearly better."""
+    """Return whether at least half of the textured tiles have moved, and a fifth fit clearly better there."""
     height, width = tone.shape
     side = next((side for side in _TILE_SIDES if min(height, width) >= 1.5 * side), 0)
     if side == 0:
@@ -183,7 +183,7 @@ def _image_moves(tone: Float32, tone_before: Float32) -> bool:
 
 
 def _tile_shift(tile: Float32, before: Float32) -> tuple[int, int]:
-    """Return (x, y) from the tile to where it correlates best with the previous one."""
+    """Return the (x, y) shift at which a tile correlates best with the tile of the previous image."""
     side = tile.shape[0]
     window = np.hanning(side)[:, None] * np.hanning(side)
     now, earlier = (np.fft.rfft2((each - each.mean()) * window) for each in (tile, before))
@@ -193,7 +193,7 @@ def _tile_shift(tile: Float32, before: Float32) -> tuple[int, int]:
 
 
 def _fits_better(tone: Float32, before: Float32, tile: tuple[slice, slice], shift: tuple[int, int]) -> bool:
-    """Return whether the part of a tile that is on screen fits clearly better there than in its own place."""
+    """Return whether the on-screen part of a shifted tile fits clearly better than without the shift."""
     rows, columns = (np.arange(part.start, part.stop) for part in tile)
     rows = rows[(rows + shift[1] >= 0) & (rows + shift[1] < tone.shape[0])]
     columns = columns[(columns + shift[0] >= 0) & (columns + shift[0] < tone.shape[1])]

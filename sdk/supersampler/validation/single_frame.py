@@ -13,26 +13,27 @@ from supersampler.validation import mistakes
 from supersampler.validation.mistakes import Mistake, where
 from supersampler.validation.probe import GRID_PIXELS, pixel_grid, plane_curvature, sky_fraction
 
-_MAX_MIXED = 0.55  # fraction of mixed edges: point samples have fewer, filtered ones more
-_FULL = 0.9  # of a display's range; the brightest pixel exceeds it
-_MIDDLE = (0.3, 0.85)  # of a display's range; the median of the pixels' largest channels lies in it
+_MAX_MIXED = 0.55  # maximum fraction of mixed edges in point samples; filtered colour has more
+# Displayed colours, as fractions of the display's range.
+_FULL = 0.9  # minimum of the brightest value
+_MIDDLE = (0.3, 0.85)  # range of the median of the pixels' largest channels
 _MIN_SPREAD = 0.2  # of the brightest value: minimum difference of the 10th and 90th percentiles
 _MIN_DEPTHS = 100  # minimum number of distinct depths
 _MIN_SURFACE = 1000  # minimum number of pixels that are not sky
 _MAX_CHANGE = 0.5  # standard deviations: maximum mean change from pixel to pixel
 _MIN_LEVELS = 16  # minimum number of distinct values
 # Depth edges, across which a wide pixel filter mixes colours.
-_MIN_EDGES = 60  # minimum number of edges to judge by: of 31, point samples had 65 % mixed ones by chance
-_MIN_CONTRAST = 0.15  # of tone-mapped luminance
-_FLAT = 0.04  # of the contrast: change on either side of an edge
-_MIXED = 0.12  # of the contrast: a pixel that is neither of the sides
-_DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # of depths across an edge, and along a side
+_MIN_EDGES = 60  # minimum number of edges; of 31 edges of point samples, 65 % were mixed by chance
+_MIN_CONTRAST = 0.15  # minimum difference of tone-mapped luminance across an edge
+_FLAT = 0.04  # of the contrast: maximum change on either side of an edge
+_MIXED = 0.12  # of the contrast: minimum difference of a mixed pixel from both sides
+_DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # minimum ratio of depths across an edge, maximum along a side
 # Buffers with few, evenly spaced values: stored in 8 bits, or in half floats around an offset.
 _MIN_VALUES, _MAX_VALUES = 6, 300  # distinct values of such a buffer
-_PIXELS_EACH = 8  # minimum mean number of pixels with one value
-_UNEVEN = 0.1  # of a step
-_MIN_UNEVEN = 0.02  # fraction of pixels where the change from pixel to pixel changes by a step
-_COARSE_MOTION = 0.2  # render pixels
+_PIXELS_EACH = 8  # minimum mean number of pixels with the same value
+_UNEVEN = 0.1  # of a step: maximum deviation from even spacing
+_MIN_UNEVEN = 0.02  # minimum fraction of pixels whose second difference is a step: rounding
+_COARSE_MOTION = 0.2  # render pixels: minimum step of coarse motion
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
@@ -62,7 +63,7 @@ def _color(frame: Frame, color: Array, light: Float32) -> Iterator[Mistake]:
     negative = float(np.mean(values < -1e-6))
     if negative > 0.01:
         yield mistakes.COLOR_NEGATIVE.found(share=negative)
-    full = (values == 1.0).sum(axis=1)  # clipped lights are seldom white
+    full = (values == 1.0).sum(axis=1)  # clipped lights are rarely white
     if _are_whole(values) or _are_whole(srgb_encoded(values)):
         yield mistakes.COLOR_BYTES.found(high=np.max(values))
     elif _are_whole(values * 255):
@@ -74,21 +75,21 @@ def _color(frame: Frame, color: Array, light: Float32) -> Iterator[Mistake]:
 
 
 def _display_range(values: Float32, depth: Array, light: Float32) -> float:
-    """Return 1 or 255 where colours fill a display's range up to it, and are as bright as displays; else 0.
+    """Return 1 or 255 if colours fill that range and have the brightness of displayed images; otherwise 0.
 
-    Linear scenes exceed any bound where lights and highlights are, or are darker than half of it by far.
+    Highlights of linear scenes exceed such a bound, or most of the scene is much darker than its half.
     """
     surface = values[depth > 0].max(axis=1, initial=0.0)
     if len(surface) < _MIN_SURFACE or not np.isfinite(surface).all():
         return 0.0
-    if len(np.unique(depth)) < _MIN_DEPTHS:  # a pattern, not a scene: it may have any colours
+    if len(np.unique(depth)) < _MIN_DEPTHS:  # a test pattern, with any colours
         return 0.0
     dark, middle, bright = np.percentile(surface, (10, 50, 90)).tolist()
     high = float(values.max())
-    if bright - dark < _MIN_SPREAD * high:  # an even image, with a few lamps, say
+    if bright - dark < _MIN_SPREAD * high:  # an even image, for example with a few lamps
         return 0.0
     across = np.abs(np.diff(light, axis=1))
-    if not float(np.mean(across)) < _MAX_CHANGE * float(np.std(light)):  # noise has any distribution
+    if not float(np.mean(across)) < _MAX_CHANGE * float(np.std(light)):  # noise, with any distribution
         return 0.0
     fits = (top for top in (1.0, 255.0) if _FULL * top <= high <= top)
     return next((top for top in fits if _MIDDLE[0] <= middle / top <= _MIDDLE[1]), 0.0)
@@ -105,11 +106,11 @@ def _are_whole(values: Float32) -> bool:
 
 
 def mixed_edges(light: Float32, depth: Array) -> float:
-    """Return the fraction of edges with a pixel between their two sides; 0.0 with too few edges to judge.
+    """Return the fraction of depth edges with a pixel of mixed colour; 0.0 if there are too few edges.
 
-    Depth is sampled at a point. A pixel on one side of an edge of depth has the colour of that side,
-    unless colour is filtered. Edges count where the colour of each side is even over 2x3 pixels, so that
-    textures, noise and soft shadows do not.
+    Depth is sampled at a point. A pixel on one side of a depth edge has the colour of that side, unless
+    colour is filtered. Only edges with even colour in 2x3 pixels of both sides count, as textures, noise and
+    soft shadows look mixed.
     """
     values = np.maximum(light, 0)
     known = values[np.isfinite(values) & (values > 0)]
@@ -127,7 +128,7 @@ def mixed_edges(light: Float32, depth: Array) -> float:
 
 
 def _edge_profiles(tone: Float32, depth: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the two pixels at each edge along rows, from 0 (colour of one side) to 1 (of the other)."""
+    """Return the two pixels at each edge along rows, from 0 (colour of one side) to 1 (the other side)."""
     height, width = tone.shape[0] - 2, tone.shape[1] - 5
     if height < 1 or width < 1:
         return np.empty(0), np.empty(0)
@@ -155,7 +156,7 @@ def _edge_profiles(tone: Float32, depth: Array) -> tuple[NDArray[Any], NDArray[A
 
 
 def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
-    """Compare edges of colour and depth; if they agree only upside down, one of the two is flipped."""
+    """Yield a mistake if the edges of colour and depth agree only with one of them flipped."""
     height, width = depth.shape
     rows, columns = pixel_grid((width, height - 1), 4 * GRID_PIXELS)
     here, below = depth[rows, columns], depth[rows + 1, columns]
@@ -171,7 +172,7 @@ def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
 def _edge_contrast(
     light: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDArray[np.bool_]
 ) -> float:
-    """Return the mean change of brightness from row to row at edges, divided by that of all pixels."""
+    """Return the mean change of brightness from row to row at edges, relative to all pixels."""
     here, below = np.maximum(light[rows, columns], 0), np.maximum(light[rows + 1, columns], 0)
     known = np.isfinite(here) & np.isfinite(below)
     if not (edge & known).any():
@@ -200,19 +201,19 @@ def _depth(depth: Float32) -> Iterator[Mistake]:
 
 
 def _other_kind(depth: Float32, low: float, high: float) -> str:
-    """Return "forward" or "linear" where depth is likely so; "" where it may be reversed.
+    """Return "forward" or "linear" if depth is likely of that kind; "" if it may be reversed.
 
-    1 / depth that is linear along planes is linear depth, but that of a parallel projection looks the same:
-    its values are then those of near / distance, 0 at the sky and 1 at most.
+    1 / depth is linear along planes for linear depth. Reversed depth of a parallel projection looks the same,
+    but its values are in [0, 1].
     """
     if low == high:
         return ""
-    if high >= 1e6:  # a sky of 1e10 or so; near / distance has no such values
+    if high >= 1e6:  # for example a sky of 1e10; near / distance has no such values
         return "linear"
     values = depth[pixel_grid((depth.shape[1], depth.shape[0]))]
     if high == 1 and sky_fraction(values, "forward") > 0.02 and sky_fraction(values, "reversed") == 0:
         return "forward"
-    # Reversed depth would place all surfaces within 1.11 times the near plane's distance, unevenly.
+    # As reversed depth, all surfaces would be within 1.11 times the near plane's distance, unevenly.
     if low >= 0.9 and high <= 1 and 1 - low >= 4 * (1 - high) and np.median(values) > 0.95:
         return "forward"
     if low == 0 or np.median(values) <= 1:
@@ -222,13 +223,13 @@ def _other_kind(depth: Float32, low: float, high: float) -> str:
 
 
 def depth_values(depth: Array) -> int:
-    """Return how many evenly spaced values depth, or 1 / depth, has; 0 where it is finer."""
+    """Return the number of evenly spaced values of coarse depth, or 1 / depth; 0 for finer depth."""
     rows, columns = pixel_grid((max(0, depth.shape[1] - 2), depth.shape[0]))
     line = np.stack([depth[rows, columns + x] for x in range(3)]).astype(np.float64)
     line = line[:, ((line > 0.0) & (line < 1e6)).all(axis=0)]  # no sky
     for values in (line, 1.0 / line):
         count, step = _even_values(values[1])
-        # Those of a plane are even, too, but change by the same from pixel to pixel; rounded ones do not.
+        # The values of a plane are even, too, but have no second differences.
         change = np.abs(np.diff(values, 2, axis=0)) / max(step, 1e-30)
         if count and np.mean((change > 0.5) & (change < 2.5)) > _MIN_UNEVEN:
             return count
@@ -236,7 +237,7 @@ def depth_values(depth: Array) -> int:
 
 
 def _even_values(values: NDArray[np.floating[Any]]) -> tuple[int, float]:
-    """Return the number of distinct values and their spacing; (0, 0.0) if they are many or uneven."""
+    """Return the number of distinct values and their spacing; (0, 0.0) if they are too many or uneven."""
     distinct = np.unique(values[np.isfinite(values)].astype(np.float64))
     if not _MIN_VALUES <= len(distinct) <= min(_MAX_VALUES, len(values) // _PIXELS_EACH):
         return 0, 0.0
@@ -268,7 +269,7 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
 
 
 def _is_not_affine(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
-    """Return whether motion differs by more than half a pixel from an affine function of the position."""
+    """Return whether motion deviates by more than half a pixel from an affine function of the position."""
     if len(rows) < 8:
         return False
     basis = np.stack([np.ones(len(rows)), rows, columns], axis=1)

@@ -3,52 +3,44 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
 from supersampler.frame import Size
-from supersampler.validation import mistakes
+from supersampler.validation import mistakes, probe
 from supersampler.validation.mistakes import Mistake
-from supersampler.validation.probe import (
-    JITTER_READINGS,
-    MOTION_READINGS,
-    DepthOrder,
-    FrameProbe,
-    pixel_grid,
-    plane_curvature,
-    reading_text,
-)
+from supersampler.validation.probe import DepthOrder, FrameProbe
 from supersampler.validation.reprojection import MIN_TEXTURED, FramePair, frame_pairs
 from supersampler.validation.single_frame import depth_values
 
 Sums = Mapping[str, tuple[float, float]]
 AmplitudeErrors = Mapping[tuple[float, float], tuple[float, ...]]
 JitterInVectors = tuple[float, float]
-"""Sums over frames: the change of motion along the jitter's change, and the jitter's change, squared."""
-FACTORS: tuple[tuple[float, float], ...] = tuple(
-    (x, y) for x in (0.0, 0.5, 1.0, 1.5) for y in (0.0, 0.5, 1.0, 1.5)
-)
+"""Sums over frames of two dot products of the jitter's change: with the motion's change, and with itself."""
+_FACTORS_OF_AN_AXIS = (0.0, 0.5, 1.0, 1.5)
+FACTORS = tuple(product(_FACTORS_OF_AN_AXIS, _FACTORS_OF_AN_AXIS))
 """Factors of the jitter's x and y that are tried."""
 
-_MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own, after one pair of frames
-_MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
+_MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the stated one's, after one pair of frames
+_MAX_RATIO_LATER = 0.75  # maximum ratio after several pairs, with summed errors
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded pixels
-_MAX_DISOCCLUDED = 15  # maximum of one pair of frames: there jitter alone hides thin geometry
-_MIN_REPEATS = 3  # minimum number of frames with one jitter
+_MAX_DISOCCLUDED = 15  # maximum per pair of frames, as jitter alone can hide thin geometry
+_MIN_REPEATS = 3  # minimum number of frames with the same jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
-# Amplitude of the jitter, as the image shows it.
+# Amplitude of the jitter in the image.
 _MIN_PAIRS = 2
 _MIN_GAIN = 0.04  # minimum relative decrease of the error with the best factors
-_MIN_GAIN_OF_AN_AXIS = 0.08  # the same where the other axis is right; correct frames reach 0.06
-_RIGHT = 0.15  # a factor that differs from 1 by less is right
-_MAX_ERROR = 0.7  # times the variance; a larger error means unrelated images
-_PLAUSIBLE = (0.65, 1.5)  # either axis; correct frames were estimated at 0.71 to 1.34
-_PLAUSIBLE_MEAN = (0.75, 1.4)  # of both; 0.82 to 1.25
+_MIN_GAIN_OF_AN_AXIS = 0.08  # minimum if the other axis is right; correct frames reach 0.06
+_RIGHT = 0.15  # maximum difference of a right factor from 1
+_MAX_ERROR = 0.7  # of the variance; larger errors mean unrelated images
+_PLAUSIBLE = (0.65, 1.5)  # factor of an axis; correct frames were estimated at 0.71 to 1.34
+_PLAUSIBLE_MEAN = (0.75, 1.4)  # mean factor of both axes; correct frames: 0.82 to 1.25
 # Motion to the next frame: factors of x and y, and the reading's name.
 _NEXT_READINGS: Mapping[tuple[int, int], str] = {
     (1, 1): "",
@@ -56,30 +48,18 @@ _NEXT_READINGS: Mapping[tuple[int, int], str] = {
     (1, -1): "y flipped",
     (-1, 1): "current minus next, y flipped",
 }
-_SAME_SURFACE = 0.05  # relative difference of depth
-_MIN_MOVE = 0.5  # pixels: shorter vectors say nothing about their sign
+_SAME_SURFACE = 0.05  # maximum relative difference of depth on a surface
+_MIN_MOVE = 0.5  # pixels: minimum length of vectors whose direction is certain
 _MIN_PIXELS = 200
 _MAX_DIFFERENCE, _MAX_FRACTION = 0.25, 0.25  # pixels, and of the median vector; beyond both is a mistake
 
 
-@dataclass(frozen=True, slots=True)
-class Amplitude:
-    """Estimated factors of the jitter's x and y; `none` where the image has no jitter at all."""
+class Amplitude(NamedTuple):
+    """Estimated factors of the jitter's x and y; `none` is True if the image has no jitter at all."""
 
     x: float
     y: float
     none: bool
-
-    @property
-    def is_small(self) -> bool:
-        """Whether the image follows the motion alone better than with all of the jitter added."""
-        return self.none or (self.x + self.y) / 2 < 0.5
-
-    @property
-    def text(self) -> str:
-        """The factors as text: "0.50", or "0.70 (0.50 in x, 0.90 in y)"."""
-        mean = f"{(self.x + self.y) / 2:.2f}"
-        return mean if abs(self.x - self.y) < 0.25 else f"{mean} ({self.x:.2f} in x, {self.y:.2f} in y)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,13 +67,13 @@ class FramesSeen:
     """State of the checks since the last cut.
 
     Attributes:
-        previous: copy of the previous frame; None where it is missing or was not shaded.
+        previous: copy of the previous frame; None if it is missing or was not shaded.
         pairs: number of compared pairs of frames.
-        errors: for each reading, sums over the pairs of (the frame's own error, the reading's error).
+        errors: for each reading, sums over the pairs of (error as stated, error of the reading).
         surfaces: for each depth order, numbers of disoccluded pixels with (closer, farther) occluders,
-            at most _MAX_DISOCCLUDED of a pair.
+            at most _MAX_DISOCCLUDED per pair.
         jitters: jitter of the last 64 frames.
-        amplitudes: for each factor of the jitter, the error summed over the pairs.
+        amplitudes: for each factor of the jitter, sums over the pairs of (error, variance).
         varied: how much the motion changes with the jitter.
         lacks_motion: whether all motion is 0 in an image that moves.
         following: mistakes in the motion from the previous frame to this one.
@@ -149,10 +129,10 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
             yield mistakes.ROWS_BOTTOM_UP.found(times=times, call=call)
             return
         is_jitter = call.startswith("Conventions(jitter")
-        text = reading_text("jitter" if is_jitter else "motion", _readings(size, display_size)[call])
+        text = probe.reading_text("jitter" if is_jitter else "motion", _readings(size, display_size)[call])
         mistake = mistakes.JITTER_MISREAD if is_jitter else mistakes.MOTION_MISREAD
         yield mistake.found(times=times, reading=text, call=call)
-        return  # with wrong motion, disocclusions are no evidence
+        return  # disocclusions need the right motion
     yield from seen.following
     if np.ptp(seen.jitters, axis=0).max() > 0:
         yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied)
@@ -163,15 +143,16 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
 
 @lru_cache(maxsize=16)
 def _readings(size: Size, display_size: Size) -> Mapping[str, Conventions]:
-    """Return other readings of a frame's motion or jitter, by their Python calls."""
-    found = [Conventions(**motion, motion_jittered=j) for motion in MOTION_READINGS for j in (False, True)]
-    found += [Conventions(**jitter) for jitter in JITTER_READINGS if jitter["jitter_unit"] == "pixels"]
+    """Return the other readings of motion or jitter, by their Python expressions."""
+    readings = product(probe.MOTION_READINGS, (False, True))
+    found = [Conventions(**motion, motion_jittered=jittered) for motion, jittered in readings]
+    found += [Conventions(**jitter) for jitter in probe.JITTER_READINGS if jitter["jitter_unit"] == "pixels"]
     found += [Conventions(motion_scale=(size[0] / display_size[0], size[1] / display_size[1])), _BOTTOM_UP]
     return {repr(reading): reading for reading in found if reading != Conventions()}
 
 
 def _errors(pair: FramePair, display_size: Size) -> Sums:
-    """Return the errors of a pair (as stated, by the reading) for each reading, where they can differ."""
+    """Return the errors of a pair, (as stated, by the reading), for each reading that it can tell apart."""
     size, as_stated = pair.now.size, Conventions()
     moves = pair.moving(as_stated)
     few = moves.sum() < MIN_TEXTURED / 4
@@ -186,19 +167,19 @@ def _errors(pair: FramePair, display_size: Size) -> Sums:
         own = own_moving if about_motion else own_all
         error = pair.error(pair.offset(reading), moves if about_motion else None)
         if about_motion and error > _MAX_RATIO_LATER * unmoved:
-            error = max(error, own)  # not better than no motion: chance
+            error = max(error, own)  # it is hardly better than no motion
         errors[call] = (min(own, 1.0), min(error, 1.0))
     return errors
 
 
 def _better_reading(seen: FramesSeen) -> str:
-    """Return the reading with the smallest error relative to the stated one, if clearly smaller; else ""."""
+    """Return the reading with the smallest error relative to the stated one; "" if none is clearly better."""
     visible = _NOISE * seen.pairs
     parts = {call: other / own for call, (own, other) in seen.errors.items() if own > visible}
     if seen.pairs < 2 and seen.previous is not None and not seen.previous.motion.any():
-        return ""  # it may be the motion that is missing
+        return ""  # motion may be missing
     if seen.pairs < 2 or not vectors_have_jitter(seen.varied):
-        # An image without the stated jitter fits vectors with jitter in them, too.
+        # An image without the stated jitter also fits vectors that contain jitter.
         parts = {call: part for call, part in parts.items() if "unit" in call or "jittered" not in call}
     best = min(parts, key=lambda call: parts[call], default="")
     return best if best and parts[best] < (_MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER) else ""
@@ -222,7 +203,7 @@ def _added(sums: Mapping[Any, Any], more: Mapping[Any, Any]) -> dict[Any, Any]:
 
 
 def _surfaces(pair: FramePair) -> dict[DepthOrder, tuple[float, float]]:
-    """Return the disocclusions in each order; none where one step of depth may be a distance."""
+    """Return the numbers of disoccluded pixels for each order; empty if depth is too coarse."""
     if depth_values(pair.now.depth):
         return {}
     counts = {order: pair.disoccluded(order, Conventions(), 30_000) for order in _ORDERS}
@@ -241,17 +222,17 @@ def _other_order(surfaces: Mapping[DepthOrder, tuple[float, float]]) -> DepthOrd
 
 
 def _planes_are_reversed(frame: FrameProbe | None, kind: DepthOrder) -> bool:
-    """Return whether planes fit reversed depth better than this kind; aliasing misleads the counts."""
+    """Return whether planes fit reversed depth better than this kind: aliasing distorts disocclusions."""
     if frame is None:
         return False
-    return plane_curvature(frame.depth, "reversed") < plane_curvature(frame.depth, kind)
+    return probe.plane_curvature(frame.depth, "reversed") < probe.plane_curvature(frame.depth, kind)
 
 
-# --- jitter: its amplitude in the image, as a fraction of the stated one ---
+# --- amplitude of the jitter in the image, relative to the stated jitter ---
 
 
 def _amplitude_errors(pair: FramePair) -> dict[tuple[float, float], tuple[float, ...]]:
-    """Return the reprojection error of a pair of frames with each of FACTORS, and the image's variance."""
+    """Return (reprojection error, variance) of a pair for each of FACTORS."""
     stated = Conventions()
     vectors, shift = pair.now.vectors(stated, pair.pixels), pair.shift(stated)
     variance = pair.variance
@@ -261,7 +242,7 @@ def _amplitude_errors(pair: FramePair) -> dict[tuple[float, float], tuple[float,
 def jitter_in_vectors(
     sums: JitterInVectors, pair: FramePair, jitters: Sequence[tuple[float, float]], reading: Conventions
 ) -> JitterInVectors:
-    """Return the sums with one more pair added; `jitters` are those of the frames before its second one."""
+    """Return the sums with a pair added; `jitters` ends with the jitter of its first frame."""
     now, before = pair.now, pair.before
     if len(jitters) < 2 or before.motion.shape != now.motion.shape:
         return sums
@@ -272,32 +253,33 @@ def jitter_in_vectors(
 
 
 def vectors_have_jitter(sums: JitterInVectors) -> bool:
-    """Return whether motion changes with the jitter, by about as much."""
+    """Return whether motion changes with the jitter, by a similar amount."""
     return sums[1] > 0 and 0.5 < sums[0] / sums[1] < 2.0
 
 
 def amplitude_mistakes(errors: AmplitudeErrors, pairs: int, varied: JitterInVectors) -> Iterator[Mistake]:
-    """Yield the mistake that the image does not have the stated jitter, or a fraction of it.
-
-    Where the motion changes with the jitter, the vectors contain it, so that it is added twice.
-    """
+    """Yield the mistake that the image has no jitter, a part or a multiple of it, or vectors contain it."""
     found = wrong_amplitude(errors, pairs)
     if found is None:
         return
-    if found.is_small and vectors_have_jitter(varied):
+    x, y, none = found
+    mean = (x + y) / 2
+    if (none or mean < 0.5) and vectors_have_jitter(varied):  # vectors with jitter in them add it twice
         reading = Conventions(motion_jittered=True)
-        times, text = errors[1.0, 1.0][0] / max(errors[0.0, 0.0][0], 1e-6), reading_text("motion", reading)
+        times = errors[1.0, 1.0][0] / max(errors[0.0, 0.0][0], 1e-6)
+        text = probe.reading_text("motion", reading)
         yield mistakes.MOTION_MISREAD.found(times=times, reading=text, call=repr(reading))
-    elif found.none:
+    elif none:
         yield mistakes.JITTER_NOT_APPLIED
     else:
-        yield mistakes.JITTER_AMPLITUDE.found(factor=found.text)
+        axes = f" ({x:.2f} in x, {y:.2f} in y)" if abs(x - y) >= 0.25 else ""
+        yield mistakes.JITTER_AMPLITUDE.found(factor=f"{mean:.2f}{axes}")
 
 
 def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
-    """Return the amplitude where it is clearly not 1, from errors summed over pairs of frames; else None.
+    """Return the amplitude if it is clearly not 1, otherwise None, from errors summed over pairs of frames.
 
-    The error is nearly a quadratic function of the factors, whose minimum is the estimate.
+    The error is nearly a quadratic function of the factors; the estimate is its minimum.
     """
     if pairs < _MIN_PAIRS or not errors:
         return None
@@ -322,20 +304,20 @@ def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
     return None
 
 
-# --- motion to the next frame, against the next frame's motion, which leads back ---
+# --- motion to the next frame, compared with the next frame's motion, which leads back ---
 
 
 def motion_next_mistakes(before: FrameProbe, now: FrameProbe) -> Iterator[Mistake]:
     """Yield the mistake in the motion to the next frame of `before`, if it does not lead to `now`.
 
-    A moving pixel leads to one of the same surface in the next frame, from which that frame's motion leads
-    back: their sum is 0, but for accelerations of what is not rigid.
+    The motion of a pixel leads to the same surface in the next frame, whose motion leads back: the sum of
+    both is nearly 0.
     """
     if before.motion_next is None or now.reset or now.size != before.size:
         return
-    rows, columns = pixel_grid(before.size)
+    rows, columns = probe.pixel_grid(before.size)
     stated = before.motion_next[rows, columns].astype(np.float64)
-    there = -now.motion[rows, columns].astype(np.float64)  # where things go, nearly, if `stated` is wrong
+    there = -now.motion[rows, columns].astype(np.float64)  # approximates the motion if `stated` is wrong
     moves = np.isfinite(stated).all(1) & np.isfinite(there).all(1)
     moves &= np.maximum(np.abs(stated).max(1), np.abs(there).max(1)) > _MIN_MOVE
     found = {}
@@ -361,7 +343,7 @@ def motion_next_mistakes(before: FrameProbe, now: FrameProbe) -> Iterator[Mistak
 def _there_and_back(
     before: FrameProbe, now: FrameProbe, rows: NDArray[Any], columns: NDArray[Any], vectors: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return lengths of vector + the motion where it leads, and of the longer of both."""
+    """Return the lengths of vector + motion at its end, and of the longer of both."""
     shift = np.subtract(before.jitter, now.jitter)
     x, y = np.rint(columns + vectors[:, 0] + shift[0]), np.rint(rows + vectors[:, 1] + shift[1])
     inside = (x >= 0) & (x < now.size[0]) & (y >= 0) & (y < now.size[1])

@@ -1,4 +1,4 @@
-"""Import sequences of Arm's neural-graphics-model-gym, which are safetensors files."""
+"""Import sequences of Arm's neural-graphics-model-gym from safetensors files."""
 
 import math
 from collections.abc import Collection
@@ -21,13 +21,13 @@ _SHAPES = {
     "depth_params": (4,), "jitter": (2, 1, 1),
 }  # fmt: skip
 _TRUTH = "ground_truth_linear"
-_LARGEST_LOGARITHM = 80.0  # of the exposure; exp overflows float32 at 88
+_LARGEST_LOGARITHM = 80.0  # maximum log exposure; exp overflows float32 at 88
 
 
 def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
-    """Open a sequence of Arm's neural-graphics-model-gym as a Shot, with ground truth as its references.
+    """Open a sequence of Arm's neural-graphics-model-gym as a Shot; its ground truth is the references.
 
-    The layout: `colour_linear` (T, 3, h, w), `motion_lr` (T, 2, h, w; v before u, pixels, current minus
+    Tensors: `colour_linear` (T, 3, h, w), `motion_lr` (T, 2, h, w; v before u, pixels, current minus
     previous), `depth` (T, 1, h, w; 0 near, 1 far) with `depth_params` (T, 4; FSR2's device to view depth),
     `jitter` (T, 2, 1, 1; y before x, pixels). Optional: `ground_truth_linear` (T, 3, H, W), `exposure` (T, 1;
     natural logarithm), `camera_cut` (T, 1), `seq` (T, 1), `EmulatedFramerate` (T, 1). Vectors are reordered
@@ -35,7 +35,7 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
     direction.
 
     Args:
-        path: the file; the pixels of a frame are read when it is reached.
+        path: the file; pixels are read on access.
         name: name of the shot; by default the file's.
 
     Raises:
@@ -56,25 +56,21 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
     )
     entries = [_entry(path, tensors, index) for index in range(count)]
 
-    def raw_frame(index: int, _: Collection[str] | None) -> RawFrame:
-        entry = entries[index]
+    def arrays(index: int, _: Collection[str] | None) -> RawFrame:
         return RawFrame(
             color=_image(tensors["colour_linear"], index),
             depth=_reversed_depth(tensors, index),
             motion=np.ascontiguousarray(_image(tensors["motion_lr"], index)[..., ::-1]),
-            jitter=entry.jitter,
-            reset=entry.reset,
-            exposure=entry.exposure,
         )
 
     def reference(index: int) -> Float32:
         return _image(tensors[_TRUTH], index).astype(np.float32)
 
-    return Shot(path, info, entries, raw_frame, reference)
+    return Shot(path, info, entries, arrays, reference)
 
 
 def _check_shapes(path: Path, tensors: dict[str, NDArray[Any]]) -> None:
-    """Check the shapes of the tensors; number and size of the frames are those of the colour."""
+    """Check the shapes of the tensors against the number and size of the colour frames."""
     for name, rest in _SHAPES.items():
         if name not in tensors:
             found = ", ".join(sorted(tensors)) or "nothing"

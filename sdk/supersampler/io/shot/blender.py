@@ -37,7 +37,7 @@ _Stops = Annotated[float, msgspec.Meta(ge=-32.0, le=32.0)]
 Denoising: TypeAlias = Literal["temporal", "frame", "off"]
 """Denoising of a render: by Cycles and over time, at full size; by Cycles only; or none."""
 Guides: TypeAlias = Literal["surface", "denoising"]
-"""Passes that the G-buffers come from: Diffuse Color and Normal, or Denoising Albedo and Denoising Normal."""
+"""Passes of the G-buffers: Diffuse Color and Normal, or Denoising Albedo and Denoising Normal."""
 
 
 class RenderedCamera(msgspec.Struct, frozen=True):
@@ -65,9 +65,9 @@ class RenderedCamera(msgspec.Struct, frozen=True):
 
     @property
     def denoising_axes(self) -> NDArray[np.float64]:
-        """(3, 3): world directions of the axes of Denoising Normal, as columns: right, up, forward."""
+        """(3, 3) world directions of the axes of Denoising Normal, as columns: right, up, forward."""
         _, y, z, w = self.matrix[:, :3]
-        forward = w if w.any() else z  # of a perspective, of an orthographic camera
+        forward = w if w.any() else z  # w is 0 for an orthographic camera
         forward = forward / np.linalg.norm(forward)
         up = y - (y @ forward) * forward
         up = up / np.linalg.norm(up)
@@ -92,14 +92,14 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
         blender: Blender's version.
         engine: Blender's name of the render engine.
         layer: name of the view layer.
-        numbers: numbers of its own first and last frame, or of those that are rendered by default.
-        frame_rate: frames a second.
+        numbers: numbers of the scene's first and last frame.
+        frame_rate: frames per second.
         render_size: (width, height) of the frames.
-        display_size: (width, height) of the images to make of them.
-        samples: samples of a pixel in Cycles.
-        denoise: what is denoised. "temporal": the frames have display size and no jitter.
-        cuts: numbers of the frames at which another camera takes over.
-        view: its colour management.
+        display_size: (width, height) of the final images.
+        samples: samples per pixel in Cycles.
+        denoise: denoising of the render. "temporal": the frames have display size and no jitter.
+        cuts: numbers of the frames at which the camera changes.
+        view: the scene's colour management.
         ocio: file of Blender's OpenColorIO configuration.
     """
 
@@ -125,11 +125,11 @@ class RenderRecord(msgspec.Struct, frozen=True, kw_only=True):
     """Content of render.json.
 
     Attributes:
-        settings: all that the frames depend on; JSON values.
+        settings: everything that the frames depend on; JSON values.
         first: number of the first frame.
-        jitter: (x right, y down) of the first frames, in render pixels; then they repeat.
+        jitter: (x right, y down) of the first frames, in render pixels; later frames repeat them.
         scene: None until Blender has opened the file.
-        frames: cameras of the frames that are listed, from the first on.
+        frames: cameras of the complete frames, from the first on.
     """
 
     version: int = _VERSION
@@ -140,7 +140,7 @@ class RenderRecord(msgspec.Struct, frozen=True, kw_only=True):
     frames: Annotated[tuple[RenderedCamera, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
 
     def write(self, folder: Path) -> None:
-        """Write render.json into the folder; ShotError where the disk refuses."""
+        """Write render.json into the folder; ShotError if the disk refuses."""
         content = msgspec.to_builtins(self)
         frames = ",\n".join("    " + json.dumps(camera) for camera in content.pop("frames"))
         head = "".join(f'  "{key}": {json.dumps(value)},\n' for key, value in content.items())
@@ -148,7 +148,7 @@ class RenderRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_render_record(folder: Path) -> RenderRecord:
-    """Read render.json of a folder; ShotError where it is missing, damaged or of another version."""
+    """Read render.json of a folder; ShotError if it is missing, damaged or of another version."""
     path, hint = folder / RENDER_FILE, "Render it again, or update supersampler."
     check_version(path, _VERSION, hint)
     return read_typed(path, RenderRecord, hint)
@@ -169,21 +169,21 @@ def import_blender(
 ) -> Shot:
     """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
 
-    Colour is the Combined pass; its alpha and the layer's other passes that can be blended (DiffDir, Emit,
-    Mist) are AOVs, and the rest is in `Shot.ignored_channels`. Depth is Depth or Z, motion is Vector X and Y,
-    and to the next frame Z and W; Normal and DiffCol are G-buffers, where they exist. `Shot.is_denoised`
-    tells whether the layer has a Noisy Image pass. Jitter the camera by
-    `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a Blackman-Harris filter of 0.01
-    pixels: one sample at that point.
+    Colour is the Combined pass. Its alpha and the layer's other passes that can be blended (DiffDir, Emit,
+    Mist) are AOVs; `Shot.ignored_channels` lists the rest. Depth is Depth or Z, motion is Vector X and Y,
+    motion to the next frame Vector Z and W. Normal and DiffCol are G-buffers if they exist.
+    `Shot.is_denoised` is True if the layer has a Noisy Image pass, which Cycles writes when it denoises.
+    Jitter the camera by `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a
+    Blackman-Harris filter of 0.01 pixels: one sample at that point.
 
     Args:
         folder: folder of the frames.
-        layer: name of the view layer; required where several have all passes.
+        layer: name of the view layer; required if several layers have all passes.
         reference: pattern of the references' files in the folder, such as `reference/*.exr`.
         conventions: by default `Conventions.blender()`; jitter in pixels, y down, pixel centre + jitter.
-        guides: "denoising": G-buffers are the passes Denoising Albedo and Denoising Normal, where they exist.
-            They show what is seen in mirrors and through glass. The normals are in world space where the
-            layer has Normal, too, otherwise in camera space.
+        guides: "denoising" takes G-buffers from the passes Denoising Albedo and Denoising Normal if they
+            exist. They show surfaces seen in mirrors and through glass. The normals are in world space if the
+            layer also has Normal, otherwise in camera space.
         options: see `import_channels`.
 
     Raises:
@@ -196,7 +196,7 @@ def import_blender(
     channel_map = layer_map(first, types, layer, guides=checked_choice("guides", guides, get_args(Guides)))
     layer = channel_map["color"][0].removesuffix(".Combined.R")
     conventions = Conventions.blender() if conventions is None else conventions
-    if conventions.motion_jittered:  # of Eevee: the next frame's jitter is in it
+    if conventions.motion_jittered:  # Eevee: motion to the next frame contains that frame's jitter
         channel_map.pop("motion_next", None)
     if reference is not None:
         image = next(iter(numbered_files(folder, reference).values()))
@@ -205,7 +205,7 @@ def import_blender(
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     used = {name for names in channel_map.values() for name in names}
     shot.ignored_channels = tuple(name for name in types if name not in used)
-    shot.is_denoised = is_denoised(types, layer)
+    shot.is_denoised = f"{layer}.Noisy Image.R" in types
     if channel_map.get("normal") == _channels(layer, "Denoising Normal", "XYZ"):
         surface = _channels(layer, "Normal", "XYZ")
         if {*surface} <= types.keys():
@@ -216,8 +216,8 @@ def import_blender(
 def _to_world_normals(surface: Sequence[str], path: Path, raw: RawFrame) -> RawFrame:
     """Return a frame with the normals of Denoising Normal in world space.
 
-    The pass Normal (channels `surface` of the file) has the normals of what is seen directly in world space:
-    the camera's rotation is the orthogonal matrix that fits the two best.
+    The pass Normal (channels `surface` of the file) has the normals of directly visible surfaces in world
+    space. The camera's rotation is the orthogonal matrix that fits both passes best.
     """
     if raw.gbuffer is None or "normal" not in raw.gbuffer:
         return raw
@@ -225,7 +225,7 @@ def _to_world_normals(surface: Sequence[str], path: Path, raw: RawFrame) -> RawF
     normal = raw.gbuffer["normal"]
     camera = normal.reshape(-1, 3).astype(np.float64)
     weight = np.ones((len(camera), 1))
-    for _ in range(3):  # again without the pixels that do not fit: mirrors, glass
+    for _ in range(3):  # with less weight of pixels that do not fit: mirrors, glass
         u, _, v = np.linalg.svd(world.T @ (weight * camera))
         rotation = u @ v
         weight = 1.0 / (1e-4 + np.square(world - camera @ rotation.T).sum(axis=1, keepdims=True))
@@ -238,14 +238,6 @@ def is_blender(channels: Iterable[str]) -> bool:
     return bool(_complete_layers(list(channels)))
 
 
-def is_denoised(channels: Iterable[str], layer: str) -> bool:
-    """Return whether Cycles has denoised a layer's colour: it then stores the colour before, Noisy Image.
-
-    It stores it where *Denoising Data* is on, and denoising, too.
-    """
-    return f"{layer}.Noisy Image.R" in channels
-
-
 def layer_map(
     path: Path,
     types: Mapping[str, str],
@@ -254,13 +246,13 @@ def layer_map(
     motion: bool = True,
     guides: Guides = "surface",
 ) -> dict[str, list[str]]:
-    """Return the channels of a view layer's passes by our names, from the types of all channels of a file.
+    """Return the channels of a view layer's passes by our names, from the types of a file's channels.
 
-    `guides`: see `import_blender`.
+    `motion` is whether Vector is needed; for `guides` see `import_blender`.
 
     Raises:
-        ShotError: no layer has all passes that are needed; `motion` tells whether Vector is.
-        ArgumentError: several have and `layer` is None, or `layer` has not.
+        ShotError: no layer has all needed passes.
+        ArgumentError: several layers have and `layer` is None, or `layer` has not.
     """
     channels = list(types)
     layers = _complete_layers(channels, motion=motion)
@@ -301,12 +293,12 @@ def _channels(layer: str, name: str, axes: str) -> list[str]:
 
 
 def aov_names(channels: Iterable[str], layer: str) -> list[str]:
-    """Return the names of AOVs in files of results: A is alpha, GlossDir.R a pass."""
+    """Return the names of AOVs in output files: A is alpha, GlossDir.R a pass."""
     return [name.removeprefix(f"{layer}.").removeprefix("Combined.") for name in channels]
 
 
 def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[str]:
-    """Return the names of the layers that have colour, depth and, if needed, motion, in the file's order."""
+    """Return the names of the layers with colour, depth and, if needed, motion, in the file's order."""
     layers = [name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")]
     return [
         layer
@@ -349,10 +341,10 @@ def rendered_shot(
     camera_of: Callable[[int], RenderedCamera],
     stop_waiting: Callable[[], None] = lambda: None,
 ) -> Shot:
-    """Return a Shot of `count` frames that need not exist yet.
+    """Return a Shot of `count` frames, which may still be rendering.
 
     `camera_of` returns the camera of a frame, by its index, when its file is complete, and raises ShotError
-    where it never will be. `stop_waiting` makes a call that waits raise it, too.
+    if the frame will never be complete. `stop_waiting` makes a waiting call raise it, too.
 
     Vectors are corrected, from measurements with Blender 4.5. Cycles omits the change of the lens shift and
     the motion of the sky. Eevee includes both, and the change of the jitter. Workbench writes no vectors, and
@@ -398,8 +390,6 @@ def rendered_shot(
             depth=arrays["depth"],
             motion=np.zeros((*arrays["depth"].shape, 2), np.float32) if motion is None else motion,
             motion_next=motion_next,
-            jitter=entries[index].jitter,
-            reset=entries[index].reset,
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
             aovs=arrays.get("aovs"),
             aov_names=names,
@@ -419,14 +409,14 @@ def frame_file(number: int) -> str:
 def _arrays(
     path: Path, scene: RenderedScene, gbuffers: Collection[str] | None
 ) -> tuple[dict[str, Array], list[str], tuple[str, ...]]:
-    """Read the arrays of a frame; also return the names of its AOVs, and its channels that are not read."""
+    """Return the arrays of a frame, the names of its AOVs, and its channels that are not read."""
     types = read_header(path).types
     guides: Guides = "denoising" if scene.denoise == "temporal" else "surface"
     names = layer_map(path, types, scene.layer, motion=False, guides=guides)
     used = {channel for channels in names.values() for channel in channels}
     ignored = tuple(name for name in types if name not in used)
     if scene.denoise != "temporal" or (gbuffers is not None and "motion_next" not in gbuffers):
-        names.pop("motion_next", None)  # of frames that are upscaled as they come
+        names.pop("motion_next", None)
     aovs = names.get("aovs", [])
     for name in GBUFFER_CHANNELS:
         if gbuffers is not None and f"gbuffer_{name}" not in gbuffers:
@@ -449,7 +439,7 @@ def _motion(
 ) -> Float32:
     """Return the vectors of a frame in Blender's conventions: previous minus current, pixels, y up."""
     if engine.startswith("BLENDER_EEVEE"):
-        change = np.subtract(*jitters) * (-1.0, 1.0)  # of the jitter, y up
+        change = np.subtract(*jitters) * (-1.0, 1.0)  # change of the jitter, y up
         return arrays["motion"].astype(np.float32, copy=False) + change.astype(np.float32)
     return _camera_corrected(arrays, "motion", cameras, jitters)
 
@@ -460,19 +450,20 @@ def _camera_corrected(
     cameras: tuple[RenderedCamera, RenderedCamera],
     jitters: tuple[tuple[float, float], tuple[float, float]],
 ) -> Float32:
-    """Return vectors of Cycles, with the change of the lens shift and the motion of the sky; pixels, y up.
+    """Add the change of the lens shift and the motion of the sky to the vectors of Cycles; pixels, y up.
 
-    Without vectors all motion is the camera's. `cameras` and `jitters`: of the frame and of the other one.
+    Without vectors, all motion is the camera's. `cameras` and `jitters` are those of this and the other
+    frame.
     """
     (now, other), depth = cameras, arrays["depth"]
     sign = np.float32(1.0 if name == "motion" else -1.0)  # previous minus current, current minus next
     unknown = depth >= _SKY
     if name in arrays:
-        shift = sign * np.subtract(now.shift, other.shift).astype(np.float32)  # what is seen moves against it
+        shift = sign * np.subtract(now.shift, other.shift).astype(np.float32)  # the image moves against it
         motion: Float32 = arrays[name].astype(np.float32, copy=False) + shift
     else:
         motion, unknown = np.zeros((*depth.shape, 2), np.float32), np.ones(depth.shape, bool)
-    is_parallel = not now.matrix[3, :3].any()  # then the sky is of one colour
+    is_parallel = not now.matrix[3, :3].any()  # then the sky has a single colour
     if is_parallel or not unknown.any():
         return motion
     size = depth.shape[1], depth.shape[0]

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias, TypedDict, Unpack
 
@@ -34,12 +34,12 @@ _MAX_BYTES = 4
 
 @dataclass(frozen=True, slots=True)
 class Packing:
-    """Numbers packed into bytes: a number is linear in the integer that its bytes form.
+    """Packing of numbers into bytes: a number is a linear function of the integer that its bytes form.
 
     Attributes:
         bytes_each: bytes of a number, 1 to 4, the most significant one first.
         low: number whose bytes are all 0.
-        high: number whose bytes are all 255; less than `low` where the code runs backwards.
+        high: number whose bytes are all 255; it may be less than `low`.
     """
 
     bytes_each: int
@@ -47,7 +47,7 @@ class Packing:
     high: float
 
     def decoded(self, channels: Array) -> Float32:
-        """Return the numbers, (h, w) of one and (h, w, n) of n.
+        """Return the numbers, (h, w) for one number per pixel, (h, w, n) for n.
 
         `channels` is (h, w) or (h, w, n * bytes_each), byte / 255, with the bytes of a number side by side.
         """
@@ -63,7 +63,7 @@ def parse_packing(name: str, value: Mapping[str, Any], count: int) -> tuple[list
     """Return the channels of a packed array, in the order of `Packing.decoded`, and its packing.
 
     `value` is {"bytes": ..., "range": [low, high]}. "bytes" lists the channels of a number, the most
-    significant byte first; of an array of `count` > 1 numbers a pixel, one such list each.
+    significant byte first; for `count` > 1 numbers per pixel, it is a list of such lists.
 
     Raises:
         ArgumentError: a key is missing or unknown, or a value is not of this form.
@@ -84,7 +84,7 @@ def parse_packing(name: str, value: Mapping[str, Any], count: int) -> tuple[list
     given = [as_number(end) for end in ends] if isinstance(ends, list | tuple) else []
     numbers = [number for number in given if number is not None and math.isfinite(number)]
     if len(given) != 2 or len(set(numbers)) != 2:
-        want = "[low, high], two different finite numbers: those of bytes that are all 0 and all 255"
+        want = "[low, high], two different finite numbers: for bytes that are all 0, and all 255"
         raise ArgumentError(
             f"{place}['range']", got=shown(ends), want=want, hint="Motion in UV often has [-1, 1]."
         )
@@ -98,7 +98,7 @@ def _are_texts(value: object) -> bool:
 
 _INTEGERS = {"uint8", "uint16", "int8", "int16"}
 _MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL | re.IGNORECASE)
-_FRAME_RATE = 24.0  # where no file states one
+_FRAME_RATE = 24.0  # if no file states one
 MAP_FILE_NAME = "channels.json"
 
 
@@ -121,9 +121,9 @@ _COUNTS: Mapping[str, int] = {
 }  # fmt: skip
 _MOTIONS = {"motion", "motion_next"}
 _UNPACKED = ("color", "reference", "aovs")
-"""Arrays that are never packed: integers of the first two are sRGB, and those of AOVs are fractions."""
+"""Arrays that are never packed: integers of the first two are sRGB, integers of AOVs are fractions."""
 _OPTIONAL = {name: f"gbuffer_{name}" for name in GBUFFER_CHANNELS} | {"motion_next": "motion_next"}
-"""Arrays that a reader may leave out, and their names in the `gbuffers` of `Shot.frames`."""
+"""Arrays that a reader may omit, and their names in the `gbuffers` of `Shot.frames`."""
 
 
 def import_channels(
@@ -154,23 +154,23 @@ def import_channels(
         folder: folder of the files.
         channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); optional
             motion_next (2), base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any
-            number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; without one,
-            of `files`. Numbers that are packed into 8-bit channels are described by `{"bytes": ..., "range":
-            [low, high]}`; see `parse_packing`. References are matched by frame number; frames
-            without one are allowed.
+            number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; `R` alone is a
+            channel of `files`. `{"bytes": ..., "range": [low, high]}` describes numbers that are packed into
+            8-bit channels; see `parse_packing`. References have the number of their frame; frames may lack
+            one.
         conventions: conventions of these channels and of the jitter.
         files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or `beauty_*.exr`.
-        frames: first and last number of the frames to open, both included; a gap outside is not an error. By
-            default all. Jitter and cuts are counted from the first file, whatever the range is.
+        frames: first and last number of the frames to open, both included; by default all. Only frames
+            between them may not be missing. Jitter and cuts are counted from the first file.
         display_size: (width, height) of references and display-size motion; by default the first reference's.
-        frame_rate: frames a second; by default what the first file states, else 24.
-        jitter: (x, y) of each frame, or a JSON file [[x, y], ...]; by default jitter.json in the folder where
-            it exists, otherwise no jitter.
+        frame_rate: frames per second; by default the rate that the first file states, otherwise 24.
+        jitter: (x, y) of each frame, or a JSON file [[x, y], ...]; by default jitter.json in the folder if it
+            exists, otherwise no jitter.
         cuts: indices of the first frames after cuts, from the first file; the first frame is always one.
         name: name of the shot; by default the folder's.
-        aov_names: names of the AOVs in files of results; by default they are numbered.
-        color_space: colour space of the pixels, see `ShotInfo`; by default what the first file states, see
-            `supersampler.io.images.ImageHeader`.
+        aov_names: names of the AOVs in output files; by default they are numbered.
+        color_space: colour space of the pixels, see `ShotInfo`; by default the space that the first file
+            states, see `supersampler.io.images.ImageHeader`.
 
     Raises:
         ShotError: files or channels are missing, or differ in number or size.
@@ -181,7 +181,7 @@ def import_channels(
         raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {found.last_index}")
     offsets = read_jitter(found.folder, jitter, found.indices)
     found.check_types()
-    height, width = found.read_raw(0, offsets[0], reset=True).depth.shape
+    height, width = found.read_arrays(0).depth.shape
     if display_size is None and found.references:
         image = found.read_reference(found.numbers.index(next(iter(found.references))))
         display_size = (image.shape[1], image.shape[0])
@@ -204,16 +204,14 @@ def import_channels(
         for i, (index, offset) in enumerate(zip(found.indices, offsets, strict=True))
     ]
 
-    def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
-        jitter, reset = entries[index].jitter, entries[index].reset
-        raw = found.read_raw(index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers)
-        return replace(raw, aov_names=info.aov_names or None)
+    def arrays(index: int, gbuffers: Collection[str] | None) -> RawFrame:
+        return found.read_arrays(index, info.render_size, gbuffers)
 
     def reference(index: int) -> Float32:
         return found.read_reference(index, info.display_size)
 
     color = found.sources["color"].channels[0] if "color" in found.sources else "R"
-    return Shot(found.folder, info, entries, raw_frame, reference, color_channel=color)
+    return Shot(found.folder, info, entries, arrays, reference, color_channel=color)
 
 
 def first_file(folder: Path, options: SequenceOptions) -> Path:
@@ -225,8 +223,8 @@ def first_file(folder: Path, options: SequenceOptions) -> Path:
 def import_described_channels(folder: Path | str, **options: Unpack[SequenceOptions]) -> Shot:
     """Open a folder of EXR frames by its channels.json, which holds arguments of `import_channels`.
 
-    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space. Options that
-    are given here replace those of the file.
+    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space. `options`
+    replace the values of the file.
 
     Raises:
         ShotError: see `import_channels`; or channels.json is missing or wrong.
@@ -234,14 +232,10 @@ def import_described_channels(folder: Path | str, **options: Unpack[SequenceOpti
     folder = Path(folder)
     path = folder / MAP_FILE_NAME
     given = read_typed(path, _MapFile, "docs/shots.md lists the keys.")
-    stated = SequenceOptions(
-        display_size=given.display_size, frame_rate=given.frame_rate, cuts=given.cuts, name=given.name,
-        color_space=given.color_space,
-    )  # fmt: skip
+    stated = msgspec.structs.asdict(given)
     try:
-        conventions = Conventions.from_json(given.conventions)
-        stated.update(options)
-        return import_channels(folder, given.channels, conventions=conventions, **stated)
+        conventions = Conventions.from_json(stated.pop("conventions"))
+        return import_channels(folder, stated.pop("channels"), conventions=conventions, **stated | options)
     except ArgumentError as error:
         raise ShotError(path, f"is not valid: {error}") from error
 
@@ -263,7 +257,7 @@ class _MapFile(msgspec.Struct, forbid_unknown_fields=True):
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """The source of one array: channels of the files of a pattern, one file a frame."""
+    """Source of one array: channels of the files of a pattern, one file per frame."""
 
     pattern: str
     channels: tuple[str, ...]
@@ -276,7 +270,7 @@ class _Source:
 
 
 class _MappedFiles:
-    """The files of a sequence, and the arrays to read from them."""
+    """Files of a sequence, and the arrays to read from them."""
 
     def __init__(
         self,
@@ -288,8 +282,8 @@ class _MappedFiles:
     ) -> None:
         self.folder, self._conventions = folder, conventions
         self._sky = sky_depth(conventions)
-        self.sources = _parsed(channel_map, files)
-        reference = self.sources.pop("reference", None)
+        self.every_source = _parsed(channel_map, files)
+        self.sources = {name: each for name, each in self.every_source.items() if name != "reference"}
         patterns = dict.fromkeys(source.pattern for source in self.sources.values())
         every = {pattern: numbered_files(folder, pattern) for pattern in patterns}
         self.files = {pattern: of_range(folder, found, frames) for pattern, found in every.items()}
@@ -298,11 +292,11 @@ class _MappedFiles:
         self.indices = [number - min(numbers) for number in self.numbers]  # from the first file
         self.frame_pattern = (self.sources.get("color") or self.sources["depth"]).pattern
         self.last_index = max(numbers) - min(numbers)
+        reference = self.every_source.get("reference")
         self.references = {} if reference is None else _references(folder, reference.pattern, self.numbers)
-        self._reference = reference
 
     def frame_file(self, index: int) -> Path:
-        """Return the file of a frame's colour; of its depth where it has no colour."""
+        """Return the file of a frame's colour, or of its depth if it has no colour."""
         return self.files[self.frame_pattern][self.numbers[index]]
 
     def entry(self, index: int, jitter: tuple[float, float], *, reset: bool) -> FrameEntry:
@@ -319,12 +313,16 @@ class _MappedFiles:
         """Check the types of the first files.
 
         Raises:
-            ShotError: a packed array is not of 8 bits, or another one holds integers: only sRGB colour,
-                references and AOVs, such as alpha, may.
-            ArgumentError: colour holds integers, and the conventions do not say that it is sRGB-encoded.
+            ShotError: a packed array does not have 8 bits, or another array holds integers. Only sRGB
+                colour, references and AOVs, such as alpha, may hold integers.
+            ArgumentError: colour holds integers, and the conventions do not state that it is sRGB-encoded.
         """
-        for name, source in self._every_source().items():
-            path, kinds = self._stored(name, source)
+        for name, source in self.every_source.items():
+            path = next(
+                iter((self.references if name == "reference" else self.files[source.pattern]).values())
+            )
+            types = read_header(path).types
+            kinds = {types[channel] for channel in source.channels if channel in types}
             if source.packing is not None:
                 if others := sorted(kinds - {"uint8"}):
                     hint = 'Without "bytes", half and float are read as they are.'
@@ -333,34 +331,15 @@ class _MappedFiles:
             if kinds.isdisjoint(_INTEGERS) or name == "aovs":
                 continue
             if name not in ("color", "reference"):
-                hint = (
-                    'Say how it is packed, by "bytes" and "range" (docs/shots.md); or write it as EXR, or as '
-                    "TIFF with 32-bit floating point."
-                )
+                hint = 'State the packing by "bytes" and "range" (docs/shots.md), or write floating point.'
                 raise ShotError(path, f"holds {name} as {min(kinds)}; want half or float", hint)
             if not self._conventions.srgb:
-                hint = "Linear light in so few steps shows bands; write it as half."
+                hint = "Linear light in 8 or 16 bits shows bands; write it as half."
                 got = f"without srgb=True, and {path.name} holds {min(kinds)}"
                 raise ArgumentError("conventions", got=got, want="srgb=True for integers", hint=hint)
 
-    def _every_source(self) -> dict[str, _Source]:
-        return self.sources if self._reference is None else {**self.sources, "reference": self._reference}
-
-    def _stored(self, name: str, source: _Source) -> tuple[Path, set[str]]:
-        """Return the first file of an array, and the types of its channels that are there."""
-        first = self.references if name == "reference" else self.files[source.pattern]
-        path = next(iter(first.values()))
-        types = read_header(path).types
-        return path, {types[channel] for channel in source.channels if channel in types}
-
-    def read_raw(
-        self,
-        index: int,
-        jitter: tuple[float, float],
-        *,
-        reset: bool,
-        render_size: Size | None = None,
-        gbuffers: Collection[str] | None = None,
+    def read_arrays(
+        self, index: int, render_size: Size | None = None, gbuffers: Collection[str] | None = None
     ) -> RawFrame:
         arrays: dict[str, Array] = {}
         for pattern, files in self.files.items():
@@ -384,14 +363,12 @@ class _MappedFiles:
             depth=arrays["depth"].astype(np.float32, copy=False),
             motion=arrays["motion"],
             motion_next=arrays.get("motion_next"),
-            jitter=jitter,
-            reset=reset,
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
             aovs=aovs[..., None] if aovs is not None and aovs.ndim == 2 else aovs,
         )
 
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
-        path, channels = self.references[self.numbers[index]], self._every_source()["reference"].channels
+        path, channels = self.references[self.numbers[index]], self.every_source["reference"].channels
         reference = read_reference(path, display_size, channels)
         return srgb_decoded(reference) if read_header(path).types[channels[0]] in _INTEGERS else reference
 
@@ -412,7 +389,7 @@ def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:
 
 
 def _channels(name: str, value: Any) -> tuple[list[str], Packing | None]:
-    """Return the channels of an array, and how its numbers are packed in them."""
+    """Return the channels of an array, and its packing, or None."""
     if isinstance(value, Mapping) and name not in _UNPACKED:
         return parse_packing(name, value, _COUNTS[name])
     texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
@@ -423,7 +400,7 @@ def _channels(name: str, value: Any) -> tuple[list[str], Packing | None]:
 
 
 def _source(name: str, texts: Sequence[str], files: str, packing: Packing | None) -> _Source:
-    """Split `pattern:channel`; a channel's name may contain colons, a pattern ends in .exr, .png or .tif."""
+    """Parse `pattern:channel`; a channel's name may contain colons, a pattern ends in .exr, .png or .tif."""
     parts = [(found[1], found[2]) if (found := _MAPPED.fullmatch(text)) else (files, text) for text in texts]
     patterns = {pattern for pattern, _ in parts}
     if len(patterns) != 1:
@@ -433,7 +410,7 @@ def _source(name: str, texts: Sequence[str], files: str, packing: Packing | None
 
 
 def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[int]:
-    """Return the frame numbers; they must be the same for every pattern."""
+    """Return the frame numbers, which must be the same for every pattern."""
     (pattern, leader), *others = files.items()
     for other, found in others:
         for number in leader.keys() ^ found.keys():

@@ -1,4 +1,4 @@
-"""Read and write shot.json, the description of a shot's frames. docs/shots.md explains each key."""
+"""Read and write shot.json and the image files that it lists; docs/shots.md explains each key."""
 
 import json
 import math
@@ -24,7 +24,7 @@ FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
 LARGEST_NUMBER = 10**9
 """Largest number of a frame in the name of its image; the smallest is its negative."""
-_LONGEST = 255  # bytes of a name; no file system takes more
+_LONGEST = 255  # bytes of a name; file systems accept no longer ones
 _HINT = "docs/shots.md lists the keys."
 _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
 
@@ -34,18 +34,18 @@ class ShotInfo(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         name: name of the shot.
-        render_size: (width, height) of the frames that have no size of their own.
-        display_size: (width, height) of the references and display-size buffers; None where there are none.
-        frame_rate: frames a second, > 0; None where it is unknown.
+        render_size: (width, height) of the frames without a size of their own.
+        display_size: (width, height) of the references and display-size buffers; None if there are none.
+        frame_rate: frames per second, > 0; None if unknown.
         conventions: conventions of the stored colour, depth, motion and jitter.
         license: licence of the images; "" is unknown.
         attribution: names to credit where the images are shown, one line each.
         first_number: number of the first frame in the program that rendered it, at most LARGEST_NUMBER from
-            0; images of the shot's frames are named by it and the numbers after it.
+            0. Output images are numbered from it on.
         file_names: stem of the names of the source's files, #### for the number, such as `beauty.####`.
-        aov_names: names of the AOVs' channels in files of results; empty: they are numbered.
-        color_space: linear colour space of the pixels (decoded, where the conventions say sRGB): its name in
-            an OpenColorIO config, such as "lin_rec709" and "ACEScg"; or "unknown".
+        aov_names: names of the AOVs' channels in output files; empty: they are numbered.
+        color_space: linear colour space of the pixels (after decoding, if they are sRGB): its name in an
+            OpenColorIO config, such as "lin_rec709" and "ACEScg"; or "unknown".
     """
 
     name: str
@@ -69,21 +69,21 @@ class FrameEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         jitter: (x, y) in the shot's conventions.
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies colour before the tone curve; None: it is measured.
-        pre_exposure: what the renderer has multiplied the colour by.
         display_file: EXR file of the display-size channels, or None.
         reference: EXR file of the ideal output, or None.
-        render_size: (width, height) where it differs from the shot's.
-        shaded: False where the frame has no colour (extrapolation).
+        render_size: (width, height) if it differs from the shot's.
+        pre_exposure: factor that the renderer has already multiplied the colour by.
+        shaded: False if the frame has no colour (extrapolation).
     """
 
     file: str
     jitter: tuple[float, float]
     reset: bool = False
     exposure: float | None = None
-    pre_exposure: float = 1.0
     display_file: str | None = None
     reference: str | None = None
     render_size: FileSize | None = None
+    pre_exposure: float = 1.0
     shaded: bool = True
 
     def __post_init__(self) -> None:
@@ -108,7 +108,7 @@ def is_frame_range(first: int, last: int) -> bool:
 
 def files_of(entry: FrameEntry) -> list[str]:
     """Return the files of a frame, relative to the shot's folder."""
-    return [name for name in (entry.file, entry.display_file, entry.reference) if name]
+    return [name for name in (entry.file, entry.display_file, entry.reference) if name is not None]
 
 
 def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
@@ -126,11 +126,14 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     stated = {name: getattr(content, name) for name in ShotInfo.__struct_fields__}
     info = ShotInfo(**{**stated, "conventions": conventions})
     _check_names(path, info)
+    seen: dict[str, int] = {}
     for index, entry in enumerate(content.frames):
-        for name in (entry.file, entry.display_file, entry.reference):
-            if name is not None:
-                _check_file(path, f"frames[{index}]", name)
-    _check_listed_once(path, content.frames)
+        for name in files_of(entry):
+            _check_file(path, f"frames[{index}]", name)
+            if name in seen:
+                problem = f"{name} is listed twice: in frame {seen[name]} and frame {index}"
+                raise ShotError(path, problem, "Each frame has its own files.")
+            seen[name] = index
     return info, content.frames
 
 
@@ -139,27 +142,22 @@ def shot_json(info: ShotInfo, entries: Sequence[FrameEntry]) -> str:
     stated = {name: getattr(info, name) for name in ShotInfo.__struct_fields__}
     header = {"version": FORMAT_VERSION, **stated, "conventions": info.conventions.to_json()}
     head = "".join(f'  "{key}": {json.dumps(value, ensure_ascii=False)},\n' for key, value in header.items())
-    frames = ",\n".join("    " + json.dumps(entry_json(entry)) for entry in entries)
+    frames = ",\n".join("    " + json.dumps(_entry_json(entry)) for entry in entries)
     return f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n'
 
 
-def entry_json(entry: FrameEntry) -> dict[str, object]:
+def _entry_json(entry: FrameEntry) -> dict[str, object]:
     """Return a frame's entry as JSON values, without most defaults, so that long files stay readable."""
-    item: dict[str, object] = {
-        "file": entry.file, "jitter": entry.jitter, "reset": entry.reset, "exposure": entry.exposure,
-    }  # fmt: skip
-    for key in ("display_file", "reference", "render_size"):
-        if getattr(entry, key) is not None:
-            item[key] = getattr(entry, key)
-    if entry.pre_exposure != 1.0:
-        item["pre_exposure"] = entry.pre_exposure
-    if not entry.shaded:
-        item["shaded"] = False
-    return item
+    default = FrameEntry(file="", jitter=(0.0, 0.0))
+    return {
+        key: value
+        for key, value in msgspec.structs.asdict(entry).items()
+        if key in ("file", "jitter", "reset", "exposure") or value != getattr(default, key)
+    }
 
 
 def _check_names(path: Path, info: ShotInfo) -> None:
-    """Check the names of results: no path, with one field for the number; AOVs that differ from colour."""
+    """Check the names of output files and AOVs: no path, one field for the number; no name of colour."""
     name, aovs = info.file_names, info.aov_names
     if re.fullmatch(r"[^#/]*#{4,}[^#/]*", name) is None or _FORBIDDEN.search(name) or name[0] == ".":
         raise ShotError(
@@ -170,23 +168,13 @@ def _check_names(path: Path, info: ShotInfo) -> None:
 
 
 def _check_file(path: Path, place: str, name: str) -> None:
-    """Check a file name, which must be inside the shot's folder: a shot must not reach other files."""
+    """Raise ShotError unless a file name leads into the shot's folder: a shot must not reach other files."""
     inner = PurePosixPath(name)
     if not inner.name or inner.is_absolute() or ".." in inner.parts or _FORBIDDEN.search(name):
         want = "a file inside the shot's folder, with forward slashes"
         raise ShotError(path, f"{place} has the file {name!r}; want {want}", _HINT)
     if any(len(part.encode()) > _LONGEST for part in inner.parts):
         raise ShotError(path, f"{place} has a name longer than {_LONGEST} bytes", _HINT)
-
-
-def _check_listed_once(path: Path, entries: Sequence[FrameEntry]) -> None:
-    seen: dict[str, int] = {}
-    for index, entry in enumerate(entries):
-        for name in files_of(entry):
-            if name in seen:
-                problem = f"{name} is listed twice: in frame {seen[name]} and frame {index}"
-                raise ShotError(path, problem, "Each frame has its own files.")
-            seen[name] = index
 
 
 COLOR = ("R", "G", "B")
@@ -210,15 +198,14 @@ TRUTH = "truth."
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClassMaps:
-    """Why pixels of a reference are hard to upscale: the classes of Guo et al. 2022, and thin objects.
+    """Classes of pixels that are hard to upscale: the classes of Guo et al. 2022, and thin objects.
 
     Attributes:
-        ghost: (H, W) uint8, why the history is not usable: 0 it is usable, 1 the surface was occluded or off
-            screen, 2 its lighting has changed.
-        alias: (H, W) uint8, why one sample aliases: 0 it does not, 1 an edge of a surface, 2 detail on a
-            surface.
-        thin: (H, W) uint8, 1 where the pixel holds a part of an object less than about two pixels wide, else
-            0; None where that is not known.
+        ghost: (H, W) uint8, usability of the history: 0 usable, 1 the surface was occluded or off screen, 2
+            its lighting has changed.
+        alias: (H, W) uint8, cause of aliasing: 0 none, 1 an edge of a surface, 2 detail on a surface.
+        thin: (H, W) uint8, 1 if the pixel has a part of an object less than about two pixels wide, else 0;
+            None if unknown.
     """
 
     ghost: NDArray[np.uint8]
@@ -232,46 +219,29 @@ class ClassMaps:
 
 
 def read_frame(
-    folder: Path,
-    entry: FrameEntry,
-    render_size: Size,
-    display_size: Size | None,
-    gbuffers: Collection[str] | None = None,
-    *,
-    sky: float | None = None,
-    aov_names: Sequence[str] = (),
+    folder: Path, info: ShotInfo, entry: FrameEntry, gbuffers: Collection[str] | None = None
 ) -> RawFrame:
-    """Read one frame as it was stored.
-
-    Args:
-        folder: folder of the shot.
-        entry: the frame's entry in shot.json.
-        render_size: required (width, height) of the render-size file.
-        display_size: required (width, height) of the display-size file; None accepts any.
-        gbuffers: G-buffers to read, by their names in `ModelInfo.gbuffers`, and "motion_next"; None reads
-            all.
-        sky: depth of pixels outside of a file's data window; None refuses a data window that is too small.
-        aov_names: names of the AOVs in files of results; empty: they are numbered.
+    """Read the arrays of one frame as stored; for `gbuffers` see `Shot.frames`.
 
     Raises:
-        ShotError: a file is missing, damaged, of another size, or lacks a channel; or it has another number
-            of AOVs than there are names.
+        ShotError: a file is missing, damaged, of another size, or lacks a channel; or the number of AOVs
+            differs from the number of their names.
     """
-    path = folder / entry.file
-    outside = None if sky is None else {DEPTH[0]: sky}
+    path, outside = folder / entry.file, {DEPTH[0]: sky_depth(info.conventions)}
     no_next = () if gbuffers is None or "motion_next" in gbuffers else MOTION_NEXT
     without = (*_unwanted("gbuffer", GBUFFER, gbuffers), *no_next)
     channels = read_exr(path, without=without, outside=outside)
-    check_size(path, channels, render_size)
+    check_size(path, channels, entry.render_size or info.render_size)
     display_path = folder / (entry.display_file or entry.file)
     unwanted = (*_unwanted("gbuffer_display", _GBUFFER_DISPLAY, gbuffers), *no_next)
     display = {}
     if entry.display_file is not None:
         display = read_exr(display_path, without=unwanted, outside=outside)
-    check_size(display_path, display, display_size)
-    aovs = take_aovs(path, channels)
-    if aovs is not None and aov_names and len(aov_names) != aovs.shape[2]:
-        raise ShotError(path, f"has {aovs.shape[2]} AOVs; the shot names {len(aov_names)}")
+    check_size(display_path, display, info.display_size)
+    count = sum(name.startswith("aovs.") for name in channels)
+    if count and info.aov_names and len(info.aov_names) != count:
+        raise ShotError(path, f"has {count} AOVs; the shot names {len(info.aov_names)}")
+    aovs = take(path, channels, aov_channels(count)) if count else None
     motion_file, next_file = (
         (display_path, display) if name in display else (path, channels)
         for name in (MOTION[0], MOTION_NEXT[0])
@@ -281,20 +251,15 @@ def read_frame(
         depth=take(path, channels, DEPTH).astype(np.float32, copy=False),
         motion=take(*motion_file, MOTION),
         motion_next=take(*next_file, MOTION_NEXT) if MOTION_NEXT[0] in next_file[1] else None,
-        jitter=entry.jitter,
-        reset=entry.reset,
-        exposure=entry.exposure,
-        pre_exposure=entry.pre_exposure,
         reactive=take(path, channels, REACTIVE) if REACTIVE[0] in channels else None,
         gbuffer=_take_gbuffer(path, channels, GBUFFER),
         gbuffer_display=_take_gbuffer(display_path, display, _GBUFFER_DISPLAY),
-        aovs=aovs,
-        aov_names=aov_names or None,
+        aovs=aovs[..., None] if count == 1 and aovs is not None else aovs,
     )
 
 
 def sky_depth(conventions: Conventions) -> float:
-    """Return the depth of the sky: of pixels that a file's data window does not have."""
+    """Return the depth of the sky, for pixels outside of a file's data window."""
     if conventions.depth == "linear":
         return math.inf if conventions.far is None else conventions.far
     return 1.0 if conventions.depth.startswith("forward") else 0.0
@@ -308,7 +273,7 @@ def read_reference(path: Path, display_size: Size | None, names: Sequence[str] =
 
 
 def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
-    """Read the class maps in a reference's file; None where it has none."""
+    """Read the class maps in a reference's file; None if it has none."""
     channels = read_exr(path, only=CLASSES, outside={})
     check_size(path, channels, display_size)
     if not channels:
@@ -316,13 +281,13 @@ def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
     names = CLASSES if CLASSES[2] in channels else CLASSES[:2]
     maps = [take(path, channels, (name,)) for name in names]
     for name, array in zip(names, maps, strict=True):
-        if not ((array >= 0) & (array <= np.iinfo(np.uint8).max)).all():  # NaN is neither
-            raise ShotError(path, f"channel {name} holds other values than classes, 0 to 255")
+        if not ((array >= 0) & (array <= np.iinfo(np.uint8).max)).all():  # False for NaN
+            raise ShotError(path, f"channel {name} holds values that are not classes, 0 to 255")
     return ClassMaps(*(array.astype(np.uint8) for array in maps))
 
 
 def read_truth(path: Path, display_size: Size | None) -> dict[str, Array]:
-    """Read the planes of truth in a reference's file, by name; none where it has none."""
+    """Read the planes of truth in a reference's file, by name."""
     names = [name for name in read_header(path).types if name.startswith(TRUTH)]
     channels = read_exr(path, only=names, outside={})
     check_size(path, channels, display_size)
@@ -332,17 +297,12 @@ def read_truth(path: Path, display_size: Size | None) -> dict[str, Array]:
 def write_reference(
     path: Path, reference: Array, classes: ClassMaps | None, truth: Mapping[str, Array], compression: str
 ) -> None:
-    """Write a reference image, (H, W, 3), its class maps and planes of truth; ShotError where that fails."""
+    """Write a reference image, (H, W, 3), its class maps and planes of truth; ShotError if that fails."""
     channels = _named(COLOR, reference)
     if classes is not None:
         channels |= {f"class.{name}": array.astype(np.float16) for name, array in classes.known().items()}
     channels |= {f"{TRUTH}{name}": array for name, array in truth.items()}
     write_exr(path, channels, compression=compression)
-
-
-def has_display_file(raw: RawFrame) -> bool:
-    """Return whether the frame has display-size G-buffers or motion vectors."""
-    return bool(raw.gbuffer_display) or raw.motion.shape[:2] != raw.depth.shape
 
 
 def write_frame(
@@ -354,7 +314,7 @@ def write_frame(
     display: bool = True,
     metadata: Metadata | None = None,
 ) -> None:
-    """Write the render-size file, and the display-size file where `entry` names one and `display` is True.
+    """Write the render-size file, and the display-size file if `entry` names one and `display` is True.
 
     Raises:
         ShotError: EXR cannot store an array's type, or the disk refused.
@@ -401,11 +361,11 @@ def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> A
 
 
 def check_size(path: Path, channels: Mapping[str, Channel], size: Size | None) -> None:
-    """Raise ShotError where the channels are not of this (width, height)."""
+    """Raise ShotError if the channels are not of this (width, height)."""
     for array in channels.values():
         height, width = array.shape
         if size is not None and (width, height) != size:
-            hint = "Render it again at that size, or mend the size."
+            hint = "Render it again at that size, or correct the size."
             raise ShotError(path, f"is {width}x{height}; the shot says {size[0]}x{size[1]}", hint)
 
 
@@ -418,7 +378,7 @@ def _named(names: Sequence[str], array: Array) -> dict[str, Channel]:
 def _take_gbuffer(
     path: Path, channels: Mapping[str, Channel], layout: Mapping[str, Sequence[str]]
 ) -> dict[str, Array] | None:
-    """Take each buffer of which any channel exists, so that a missing channel is an error."""
+    """Return each buffer with at least one channel in the file, so that a missing channel is an error."""
     found = {
         n: take(path, channels, names) for n, names in layout.items() if not channels.keys().isdisjoint(names)
     }
@@ -428,19 +388,10 @@ def _take_gbuffer(
 def _unwanted(
     group: str, layout: Mapping[str, Sequence[str]], gbuffers: Collection[str] | None
 ) -> Iterator[str]:
-    """Yield the channels of the G-buffers that are not in `gbuffers`; None includes all."""
+    """Yield the channels of the G-buffers that are not in `gbuffers`; None contains all."""
     for name, channels in layout.items():
         if gbuffers is not None and f"{group}_{name}" not in gbuffers:
             yield from channels
-
-
-def take_aovs(path: Path, channels: Mapping[str, Channel]) -> Array | None:
-    """Return the AOVs, (h, w, k); None where the file has none."""
-    count = sum(name.startswith("aovs.") for name in channels)
-    if count == 0:
-        return None
-    array = take(path, channels, aov_channels(count))
-    return array if array.ndim == 3 else array[..., None]
 
 
 def aov_channels(count: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""Import EXR sequences whose channels have names that are in wide use."""
+"""Import EXR sequences whose channels have common names."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
@@ -35,7 +35,7 @@ _NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }  # fmt: skip
 """Our name to the names before a channel's last dot, and the letters after it; docs/shots.md lists them.
 
-Letters are in any case. A name of one number may also stand alone, as `Z` and `roughness` do.
+Letters may be in any case. The names in _ALONE may also have no letter after them: `Z`, `roughness`.
 """
 _LUMINANCE = "Y"
 """Channel of EXR files without colours."""
@@ -45,20 +45,17 @@ _IDS = {
     "material index",
 }  # fmt: skip
 _IDS_BEGIN = ("crypto", "index")
-"""Names, and beginnings of names, of ids."""
+"""Names of ids, and beginnings of such names."""
 _DATA = _IDS | {"position", "p", "pref", "pworld", "uv", "st"}
 _DATA_BEGIN = (*_IDS_BEGIN, "denoising ", "noisy ", "debug ")
-"""Names, and beginnings of names, of data that cannot be blended: ids, places, other vectors."""
+"""Names of data that cannot be blended (ids, positions, other vectors), and beginnings of such names."""
 
 
 def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] | None:
-    """Return the channels of a file by our names, as `import_channels` takes them.
+    """Return the channels of a file by our names, for `import_channels`; None without depth or motion.
 
-    Returns:
-        None where depth or motion is missing.
-
-    `forward` of Nuke leads to the next frame, and is used beside its `backward` only: other motion may be in
-    other units.
+    Nuke's `forward` leads to the next frame. It is used only together with Nuke's `backward`, as other motion
+    may have other units.
 
     Raises:
         ShotError: several channels have the same meaning; or the only motion leads to the next frame.
@@ -69,9 +66,7 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
         candidates = _candidates(ours, there)
         if len(candidates) > 1:
             listed = " and ".join(", ".join(names) for names in candidates)
-            hint = (
-                "State them in a channels.json (docs/shots.md), or by `supersampler import --channels FILE`."
-            )
+            hint = "Choose in a channels.json (docs/shots.md), or by `supersampler import --channels FILE`."
             raise ShotError(path, f"has several channels for {ours}: {listed}", hint)
         if candidates:
             found[ours] = candidates[0]
@@ -80,10 +75,7 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
     following = found.get("motion_next", [])
     if following and "motion" not in found:
         problem = f"has motion to the next frame, {', '.join(following)}, and none to the previous frame"
-        hint = (
-            "Write backward vectors, too; if these do lead to the previous frame, say so in a channels.json "
-            "(docs/shots.md)."
-        )
+        hint = "Write backward vectors, too; or map these in a channels.json if they are backward vectors."
         raise ShotError(path, problem, hint)
     if following and found["motion"][0].lower().split(".")[-2:-1] != ["backward"]:
         del found["motion_next"]
@@ -100,14 +92,14 @@ def of_first_view(header: ImageHeader) -> tuple[dict[str, str], list[str]]:
 def blended_and_ignored(
     types: Mapping[str, str], used: Mapping[str, Sequence[str]]
 ) -> tuple[list[str], list[str]]:
-    """Return the other channels of a file: those that are AOVs, and those that are not read.
+    """Return the other channels of a file: AOVs, and channels that are not read.
 
-    Ids, places, and further depth, vectors and normals are not read: a blend of two of their values means
-    nothing. Nor are integers.
+    Ids, positions, integers, and further depth, vectors and normals are not read, because blends of their
+    values are meaningless.
 
     Args:
         types: channel names with their types.
-        used: the channels that have one of our names.
+        used: channels by our names.
     """
     ours = set(chain.from_iterable(used.values()))
     others = [name for name in types if name not in ours]
@@ -116,7 +108,7 @@ def blended_and_ignored(
 
 
 def is_id(channel: str) -> bool:
-    """Return whether a channel's name is one of ids, such as Cryptomatte's."""
+    """Return whether a channel's name is a name of ids, such as Cryptomatte's."""
     base = _base(channel)
     return base in _IDS or base.startswith(_IDS_BEGIN)
 
@@ -127,21 +119,21 @@ def _base(channel: str) -> str:
 
 
 def _is_data(channel: str) -> bool:
-    """Return whether a channel's name is one of data, or of depth, motion or a normal."""
+    """Return whether a channel's name is a name of data, depth, motion or normals."""
     base = _base(channel)
     vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
     return base in vectors | _DATA or base.startswith(_DATA_BEGIN)
 
 
 def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
-    """Return each group of channels that has the names of one of our arrays."""
+    """Return the groups of channels that have the names of one of our arrays."""
     bases, endings = _NAMES[ours]
     by_lower = {name.lower(): name for name in channels}
     groups = []
     for name in channels:
         *before, last = name.lower().split(".")
         base = before[-1] if before else ""
-        is_alone = last in bases and base not in bases and (not before or len(last) > 1)  # N.Z is a normal's
+        is_alone = last in bases and base not in bases and (not before or len(last) > 1)  # N.Z: of a normal
         if ours in _ALONE and is_alone:
             groups.append([name])
         for ending in endings:
@@ -160,12 +152,12 @@ def import_named_channels(
 ) -> Shot:
     """Open a folder of EXR frames as a Shot by the names of their channels, such as R, Z and motion.X.
 
-    docs/shots.md lists the names. Channels that have none of them and can be blended are AOVs; the rest is in
-    `Shot.ignored_channels`; so are the views of a stereo file but the first.
+    docs/shots.md lists the names. Other channels that can be blended are AOVs. `Shot.ignored_channels` lists
+    the rest, and the channels of a stereo file's other views.
 
     Args:
         folder: folder of the files.
-        conventions: conventions of these channels and of the jitter; names do not state them.
+        conventions: conventions of these channels and of the jitter.
         reference: pattern of the references' files, with R, G and B, such as `reference/*.exr`.
         options: see `import_channels`.
 
@@ -179,7 +171,7 @@ def import_named_channels(
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."
         raise ShotError(first, f"has no depth or no motion among {', '.join(types)}", hint)
-    if conventions.motion_jittered:  # the next frame's jitter is in it
+    if conventions.motion_jittered:  # it contains the next frame's jitter
         channel_map.pop("motion_next", None)
     aovs, ignored = blended_and_ignored(types, channel_map)
     if aovs:
@@ -187,7 +179,7 @@ def import_named_channels(
     if reference is not None:
         channel_map["reference"] = [f"{reference}:{axis}" for axis in "RGB"]
     layer = channel_map.get("color", ["R"])[0][:-1]
-    names = [name.removeprefix(layer) for name in aovs]  # in results, where colour is R, G, B: beauty.A is A
+    names = [name.removeprefix(layer) for name in aovs]  # output colour is R, G, B: beauty.A becomes A
     if len({*names, *"RGB"}) != len(names) + 3:
         names = aovs
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)

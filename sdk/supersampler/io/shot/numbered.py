@@ -25,34 +25,34 @@ _Span: TypeAlias = tuple[int, int]
 
 _FIELD = re.compile(r"#+|%0?(\d{0,2})d")
 _WILDCARDS = {"*": ".*?", "?": "."}
-"""Regular expressions of the wildcards of file names; every other character, brackets too, is text."""
+"""Regular expressions of the wildcards of file names; all other characters, also brackets, are text."""
 _LAST_NUMBER = re.compile(r"(.*?)(-?\d+)(\D*)", re.DOTALL)
 _SIGN_FOLLOWS = ("", ".", "_")
-"""Characters before a hyphen that can be a sign only; "" is the start of the name."""
+"""Characters after which a hyphen is always a sign; "" is the start of the name."""
 
 
 def is_pattern(path: Path) -> bool:
-    """Return whether a path that does not exist has ####, %04d, * or ? in its last part."""
+    """Return whether a path does not exist and has ####, %04d, * or ? in its last part."""
     return not os.path.lexists(path) and bool(_FIELD.search(path.name) or _has_wildcard(path.name))
 
 
 def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
-    """Return frame number to file, in order, for the files of a pattern.
+    """Return the files of a pattern by frame number, in order.
 
-    A hyphen after a dot, an underscore or nothing is the number's sign: `beauty.-0012.exr` is frame -12. A
-    hyphen after other characters separates (`beauty-0012.exr` is frame 12), unless a file is there with the
-    same name and no hyphen: that is an error.
+    A hyphen after a dot, after an underscore or at the start is the number's sign: `beauty.-0012.exr` is
+    frame -12. After other characters it is a separator: `beauty-0012.exr` is frame 12. If a file has the same
+    name without the hyphen, it is ambiguous: an error.
 
     Args:
         folder: the pattern is relative to it.
-        pattern: pattern with one field for the number: `beauty.####.exr` takes 4 digits or more, of negative
-            numbers any, `beauty.%04d.exr` the same, `beauty.%d.exr` any; or with `*` or `?`, such as
-            `beauty_*.exr`, where the number is the last in the name. Folders have no wildcards.
-            The extension may be in any case.
+        pattern: pattern with one field for the number. `beauty.####.exr` and `beauty.%04d.exr` match 4 digits
+            or more, and negative numbers with any number of digits; `beauty.%d.exr` any. Or with `*` or `?`,
+            such as `beauty_*.exr`: then the last number in the name counts. Folders have no wildcards. The
+            extension may be in any case.
 
     Raises:
-        ShotError: none matches, a name has no number, two have the same, a hyphen may be a sign or a
-            separator, or a file lies outside of the folder.
+        ShotError: no file matches, a name has no number, two have the same, a hyphen is ambiguous, or a file
+            lies outside of the folder.
     """
     if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
@@ -98,11 +98,11 @@ def sequences(paths: Iterable[Path]) -> list[str]:
 
 
 def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> dict[int, Path]:
-    """Return the files of a range of numbers; of all where `frames` is None.
+    """Return the files of a range of numbers; None is all.
 
     Raises:
-        ShotError: no file lies in the range; or a number between two files, inside the range, has none:
-            motion leads from each frame to the previous one.
+        ShotError: no file lies in the range.
+        MissingFramesError: a frame between two files of the range is missing.
     """
     low, high = (min(files), max(files)) if frames is None else frames
     chosen = {number: path for number, path in files.items() if low <= number <= high}
@@ -130,8 +130,7 @@ def file_names(path: Path, pattern: str) -> str:
 def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> list[tuple[float, float]]:
     """Return the jitter of frames: as given, or from `jitter.json` in the folder, or zero.
 
-    `indices` count from the first frame of the sequence, where `jitter` begins. A list of another length
-    repeats from its start, as the jitter of renderers does.
+    `indices` count from the first frame of the sequence. A shorter list repeats.
 
     Raises:
         ShotError: the file is missing, or does not hold [x, y] pairs.
@@ -142,7 +141,7 @@ def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> 
             return [(0.0, 0.0) for _ in indices]
         jitter = folder / JITTER_FILE_NAME
     values = read_json(Path(jitter)) if isinstance(jitter, Path | str) else jitter
-    want = "[x, y] of each frame, or of the first ones where it repeats"
+    want = "[x, y] of each frame, or of the first frames, which then repeat"
     try:
         pairs = [(float(x), float(y)) for x, y in values]
     except (TypeError, ValueError, OverflowError):
@@ -155,17 +154,17 @@ def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> 
 
 
 def _number_spans(place: Path, pattern: str) -> dict[str, _Span]:
-    """Return where the name of each file of a pattern has its number, with its sign.
+    """Return the span of the number, with its sign, in the name of each file of a pattern.
 
     Raises:
-        ShotError: the folder cannot be read, a name has no number, or a hyphen may be a sign or a separator.
+        ShotError: the folder cannot be read, a name has no number, or a hyphen is ambiguous.
     """
     number_in = _number_finder(place / pattern)
     try:
         names = sorted(path.name for path in place.iterdir()) if place.is_dir() else []
     except (ValueError, OSError) as error:
         raise ShotError(place, f"has no files {pattern!r} ({error})") from error
-    names = [name for name in names if not name.startswith(".")]  # hidden files are being written
+    names = [name for name in names if not name.startswith(".")]  # hidden files are incomplete
     found = {name: span for name in names if (span := number_in(name, signed=True)) is not None}
     plain = {_without(name, span) for name, span in found.items() if name[span[0]] != "-"}
     for name, (start, stop) in list(found.items()):
@@ -173,8 +172,8 @@ def _number_spans(place: Path, pattern: str) -> dict[str, _Span]:
             continue
         if _without(name, (start, stop)) in plain:
             begin, number, end = name[:start], name[start:stop], name[stop:]
-            problem = f"has a hyphen that is a sign or a separator: {begin}{number[1:]}{end} is another frame"
-            hint = f"Name negative frames {begin}.{number}{end}; move a sequence of other frames away."
+            problem = f"has an ambiguous hyphen, a sign or a separator: {begin}{number[1:]}{end} exists, too"
+            hint = f"Name negative frames {begin}.{number}{end}; move other sequences away."
             raise ShotError(place / name, problem, hint)
         del found[name]
         if (span := number_in(name, signed=False)) is not None:
@@ -187,7 +186,7 @@ def _without(name: str, number: _Span) -> tuple[str, str]:
 
 
 def _number_finder(path: Path) -> Callable[..., _Span | None]:
-    """Return a function that finds the number in a name: None where the name does not match the pattern.
+    """Return a function that finds the number in a name: None if the name does not match the pattern.
 
     Raises:
         ShotError: the pattern has several fields, or neither a field nor a wildcard.
@@ -195,7 +194,7 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
     fields = list(_FIELD.finditer(path.name))
     if len(fields) > 1:
         problem = f"has {len(fields)} fields for the frame number"
-        raise ShotError(path, problem, "Keep one, and write the other digits out.")
+        raise ShotError(path, problem, "Keep one, and write the other numbers as digits.")
     if not fields and not _has_wildcard(path.name):
         raise ShotError(path, "has no field for the frame number", suggestion(path.parent))
     if fields:
@@ -228,7 +227,7 @@ def _expression(text: str) -> str:
 
 
 def _ending(text: str) -> str:
-    """Return the regular expression of the end of a name, whose extension may be in any case."""
+    """Return the regular expression for the end of a name; the extension may be in any case."""
     before, dot, extension = text.rpartition(".")
     return f"{_expression(before + dot)}(?i:{_expression(extension)})"
 

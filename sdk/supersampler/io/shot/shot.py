@@ -1,4 +1,4 @@
-"""`Shot`: a frame sequence on disk, read one frame at a time."""
+"""`Shot`: a frame sequence on disk, read frame by frame."""
 
 import os
 from collections import deque
@@ -17,31 +17,19 @@ from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_y
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.files import check_inside, is_file
 from supersampler.io.images import Channel, Metadata, read_exr, read_header
-from supersampler.io.shot.format import (
-    FILE_NAME,
-    ClassMaps,
-    FrameEntry,
-    ShotInfo,
-    check_size,
-    files_of,
-    load_shot_json,
-    read_classes,
-    read_frame,
-    read_reference,
-    read_truth,
-    sky_depth,
-)
+from supersampler.io.shot import format as shot_format
+from supersampler.io.shot.format import ClassMaps, FrameEntry, ShotInfo
 
 SHIPPED = Path(__file__).parents[2] / "shots"
-"""Folder of the shots that ship."""
+"""Folder of the shipped shots."""
 
 
 def path_or_shipped(path: str | Path) -> Path:
-    """Return a path, or the folder of a shipped shot for a bare name that is no path here.
+    """Return a path; for a bare name that does not exist, the folder of the shipped shot.
 
     Raises:
-        ArgumentError: it is neither text nor a path.
-        ShotError: it is a bare name that neither exists nor ships; or the package's own shots are missing.
+        ArgumentError: the argument is neither text nor a path.
+        ShotError: no shot of that name exists or ships; or the package's own shots are missing.
     """
     path = Path(checked_path("path", path))
     if path.name != str(path) or os.path.lexists(path):
@@ -56,8 +44,8 @@ def path_or_shipped(path: str | Path) -> Path:
     raise ShotError(path, "there is no such file or folder, and no shot of that name ships", hint)
 
 
-_AHEAD = 2  # frames that are read in advance
-_READERS = 2  # a frame with many channels takes longer to unpack than to step
+_AHEAD = 2  # number of frames that are read ahead
+_READERS = 2  # threads; a frame with many channels takes longer to decompress than to step
 _Stored: TypeAlias = tuple[RawFrame, Float32 | None]
 
 
@@ -104,10 +92,9 @@ class Shot:
     Attributes:
         path: the folder, its JSON file, or the .safetensors file.
         info: properties of all frames.
-        ignored_channels: channels of the first frame's file that an importer does not read, though it reads
-            others as AOVs: ids, and other data that cannot be blended. Of a render by `supersampler blender`,
-            which may not have begun, they are known when a frame has been read.
-        is_denoised: whether the frames state that their renderer has denoised them, as Blender's can.
+        ignored_channels: channels of the first frame's file that an importer does not read: ids and other
+            data that cannot be blended. For renders of `supersampler blender`, empty until a frame is read.
+        is_denoised: whether the frames state that their renderer has denoised them; only Blender's can.
     """
 
     def __init__(
@@ -115,7 +102,7 @@ class Shot:
         path: Path,
         info: ShotInfo,
         entries: Sequence[FrameEntry],
-        read_raw: Callable[[int, Collection[str] | None], RawFrame],
+        read_arrays: Callable[[int, Collection[str] | None], RawFrame],
         read_reference: Callable[[int], Float32] | None = None,
         *,
         stop_waiting: Callable[[], None] = lambda: None,
@@ -123,9 +110,9 @@ class Shot:
         own_format: bool = False,
     ) -> None:
         self.path, self.info = path, info
-        self._offset = 0  # index of the first frame for the callables: see `cropped`
-        self._stop_waiting = stop_waiting  # ends a `read_raw` that waits for a frame to appear
-        self._entries, self._raw = tuple(entries), read_raw
+        self._offset = 0  # index of the first frame in the uncropped shot, for the callables
+        self._stop_waiting = stop_waiting  # ends a `read_arrays` that waits for a frame
+        self._entries, self._raw = tuple(entries), read_arrays
         self._reference = read_reference
         self.ignored_channels: tuple[str, ...] = ()
         self.is_denoised = False
@@ -136,27 +123,29 @@ class Shot:
         """Open a folder with a shot.json; images are read later.
 
         Args:
-            path: the folder; or one of several JSON files in it that share its images; or the name of a shot
-                that ships with this package, such as "plaza".
+            path: the folder; or one of several JSON files in it that share its images; or the name of a
+                shipped shot, such as "plaza".
 
         Raises:
-            ShotError: the path does not exist; shot.json is missing or wrong, or names a file that is missing
-                or that a link leads outside of the folder. The folder itself may be a link.
+            ShotError: the path does not exist; shot.json is missing or wrong, or lists a file that is missing
+                or lies outside of the folder, links followed. The folder itself may be a link.
         """
         path = path_or_shipped(path)
-        description = path if path.suffix == ".json" else path / FILE_NAME
+        description = path if path.suffix == ".json" else path / shot_format.FILE_NAME
         folder = description.parent
-        info, entries = load_shot_json(description)
-        _check_files(description, entries)
-        sky = sky_depth(info.conventions)
+        info, entries = shot_format.load_shot_json(description)
+        for index, entry in enumerate(entries):
+            for name in shot_format.files_of(entry):
+                if not is_file(folder / name):
+                    hint = f"{description.name} lists it; copy or render it again."
+                    raise ShotError(folder / name, f"the file of frame {index} is missing", hint)
+        check_inside(folder, (folder / name for entry in entries for name in shot_format.files_of(entry)))
 
         def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
-            entry, names = entries[index], info.aov_names
-            size = entry.render_size or info.render_size
-            return read_frame(folder, entry, size, info.display_size, gbuffers, sky=sky, aov_names=names)
+            return shot_format.read_frame(folder, info, entries[index], gbuffers)
 
         def reference(index: int) -> Float32:
-            return read_reference(folder / str(entries[index].reference), info.display_size)
+            return shot_format.read_reference(folder / str(entries[index].reference), info.display_size)
 
         return cls(path, info, entries, raw_frame, reference, own_format=True)
 
@@ -167,22 +156,22 @@ class Shot:
 
     @property
     def source(self) -> Path:
-        """The folder or file that its frames are read from."""
+        """Folder or file that the frames are read from."""
         return self.path.parent if self.path.suffix == ".json" else self.path
 
     @property
     def render_size(self) -> Size:
-        """(width, height) of the frames that have no size of their own."""
+        """(width, height) of the frames without a size of their own."""
         return self.info.render_size
 
     @property
     def display_size(self) -> Size | None:
-        """(width, height) of references and display-size buffers; None where the shot has none."""
+        """(width, height) of references and display-size buffers; None if there are none."""
         return self.info.display_size
 
     @property
     def frame_rate(self) -> float | None:
-        """Frames a second; None where it is unknown."""
+        """Frames per second; None if unknown."""
         return self.info.frame_rate
 
     @property
@@ -192,12 +181,12 @@ class Shot:
 
     @property
     def first_number(self) -> int:
-        """Number of the first frame in the program that rendered it; images are named by it."""
+        """Number of the first frame in the program that rendered it; see `ShotInfo`."""
         return self.info.first_number
 
     @property
     def stored_as(self) -> StoredAs:
-        """Format and type of the colour in the first frame's file; its header is read."""
+        """Format and type of the colour in the first frame's file, read from its header."""
         path = self.source / self._entries[0].file
         if path.suffix == ".safetensors":
             return StoredAs("safetensors", "half")
@@ -212,7 +201,7 @@ class Shot:
     def cropped(self, first: int, last: int) -> "Shot":
         """Return a shot of the frames with these numbers, both included; its first frame resets the history.
 
-        Numbers before the first frame and after the last have no frame, which is not an error.
+        Numbers before the first frame and after the last are ignored.
 
         Raises:
             ShotError: no frame has such a number.
@@ -229,7 +218,7 @@ class Shot:
         return shot
 
     def with_conversion(self, convert: Callable[[Path, RawFrame], RawFrame]) -> "Shot":
-        """Return a shot whose frames are what `convert` returns for a frame's file and its stored frame."""
+        """Return a shot whose frames are the results of `convert` for each frame's file and stored frame."""
         shot, read_raw = copy(self), self._raw
         paths = [self.source / entry.file for entry in self._entries]
         offset = self._offset
@@ -254,7 +243,7 @@ class Shot:
         gbuffers: Collection[str] | None = None,
         references: bool = True,
     ) -> Iterator[ShotFrame]:
-        """Iterate over the frames from `start` on, in order; two threads read ahead, one converts.
+        """Iterate over frames in order; two threads read ahead, one converts.
 
         An error is raised when its frame is reached. The threads end with the iterator.
 
@@ -263,12 +252,12 @@ class Shot:
             stop: index after the last frame; None is the end.
             gbuffers: G-buffers to read, by their names in `Model.info.gbuffers`, and "motion_next"; None
                 reads all.
-            references: whether to read those, too.
+            references: whether to read the references.
         """
         converter = converter_at(self.info, self._entries, start)
         waiting: deque[Future[ShotFrame]] = deque()
         readers = ThreadPoolExecutor(_READERS, thread_name_prefix="shot-read")
-        converting = ThreadPoolExecutor(1, thread_name_prefix="shot-convert")  # its state follows the order
+        converting = ThreadPoolExecutor(1, thread_name_prefix="shot-convert")  # the converter needs the order
 
         def load(index: int, stored: Future[_Stored]) -> ShotFrame:
             return self._converted(index, *stored.result(), converter)
@@ -291,7 +280,7 @@ class Shot:
             converting.shutdown()
 
     def last_cut(self, index: int) -> int:
-        """Return the index of the last frame up to `index` that resets the history; 0 where none does."""
+        """Return the index of the last frame up to `index` that resets the history; 0 if none does."""
         while 0 < index < len(self) and not self._entries[index].reset:
             index -= 1
         return index
@@ -301,7 +290,7 @@ class Shot:
         return self._entries[index].shaded
 
     def exposure(self, index: int) -> float | None:
-        """Return the exposure that the shot states for a frame; None where it is measured."""
+        """Return the exposure that the shot states for a frame; None if it does not state it."""
         return self._entries[index].exposure
 
     def read(self, index: int) -> ShotFrame:
@@ -318,43 +307,49 @@ class Shot:
 
     def read_raw(self, index: int, *, gbuffers: Collection[str] | None = None) -> RawFrame:
         """Read one frame as stored, without its reference; for `gbuffers` see `frames`."""
-        raw = self._raw(self._offset + index, gbuffers)
-        return replace(raw, reset=self._entries[index].reset)
+        raw, entry = self._raw(self._offset + index, gbuffers), self._entries[index]
+        return replace(
+            raw,
+            jitter=entry.jitter,
+            reset=entry.reset,
+            exposure=entry.exposure,
+            pre_exposure=entry.pre_exposure,
+            aov_names=raw.aov_names or self.info.aov_names or None,
+        )
 
     def read_reference(self, index: int) -> Float32 | None:
-        """Read a frame's reference, (H, W, 3) float32, linear RGB; None where it has none."""
+        """Read a frame's reference, (H, W, 3) float32, linear RGB; None if it has none."""
         if self._reference is None or self._entries[index].reference is None:
             return None
         return self._reference(self._offset + index)
 
     def read_classes(self, index: int) -> ClassMaps | None:
-        """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
+        """Read the class maps of a frame's reference, (H, W) uint8 each; None if there are none."""
         file = self._reference_file(index)
-        return None if file is None else read_classes(file, self.display_size)
+        return None if file is None else shot_format.read_classes(file, self.display_size)
 
     def read_truth(self, index: int) -> dict[str, Array]:
-        """Read what else the renderer knows of the pixels of a frame's reference: planes (H, W) by name.
+        """Read further planes (H, W) of a frame's reference by name, such as coverage by kinds of objects.
 
-        They are the channels `truth.NAME` of the reference's file: coverage by kinds of things, light that no
-        shadow takes. Empty where there are none.
+        They are the channels `truth.NAME` of the reference's file.
         """
         file = self._reference_file(index)
-        return {} if file is None else read_truth(file, self.display_size)
+        return {} if file is None else shot_format.read_truth(file, self.display_size)
 
     def read_metadata(self, index: int) -> Metadata:
-        """Return the description of a frame by the program that rendered it; {} for files other than EXR."""
+        """Return the header entries of a frame's EXR file that describe its content; {} for other files."""
         path = self.source / self._entries[index].file
         return read_header(path).metadata if path.suffix.lower() == ".exr" else {}
 
     def read_channels(self, index: int, names: Collection[str]) -> dict[str, Channel]:
-        """Read channels of a frame's EXR file as they are, (h, w) each; ShotError where one is missing."""
+        """Read channels of a frame's EXR file unchanged, (h, w) each."""
         path = self.source / self._entries[index].file
         channels = read_exr(path, only=names)
-        check_size(path, channels, self._entries[index].render_size or self.render_size)
+        shot_format.check_size(path, channels, self._entries[index].render_size or self.render_size)
         return channels
 
     def _reference_file(self, index: int) -> Path | None:
-        """Return the file of a frame's reference where it may have labels, which only our format has."""
+        """Return the file of a frame's reference if it can have class maps: in this package's format."""
         name = self._entries[index].reference
         return self.source / name if name is not None and self._own_format else None
 
@@ -373,22 +368,9 @@ class Shot:
 
 
 def converter_at(info: ShotInfo, entries: Sequence[FrameEntry], index: int) -> Converter:
-    """Return a converter in the state that it has after all frames before `index`.
-
-    Its only state is the previous frame's jitter, which shot.json has.
-    """
+    """Return a converter in its state after all frames before `index`: it knows the previous jitter."""
     converter = info.conventions.converter(display_size=info.display_size)
     if index > 0 and info.conventions.motion_jittered:
         before = entries[index - 1]
         converter.pass_over(before.jitter, before.render_size or info.render_size)
     return converter
-
-
-def _check_files(description: Path, entries: Sequence[FrameEntry]) -> None:
-    folder = description.parent
-    for index, entry in enumerate(entries):
-        for name in files_of(entry):
-            if not is_file(folder / name):
-                hint = f"{description.name} lists it; copy or render it again."
-                raise ShotError(folder / name, f"the file of frame {index} is missing", hint)
-    check_inside(folder, (folder / name for entry in entries for name in files_of(entry)))

@@ -1,4 +1,4 @@
-"""`open_source`: opens a shot of any known file layout."""
+"""`open_source`: opens a shot of any supported file layout."""
 
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
@@ -27,7 +27,7 @@ _OPENERS: Mapping[str, Callable[..., Shot]] = {
     "shot": Shot.open, "render": import_render, "blender": import_blender, "arm": import_arm,
 }  # fmt: skip
 _KNOWN = (
-    f"Known are a folder with {FILE_NAME}, Blender's EXR frames, EXR frames with {MAP_FILE_NAME}, and Arm's "
+    f"Supported: a folder with {FILE_NAME}, Blender's EXR frames, EXR frames with {MAP_FILE_NAME}, and Arm's "
     ".safetensors."
 )
 
@@ -40,18 +40,17 @@ def open_source(
     Args:
         path: the folder, its shot.json or another JSON file of that format, or the .safetensors file; or a
             pattern of EXR frames: `renders/beauty.####.exr`, `renders/beauty.%04d.exr`,
-            `renders/beauty_*.exr`; or the name of a shot that ships.
-        layout: "auto" detects it from the files; else "shot", "render" (`supersampler blender` rendered it),
-            "blender", "channels" or "arm".
+            `renders/beauty_*.exr`; or the name of a shipped shot.
+        layout: "auto" detects it from the files; otherwise "shot", "render" (rendered by `supersampler
+            blender`), "blender", "channels" or "arm".
         frames: first and last number of the frames to open, both included; by default all. Numbers before the
-            first frame and after the last are not an error.
+            first frame and after the last are ignored.
         options: arguments of the layout's importer: `import_blender`, `import_channels`,
-            `import_named_channels` or `import_arm`.
-            Without a channel_map the layout "channels" reads the channels.json in the folder; without that,
-            `import_named_channels` recognises the channels by their names.
+            `import_named_channels` or `import_arm`. The layout "channels" without a channel_map reads the
+            channels.json in the folder; without that file, `import_named_channels` recognises the channels.
 
     Raises:
-        ShotError: the layout is not known; the message says what was found.
+        ShotError: the layout is not supported; the message states what was found.
         ArgumentError: there is no such layout, or it does not take an option.
     """
     checked_choice("layout", layout, get_args(Layout))
@@ -80,7 +79,7 @@ def open_source(
 
 
 def layout_of(source: str, layout: Layout, options: Mapping[str, object]) -> str:
-    """Return the layout by which `open_source` opens a source with these options."""
+    """Return the layout that `open_source` uses for a source with these options."""
     if layout != "auto" or "channel_map" in options:
         return layout
     if is_pattern(Path(source)):
@@ -89,13 +88,13 @@ def layout_of(source: str, layout: Layout, options: Mapping[str, object]) -> str
 
 
 def _opener(layout: str, path: Path, options: Mapping[str, object]) -> Callable[..., Shot]:
-    """Return the importer of a layout; ArgumentError where it needs conventions that are not given."""
+    """Return the importer of a layout; ArgumentError if it needs conventions that are not given."""
     if layout != "channels":
         return _OPENERS[layout]
     if "channel_map" not in options and (path / MAP_FILE_NAME).exists():
         return import_described_channels
     if "conventions" not in options:
-        hint = "Names of channels do not state them; `supersampler check` tests what is given."
+        hint = "Channel names do not state them; `supersampler check` tests given ones."
         want = "given: the units and signs of the channels, such as unreal, or supersampler for our own"
         raise ArgumentError("conventions", got="left out", want=want, hint=hint)
     return import_channels if "channel_map" in options else import_named_channels
@@ -104,9 +103,9 @@ def _opener(layout: str, path: Path, options: Mapping[str, object]) -> Callable[
 def guess_layout(
     path: Path, files: str | None = None
 ) -> Literal["shot", "render", "blender", "channels", "arm"]:
-    """Return the layout by file and channel names; ShotError, with what was found, where it is unknown.
+    """Return the layout by file and channel names; ShotError, which states them, if it is not supported.
 
-    `files` is the pattern of the frames' files in the folder; None accepts any EXR files.
+    `files` is the pattern of the frames' files in the folder; None accepts all EXR files.
     """
     with os_errors_as_shot_error(path, hint=_KNOWN):
         if path.is_file() and path.suffix in (".safetensors", ".json"):
@@ -134,13 +133,11 @@ def guess_layout(
         return "blender"
     if recognised_map(frames[0], of_first_view(header)[0]) is not None:
         return "channels"
-    hint = (
-        f"A {MAP_FILE_NAME} says which is which (docs/shots.md); in Blender, turn on Combined, Z and Vector."
-    )
+    hint = f"Map them in a {MAP_FILE_NAME} (docs/shots.md); in Blender, turn on Combined, Z and Vector."
     raise ShotError(path, f"holds frames with the channels {_listed(list(header.types))}", hint)
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return at most eight names, and the number of the others."""
+    """Return at most eight names as text, and the number of the others."""
     more = f" and {len(names) - 8} more" if len(names) > 8 else ""
     return ", ".join(names[:8]) + more

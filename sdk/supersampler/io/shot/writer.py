@@ -1,4 +1,4 @@
-"""`ShotWriter`: writes a shot frame by frame; a run that is killed can be resumed. `copy_shot` uses it."""
+"""`ShotWriter`: writes a shot frame by frame; a killed run can be resumed. `copy_shot` uses it."""
 
 import json
 import re
@@ -13,18 +13,8 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Frame, Size
+from supersampler.io import files
 from supersampler.io.display_transforms import REC709
-from supersampler.io.files import (
-    NO_ROOM,
-    check_apart,
-    check_inside,
-    is_regular,
-    is_there,
-    os_errors_as_shot_error,
-    remove_files,
-    remove_partial_files,
-    write_text,
-)
 from supersampler.io.images import Metadata
 from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import (
@@ -33,7 +23,6 @@ from supersampler.io.shot.format import (
     FrameEntry,
     ShotInfo,
     files_of,
-    has_display_file,
     load_shot_json,
     shot_json,
     write_frame,
@@ -53,23 +42,23 @@ class ShotWriter:
     ...     for frame in render():
     ...         writer.write(frame)
 
-    Files are written atomically, and a frame's files before shot.json lists it, so that the folder is a valid
-    shot of the finished frames at any moment. With `resume=True` the next run continues after them:
-    `len(writer)` is the index of the next frame. A file that was not written by `ShotWriter` is never
-    replaced: it is an error.
+    Files are written atomically, and shot.json lists a frame only after its files are written, so that the
+    folder is a valid shot of the finished frames at any time. With `resume=True` the next run continues after
+    these frames: `len(writer)` is the index of the next frame. A file that was not written by `ShotWriter` is
+    never replaced: it is an error.
 
     Args:
-        path: the folder; created where it is missing.
+        path: the folder; created if it is missing.
         name, display_size, frame_rate, conventions, license, attribution: see `ShotInfo`.
         first_number, file_names, color_space: see `ShotInfo`.
-        resume: continue after the frames that exist.
+        resume: whether to continue after existing frames.
         variant: name of one of several shots in the folder that share their display-size files, such as "2x":
-            it is described by 2x.json, and its frames are 2x/0000.exr and so on.
-        compression: compression of the frames, lossless: "zip", or "zip:9", slower and a little smaller.
+            2x.json describes it, and its frames are 2x/0000.exr and so on.
+        compression: lossless compression of the frames: "zip", or "zip:9", slower and slightly smaller.
         reference_compression: compression of the references; "dwab:45" is lossy and much smaller.
 
     Raises:
-        ShotError: the folder holds a shot already; with `resume`, a shot with other properties.
+        ShotError: the folder already holds a shot; with `resume`, a shot with other properties.
     """
 
     def __init__(
@@ -108,11 +97,11 @@ class ShotWriter:
         )
         self._entries: list[FrameEntry] = []
         self._note = self.path / f".{self._description.name}.writing"
-        if is_there(self._description):
+        if files.is_there(self._description):
             self._continue(resume)
         self._begun = self._read_note()
         names = re.compile(rf"\d{{4,}}\.exr|{re.escape(self._description.name)}|{re.escape(self._note.name)}")
-        remove_partial_files(
+        files.remove_partial_files(
             self.path, names.fullmatch, (self._frames_below.rstrip("/"), _DISPLAY, _REFERENCE)
         )
 
@@ -139,24 +128,24 @@ class ShotWriter:
         """Write the next frame.
 
         Args:
-            frame: a RawFrame in the shot's conventions, or a Frame, which is converted to them. The names of
-                the first one's AOVs are those of all.
+            frame: a RawFrame in the shot's conventions, or a Frame, which is converted to them. All frames
+                take the AOV names of the first.
             reference: (H, W, 3) display size, linear RGB: the ideal output.
             classes: class maps of the reference.
             truth: planes (H, W) of the reference by name, see `Shot.read_truth`.
-            shared: the display-size file and the reference exist, written by another variant.
-            metadata: entries of the frame file's header.
+            shared: whether another variant has written the display-size file and the reference.
+            metadata: header entries of the frame's file.
 
         Raises:
             ShotError: the disk refused, or an array is float64. After any error the shot is unchanged.
             FrameError: the frame breaks the contract.
-            ArgumentError: a display-size array has another size than the shot's, or `classes` or `truth` are
-                given without a reference.
+            ArgumentError: a display-size array does not have the shot's display size, or `classes` or `truth`
+                is given without a reference.
         """
         converter = converter_at(self._info, self._entries, len(self._entries))
         raw = converter.from_frame(frame) if isinstance(frame, Frame) else frame
         if raw is frame:
-            converter.to_frame(raw)  # raises where it could not be read again
+            converter.to_frame(raw)  # raises if the frame could not be read again
         height, width = raw.depth.shape
         info = self._info
         if not self._entries:
@@ -164,6 +153,7 @@ class ShotWriter:
                 info, render_size=(width, height), aov_names=tuple(raw.aov_names or ())
             )
         self._check_display(raw, reference, classes, truth or {})
+        has_display_file = raw.gbuffer_display or raw.motion.shape[:2] != raw.depth.shape
         number = f"{len(self._entries):04d}.exr"
         entry = FrameEntry(
             file=f"{self._frames_below}{number}",
@@ -171,7 +161,7 @@ class ShotWriter:
             reset=bool(raw.reset),
             exposure=None if raw.exposure is None else float(raw.exposure),
             pre_exposure=float(raw.pre_exposure),
-            display_file=f"{_DISPLAY}/{number}" if has_display_file(raw) else None,
+            display_file=f"{_DISPLAY}/{number}" if has_display_file else None,
             reference=None if reference is None else f"{_REFERENCE}/{number}",
             render_size=None if (width, height) == info.render_size else (width, height),
             shaded=raw.color is not None,
@@ -182,43 +172,44 @@ class ShotWriter:
                 path = self.path / str(entry.reference)
                 write_reference(path, reference, classes, truth or {}, self._reference_compression)
             entries = [*self._entries, entry]
-            write_text(self._description, shot_json(info, entries))  # lists the frame, which is then complete
+            files.write_text(self._description, shot_json(info, entries))  # the frame is now complete
             self._info, self._entries = info, entries
 
     @contextmanager
     def _writing(self, names: list[str]) -> Iterator[None]:
-        """Keep the names of the files that are being written in a note file until shot.json lists them.
+        """Keep the names of unfinished files in a note file until shot.json lists them.
 
-        After a kill, the note tells the next run that these files are the writer's own.
+        The note tells the run after a kill that these files are the writer's own.
 
         Raises:
             ShotError: a file of another program has one of these names.
         """
         paths = [self.path / name for name in names]
-        check_inside(self.path, paths)
+        files.check_inside(self.path, paths)
         for name, path in zip(names, paths, strict=True):
-            if is_there(path) and not (is_regular(path) and (name in self._begun or self._is_listed(name))):
+            is_own = files.is_regular(path) and (name in self._begun or self._is_listed(name))
+            if files.is_there(path) and not is_own:
                 problem = f"is there already, and {self._description.name} does not list it"
                 raise ShotError(path, problem, _FOREIGN)
-        with os_errors_as_shot_error(self._note, "written", NO_ROOM):
+        with files.os_errors_as_shot_error(self._note, "written", files.NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
-            write_text(self._note, json.dumps(names))
+            files.write_text(self._note, json.dumps(names))
         self._begun, before = frozenset(names), len(self._entries)
         try:
             yield
         finally:
-            if before < len(self._entries) or not any(map(is_there, paths)):  # listed, or not begun
-                remove_files([self._note])
+            if before < len(self._entries) or not any(map(files.is_there, paths)):  # listed, or none written
+                files.remove_files([self._note])
 
     def _read_note(self) -> frozenset[str]:
         """Return the names of the files that a killed run was writing."""
-        if not is_there(self._note):
+        if not files.is_there(self._note):
             return frozenset()
-        if not is_regular(self._note):
+        if not files.is_regular(self._note):
             raise ShotError(self._note, "is not a regular file", _FOREIGN)
         try:
             names = read_json(self._note)
-        except ShotError:  # the run was killed while it wrote the note, before any of the files
+        except ShotError:  # the run was killed while it wrote the note, before the files
             return frozenset()
         listed = names if isinstance(names, list) else []
         return frozenset(name for name in listed if isinstance(name, str))
@@ -232,7 +223,7 @@ class ShotWriter:
         return False
 
     def _continue(self, resume: bool) -> None:
-        """Continue after the frames that exist."""
+        """Continue after the existing frames."""
         path = self._description
         info, entries = load_shot_json(path)
         if not resume:
@@ -273,9 +264,9 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
     >>> copy_shot(import_blender("renders/kitchen"), "shots/kitchen")
 
     Args:
-        shot: the source; conventions, pixels and the metadata of EXR files are kept.
+        shot: the source; its conventions, pixels and EXR metadata are kept.
         path: the folder to write.
-        resume: continue after the frames that an earlier run wrote.
+        resume: whether to continue after the frames of an earlier run.
 
     Returns:
         The written shot.
@@ -283,15 +274,16 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
     Raises:
         ShotError: the folder is, contains or lies in the source; see also `ShotWriter` and `Shot.read`.
     """
-    check_apart(Path(path), shot.source)
+    files.check_apart(Path(path), shot.source)
     of_frames = ("render_size", "aov_names")  # the first frame has them
     info = {name: getattr(shot.info, name) for name in ShotInfo.__struct_fields__ if name not in of_frames}
     writer = ShotWriter(path, **info, resume=resume)
     for index in range(len(writer), len(shot)):
-        reference, classes = shot.read_reference(index), shot.read_classes(index)
-        metadata = shot.read_metadata(index)
-        truth = shot.read_truth(index)
         writer.write(
-            shot.read_raw(index), reference=reference, classes=classes, truth=truth, metadata=metadata
+            shot.read_raw(index),
+            reference=shot.read_reference(index),
+            classes=shot.read_classes(index),
+            truth=shot.read_truth(index),
+            metadata=shot.read_metadata(index),
         )
     return Shot.open(path)
