@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler import halton_jitter
-from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
 from supersampler_model.data.dataset.storage import (
+    Dataset,
     Description,
     Rerendered,
     SequenceEntry,
+    TrainingFrame,
+    create_dataset,
     write_rerendered,
     write_training_frame,
 )

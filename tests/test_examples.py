@@ -17,7 +17,8 @@ from supersampler import Shot, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.io.display import display_transform
 from supersampler.io.shot import ShotWriter
-from supersampler_model.data.dataset import Description, SequenceEntry, create_dataset, render_sequence
+from supersampler_model.data.dataset.rendering import render_sequence
+from supersampler_model.data.dataset.storage import Description, SequenceEntry, create_dataset
 from supersampler_model.data.rendered import input_frame
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import SequenceSpec, make_sequence

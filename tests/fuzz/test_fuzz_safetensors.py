@@ -15,8 +15,7 @@ from torch import zeros
 from fuzzing import damaged, dumped, examples, replaced, run_apart
 from supersampler import ShotError
 from supersampler.io.shot import import_arm
-from supersampler_model.data.dataset import TrainingFrame, read_training_frame
-from supersampler_model.data.dataset.storage import write_training_frame
+from supersampler_model.data.dataset.storage import TrainingFrame, read_training_frame, write_training_frame
 from supersampler_model.methods.base import load_trained
 
 FRAMES, HEIGHT, WIDTH = 2, 4, 6

@@ -195,14 +195,6 @@ def test_opening_depth_removes_thin_objects_and_keeps_broad_ones() -> None:
     torch.testing.assert_close(ops.morphological_opening(both), broad)
 
 
-def test_moments_are_unweighted_and_raw() -> None:
-    image = random_image(4, (7, 5))
-    first, second = ops.moments(image)
-    patch = image[0, :, 1:4, 2:5].reshape(3, 9)
-    torch.testing.assert_close(first[0, :, 2, 3], patch.mean(1))
-    torch.testing.assert_close(second[0, :, 2, 3], (patch * patch).mean(1))
-
-
 @given(
     color=st.lists(st.floats(-2, 2), min_size=3, max_size=3),
     sample=st.lists(st.floats(-2, 2), min_size=3, max_size=3),

@@ -1,4 +1,4 @@
-"""`supersampler render OUT`; heavy modules are imported when the command runs, not for --help."""
+"""`supersampler render OUT`. Heavy modules are imported when the command runs, not for --help."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,34 +14,31 @@ from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRA
 app = typer.Typer(
     help="Render a training set with exact truth and labels.", add_completion=False, rich_markup_mode=None
 )
+_FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
 
 
 @app.command()
 def render(
     output: Annotated[Path, typer.Argument(help="Folder of the set.")],
     scenes: Annotated[
-        str,
-        typer.Option(
-            help="`train`, `test`, or some of "
-            f"{', '.join((*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES))}."
-        ),
+        str, typer.Option(help=f"`train`, `test`, or some of {', '.join(_FAMILIES)}.")
     ] = "train",
-    sequences: Annotated[int, typer.Option(help="How many.")] = 60,
-    frames: Annotated[int, typer.Option(help="Frames of each.")] = 25,
+    sequences: Annotated[int, typer.Option(help="Number of sequences.")] = 60,
+    frames: Annotated[int, typer.Option(help="Frames per sequence.")] = 25,
     display_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the references.")] = "640x360",
     ratio: Annotated[
         str, typer.Option(help="Display over render size, chosen at random from these.")
     ] = "1,1.5,2,3,4",
     also: Annotated[
-        str, typer.Option(help="Render every sequence at these ratios too; references are shared.")
+        str, typer.Option(help="Render every sequence at these ratios, too; references are shared.")
     ] = "",
-    samples: Annotated[int, typer.Option(help="Of the reference, a pixel; a square number.")] = 64,
-    gbuffers: Annotated[bool, typer.Option(help="Keep display-size G-buffers too.")] = False,
+    samples: Annotated[int, typer.Option(help="Samples per pixel of references; a square number.")] = 64,
+    gbuffers: Annotated[bool, typer.Option(help="Keep display-size G-buffers, too.")] = False,
     gltf: Annotated[
         Path | None, typer.Option(help="Folder of .glb and .gltf files, and .hdr panoramas, to compose from.")
     ] = None,
     gltf_fraction: Annotated[
-        float, typer.Option(help="Fraction of the sequences that is composed of the files in --gltf.")
+        float, typer.Option(help="Fraction of the sequences that are composed of the files in --gltf.")
     ] = 0.3,
     seed: Annotated[int, typer.Option(help="The same seed gives the same set.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
@@ -53,9 +50,9 @@ def render(
 
     The same command resumes a stopped run; --also may be added then.
 
-    With --gltf, files 8 m wide or more are stages, the others props on them; every file is read before
-    rendering begins. A quarter of the files is kept for validation sequences and used in no other; a kind
-    (stage, prop, panorama) with one file only is trained on alone.
+    With --gltf, files at least 8 m wide are stages, and the others are props on them. All files are read
+    before rendering begins. A quarter of the files of each kind (stage, prop, panorama) is only used in
+    validation sequences; a single file is used for training.
 
     \b
     Examples:
@@ -64,9 +61,9 @@ def render(
       supersampler render data --gbuffers --also 2,4
       supersampler render data --gltf my/scenes --gltf-fraction 0.3
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
     from supersampler_model.data.dataset.overview import write_class_maps
-    from supersampler_model.data.dataset.rendering import render_dataset
+    from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences, render_dataset
+    from supersampler_model.data.dataset.storage import create_dataset
 
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
     plan = RenderPlan(
@@ -112,4 +109,4 @@ def _numbers(name: str, text: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
-        raise ArgumentError(name, got=repr(text), want="numbers with commas between, 1.5,2 say") from None
+        raise ArgumentError(name, got=repr(text), want="comma-separated numbers, such as 1.5,2") from None

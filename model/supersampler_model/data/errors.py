@@ -1,10 +1,4 @@
-"""Errors of `supersampler_model.data`, and the check of a number.
-
-DataError              base of all below, itself a SupersamplerError
-  SceneError           a scene is invalid or exceeds a limit; names the field
-  GraphicsError        no usable OpenGL; the message names what to install
-  DatasetError         a training set on disk is damaged, or of another description; names the file
-"""
+"""Errors of `supersampler_model.data`, and the check of a number."""
 
 from pathlib import Path
 
@@ -14,11 +8,11 @@ from supersampler.errors import ArgumentError, SupersamplerError
 
 
 class DataError(SupersamplerError):
-    """Base of all errors below."""
+    """Base of the errors of `supersampler_model.data`."""
 
 
 class SceneError(DataError, ArgumentError):
-    """A part of a scene is invalid; `name` is its field.
+    """A part of a scene is invalid, or exceeds a limit; `name` is its field.
 
     >>> str(SceneError("mesh.indices", got="(0, 3)", want="at least one triangle"))
     'mesh.indices is (0, 3); want at least one triangle.'
@@ -26,11 +20,11 @@ class SceneError(DataError, ArgumentError):
 
 
 class GraphicsError(DataError, RuntimeError):
-    """OpenGL is missing, too old or fails; the message is one line and names what to install."""
+    """OpenGL is missing, too old or fails; the message, one line, names the packages to install."""
 
 
 class DatasetError(DataError, OSError):
-    """A file of a training set is unusable; the message names file, problem and remedy."""
+    """A training set on disk is damaged, or has another description; names file, problem and remedy."""
 
     def __init__(self, path: Path, problem: str, hint: str = "") -> None:
         self.path, self.problem, self.hint = path, problem, hint

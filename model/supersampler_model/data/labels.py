@@ -1,6 +1,6 @@
 """Automatic labels of pixels: where history is invalid (ghosting) and where one sample aliases.
 
-The rules are equations 1 to 9 of the supplement of Guo et al. 2022, section 2. docs/data.md lists the choices
+The rules are equations 1 to 9 of the supplement of Guo et al. 2022, section 2. docs/data.md lists our choices
 where the supplement is silent or contradicts itself.
 """
 
@@ -23,27 +23,18 @@ Values = NDArray[np.floating[Any]]
 class PixelStatistics:
     """Ranges over all samples in each pixel of one frame, at display size (W, H).
 
-    A renderer gathers linear ranges. For the labels, `toned` converts them, at one exposure for all frames
-    that are compared. The curve rises and treats each channel on its own, so the ranges stay ranges.
-
-    Attributes:
-        depth_min: (H, W) float32, smallest reversed depth (near / view distance): the farthest sample.
-        depth_max: (H, W) float32, largest reversed depth: the closest sample.
-        color_min: (H, W, 3) float32, smallest value of each channel; toned: [0, 1).
-        color_max: (H, W, 3) float32, largest.
-        color: (H, W, 3) float32, mean linear scene RGB: the reference image; never toned.
-        normal_spread: (H, W) float32, largest L1 distance from the first sample's normal, [0, 2 sqrt(3)],
-            without normal maps.
-        normal_mapped_spread: (H, W) float32, the same with normal maps.
+    Renderers gather linear ranges. For the labels, `toned` converts them, at one exposure for all frames that
+    are compared. The curve is monotonic and treats each channel on its own, so ranges remain ranges. The
+    spread of normals is the largest L1 distance from the first sample's normal, [0, 2 sqrt(3)].
     """
 
-    depth_min: Float32
-    depth_max: Float32
-    color_min: Float32
-    color_max: Float32
-    color: Float32
-    normal_spread: Float32
-    normal_mapped_spread: Float32
+    depth_min: Float32  # (H, W), smallest reversed depth (near / view distance): the farthest sample
+    depth_max: Float32  # (H, W), largest reversed depth: the closest sample
+    color_min: Float32  # (H, W, 3), smallest value of each channel; toned: [0, 1)
+    color_max: Float32  # (H, W, 3), largest value
+    color: Float32  # (H, W, 3), mean linear scene RGB: the reference image; never toned
+    normal_spread: Float32  # (H, W), without normal maps
+    normal_mapped_spread: Float32  # (H, W), with normal maps
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -52,7 +43,7 @@ class PixelStatistics:
         return height, width
 
     def toned(self, exposure: float) -> "PixelStatistics":
-        """Return the same statistics with toned colour ranges; these were linear."""
+        """Return these statistics with toned colour ranges; the own ones are linear."""
         low, high = (toned(color, exposure).astype(np.float32) for color in (self.color_min, self.color_max))
         return replace(self, color_min=low, color_max=high)
 
@@ -61,23 +52,17 @@ class PixelStatistics:
 class LabelInputs:
     """Inputs of the label rules for one frame, at display size (W, H).
 
-    Attributes:
-        pixels: ranges over the samples of each pixel.
-        motion: (H, W, 2) float32, display pixels (x right, y down), previous minus current, of the surface at
-            the pixel's centre. On a cut: motion for a static camera.
-        depth_before: (H, W) float32, expected previous depth: the reversed depth of that surface point in the
-            previous frame, whether or not it was visible.
-        cut: True on the first frame after a cut, which has no history.
+    Motion belongs to the surface at the pixel's centre; after a cut, it is for a static camera.
     """
 
     pixels: PixelStatistics
-    motion: Float32
-    depth_before: Float32
-    cut: bool = False
+    motion: Float32  # (H, W, 2), display pixels (x right, y down), previous minus current
+    depth_before: Float32  # (H, W), reversed depth of that surface in the previous frame, visible or not
+    cut: bool = False  # True on the first frame after a cut, which has no history
 
 
 def toned(color: Values, exposure: float = 1.0) -> Values:
-    """Convert exposed linear RGB to [0, 1): c / (1 + c), each channel alone, after a clamp to [0, 65504]."""
+    """Convert exposed linear RGB to [0, 1): c / (1 + c) per channel, after a clamp to [0, 65504]."""
     exposed = np.clip(color * exposure, 0.0, MAX_HALF)
     return np.asarray(exposed / (1.0 + exposed))
 
@@ -105,35 +90,21 @@ class Alias(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelThresholds:
-    """Thresholds of the rules; the paper's where it gives them.
+    """Thresholds of the rules. The paper does not give T_I^G, calibrated on 16 samples, and T_IoU^G."""
 
-    Attributes:
-        depth_ghost: T_D^G of equations 1 and 3, fraction of the closer reversed depth.
-        velocity: T_V^G of equations 2 and 4, square of display pixels a frame.
-        color_change: T_I^G of equation 5, toned colour in [0, 1). Not in the paper; calibrated on 16 samples.
-        color_overlap: T_IoU^G of equation 6. Not in the paper either.
-        box_padding: moves every face of equation 6's boxes outwards, toned colour: flat pixels need volume.
-        openings: number of 3x3 erosions, then dilations, of the mask of (5) and (6).
-        depth_alias: T_D^A of equation 7, fraction of the closer reversed depth.
-        normal: T_N^A of equation 8, L1 distance of unit vectors.
-        color_range: T_I^A of equation 9, fraction of the brightest sample, of linear colour.
-        darkest: equation 9 ignores channels with no brighter sample, toned colour: ratios are unstable near
-            black.
-        slope_aware: allow for the slope of planes in the depth tests (1), (3) and (7). The paper's tests
-            (False) take every plane at a grazing angle for an edge.
-    """
-
-    depth_ghost: float = 0.01
-    velocity: float = 1.0
-    color_change: float = 0.05
-    color_overlap: float = 0.1
-    box_padding: float = 2.0 / 255.0
-    openings: int = 2
-    depth_alias: float = 0.01
-    normal: float = 0.5
-    color_range: float = 0.5
-    darkest: float = 0.02
+    depth_ghost: float = 0.01  # T_D^G of equations 1 and 3, fraction of the closer reversed depth
+    velocity: float = 1.0  # T_V^G of equations 2 and 4, square of display pixels a frame
+    color_change: float = 0.05  # T_I^G of equation 5, toned colour in [0, 1)
+    color_overlap: float = 0.1  # T_IoU^G of equation 6
+    box_padding: float = 2.0 / 255.0  # offset of all faces of equation 6's boxes: flat pixels need volume
+    openings: int = 2  # number of 3x3 erosions, then dilations, of the mask of (5) and (6)
+    depth_alias: float = 0.01  # T_D^A of equation 7, fraction of the closer reversed depth
+    normal: float = 0.5  # T_N^A of equation 8, L1 distance of unit vectors
+    color_range: float = 0.5  # T_I^A of equation 9, fraction of the brightest sample, linear colour
+    darkest: float = 0.02  # toned; equation 9 ignores darker channels, where ratios are unstable
     slope_aware: bool = True
+    """Whether the depth tests (1), (3) and (7) allow for the slope of planes. The paper's tests (False) take
+    every plane at a grazing angle for an edge."""
 
 
 DEFAULTS = LabelThresholds()
@@ -150,7 +121,7 @@ class Labels:
 def label(now: LabelInputs, before: LabelInputs | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
     """Label one frame.
 
-    The previous frame, None on a cut, has the same size and is toned at the same exposure.
+    The previous frame has the same size and is toned at the same exposure; it is None after a cut.
     """
     geometry, aliased = aliasing(now.pixels, thresholds)
     if before is None or now.cut:
@@ -168,14 +139,14 @@ def _visibility_ghosting(now: LabelInputs, before: LabelInputs, thresholds: Labe
     """Return R_G, (H, W): the surface was occluded by a closer one of another velocity, or off screen."""
     previous, on_screen = reprojected(now.motion)
     closest = before.pixels.depth_max[previous]
-    slope = _allowance(before.pixels, thresholds)[previous]  # for the samples' spread and for the rounding
+    slope = _allowance(before.pixels, thresholds)[previous]  # for the spread of the samples, and rounding
     occluded = _closer(closest, now.depth_before, slope, thresholds.depth_ghost)  # (1)
     occluded &= _differs(now.motion, before.motion[previous], thresholds.velocity)  # (2)
     return _dilated(occluded | ~on_screen, now, thresholds)
 
 
 def _dilated(ghosts: Mask, now: LabelInputs, thresholds: LabelThresholds) -> Mask:
-    """Spread to each of 8 neighbours that is behind the labelled pixel and moves differently.
+    """Extend the mask to neighbours (of 8) that are behind the labelled pixel and move differently.
 
     Upscalers dilate motion: such a neighbour reads its history where the labelled surface was.
     """
@@ -189,7 +160,7 @@ def _dilated(ghosts: Mask, now: LabelInputs, thresholds: LabelThresholds) -> Mas
 
 
 def _shading_ghosting(now: LabelInputs, before: LabelInputs, thresholds: LabelThresholds) -> Mask:
-    """Return R_S before its correction, (H, W): on screen one frame ago, other lighting, not isolated."""
+    """Return R_S before its correction, (H, W): the lighting changed, on screen, not in isolated pixels."""
     previous, on_screen = reprojected(now.motion)
     low, high = now.pixels.color_min, now.pixels.color_max
     low_before, high_before = before.pixels.color_min[previous], before.pixels.color_max[previous]
@@ -208,7 +179,7 @@ def aliasing(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) ->
 
 
 def color_varies(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) -> Mask:
-    """Return where equation 9 holds, (H, W), for linear colour: exposure does not change the result.
+    """Return where equation 9 holds, (H, W), for linear colour: the result is independent of exposure.
 
     Pixels darker than `thresholds.darkest` never vary.
     With toned t = c / (1 + c), (c_max - c_min) / c_max is (t_max - t_min) / (t_max (1 - t_min)).
@@ -219,14 +190,14 @@ def color_varies(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS
 
 
 def reprojected(motion: Float32) -> tuple[Places, Mask]:
-    """Return (rows, columns) of the nearest pixel one frame ago, and where that is on screen, (H, W) each.
+    """Return (rows, columns) of the nearest pixel in the previous frame, and where it is on screen, (H, W).
 
     Off screen, and where the motion is NaN, the position is row 0, column 0.
     """
     height, width = motion.shape[:2]
     x = np.arange(width) + 0.5 + motion[..., 0]
     y = np.arange(height)[:, None] + 0.5 + motion[..., 1]
-    on_screen = (x > 0) & (x < width) & (y > 0) & (y < height)  # the border is off, as for the methods
+    on_screen = (x > 0) & (x < width) & (y > 0) & (y < height)  # as in the methods, borders are off screen
     columns, rows = (np.where(on_screen, v, 0.0).astype(np.intp) for v in (x, y))
     return (rows, columns), on_screen
 
@@ -234,10 +205,10 @@ def reprojected(motion: Float32) -> tuple[Places, Mask]:
 def plane_slope(pixels: PixelStatistics) -> Float32:
     """Return the change (H, W) of a plane's reversed depth over one pixel: |dD/dx| + |dD/dy|.
 
-    A plane's reversed depth is linear on the screen, so its ranges step evenly from pixel to pixel and this
-    is exact. Edges are kept out by the smallest of four steps along each axis (to both sides; of the closest
-    and of the farthest samples), as an edge moves some of the four, not all; specks by 0 where the steps to
-    both sides point to or from the pixel.
+    A plane's reversed depth is linear on the screen, so the result is exact for planes. The smallest of four
+    steps along each axis excludes edges (to both sides, and of the closest and of the farthest samples), as
+    an edge changes some of the four, not all. Where the steps to both sides have opposite signs, the slope is
+    0, which excludes specks.
     """
     slope = np.zeros(pixels.shape, np.float32)
     for axis in (0, 1):
@@ -260,9 +231,9 @@ def box_overlap(low: Float32, high: Float32, low2: Float32, high2: Float32, padd
 
 
 def opened(mask: Mask, times: int) -> Mask:
-    """Erode `times` times by 3x3, then dilate as often: removes regions narrower than 2 `times` + 1 pixels.
+    """Erode and then dilate by 3x3, `times` times each: removes regions narrower than 2 `times` + 1 pixels.
 
-    Pixels beyond the border neither erode nor dilate.
+    Pixels beyond the border have no influence.
     """
     for _ in range(times):
         mask = ~_grown(~mask)
@@ -282,7 +253,7 @@ def _grown(mask: Mask) -> Mask:
 
 
 def _neighbours() -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
-    """Yield (source, target) of 8 directions: all pixels with a neighbour there, and their neighbours."""
+    """Yield (source, target) of 8 directions: all pixels with a neighbour there, and these neighbours."""
     all_, but_first, but_last = slice(None), slice(1, None), slice(None, -1)
     steps = ((but_first, but_last), (all_, all_), (but_last, but_first))  # by -1, 0, 1
     for (rows, rows_there), (columns, columns_there) in product(steps, steps):
@@ -291,7 +262,7 @@ def _neighbours() -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
 
 
 def _closer(front: Float32, back: Float32, slope: Float32, threshold: float) -> Mask:
-    """Return where `front` is closer than `back` by more than `threshold` of it and the slope explain."""
+    """Return where `front` is closer than `back` by more than the slope plus `threshold` times `front`."""
     return np.asarray(front - back - slope > threshold * front)
 
 
@@ -301,7 +272,7 @@ def _differs(velocity: Float32, other: Float32, threshold: float) -> Mask:
     return np.asarray(squared[..., 0] + squared[..., 1] > threshold)
 
 
-# Written out: numpy is slow to reduce a last axis of two or three elements.
+# Written out, because numpy is slow to reduce a last axis of two or three elements.
 
 
 def _any_channel(mask: Mask) -> Mask:
@@ -316,19 +287,19 @@ def _allowance(pixels: PixelStatistics, thresholds: LabelThresholds) -> Float32:
     return plane_slope(pixels) if thresholds.slope_aware else np.zeros(pixels.shape, np.float32)
 
 
-_REACH = 2  # pixels from the corner of a surface, of 90 degrees or more, to its nearest solid square, at most
+_REACH = 2  # maximum distance from a surface's corner of >= 90 degrees to its nearest solid square, pixels
 _CLOSER = 0.01  # fraction of the closer reversed depth, as T_D^A of equation 7
 
 
 def thin(pixels: PixelStatistics) -> Mask:
-    """Return where a pixel holds a part of an object less than about two pixels wide, (H, W).
+    """Return where a pixel contains part of an object less than about two pixels wide, (H, W).
 
-    Two display pixels are one render pixel at a ratio of 2. A surface is solid in squares of 2x2 pixels in
-    which all samples hit it. At any angle, a bar wider than four pixels has solid squares, and a bar narrower
-    than two has none. A pixel is thin where its closest sample is in front of all solid squares within
-    `_REACH` pixels: by more than 1 %, and by more than the slope of a plane explains, as in the other labels.
+    Two display pixels are one render pixel at a ratio of 2. A square of 2x2 pixels is solid if all its
+    samples hit one surface. At any angle, a bar wider than four pixels has solid squares, and a bar narrower
+    than two has none. A pixel is thin if its closest sample is in front of all solid squares within `_REACH`
+    pixels, by more than 1 % and by more than the slope of a plane explains, as in the other labels.
     """
-    solid = -_max_around(-pixels.depth_min, (0, 1))  # of the square whose first pixel this is
+    solid = -_max_around(-pixels.depth_min, (0, 1))  # depth of the square whose first pixel this is
     nearest = _max_around(solid, range(-_REACH - 1, _REACH + 1))
     reach = range(-_REACH, _REACH + 1)
     slope = (_REACH + 2) * _max_around(plane_slope(pixels), reach)  # to the far side of the square

@@ -1,4 +1,4 @@
-"""Render in several processes, each with its own OpenGL context; one failure stops all."""
+"""Render in several processes, each with an OpenGL context; one failure stops all."""
 
 import multiprocessing
 import os
@@ -13,15 +13,15 @@ from supersampler_model.data.errors import DataError
 
 OnFrame: TypeAlias = Callable[[], None]
 Part: TypeAlias = Callable[[OnFrame], None]
-"""The work of one process; it is pickled, and calls its argument after each frame."""
+"""Work of one process. It is pickled, and calls its argument after each frame."""
 
-_POLL_SECONDS, _EXIT_SECONDS = 0.5, 10.0  # between checks for dead processes; to end a process
+_POLL_SECONDS, _EXIT_SECONDS = 0.5, 10.0  # between checks for dead processes; for a process to exit
 
 
 def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> None:
     """Run each part in a process; software OpenGL uses cores / parts threads in each.
 
-    `on_frame` is called after each frame, in this process.
+    `on_frame` is called in this process, after each frame.
 
     Raises:
         DataError: a part failed (a full disk, no OpenGL, a file that has changed) or its process ended.
@@ -66,11 +66,11 @@ def _report(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
 def _work(part: Part, results: Any, threads: int) -> None:
     """Do one part in this process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent handles it
-    os.environ.setdefault("LP_NUM_THREADS", str(threads))  # of software OpenGL
+    os.environ.setdefault("LP_NUM_THREADS", str(threads))  # threads of software OpenGL
 
     def on_frame() -> None:
         parent = multiprocessing.parent_process()
-        if parent is not None and not parent.is_alive():  # orphaned: must not disturb the next run
+        if parent is not None and not parent.is_alive():  # an orphan must not disturb the next run
             sys.exit(1)
         results.put(("frame", ""))
 

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
+from supersampler_model.data.scenes.procedural import lighting, materials, particles, paths, shapes
 from supersampler_model.data.scenes.procedural.outdoors import bush, tree
 from supersampler_model.data.scenes.procedural.paths import drift, placed, turned_by, vector
-from supersampler_model.data.scenes.procedural.stage import Stage, bulb, bunting, dust, skyline, smoke
+from supersampler_model.data.scenes.procedural.stage import Stage, bulb, bunting, skyline
 from supersampler_model.data.scenes.scene import Camera, Color, Rng, Sun
 from supersampler_model.data.sequences import Sequence, SequenceSpec
 from supersampler_model.data.shots import ShotForm, render_shot
@@ -18,7 +18,7 @@ _CLOUD = 0.8  # seconds: when a cloud is halfway over the sun
 
 
 def plaza(rng: Rng) -> Stage:
-    """Build the square; `rng` varies textures and small irregularities; the layout is fixed."""
+    """Build the square. The layout is fixed; `rng` varies textures and small irregularities."""
     sky = lighting.outdoors(rng, (0.2, 0.42, 0.95), (0.85, 0.74, 0.66), (0.16, 0.14, 0.12), clouds=1.3)
     stage = Stage(environment=sky, exposure=0.95)
     stage.sun = _sun
@@ -34,13 +34,13 @@ def plaza(rng: Rng) -> Stage:
     _cart(rng, stage)
     _balls(rng, stage)
     _lights(rng, stage)
-    stage.particles.append(dust(rng, (-4, 0, -6), (4, 3, 2), 140, color=(1.0, 0.8, 0.5), opacity=0.3))
-    stage.particles.append(smoke(rng, (2.9, 2.1, -4.6), grey=0.6))
+    motes = particles.dust(rng, (-4, 0, -6), (4, 3, 2), 140, color=(1.0, 0.8, 0.5), opacity=0.3)
+    stage.particles += [motes, particles.smoke(rng, (2.9, 2.1, -4.6), grey=0.6)]
     return stage
 
 
 def _sun(t: float) -> Sun:
-    """Return a warm sun over the camera's left shoulder, covered by a cloud within some frames."""
+    """Return a warm sun over the camera's left shoulder; a cloud covers it within a few frames."""
     through = 0.68 - 0.32 * float(np.tanh((t - _CLOUD) / 0.05))
     color = paths.vector(through * np.array([7.5, 5.9, 4.1]))
     return Sun(direction=(0.62, -0.55, -0.5), color=color, center=(0.0, 0.0, -3.5), radius=11.0)
@@ -66,8 +66,7 @@ def _houses(rng: Rng, stage: Stage) -> None:
     stage.put(panes, glass)
     stage.put(frames, materials.paint(rng, (0.9, 0.9, 0.88)))
     stage.put(shutters, boards)
-    tall = shapes.box(3.0, 5.8, 9.0, 0.35)
-    stage.put(tall, materials.brick(rng, 14), placed(-7.6, 0, -3.6))
+    stage.put(shapes.box(3.0, 5.8, 9.0, 0.35), materials.brick(rng, 14), placed(-7.6, 0, -3.6))
     awning = placed(3.2, 2.3, -7.2) @ turned_by(0, 0.35)
     stage.put(shapes.plane(3.0, 1.6, 0.5), materials.striped(rng, 7, (0.72, 0.12, 0.1)), awning)
     legs = [(shapes.cylinder(0.025, 2.05, 8), placed(x, 0, -6.5)) for x in (1.8, 4.6)]
@@ -76,8 +75,7 @@ def _houses(rng: Rng, stage: Stage) -> None:
 
 def _fence(rng: Rng, stage: Stage) -> None:
     """Add chain-link that runs away from the camera on the left, with posts and a rail."""
-    link = materials.fence(rng, 10)
-    stage.put(shapes.wall(9.0, 1.9, 0.75), link, placed(-3.3, 0, -3.2, yaw=np.pi / 2.0))
+    stage.put(shapes.wall(9.0, 1.9, 0.75), materials.fence(rng, 10), placed(-3.3, 0, -3.2, yaw=np.pi / 2.0))
     posts = [(shapes.cylinder(0.035, 2.0, 10), placed(-3.3, 0, z)) for z in np.arange(-7.7, 1.4, 1.5)]
     rail = shapes.tube([(-3.3, 1.92, -7.7), (-3.3, 1.92, 1.3)], 0.025)
     stage.put([*posts, rail], materials.metal(rng, (0.72, 0.73, 0.75), 0.35))
@@ -110,13 +108,10 @@ def _garden(rng: Rng, stage: Stage) -> None:
 
 def _cart(rng: Rng, stage: Stage) -> None:
     """Add a vendor's cart that rolls through the image and disoccludes the background."""
-    rolling: paths.Pose = paths.upright(lambda t: np.array([-2.5 + 3.4 * t, 0.0, -1.3]))
+    rolling = paths.upright(lambda t: np.array([-2.5 + 3.4 * t, 0.0, -1.3]))
     box, lid = shapes.box(1.0, 0.5, 0.6, 1.0), shapes.box(1.1, 0.05, 0.7)
-    stage.put(
-        [(box, placed(0, 0.42, 0)), (lid, placed(0, 0.92, 0))],
-        materials.paint(rng, (0.1, 0.4, 0.45), 0.8),
-        rolling,
-    )
+    body = [(box, placed(0, 0.42, 0)), (lid, placed(0, 0.92, 0))]
+    stage.put(body, materials.paint(rng, (0.1, 0.4, 0.45), 0.8), rolling)
     poles = [(shapes.cylinder(0.016, 0.85, 8), placed(x, 0.95, z)) for x in (-0.5, 0.5) for z in (-0.3, 0.3)]
     stage.put(poles, materials.metal(rng, (0.85, 0.7, 0.4), 0.2), rolling)
     for tilt in (-1.0, 1.0):
@@ -134,22 +129,21 @@ def _cart(rng: Rng, stage: Stage) -> None:
 
 def _balls(rng: Rng, stage: Stage) -> None:
     for x, z, speed in ((1.6, -1.9, 3.0), (-0.9, -0.4, 2.2), (2.2, -5.2, 5.0)):
-        across: paths.Place = paths.swing(rng, (x - 1.6, 0.0, z), (x + 1.6, 0.0, z - 0.5), speed)
+        across = paths.swing(rng, (x - 1.6, 0.0, z), (x + 1.6, 0.0, z - 0.5), speed)
         path = paths.bounces(rng, across, rng.uniform(0.5, 1.1), 0.14)
         cover, pose = materials.striped(rng, 4), paths.spinning(path, rng.normal(size=3), 9.0)
         stage.put(shapes.ball(0.14, 12), cover, pose)
 
 
 def _lights(rng: Rng, stage: Stage) -> None:
-    """Add lanterns on the cords that throb, a blinking sign, and a spot that sweeps over the fronts."""
+    """Add lanterns on the cords that throb, a blinking sign, and a spot that sweeps over the house fronts."""
     for x, y, z in ((-4.4, 2.9, -4.4), (-2.2, 3.1, -4.3), (2.4, 3.0, -4.6), (4.2, 2.6, -1.8)):
         glow, color = lighting.pulse(rng, "throb"), lighting.tint(rng, 5.0, 0.7)
         bulb(stage, (x, y, z), color, size=0.11, reach=5.0, pulsing=glow)
     blinking = lighting.pulse(rng, "strobe")
     sign, shine = shapes.box(1.1, 0.4, 0.1), materials.glow((1.0, 0.25, 0.45), 4.0)
     stage.put(sign, shine, placed(-1.2, 2.75, -7.9), emission=blinking)
-    light = lighting.lamp((-1.2, 2.6, -7.2), (14.0, 3.5, 6.5), reach=6.0, pulsing=blinking)
-    stage.points.append(light)
+    stage.points.append(lighting.lamp((-1.2, 2.6, -7.2), (14.0, 3.5, 6.5), reach=6.0, pulsing=blinking))
     sweep = paths.swing(rng, (-4.5, 1.5, -8.0), (4.5, 2.5, -8.0), 7.0)
     stage.spot = lighting.spotlight((-1.0, 5.5, 1.5), sweep, (200.0, 420.0, 700.0), outer=13.0, reach=18.0)
 
@@ -158,16 +152,9 @@ NAME = "plaza"
 DISPLAY_SIZE = (640, 360)
 FRAMES = 32
 _FORM = ShotForm(
-    name=NAME,
-    ratios=(2.0,),
-    variants=False,
-    gbuffers=False,
-    small=True,
-    first_reference=15,
-    license="Apache-2.0",
-    compression="zip:9",
-    reference_compression="dwab:90",
-)
+    name=NAME, ratios=(2.0,), variants=False, gbuffers=False, small=True, first_reference=15,
+    license="Apache-2.0", compression="zip:9", reference_compression="dwab:90",
+)  # fmt: skip
 
 
 class Plaza(Sequence):
@@ -179,7 +166,7 @@ class Plaza(Sequence):
         self.stage, self._shake = plaza(content), drift(hand, 0.015, 1.3)
 
     def camera(self, index: int) -> Camera:
-        """Walk to the right and ahead, with the eyes on the fountain."""
+        """Return a camera that walks ahead and to the right, and looks at the fountain."""
         t = self.time(index)
         eye = np.array([-1.5 + 2.1 * t, 1.62, 3.0 - 0.6 * t]) + self._shake(t)
         return Camera(

@@ -17,51 +17,36 @@ Float32: TypeAlias = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SurfaceBuffers:
-    """Surfaces at each pixel, by one sample: (h, w, ...). Row 0 is on top, x points right, y down.
+    """Surfaces at one sample of each pixel: (h, w, ...). Row 0 is on top, x points right, y down.
 
-    Attributes:
-        depth: (h, w) near / view distance; 0 at the sky.
-        motion: (h, w, 2) pixels of this grid, without jitter, previous minus current: the surface at p was
-            at p + motion[p] one frame ago. Motion of points that were behind the camera points off screen.
-        previous_depth: (h, w) the depth that the surface had a frame ago, occluded or not.
-        base_color: (h, w, 3) in [0, 1].
-        normal: (h, w, 3) world, unit length, normal map applied; 0 at the sky.
-        smooth_normal: (h, w, 3) the same without the normal map.
-        roughness, metallic, specular: (h, w) in [0, 1].
+    The surface at p was at p + motion[p] in the previous frame. Motion of points that were behind the camera
+    points off screen.
     """
 
-    depth: Float32
-    motion: Float32
-    previous_depth: Float32
-    base_color: Float16
-    normal: Float16
-    smooth_normal: Float16
-    roughness: Float16
+    depth: Float32  # (h, w) near / view distance; 0 at the sky
+    motion: Float32  # (h, w, 2) pixels of this grid, without jitter, previous minus current
+    previous_depth: Float32  # (h, w) depth of the surface in the previous frame, occluded or not
+    base_color: Float16  # (h, w, 3) in [0, 1]
+    normal: Float16  # (h, w, 3) world, unit length, normal map applied; 0 at the sky
+    smooth_normal: Float16  # (h, w, 3) without the normal map
+    roughness: Float16  # (h, w) in [0, 1], as the next two
     metallic: Float16
     specular: Float16
 
     def gbuffer(self, *, depth: bool = False) -> dict[str, NDArray[Any]]:
-        """Return the buffers of `Frame.gbuffer` by name, or with depth those of `Frame.gbuffer_display`."""
+        """Return the buffers of `Frame.gbuffer` by name; with depth, those of `Frame.gbuffer_display`."""
         names = ("base_color", "normal", "roughness", "metallic", "specular", *(["depth"] * depth))
         return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PixelTruth:
-    """Fractions of each pixel's samples, (h, w) each, in [0, 1]: measures of quality take masks from them.
+    """Fractions of each pixel's samples, (h, w) each, in [0, 1]: the masks of quality measures."""
 
-    Attributes:
-        thin_still: that hit thin objects at rest in the world.
-        thin_moving: that hit thin objects that move.
-        moving: that hit other moving objects.
-        unshadowed: the mean over the samples of the fraction of sun and spot light that no shadow takes; 1
-            where neither would arrive.
-    """
-
-    thin_still: Float16
-    thin_moving: Float16
-    moving: Float16
-    unshadowed: Float16
+    thin_still: Float16  # samples on static thin objects
+    thin_moving: Float16  # samples on moving thin objects
+    moving: Float16  # samples on other moving objects
+    unshadowed: Float16  # mean fraction of sun and spot light that is not in shadow; 1 without such light
 
     def planes(self) -> dict[str, Float16]:
         """Return the planes by name."""
@@ -69,34 +54,22 @@ class PixelTruth:
 
 
 AOVS = ("thin_still", "thin_moving")
-"""Planes of `PixelTruth` that frames of shots with truth have as AOVs, so that methods blend them."""
+"""Planes of `PixelTruth` that are AOVs in frames of shots with truth, so that methods blend them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rendered:
-    """One frame.
+    """One frame."""
 
-    Attributes:
-        color: (h, w, 3) linear RGB at render size, one sample a pixel, taken at pixel centre + jitter.
-        render: the surfaces of those samples.
-        display: the same at display size, at pixel centres without jitter.
-        reference: reference at display size; its colours are linear.
-        jitter: (x, y) render pixels, in [-0.5, 0.5].
-        reset: True on the first frame after a cut.
-        exposure: factor of the colour before the tone curve.
-        samples_truth: truth of the samples of `color`, 0 or 1 but for the light; None unless requested.
-        truth: truth of the reference's pixels; None unless requested.
-    """
-
-    color: Float16
-    render: SurfaceBuffers
-    display: SurfaceBuffers
-    reference: PixelStatistics
-    jitter: tuple[float, float]
-    reset: bool
-    exposure: float
-    samples_truth: PixelTruth | None = None
-    truth: PixelTruth | None = None
+    color: Float16  # (h, w, 3) linear RGB at render size, one sample per pixel, at pixel centre + jitter
+    render: SurfaceBuffers  # the surfaces of those samples
+    display: SurfaceBuffers  # surfaces at display size, at pixel centres
+    reference: PixelStatistics  # at display size, with linear colours
+    jitter: tuple[float, float]  # (x, y) render pixels, in [-0.5, 0.5]
+    reset: bool  # True on the first frame after a cut
+    exposure: float  # factor of the colour before the tone curve
+    samples_truth: PixelTruth | None = None  # truth of the samples of `color`; None unless requested
+    truth: PixelTruth | None = None  # truth of the reference's pixels; None unless requested
 
     def frame(self) -> Frame:
         """Return the input of an `Upscaler`."""
@@ -114,7 +87,7 @@ class Rendered:
 
 
 def labels_of(now: Rendered, before: Rendered | None) -> Labels:
-    """Return a frame's labels. Both frames are compared at its exposure, which does not change the light."""
+    """Return a frame's labels. Both frames are compared at its exposure, which is no change of light."""
     previous = None if before is None else before.label_inputs(now.exposure)
     return label(now.label_inputs(now.exposure), previous)
 

@@ -13,22 +13,14 @@ from supersampler_model.data.scenes.procedural.paths import camera_path
 from supersampler_model.data.scenes.scene import Camera
 from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
 
-__all__ = [
-    "APART_FAMILIES",
-    "GLTF",
-    "TEST_FAMILIES",
-    "TRAIN_FAMILIES",
-    "Sequence",
-    "SequenceSpec",
-    "make_sequence",
-]
+__all__ = ["APART_FAMILIES", "TEST_FAMILIES", "TRAIN_FAMILIES", "Sequence", "SequenceSpec", "make_sequence"]
 
 TRAIN_FAMILIES: tuple[str, ...] = tuple(TRAIN)
 """Families of scenes for training, each built around a hard case."""
 TEST_FAMILIES: tuple[str, ...] = tuple(TEST)
-"""Families for test shots only, with other content; published means are over these."""
+"""Families of test shots, with other content; published means are over these."""
 APART_FAMILIES: tuple[str, ...] = tuple(APART)
-"""Families for test shots that no published mean includes, each about one difficulty."""
+"""Families of test shots that published means exclude, each about one difficulty."""
 _FAMILIES = {**TRAIN, **TEST, **APART}
 _SHORTEST_SHOT = 6  # frames between cuts
 
@@ -49,11 +41,11 @@ def make_sequence(spec: SequenceSpec) -> Sequence:
 
 
 class StagedSequence(Sequence):
-    """A stage of a procedural family, recorded in one or more shots."""
+    """A stage of a procedural family, seen in one or more shots."""
 
     def __init__(self, spec: SequenceSpec) -> None:
         self.spec = spec
-        # Separate generators: a change to a family does not change the cuts and exposure of its seeds.
+        # With separate generators, a change to a family does not change the cuts and exposure of its seeds.
         content, direction = (
             np.random.default_rng([spec.seed, crc32(spec.family.encode()), i]) for i in (0, 1)
         )
@@ -68,19 +60,19 @@ class StagedSequence(Sequence):
         ]
 
     def exposure(self, index: int) -> float | None:
-        """See `Sequence.exposure`."""
+        """Return the camera's exposure; None in sequences whose exposure is to be measured."""
         return None if self._metered else self.camera(index).exposure
 
     def camera(self, index: int) -> Camera:
-        """See `Sequence.camera`."""
+        """Return the camera of the current shot."""
         shot = sum(start <= index for start in self.starts) - 1
         return self._cameras[shot](self.time(index))
 
 
 class HeldSequence(StagedSequence):
-    """A staged sequence with the camera and exposure of one frame throughout; time may stand still too."""
+    """A staged sequence with the camera and exposure of one frame throughout, and perhaps its time."""
 
-    _time: float | None = None  # of all frames; None: it passes
+    _time: float | None = None  # of all frames; None: time passes
 
     def __init__(self, spec: SequenceSpec, at: int, *, time_stands: bool) -> None:
         super().__init__(spec)
@@ -89,15 +81,15 @@ class HeldSequence(StagedSequence):
         self.starts = (0,)
 
     def exposure(self, index: int) -> float | None:
-        """See `Sequence.exposure`; it is always given."""
+        """Return the camera's exposure."""
         return self.camera(index).exposure
 
     def camera(self, index: int) -> Camera:  # noqa: ARG002  # always the same
-        """See `Sequence.camera`."""
+        """Return the camera of all frames."""
         return self._held
 
     def time(self, index: int) -> float:
-        """See `Sequence.time`."""
+        """Return the time of frame `index`, or of all frames."""
         return super().time(index) if self._time is None else self._time
 
 
@@ -111,7 +103,7 @@ def _shot_starts(random: np.random.Generator, frames: int) -> tuple[int, ...]:
 
 
 def _exposure_path(random: np.random.Generator, level: float, seconds: float) -> Callable[[float], float]:
-    """Return the exposure over time: mostly constant, sometimes adapting to another level."""
+    """Return the exposure over time: mostly constant; sometimes it adapts to another level."""
     bias = 2.0 ** random.uniform(-0.4, 0.4)
     stops = float(random.uniform(0.5, 1.5) * random.choice([-1.0, 1.0]) * (random.random() < 0.35))
     middle, width = random.uniform(0.2, 0.8) * seconds, random.uniform(0.1, 0.5)

@@ -22,31 +22,18 @@ _MAX_MOTION = 16384.0  # pixels; longer motion points off screen, and half float
 
 @dataclass(frozen=True, kw_only=True)
 class ShotForm:
-    """Content and encoding of a stored shot.
-
-    Attributes:
-        name: name of the shot.
-        ratios: display over render size, each >= 1; a shot is written for each.
-        variants: whether each ratio has a JSON file and a folder of frames; False needs a single ratio.
-        gbuffers: whether G-buffers of render and of display size are stored.
-        small: whether values that compress badly are rounded: depth to 14 bits, motion to 1 / 256 pixel.
-        first_reference: the first frame whose reference is stored.
-        thin: whether the classes include that of thin objects.
-        truth: whether references have the planes of `PixelTruth`, and frames the AOVs.
-        license: licence of the images.
-        compression, reference_compression: see `ShotWriter`.
-    """
+    """Content and encoding of a stored shot."""
 
     name: str
-    ratios: tuple[float, ...]
-    variants: bool = True
-    gbuffers: bool = True
-    small: bool = False
-    first_reference: int = 0
-    thin: bool = False
-    truth: bool = False
-    license: str = ""
-    compression: str = "zip"
+    ratios: tuple[float, ...]  # display over render size, each >= 1; a shot is written for each
+    variants: bool = True  # whether each ratio has its own JSON file and folder; False needs one ratio
+    gbuffers: bool = True  # whether G-buffers of render and of display size are stored
+    small: bool = False  # whether depth is rounded to 14 bits, and motion to 1 / 256 pixel
+    first_reference: int = 0  # the first frame whose reference is stored
+    thin: bool = False  # whether the classes include thin objects
+    truth: bool = False  # whether references have the planes of `PixelTruth`, and frames its AOVs
+    license: str = ""  # licence of the images
+    compression: str = "zip"  # see `ShotWriter`
     reference_compression: str = "zip"
 
     def __post_init__(self) -> None:
@@ -66,7 +53,7 @@ def render_size(display_size: Size, ratio: float) -> Size:
 
 
 def render_frame(sequence: Sequence, renderer: Renderer, index: int, ratio: float) -> Rendered:
-    """Render frame `index` of a sequence at a ratio, with its display-size surfaces and reference."""
+    """Render frame `index` of a sequence at a ratio, with display-size surfaces and reference."""
     return next(_at_ratios(sequence, renderer, index, (ratio,)))
 
 
@@ -97,11 +84,11 @@ def render_shot(
 ) -> None:
     """Render the missing frames; a stopped run resumes.
 
-    References include the classes of their pixels (`Shot.read_classes`). `on_frame` is called after each
-    frame, written at all ratios.
+    References have the classes of their pixels (`Shot.read_classes`). `on_frame` is called after each frame
+    has been written at all ratios.
 
     Raises:
-        ShotError: writing failed, or the folder holds a shot of other properties.
+        ShotError: writing failed, or the folder holds a shot with other properties.
     """
     writers = [
         ShotWriter(
@@ -123,7 +110,7 @@ def render_shot(
         for number, (writer, rendered) in enumerate(zip(writers, frames, strict=True)):
             if number == 0:
                 now, classes = rendered, _classes(rendered, before, form)
-            if len(writer) > index:  # by a run that was stopped between two ratios
+            if len(writer) > index:  # written before a run stopped between two ratios
                 continue
             writer.write(
                 _stored(rendered, sequence.exposure(index), form),
@@ -143,7 +130,7 @@ def _classes(now: Rendered, before: Rendered | None, form: ShotForm) -> ClassMap
 
 
 def _stored(rendered: Rendered, exposure: float | None, form: ShotForm) -> RawFrame:
-    """Return the stored form of a frame: half floats for motion, eight bits for values in [0, 1]."""
+    """Return a frame in its stored form: motion in half floats, values in [0, 1] in eight bits."""
     frame = rendered.frame()
     depth, motion = frame.depth, np.clip(frame.motion, -_MAX_MOTION, _MAX_MOTION)
     if form.small:
@@ -164,7 +151,7 @@ def _stored(rendered: Rendered, exposure: float | None, form: ShotForm) -> RawFr
 
 
 def _compact(buffers: Any) -> dict[str, NDArray[Any]] | None:
-    """Round buffers in [0, 1] to steps of 1 / 255, which compress far better."""
+    """Round buffers in [0, 1] to steps of 1 / 255, which compress much better."""
     if buffers is None:
         return None
     rounded = dict(buffers)

@@ -15,23 +15,14 @@ GLTF = "gltf"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceSpec:
-    """The parameters that generate a sequence; plain data for a JSON file.
+    """The parameters that generate a sequence; plain data for a JSON file."""
 
-    Attributes:
-        family: one of TRAIN_FAMILIES, TEST_FAMILIES or APART_FAMILIES, or GLTF.
-        seed: >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure.
-        frames: how many, >= 1.
-        frame_rate: frames a second, > 0.
-        folder: folder of the files of a GLTF sequence; None of the others.
-        files: files of a GLTF sequence: name below `folder`, and SHA-256 of the content.
-    """
-
-    family: str
-    seed: int
-    frames: int
-    frame_rate: float = 30.0
-    folder: str | None = None
-    files: tuple[tuple[str, str], ...] = ()
+    family: str  # one of TRAIN_FAMILIES, TEST_FAMILIES or APART_FAMILIES, or GLTF
+    seed: int  # >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure
+    frames: int  # number of frames, >= 1
+    frame_rate: float = 30.0  # frames a second, > 0
+    folder: str | None = None  # folder of the files of a GLTF sequence, else None
+    files: tuple[tuple[str, str], ...] = ()  # of a GLTF sequence: name below `folder`, and SHA-256
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "files", tuple((name, digest) for name, digest in self.files))  # from JSON
@@ -44,22 +35,16 @@ class SequenceSpec:
 
 
 class Sequence(ABC):
-    """Frames 0 to spec.frames - 1, each a pure function of the spec and its index.
-
-    Attributes:
-        spec: generates the sequence.
-        stage: the content of its scenes.
-        starts: first frames of the shots.
-    """
+    """Frames 0 to spec.frames - 1, each a pure function of the spec and its index."""
 
     spec: SequenceSpec
-    stage: Stage
-    starts: tuple[int, ...] = (0,)
+    stage: Stage  # content of the scenes
+    starts: tuple[int, ...] = (0,)  # first frames of the shots
 
     def scene(self, index: int) -> Scene:
-        """Return the scene of a frame; its previous state is the state of the previous frame.
+        """Return the scene of a frame, with its state in the previous frame.
 
-        On a cut the previous camera is the camera itself.
+        After a cut, the previous camera is the camera itself.
 
         Raises:
             SceneError: there is no such frame.
@@ -74,11 +59,11 @@ class Sequence(ABC):
         return index in self.starts
 
     def exposure(self, index: int) -> float | None:
-        """Return the engine's exposure of frame `index`, its camera's; None: to be measured."""
+        """Return the exposure that the engine gives for frame `index`; None: it is to be measured."""
         return self.camera(index).exposure
 
     def time(self, index: int) -> float:
-        """Return the time of frame `index`, seconds; the frame before the first has one too."""
+        """Return the time of frame `index`, seconds; it may be negative for the frame before the first."""
         return index / self.spec.frame_rate
 
     @abstractmethod

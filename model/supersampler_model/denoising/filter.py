@@ -1,9 +1,9 @@
 """The temporal filter: a mean over neighbouring frames, each gathered once by composed motion.
 
-Every image is (1, channels, height, width), at the size of the result. Colours were denoised frame by frame
-before. Each pixel follows its motion through up to REACH previous and REACH following frames. The filter
-reads the colour at each of these positions and averages the colours. The weight of a neighbouring frame falls
-with the differences in albedo, normal and patches of colour, and with its distance in time.
+Every image is (1, channels, height, width), at the size of the result. The input colours are denoised frame
+by frame. Each pixel follows its motion through up to REACH previous and REACH following frames. The filter
+averages the colours at these positions. The weight of a neighbouring frame falls with the differences in
+albedo, normal and patches of colour, and with its distance in time.
 """
 
 from collections.abc import Sequence
@@ -23,48 +23,35 @@ COSTS = (
     "ALBEDO_COST_3X3", "AGE_COST", "SHIFT_COST_9X9",
 )  # fmt: skip
 """Names of the costs of `supersampler.denoising.spec`, in the order of `distances`."""
-MANTISSA = 2.0**-23
-"""Value of the last bit of a float's mantissa."""
+MANTISSA = 2.0**-23  # value of the last bit of a float's mantissa
 
 
 @dataclass(frozen=True)
 class WindowFrame:
     """One frame of a window.
 
-    Attributes:
-        color: (1, 4, h, w) linear RGB, and 1 where it is known, 0 where a sample is missing.
-        albedo: (1, 3, h, w) in [0, 1].
-        normal: (1, 3, h, w).
-        to_previous, to_next: (1, 2, h, w) pixels: motion to the neighbouring frames, as `nearest_motion` of
-            the frame's own returns it. None at a cut, or where the frame is the last one of the window.
-        aovs: (1, k, h, w) other channels, or None.
+    Motion to the neighbouring frames, in pixels, is the result of `nearest_motion`. It is None at a cut, and
+    at the ends of the window.
     """
 
-    color: Tensor
-    albedo: Tensor
-    normal: Tensor
-    to_previous: Tensor | None
-    to_next: Tensor | None
-    aovs: Tensor | None = None
+    color: Tensor  # (1, 4, h, w) linear RGB, and 1 where it is known, 0 where a sample is missing
+    albedo: Tensor  # (1, 3, h, w) in [0, 1]
+    normal: Tensor  # (1, 3, h, w)
+    to_previous: Tensor | None  # (1, 2, h, w)
+    to_next: Tensor | None  # (1, 2, h, w)
+    aovs: Tensor | None = None  # (1, k, h, w) other channels
 
 
 @dataclass(frozen=True)
 class Gathered:
-    """One neighbour of a frame, gathered along its motion.
+    """One neighbour of a frame, gathered along its motion."""
 
-    Attributes:
-        color, aovs: (1, 4, h, w) and (1, k, h, w), by a cubic filter, clamped to the four pixels around.
-        albedo, normal: (1, 3, h, w), by a bilinear filter.
-        known: (1, 1, h, w), 1 where the path stays on the screen and ends at known samples, else 0.
-        age: distance in time, in frames.
-    """
-
-    color: Tensor
-    albedo: Tensor
-    normal: Tensor
-    aovs: Tensor | None
-    known: Tensor
-    age: int
+    color: Tensor  # (1, 4, h, w) from `sharp`
+    albedo: Tensor  # (1, 3, h, w), bilinear
+    normal: Tensor  # (1, 3, h, w), bilinear
+    aovs: Tensor | None  # (1, k, h, w) from `sharp`
+    known: Tensor  # (1, 1, h, w), 1 where the path stays on the screen and ends at known samples, else 0
+    age: int  # distance in time, frames
 
 
 class TemporalFilter(nn.Module):
@@ -109,9 +96,9 @@ class TemporalFilter(nn.Module):
 
 
 def gathered(frame: WindowFrame, others: Sequence[WindowFrame], motion: str) -> list[Gathered]:
-    """Gather neighbours in one direction; `motion` names the field of the motion that leads there.
+    """Gather neighbours in one direction; `motion` is the name of the field with the motion to the next one.
 
-    The position in a frame plus the motion of the pixel nearest to it is the position in the next one.
+    The position in the next frame is the position in a frame plus the motion of the nearest pixel.
     """
     size = size_of(frame.color)
     x = torch.arange(size.width, dtype=torch.float32)[None, None, :].expand(1, size.height, -1)
@@ -128,37 +115,20 @@ def gathered(frame: WindowFrame, others: Sequence[WindowFrame], motion: str) -> 
         y = (y + step[0, 1][row, column]).clamp(-2.0, size.height + 1.0)
         known = known * ((x > -0.5) & (x < size.width - 0.5) & (y > -0.5) & (y < size.height - 0.5))
         place = positions_of(x[:, None], y[:, None])
-        color = sharp(other.color, place)
-        complete = read(other.color[:, 3:], place) > KNOWN_SHARE
-        found.append(
-            Gathered(
-                color=color,
-                albedo=read(other.albedo, place),
-                normal=read(other.normal, place),
-                aovs=None if other.aovs is None else sharp(other.aovs, place),
-                known=known[:, None] * complete,
-                age=age,
-            )
-        )
+        albedo, normal = read(other.albedo, place), read(other.normal, place)
+        aovs = None if other.aovs is None else sharp(other.aovs, place)
+        complete = known[:, None] * (read(other.color[:, 3:], place) > KNOWN_SHARE)
+        found.append(Gathered(sharp(other.color, place), albedo, normal, aovs, complete, age))
         last = other
     return found
 
 
 def sharp(image: Tensor, place: Tensor) -> Tensor:
     """Read with a Catmull-Rom filter, clamped to the smallest and the largest of the four pixels around."""
-    size = size_of(image)
-    x, y = place[..., 0].floor(), place[..., 1].floor()
-    corners = [
-        image[
-            :,
-            :,
-            (y[0] + down).long().clamp(0, size.height - 1),
-            (x[0] + across).long().clamp(0, size.width - 1),
-        ]
-        for down in (0, 1)
-        for across in (0, 1)
-    ]
-    four = torch.stack(corners)
+    (width, height), first = size_of(image), place[0].floor().long()
+    columns = [(first[..., 0] + across).clamp(0, width - 1) for across in (0, 1)]
+    rows = [(first[..., 1] + down).clamp(0, height - 1) for down in (0, 1)]
+    four = torch.stack([image[:, :, row, column] for row in rows for column in columns])
     return read_cubic(image, place).clamp(four.amin(dim=0), four.amax(dim=0))
 
 
@@ -181,7 +151,7 @@ def distances(frame: WindowFrame, other: Gathered, exposure: float) -> Tensor:
 
 
 def log2(values: Tensor) -> Tensor:
-    """Return the exponent of positive floats plus their mantissa, a piecewise linear logarithm to base 2."""
+    """Return exponent plus mantissa of positive floats: a piecewise linear logarithm to base 2."""
     return values.contiguous().view(torch.int32).float() * MANTISSA - 127.0
 
 
@@ -191,7 +161,7 @@ def squared(difference: Tensor) -> Tensor:
 
 
 def box(image: Tensor, reach: int) -> Tensor:
-    """Return the mean over the square of pixels up to `reach` away; beyond an edge, pixels are repeated."""
+    """Return the mean over the square of pixels up to `reach` away; edges are repeated."""
     padded = F.pad(image, (reach,) * 4, mode="replicate")
     return F.avg_pool2d(padded, 2 * reach + 1, stride=1)
 
@@ -199,7 +169,7 @@ def box(image: Tensor, reach: int) -> Tensor:
 def nearest_motion(depth: Tensor, motion: Tensor) -> Tensor:
     """Return the motion of the closest of the 3x3 pixels around each, (1, 2, h, w).
 
-    Edges then move with what is in front.
+    Edges then move with the foreground.
 
     Args:
         depth: (1, 1, h, w) reversed: larger is closer.

@@ -3,9 +3,9 @@
     python -m supersampler_model.denoising.training [--hold NAME,...] SHOT...
 
 prints the lines of `supersampler.denoising.spec`; constants that are held keep their values. Some frames of
-each SHOT have references. Frames that are not denoised are denoised by Open Image Denoise. A pixel's loss is
-its error as displayed over the mean error of the frame itself. What is worse than in the frame itself counts
-twice.
+each SHOT have references. Open Image Denoise denoises shots that are not denoised yet. The loss of a pixel is
+its displayed error over the mean error of the unfiltered frame. An error in excess of the unfiltered pixel's
+counts twice.
 """
 
 import sys
@@ -20,20 +20,19 @@ from torch import Tensor
 from supersampler import Shot
 from supersampler.denoising import temporal
 from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
-from supersampler.denoising.spec import REACH
 from supersampler.frame import Float32
 from supersampler.io.display import ExposureMeter
 from supersampler_model.denoising.filter import COSTS, TemporalFilter, WindowFrame, distances, gathered
 
 STEPS, BATCH, LEARNING_RATE = 800, 4096, 0.03
 SMALL_ERROR = 0.02
-"""Displayed error from which on the loss is linear: a few bright pixels do not outweigh the others."""
+"""Displayed error from which on the loss is linear, so that few bright pixels do not dominate."""
 MIN_CHANNEL = 1e-4
-"""Smallest colour in the loss: the display curve is steep at 0."""
+"""Minimum colour in the display curve, whose slope at 0 is infinite."""
 
 
 class Example(NamedTuple):
-    """The pixels of a frame with a reference: n pixels, k neighbours."""
+    """The n pixels of a frame with a reference, and their k neighbours."""
 
     own: Tensor  # (n, 3) linear RGB, denoised
     colors: Tensor  # (n, k, 3) of the neighbours
@@ -49,7 +48,7 @@ def example_of(
     reference: Tensor,
     exposure: float = 1.0,
 ) -> Example:
-    """Gather a frame's neighbours; `reference` is (1, 3, h, w), NaN in pixels that are left out."""
+    """Gather a frame's neighbours; `reference` is (1, 3, h, w), NaN in pixels to leave out."""
     others = [*gathered(frame, previous, "to_previous"), *gathered(frame, following, "to_next")]
     kept = ~torch.isnan(reference[0, 0]).flatten()
 
@@ -73,7 +72,7 @@ def displayed(color: Tensor) -> Tensor:
 
 
 def errors(color: Tensor, reference: Tensor) -> Tensor:
-    """Return the error of each pixel as displayed, (n,): squared where it is small, linear beyond."""
+    """Return the displayed error of each pixel, (n,): squared where it is small, linear beyond."""
     difference = displayed(color) - displayed(reference)
     return ((difference * difference).mean(dim=1) + SMALL_ERROR**2).sqrt() - SMALL_ERROR
 
@@ -85,11 +84,9 @@ def blended(model: TemporalFilter, example: Example) -> Tensor:
     return (example.own + (weights[..., None] * example.colors).sum(dim=1)) / total[:, None]
 
 
-def fit(
-    examples: Sequence[Example], *, held: Sequence[str] = (), steps: int = STEPS, seed: int = 0
-) -> TemporalFilter:
-    """Fit a filter to these examples, each as often as the others; costs in `held` keep their values."""
-    torch.manual_seed(seed)
+def fit(examples: Sequence[Example], *, held: Sequence[str] = (), steps: int = STEPS) -> TemporalFilter:
+    """Fit a filter to examples, each used equally often; the costs in `held` keep their values."""
+    torch.manual_seed(0)
     model = TemporalFilter()
     is_free = torch.tensor([name not in held for name in COSTS])
     model.log_costs.register_hook(lambda gradient: gradient * is_free)
@@ -124,15 +121,12 @@ def examples_of(shot: Shot) -> Iterator[Example]:
         reference = shot.read_reference(index)
         if reference is not None and reference.shape[:2] == frames[index].depth.shape:
             exposure = ExposureMeter().read_frame(frames[index])
-            previous, following = (
-                windows[max(0, index - REACH) : index][::-1],
-                windows[index + 1 : index + 1 + REACH],
-            )
+            previous, following = windows[:index][::-1], windows[index + 1 :]
             yield example_of(windows[index], previous, following, planes(reference), exposure)
 
 
 def as_tensors(window: temporal.WindowFrame) -> WindowFrame:
-    """Return a frame of the CPU library's filter as the definition takes it, without AOVs."""
+    """Convert a frame of the CPU library's filter, without AOVs."""
     steps = [None if step is None else planes(step) for step in (window.to_previous, window.to_next)]
     albedo, normal = planes(window.guides[..., :3]), planes(window.guides[..., 4:7])
     return WindowFrame(planes(window.color), albedo, normal, *steps)
@@ -147,7 +141,7 @@ def main() -> None:
     """Fit to the shots of the command line."""
     parser = ArgumentParser(description="Fits the constants of the temporal filter.")
     parser.add_argument("--hold", default="", metavar="NAME,...", help="costs that keep their values")
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="frames, some of which have references")
+    parser.add_argument("shots", nargs="+", metavar="SHOT", help="frames, some with references")
     options = parser.parse_args()
     examples = [example for name in options.shots for example in examples_of(Shot.open(name))]
     sys.stdout.write("\n".join(constants(fit(examples, held=options.hold.split(",")))) + "\n")

@@ -1,7 +1,6 @@
-"""The methods as torch modules, one file a method; `method_class` and `load_method` find them by name.
+"""The methods as torch modules, one file per method; `method_class` and `load_method` find them by name.
 
-`base` is what they share. A learned method that is large keeps its network or its inputs in a file beside it
-(`classifier_network`, `gbuffer_surfaces`).
+`base` has their base classes. Large methods have more files (`classifier_network`, `gbuffer_surfaces`).
 """
 
 from pathlib import Path
@@ -29,7 +28,7 @@ def learned_method(name: str) -> type[LearnedMethod]:
     """Return the torch module of a method with a network.
 
     Raises:
-        ArgumentError: there is no such method, or nothing in it is learned.
+        ArgumentError: there is no such method, or it has no network.
     """
     method = method_class(name)
     if not issubclass(method, LearnedMethod):
@@ -42,7 +41,7 @@ def load_method(name: str, weights: Path | None = None) -> Method:
     """Return a method in evaluation mode, with the weights of a file, or with the released ones.
 
     Raises:
-        ArgumentError: there is no such method, it has no weights, or the file has none of it.
+        ArgumentError: there is no such method, it has no weights, or the file has none for it.
     """
     method = method_class(name)
     if issubclass(method, LearnedMethod):

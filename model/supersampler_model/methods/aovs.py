@@ -1,7 +1,7 @@
 """Temporal blending of AOVs (alpha or any channels) by the weights that a method computed for the colour.
 
-It is exported as `aovs.onnx` in every model folder; frames without AOVs do not run it. Its input `weight` is
-the method's auxiliary output `weight`, or zeros for a method without history.
+Every model folder has it as `aovs.onnx`, which runs only on frames with AOVs. Its input `weight` is the
+method's auxiliary output `weight`, or zeros for a method without history.
 """
 
 from functools import reduce
@@ -36,8 +36,8 @@ class BlendAovs(Method):
     ) -> tuple[Tensor, Tensor]:
         """Return the channels at display size, (1, k, H, W).
 
-        Values are clamped to [-65504, 65504]. A NaN is a missing sample: where a channel has no others, the
-        history stays.
+        Values are clamped to [-65504, 65504]. A NaN is a missing sample. Where a channel has only missing
+        samples, its history is kept.
         """
         display, render = ops.display_size_of(display_size), ops.size_of(aovs)
         grid = ops.grid_of(display, render, jitter)
@@ -55,7 +55,7 @@ class BlendAovs(Method):
 
 
 def read_bounded(image: Tensor, position: Tensor) -> Tensor:
-    """Resample with Catmull-Rom, bounded by the four pixels around: coverage of thin objects stays sharp.
+    """Resample with Catmull-Rom, bounded by the four pixels around. The coverage of thin objects stays sharp.
 
     Args:
         image: (1, c, h, w), finite.

@@ -1,8 +1,8 @@
 """Base classes of methods: pure functions step(frame inputs, history) -> (image, history), as torch modules.
 
-The method's `spec`, in the SDK, gives names, shapes, ratios and constants. `forward` takes the spec's inputs,
-then its history tensors; it returns the image, the next history and the auxiliary outputs, all in the order
-of the spec. A history of zeros means no history. A method is written as `compute`, on colours without
+The method's `spec`, in the SDK, gives names, shapes, ratios and constants. `forward` takes the inputs and
+then the history tensors of the spec. It returns the image, the next history and the auxiliary outputs, in the
+order of the spec. A history of zeros means no history. Methods implement `compute`, on colours without
 pre-exposure.
 """
 
@@ -36,34 +36,24 @@ class Outputs(NamedTuple):
 
 
 class NetworkSubgraph(NamedTuple):
-    """The network of a step, for backends that compute the rest themselves."""
+    """The network of a step, for backends that compute the other stages themselves."""
 
     module: nn.Module
     inputs: Mapping[str, Shape]
     outputs: Mapping[str, Shape]
-    ratio: int = 2  # of display to render size, where shapes are of both
+    ratio: int = 2  # of display to render size, for shapes of both sizes
 
 
 class Method(nn.Module):
-    """Base of all methods. Stages: `gather` resamples, `network` infers, `finish` blends and sanitizes.
+    """Base of all methods. Stages: `gather` resamples, `network` infers, `finish` blends and sanitizes."""
 
-    A subclass names its `spec` and repeats no fact of it.
-
-    Attributes:
-        spec: the facts of the method.
-        name, history, ratios: those of the spec.
-        config: its constants, an instance of `spec.config`.
-        compute: the step without pre-exposure: takes the inputs but for `pre_exposure`; returns as `forward`.
-        provenance: provenance of the weights, plain data; empty for methods without a network.
-    """
-
-    spec: ClassVar[MethodSpec]
-    name: ClassVar[str]
+    spec: ClassVar[MethodSpec]  # names, shapes, ratios and constants of the method; each subclass sets it
+    name: ClassVar[str]  # copies of the spec's, as the next two
     history: ClassVar[Mapping[str, Shape]]
     ratios: ClassVar[tuple[float, float]]
-    config: Any
-    compute: Callable[..., tuple[Tensor, ...]]
-    provenance: Mapping[str, Any] = MappingProxyType({})
+    config: Any  # the constants, an instance of `spec.config`
+    compute: Callable[..., tuple[Tensor, ...]]  # `forward` without pre-exposure
+    provenance: Mapping[str, Any] = MappingProxyType({})  # of the weights; empty without a network
 
     def __init__(self, config: Any = None) -> None:
         super().__init__()
@@ -75,7 +65,7 @@ class Method(nn.Module):
             cls.name, cls.history, cls.ratios = cls.spec.name, cls.spec.history, cls.spec.ratios
 
     def forward(self, *arguments: Tensor) -> tuple[Tensor, ...]:
-        """Run `compute` on the colour over `pre_exposure`, and multiply the image by it again."""
+        """Divide the colour by `pre_exposure`, run `compute`, and multiply the image by `pre_exposure`."""
         names = self.inputs()
         if "pre_exposure" not in names:
             return self.compute(*arguments)
@@ -93,7 +83,7 @@ class Method(nn.Module):
 
     @classmethod
     def extrapolates(cls) -> bool:
-        """Return whether it extrapolates unshaded frames at render size, in place of upscaling."""
+        """Return whether the method extrapolates unshaded frames at render size, and does not upscale."""
         return cls.spec.image[2:] == RENDER
 
     @classmethod
@@ -102,8 +92,8 @@ class Method(nn.Module):
     ) -> list[Tensor]:
         """Return the history of an extrapolating method after a shaded frame (docs/contract.md).
 
-        Such methods take no step on shaded frames: the history is a copy of the frame, without pre-exposure.
-        `frame` has the inputs of the step and `color`, by name; `history` is None after a start or a cut.
+        Such methods do not step on shaded frames: the history is a copy of the frame, without pre-exposure.
+        `frame` has the inputs of the step and `color`, by name. `history` is None after a start or a cut.
         """
         previous = None if history is None else dict(zip(cls.history, history, strict=True))
         next_history: dict[str, Tensor] = {}
@@ -127,11 +117,11 @@ class Method(nn.Module):
         return Outputs(image, rest[:count], rest[count:])
 
     def subgraph(self) -> NetworkSubgraph | None:
-        """Return the network; None without one, or where it cannot run as one graph."""
+        """Return the network; None if there is none, or it cannot run as one graph."""
         return None
 
     def on_extrapolated(self) -> "Method | None":
-        """Return the method for extrapolated frames on the same history; None: this method."""
+        """Return the method for extrapolated frames, on the same history; None: this method."""
         return None
 
     def first_history(self, display: ops.Size, render: ops.Size, channels: int = 1) -> list[Tensor]:
@@ -143,32 +133,21 @@ class Method(nn.Module):
 
 
 class Trained(NamedTuple):
-    """Weights of one method, the content of a weights file.
+    """Weights of one method, the content of a weights file."""
 
-    Attributes:
-        method: its name.
-        config: config of the method, plain data.
-        facts: provenance: steps, hash of the data, commit, scores.
-        tensors: tensors by name.
-    """
-
-    method: str
-    config: dict[str, Any]
-    facts: dict[str, Any]
+    method: str  # its name
+    config: dict[str, Any]  # config of the method, plain data
+    facts: dict[str, Any]  # provenance: steps, hash of the data, commit, scores
     tensors: dict[str, Tensor]
 
 
 class LearnedMethod(Method):
-    """Base of methods with weights.
+    """Base of methods with weights."""
 
-    Attributes:
-        net: the network, the only part with parameters.
-        runs_in_fp16: whether the stages compute colours in [0, 1] and weights in the type of the network;
-            else the network alone may be in half floats.
-    """
-
-    net: nn.Module
+    net: nn.Module  # the only part with parameters
     runs_in_fp16: ClassVar[bool] = False
+    """Whether all stages compute colours in [0, 1] and weights in the type of the network; otherwise only the
+    network may use half floats."""
 
     def __init__(self, config: Any = None) -> None:
         super().__init__(config)
@@ -176,7 +155,7 @@ class LearnedMethod(Method):
 
     @property
     def dtype(self) -> torch.dtype:
-        """The working type: that of the network's parameters."""
+        """The working type: the type of the network's parameters."""
         return next(self.net.parameters()).dtype
 
     @abstractmethod
@@ -188,7 +167,7 @@ class LearnedMethod(Method):
         """Return the method with trained weights, in evaluation mode; missing config fields have defaults.
 
         Raises:
-            ArgumentError: they are of another method, or of another version of this one.
+            ArgumentError: the weights are of another method, or of another version of this one.
         """
         if trained.method != cls.name:
             raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {cls.name}")
@@ -207,7 +186,7 @@ def config_of(kind: type[Any], plain: Mapping[str, Any]) -> Any:
     """Return a config dataclass from plain data: mappings become dataclasses, lists become tuples.
 
     Raises:
-        TypeError: a name is no field of the dataclass.
+        TypeError: the dataclass has no field of a name.
     """
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
@@ -223,7 +202,7 @@ def shipped_weights(method: str) -> Path:
     """Return the path of a method's released weights.
 
     Raises:
-        ArgumentError: it has none.
+        ArgumentError: none ship.
     """
     spec = find_method(method)
     if spec is None or not spec.weights:
@@ -242,7 +221,7 @@ def load_trained(path: Path) -> Trained:
     """Read a weights file.
 
     Raises:
-        ArgumentError: the file is missing, damaged, or no weights file.
+        ArgumentError: the file is missing, damaged, or not a weights file.
     """
     try:
         with safe_open(path, "pt") as file:

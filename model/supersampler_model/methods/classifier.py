@@ -1,16 +1,16 @@
 """`classifier`: temporal supersampling guided by a classifier (Guo et al. 2022), the default method.
 
-A small network at half display size classifies each pixel: why its history may be invalid (disocclusion; a
-change of lighting) and why one sample may alias (an edge; fine detail). A compositor then blends up to six
+A small network at half display size classifies each pixel: why its history may be invalid (disocclusion, or a
+change of lighting) and why one sample may alias (an edge, or fine detail). A compositor then blends up to six
 colours: the history warped by the dilated motion, the same clipped to the colours of this frame (Salvi 2016),
 the history warped by the pixel's own motion, the nearest samples of this frame, this frame smoothly
-upsampled, and this frame under a learned kernel. With a network output of zeros the result is the running
-mean of all samples.
+upsampled, and this frame under a learned kernel. If the network infers zeros, the result is the running mean
+of all samples.
 
-Light ten stops over white (GLARE_EXPOSED) that was not there before is shown, but not accumulated: the
-running mean restarts after it, until such light is there for a third frame in a row. Light over white is
-treated alike where it rises over all that the history has seen in one pixel of 64 (`unexplained_light`). The
-mean of all pixels restarts after a frame whose measured exposure is an outlier (`is_flash`).
+New light ten stops over white (GLARE_EXPOSED) is shown, but not accumulated: the running mean restarts after
+it, until such light appears in a third consecutive frame. Light over white is treated in the same way where
+more than one pixel in 64 rises above all samples of its history (`unexplained_light`). The mean of all pixels
+restarts after a frame whose measured exposure is an outlier (`is_flash`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -54,10 +54,10 @@ from supersampler_model.methods.classifier_network import ClassifierNetwork, cla
 from supersampler_model.ops import at_rest
 
 HEIGHT = 64.0
-"""Height of a sample's Gaussian along an axis: at 1, far weights are too small for half floats."""
+"""Height of a sample's Gaussian along an axis. With 1, far weights would be too small for half floats."""
 MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: MAX_LOG_FACTOR, torch.float16: 8.0}
-"""Maximum of the logarithm of a factor: sums of nine such factors are half floats."""
-DIM = 1e30  # the unit off screen: every colour becomes black
+"""Maximum of the logarithm of a factor: half floats can represent sums of nine such factors."""
+DIM = 1e30  # `unit` of `tone` off screen: every colour becomes black
 
 
 class Finished(NamedTuple):
@@ -69,17 +69,28 @@ class Finished(NamedTuple):
     weight: Tensor  # (1, 1, H, W) weight of the history in the image
 
 
-class Classifier(LearnedMethod):
-    """Classify, then compose.
+Adapted = TypeVar("Adapted", bound="Classifier")
 
-    Attributes:
-        larger: whether history and network have 1.4 times the display's width and height.
+
+def adapted(method_class: type[Adapted], trained: Trained) -> Adapted:
+    """Return a method, in evaluation mode, with the weights of `classifier` for the parts that both have.
+
+    Raises:
+        ArgumentError: the weights are of another method.
     """
+    method = method_class()
+    method.load_state_dict(transferred(trained, method.config))
+    method.provenance = trained.facts
+    return method.eval()
+
+
+class Classifier(LearnedMethod):
+    """Classify, then compose."""
 
     spec: ClassVar = CLASSIFIER
     config: ClassifierConfig
     runs_in_fp16: ClassVar = True
-    larger: ClassVar = False
+    larger: ClassVar = False  # whether history and network have 1.4 times the display's width and height
 
     def make_network(self) -> nn.Module:
         """Return the untrained network."""
@@ -89,7 +100,7 @@ class Classifier(LearnedMethod):
         )
 
     def subgraph(self) -> NetworkSubgraph | None:
-        """Return classifier and compositor, on packed pixels; tensor names are those of released graphs."""
+        """Return classifier and compositor, on packed pixels, with the tensor names of released graphs."""
         c, half = self.config, LARGE_HALF if self.larger else HALF
         inputs = {"packed": (1, 4 * c.planes, *half), "half_inputs": (1, c.half_inputs, *half)}
         outputs = {"logits": (1, CLASSES, *half), "blend_parameters": (1, 4 * c.blend_parameters, *half)}
@@ -136,8 +147,8 @@ class Classifier(LearnedMethod):
     ) -> tuple[Tensor, ...]:
         """Return the outputs of a step that converges where nothing changes.
 
-        `before`, (1, 2), is the jitter of the previous frame, `rest` the history of `ops.at_rest`; `others`
-        are more planes of the method's own history, before and after this frame.
+        `before`, (1, 2), is the jitter of the previous frame, `rest` the history of `ops.at_rest`. `others`
+        are further planes of the method's own history, before and after this frame.
         """
         display = ops.size_of(rest.mean)
         blocks = at_rest.compare(frame, rest, ops.size_of(history.depth), display)
@@ -180,7 +191,7 @@ class Classifier(LearnedMethod):
             logits: logits from `infer`, as `blend`.
             blend: blend parameters.
             jitter: (1, 2) of this frame.
-            resting: (1, 1, H, W) 1 where the history will be kept; None: nowhere.
+            resting: (1, 1, H, W) 1 where the history will not change; None: nowhere.
         """
         done = self.finish(gathered, logits, blend, resting)
         history = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
@@ -206,18 +217,16 @@ class Classifier(LearnedMethod):
         grid = now.grid(ops.size_of(color), aligned=True)
         closest, dilated = ops.dilate_motion_2x2(depth, motion)
         closest = grid.pick_first(closest)
-        vectors, own_vectors = (
-            ops.to_display(vector, now.display, now.extent) for vector in (dilated, motion)
-        )
-        front = ops.reproject(grid.pick_first_vectors(vectors), now.display, grid)
-        own = ops.reproject(grid.pick_vectors(own_vectors), now.display, grid)
+        vectors, own_vectors = (ops.to_display(m, now.display, now.extent) for m in (dilated, motion))
+        by_dilated = ops.reproject(grid.pick_first_vectors(vectors), now.display, grid)
+        by_own = ops.reproject(grid.pick_vectors(own_vectors), now.display, grid)
         exposed = ops.filled(color, usable, exposure) * exposure
         planes = [ops.maximum_3x3(ops.glaring(exposed, usable)), edge_of(depth), ops.maximum_3x3(usable)]
         at_pixel = ops.channels_of(grid.pick(torch.cat(planes, dim=1).to(self.dtype)))
         current = self.gather_current(self.toned(exposed), usable, at_pixel, now, grid)
-        warped = self.gather_history(history, front, own, closest, before, exposure)
+        warped = self.gather_history(history, by_dilated, by_own, closest, before, exposure)
         return Gathered(
-            current, warped, front, closest, surfaces, exposure, followed, flash, now.display, grid
+            current, warped, by_dilated, closest, surfaces, exposure, followed, flash, now.display, grid
         )
 
     def toned(self, color: Tensor, unit: Tensor | float = 1.0) -> Tensor:
@@ -230,9 +239,9 @@ class Classifier(LearnedMethod):
         """Upsample the usable samples of this frame.
 
         Args:
-            toned: (1, 3, h, w), filled where samples are missing; shown where no other is near.
+            toned: (1, 3, h, w), filled where samples are missing; the result where no other sample is near.
             usable: (1, 1, h, w) 0 where a sample is missing, else 1.
-            at_pixel: its glare, edge, sampled.
+            at_pixel: `glare`, `edge` and `sampled` of the result.
             view: view of the frame.
             grid: grid of the display.
         """
@@ -280,8 +289,8 @@ class Classifier(LearnedMethod):
     def gather_history(
         self,
         history: History,
-        front: ops.Reprojection,
-        own: ops.Reprojection,
+        by_dilated: ops.Reprojection,
+        by_own: ops.Reprojection,
         depth: Tensor,
         before: ops.View,
         exposure: Tensor,
@@ -291,35 +300,35 @@ class Classifier(LearnedMethod):
 
         Args:
             history: after the previous frame.
-            front: by the dilated motion.
-            own: by the pixel's own motion.
-            depth: (1, 1, H, W) of the closest sample around; with G-buffers of the pixel's own surface.
+            by_dilated: reprojection by the dilated motion.
+            by_own: reprojection by the pixel's own motion.
+            depth: (1, 1, H, W) of the closest sample around, or of the pixel's own surface, with G-buffers.
             before: view of the previous frame.
             exposure: (1,) of this frame.
-            relit: (1, 3, H, W) factor of the colour warped by the pixel's own motion, with G-buffers of
-                display size. The history's depth is then that of this motion, too.
+            relit: (1, 3, H, W) with G-buffers of display size: factor of the colour warped by the pixel's own
+                motion. The history's depth is then warped by that motion, too.
         """
-        c, on = self.config, front.on_screen  # zeros off screen, as before a first frame
-        surface = front if relit is None else own
+        c, on = self.config, by_dilated.on_screen  # zeros off screen, as before a first frame
+        surface = by_dilated if relit is None else by_own
         place = before.to_render(surface.position)
-        split = relit is not None  # the operators of the released graphs
+        split = relit is not None  # either way, with the operators of the released graphs
         parts = ops.channels_of(history.depth) if split else [history.depth[:, :1], history.depth[:, 1:2]]
         depths, occluders = parts
         occluded = ops.occlusion(depth, occluders, place, c.depth_margin, c.depth_ramp)
         depth_before = surface.on_screen * ops.read(depths, (place + 0.5).floor(), mode="nearest")
         difference = ops.relative_depth_change(depth_before, depth)  # equation 10
-        samples, low, high = ops.channels_of(on * front.read(history.state))
+        samples, low, high = ops.channels_of(on * by_dilated.read(history.state))
         high, glare = ops.without_glare(high)
         given = ops.sanitize(history.color, 0.0)
         unit = 1.0 / exposure
         unit_on_screen = torch.where(on > 0.0, unit, DIM)
-        linear = self.toned(front.read(given), unit_on_screen)
-        cubic = ops.read_cubic(given, front.position, c.history_sharpness).clamp(0.0, MAX_HALF)
-        color, undilated = self.toned(cubic, unit_on_screen), own.read(given)
+        linear = self.toned(by_dilated.read(given), unit_on_screen)
+        cubic = ops.read_cubic(given, by_dilated.position, c.history_sharpness).clamp(0.0, MAX_HALF)
+        color, undilated = self.toned(cubic, unit_on_screen), by_own.read(given)
         if relit is not None:
             undilated = (undilated * relit).clamp(0.0, MAX_HALF)
-            unit = torch.where(own.on_screen > 0.0, unit, DIM)
-        classes = ops.read(history.classes, 0.5 * front.position[:, ::2, ::2])
+            unit = torch.where(by_own.on_screen > 0.0, unit, DIM)
+        classes = ops.read(history.classes, 0.5 * by_dilated.position[:, ::2, ::2])
         return WarpedHistory(
             color=color,
             rounded=color.to(self.dtype),
@@ -353,10 +362,7 @@ class Classifier(LearnedMethod):
         return [pixels[name].to(self.dtype) for name in c.inputs], half_inputs
 
     def history_colors(self, gathered: Gathered, sharpness: Tensor) -> list[tuple[Tensor, Tensor]]:
-        """Return the history colours and their initial weights, those of a running mean.
-
-        Colours are float32; what is added to the warped one may be half floats.
-        """
+        """Return the history colours, float32, and their initial weights: a running mean."""
         current, warped, brightest = gathered.current, gathered.warped, ops.TONED[torch.float32]
         sharpened = warped.color + sharpness.clamp(0.0, MAX_SHARPNESS) * warped.detail
         sharpened = sharpened.clamp(0.0, brightest)
@@ -375,7 +381,7 @@ class Classifier(LearnedMethod):
     def finish(
         self, gathered: Gathered, logits: Tensor, blend: Tensor, resting: Tensor | None = None
     ) -> Finished:
-        """Blend, update count, luma range and classes, and return to linear RGB.
+        """Blend, convert to linear RGB, and update count, luma range and classes.
 
         `logits` are (1, 6, H / 2, W / 2), the blend parameters (1, m, H, W); `resting`: see `step_outputs`.
         """
@@ -428,9 +434,9 @@ class SmallClassifier(Classifier):
 class LargeClassifier(Classifier):
     """`classifier-large`: a history and network images larger than the display, downsampled for it.
 
-    Each frame resamples the history, which blurs it and lets fine detail alias. A history of 1.4 times the
-    display's width and height loses less, as Unreal Engine's Temporal Super Resolution does with history
-    screen percentages over 100 ("TSR", SIGGRAPH 2022).
+    Each frame resamples the history, which blurs it and lets fine detail alias. A history with 1.4 times the
+    display's width and height loses less detail. Unreal Engine's Temporal Super Resolution does the same with
+    history screen percentages over 100 ("TSR", SIGGRAPH 2022).
     """
 
     spec: ClassVar = CLASSIFIER_LARGE
@@ -439,7 +445,7 @@ class LargeClassifier(Classifier):
     @classmethod
     def from_classifier(cls, trained: Trained) -> Self:
         """Return the method before its training; see `adapted`."""
-        return adapted(cls(), trained)
+        return adapted(cls, trained)
 
 
 def edge_of(depth: Tensor) -> Tensor:
@@ -449,13 +455,13 @@ def edge_of(depth: Tensor) -> Tensor:
 
 
 def along_edges(color: Tensor, luma: Tensor) -> Tensor:
-    """Return the network's image of one frame, its luma averaged with that upsampled along edges.
+    """Average the luma of an image of one frame with luma upsampled along edges.
 
-    The network's own filter of 3x3 samples leaves stairs, which history removes elsewhere.
+    The network's kernel of 3x3 samples leaves stairs on edges; elsewhere, the history removes them.
 
     Args:
         color: (1, 3, H, W) toned RGB.
-        luma: (1, 1, H, W), as YCoCg has it.
+        luma: (1, 1, H, W), Y of YCoCg.
     """
     return (color + 0.5 * (luma - ops.ycocg(color)[:, :1])).clamp(0.0, ops.TONED[torch.float32])
 
@@ -463,14 +469,14 @@ def along_edges(color: Tensor, luma: Tensor) -> Tensor:
 def unexplained_light(
     luma: Tensor, around: Tensor, warped: WarpedHistory, display: ops.Size, resting: Tensor | None
 ) -> Tensor:
-    """Return whether light rises over all samples of the history, (1, 1, H, W), in a frame that is a flash.
+    """Return whether light rises above all samples of the history, (1, 1, H, W), in a frame that is a flash.
 
     Args:
         luma: (1, 1, H, W) of the samples near each pixel, toned.
         around: (1, 1, H, W) mean luma of a neighbourhood, toned.
         warped: the history.
         display: (width, height) of the image; planes may extend beyond it.
-        resting: (1, 1, H, W) 1 where pixels do not count; None: all do.
+        resting: (1, 1, H, W) 1 where pixels are not counted; None: all are.
     """
     known = warped.samples * warped.surface > 0.0
     rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
@@ -480,28 +486,14 @@ def unexplained_light(
     return rises & (sparse / (display.width * display.height) > FLASH_FRACTION)
 
 
-Adapted = TypeVar("Adapted", bound=Classifier)
+def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tensor]:
+    """Return the weights of `classifier` for a config of equal widths with other inputs or blended colours.
 
-
-def adapted(method: Adapted, trained: Trained) -> Adapted:
-    """Return an untrained method with the weights of `classifier` for what both have, in evaluation mode.
+    Inputs and blended colours that `classifier` lacks get weights of 0; those that only `classifier` has are
+    left out.
 
     Raises:
         ArgumentError: the weights are of another method.
-    """
-    method.load_state_dict(transferred(trained, method.config))
-    method.provenance = trained.facts
-    return method.eval()
-
-
-def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tensor]:
-    """Return the weights of `classifier` for a config of other inputs or blended colours, of equal widths.
-
-    Inputs and blended colours that `classifier` lacks begin at weights of 0; those that it has alone are left
-    out.
-
-    Raises:
-        ArgumentError: they are of another method.
     """
     if trained.method != Classifier.name:
         raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {Classifier.name}")
@@ -509,7 +501,7 @@ def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tens
     tensors = dict(trained.tensors)
 
     def move(name: str, old: Sequence[str], new: Sequence[str], axis: int) -> None:
-        """Move the groups of four channels of an axis; channels after those of `old` stay."""
+        """Move the groups of four channels of an axis; the channels after them stay."""
         packed, weight = 4 * len(old), tensors[name]
         groups, rest = weight.split_with_sizes([packed, weight.shape[axis] - packed], dim=axis)
         known = dict(zip(old, groups.split_with_sizes([4] * len(old), dim=axis), strict=True))

@@ -1,7 +1,7 @@
 """Tensors that the stages of the classifiers pass to each other, and the inputs of their network.
 
-The network inputs are differences and contrasts: a small network computes them poorly, and the gather stage
-at almost no cost. Colours enter as square roots, which spaces dark values like bright ones.
+The network inputs are differences and contrasts, which the gather stage computes at almost no cost, and a
+small network only poorly. Colours enter as square roots, which spaces dark values like bright ones.
 """
 
 import math
@@ -26,8 +26,7 @@ COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
 class CurrentFrame(NamedTuple):
     """This frame at display size, in the working type; colours are toned RGB.
 
-    The working type is half floats in a method of half precision, else float32; see
-    docs/explanation/precision.md.
+    The working type is the type of the network's parameters, see docs/explanation/precision.md.
     """
 
     frame: Tensor  # (1, 3, H, W) cubic upsampling
@@ -39,11 +38,11 @@ class CurrentFrame(NamedTuple):
     edge: Tensor  # (1, 1, H, W) relative range of depth around
     glare: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is over GLARE_EXPOSED
     sampled: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is usable
-    luma: Tensor | None = None  # (1, 1, H, W) upsampled along edges; None where G-buffers have the edges
+    luma: Tensor | None = None  # (1, 1, H, W) upsampled along edges; None with G-buffers of display size
 
 
 class WarpedHistory(NamedTuple):
-    """The warped history at display size; float32 but where the working type is named."""
+    """The warped history at display size; float32 unless a comment says working type."""
 
     color: Tensor  # (1, 3, H, W) toned RGB
     rounded: Tensor  # `color` in the working type
@@ -58,7 +57,7 @@ class WarpedHistory(NamedTuple):
 
 
 class Gathered(NamedTuple):
-    """Results of the gather stage. H and W are those of the grid, which extends beyond the display."""
+    """Results of the gather stage. H and W are the size of the grid, which extends beyond the display."""
 
     current: CurrentFrame
     warped: WarpedHistory
@@ -91,7 +90,7 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
     frame, sample, color, range_ = (root(c) for c in (current.frame, current.sample, warped.rounded, range_))
     luma, luma_before = ops.luminance(sample), ops.luminance(color)
     around = torch.cat([ops.minimum_3x3(luma_before), ops.maximum_3x3(luma_before)], dim=1)
-    low, high = ops.channels_of(gathered.grid.at_pixels(around))  # of the repeated pixel, beyond the display
+    low, high = ops.channels_of(gathered.grid.at_pixels(around))  # beyond the display, of the repeated pixel
     speed = reprojection.speed()
     return {
         "frame": ops.luminance(frame),
@@ -117,7 +116,7 @@ def pixel_inputs(gathered: Gathered, count: CountCode = "saturating") -> dict[st
 
 
 def neighbourhood_inputs(pixels: Mapping[str, Tensor], display: ops.Size) -> dict[str, Tensor]:
-    """Compute all of NEIGHBOURHOOD_INPUTS from the inputs per pixel, at half size under a 5x5 tent.
+    """Compute all of NEIGHBOURHOOD_INPUTS: inputs per pixel, averaged at half size under a 5x5 tent.
 
     Aliasing averages out over a neighbourhood, a change of lighting does not.
     """

@@ -1,7 +1,7 @@
 """The classifier and compositor of Guo et al. 2022 (supplement, section 1), on tensors at half display size.
 
-The channels of 2x2 display pixels are packed into one. The first 1x1 convolution then has the inputs that the
-paper's has after SpaceToDepth, and no tensor of the network is larger than half the display.
+The channels of 2x2 display pixels are packed into one pixel, as by SpaceToDepth in the paper. No tensor of
+the network is larger than half the display.
 """
 
 import itertools
@@ -35,9 +35,9 @@ class Block(nn.Sequential):
 
 
 class Encoder(nn.Module):
-    """Four levels; half of each level's channels go to the next level at half size, half to the decoder.
+    """Four levels: half of a level's channels go to the next level at half size, the others to the decoder.
 
-    All channels of the deepest level go to the decoder: 16 + 8 + 4 + 4 channels after pixel shuffling.
+    All channels of the deepest level go to the decoder.
     """
 
     def __init__(self, channels: int, levels: tuple[int, ...]) -> None:
@@ -48,11 +48,11 @@ class Encoder(nn.Module):
         self.out_channels = sum(c // 4**i for i, c in enumerate(kept))
 
     def forward(self, x: Tensor) -> Tensor:
-        """(n, channels, h, w) to (n, out_channels, h, w); h and w are multiples of ALIGNED."""
+        """Map (n, channels, h, w) to (n, out_channels, h, w); h and w are multiples of ALIGNED."""
         return self.deeper(self.blocks[0](x))
 
     def deeper(self, x: Tensor) -> Tensor:
-        """Run all levels but the first on the result of the first."""
+        """Run the other levels on the result of the first one."""
         outputs = []
         for block in self.blocks[1:]:
             half = x.shape[1] // 2
@@ -67,7 +67,7 @@ class Encoder(nn.Module):
 class ClassifierNetwork(nn.Module):
     """Classifies each packed pixel, and infers the blend parameters of its four display pixels.
 
-    The inputs have `packed` channels, and `half_inputs` channels at half display size.
+    The inputs are `packed` channels of packed pixels, and `half_inputs` channels at half display size.
     """
 
     def __init__(
@@ -91,12 +91,12 @@ class ClassifierNetwork(nn.Module):
         return self.decode(packed, encode(self.encoder, packed, half_inputs))
 
     def on_pixels(self, pixels: Sequence[Tensor], half_inputs: Tensor) -> tuple[Tensor, Tensor]:
-        """Infer logits (n, 6, H / 2, W / 2) and blend parameters (n, m, H, W), as `forward` and `unpack`.
+        """Infer logits (n, 6, H / 2, W / 2) and blend parameters (n, m, H, W): `forward`, then `unpack`.
 
-        Packing and 1x1 convolutions move more bytes than 2x2 convolutions at a stride of 2.
+        2x2 convolutions at a stride of 2 replace packing and 1x1 convolutions, and move fewer bytes.
 
         Args:
-            pixels: (n, c, H, W) in parts, not packed; H and W are multiples of 2 ALIGNED.
+            pixels: parts of (n, c, H, W), not packed; H and W are multiples of 2 ALIGNED.
             half_inputs: (n, d, H / 2, W / 2) inputs at half display size.
         """
         missing = -half_inputs.shape[1] % 4
@@ -141,7 +141,7 @@ def padded(image: Tensor, aligned: int = ALIGNED) -> Tensor:
         size = image.shape[axis]
         whole = (size + aligned - 1) // aligned * aligned
         if not torch.compiler.is_exporting() and whole == size:
-            continue  # not in graphs, whose sizes are symbolic; the gradient of the copy is slow
+            continue  # the gradient of the copy is slow; in graphs, sizes are symbolic
         image = image.index_select(axis, torch.arange(whole, device=image.device).clamp(max=size - 1))
     return image
 
@@ -179,7 +179,7 @@ def unpack(packed: Tensor) -> Tensor:
 
 
 def classes_of(logits: Tensor, known: Tensor) -> Tensor:
-    """Return the probabilities of CLASSES; without history the ghosting class is visibility, as in labels.
+    """Return the probabilities of CLASSES. As in the labels, pixels without history are disoccluded.
 
     Args:
         logits: (1, 6, h, w).
@@ -191,6 +191,6 @@ def classes_of(logits: Tensor, known: Tensor) -> Tensor:
 
 
 def class_probabilities(logits: Tensor) -> Tensor:
-    """Return the softmax of three channels, in operators that all providers implement alike."""
+    """Return the softmax of three channels, in operators that all providers implement in the same way."""
     likely = logits.clamp(-30.0, 30.0).exp()
     return likely / (likely[:, :1] + likely[:, 1:2] + likely[:, 2:3])

@@ -28,7 +28,7 @@ COMPOSITOR_INPUTS = 14  # colour 3, history 3, classes 6, count 1, depth change 
 
 
 class PaperNetwork(nn.Module):
-    """Section 1: classifier at half size, compositor of two pixel-wise layers at full size."""
+    """Network of section 1: a classifier at half size, a compositor of two 1x1 layers at full size."""
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
@@ -62,32 +62,32 @@ class PaperClassifier(Classifier):
     def gather_history(
         self,
         history: History,
-        front: ops.Reprojection,
-        own: ops.Reprojection,
+        by_dilated: ops.Reprojection,
+        by_own: ops.Reprojection,
         depth: Tensor,
         before: ops.View,
         exposure: Tensor,
         relit: Tensor | None = None,
     ) -> WarpedHistory:
         """Warp the history: count, range and depth by nearest samples, classes bilinearly (section 3)."""
-        del own, relit
-        nearest = (before.to_render(front.position) + 0.5).floor()
+        del by_own, relit
+        nearest = (before.to_render(by_dilated.position) + 0.5).floor()
         depth_before = ops.read(history.depth[:, :1], nearest, mode="nearest")
         difference = ops.relative_depth_change(depth_before, depth)  # equation 10
-        state = ops.read(history.state, (front.position + 0.5).floor(), mode="nearest")
-        color = ops.read_cubic(history.color, front.position)  # "similar to TAA"
+        state = ops.read(history.state, (by_dilated.position + 0.5).floor(), mode="nearest")
+        color = ops.read_cubic(history.color, by_dilated.position)  # "similar to TAA"
         toned = self.toned(ops.sanitize(color, 0.0) * exposure)
         return WarpedHistory(
             color=toned,
             rounded=toned,
             detail=torch.zeros_like(toned),
             undilated=toned,
-            samples=state[:, :1] * front.on_screen,
+            samples=state[:, :1] * by_dilated.on_screen,
             range=state[:, 1:7],
             glare=torch.zeros_like(state[:, :1]),
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
-            surface=front.on_screen,
-            classes=ops.read(history.classes, front.position),
+            surface=by_dilated.on_screen,
+            classes=ops.read(history.classes, by_dilated.position),
         )
 
     def infer(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
@@ -113,7 +113,7 @@ class PaperClassifier(Classifier):
         self, gathered: Gathered, logits: Tensor, blend: Tensor, resting: Tensor | None = None
     ) -> Finished:
         """Upsample the logits, compute the weight, blend; update sample count and range."""
-        del blend, resting  # it has no blend parameters, and keeps no history at rest
+        del blend, resting  # there are no blend parameters, and no convergence
         current, warped = gathered.current, gathered.warped
         half = ops.size_of(logits)
         grid = ops.grid_of(ops.size_of(current.frame), half, torch.zeros(1, 2, device=logits.device))
@@ -132,7 +132,7 @@ class PaperClassifier(Classifier):
 
         occluded = (classes[:, 1:2] > torch.maximum(classes[:, :1], classes[:, 2:3])).float()
         kept = known * (1.0 - occluded) * (1.0 - gathered.reactive)
-        next_count = warped.samples * kept + 1.0  # 0: no history
+        next_count = warped.samples * kept + 1.0
         now = current.frame
         low, high = warped.range[:, :3], warped.range[:, 3:]
         rate = self.config.contraction  # without it the range would only grow

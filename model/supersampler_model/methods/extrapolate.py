@@ -1,9 +1,9 @@
 """`extrapolate`: upscales shaded and extrapolated frames on one history (Wu et al. 2023).
 
-All stages but the network are those of `classifier`. The network has two encoders (section 4.4): one for
-shaded frames (E0 of the paper), one for extrapolated frames (E1), which also reads their base colour.
-Extrapolated colours have other errors than shaded ones; their own encoder learns how far to trust them. The
-paper's second encoder reads the warped and the refined colour; ours reads their combination by equation 5.
+The stages are those of `classifier`, except for the network. The network has two encoders (section 4.4): one
+for shaded frames (E0 in the paper), and one for extrapolated frames (E1), which also reads their base colour.
+The errors of extrapolated colours differ from those of shaded ones; E1 learns how far to trust them. In the
+paper, E1 reads the warped and the refined colour; here, it reads their combination by equation 5.
 """
 
 from typing import ClassVar, Self
@@ -24,7 +24,7 @@ SURFACE = 3  # channels of an extrapolated pixel's surface in the network inputs
 
 
 class ExtraSSNetwork(ClassifierNetwork):
-    """`ClassifierNetwork` for shaded and extrapolated frames; these have `surface` more packed channels."""
+    """`ClassifierNetwork` for both kinds of frames; extrapolated ones have `surface` more packed channels."""
 
     def __init__(
         self, config: NetworkConfig, *, packed: int, half_inputs: int, surface: int, blend_parameters: int
@@ -51,7 +51,7 @@ class ExtraSSNetwork(ClassifierNetwork):
         return encode(self.extrapolated_encoder, packed, half_inputs, surface)
 
     def copy_shaded_encoder(self) -> None:
-        """Copy the encoder of shaded frames to that of extrapolated ones, with zero weights for surfaces."""
+        """Copy the weights of the encoder of shaded frames to the other one; surfaces get weights of 0."""
         shaded = self.encoder.state_dict()
         first = next(iter(shaded))  # the first 1x1 convolution; its last inputs are the surfaces
         own = self.extrapolated_encoder.state_dict()[first]
@@ -68,12 +68,9 @@ class TwoEncoders(Classifier):
         """Return the untrained network."""
         c = self.config
         return ExtraSSNetwork(
-            c.network,
-            packed=4 * c.planes,
-            half_inputs=c.half_inputs,
-            surface=4 * SURFACE,
+            c.network, packed=4 * c.planes, half_inputs=c.half_inputs, surface=4 * SURFACE,
             blend_parameters=c.blend_parameters,
-        )
+        )  # fmt: skip
 
 
 class Extrapolate(TwoEncoders):
@@ -106,12 +103,12 @@ class Extrapolate(TwoEncoders):
 
 
 class UnshadedExtrapolate(TwoEncoders):
-    """Steps on extrapolated frames: `extrapolate` with its other encoder."""
+    """Steps on extrapolated frames: `extrapolate` with the other encoder."""
 
     spec: ClassVar = EXTRAPOLATE_UNSHADED
 
     def subgraph(self) -> NetworkSubgraph | None:
-        """See `Classifier`; the third input is packed base colour."""
+        """Return the network of `Classifier` with a third input, the packed base colour."""
         found = super().subgraph()
         return found and found._replace(inputs={**found.inputs, "surface": (1, 4 * SURFACE, *HALF)})
 

@@ -2,9 +2,9 @@
 
 The G-buffers give the reflectance of every display pixel; light is sampled once per render pixel. Each sample
 is divided by the reflectance of its own surface, resampled at display pixels with similar surfaces, and
-multiplied by their reflectance. Textures and edges are therefore complete in the first frame. The paper's
-network reads the G-buffers, this frame and two previous frames. It infers the weights that blend the result
-with its neighbours and with the previous image, which reduces the noise of one sample per pixel.
+multiplied by their reflectance. Textures and edges are therefore complete in the first frame. The network of
+the paper reads the G-buffers, this frame and two previous frames. It infers the weights that blend the result
+with its neighbours and with the previous image. This reduces the noise of one sample per pixel.
 """
 
 from collections.abc import Mapping
@@ -26,32 +26,14 @@ from supersampler.methods.gbuffer.spec import (
 from supersampler.methods.spec import DISPLAY, RENDER, Shape
 from supersampler_model import ops
 from supersampler_model.methods import gbuffer_network as network
+from supersampler_model.methods import gbuffer_surfaces as surfaces
 from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph
 from supersampler_model.methods.gbuffer_network import NetworkInputs
-from supersampler_model.methods.gbuffer_surfaces import (
-    MIN_REFLECTANCE,
-    NearestSamples,
-    Samples,
-    Surfaces,
-    changed_light,
-    closest_around,
-    gradients,
-    lit,
-    motion_of_surface,
-    neutral_surfaces,
-    occluded,
-    read_bilinear,
-    read_nearest,
-    reflectance,
-    relative_depth,
-    samples_of,
-    usable_surfaces,
-    weighted_mean,
-)
+from supersampler_model.methods.gbuffer_surfaces import NearestSamples, Samples, Surfaces
 
 MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: 12.0, torch.float16: 8.0}
-"""Maximum of the logarithm of a factor, and minus its minimum: sums of nine such factors are half floats."""
-FILLED = 1e-4  # weight of a sample that is missing, 1 of others
+"""Maximum absolute logarithm of a factor: half floats can represent sums of nine such factors."""
+FILLED = 1e-4  # weight of a missing sample, which is filled; 1 of others
 MOTION_UNIT = 8.0  # render pixels per unit of the motion inputs
 PREVIOUS_NORMAL = slice(13, 16)  # channels of `NetworkInputs.refiner_inputs`: normals of the previous frame
 
@@ -143,7 +125,7 @@ class GBuffer(LearnedMethod):
         return network.GBufferNetwork(c.network, ratio=c.ratio, blend_parameters=sum(c.parts))
 
     def subgraph(self) -> NetworkSubgraph | None:
-        """Return the whole network; tensor names are those of released graphs."""
+        """Return the whole network, with the tensor names of released graphs."""
         channels = network.INPUT_CHANNELS
         inputs: dict[str, Shape] = {
             name: (1, count, *(DISPLAY if name in network.DISPLAY_INPUTS else RENDER))
@@ -190,11 +172,11 @@ class GBuffer(LearnedMethod):
             color=ops.filled(color, usable, followed.abs()),
             motion=ops.usable_motion(frame.motion),
             exposure=followed.abs(),
-            render=usable_surfaces(frame.render, self.dtype),
-            display=usable_surfaces(frame.display, self.dtype),
+            render=surfaces.usable_surfaces(frame.render, self.dtype),
+            display=surfaces.usable_surfaces(frame.display, self.dtype),
         )
         current = self.gather_current(frame, usable, followed)
-        before = read_nearest(history.frame, frame.motion, frame.view.jitter - history.jitter)
+        before = surfaces.read_nearest(history.frame, frame.motion, frame.view.jitter - history.jitter)
         warped = self.gather_history(current, history, self.gather_change(current, before))
         render = frame.render
         surface = render.base_color.float(), render.normal.float()
@@ -212,10 +194,10 @@ class GBuffer(LearnedMethod):
         """
         c, exposed = self.config, frame.color * frame.exposure
         grid = frame.view.grid(ops.size_of(exposed))
-        toned, reflected = ops.tone(exposed), reflectance(frame.display)
-        counted = usable.clamp(min=FILLED)  # what is filled shows where there is nothing else
-        light = ops.limited(ops.tone(exposed / reflectance(frame.render)).to(self.dtype))
-        samples = samples_of(light, counted, frame.render, frame.display, grid)
+        toned, reflected = ops.tone(exposed), surfaces.reflectance(frame.display)
+        counted = usable.clamp(min=FILLED)  # filled samples show only where there are no others
+        light = ops.limited(ops.tone(exposed / surfaces.reflectance(frame.render)).to(self.dtype))
+        samples = surfaces.samples_of(light, counted, frame.render, frame.display, grid)
         colors = torch.cat([toned * counted, counted], dim=1).to(self.dtype)
         near = grid.upsample(colors, ops.gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
         smooth = ops.normalised(grid.upsample(colors, ops.gaussian(c.smooth_sigma))).clamp(
@@ -227,7 +209,7 @@ class GBuffer(LearnedMethod):
             inputs=frame,
             reflectance=reflected,
             samples=samples,
-            guided=lit(weighted_mean(samples), reflected),
+            guided=surfaces.lit(surfaces.weighted_mean(samples), reflected),
             smooth=smooth,
             near=ops.limited((near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3)),
             confidence=near[:, 3:].clamp(max=1.0),
@@ -235,53 +217,54 @@ class GBuffer(LearnedMethod):
         )
 
     def gather_change(self, current: CurrentFrame, before: NearestSamples) -> Tensor:
-        """Return (1, 1, H, W) 1 where the light changed so much that the history is invalid, else 0."""
+        """Return (1, 1, H, W): 1 where the light changed so much that the history is invalid, else 0."""
         inputs = current.inputs
         known = current.usable * before.values[:, FRAME - 1 :] * before.on_screen
         color_before = ops.sanitize(before.values[:, :3], 0.0)
-        changed = changed_light(inputs.color * inputs.exposure, color_before * inputs.exposure, known)
+        now, then = (color * inputs.exposure for color in (inputs.color, color_before))
+        changed = surfaces.changed_light(now, then, known)
         return inputs.view.grid(ops.size_of(inputs.color)).pick(changed)
 
     def gather_history(self, current: CurrentFrame, history: History, changed: Tensor) -> WarpedHistory:
-        """Warp the previous image; its sample count is 0 where the light has `changed`."""
+        """Warp the previous image; the sample count becomes 0 where the light has `changed`."""
         c, inputs, view = self.config, current.inputs, current.inputs.view
         depth, motion, exposure = inputs.render.depth, inputs.motion, inputs.exposure
         render = ops.size_of(depth)
         grid = view.grid(render)
-        own_motion = motion_of_surface(depth, motion, inputs.display.depth, grid)
-        own = ops.reproject(ops.to_display(own_motion, view.display, render), view.display, grid)
+        own_motion = surfaces.motion_of_surface(depth, motion, inputs.display.depth, grid)
+        by_own = ops.reproject(ops.to_display(own_motion, view.display, render), view.display, grid)
         _, dilated = ops.dilate_motion_2x2(depth, motion)
         vectors = grid.pick_first_vectors(ops.to_display(dilated, view.display, render))
-        front = ops.reproject(vectors, view.display, grid)
-        before = ops.View(view.display, render, history.jitter).to_render(own.position)
+        by_dilated = ops.reproject(vectors, view.display, grid)
+        before = ops.View(view.display, render, history.jitter).to_render(by_own.position)
         occluded = ops.disocclusion(
             inputs.display.depth, history.frame[:, 3:4], before, c.depth_margin, c.depth_ramp
         )
-        reflectance_before = own.read(history.reflectance).clamp(min=0.5 * MIN_REFLECTANCE)
-        bilinear = ops.sanitize(own.read(history.color), 0.0)
+        reflectance_before = by_own.read(history.reflectance).clamp(min=0.5 * surfaces.MIN_REFLECTANCE)
+        bilinear = ops.sanitize(by_own.read(history.color), 0.0)
         cubic, dilated_cubic = (
             ops.sanitize(ops.read_cubic(history.color, place.position, c.history_sharpness), 0.0)
-            for place in (own, front)
+            for place in (by_own, by_dilated)
         )
         relit = cubic / reflectance_before * current.reflectance
-        count = front.read(history.sample_count)
+        count = by_dilated.read(history.sample_count)
         warped = WarpedHistory(
-            color=_toned(dilated_cubic * exposure, front),
-            undilated=_toned(bilinear * exposure, own),
-            relit=_toned(relit * exposure, own),
-            sample_count=count * front.on_screen * (1.0 - changed),
-            surface=own.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0),
+            color=_toned(dilated_cubic * exposure, by_dilated),
+            undilated=_toned(bilinear * exposure, by_own),
+            relit=_toned(relit * exposure, by_own),
+            sample_count=count * by_dilated.on_screen * (1.0 - changed),
+            surface=by_own.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0),
         )
         return warped if c.blended else WarpedHistory(*map(torch.zeros_like, warped))
 
     def finish(self, gathered: Gathered, blend: Tensor, history: History) -> Finished:
-        """Blend, update the sample count, and return to linear RGB."""
+        """Blend, convert to linear RGB, and update the sample count."""
         warped, current, c = gathered.warped, gathered.current, self.config
         limit = MAX_FACTOR[blend.dtype]
         factors, around, kernel = blend.clamp(-limit, limit).split_with_sizes(c.parts, dim=1)
         known = (warped.sample_count > 0.0).float()
         kept = warped.sample_count * warped.surface
-        guided = lit(weighted_mean(current.samples, kernel), current.reflectance)
+        guided = surfaces.lit(surfaces.weighted_mean(current.samples, kernel), current.reflectance)
         confidence = current.confidence.float()
         history_colors = [
             (warped.color, known * (kept + 1e-3)),
@@ -321,9 +304,8 @@ def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
     """Average each pixel and its neighbours; `kernel` holds logarithms of factors to NEIGHBOUR_WEIGHTS."""
     weights = [w * factor for w, factor in zip(NEIGHBOUR_WEIGHTS, ops.channels_of(kernel.exp()), strict=True)]
     total = ops.sum_of(weights)
-    return (
-        ops.sum_of([w * pixel for w, pixel in zip(weights, ops.neighbours_3x3(image), strict=True)]) / total
-    )
+    terms = [w * pixel for w, pixel in zip(weights, ops.neighbours_3x3(image), strict=True)]
+    return ops.sum_of(terms) / total
 
 
 class GBuffer4(GBuffer):
@@ -345,14 +327,14 @@ class SmallGBuffer4(GBuffer):
 
 
 class DepthGBuffer(GBuffer):
-    """`gbuffer-depth`: `SmallGBuffer` for forward renderers; display-size depth is the only G-buffer."""
+    """`gbuffer-depth`: `SmallGBuffer` for forward renderers. Display-size depth is the only G-buffer."""
 
     spec: ClassVar = GBUFFER_DEPTH
 
     @staticmethod
     def surfaces_of(gbuffers: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
-        """Return surfaces of which only the depth is known."""
-        return neutral_surfaces(depth), neutral_surfaces(gbuffers["gbuffer_display_depth"])
+        """Return neutral surfaces, of known depth."""
+        return surfaces.neutral_surfaces(depth), surfaces.neutral_surfaces(gbuffers["gbuffer_display_depth"])
 
 
 def network_inputs(
@@ -361,12 +343,14 @@ def network_inputs(
     """Compute the network inputs, in the type of the surfaces; `before` are samples of the previous frame."""
     _, motion, _, render, display, view = current.inputs
     dtype = display.base_color.dtype
-    depth = relative_depth(render.depth, closest_around(render.depth))
+    depth = surfaces.relative_depth(render.depth, surfaces.closest_around(render.depth))
     jitter = view.jitter[:, :, None, None].expand_as(motion)
-    display_depth = relative_depth(display.depth, closest_around(display.depth))
-    two_frames = motion + read_bilinear(history.motion, motion, view.jitter - history.jitter)
+    display_depth = surfaces.relative_depth(display.depth, surfaces.closest_around(display.depth))
+    two_frames = motion + surfaces.read_bilinear(history.motion, motion, view.jitter - history.jitter)
     previous, refiner_inputs = _warped(current, before, motion, masked=masked)
-    earlier_samples = read_nearest(history.frame_before, two_frames, view.jitter - history.jitter_before)
+    earlier_samples = surfaces.read_nearest(
+        history.frame_before, two_frames, view.jitter - history.jitter_before
+    )
     earlier, earlier_refiner_inputs = _warped(current, earlier_samples, two_frames, masked=masked)
     colors = [
         current.guided,
@@ -379,7 +363,7 @@ def network_inputs(
     ]
     return NetworkInputs(
         surfaces=torch.cat([*display[:5], display_depth.to(dtype)], dim=1),
-        gradients=gradients(display),
+        gradients=surfaces.gradients(display),
         current=torch.cat([current.toned, depth, jitter], dim=1).to(dtype),
         previous=previous,
         refiner_inputs=refiner_inputs,
@@ -393,7 +377,7 @@ def network_inputs(
 def _warped(
     current: CurrentFrame, nearest: NearestSamples, motion: Tensor, *, masked: bool
 ) -> tuple[Tensor, Tensor]:
-    """Return a previous frame, warped and masked (equations 3 and 4), and its inputs of the refiner."""
+    """Return a previous frame, warped and masked (equations 3 and 4), and its inputs to the refiner."""
     render, jitter = current.inputs.render, current.inputs.view.jitter
     dtype = render.base_color.dtype
     color, previous_depth, base, normal, usable = nearest.values.split_with_sizes([3, 1, 3, 3, 1], dim=1)
@@ -402,10 +386,10 @@ def _warped(
     kept = nearest.on_screen * usable
     if masked:
         now = (current.toned.to(dtype), render.base_color, render.depth)
-        kept = kept * (1.0 - occluded(now, (toned.to(dtype), base, previous_depth)))
-    closest = closest_around(render.depth)
-    depth = relative_depth(render.depth, closest)
-    previous_depth = relative_depth(previous_depth, closest) * kept
+        kept = kept * (1.0 - surfaces.occluded(now, (toned.to(dtype), base, previous_depth)))
+    closest = surfaces.closest_around(render.depth)
+    depth = surfaces.relative_depth(render.depth, closest)
+    previous_depth = surfaces.relative_depth(previous_depth, closest) * kept
     place = nearest.offset + jitter[:, :, None, None]  # of the sample, from the pixel's centre
     refiner_inputs = [_scaled(motion), render.base_color, render.normal, depth, render.roughness]
     refiner_inputs += [torch.cat([base, normal], dim=1) * kept, 1.0 - kept, previous_depth]

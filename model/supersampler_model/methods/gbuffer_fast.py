@@ -2,9 +2,9 @@
 
 Each sample is divided by the reflectance of its own surface, which leaves light. Light is resampled at the
 display pixels from the samples of similar surfaces, and multiplied by the reflectance of each pixel's own
-surface: an image with the textures and edges of the G-buffers in the first frame, the guided colour. It takes
-the place of this frame's upsampled colour, and a learned kernel on its 3x3 pixels that of the kernel on
-samples: it smooths edges, which one sample a pixel leaves jagged. The history warped by the surface's own
+surface. The result, the guided colour, has the textures and edges of the G-buffers in the first frame. It
+replaces the upsampled colour of this frame. The learned kernel averages its 3x3 pixels instead of the
+samples, and smooths edges, which one sample per pixel leaves jagged. The history warped by the surface's own
 motion is relit: divided by the previous reflectance, multiplied by the current one. The rest is `classifier`.
 """
 
@@ -54,7 +54,7 @@ class DisplaySurfaces(NamedTuple):
         return torch.where(sky, 1.0, minimum + (1.0 - minimum) * self.base_color)
 
     def features(self, config: GuidedConfig) -> Tensor:
-        """Return features (1, 6, h, w) whose squared distance is the difference of surfaces but for depth."""
+        """Return features (1, 6, h, w): their squared distance is the dissimilarity of base and normal."""
         normal = config.normal_falloff**0.5 * self.normal
         return torch.cat([normal, config.base_color_falloff**0.5 * self.base_color], dim=1)
 
@@ -87,7 +87,7 @@ class GuidedClassifier(Classifier):
     @classmethod
     def from_classifier(cls, trained: Trained) -> Self:
         """Return the method before its training; see `adapted`."""
-        return adapted(cls(), trained)
+        return adapted(cls, trained)
 
     def compute(
         self,
@@ -129,11 +129,7 @@ class GuidedClassifier(Classifier):
     ) -> Gathered:
         """Resample this frame and the history at the display pixels.
 
-        Args:
-            frame: this frame.
-            history: after the previous frame, that of `classifier`.
-            reflectance_before: (1, 3, H, W) of the previous frame.
-            before: view of the previous frame.
+        `reflectance_before`, (1, 3, H, W), and the view `before` belong to the previous frame.
         """
         usable, color = ops.valid(frame.color), ops.sanitize(frame.color, 0.0)
         followed = ops.exposure_for(color, usable, frame.exposure, history.exposure)
@@ -151,30 +147,29 @@ class GuidedClassifier(Classifier):
         current = self.gather_now(exposed, usable, lit(guided.light, reflectance), edge, view, grid)
         _, dilated = ops.dilate_motion_2x2(render.depth, motion)
         vectors = grid.pick_first_vectors(ops.to_display(dilated, view.display, view.extent))
-        front = ops.reproject(vectors, view.display, grid)
-        own = ops.reproject(ops.to_display(guided.motion, view.display, view.extent), view.display, grid)
-        relit = reflectance.float() / own.read(reflectance_before).clamp(min=0.5 * c.min_reflectance)
-        warped = self.gather_history(history, front, own, display.depth, before, exposure, relit)
+        by_dilated = ops.reproject(vectors, view.display, grid)
+        by_own = ops.reproject(ops.to_display(guided.motion, view.display, view.extent), view.display, grid)
+        relit = reflectance.float() / by_own.read(reflectance_before).clamp(min=0.5 * c.min_reflectance)
+        warped = self.gather_history(history, by_dilated, by_own, display.depth, before, exposure, relit)
         surfaces = torch.cat([render.depth, ops.occluding_depth(render.depth, motion)], dim=1)
+        relit_to_frame = root(warped.undilated.to(self.dtype)) - root(current.frame)
         inputs = {
-            "relit_to_frame": ops.largest(
-                (root(warped.undilated.to(self.dtype)) - root(current.frame)).abs()
-            ),
+            "relit_to_frame": ops.largest(relit_to_frame.abs()),
             "agreement": guided.agreement.to(self.dtype),
         }
         return Gathered(
-            current, warped, front, display.depth, surfaces, exposure, followed, flash, view.display, grid,
-            inputs,
+            current, warped, by_dilated, display.depth, surfaces, exposure, followed, flash, view.display,
+            grid, inputs,
         )  # fmt: skip
 
     def gather_now(
         self, exposed: Tensor, usable: Tensor, guided: Tensor, edge: Tensor, view: ops.View, grid: ops.Grid
     ) -> CurrentFrame:
-        """Upsample the usable samples of this frame, beside the guided colour.
+        """Upsample the usable samples of this frame, and add the guided colour.
 
         Args:
             exposed: (1, 3, h, w) exposed colour.
-            usable: (1, 1, h, w) 1 where it is valid, else 0.
+            usable: (1, 1, h, w) 1 where the colour is valid, else 0.
             guided: (1, 3, H, W) light of the display's surfaces times their reflectance, toned.
             edge: (1, 1, H, W) relative range of depth around.
             view: view of this frame.
@@ -186,17 +181,8 @@ class GuidedClassifier(Classifier):
         mean, deviation, _ = self.local_statistics(toned, usable, grid)
         planes = [ops.maximum_3x3(ops.glaring(exposed, usable)), ops.maximum_3x3(usable)]
         glare, sampled = ops.channels_of(grid.pick(torch.cat(planes, dim=1).to(self.dtype)))
-        return CurrentFrame(
-            frame=guided,
-            sample=sample,
-            confidence=confidence,
-            mean=mean,
-            deviation=deviation,
-            window=neighbours(guided, view.display),
-            edge=edge,
-            glare=glare,
-            sampled=sampled,
-        )
+        window = neighbours(guided, view.display)
+        return CurrentFrame(guided, sample, confidence, mean, deviation, window, edge, glare, sampled)
 
 
 def neighbours(image: Tensor, display: ops.Size) -> ops.Window:
@@ -216,7 +202,7 @@ def guide(
 ) -> GuidedLight:
     """Resample light from the 3x3 samples around each display pixel, by distance and agreement of surfaces.
 
-    Motion is that of the sample whose depth is most similar.
+    The motion comes from the sample whose depth is most similar.
 
     Args:
         light: (1, 3, h, w) colour over reflectance, toned, in the working type; filled where `usable` is 0.

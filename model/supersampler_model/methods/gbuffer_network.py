@@ -1,7 +1,8 @@
 """The network of Wang et al. 2025 (section III), on tensors at render size.
 
 Tensors of display size enter by pixel unshuffling: r x r display pixels become r^2 channels of a render
-pixel. Each 3x3 convolution of the paper may be a depthwise one between 1x1 ones, for a fraction of the work.
+pixel. Each 3x3 convolution of the paper may be replaced by a depthwise one between 1x1 ones, which takes a
+fraction of the work.
 """
 
 import itertools
@@ -20,7 +21,7 @@ from supersampler_model.methods.classifier_network import Block, Pointwise, padd
 SURFACES = 10  # base colour, normal, roughness, metallic, specular, relative depth
 GRADIENTS = 2  # of base colour and of normals
 CURRENT = 6  # of a frame: toned colour, relative depth, jitter
-REFINER_INPUTS = 18  # inputs of the refiner, besides the features of a previous frame
+REFINER_INPUTS = 18  # inputs of the refiner, without the features of a previous frame
 SAMPLES = 6  # of the frame's samples: motion, jitter, 1 where usable, relative depth
 COLORS = 15  # toned colours at display size, sample count, visibility, similarity
 
@@ -33,7 +34,7 @@ class NetworkInputs(NamedTuple):
     current: Tensor  # (n, CURRENT, h, w)
     previous: Tensor  # (n, CURRENT, h, w) the previous frame, warped and masked
     refiner_inputs: Tensor  # (n, REFINER_INPUTS, h, w)
-    earlier: Tensor  # (n, CURRENT, h, w) the one before that
+    earlier: Tensor  # (n, CURRENT, h, w) the frame before the previous one
     earlier_refiner_inputs: Tensor  # (n, REFINER_INPUTS, h, w)
     samples: Tensor  # (n, SAMPLES, h, w)
     colors: Tensor  # (n, COLORS, H, W)
@@ -58,7 +59,7 @@ class GatedEncoder(nn.Module):
             self.gate = nn.Parameter(torch.tensor(0.5))
 
     def forward(self, surfaces: Tensor) -> Tensor:
-        """(n, SURFACES, H, W) to (n, width, h, w)."""
+        """Map (n, SURFACES, H, W) to (n, width, h, w)."""
         features: Tensor = self.all(F.pixel_unshuffle(surfaces, self.ratio))
         if self.gate is None:
             return features
@@ -77,7 +78,7 @@ class FrameEncoder(nn.Module):
         self.deep = nn.Sequential(*(layer(width, width) for _ in range(3)))
 
     def forward(self, frame: Tensor) -> tuple[Tensor, Tensor]:
-        """(n, CURRENT, h, w) to features and shallow features, (n, width, h, w) each."""
+        """Map (n, CURRENT, h, w) to features and shallow features, (n, width, h, w) each."""
         shallow = self.shallow(frame)
         return self.deep(shallow), shallow
 
@@ -93,7 +94,7 @@ class Enhancer(nn.Module):
         self.projections = nn.ModuleList(nn.Conv2d(width, width, 1) for _ in range(3 * directions))
 
     def forward(self, frame: Tensor, gradients: Tensor) -> Tensor:
-        """(n, width, h, w) and (n, GRADIENTS, H, W) to (n, width, h, w)."""
+        """Map (n, width, h, w) and (n, GRADIENTS, H, W) to (n, width, h, w)."""
         if not self.projections:
             return frame
         edges = self.embed(F.pixel_unshuffle(gradients, self.ratio))
@@ -106,7 +107,7 @@ class Enhancer(nn.Module):
 
 
 class Refiner(nn.Module):
-    """A UNet of two levels that repairs features of previous frames where they were masked (III.C)."""
+    """UNet of two levels that restores features of previous frames where these were masked (III.C)."""
 
     def __init__(self, width: int, *, separable: bool) -> None:
         super().__init__()
@@ -115,14 +116,14 @@ class Refiner(nn.Module):
         self.up = _block(2 * width, width, separable=separable)
 
     def forward(self, features: Tensor, refiner_inputs: Tensor) -> Tensor:
-        """(n, width, h, w) and (n, REFINER_INPUTS, h, w) to (n, width, h, w)."""
+        """Map (n, width, h, w) and (n, REFINER_INPUTS, h, w) to (n, width, h, w)."""
         fine = self.down(padded(torch.cat([features, refiner_inputs], dim=1)))
         coarse = doubled(self.below(F.max_pool2d(fine, 2)))
         return ops.cut_to(self.up(torch.cat([fine, coarse], dim=1)), ops.size_of(features))
 
 
 class FusionNetwork(nn.Module):
-    """A UNet with a block per level and direction; only the first and the last are at render size (III.D)."""
+    """UNet with a block per level and direction; only the first and the last are at render size (III.D)."""
 
     def __init__(self, channels: int, levels: Sequence[int], *, separable: bool) -> None:
         super().__init__()
@@ -133,7 +134,7 @@ class FusionNetwork(nn.Module):
         self.up = nn.ModuleList(block(coarse + fine, fine) for coarse, fine in widths)
 
     def forward(self, features: Tensor) -> Tensor:
-        """(n, channels, h, w) to (n, levels[0], h, w)."""
+        """Map (n, channels, h, w) to (n, levels[0], h, w)."""
         x = padded(features)
         kept: list[Tensor] = []
         for block in self.down:
@@ -177,7 +178,7 @@ class GBufferNetwork(nn.Module):
         samples: Tensor,
         colors: Tensor,
     ) -> tuple[Tensor]:
-        """Return the blend parameters (n, blend_parameters, H, W); inputs are those of `NetworkInputs`."""
+        """Return the blend parameters (n, blend_parameters, H, W) of the fields of `NetworkInputs`."""
         n = current.shape[0]
         features, shallow = self.frame(torch.cat([current, previous, earlier]))  # in one pass
         now, previous_features = features[:n], features[n:]

@@ -13,19 +13,19 @@ from supersampler.methods.constants import MIN_NORMAL
 from supersampler.methods.gbuffer.spec import STEP_COST
 from supersampler_model import ops
 
-MIN_REFLECTANCE = 0.04  # added to every reflectance; about that of a dielectric
+MIN_REFLECTANCE = 0.04  # added to every reflectance; about the reflectance of a dielectric
 SAMPLE_SIGMA = 0.5  # Gaussian weight of a sample by distance, render pixels
 DEPTH_SIGMA = 0.03  # Gaussian weight of a sample by relative depth difference
 NORMAL_FALLOFF, BASE_COLOR_FALLOFF, FINISH_FALLOFF = 4.0, 8.0, 8.0
 """A sample's weight is exp(-falloff * squared difference), for each of these; finish: roughness, metallic."""
 MAX_DISTANCE_CHANGE, MAX_COLOR_CHANGE = 0.1, 0.5
-"""Larger changes invalidate the history: alpha and eta_B of Wang et al. 2025, section IV.B."""
+"""Changes of relative distance and of colour that invalidate the history: alpha and eta_B, section IV.B."""
 BASE_COLOR_WINDOW, COLOR_WINDOW = 3, 5
-"""Pixels a side in which colours are compared: k_b and k_i of the paper."""
+"""Windows in which colours are compared, pixels a side: k_b and k_i of the paper."""
 DEPTH_WINDOW = 9  # pixels a side: depth is relative to the closest in it
 LIGHT_CHANGE, LIGHT_WINDOW = 6.0, 5
-"""Stops, averaged over so many pixels a side, by which light must change to invalidate the history."""
-MIN_LUMINANCE = 1.0 / 64.0  # exposed; darker light is compared as this
+"""Change of light that invalidates the history: stops, averaged over a window of so many pixels a side."""
+MIN_LUMINANCE = 1.0 / 64.0  # exposed; darker light counts as this
 LOG2_E = 1.0 / math.log(2.0)
 
 
@@ -49,7 +49,10 @@ class Samples(NamedTuple):
 
 
 def usable_surfaces(surfaces: Surfaces, dtype: torch.dtype) -> Surfaces:
-    """Sanitize, and convert all but depth: values out of range and NaN become 0, depth UNKNOWN_DEPTH."""
+    """Sanitize, and convert all but depth to a type: NaN and values out of range become 0.
+
+    Depth becomes UNKNOWN_DEPTH there.
+    """
     *buffers, depth = surfaces
     known = [torch.where((b >= -1.0) & (b <= 1.0), b, 0.0) for b in (b.to(dtype) for b in buffers)]
     base, roughness, metallic, specular = (b.clamp(min=0.0) for b in (known[0], *known[2:]))
@@ -57,7 +60,7 @@ def usable_surfaces(surfaces: Surfaces, dtype: torch.dtype) -> Surfaces:
 
 
 def neutral_surfaces(depth: Tensor) -> Surfaces:
-    """Return grey dielectrics of roughness 0.5 that face one way, where only the depth is known."""
+    """Return surfaces of known depth: grey dielectrics of roughness 0.5 that face one way."""
     one = torch.ones_like(depth)
     grey, normal = 0.5 * one.expand(-1, 3, -1, -1), torch.cat([0.0 * one, 0.0 * one, one], dim=1)
     return Surfaces(grey, normal, 0.5 * one, 0.0 * one, 0.5 * one, depth)
@@ -78,8 +81,8 @@ def reflectance(surfaces: Surfaces) -> Tensor:
 def lit(light: Tensor, reflected: Tensor) -> Tensor:
     """Multiply toned light by the reflectance; the result is toned.
 
-    It equals `tone(inverse_tone(light) * reflected)`; linear light is not computed, as it may exceed half
-    floats.
+    It equals `tone(inverse_tone(light) * reflected)`, without computing linear light, which may exceed the
+    range of half floats.
     """
     color, minimum = light * reflected, ops.min_divisor(light, 1.0 / MAX_HALF)
     return (color / ((1.0 - ops.largest(light)).clamp(min=minimum) + ops.largest(color))).clamp(
@@ -99,7 +102,7 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
     """
     colors, weights, similar = [], [], []
     own, target = _features(render), _features(display)
-    # |a - b|^2 = |a|^2 - 2 a b + |b|^2, of which |a|^2 is computed once for each sample
+    # |a - b|^2 = |a|^2 - 2 a b + |b|^2, where |a|^2 is computed once for each sample
     lengths, target_length, twice = squared_norm(own), squared_norm(target), -2.0 * target
     for down, across, sample in samples_3x3([light, usable, render.depth, lengths, own], grid):
         color, valid, depth, length, features = sample
@@ -132,12 +135,8 @@ def samples_3x3(images: Sequence[Tensor], grid: ops.Grid) -> Iterator[tuple[int,
 def _features(surfaces: Surfaces) -> Tensor:
     """Return features (1, 8, h, w) whose squared distance is the dissimilarity of surfaces, without depth."""
     finish = torch.cat([surfaces.roughness, surfaces.metallic], dim=1)
-    scaled = [
-        NORMAL_FALLOFF**0.5 * surfaces.normal,
-        BASE_COLOR_FALLOFF**0.5 * surfaces.base_color,
-        FINISH_FALLOFF**0.5 * finish,
-    ]
-    return torch.cat(scaled, dim=1)
+    normal, base = NORMAL_FALLOFF**0.5 * surfaces.normal, BASE_COLOR_FALLOFF**0.5 * surfaces.base_color
+    return torch.cat([normal, base, FINISH_FALLOFF**0.5 * finish], dim=1)
 
 
 def weighted_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
@@ -156,7 +155,7 @@ def weighted_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
 
 
 def relative_depth(depth: Tensor, closest: Tensor) -> Tensor:
-    """Return depth over the closest depth around, in [0, 1], which does not depend on the unit of depth."""
+    """Return depth over the closest depth around, in [0, 1], which is independent of the unit of depth."""
     return (depth.clamp(min=0.0) / closest.clamp(min=1e-12)).clamp(max=1.0)
 
 
@@ -174,7 +173,7 @@ def gradients(surfaces: Surfaces) -> Tensor:
 
 
 def occluded(now: Sequence[Tensor], previous: Sequence[Tensor]) -> Tensor:
-    """Return (1, 1, h, w) 1 where a warped previous frame is invalid, else 0 (equations 1 and 2).
+    """Return (1, 1, h, w): 1 where a warped previous frame is invalid, else 0 (equations 1 and 2).
 
     A frame is given by its toned colour, base colour and depth.
     """
@@ -186,11 +185,11 @@ def occluded(now: Sequence[Tensor], previous: Sequence[Tensor]) -> Tensor:
 
 
 def changed_light(now: Tensor, previous: Tensor, known: Tensor) -> Tensor:
-    """Return (1, 1, h, w) 1 where the light changed abruptly since the previous frame, else 0.
+    """Return (1, 1, h, w): 1 where the light changed abruptly since the previous frame, else 0.
 
-    That is where it changed by more than LIGHT_CHANGE stops on average over the known pixels in a window of
-    LIGHT_WINDOW pixels a side. Lamps and shadows rarely change that much in one frame; a firefly covers too
-    few pixels.
+    An abrupt change is more than LIGHT_CHANGE stops, averaged over the known pixels in a window of
+    LIGHT_WINDOW pixels a side. Lamps and shadows rarely change that much in one frame, and a firefly covers
+    too few pixels.
 
     Args:
         now: (1, 3, h, w) exposed colour.
@@ -244,7 +243,7 @@ def squared_norm(vectors: Tensor) -> Tensor:
 
 
 class NearestSamples(NamedTuple):
-    """For each pixel, the sample of a previous frame nearest to where its motion points."""
+    """The sample of a previous frame nearest to the point that each pixel's motion points to."""
 
     values: Tensor  # (1, c, h, w) unfiltered
     offset: Tensor  # (1, 2, h, w) from that point to the sample, render pixels
@@ -269,7 +268,7 @@ def read_nearest(image: Tensor, motion: Tensor, offset: Tensor) -> NearestSample
 
 
 def read_bilinear(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
-    """Read a previous frame bilinearly where `motion` points; for arguments see `read_nearest`."""
+    """Read a previous frame bilinearly where `motion` points; see `read_nearest` for the arguments."""
     x, y = _targets(motion, offset)
     x, y = x.clamp(-2.0, image.shape[3] + 1.0), y.clamp(-2.0, image.shape[2] + 1.0)
     return ops.read(image, ops.positions_of(x, y))

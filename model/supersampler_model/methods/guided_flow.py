@@ -1,15 +1,15 @@
 """`guided-flow`: `guided-warp` with a learned motion and gain of the light.
 
-`guided-warp` keeps the light of the last shaded frame where it was on the surfaces: moving shadows,
+`guided-warp` leaves the light of the last shaded frame where it was on the surfaces, so that moving shadows,
 reflections and lamps lag behind. A small network compares the light of the last two shaded frames, both
-resampled on this frame's surfaces at half size, and infers how the light moved between them. The light at
-full size is then moved on by that flow, where surfaces are similar and the network is confident (Wu et al.
-2023, section 4.3).
+resampled on this frame's surfaces at half size, and infers how the light moved between them. That flow then
+moves the light at full size, where surfaces are similar and the network is confident (Wu et al. 2023, section
+4.3).
 
-The network is FRNet of that paper, which leaves its layers to a supplement; its loss is that of IFRNet (Kong
-et al. 2022), whose pyramid this network follows: one encoder for both images and, from the coarsest level up,
-a decoder that refines the flow and passes features on. It infers one flow instead of two, as both images are
-of previous frames, and uses depthwise convolutions between 1x1 ones.
+The network is FRNet of that paper. The paper leaves its layers to a supplement, but takes its loss from
+IFRNet (Kong et al. 2022); this network therefore follows the pyramid of IFRNet: one encoder for both images
+and, from the coarsest level up, a decoder that refines the flow and passes features on. As both images are of
+previous frames, it infers one flow instead of two. Its convolutions are depthwise ones between 1x1 ones.
 """
 
 from typing import ClassVar, NamedTuple
@@ -27,31 +27,23 @@ from supersampler.methods.extrapolation.spec import (
 )
 from supersampler.methods.spec import HALF
 from supersampler_model import ops
+from supersampler_model.methods import guided_warp
 from supersampler_model.methods.base import LearnedMethod, NetworkSubgraph
 from supersampler_model.methods.classifier_network import Block, padded
 from supersampler_model.methods.gbuffer_network import doubled
-from supersampler_model.methods.guided_warp import (
-    Shaded,
-    Surface,
-    back_to_shaded,
-    guided_light,
-    reflectance,
-    samples_at,
-    shaded_of,
-    surface_of,
-)
+from supersampler_model.methods.guided_warp import Shaded, Surface
 
 LIGHT = 4  # channels of an input: toned light, roughness
 FLOW = 2  # output channels of the flow: offset across, offset down
 OUTPUTS = (FLOW, 1, 1)
 """Output channels: flow in pixels of the inputs, gain, logit of the blend weight of the moved light."""
-AGE_RATIO = 3.0  # age of the earlier input over that of the later one, where every second frame is shaded
+AGE_RATIO = 3.0  # age of the earlier over that of the later input, if every second frame is shaded
 
 
 class Decoder(nn.Module):
-    """One level: refines the flow and passes features to the next finer level, of width `above`.
+    """Refines the flow at one level, and passes features to the next finer level, of width `above`.
 
-    The finest level has none above and infers all OUTPUTS; the deepest receives no features from another.
+    The finest level has no level above and infers all OUTPUTS; the deepest one receives no features.
     """
 
     def __init__(self, width: int, above: int | None, *, deepest: bool) -> None:
@@ -110,7 +102,7 @@ class FlowNetwork(nn.Module):
 def moved(image: Tensor, flow: Tensor) -> Tensor:
     """Read an image (n, c, h, w) bilinearly at an offset `flow`, (n, 2, h, w) pixels, clamped at the border.
 
-    Positions are float32 also for images of half floats: those cannot represent pixel positions beyond 2048.
+    Positions are float32 even if images are half floats, which cannot represent positions beyond 2048.
     """
     x = torch.arange(image.shape[3], device=image.device) + flow[:, :1]
     y = torch.arange(image.shape[2], device=image.device)[:, None] + flow[:, 1:]
@@ -133,7 +125,7 @@ class Lights(NamedTuple):
     """The network inputs."""
 
     later: Tensor  # (1, LIGHT, h / 2, w / 2) toned light of the last shaded frame, and roughness
-    earlier: Tensor  # (1, LIGHT, h / 2, w / 2) those of the earlier shaded frame
+    earlier: Tensor  # (1, LIGHT, h / 2, w / 2) of the earlier shaded frame
 
 
 class Gathered(NamedTuple):
@@ -148,8 +140,8 @@ class Gathered(NamedTuple):
 class GuidedFlow(LearnedMethod):
     """Light each pixel like similar surfaces, then extrapolate the motion of light.
 
-    Untrained, it computes the images of `guided-warp`. It takes no step on shaded frames, see `after_shaded`.
-    After a reset both shaded frames of the history are the first one, so that no light has moved.
+    Untrained, it computes the images of `guided-warp`. It does not step on shaded frames, see `after_shaded`.
+    After a reset, the first shaded frame serves as both shaded frames of the history: no light has moved.
     """
 
     spec: ClassVar = GUIDED_FLOW
@@ -161,7 +153,7 @@ class GuidedFlow(LearnedMethod):
         return FlowNetwork(self.config.network)
 
     def subgraph(self) -> NetworkSubgraph | None:
-        """Return FRNet; tensor names are those of released graphs."""
+        """Return FRNet, with the tensor names of released graphs."""
         inputs = dict.fromkeys(("later", "earlier"), (1, LIGHT, *HALF))
         return NetworkSubgraph(self.net, inputs, {"flow": (1, sum(OUTPUTS), *HALF)}, ratio=1)
 
@@ -177,7 +169,7 @@ class GuidedFlow(LearnedMethod):
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, h, w), linear RGB >= 0, and the next history."""
         grouped = flow_history(*history)
-        surface = surface_of(gbuffer_base_color, gbuffer_normal, depth)
+        surface = guided_warp.surface_of(gbuffer_base_color, gbuffer_normal, depth)
         gathered = self.gather(surface, gbuffer_roughness, motion, jitter, grouped)
         (flow,) = self.net(*gathered.lights)
         image = self.finish(gathered, flow)
@@ -189,11 +181,11 @@ class GuidedFlow(LearnedMethod):
         """Compute the guided light of the last shaded frame, and of the earlier one at half size."""
         c, last, earlier = self.config.warp, history.last, history.earlier
         to_last, to_earlier = motions_of(motion, jitter, history)
-        x, y = samples_at(to_last, jitter, ops.size_of(last.color), last.jitter)
-        light = guided_light(surface, last, x, y, c)
-        x, y = samples_at(to_earlier, jitter, ops.size_of(earlier.color), earlier.jitter)
+        x, y = guided_warp.samples_at(to_last, jitter, ops.size_of(last.color), last.jitter)
+        light = guided_warp.guided_light(surface, last, x, y, c)
+        x, y = guided_warp.samples_at(to_earlier, jitter, ops.size_of(earlier.color), earlier.jitter)
         half_surface = Surface(*map(halved, surface))
-        lights = [halved(light), guided_light(half_surface, earlier, halved(x), halved(y), c)]
+        lights = [halved(light), guided_warp.guided_light(half_surface, earlier, halved(x), halved(y), c)]
         exposure, _ = ops.measured_exposure(lights[0], torch.ones_like(half_surface.depth))
         rough = halved(ops.finite(roughness).clamp(0.0, 1.0))
         toned = (ops.tone(half * exposure).clamp(max=MAX_TONED) for half in lights)
@@ -203,12 +195,12 @@ class GuidedFlow(LearnedMethod):
         """Return the image (1, 3, h, w) from the network's output."""
         surface = gathered.surface
         light = self.refined(gathered.light, self.guides(surface), flow)
-        return ops.bounded(light * reflectance(surface, self.config.warp))
+        return ops.bounded(light * guided_warp.reflectance(surface, self.config.warp))
 
     def guides(self, surface: Surface) -> Tensor:
         """Return surface features (1, 4, h, w) in standard deviations: normal and logarithm of depth."""
         c = self.config
-        log_depth = surface.depth.clamp(min=SKY_DEPTH).log()  # differences of logarithms are relative
+        log_depth = surface.depth.clamp(min=SKY_DEPTH).log()  # its differences are relative
         return torch.cat([surface.normal / c.normal_sigma, log_depth / c.depth_sigma], dim=1)
 
     def refined(self, light: Tensor, guides: Tensor, flow: Tensor) -> Tensor:
@@ -244,18 +236,19 @@ def flow_history(*history: Tensor) -> FlowHistory:
     """Group and sanitize the history tensors, given in the order of `GuidedFlow.history`."""
     color, base_color, normal, depth, jitter, motion, motion_jitter, shaded_motion, *earlier = history
     *frame, between, between_jitter = earlier
-    last = shaded_of(color, base_color, normal, depth, jitter)
-    return FlowHistory(last, shaded_of(*frame), motion, motion_jitter, shaded_motion, between, between_jitter)
+    last = guided_warp.shaded_of(color, base_color, normal, depth, jitter)
+    before = guided_warp.shaded_of(*frame)
+    return FlowHistory(last, before, motion, motion_jitter, shaded_motion, between, between_jitter)
 
 
 def motions_of(motion: Tensor, jitter: Tensor, history: FlowHistory) -> tuple[Tensor, Tensor]:
     """Return the motion, (1, 2, h, w) each, to the last shaded frame and to the earlier one."""
     last_jitter = history.last.jitter
-    to_last = back_to_shaded(motion, jitter, history.motion, history.motion_jitter)
-    last_to_earlier = back_to_shaded(
+    to_last = guided_warp.back_to_shaded(motion, jitter, history.motion, history.motion_jitter)
+    last_to_earlier = guided_warp.back_to_shaded(
         history.shaded_motion, last_jitter, history.between, history.between_jitter
     )
-    return to_last, back_to_shaded(to_last, jitter, last_to_earlier, last_jitter)
+    return to_last, guided_warp.back_to_shaded(to_last, jitter, last_to_earlier, last_jitter)
 
 
 def halved(image: Tensor) -> Tensor:

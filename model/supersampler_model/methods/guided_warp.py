@@ -1,12 +1,11 @@
 """`guided-warp`: the colour of an unshaded frame, from the last shaded one (Wu et al. 2023, ExtraSS).
 
-The G-buffers of an unshaded frame give its surfaces; only the light is missing (section 4.2). Dividing the
-colours of the shaded frame by its reflectance gives its light. Each pixel of the unshaded frame is
-reprojected into the shaded frame and averages the light of four samples: those, of 33 candidates around that
-position, whose surfaces are most similar to its own. Disoccluded and off-screen surfaces therefore take the
-light of a similar surface nearby, not that of their occluder. The light is multiplied by each pixel's own
-reflectance. The image has the samples and the jitter of the unshaded frame: an upscaler steps on it as on a
-shaded frame.
+The G-buffers of an unshaded frame give its surfaces; only the light is missing (section 4.2). The colours of
+the shaded frame over its reflectance are its light. Each pixel of the unshaded frame is reprojected into the
+shaded frame, and averages the light of four of the 33 samples around that position: those whose surfaces are
+most similar to its own. Disoccluded and off-screen surfaces therefore take the light of a similar surface
+nearby, not of their occluder. The light is multiplied by each pixel's own reflectance. The image has the
+samples and the jitter of the unshaded frame, so that an upscaler can step on it as on a shaded frame.
 """
 
 from collections.abc import Sequence
@@ -49,7 +48,7 @@ class Shaded(NamedTuple):
 
 
 class Guide(NamedTuple):
-    """The surface features by which samples are selected, and the positions that they are near."""
+    """The surface features by which samples are selected, and the positions around which they lie."""
 
     pixels: Tensor  # (h w, 7) features of the pixels
     samples: Tensor  # (h' w', 7) features of the shaded frame's samples
@@ -95,7 +94,7 @@ def guided_light(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config:
 def _guide(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Guide:
     size = ops.size_of(shaded.color)
     x, y = x.clamp(0.0, size.width - 1.0), y.clamp(0.0, size.height - 1.0)
-    # Without any valid depth in the shaded frame, depth must not count: all its samples would be unlike.
+    # If no depth of the shaded frame is valid, depth must not count, or no sample would be similar.
     has_depth = (shaded.surface.depth >= 0.0).float().sum() > 0.0
     unknown = torch.full_like(surface.depth, UNKNOWN_DEPTH)
     surface = surface._replace(depth=torch.where(has_depth, surface.depth, unknown))
@@ -106,7 +105,7 @@ def _guide(surface: Surface, shaded: Shaded, x: Tensor, y: Tensor, config: Guide
 def _features(surface: Surface, config: GuidedWarpConfig) -> Tensor:
     """Return features (h w, 7) in standard deviations: base colour, normal, logarithm of depth."""
     shades = torch.cat([surface.base_color, surface.normal], dim=1) / config.surface_sigma
-    log_depth = surface.depth.clamp(min=SKY_DEPTH).log() / config.depth_sigma  # differences are relative
+    log_depth = surface.depth.clamp(min=SKY_DEPTH).log() / config.depth_sigma  # its differences are relative
     log_depth = torch.where(surface.depth < 0.0, INVALID_DEPTH, log_depth)
     return _rows(torch.cat([shades, log_depth], dim=1))
 
@@ -202,9 +201,10 @@ def samples_at(
 def indices_of_smallest(values: Sequence[Tensor], count: int) -> list[Tensor]:
     """Return the indices, (n) int64 each, of the `count` smallest values, smallest first.
 
-    A partial insertion sort of minima and maxima, as TopK differs between ONNX providers. A key holds a value
-    in steps of 1 / KEY_STEPS and, below them, its index: one comparison sorts both, and the first of equal
-    values wins. Values are >= 0, (n) each; those above MAX_KEY / KEY_STEPS count as equal.
+    This is a partial insertion sort of minima and maxima, because TopK differs between ONNX providers. A key
+    holds a value in steps of 1 / KEY_STEPS and, in its lower digits, the index: one comparison sorts both,
+    and the first of equal values wins. Values are >= 0, (n) each; those above MAX_KEY / KEY_STEPS count as
+    equal.
     """
     smallest: list[Tensor] = []
     for number, value in enumerate(values):
@@ -224,9 +224,9 @@ def _rows(planes: Tensor) -> Tensor:
 class GuidedWarp(Method):
     """Light each pixel like similar surfaces of the last shaded frame.
 
-    It takes no step on shaded frames: the history after one is that frame, see `after_shaded`. With a history
-    of zeros the image is black. Samples with invalid colour, surface or depth are used only where there is no
-    other.
+    It does not step on shaded frames: the history after one is that frame, see `after_shaded`. With a history
+    of zeros the image is black. Samples with invalid colour, surface or depth are used only where there are
+    no others.
     """
 
     spec: ClassVar = GUIDED_WARP

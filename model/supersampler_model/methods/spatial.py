@@ -12,7 +12,7 @@ from supersampler_model.methods.base import Method
 
 
 class Spatial(Method):
-    """Separable interpolation with `kernel`; missing samples are filled from those around."""
+    """Separable interpolation with `kernel`; missing samples are filled from the samples around."""
 
     reach: ClassVar[int]
 
@@ -30,11 +30,8 @@ class Spatial(Method):
         """Return the image (1, 3, H, W), linear RGB >= 0."""
         display, render = ops.display_size_of(display_size), ops.size_of(color)
         bands = ops.grid_of(display, render, jitter).bands(render, self.kernel, reach=self.reach)
-        return (
-            ops.bounded(
-                ops.resample(ops.filled(ops.sanitize(color, 0.0), ops.valid(color), torch.ones(1)), *bands)
-            ),
-        )
+        filled = ops.filled(ops.sanitize(color, 0.0), ops.valid(color), torch.ones(1))
+        return (ops.bounded(ops.resample(filled, *bands)),)
 
 
 class Bilinear(Spatial):

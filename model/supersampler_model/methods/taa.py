@@ -1,13 +1,13 @@
 """`taa`: Salvi, "An Excursion in Temporal Supersampling" (GDC 2016), as published.
 
-An exponential moving average of 10 % new and 90 % old colour. The old colour is reprojected by the longest
-motion vector of the 3x3 neighbourhood and rectified: the segment from the old colour to the new sample is
-clipped by a box around this frame's 3x3 colours. Variance clipping builds that box from the first two raw
-moments, mu +- gamma sigma, and intersects it with their minimum and maximum.
+The image is an exponential moving average of 10 % new and 90 % old colour. The old colour is reprojected by
+the longest motion vector of the 3x3 neighbourhood and rectified: the segment from the old colour to the new
+sample is clipped by a box around this frame's 3x3 colours. Variance clipping builds that box from the first
+two raw moments, mu +- gamma sigma, and intersects it with the minimum and maximum of the colours.
 
-Salvi works at one resolution. At other ratios the new sample is the bilinear upsampling of this frame, and
-the boxes are those of the render-size neighbourhood. Colours are compared in YCoCg after exposure and tone
-curve. Where a sample of the neighbourhood is not usable, the history is kept as it is.
+Salvi works at one resolution. At other ratios, the new sample is the bilinear upsampling of this frame, and
+the boxes are those of the render-size neighbourhood. Colours are compared in YCoCg, after exposure and tone
+curve. Where a sample of the neighbourhood is not usable, the history is kept without clipping.
 """
 
 from typing import ClassVar, NamedTuple
@@ -93,13 +93,13 @@ class Taa(Method):
     def network(self, gathered: Gathered, history_exposure: Tensor) -> Tensor:
         """Return the weight of the new sample, (1, 1, H, W).
 
-        It is alpha, 0 where the sample is not usable, and 1 without history. The reactive mask raises it.
+        It is alpha; 0 where the sample is not usable; 1 without history. The reactive mask raises it.
         """
         has_history = gathered.has_history * (history_exposure.abs() > 0.0)
         return 1.0 - has_history * (1.0 - self.config.alpha * gathered.usable) * (1.0 - gathered.reactive)
 
     def finish(self, gathered: Gathered, weight: Tensor, exposure: Tensor) -> Tensor:
-        """Clip the history, blend, and return to linear RGB."""
+        """Clip the history, blend, and convert to linear RGB."""
         match self.config.clip:
             case "sample":
                 history = ops.clip_to_sample(gathered.history, gathered.sample, gathered.box)
@@ -116,11 +116,11 @@ class Taa(Method):
         extent = ops.Corners(ops.minimum_3x3(color), ops.maximum_3x3(color))
         if self.config.gamma is None:
             return extent
-        first, second = ops.moments(color)
+        first, second = ops.blurred(color), ops.blurred(color * color)  # E[c] and E[c^2]
         for _ in range(3, self.config.window, 2):
             first, second = ops.blurred(first), ops.blurred(second)
-        center, half = ops.variance_box(first, second, self.config.gamma)
-        box = ops.Corners(center - half, center + half)
+        half = self.config.gamma * (second - first * first).clamp(min=0.0).sqrt()
+        box = ops.Corners(first - half, first + half)
         if self.config.intersect_extent:
             return ops.Corners(torch.maximum(box.low, extent.low), torch.minimum(box.high, extent.high))
         return box

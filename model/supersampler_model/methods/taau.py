@@ -1,8 +1,7 @@
 """`taau`: temporal upsampling without a network; the fallback, and the baseline of every network.
 
 Each display pixel stores a colour, the number of accumulated samples, and the spread of those samples. A new
-frame adds its samples near the pixel, weighted by distance. The number of samples of the history is reduced
-where
+frame adds its samples near the pixel, weighted by distance. The sample count of the history is reduced where
 
 * the pixel is disoccluded (foreground broader than two samples was closer in the previous frame),
 * the lighting changed: the mean of a neighbourhood changed by more than jitter explains,
@@ -10,18 +9,18 @@ where
 * its colour lies outside a variance box of this frame's colours (Salvi 2016); it is then clipped to the box,
 * motion resamples it: each resampling blurs, so more blur keeps fewer samples.
 
-The box is widened by the spread of the pixel's own samples over time. Otherwise features thinner than the
-sample distance vanish from the box in frames that miss them, and flicker: the weakness of variance clipping
-that Salvi names. On smooth surfaces, whose shade differs from sample to sample, the box holds the plane
-through the samples and the variance about it (`plane_moments`), and the error of a sample is at most its
-distance from that plane, or from the mean around it: light that moves over them changes all samples alike.
-Otherwise the history would lag in a wide box, and the samples of each frame would show as a grid.
+The spread of the pixel's own samples over time widens the box. Otherwise features thinner than the sample
+distance would vanish from the box in frames that miss them, and flicker: the weakness of variance clipping
+that Salvi names. On smooth surfaces, whose shade differs from sample to sample, the box is the plane through
+the samples with the variance about it (`plane_moments`). The error of a sample there is at most its distance
+from that plane, or from the mean around it, as moving light changes all samples alike. Otherwise the history
+would lag in a wide box, and the samples of each frame would show as a grid.
 
-Light ten stops over white (GLARE_EXPOSED) that was not there before is shown, but accumulated only from its
-third consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded
-frame extrapolated from it, therefore leave no trace. Less light is treated alike where it raises the contrast
-of the whole frame (FLASH) and that around a pixel. Where the mean around the pixel rises so far that light
-counts as changed, the history restarts instead.
+New light ten stops over white (GLARE_EXPOSED) is shown, but accumulated only from its third consecutive frame
+on. Until then the warped history is kept. A single bright frame, and an unshaded frame extrapolated from it,
+therefore leave no trace. Darker light is treated in the same way where it raises the contrast of the whole
+frame (FLASH) and the contrast around a pixel. Where the mean around the pixel rises so far that light counts
+as changed, the history restarts instead.
 """
 
 from typing import ClassVar, NamedTuple
@@ -31,13 +30,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler.methods.at_rest import BLOCK, DARK, WINDOWS
-from supersampler.methods.constants import (
-    CONFIRMED,
-    DARKNESS,
-    FULL_WEIGHT,
-    GLARE,
-    MIN_WEIGHT,
-)
+from supersampler.methods.constants import CONFIRMED, DARKNESS, FULL_WEIGHT, GLARE, MIN_WEIGHT
 from supersampler.methods.taau.spec import (
     FIT,
     FLASH,
@@ -59,7 +52,7 @@ from supersampler_model.ops import at_rest
 
 
 class Moments(NamedTuple):
-    """Mean and variance of the samples in a window; those of luma are about its plane as far as that fits."""
+    """Mean and variance of the samples in a window; luma is taken about its plane, as far as it fits."""
 
     center: Tensor  # (1, 3, H, W)
     variance: Tensor  # (1, 3, H, W) 1 where most samples of the window are not usable
@@ -100,7 +93,7 @@ class Blend(NamedTuple):
     samples: Tensor  # (1, 1, H, W) effective number in the history
     spreads: Tensor  # (1, 1, H, W) 1 where the spread of the history is still valid
     trusted: Tensor  # (1, 1, H, W) fraction of the history that is kept where this frame adds no sample
-    kept: Tensor  # (1, 1, H, W) number in the history there
+    kept: Tensor  # (1, 1, H, W) number of samples in the history there
     unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds no sample
 
 
@@ -179,7 +172,7 @@ class Taau(Method):
     ) -> CurrentFrame:
         """Upsample the usable samples of this frame.
 
-        `toned`: (1, 3, h, w), filled where samples are missing; shown where no other is near.
+        `toned`, (1, 3, h, w), is filled where samples are missing; it is the result where no other is near.
         """
         c = self.config
         luma = ops.upsample_along_edges(toned[:, :1], usable, grid)
@@ -205,7 +198,7 @@ class Taau(Method):
     def gather_surface(
         self, history: Tensor, before: ops.View, reprojection: ops.Reprojection, depth: Tensor, change: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Return the surface's previous visibility, (1, 1, H, W), and its shade at this exposure."""
+        """Return the previous visibility of the surface, (1, 1, H, W), and its shade at this exposure."""
         position, c = before.to_render(reprojection.position), self.config
         occluded = ops.occlusion(depth, history[:, :1], position, c.depth_margin, c.depth_ramp)
         visible = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
@@ -243,7 +236,7 @@ class Taau(Method):
         """Compute the blend parameters by rules, in place of a network; `flash`: last of `light_after`."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
-        unknown = (warped.glare > 0.0) & (warped.glare < CONFIRMED)  # its shade has light that was not added
+        unknown = (warped.glare > 0.0) & (warped.glare < CONFIRMED)  # the shade has light that was not added
         unchanged = torch.where(unknown, 1.0, unchanged)
         spread = warped.power.sqrt() * unchanged
         moving = (warped.speed / c.gamma_speed).clamp(max=1.0)
@@ -267,7 +260,7 @@ class Taau(Method):
         )
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
-        """Return (1, 1, H, W): 1 where the mean luma around changed by more than jitter explains."""
+        """Return (1, 1, H, W): 1 where the mean luma around changed by more than jitter explains, else 0."""
         c = self.config
         moved = (now[:, :1] - before[:, :1]).abs()
         jitter = c.change_deviation * torch.maximum(now[:, 1:2], before[:, 1:2])
@@ -277,9 +270,9 @@ class Taau(Method):
     def finish(
         self, current: CurrentFrame, warped: WarpedHistory, blend: Blend, exposure: Tensor, reactive: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Blend, or use this frame alone with few samples; return linear RGB and the next samples.
+        """Blend, or show this frame alone where samples are few; return linear RGB and the next samples.
 
-        `reactive`, (1, 1, H, W), is the share of this frame alone in the image, whatever the samples.
+        `reactive`, (1, 1, H, W), is the fraction of this frame alone in the image.
         """
         settled = (blend.samples / self.config.settled).clamp(max=1.0)
         sample = current.sample + (1.0 - settled) * (current.frame - current.sample)
@@ -315,9 +308,9 @@ def light_of(shade: Tensor) -> Tensor:
 def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
     """Return `history.light` of the next frame, (1, 4), with a flag: the light of this frame is unconfirmed.
 
-    That holds where the contrast of the previous frames does not explain that of this frame, and in one more
-    such frame: an unshaded one may be extrapolated from it. `light`, (1, 2), is `light_of` this frame,
-    `before`, (1, 4), the history, and `change`, (1,), the ratio of the exposures.
+    It is unconfirmed if the contrast of the previous frames does not explain that of this frame. One more
+    such frame is unconfirmed, too, as it may be extrapolated from the first one. `light`, (1, 2), is
+    `light_of` this frame, `before`, (1, 4), the history, and `change`, (1,), the ratio of the exposures.
     """
     dim = 1.0 + (change - 1.0) * before[:, :1]
     slope = change / (dim * dim)
@@ -329,7 +322,7 @@ def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
 
 
 def exceeds(contrast: Tensor, before: Tensor) -> Tensor:
-    """Return whether a square deviation is more than that of previous frames explains."""
+    """Return whether a squared deviation exceeds the range that previous frames explain."""
     return contrast > FLASH * before + LEAST_FLASH
 
 
@@ -351,10 +344,11 @@ def samples_kept(
 ) -> Tensor:
     """Return how many samples of the history are kept where light changes slowly, by block, (1, 1, hb, wb).
 
-    The variance box does not detect such changes on textured ground: previous colours are still in the box.
-    But the samples of a window have the mean of the history there, whatever its texture. Some samples of each
-    block that neither moves nor stays frozen are compared with the nearest pixels of the history, toned. Few
-    samples are kept where the mean difference of a window of such blocks exceeds its standard error.
+    On textured ground, the variance box does not detect such changes: previous colours are still in the box.
+    But whatever the texture, the samples of a window have the same mean as the history there, if the light is
+    constant. Some samples of each block that neither moves nor is frozen are compared with the nearest pixels
+    of the history, toned. Few samples are kept where the mean difference of a window of such blocks exceeds
+    its standard error.
 
     Args:
         color: (1, 3, h, w) this frame, exposed; finite.
@@ -384,7 +378,7 @@ def samples_kept(
 
 
 def extended(blocks: Tensor, count: int) -> Tensor:
-    """Append so many rows and columns of zeros."""
+    """Append `count` rows and columns of zeros."""
     width, height = ops.size_of(blocks)
     down, across = (
         (torch.arange(extent + count, device=blocks.device) < extent).float() for extent in (height, width)
@@ -397,11 +391,11 @@ class PlaneAxis(NamedTuple):
 
     mean: ops.Bands  # weights that sum to 1
     slope: ops.Bands  # least-squares slope, per standard deviation of the positions in the window
-    shift: Tensor  # (n,) mean position in the window less that of the pixel, in these standard deviations
+    shift: Tensor  # (n,) mean position in the window less the pixel's, in these standard deviations
 
     @classmethod
     def of(cls, window: ops.Bands, first: ops.Bands, second: ops.Bands) -> "PlaneAxis":
-        """Return the filters from the Gaussian, and from that times distance and squared distance."""
+        """Return the filters from the Gaussian, the Gaussian times distance, and times squared distance."""
         total = window.weights.sum(dim=2, keepdim=True)
         mean = first.weights.sum(dim=2, keepdim=True) / total
         variance = second.weights.sum(dim=2, keepdim=True) / total - mean * mean
@@ -417,7 +411,7 @@ def fit_of(luma: Tensor, usable: Tensor, deviation: Tensor) -> Tensor:
     """Return whether 3x3 samples are on a plane, (1, 1, h, w): 0 on detail and edges, 1 on smooth surfaces.
 
     On a smooth surface whose shade changes from sample to sample, variance clipping (Salvi 2016) finds as
-    much contrast as on detail. Contrast about the plane of the samples is that of detail alone.
+    much contrast as on detail. Contrast about the plane of the samples is due to detail alone.
 
     Args:
         luma: (1, 1, h, w), 0 where not usable.
@@ -437,7 +431,7 @@ def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, si
     Args:
         color: (1, 3, h, w) YCoCg, 0 where not usable.
         usable: (1, 1, h, w) 1 or 0.
-        fit: (1, 1, H, W) fraction of the plane's part in the result.
+        fit: (1, 1, H, W) weight of the plane in the result.
         grid: grid of the display pixels.
         sigma: sigma of the Gaussian, render pixels.
     """

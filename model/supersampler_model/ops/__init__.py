@@ -1,7 +1,7 @@
 """Operations that methods share: colour, images, motion, sampling, blending.
 
-They have no weights and do not depend on a method; the CPU kernels compute the same. Methods use them as
-`ops.tone(color)`; `ops.at_rest`, which is an algorithm of its own, is imported as a module.
+They have no weights and do not depend on a method. The CPU kernels and the shaders implement the same
+operations. Methods write `ops.tone(color)`; `ops.at_rest` is imported as a module.
 """
 
 from supersampler_model.ops.blending import *

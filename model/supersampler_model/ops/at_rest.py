@@ -1,29 +1,28 @@
-"""Convergence of static blocks: the mean of one jitter period of samples, shown once the next confirms it.
+"""Convergence of static blocks: the mean of the samples of one jitter period, shown once it is confirmed.
 
-A method keeps its own image. Beside it, the samples of each phase of the jitter are added once to a mean: its
-weights, its jitter and its light are then those of exactly one period. The mean is not shown until samples
-have come again, phase by phase, as they were one period before. Only what is the same twice is known to be
-static, whatever moves, fades or flickers.
+A method keeps its own image. Beside it, the samples of each phase of the jitter are added once to a mean,
+whose weights, jitter and light are then those of exactly one period. The mean is shown only after the samples
+of the next period, phase by phase, were the same: only samples that repeat are known to be static.
 
-The frame is divided into blocks of 4x4 samples. Each has a signature for each phase: the means of the fourth
-roots of its samples, and a weighted sum of them that depends on their order. A signature is written once and
-never updated, so that slow changes add up. A block restarts, with its neighbours, where a signature differs,
-something moves, or the frame is marked as reactive. So light that fades, jumps or flickers, an edge that
-creeps, a screen that scrolls and a camera that moves less than can be seen show the method's own image.
+The frame is divided into blocks of 4x4 samples. A block has a signature for each phase: the means of the
+fourth roots of its samples, and a weighted sum of these that depends on their order. A signature is written
+once and never updated, so that slow changes add up. A block restarts, with its neighbours, where a signature
+differs, something moves, or the reactive mask is set. Where light fades, jumps or flickers, an edge creeps, a
+screen scrolls, or the camera moves imperceptibly, the method's own image is shown.
 
-Light that blinks with a divisor of the jitter period would pass this test. So residuals of the samples from
-the mean are compared over the period, too. Aliasing averages out over a window of samples, light does not: a
-block is not shown where a window's mean residual is large for the variance in it (UNIFORM in its 8x8 samples,
-or PARTIAL beside such a window, COMMON in 32x32), or where the mean does not predict the samples
+Light that blinks with a divisor of the jitter period would pass this test. The residuals of the samples from
+the mean are therefore tested over the period, too. Aliasing averages out over a window of samples, light does
+not. A block is not shown where the mean residual of a window is large for the variance in it (UNIFORM in its
+8x8 samples, or PARTIAL beside such a window, COMMON in 32x32), or where the mean does not predict the samples
 (UNRESOLVED).
 
 Samples of a path tracer never repeat. Where `adds_samples` is NOISY, all samples are added, and nothing is
 confirmed or frozen. A block restarts where the mean residual of its small window, averaged over about eight
-frames, is more than NOISE_FLICKER and what the variance of the residuals explains.
+frames, is more than NOISE_FLICKER and the noise of the residuals explain.
 
-A block that has been confirmed for a whole period is frozen: its image is the mean, bit by bit, and no sample
-is added. In a tile of the display whose blocks are all frozen, the method's own history is kept as it is, and
-where all of the frame is frozen, all of it. A backend may therefore skip the method there.
+A block that was confirmed for a whole period is frozen: its image is the mean, bit by bit, and no sample is
+added. In a tile of the display whose blocks are all frozen, the method's own history does not change, and
+where the whole frame is frozen, no history changes. A backend may therefore skip the method there.
 """
 
 from typing import NamedTuple
@@ -35,33 +34,22 @@ from torch.nn import functional as F
 from supersampler.methods import at_rest as spec
 from supersampler.methods.at_rest import BLOCK, WINDOWS
 from supersampler.methods.constants import FULL_WEIGHT
+from supersampler_model.ops import images
 from supersampler_model.ops.color import bounded, sanitize, valid
-from supersampler_model.ops.images import (
-    Size,
-    block_means,
-    fit,
-    fit_axis,
-    pick_columns,
-    size_of,
-    spread,
-    window_means,
-)
+from supersampler_model.ops.images import Size, fit, fit_axis, pick_columns, size_of
 from supersampler_model.ops.motion import squared_length, usable_motion
 from supersampler_model.ops.sampling import Bands, Grid, resample
 
 
 class RestFrame(NamedTuple):
-    """This frame, at render size.
-
-    `adds_samples` is 0 where `color` was not sampled in this frame, NOISY where samples never repeat, else 1.
-    """
+    """This frame, at render size."""
 
     color: Tensor  # (1, 3, h, w) linear RGB as given: any value
     motion: Tensor  # (1, 2, h, w) render pixels
     jitter: Tensor  # (1, 2) render pixels
     exposure: Tensor  # (1,) > 0
     reactive: Tensor  # (1, 1, h, w) over 0 where the history is not reliable
-    adds_samples: Tensor  # (1,)
+    adds_samples: Tensor  # (1,) 0: not sampled in this frame; NOISY: samples never repeat; else 1
 
     @property
     def is_sampled(self) -> Tensor:
@@ -70,15 +58,15 @@ class RestFrame(NamedTuple):
 
     @property
     def is_noisy(self) -> Tensor:
-        """(1,) 1 where the samples are those of a path tracer, else 0."""
+        """(1,) 1 where a path tracer took the samples, else 0."""
         return (self.adds_samples >= spec.NOISY).float()
 
 
 class RestHistory(NamedTuple):
     """The history tensors of `AT_REST_HISTORY`; zeros without a history.
 
-    The channels of `blocks` are the age, negative where frozen, and the sums of three tests; of noisy samples
-    the mean residual.
+    The channels of `blocks` are the age, negative where frozen, and the sums of three tests; with noisy
+    samples the mean residual takes the place of the tests.
     """
 
     mean: Tensor  # (1, 4, H, W) linear RGB, and the sum of weights
@@ -88,15 +76,12 @@ class RestHistory(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """The jitter of this frame, and when it was last seen.
-
-    `counts` is 0 after a frame of the same jitter, or without samples: the frame then adds no phase.
-    """
+    """The jitter of this frame, and when it was last seen."""
 
     slot: Tensor  # (1,) int64, its row in `phases`
     age: Tensor  # (1,) frames since it was last seen; 0 if it is new
     period: Tensor  # (1,) frames of a jitter period; 0 while it is unknown
-    counts: Tensor  # (1,) 1 where the frame adds a phase, else 0
+    counts: Tensor  # (1,) 1 where the frame adds a phase; 0 without samples, or if the jitter did not change
     phases: Tensor  # (phases, 4) the next table
 
 
@@ -104,11 +89,11 @@ class StaticBlocks(NamedTuple):
     """Static blocks of this frame, (1, 1, hb, wb) each; 1 where the condition holds, else 0."""
 
     known: Tensor  # the block has a signature of this phase
-    moves: Tensor  # something moves nearby, or is reactive
-    static: Tensor  # nothing moves or changes nearby
-    adds: Tensor  # this frame's samples belong into the mean
-    stays: Tensor  # the image is frozen and stays so
-    age: Tensor  # frames since the block changed, with this one
+    moves: Tensor  # something moves or is reactive in the block or beside it
+    static: Tensor  # nothing moves or changes there
+    adds: Tensor  # this frame's samples are added to the mean
+    stays: Tensor  # the block was frozen and stays frozen
+    age: Tensor  # frames since the block changed, this one included
     verifies: Tensor  # this frame confirms the mean
     tests: Tensor  # (1, 3, hb, wb) of the next history
     history: RestHistory  # of this frame's sizes, with the next signatures and phases
@@ -116,10 +101,10 @@ class StaticBlocks(NamedTuple):
     at_pixels: "BlocksAtPixels"
 
     def resting(self, size: Size) -> Tensor:
-        """Return (1, 1, n, m): 1 in tiles of an image of this size where the method's own history is kept."""
+        """Return (1, 1, n, m): 1 in tiles of an image of this size whose history does not change."""
         stays = self.at_pixels.resized(size).pick(self.stays)
         whole = fit(stays, size.width + spec.TILE - 1, size.height + spec.TILE - 1)
-        return spread(-F.max_pool2d(-whole, spec.TILE), spec.TILE, size)
+        return images.spread(-F.max_pool2d(-whole, spec.TILE), spec.TILE, size)
 
     def kept(self, before: Tensor, after: Tensor) -> Tensor:
         """Return the next history's tensor: `before` where the whole frame rests, else `after`.
@@ -227,12 +212,12 @@ def converge(image: Tensor, frame: RestFrame, blocks: StaticBlocks, grid: Grid) 
 
 
 def kept(resting: Tensor, before: Tensor, after: Tensor) -> Tensor:
-    """Return a method's own next history, (1, c, H, W): as it was in tiles that rest."""
+    """Return a method's own next history, (1, c, H, W): unchanged in resting tiles."""
     return torch.where(resting > 0.0, before, after)
 
 
 def of_frame(history: RestHistory, previous: Size, display: Size, render: Size) -> RestHistory:
-    """Return the history in the sizes of this frame; zeros for tensors of another size."""
+    """Return the history in the sizes of this frame; zeros if the render size changed."""
     one = history.phases.new_ones(1)
     same = ((one * previous.width == render.width) & (one * previous.height == render.height)).float()
     across, down = ((extent + BLOCK - 1) // BLOCK for extent in render)
@@ -244,12 +229,12 @@ def of_frame(history: RestHistory, previous: Size, display: Size, render: Size) 
 
 
 def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
-    """Find the frame's jitter in the table of phases, or give it the row unused for longest."""
+    """Find the row of the frame's jitter among the phases; a new jitter takes a free or the oldest row."""
     ages, periods, oldest = phases[:, 2], phases[:, 3], spec.OLDEST
     row = torch.arange(phases.shape[0], device=phases.device)
     same = ((phases[:, :2] - frame.jitter).abs().sum(dim=1) < 1e-6) & (ages > 0.0)
     rank = torch.where(same, 4.0 * oldest, torch.where(ages > 0.0, ages, 2.0 * oldest)) - row
-    first = torch.where(rank == rank.amax(dim=0, keepdim=True), -row.float(), -oldest)  # of rows of one rank
+    first = torch.where(rank == rank.amax(dim=0, keepdim=True), -row.float(), -oldest)  # of equal ranks
     slot = (-first.amax(dim=0, keepdim=True)).long()
     here = row == slot
     age = (ages * (same & here)).sum().reshape(1)
@@ -264,7 +249,7 @@ def follow_jitter(frame: RestFrame, phases: Tensor) -> Cycle:
 
 
 def signatures_of(color: Tensor) -> Tensor:
-    """Return signatures of blocks, (1, 4, hb, wb): three means, and a sum that depends on the order."""
+    """Return the signatures of blocks, (1, 4, hb, wb): three means, and a sum that depends on the order."""
     roots, samples = color.sqrt().sqrt(), BLOCK * BLOCK
     means = torch.eye(3)[:, :, None, None].expand(3, 3, BLOCK, BLOCK) / samples
     order = torch.arange(3 * samples, dtype=torch.float32) * spec.ORDER
@@ -273,7 +258,7 @@ def signatures_of(color: Tensor) -> Tensor:
 
 
 def to_blocks(image: Tensor) -> Tensor:
-    """Repeat the last row and column, so that blocks at the edges are whole."""
+    """Repeat the last row and column, so that the blocks at the edges are complete."""
     return fit(image, image.shape[3] + BLOCK - 1, image.shape[2] + BLOCK - 1)
 
 
@@ -285,7 +270,7 @@ def differing(signature: Tensor, reference: Tensor, exposure: Tensor) -> Tensor:
 
 
 def widened(blocks: Tensor) -> Tensor:
-    """Return the maximum over 3x3 blocks: a pixel near the border of a block has samples of its neighbour."""
+    """Return the maximum over 3x3 blocks: pixels at a block's border have samples of the next block."""
     return F.max_pool2d(blocks, 3, 1, 1)
 
 
@@ -329,7 +314,7 @@ class BlocksAtPixels:
 
 
 def trapezoid(distance: Tensor) -> Tensor:
-    """Weight of a sample in the mean, by its distance in display pixels along one axis."""
+    """Return the weight of a sample in the mean, by its distance in display pixels along one axis."""
     return ((spec.OUTER - distance.abs()) / (spec.OUTER - spec.INNER)).clamp(0.0, 1.0)
 
 
@@ -353,7 +338,7 @@ def add_samples(
 
 
 def offsets_of(cycle: Cycle, display: Size, render: Size) -> tuple[Tensor, Tensor]:
-    """Return mean offsets (H, W) of a period's samples from each pixel's centre, x and y, display pixels."""
+    """Return mean offsets of a period's samples from each pixel's centre: x and y, (H, W), display pixels."""
     ages = cycle.phases[:, 2]
     used = ((ages > 0.0) & (ages <= cycle.period)).float()
     (gx, dx), (gy, dy) = (_moments(cycle.phases[:, axis], display[axis], render[axis]) for axis in (0, 1))
@@ -363,7 +348,10 @@ def offsets_of(cycle: Cycle, display: Size, render: Size) -> tuple[Tensor, Tenso
 
 
 def _moments(jitter: Tensor, display: int, render: int) -> tuple[Tensor, Tensor]:
-    """Return weights of the samples near the pixels of an axis, (phases, n), and these times offsets."""
+    """Return the sums of the weights of the samples near each pixel of an axis, and of weights times offsets.
+
+    Both are (phases, n).
+    """
     pixel = torch.arange(display, device=jitter.device)
     place = (pixel + 0.5) * render / display - 0.5 - jitter[:, None]
     sample = place.floor()[:, :, None] + torch.arange(2, device=jitter.device)
@@ -373,10 +361,10 @@ def _moments(jitter: Tensor, display: int, render: int) -> tuple[Tensor, Tensor]
 
 
 def at_centres(mean: Tensor, complete: Tensor, offsets: tuple[Tensor, Tensor]) -> Tensor:
-    """Move a mean from the mean place of its samples to the pixel's centre, along its slope.
+    """Move a mean from the mean position of its samples to the pixel's centre, along its slope.
 
-    The slope is that between the neighbours, at most twice the smaller of those to each neighbour: 0 at edges
-    and on thin lines. It is 0 where a neighbour is not complete.
+    The slope is the central difference, limited to twice the smaller one-sided difference (van Leer 1977).
+    Ringing at edges is therefore impossible. The slope is 0 where a neighbour is not complete.
     """
     moved = torch.zeros_like(mean)
     for axis, offset in zip((3, 2), offsets, strict=True):
@@ -399,9 +387,9 @@ def neighbours(image: Tensor, axis: int) -> tuple[Tensor, Tensor]:
 class WindowMoments(NamedTuple):
     """Moments over the window of each block, (1, 1, hb, wb)."""
 
-    samples: Tensor  # number of them
+    samples: Tensor  # number of samples
     level: Tensor  # largest channel of the mean
-    residuals: Tensor  # (1, 3, hb, wb) mean of the samples less that of the mean
+    residuals: Tensor  # (1, 3, hb, wb) mean of the samples less the mean that is expected there
     variance: Tensor  # of the residuals, summed over channels
     contrast: Tensor  # variance of the samples
 
@@ -430,14 +418,14 @@ def residuals_of(
     difference = (color - expected) * counted
     squares = [(part * part).sum(dim=1, keepdim=True) for part in (difference, color * counted)]
     values = torch.cat([counted, difference, color * counted, expected * counted, *squares], dim=1)
-    sums, size = block_means(to_blocks(values), BLOCK), size_of(blocks)
+    sums, size = images.block_means(to_blocks(values), BLOCK), size_of(blocks)
     small, large = (moments_of(sums, side, size) for side in WINDOWS)
     return small, large
 
 
 def moments_of(sums: Tensor, side: int, size: Size) -> WindowMoments:
-    """Average the sums of blocks over windows of `side` blocks; see `residuals_of`."""
-    parts = window_means(sums, side, size).split_with_sizes([1, 3, 3, 3, 1, 1], dim=1)
+    """Average the planes of `residuals_of` over windows of `side` blocks."""
+    parts = images.window_means(sums, side, size).split_with_sizes([1, 3, 3, 3, 1, 1], dim=1)
     count, difference, color, expected, square, color_square = parts
     share = 1.0 / count.clamp(min=1e-6)
     residuals = difference * share
@@ -451,9 +439,9 @@ def moments_of(sums: Tensor, side: int, size: Size) -> WindowMoments:
 
 
 def steadiness(small: WindowMoments, large: WindowMoments, exposure: Tensor) -> Tensor:
-    """Return the excess of residuals over UNIFORM, COMMON and UNRESOLVED, (1, 3, hb, wb); below 0 is steady.
+    """Return the excess of residuals over UNIFORM, COMMON and UNRESOLVED, (1, 3, hb, wb); <= 0 is steady.
 
-    Beside a window above UNIFORM the limit is PARTIAL: light reaches into the windows around.
+    Beside a window above UNIFORM the limit is PARTIAL, because changed light reaches into adjacent windows.
     """
     uniform = excess(small.square, small.variance, spec.UNIFORM, small, exposure)
     partial = excess(small.square, small.variance, spec.PARTIAL, small, exposure)
@@ -469,21 +457,21 @@ def steadiness(small: WindowMoments, large: WindowMoments, exposure: Tensor) -> 
 
 
 def with_windows_around(blocks: Tensor) -> Tensor:
-    """Return the maximum over the small window of each block and the eight around it, (1, 1, hb, wb)."""
+    """Return the maximum over the small window of each block and the eight windows around it."""
     return F.max_pool2d(blocks, 2 * WINDOWS[0] + 1, 1, WINDOWS[0])
 
 
 def excess(square: Tensor, variance: Tensor, ratio: float, window: WindowMoments, exposure: Tensor) -> Tensor:
-    """Return a square less `ratio` times a variance and FLICKER, as a part of the light squared."""
+    """Return (square - ratio variance) / level^2 - FLICKER^2: an excess relative to the light."""
     level = window.level + spec.DARK / exposure
     relative = (square - ratio * variance) / (level * level)
     return (relative - spec.FLICKER * spec.FLICKER).clamp(-spec.OLDEST, spec.OLDEST)
 
 
 def drifting(drift: Tensor, window: WindowMoments, exposure: Tensor) -> Tensor:
-    """Return (1, 1, hb, wb): 1 where a running mean of relative residuals is more than noise, else 0."""
+    """Return (1, 1, hb, wb): 1 where a running mean of relative residuals exceeds its noise, else 0."""
     level = window.level + spec.DARK / exposure
-    frames = spec.NOISE_RATE / (2.0 - spec.NOISE_RATE)  # variance of the running mean, over that of one frame
+    frames = spec.NOISE_RATE / (2.0 - spec.NOISE_RATE)  # variance of the running mean over that of a frame
     noise = (window.variance * frames / window.samples.clamp(min=1.0)).sqrt() / level
     limit = spec.NOISE_FLICKER + spec.NOISE_SIGMAS * noise
     return (drift.abs().amax(dim=1, keepdim=True) > limit).float()
@@ -506,6 +494,6 @@ def interpolated_rows(image: Tensor, position: Tensor) -> Tensor:
 
 
 def sample_positions(render: int, display: int, jitter: Tensor) -> Tensor:
-    """Return the positions of the samples of one axis, (render,) display pixels; 0 is a pixel's centre."""
+    """Return the positions of an axis' samples, (render,) display pixels; 0 is the first pixel's centre."""
     sample = torch.arange(render, dtype=torch.float32, device=jitter.device)
     return (sample + 0.5 + jitter) * display / render - 0.5

@@ -1,8 +1,8 @@
 """Colour boxes that clip the history, and the compositor of the learned methods.
 
-Boxes and clipping are those of Malan 2012, Karis 2014 and Salvi 2016. The compositor is a mean of colours,
-weighted by sample counts and learned factors. The reactive mask raises the weight of this frame in every
-method with a history.
+Boxes and clipping follow Malan 2012, Karis 2014 and Salvi 2016. The compositor averages colours, weighted by
+sample counts and learned factors. In every method with a history, the reactive mask raises the weight of this
+frame.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from supersampler_model.ops.color import largest, min_divisor
-from supersampler_model.ops.images import blurred, channels_of, sum_of
+from supersampler_model.ops.images import channels_of, sum_of
 from supersampler_model.ops.sampling import Grid
 
 
@@ -38,16 +38,6 @@ class Corners(NamedTuple):
         return torch.minimum(torch.maximum(color, self.low), self.high)
 
 
-def moments(color: Tensor) -> tuple[Tensor, Tensor]:
-    """Return E[c] and E[c^2] over each 3x3 neighbourhood, unweighted."""
-    return blurred(color), blurred(color * color)
-
-
-def variance_box(first: Tensor, second: Tensor, gamma: float) -> Box:
-    """Return the box mu +- gamma sigma of raw moments E[c] and E[c^2] (Salvi 2016, variance clipping)."""
-    return Box(first, gamma * (second - first * first).clamp(min=0.0).sqrt())
-
-
 def overshoot(color: Tensor, box: Box) -> Tensor:
     """Return the distance of `color` from the box's centre in extents, (1, 1, h, w): <= 1 inside the box."""
     offset = (color - box.center).abs()
@@ -55,12 +45,12 @@ def overshoot(color: Tensor, box: Box) -> Tensor:
 
 
 def clip_to_center(color: Tensor, box: Box) -> Tensor:
-    """Move `color` towards the box's centre until it is inside (the common form)."""
+    """Move `color` towards the box's centre until it is inside the box (Karis 2014)."""
     return box.center + (color - box.center) / overshoot(color, box).clamp(min=1.0)
 
 
 def step_to_box(color: Tensor, box: Box) -> Tensor:
-    """Return what `clip_to_center` adds to `color`: exactly 0 inside the box, in half floats, too."""
+    """Return the step that `clip_to_center` adds: exactly 0 inside the box, also in half floats."""
     return (color - box.center) * (1.0 / overshoot(color, box).clamp(min=1.0) - 1.0)
 
 
@@ -101,10 +91,10 @@ def composite(
         current: colours of this frame and their weights.
         factors: (1, n, H, W) logarithms of factors to the weights of all n colours, the history's first.
         reactive: (1, 1, H, W) `reactive_at`: the weight w of this frame becomes w + (1 - w) reactive.
-        frame: (1, 3, H, W) shown where all weights are 0: no sample is near, and there is no history.
+        frame: (1, 3, H, W) the result where all weights are 0: no sample is near, and there is no history.
 
-    Weights are float32. Colours of this frame may be half floats, and so is their part of the sum: its
-    rounding errors are in proportion to it, and do not keep a small difference out of the history.
+    Weights are float32. Colours of this frame may be half floats, and then so is their part of the sum: its
+    rounding errors are proportional to it, so that small differences still reach the history.
     """
     colors = [*history, *current]
     factor = channels_of(factors.float().exp())

@@ -51,7 +51,7 @@ def finite(values: Tensor) -> Tensor:
 def bounded(color: Tensor) -> Tensor:
     """Clamp to [0, 65504]; NaN becomes black. The last operation on every image that a method returns.
 
-    Values below DARKNESS become black too: fading averages would otherwise end as denormals, which are slow.
+    Values below DARKNESS become black, too: fading averages would otherwise end as denormals, which are slow.
     """
     color = color.clamp(max=MAX_HALF)
     return torch.where(color >= DARKNESS, color, 0.0)
@@ -68,10 +68,10 @@ def min_divisor(values: Tensor, minimum: float) -> float:
 
 
 def filled(color: Tensor, usable: Tensor, exposure: Tensor) -> Tensor:
-    """Fill missing samples with the mean of the window that they are in.
+    """Fill missing samples with the mean of their window of FILL_WINDOW x FILL_WINDOW samples.
 
-    Windows have FILL_WINDOW x FILL_WINDOW samples. The mean is the square of the mean of square roots, so
-    that highlights do not dominate. Where all of a window is missing, grey is shown.
+    The mean is the square of the mean of square roots, so that highlights do not dominate. A window without
+    any usable sample becomes grey.
 
     Args:
         color: (1, 3, h, w) linear RGB, finite.
@@ -160,11 +160,11 @@ def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
 
 
 def tone(color: Tensor, unit: Tensor | float = 1.0) -> Tensor:
-    """Map linear RGB [0, inf) to [0, 1): c / (unit + max(r, g, b)). Keeps hue; weighs down fireflies.
+    """Map linear RGB [0, inf) to [0, 1): c / (unit + max(r, g, b)). This keeps hue, and limits fireflies.
 
     Args:
         color: (1, 3, h, w) >= 0.
-        unit: the value that exposure maps to 1: 1 for exposed colours, else 1 / exposure.
+        unit: the value that exposure maps to 1: 1 for exposed colours, 1 / exposure for others.
     """
     return color / (unit + largest(color))
 
@@ -175,7 +175,7 @@ def inverse_tone(color: Tensor) -> Tensor:
 
 
 class ToneCurve(NamedTuple):
-    """Linear RGB [0, inf) to [0, 1], with the `unit` of `tone`, and back to exposed linear RGB."""
+    """Map from linear RGB [0, inf) to [0, 1], with the `unit` of `tone`, and back to exposed linear RGB."""
 
     tone: Callable[[Tensor, Tensor | float], Tensor]
     inverse: Callable[[Tensor], Tensor]
@@ -197,7 +197,7 @@ TONES: Mapping[ToneSpace, ToneCurve] = {
 
 
 def ycocg(color: Tensor) -> Tensor:
-    """Convert RGB to luma and two chroma axes; axis-aligned boxes fit colours tightly in this space."""
+    """Convert RGB to luma and two chroma axes. Axis-aligned boxes fit colours tightly in this space."""
     return _transformed(color, ((0.25, 0.5, 0.25), (0.5, 0.0, -0.5), (-0.25, 0.5, -0.25)))
 
 

@@ -1,8 +1,8 @@
 """Upsampling of one frame along its edges, for pixels without history.
 
-Steering kernel regression (Takeda, Farsiu and Milanfar 2007): the samples around a pixel are averaged with
-weights that fall along the axes of the structure tensor of luma, faster across an edge than along it. Samples
-and gradients are of the 4x4 samples around the pixel. A sample enters and leaves these with a weight of 0.
+Steering kernel regression (Takeda, Farsiu and Milanfar 2007): each pixel is a mean of the 4x4 samples around
+it. The weights fall with the distance along the axes of the structure tensor of luma, faster across an edge
+than along it. A sample enters and leaves the 4x4 samples with a weight of 0.
 """
 
 from typing import NamedTuple
@@ -28,8 +28,8 @@ def upsample_along_edges(luma: Tensor, usable: Tensor, grid: Grid) -> Tensor:
     """Upsample the usable samples of luma, (1, 1, H, W), with a kernel that is long along edges.
 
     Args:
-        luma: (1, 1, h, w) toned; filled where samples are missing, which is the result where no usable one is
-            among the 4x4 samples around.
+        luma: (1, 1, h, w) toned, filled where samples are missing. The result is the nearest of these where
+            none of the 4x4 samples is usable.
         usable: (1, 1, h, w) 1 or 0.
         grid: grid of the display pixels.
     """
@@ -61,7 +61,7 @@ def structure_tensor(luma: Tensor, grid: Grid) -> Form:
 
 
 def kernel_form(tensor: Form) -> Form:
-    """Return the form that is 1 where the weight of samples becomes 0, from the structure tensor."""
+    """Return the quadratic form of a structure tensor: weights are 0 at distances where it is 1 or more."""
     difference = tensor.xx - tensor.yy
     contrast = (difference * difference + 4.0 * tensor.xy * tensor.xy + 1e-12).sqrt()
     coherence = contrast / (tensor.xx + tensor.yy + EDGE_CONTRAST)
@@ -71,6 +71,6 @@ def kernel_form(tensor: Form) -> Form:
 
 
 def _taps(axis: GridAxis, size: int) -> list[tuple[Tensor, Tensor]]:
-    """Return the four samples along an axis around each pixel, and their distances from it."""
+    """Return the four samples around each pixel along an axis, and their distances from the pixel."""
     taps = [axis.position.floor() + float(step) for step in range(-1, 3)]
     return [(tap.long().clamp(0, size - 1), tap - axis.position) for tap in taps]

@@ -1,6 +1,6 @@
 """Sizes, channels, neighbours and windows of images.
 
-Every image is (1, channels, height, width). Beyond an edge, its pixels are repeated.
+Every image is (1, channels, height, width). Pixels at the edges are repeated beyond them.
 """
 
 from typing import NamedTuple
@@ -57,7 +57,7 @@ def pick_rows(image: Tensor, index: Tensor) -> Tensor:
 def pick_columns(image: Tensor, index: Tensor) -> Tensor:
     """Read columns: (1, c, h, w) -> (1, c, h, n).
 
-    Transposed, so that ONNX Runtime copies whole rows: along the last axis it copies one number at a time.
+    The image is transposed, because ONNX Runtime copies whole rows, but columns one number at a time.
     """
     return image.transpose(2, 3).index_select(2, index).transpose(2, 3)
 
@@ -112,7 +112,7 @@ def neighbours_2x2(image: Tensor) -> list[Tensor]:
 def padded_3x3(image: Tensor, size: Size | None = None) -> Tensor:
     """Repeat the edges by one pixel: (1, c, h, w) -> (1, c, h + 2, w + 2).
 
-    With a `size`, the edges are those of an image of that size in the upper left.
+    With a `size`, the upper left part of that size is the image whose edges are repeated.
     """
     width, height = size or size_of(image)
     for axis, extent in ((2, height), (3, width)):
@@ -159,7 +159,7 @@ def spread(image: Tensor, side: int, size: Size) -> Tensor:
 
 
 def window_means(image: Tensor, side: int, size: Size | None = None) -> Tensor:
-    """Give each pixel the mean over its square of `side` pixels; `size`: that of the image, if known."""
+    """Replace each pixel by the mean of its square of `side` pixels; `size`: of the image, if known."""
     size = size or size_of(image)
     whole = fit(image, size.width + side - 1, size.height + side - 1)
     return spread(block_means(whole, side), side, size)

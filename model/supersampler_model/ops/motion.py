@@ -29,7 +29,7 @@ from supersampler_model.ops.images import (
 )
 from supersampler_model.ops.sampling import Extent, Grid, in_row, pair
 
-STEP = 2.0**-24  # of float32 below 1
+STEP = 2.0**-24  # between float32 numbers just below 1
 
 
 def usable_motion(motion: Tensor) -> Tensor:
@@ -64,15 +64,16 @@ def morphological_opening(depth: Tensor) -> Tensor:
 def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     """Return the depth that the next frame tests disocclusion against.
 
-    Samples hit thin geometry in one frame and miss it in the next, so it must not occlude its own history:
+    Samples hit thin geometry in one frame and miss it in the next. It must not occlude its own history, so
     its background takes its place (`morphological_opening`). Geometry that moves over its background by
-    THIN_MOTION or more leaves: it occludes what the next frame shows there, unless another part of it moves
-    to that place, as with a rail that moves along itself. Its motion is assumed to continue.
+    THIN_MOTION or more leaves its place: in the next frame it occludes the history there, unless another part
+    of it moves in, as with a rail that moves along itself. Its motion is assumed to continue.
 
     Depth, (1, 1, h, w), and motion, (1, 2, h, w) render pixels, are usable.
 
     Returns:
-        (1, 1, h, w): minus the depth of what leaves; else that of the background, >= 0, 0 where unknown.
+        (1, 1, h, w): minus the depth where geometry leaves, else the depth of the background, >= 0; 0 where
+        it is unknown.
     """
     farthest, behind = _farthest_3x3(depth, motion)
     over = whole_steps(motion - behind)
@@ -81,7 +82,7 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     across, down = channels_of(over)
     (left, right), (top, bottom) = (
         (place.floor(), -(-place).floor()) for place in (x + across, y[:, None] + down)
-    )  # no ceil: some runtimes of graphs lack it
+    )  # without ceil, which some graph runtimes lack
     columns = torch.cat([left, right, left, right], dim=2)
     rows = torch.cat([top, top, bottom, bottom], dim=2)
     coming = read(depth, positions_of(columns, rows), mode="nearest").reshape(1, 4, h, w)
@@ -92,14 +93,14 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
 
 
 def whole_steps(motion: Tensor) -> Tensor:
-    """Round components below one sample: from THIN_MOTION on to one, else to 0."""
+    """Round components shorter than one sample: from THIN_MOTION on to one sample, else to 0."""
     length = motion.abs()
     step = (length >= THIN_MOTION).float()
     return torch.where(length < 1.0, torch.where(motion < 0.0, -step, step), motion)
 
 
 def _farthest_3x3(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-    """Return depth and motion of the farthest of 3x3 samples; of equal ones, that nearest to the centre."""
+    """Return depth and motion of the farthest of 3x3 samples; of equal depths, the nearest to the centre."""
     best = torch.cat([depth, motion], dim=1)
     for across, down in ((1, 0), (0, 1)):
         rows = best
@@ -112,10 +113,10 @@ def _farthest_3x3(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
 def disocclusion(
     depth: Tensor, history_depth: Tensor, position: Tensor, margin: float, ramp: float
 ) -> Tensor:
-    """Return (1, 1, H, W) in [0, 1]: the degree of occlusion of the surface in the previous frame.
+    """Return (1, 1, H, W) in [0, 1]: how far the surface was occluded in the previous frame.
 
-    The bilinear mean over the four samples around each position. A sample counts as an occluder if it was
-    closer by the relative `margin`, and counts fully from `margin` + `ramp` on.
+    This is the bilinear mean over the four samples around each position. A sample counts as an occluder if it
+    was closer by the relative `margin`, and counts fully from `margin` + `ramp` on.
 
     Args:
         depth: (1, 1, H, W) of the surface.
@@ -126,19 +127,19 @@ def disocclusion(
     """
     first = position.floor()
     right, below = (part[:, None] for part in (position - first).unbind(dim=3))
-    around = padded_3x3(history_depth)[:, :, :-1, :-1]  # so that both samples beside an edge are the edge's
+    around = padded_3x3(history_depth)[:, :, :-1, :-1]  # the edge is repeated beyond the screen
     limit = torch.where(around > 1e-12, 1.0 / (ramp * around.clamp(min=1e-12)), MAX_DEPTH)
     limits = read(torch.cat(neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
-    # the relative change (before - depth) / before less the margin, over the ramp
+    # ((before - depth) / before - margin) / ramp
     occluded = ((1.0 - margin) / ramp - depth.clamp(min=1e-20) * limits).clamp(0.0, 1.0)
     return _bilinear_of_four(occluded, right, below) * (depth >= 0.0)
 
 
 def occlusion(depth: Tensor, occluders: Tensor, position: Tensor, margin: float, ramp: float) -> Tensor:
-    """Return `disocclusion` by the occluding depth of the previous frame, (1, 1, h, w) of `occluding_depth`.
+    """Return `disocclusion` by the `occluding_depth` of the previous frame, (1, 1, h, w).
 
-    An occluder that leaves counts fully where it is one of the four samples around a position: motion is that
-    of the closest of these (`dilate_motion_2x2`), so the history there has the occluder's colour.
+    An occluder that leaves its place counts fully where it is one of the four samples around a position. The
+    history there has its colour, as motion is that of the closest of the four (`dilate_motion_2x2`).
     """
     first = position.floor()
     right, below = (part[:, None] for part in (position - first).unbind(dim=3))
@@ -187,7 +188,7 @@ class Reprojection(NamedTuple):
     position: Tensor  # (1, H, W, 2) x and y in pixels of that image; 0 is the centre of the first one
     on_screen: Tensor  # (1, 1, H, W) 1 inside the image, else 0
     motion: Tensor  # (1, H, W, 2) display pixels
-    place: Tensor  # (1, H, W, 2) `position` as grid_sample reads it, from `_inside`
+    place: Tensor  # (1, H, W, 2) `position` in the coordinates of grid_sample, from `_inside`
 
     def read(self, image: Tensor) -> Tensor:
         """Read an image of that size bilinearly, clamped at the border."""
@@ -242,37 +243,38 @@ def positions_of(x: Tensor, y: Tensor) -> Tensor:
 
 
 def _normalised(position: Tensor, size: Size) -> Tensor:
-    """Convert positions to those of grid_sample: exactly -1 and 1 at the borders of the image."""
+    """Convert positions to the coordinates of grid_sample: exactly -1 and 1 at the image's borders."""
     extent = pair(position, 0.5 * size.width, 0.5 * size.height)
     return (position - in_row(extent - 0.5, position)) / in_row(extent, position)
 
 
 def _inside(place: Tensor, size: Size) -> Tensor:
-    """Clamp places to the centres of the pixels, so that a bilinear read involves none beyond the border."""
+    """Clamp places to the centres of the border pixels: bilinear reads then involve no pixel beyond them."""
     first, last = _ends(place, size)
     return torch.maximum(torch.minimum(place, last), first)
 
 
 def _ends(place: Tensor, size: Size) -> tuple[Tensor, Tensor]:
-    """Return the normalised positions of the centres of the first and of the last pixel, (W, 2) each.
+    """Return the places of the centres of the first and of the last pixel, (W, 2) each.
 
-    grid_sample adds 1 and multiplies by the size. 1 less than 2 - 1 / size, rounded to float32, gives the
-    last pixel exactly. No place gives the first one: the next one inside reads 2e-4 of the second, at 4K.
+    grid_sample adds 1 and multiplies by the size. 2 - 1 / size, rounded to float32, less 1 gives the last
+    pixel exactly. No place gives the first pixel exactly: the next one inside reads 2e-4 of the second
+    pixel, at 4K.
     """
     part = 1.0 / pair(place, size.width, size.height)
     return in_row(part - 1.0 + STEP, place), in_row(2.0 - part - 1.0, place)
 
 
 def _bilinear(image: Tensor, place: Tensor) -> Tensor:
-    """Sample at places from `_inside`: with zeros beyond, ONNX Runtime takes half the time of clamping."""
+    """Sample at places from `_inside`. ONNX Runtime pads with zeros in half the time that clamping takes."""
     return F.grid_sample(image, place, mode="bilinear", padding_mode="zeros", align_corners=False)
 
 
 def read_cubic(image: Tensor, position: Tensor, sharpness: float = CATMULL_ROM) -> Tensor:
     """Resample with a cubic (sharpness 0.5: Catmull-Rom) from five bilinear reads.
 
-    The middle two samples of an axis share a read. The four corner reads have small weights; they are
-    skipped, and the remaining weights are normalised.
+    The middle two samples of an axis share a read. The four corner reads have small weights: they are left
+    out, and the other weights are normalised.
 
     Args:
         image: (1, c, h, w).
@@ -284,7 +286,7 @@ def read_cubic(image: Tensor, position: Tensor, sharpness: float = CATMULL_ROM) 
     s = 1.0 - t
     product = t * s
     outer = -sharpness * product
-    second = t + product * ((2.0 - sharpness) * t - (1.0 - sharpness))  # weight of the sample after
+    second = t + product * ((2.0 - sharpness) * t - (1.0 - sharpness))  # weight of the second middle sample
     first_weight, middle_weight = outer * s, 1.0 - outer
     weights = first_weight, middle_weight, outer - first_weight
     extent, (lowest, highest) = pair(position, 0.5 * size.width, 0.5 * size.height), _ends(position, size)

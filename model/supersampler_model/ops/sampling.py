@@ -29,8 +29,8 @@ WINDOW = 9
 class Bands(NamedTuple):
     """Weights of resampling along one axis: in blocks of BLOCK outputs, each of `reach` samples.
 
-    All samples of a block are gathered once, and a matrix product sums them: fewer bytes are moved than with
-    one gather for each tap.
+    All samples of a block are gathered once, and a matrix product sums them. This moves fewer bytes than one
+    gather for each tap.
     """
 
     indices: Tensor  # (blocks, reach) int64, samples of each block
@@ -46,7 +46,7 @@ class Bands(NamedTuple):
 class GridAxis(NamedTuple):
     """The display pixels along one axis, and their positions in the render-size input."""
 
-    pixel: Tensor  # (n,) int64 display pixel: ascending, but for those beyond the display
+    pixel: Tensor  # (n,) int64 display pixel, ascending within the display
     position: Tensor  # (n,) render pixels, 0 is the centre of sample 0
     nearest: Tensor  # (n,) int64, nearest sample
     first: Tensor  # (n,) int64, first of the two samples around each pixel
@@ -65,7 +65,7 @@ class Grid(NamedTuple):
         return pick_columns(image, self.x.nearest).index_select(2, self.y.nearest)
 
     def pick_vectors(self, vectors: Tensor) -> Tensor:
-        """Read as `pick` where the two channels come last: (1, h, w, 2) -> (1, H, W, 2)."""
+        """Read as `pick` does, for vectors with their two channels last: (1, h, w, 2) -> (1, H, W, 2)."""
         return vectors.index_select(2, self.x.nearest).index_select(1, self.y.nearest)
 
     def pick_first(self, image: Tensor) -> Tensor:
@@ -73,7 +73,7 @@ class Grid(NamedTuple):
         return pick_columns(image, self.x.first).index_select(2, self.y.first)
 
     def pick_first_vectors(self, vectors: Tensor) -> Tensor:
-        """Read as `pick_first` where the two channels come last: (1, h, w, 2) -> (1, H, W, 2)."""
+        """Read as `pick_first` does, for vectors: (1, h, w, 2) -> (1, H, W, 2)."""
         return vectors.index_select(2, self.x.first).index_select(1, self.y.first)
 
     def at_pixels(self, image: Tensor) -> Tensor:
@@ -166,15 +166,15 @@ def pair(like: Tensor, x: float, y: float) -> Tensor:
 
 
 def in_row(values: Tensor, like: Tensor) -> Tensor:
-    """Repeat (2,) values of x and y as (W, 2), for (1, H, W, 2): rows of two values are slow to repeat."""
+    """Repeat the values of x and y, (2,), as (W, 2): broadcasting of two values to (1, H, W, 2) is slow."""
     return values.expand(like.shape[2], 2)
 
 
 def extended(size: int, device: torch.device) -> Tensor:
     """Return the pixels of an axis, (n,) int64, extended to a multiple of ALIGNED.
 
-    The last two pixels are repeated, of which an even one comes first: 2x2 pixels then extend the axis by
-    whole pairs, as an image of packed pixels is extended.
+    The last pair of pixels is repeated, from an even pixel on, so that packing 2x2 pixels of the result
+    repeats the last packed pixel.
     """
     pairs = (size + ALIGNED - 1) // ALIGNED * (ALIGNED // 2)
     first = 2 * torch.arange(pairs, device=device).clamp(max=(size + 1) // 2 - 1)
@@ -197,7 +197,7 @@ def nearest(position: Tensor, size: int) -> Tensor:
 def span(size: float, outputs: float) -> int:
     """Return the number of samples that the positions of BLOCK neighbouring outputs span at most.
 
-    `size` is the number of samples of the axis, fractional for a crop, `outputs` that of the positions.
+    `size` is the number of samples of the axis, fractional for a crop, `outputs` the number of positions.
     """
     whole = (BLOCK - 1) * size // outputs
     return (int(whole) if isinstance(whole, float) else whole) + 3  # one of them for rounding errors
@@ -217,14 +217,14 @@ def bands(
     """Weigh the `reach` samples to either side of each `position` along an axis, clamped at the border.
 
     Args:
-        position: (n,) in samples; the first of each BLOCK is the smallest of it.
+        position: (n,) in samples; in each BLOCK, the first one is the smallest.
         size: samples of the axis.
         spanned: from `span`.
         kernel: evaluated at the signed distance in samples times `scale`.
-        reach: reach of the kernel.
+        reach: reach of the kernel, samples.
         scale: scale of the distances.
         aligned: whether n is a multiple of BLOCK.
-        inside: whether samples beyond the border have a weight of 0, and are not clamped.
+        inside: whether samples beyond the border have a weight of 0; otherwise the border is repeated.
     """
     count = None if aligned else position.shape[0]
     if count is not None:
@@ -245,7 +245,7 @@ def bands(
 def resample(image: Tensor, x: Bands, y: Bands) -> Tensor:
     """Sum `image` under the separable kernel of `x` and `y`: (1, c, h, w) -> (1, c, len y, len x).
 
-    Its values are finite, as samples out of a kernel's reach have a weight of 0.
+    All values must be finite: samples out of the kernel's reach are multiplied by 0.
     """
     return _resample_rows(_resample_rows(image.transpose(2, 3), x).transpose(2, 3), y)
 
@@ -256,17 +256,17 @@ def _resample_rows(image: Tensor, y: Bands) -> Tensor:
     sums = (y.weights.to(image.dtype) @ rows).reshape(1, channels, blocks * BLOCK, width)
     if y.outputs is None:
         return sums
-    # not a slice, of which the exporter cannot prove that it fits
+    # the exporter cannot prove that a slice would fit
     return sums.index_select(2, torch.arange(y.outputs, device=image.device))
 
 
 def downsample(image: Tensor, display: Size, exposure: Tensor) -> Tensor:
-    """Filter an image that is larger than the display by a Lanczos filter on toned colours.
+    """Downsample an image that is larger than the display by a Lanczos filter on toned colours.
 
     Args:
         image: (1, 3, H', W') linear RGB, at most 1.4 times the display, per axis.
         display: (width, height) of the result.
-        exposure: (1,) > 0. Colours are filtered as a screen shows them: dark sides of bright edges stay dark.
+        exposure: (1,) > 0. As colours are toned, the dark sides of bright edges stay dark.
 
     Returns:
         (1, 3, H, W) linear RGB.
@@ -291,7 +291,7 @@ def normalised(sums: Tensor) -> Tensor:
 def local_moments(color: Tensor, usable: Tensor, grid: Grid, sigma: float) -> tuple[Tensor, Tensor, Tensor]:
     """Return E[c] and E[c^2], (1, 3, H, W), of the usable samples under a Gaussian at every display pixel.
 
-    Where the sum of the Gaussian's weights, which is returned last, is MIN_WEIGHT or below, E[c^2] is 1.
+    The third result is the sum of the Gaussian's weights. Where it is MIN_WEIGHT or below, E[c^2] is 1.
     """
     window = grid.upsample(torch.cat([color, color * color, usable], dim=1), gaussian(sigma))
     first, second, weight = window.split_with_sizes([3, 3, 1], dim=1)
@@ -322,7 +322,7 @@ class Window(NamedTuple):
 def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
     """Gather the 3x3 samples around each display pixel's nearest one, with Gaussian weights.
 
-    `samples`, (1, 4, h, w), are colours, and 1 where they are usable; `sigma` is in render pixels.
+    `samples`, (1, 4, h, w), are colours, and 1 where they are usable, else 0. `sigma` is in render pixels.
     """
     width, height = size_of(samples)
     row, column = (
@@ -334,7 +334,7 @@ def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> Window:
     columns = gaussian(sigma)(column - grid.x.position).index_select(0, by_row % 3)
     rows = torch.stack([rows, 0.0 * rows + MIN_KERNEL_WEIGHT], dim=2).to(samples.dtype)
     columns = torch.stack([columns, 0.0 * columns + 1.0], dim=1).to(samples.dtype)
-    near = rows @ columns  # the product of both, plus that weight
+    near = rows @ columns  # the product of both Gaussians, plus MIN_KERNEL_WEIGHT
     return Window(color, usable[:, 0] * near)
 
 

@@ -1,13 +1,13 @@
 """Training of the classifiers: crops of equal shapes are gathered as a batch, and all are inferred as one.
 
-`extrapolate` is trained on shaded and unshaded frames in turn (Wu et al. 2023, section 4.4.2). The colour of
-an unshaded frame is extrapolated as in an engine, without gradients, from the last shaded frame of the crop.
-The tensors of that frame are part of the crop's state.
+`extrapolate` is trained on alternating shaded and unshaded frames (Wu et al. 2023, section 4.4.2). The colour
+of an unshaded frame is extrapolated as in an engine, without gradients, from the last shaded frame of the
+crop, whose tensors are part of the crop's state.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import torch
 from torch import Tensor
@@ -16,7 +16,7 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.registry import methods
 from supersampler.methods.spec import large_size
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset
+from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
@@ -26,18 +26,19 @@ from supersampler_model.methods.classifier_network import unpack
 from supersampler_model.methods.extrapolate import Extrapolate, packed_base_color
 from supersampler_model.methods.gbuffer_fast import GuidedClassifier, GuidedFrame
 from supersampler_model.methods.guided_warp import GuidedWarp
-from supersampler_model.training.crops import CropFrame, Stream, UnshadedStream
+from supersampler_model.training.crops import CropFrame, GBufferSizes, Stream, UnshadedStream
 from supersampler_model.training.datasets import UNKNOWN, unshaded_set
 from supersampler_model.training.losses import ClassifierWeights, class_loss
 from supersampler_model.training.task import State, Stepped, Task, fast_convolutions, in_batches
 from supersampler_model.training.validation import AlternatingRunner, SequenceRunner
 
-EXTRAPOLATED = 3
-"""Crops with unshaded frames per crop of the data set's own frames, which may have other ratios."""
+EXTRAPOLATED = 3  # crops with unshaded frames per crop of the set's own frames, at other ratios
 
 
 class ClassifierTask(Task):
     """Image and classification losses; states are in the order of `Classifier.history`, without a mean."""
+
+    gbuffers: ClassVar[GBufferSizes] = "none"
 
     def __init__(self, method: Classifier, losses: ClassifierWeights | None = None) -> None:
         self.method: Classifier = method
@@ -45,7 +46,7 @@ class ClassifierTask(Task):
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
         """Stream crops at any position and ratio."""
-        return Stream(datasets, ratios=self.method.ratios, size=size, seed=seed)
+        return Stream(datasets, ratios=self.method.ratios, size=size, seed=seed, gbuffers=self.gbuffers)
 
     def first_state(self, crop: CropFrame) -> State:
         """Return zeros, with the jitter of the crop's view."""
@@ -77,10 +78,10 @@ class ClassifierTask(Task):
             gathered: results of the gather stage.
             logits: (n, 6, H / 2, W / 2).
             blend: (n, 4 m, H / 2, W / 2) packed blend parameters.
-            ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error without valid history.
+            ghost_weight: (n, 1, 1, 1) or a number: extra weight of the error without valid history.
         """
         method, images, after = self.method, [], []
-        # split at once: the gradient of each slice would be as large as the batch
+        # in one split, because the gradient of each slice would be as large as the batch
         parts = (t.split_with_sizes([1] * len(crops)) for t in (logits, blend))
         finished = in_batches(
             lambda g, of_classes, of_blend: method.finish(g, of_classes, unpack(of_blend)),
@@ -104,11 +105,11 @@ class ClassifierTask(Task):
     def gather_all(
         self, crops: Sequence[CropFrame], states: Sequence[State]
     ) -> tuple[list[Gathered], list[tuple[Tensor, Tensor]]]:
-        """Run the gather stage on all crops; also return the inputs of the network."""
+        """Run the gather stage on all crops; return the results and the inputs of the network."""
 
         def gather(crop: CropFrame, state: State) -> tuple[Gathered, tuple[Tensor, Tensor]]:
             gathered = self.gather(crop, state)
-            gathered = gathered._replace(reactive=crop.exposure.new_zeros(()))  # on the device of the crop
+            gathered = gathered._replace(reactive=crop.exposure.new_zeros(()))  # on the crop's device
             return gathered, self.method.network_inputs(gathered)
 
         inputs = [crop.without_truth() for crop in crops]
@@ -126,19 +127,17 @@ class ClassifierTask(Task):
 
 
 def _ghost(crops: list[CropFrame], gathered: list[Gathered]) -> Tensor:
-    """Return ghosting classes, (n, H, W); pixels reprojected outside of the crop are disoccluded."""
+    """Return ghosting classes, (n, H, W); pixels reprojected outside the crop are disoccluded."""
     ghost = torch.cat([crop.ghost for crop in crops])
-    off_screen = (
-        torch.cat([1.0 - ops.cut_to(g.reprojection.on_screen, g.display) for g in gathered])[:, 0] > 0.0
-    )
-    return torch.where(off_screen & (ghost < UNKNOWN), Ghost.VISIBILITY, ghost)
+    on_screen = torch.cat([ops.cut_to(g.reprojection.on_screen, g.display) for g in gathered])[:, 0]
+    return torch.where((on_screen < 1.0) & (ghost < UNKNOWN), Ghost.VISIBILITY, ghost)
 
 
 class LargeTask(ClassifierTask):
     """Task of `classifier-large`: states are 1.4 times as large as the crops and the images of the loss."""
 
     def step(self, crops: list[CropFrame], states: list[State]) -> Stepped:
-        """See `ClassifierTask`."""
+        """Step enlarged crops, and downsample the images."""
         done, display = super().step([_enlarged(crop) for crop in crops], states), crops[0].view.display
         pairs = zip(done.images.split_with_sizes([1] * len(crops)), done.states, strict=True)
         images = [ops.downsample(image, display, state[-1].abs()) for image, state in pairs]
@@ -154,24 +153,21 @@ def _enlarged(crop: CropFrame) -> CropFrame:
 
 
 class GuidedTask(ClassifierTask):
-    """`gbuffer-fast`, on crops of any ratio with G-buffers of both sizes; its last state is reflectance."""
+    """`gbuffer-fast`, on crops of any ratio with G-buffers of both sizes. The last state is reflectance."""
 
     method: GuidedClassifier
+    gbuffers = "both"
 
     def data(self, dataset: Dataset) -> Dataset:
-        """See `unshaded_set`.
+        """Return an `unshaded_set`.
 
         Raises:
-            ArgumentError: also where the set has no G-buffers of display size.
+            ArgumentError: see `unshaded_set`; or the set has no G-buffers of display size.
         """
         if not dataset.description.gbuffers:
             want = "a set made by `supersampler render --gbuffers --also 1.5,2,3,4`"
             raise ArgumentError("data", got=f"{dataset.folder}, without G-buffers of display size", want=want)
         return unshaded_set(dataset, self.method.ratios)
-
-    def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
-        """Stream crops at any position and ratio."""
-        return Stream(datasets, ratios=self.method.ratios, size=size, seed=seed, gbuffers="both")
 
     def first_state(self, crop: CropFrame) -> State:
         """Return zeros, with the jitter of the crop's view."""
@@ -195,7 +191,7 @@ class GuidedTask(ClassifierTask):
         blend: Tensor,
         ghost_weight: Tensor | float,
     ) -> Stepped:
-        """See `ClassifierTask`."""
+        """Finish all crops, and add the reflectance to their states."""
         done = super().stepped(crops, gathered, logits, blend, ghost_weight)
         displays = [self.method.surfaces_of(crop.gbuffer, crop.depth)[1] for crop in crops]
         kept = [self.method.reflectance_of(display) for display in displays]
@@ -205,15 +201,10 @@ class GuidedTask(ClassifierTask):
 
 @dataclass(frozen=True)
 class ExtrapolateWeights(ClassifierWeights):
-    """Weights of the loss terms; see `ClassifierWeights`.
+    """Weights of the loss terms; see `ClassifierWeights`."""
 
-    Attributes:
-        ghost_extrapolated: as `ghost`, in extrapolated frames (equation 11).
-        features: weight of the difference between both encoders' features of one frame (equation 13).
-    """
-
-    ghost_extrapolated: float = 1.0
-    features: float = 0.1
+    ghost_extrapolated: float = 1.0  # `ghost` of extrapolated frames (equation 11)
+    features: float = 0.1  # of the difference between both encoders' features of one frame (equation 13)
 
 
 class AlternatingCrop(NamedTuple):
@@ -228,38 +219,36 @@ class AlternatingCrop(NamedTuple):
 class ExtrapolateTask(ClassifierTask):
     """Image, classification and feature losses on shaded and unshaded frames.
 
-    States are in the order of `Classifier.history`, then the history of the extrapolator, if any: the method,
-    with its released weights, that extrapolates unshaded frames.
+    States are in the order of `Classifier.history`, followed by the history of the extrapolator, if any. The
+    extrapolator is a method, with its released weights, that extrapolates unshaded frames.
     """
 
     method: Extrapolate
     losses: ExtrapolateWeights
 
-    def __init__(
-        self,
-        method: Extrapolate,
-        losses: ExtrapolateWeights | None = None,
-        extrapolator: str = GuidedWarp.name,
-    ) -> None:
-        super().__init__(method, losses or ExtrapolateWeights())
-        self._extrapolator = _shipped(extrapolator)
+    def __init__(self, method: Extrapolate, extrapolator: str = GuidedWarp.name) -> None:
+        super().__init__(method, ExtrapolateWeights())
+        known = [name for name, spec in methods().items() if spec.extrapolates]
+        if extrapolator not in known:
+            raise ArgumentError("extrapolator", got=extrapolator, want=f"one of {', '.join(known)}")
+        self._extrapolator = load_method(extrapolator)
 
     def data(self, dataset: Dataset) -> Dataset:
-        """See `unshaded_set`."""
+        """Return an `unshaded_set`."""
         return unshaded_set(dataset, self.method.ratios)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
-        """Stream crops; those of the sets' own frames, without G-buffers of render size, are all shaded."""
+        """Stream crops; the sets' own frames, without G-buffers of render size, are all shaded."""
         own = [dataset.own for dataset in datasets if dataset.own is not None]
         every, ratios = [*(EXTRAPOLATED * list(datasets)), *own], self.method.ratios
         return UnshadedStream(every, ratios=ratios, size=size, seed=seed, gbuffers="render")
 
     def runner(self, method: Method, display: ops.Size) -> SequenceRunner:
-        """Return a runner for which every second frame is unshaded and extrapolated."""
+        """Return a runner that extrapolates every second frame."""
         return AlternatingRunner(method, display, self._extrapolator.to("cpu"))
 
     def step(self, crops: list[CropFrame], states: list[State]) -> Stepped:
-        """Step all crops, as `ClassifierTask` does; extrapolation takes no gradients."""
+        """Step all crops; extrapolation has no gradients."""
         count, net = len(self.method.history), self.method.net
         made = [self._extrapolated(crop, state[count:]) for crop, state in zip(crops, states, strict=True)]
         frames, histories = [one.frame for one in made], [state[:count] for state in states]
@@ -277,14 +266,15 @@ class ExtrapolateTask(ClassifierTask):
         ghosts = [self.losses.ghost_extrapolated if one.unshaded else self.losses.ghost for one in made]
         weight = torch.tensor(ghosts, device=logits.device)[:, None, None, None]
         stepped = self.stepped(frames, gathered, logits.float(), blend.float(), weight)
-        difference = _mean_difference(features[[i for i, _ in twins]], features[len(made) :])
+        shaded, extrapolated = features[[i for i, _ in twins]], features[len(made) :]
+        difference = (shaded.float() - extrapolated.float()).abs().sum() / max(shaded.numel(), 1)
         terms = {**stepped.terms, "features": self.losses.features * difference}
         after = [[*state, *one.next_history] for state, one in zip(stepped.states, made, strict=True)]
         return stepped._replace(states=after, terms=terms)
 
     @torch.no_grad()
     def _extrapolated(self, crop: CropFrame, history: State) -> AlternatingCrop:
-        """Extrapolate a frame where needed, and update the history of the extrapolator."""
+        """Extrapolate a frame if necessary, and update the history of the extrapolator."""
         if not crop.gbuffer:
             return AlternatingCrop(crop, unshaded=False, twin=None, next_history=[])
         extrapolator = self._extrapolator.to(crop.color.device)
@@ -300,7 +290,7 @@ class ExtrapolateTask(ClassifierTask):
         return AlternatingCrop(crop, unshaded=False, twin=extrapolated, next_history=shaded)
 
     def _features(self, inputs: Sequence[tuple[Tensor, Tensor]], surfaces: Sequence[Tensor | None]) -> Tensor:
-        """Return the features of all crops, in one batch per encoder; extrapolated crops have a surface."""
+        """Return the features of all crops, in one batch per encoder; shaded crops have no surface."""
         packed, half_inputs = map(torch.cat, zip(*inputs, strict=True))
         shaded = [i for i, surface in enumerate(surfaces) if surface is None]
         extrapolated = [i for i, surface in enumerate(surfaces) if surface is not None]
@@ -315,21 +305,3 @@ class ExtrapolateTask(ClassifierTask):
 
 def _surface(crop: CropFrame) -> Tensor:
     return packed_base_color(crop.gbuffer["gbuffer_base_color"], crop.view)
-
-
-def _mean_difference(one: Tensor, other: Tensor) -> Tensor:
-    """Return the mean absolute difference of pairs; 0 without pairs."""
-    difference = (one.float() - other.float()).abs()
-    return difference.sum() / max(difference.numel(), 1)
-
-
-def _shipped(name: str) -> Method:
-    """Return an extrapolating method with its released weights.
-
-    Raises:
-        ArgumentError: the method does not extrapolate, or its weights are missing.
-    """
-    known = [name for name, spec in methods().items() if spec.extrapolates]
-    if name not in known:
-        raise ArgumentError("extrapolator", got=name, want=f"one of {', '.join(known)}")
-    return load_method(name)

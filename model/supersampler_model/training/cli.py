@@ -1,9 +1,8 @@
-"""`supersampler train`; torch is imported when the command runs, not for --help."""
+"""`supersampler train`. Torch is imported when the command runs, not for --help."""
 
 from __future__ import annotations
 
 import signal
-from contextlib import contextmanager
 from pathlib import Path
 from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, cast
@@ -17,7 +16,6 @@ from supersampler.io.files import check_ours
 from supersampler.methods.registry import listed_methods, methods
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
     from types import FrameType
 
     from supersampler_model.data.dataset.storage import Split
@@ -34,10 +32,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 def train(
     name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed_methods(_LEARNED.values())}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
-    data: Annotated[list[Path] | None, typer.Option(help="Training set; any number of them.")] = None,
-    shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; any number.")] = None,
+    data: Annotated[list[Path] | None, typer.Option(help="Training set; may be repeated.")] = None,
+    shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; may be repeated.")] = None,
     validation_shot: Annotated[
-        list[Path] | None, typer.Option(help="Shot to measure on; any number.")
+        list[Path] | None, typer.Option(help="Shot to validate on; may be repeated.")
     ] = None,
     steps: Annotated[int, typer.Option(help="Updates of the weights.")] = 12000,
     size: Annotated[int, typer.Option(help="Width and height of the crops in display pixels.")] = 128,
@@ -48,13 +46,14 @@ def train(
     seed: Annotated[int, typer.Option(help="Seed of weights and crops.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes that cut crops ahead; the crops are the same.")] = 0,
     attributions: Annotated[
-        Path | None, typer.Option(help="Text file: the attributions that the data requires, one per line.")
+        Path | None,
+        typer.Option(help="Text file with the attributions that the data requires, one a line."),
     ] = None,
     init: Annotated[
-        str | None, typer.Option(help="Weights to begin with: a file of another run, or `shipped`.")
+        str | None, typer.Option(help="Initial weights: a file of another run, or `shipped`.")
     ] = None,
 ) -> None:
-    """Train a method that learns; the same command resumes a run that was stopped.
+    """Train a method that learns. The same command resumes a stopped run.
 
     \b
     Examples:
@@ -67,7 +66,7 @@ def train(
     import torch
 
     from supersampler.io.shot import open_source
-    from supersampler_model.data.dataset import open_dataset
+    from supersampler_model.data.dataset.storage import open_dataset
     from supersampler_model.methods.base import load_trained, shipped_weights
     from supersampler_model.training.datasets import dataset_of_shots
     from supersampler_model.training.task import start_task
@@ -102,16 +101,18 @@ def train(
 
 
 def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None:
-    """Train up to `until` updates in total, save, and append to `updates`; on a terminal with a progress bar.
+    """Train up to `until` updates in total, save, and append to `updates`; show progress on a terminal.
 
     Raises:
         typer.Exit: after Ctrl-C, once the update in progress is saved.
     """
-    with _progress(trainer) as advance:
+    columns = (TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=_CONSOLE, transient=True, disable=not _CONSOLE.is_terminal) as progress:
+        task = progress.add_task("", total=trainer.plan.steps, completed=trainer.done)
 
         def count(update: Update) -> None:
             updates.append(update)
-            advance()
+            progress.advance(task)
 
         with StopRequest() as stop:
             trainer.run(until, on_update=count, stops=lambda: stop.requested)
@@ -124,10 +125,8 @@ def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None
 class StopRequest:
     """Context manager that records the first SIGINT or SIGTERM; the second one raises KeyboardInterrupt.
 
-    The trainer finishes and saves the update in progress.
-
     Attributes:
-        requested: whether a signal was received.
+        requested: whether a signal was received. The trainer then finishes and saves the current update.
     """
 
     def __init__(self) -> None:
@@ -149,15 +148,6 @@ class StopRequest:
         _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")
 
 
-@contextmanager
-def _progress(trainer: Trainer) -> Iterator[Callable[[], None]]:
-    """Show progress on a terminal; yield a function to call after each update."""
-    columns = (TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=_CONSOLE, transient=True, disable=not _CONSOLE.is_terminal) as progress:
-        task = progress.add_task("", total=trainer.plan.steps, completed=trainer.done)
-        yield lambda: progress.advance(task)
-
-
 def _lines(path: Path) -> list[str]:
     try:
         return path.read_text(encoding="utf-8").splitlines()
@@ -166,7 +156,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _check_free(output: Path) -> None:
-    """Raise if files that a run writes are in the folder already, without a checkpoint.
+    """Raise if the folder has files that a run writes, but no checkpoint.
 
     Raises:
         ShotError: names the file.
@@ -191,15 +181,12 @@ def _report(
     from supersampler_model.methods.base import save_trained
     from supersampler_model.training.run_log import write_log
 
-    scores = {} if found is None else {**found.scores, **found.overlap}
-    name = trainer.task.baseline.name
-    baselines = (
-        {} if baseline is None else {f"{score}_{name}": value for score, value in baseline.scores.items()}
-    )
-    means = {name: mean(u.losses[name] for u in updates) for name in updates[0].losses}
+    scores, name = {**found.scores, **found.overlap} if found else {}, trainer.task.baseline.name
+    baselines = {f"{key}_{name}": score for key, score in baseline.scores.items()} if baseline else {}
+    means = {key: mean(u.losses[key] for u in updates) for key in updates[0].losses}
     save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
-    image = None if found is None else found.image
-    write_log(output, trainer.done, {**means, **scores, **baselines}, image)
-    line = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **baselines}.items())
+    values = {**means, **scores, **baselines}
+    write_log(output, trainer.done, values, found.image if found else None)
+    line = ", ".join(f"{key} {value:.3f}" for key, value in values.items())
     seconds = mean(update.seconds for update in updates)
     _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s per update: {line}")

@@ -1,8 +1,8 @@
 """Random crops of training sequences, augmented: flips, transposition, colours, exposure, noise.
 
-A crop of the display reads a crop of the render-size input. Its `View` has a jitter that includes the offset
-between both, so that crops at any ratio are sampled as exactly as whole frames. A crop is a screen of its
-own: pixels that are reprojected outside of it have no history.
+A crop of the display reads a crop of the render-size input. The jitter of its `View` includes the offset
+between the two, so that crops at any ratio are sampled as exactly as whole frames. A crop is its own screen:
+pixels that are reprojected outside of it have no history.
 
 Methods of a fixed integer ratio (`gbuffer`) read G-buffers of render and of display size. Their crops are
 `aligned`: they consist of whole render pixels, have the frame's jitter and read no pixels around the crop.
@@ -13,6 +13,7 @@ sizes (`gbuffer-fast`).
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, Self
 
@@ -26,13 +27,12 @@ from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.data.dataset.storage import SequenceEntry
+from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.data.labels import Alias
 from supersampler_model.training.datasets import gbuffers, planes, sequences_of
 
 MARGIN = 3  # render pixels around the region that a crop reads
-CANDIDATES = 3  # random regions per crop, of which the one with the most aliased pixels is used
+CANDIDATES = 3  # random regions per crop; the one with the most aliased pixels is used
 FIREFLY_CHANCE = 0.03  # fraction of the frames with fireflies
 MAX_EXPOSURE_CHANGE = 1.0  # in augmentation, stops
 TWO_UNSHADED = 0.25
@@ -40,7 +40,7 @@ TWO_UNSHADED = 0.25
 NOISE_CHANCE = 0.06  # fraction of the crops with path-tracing noise
 SAMPLES = 1, 2, 4, 8, 16  # a pixel
 MIN_SPREAD, MAX_SPREAD = 0.6, 1.3  # of `PathNoise.spread`
-MAX_CERTAIN, MAX_MISSED = 0.8, 0.3  # half of the crops with noise miss no path
+MAX_CERTAIN, MAX_MISSED = 0.8, 0.3  # in half of the crops with noise, `missed` is 0
 GBufferSizes = Literal["none", "render", "both"]
 """Sizes of the G-buffers of a crop."""
 
@@ -61,41 +61,28 @@ class CropFrame(NamedTuple):
     unshaded: bool = False  # whether the method must extrapolate its colour
 
     def without_truth(self) -> Self:
-        """Return the frame without reference, classes and reset: what a method reads."""
+        """Return the part of the frame that a method reads: no reference, classes and reset."""
         none = self.exposure.new_empty(0)
         return self._replace(reset=False, reference=none, ghost=none, alias=none, gbuffer=dict(self.gbuffer))
 
 
 @dataclass(frozen=True, eq=False)
 class CropRegion:
-    """Region and augmentation of a crop; the same for all of its frames.
+    """Region and augmentation of a crop, for all of its frames."""
 
-    Attributes:
-        left, top: corner in display pixels.
-        size: size of the crop in display pixels, both ways.
-        ratio: display over render size, per axis.
-        flip: whether columns, rows are reversed.
-        turned: whether rows and columns are swapped.
-        colors: order of the colour channels.
-        gain: multiplies colours.
-        exposure: multiplies the exposure.
-        gbuffers: sizes of the G-buffers of the crop, where the frame has them.
-        aligned: whether corner and size are multiples of the ratio, a whole number equal on both axes.
-        world: (3, 3) orthogonal matrix applied to normals: methods may only use their differences.
-    """
-
-    left: int
+    left: int  # display pixels
     top: int
-    size: int
-    ratio: tuple[float, float]
-    flip: tuple[bool, bool] = (False, False)
-    turned: bool = False
-    colors: tuple[int, int, int] = (0, 1, 2)
-    gain: float = 1.0
-    exposure: float = 1.0
-    gbuffers: GBufferSizes = "none"
-    aligned: bool = False
+    size: int  # width and height, display pixels
+    ratio: tuple[float, float]  # display over render size, per axis
+    flip: tuple[bool, bool] = (False, False)  # whether columns, rows are reversed
+    turned: bool = False  # whether rows and columns are swapped
+    colors: tuple[int, int, int] = (0, 1, 2)  # order of the colour channels
+    gain: float = 1.0  # factor of colours
+    exposure: float = 1.0  # factor of the exposure
+    gbuffers: GBufferSizes = "none"  # sizes of the crop's G-buffers, if the frame has them
+    aligned: bool = False  # whether corner and size are multiples of the ratio, an integer for both axes
     world: Float32 = field(default_factory=lambda: np.eye(3, dtype=np.float32))
+    """(3, 3) orthogonal matrix applied to normals: methods must only depend on their differences."""
 
     @classmethod
     def draw(
@@ -187,7 +174,7 @@ class CropRegion:
         return slice(self.top, self.top + self.size), slice(self.left, self.left + self.size)
 
     def render_region(self, frame: TrainingFrame) -> tuple[slice, slice]:
-        """Return the rows and columns that the crop reads at render size, with a margin; as many anywhere."""
+        """Return the rows and columns to read at render size, with a margin; their number is fixed."""
 
         def axis(corner: int, ratio: float, extent: int) -> slice:
             if self.aligned:
@@ -208,23 +195,17 @@ class CropRegion:
 
 
 class PathNoise(NamedTuple):
-    """Path-tracing noise in the colour of crops, the same in all frames; references stay without noise.
+    """Path-tracing noise in the colour of crops, of equal parameters in all frames; references have none.
 
     A pixel is the mean of a few samples. Each sample has a certain part, which every path finds, and a random
     part: zero with some probability, else log-normal, with a tail of fireflies. Darker pixels have a smaller
-    certain part. docs/training.md compares its quantiles with those of Mitsuba 3.
-
-    Attributes:
-        samples: number of samples a pixel.
-        certain: certain fraction of the light of the brightest pixels, [0, 1].
-        missed: probability that the random part of a sample is zero, [0, 1).
-        spread: standard deviation of the logarithm of the random part, > 0.
+    certain part. docs/training.md compares the quantiles of the noise with those of Mitsuba 3.
     """
 
-    samples: int
-    certain: float
-    missed: float
-    spread: float
+    samples: int  # per pixel
+    certain: float  # certain fraction of the light of the brightest pixels, [0, 1]
+    missed: float  # probability that the random part of a sample is zero, [0, 1)
+    spread: float  # standard deviation of the logarithm of the random part, > 0
 
     @classmethod
     def draw(cls, random: np.random.Generator) -> Self | None:
@@ -239,7 +220,7 @@ class PathNoise(NamedTuple):
         )
 
     def factors(self, certain: NDArray[np.float32], random: np.random.Generator) -> NDArray[np.float32]:
-        """Return random factors of colours of mean 1; the `certain` fraction of light does not vary."""
+        """Return random factors of colours, of mean 1; the `certain` fraction of the light does not vary."""
         shape = self.samples, *certain.shape
         logarithm = self.spread * random.standard_normal(shape, np.float32) - 0.5 * self.spread**2
         found = random.random(shape, np.float32) >= self.missed
@@ -248,7 +229,7 @@ class PathNoise(NamedTuple):
         return factors
 
     def on(self, color: Tensor, random: np.random.Generator) -> Tensor:
-        """Return a frame's colour, (1, 3, h, w) linear RGB, multiplied by noise."""
+        """Multiply a frame's colour, (1, 3, h, w) linear RGB, by noise."""
         luma = ops.luminance(color.clamp(min=0.0))
         certain = self.certain * luma / (luma + luma.mean() + 1e-12)
         return (color * torch.from_numpy(self.factors(certain.numpy(), random))).clamp(max=MAX_HALF)
@@ -257,8 +238,8 @@ class PathNoise(NamedTuple):
 def with_fireflies(frame: CropFrame, random: np.random.Generator) -> CropFrame:
     """Add fireflies of random brightness to a few frames.
 
-    Path tracers and broken shaders produce such samples for one frame. Rendered training data has none, and a
-    network that never saw one keeps it for a second.
+    Path tracers and broken shaders produce such samples in single frames. Rendered training data has none. A
+    network that has never seen a firefly keeps it in the history for a second.
     """
     if random.random() >= FIREFLY_CHANCE:
         return frame
@@ -270,18 +251,14 @@ def with_fireflies(frame: CropFrame, random: np.random.Generator) -> CropFrame:
 
 @dataclass
 class StreamPosition:
-    """Position from which a stream resumes: number of the crop, and of the frame in it."""
+    """Position from which a stream resumes: numbers of the crop, and of the frame in it."""
 
     crop: int = 0
     frame: int = 0
 
 
 class CropStream(ABC):
-    """An endless stream of crops, frame by frame.
-
-    Attributes:
-        position: position of the next iteration.
-    """
+    """An endless stream of crops, frame by frame; `position` is where the next iteration begins."""
 
     def __init__(self) -> None:
         self.position = StreamPosition()
@@ -294,12 +271,12 @@ class CropStream(ABC):
 class Stream(CropStream):
     """Crops of one split: crop after crop, the frames of each in order.
 
-    The ratio of a crop is random between a minimum and a maximum; `size` is in display pixels. Streams of the
-    same seed and position are equal. Aligned crops consist of whole render pixels, at one whole ratio.
+    The ratios of crops are within a minimum and a maximum; `size` is in display pixels. Streams with the same
+    seed and position are equal. Aligned crops consist of whole render pixels, at one integer ratio.
 
     Raises:
-        ArgumentError: no sequence can be trained on, crops are larger than a display, or aligned crops are of
-            no multiple of the ratio.
+        ArgumentError: no sequence can be trained on, crops are larger than a display, or the size of aligned
+            crops is not a multiple of the ratio.
     """
 
     def __init__(
@@ -329,12 +306,10 @@ class Stream(CropStream):
             random = np.random.default_rng([*self._seed, self.position.crop])
             dataset, entry, count = self._sequences[int(random.integers(len(self._sequences)))]
             first = int(random.integers(max(count // 3, 1)))
-            place = random, entry, dataset.description.display_size, self._size
-            regions = [
-                CropRegion.draw(*place, gbuffers=self._gbuffers, aligned=self._aligned)
-                for _ in range(CANDIDATES)
-            ]
+            place = entry, dataset.description.display_size, self._size
+            draw = partial(CropRegion.draw, random, *place, gbuffers=self._gbuffers, aligned=self._aligned)
             first_frame = dataset.read(entry, first)
+            regions = [draw() for _ in range(CANDIDATES)]
             region = max(regions, key=lambda region: region.aliased_pixels(first_frame))
             noise = PathNoise.draw(random)
             for index in range(first + self.position.frame, count):
@@ -349,7 +324,7 @@ class Stream(CropStream):
 
 
 class UnshadedStream(Stream):
-    """Crops with every second frame unshaded, or two of three; crops without G-buffers are all shaded."""
+    """Crops in which every second frame is unshaded, or two of three; without G-buffers, all are shaded."""
 
     def __iter__(self) -> Iterator[CropFrame]:
         for crop in super().__iter__():

@@ -1,4 +1,4 @@
-"""Training data: sets of a user's shots, sets at other ratios with G-buffers, and frames as tensors."""
+"""Training data: sets made of shots, sets at other ratios with G-buffers, and frames as tensors."""
 
 import hashlib
 from collections.abc import Sequence
@@ -13,21 +13,26 @@ from torch import Tensor
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.display import auto_exposure
-from supersampler.io.shot import Shot, ShotFrame
+from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
-from supersampler_model.data.dataset.storage import Description, SequenceEntry, Split, write_training_frame
+from supersampler_model.data.dataset.storage import (
+    Dataset,
+    Description,
+    SequenceEntry,
+    Split,
+    TrainingFrame,
+    create_dataset,
+    write_training_frame,
+)
 from supersampler_model.data.specs import SequenceSpec
 
-UNKNOWN = 255
-"""Value of unknown classes."""
-FAMILY = "shot"
+UNKNOWN = 255  # value of unknown classes
 
 
 def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Dataset:
-    """Copy shots to a training set for fast reads of crops; existing frames are kept.
+    """Copy shots to a training set, for fast reads of crops; existing frames are kept.
 
-    Shots usually have no class labels. Frames without a reference stay, as history; their references are NaN.
+    Shots usually have no class labels. Frames without a reference serve as history; their references are NaN.
 
     Raises:
         ShotError: a shot has no reference, or another display size than the first.
@@ -39,19 +44,14 @@ def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Datas
             hint = "Render some frames with many samples a pixel at display size and list them in shot.json."
             raise ShotError(shot.path, "no frame has a reference to learn from", hint)
         if shot.display_size != size:
-            raise ShotError(shot.path, f"references are {shot.display_size}, those of the others {size}")
+            raise ShotError(shot.path, f"references are {shot.display_size}, the others are {size}")
     assert size is not None  # noqa: S101 - the loop has seen to it
-    entries = tuple(
-        SequenceEntry(
-            spec=SequenceSpec(
-                family=FAMILY, seed=index, frames=len(shot), frame_rate=shot.frame_rate or 30.0
-            ),
-            ratio=size[0] / shot.render_size[0],
-            split=split,
-        )
-        for index, shot in enumerate(shots)
-    )
-    description = Description(display_size=size, samples=1, gbuffers=False, seed=0, sequences=entries)
+    entries = []
+    for index, shot in enumerate(shots):
+        rate = shot.frame_rate or 30.0
+        spec = SequenceSpec(family="shot", seed=index, frames=len(shot), frame_rate=rate)
+        entries.append(SequenceEntry(spec=spec, ratio=size[0] / shot.render_size[0], split=split))
+    description = Description(display_size=size, samples=1, gbuffers=False, seed=0, sequences=tuple(entries))
     dataset = create_dataset(folder, description)
     for shot, entry in zip(shots, entries, strict=True):
         for item in shot.frames(dataset.complete(entry)):
@@ -64,24 +64,18 @@ def _training_frame(shot: Shot, item: ShotFrame, shape: tuple[int, int]) -> Trai
     frame = item.frame
     if frame.color is None:
         raise ShotError(shot.path, f"frame {item.index} has no colour to learn from")
-    classes = shot.read_classes(item.index)
     unknown = np.full(shape, UNKNOWN, np.uint8)
+    classes = shot.read_classes(item.index) or ClassMaps(unknown, unknown, None)
     truth = np.full((*shape, 3), np.nan, np.float16) if item.reference is None else item.reference
     return TrainingFrame(
-        color=frame.color.astype(np.float16),
-        depth=frame.depth,
-        motion=frame.motion.astype(np.float16),
-        jitter=frame.jitter,
-        reset=frame.reset,
-        exposure=frame.exposure or auto_exposure(frame.color),
-        reference=truth.astype(np.float16),
-        ghost=unknown if classes is None else classes.ghost,
-        alias=unknown if classes is None else classes.alias,
-    )
+        color=frame.color.astype(np.float16), depth=frame.depth, motion=frame.motion.astype(np.float16),
+        jitter=frame.jitter, reset=frame.reset, exposure=frame.exposure or auto_exposure(frame.color),
+        reference=truth.astype(np.float16), ghost=classes.ghost, alias=classes.alias,
+    )  # fmt: skip
 
 
 def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
-    """Return a data set with the sequences rendered at one ratio, with G-buffers of both sizes.
+    """Return a set with the sequences rendered at one ratio, with G-buffers of both sizes.
 
     Raises:
         ArgumentError: there are none, or a render pixel is not a whole number of display pixels.
@@ -99,10 +93,10 @@ def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
 
 
 def unshaded_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
-    """Return a data set with the sequences at each ratio within `ratios` of their second renderings.
+    """Return a set with the second renderings of the sequences, at each ratio within `ratios`.
 
     Raises:
-        ArgumentError: there is none, so that no frame has G-buffers of render size.
+        ArgumentError: there are none, so that no frame has G-buffers of render size.
     """
     own = dataset.entries()
     names = (path.name for entry in own for path in dataset.path(entry, 0).parent.glob("0000.*x.safetensors"))
@@ -119,10 +113,10 @@ def unshaded_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
 def sequences_of(
     datasets: Sequence[Dataset], ratios: tuple[float, float], *, min_frames: int
 ) -> list[tuple[Dataset, SequenceEntry, int]]:
-    """Return the sequences to train on, of ratios in a range, with the number of their consecutive frames.
+    """Return the training sequences with ratios in a range, and their numbers of consecutive frames.
 
     Raises:
-        ArgumentError: there are none of so many frames.
+        ArgumentError: no sequence has `min_frames` frames.
     """
     found = [
         (dataset, entry, count)
@@ -154,7 +148,7 @@ def method_inputs(frame: TrainingFrame, names: Sequence[str]) -> dict[str, Tenso
     """Return the inputs of a method from a training frame, by name, in the order of the names.
 
     Raises:
-        ArgumentError: the frame lacks one.
+        ArgumentError: the frame lacks an input.
     """
     images = {**gbuffers(frame), "color": frame.color, "depth": frame.depth, "motion": frame.motion}
     numbers = {

@@ -1,8 +1,8 @@
 """Training of `guided-flow` on crops of unshaded frames, by the error to their shaded colour.
 
-Computing guided light (`methods.guided_warp`) takes far longer than a step of the network: it is computed
+Guided light (`methods.guided_warp`) takes far longer to compute than a step of the network. It is computed
 once per frame and kept in memory, as half floats. The census loss of light (Wu et al. 2023, equations 8 and
-9) is not used: with it the network fitted the noise of light and inferred no motion.
+9) is not used: with it, the network fitted the noise of light and inferred no motion.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,8 +16,7 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler.io.display import MAX_HALF
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.data.dataset.storage import SequenceEntry
+from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.guided_flow import LIGHT, Gathered, GuidedFlow, flow_history
@@ -28,10 +27,10 @@ from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task, fast_convolutions
 from supersampler_model.training.validation import ExtrapolationRunner, SequenceRunner
 
-RATIO = 2  # at which data sets are rendered a second time, with G-buffers of render size
+RATIO = 2  # of second renderings of data sets, with G-buffers of render size
 PATTERNS = ((0, 1), (1, 1), (0, 2))
 """Index of the first shaded frame, and number of unshaded frames after each shaded one."""
-MIN_FRAMES = 4  # of a sequence, so that one frame has two shaded frames before it
+MIN_FRAMES = 4  # of a sequence, for a frame with two shaded frames before it
 HALF_CHANNELS = [LIGHT, 3]  # at half size: later input, earlier light
 FULL_CHANNELS = [3, 4, 3, 3, 1]  # guided light, guides, reflectance, own colour, 1 where light changed
 MIN_CHANCE = 1e-3  # added to the fraction of pixels whose light changed: the sampling weight of a frame
@@ -56,11 +55,11 @@ class LightFrames(NamedTuple):
     """Unshaded frames of a sequence, as half floats."""
 
     half: Tensor  # (n, HALF_CHANNELS, h / 2, w / 2)
-    full: Tensor  # (n, FULL_CHANNELS, h, w); light and colour are exposed
+    full: Tensor  # (n, FULL_CHANNELS, h, w), with exposed light and colour
 
 
 class LightCache:
-    """Computes the guided light of sequences in the gather stage of a method, and caches it."""
+    """Computes the guided light of sequences by the gather stage of a method, and caches it."""
 
     def __init__(self, method: GuidedFlow) -> None:
         self._method = method
@@ -121,7 +120,7 @@ class LightStream(CropStream):
     `ratio` is display over render size, `size` is in render pixels. Streams may share one cache of light.
 
     Raises:
-        ArgumentError: no sequence can be trained on, or crops are larger than what was rendered.
+        ArgumentError: no sequence can be trained on, or crops are larger than frames.
     """
 
     def __init__(
@@ -153,7 +152,7 @@ def draw_light(random: np.random.Generator, frames: LightFrames, size: int) -> L
     exposure = 2.0 ** random.uniform(-MAX_EXPOSURE_CHANGE, MAX_EXPOSURE_CHANGE)
 
     def cut(images: Tensor, unit: int) -> Tensor:
-        # Images of half size hold the first pixel of each pair, also when flipped.
+        # Images of half size hold the first pixel of each pair, even if flipped.
         begins = [unit * at - (unit - 1) * flip for at, flip in zip(corner, flips, strict=True)]
         rows, columns = (slice(begin, begin + unit * size) for begin in begins)
         image = images[index : index + 1, :, rows, columns].float()
@@ -180,30 +179,24 @@ def changing_light(frame: TrainingFrame) -> Tensor:
 
 @dataclass(frozen=True)
 class FlowWeights(ImageWeights):
-    """Weights of the loss terms; see `ImageWeights`.
+    """Weights of the loss terms; see `ImageWeights`."""
 
-    Attributes:
-        rms: larger than the default: unknown light should be predicted as its mean.
-        change: 0, as crops are single frames.
-        changed: extra weight of the error where the lighting changed.
-    """
-
-    rms: float = 3.0
-    change: float = 0.0
-    changed: float = 1.0
+    rms: float = 3.0  # larger than the default: the prediction of unknown light should be its mean
+    change: float = 0.0  # crops are single frames
+    changed: float = 1.0  # extra weight of the error where the lighting changed
 
 
 class FlowTask(Task):
     """Single unshaded frames without state."""
 
-    def __init__(self, method: GuidedFlow, losses: FlowWeights | None = None) -> None:
+    def __init__(self, method: GuidedFlow) -> None:
         self.method: GuidedFlow = method
-        self.losses: FlowWeights = losses or FlowWeights()
+        self.losses: FlowWeights = FlowWeights()
         self._lights = LightCache(method)
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """The ratio of the frames with G-buffers of render size."""
+        """The ratio of the frames with G-buffers of render size, as minimum and maximum."""
         return float(RATIO), float(RATIO)
 
     @property
@@ -212,7 +205,7 @@ class FlowTask(Task):
         return GuidedWarp()
 
     def data(self, dataset: Dataset) -> Dataset:
-        """See `gbuffer_set`."""
+        """Return a `gbuffer_set`."""
         return gbuffer_set(dataset, RATIO)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> LightStream:
@@ -220,7 +213,7 @@ class FlowTask(Task):
 
         Raises:
             ArgumentError: see `LightStream`; or the coarsest level of the network would be a single pixel,
-                which batch normalisation cannot normalise.
+                which batch normalisation does not support.
         """
         coarsest = 2 ** (len(self.method.config.network.levels) + 1)
         if size <= coarsest:
@@ -228,7 +221,7 @@ class FlowTask(Task):
         return LightStream(datasets, self._lights, ratio=RATIO, size=size, seed=seed)
 
     def runner(self, method: Method, display: ops.Size) -> SequenceRunner:
-        """Return a runner for which every second frame is unshaded; only those are scored."""
+        """Return a runner that extrapolates every second frame; only these are scored."""
         return ExtrapolationRunner(method, display)
 
     def first_state(self, crop: LightCrop) -> State:

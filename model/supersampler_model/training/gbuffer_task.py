@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset
+from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.methods.gbuffer import FrameInputs, Gathered, GBuffer, History
 from supersampler_model.training.crops import CropFrame, Stream
 from supersampler_model.training.datasets import gbuffer_set
@@ -16,25 +16,17 @@ from supersampler_model.training.losses import ImageWeights, display_values, dis
 from supersampler_model.training.task import State, Stepped, Task, fast_convolutions
 
 COS_45 = 0.5**0.5
-METALLIC, SMOOTH = 0.95, 0.02  # thresholds of metallic and roughness from which a surface is a mirror
+METALLIC, SMOOTH = 0.95, 0.02  # minimum metallic or maximum roughness of mirrors
 
 
 @dataclass(frozen=True)
 class GBufferWeights(ImageWeights):
-    """Weights of the loss terms; see `ImageWeights`.
-
-    Attributes:
-        rms: above the default: G-buffers leave mainly edges undetermined, where squared errors lead to the
-            mean, absolute errors to the median.
-        reflective: extra weight of the image error on mirror-like surfaces.
-        structure: weight of the structural dissimilarity, 1 - SSIM.
-        reflective_structure: extra weight of the dissimilarity on mirror-like surfaces.
-    """
+    """Weights of the loss terms; see `ClassifierWeights` for `rms`."""
 
     rms: float = 3.0
-    reflective: float = 0.5
-    structure: float = 0.1
-    reflective_structure: float = 0.75
+    reflective: float = 0.5  # extra weight of the image error on mirror-like surfaces
+    structure: float = 0.1  # of the structural dissimilarity, 1 - SSIM
+    reflective_structure: float = 0.75  # extra weight of the dissimilarity on mirror-like surfaces
 
 
 class GBufferTask(Task):
@@ -45,7 +37,7 @@ class GBufferTask(Task):
         self.losses: GBufferWeights = losses or GBufferWeights()
 
     def data(self, dataset: Dataset) -> Dataset:
-        """See `gbuffer_set`."""
+        """Return a `gbuffer_set`."""
         return gbuffer_set(dataset, self.method.config.ratio)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
@@ -59,7 +51,7 @@ class GBufferTask(Task):
         return [tensor.to(crop.color.device) for tensor in empty]
 
     def step(self, crops: list[CropFrame], states: list[State]) -> Stepped:
-        """Step all crops; from frame to frame gradients flow through the image, not through the count."""
+        """Step all crops; between frames, gradients flow through the image, but not through the count."""
         method = self.method
         gathered = [self.gather(crop, state) for crop, state in zip(crops, states, strict=True)]
         with fast_convolutions(crops[0].color.device, training=torch.is_grad_enabled()):

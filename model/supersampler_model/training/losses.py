@@ -14,33 +14,24 @@ C1, C2 = 0.01**2, 0.03**2  # constants of SSIM for values in [0, 1]
 
 @dataclass(frozen=True)
 class ImageWeights:
-    """Weights of the loss terms.
+    """Weights of the loss terms."""
 
-    Attributes:
-        rms: weight of each crop's root mean square error; the absolute error hardly depends on thin edges.
-        change: weight of the error's change from frame to frame.
-    """
-
-    rms: float = 1.0
-    change: float = 0.5
+    rms: float = 1.0  # of each crop's root mean square error; absolute errors hardly depend on thin edges
+    change: float = 0.5  # of the change of the error from frame to frame
 
 
 @dataclass(frozen=True)
 class ClassifierWeights(ImageWeights):
     """Weights of the loss terms.
 
-    Attributes:
-        rms: larger than the default: where a pixel may be on either side of an edge, squared errors lead to
-            the mean, absolute errors to the median.
-        ghost: extra weight of the image error where the history is invalid, or where there is none.
-        classes: weight of the cross entropies.
-        rarest: maximum weight of a rare class in them.
+    Where a pixel may be on either side of an edge, squared errors lead to the mean, and absolute errors to
+    the median. `rms` is therefore larger than the default.
     """
 
     rms: float = 3.0
-    ghost: float = 0.5
-    classes: float = 0.05
-    rarest: float = 8.0
+    ghost: float = 0.5  # extra weight of the image error where the history is invalid or missing
+    classes: float = 0.05  # of the cross entropies
+    rarest: float = 8.0  # maximum weight of a rare class in the cross entropies
 
 
 def display_values(image: Tensor, exposure: Tensor) -> Tensor:
@@ -51,9 +42,9 @@ def display_values(image: Tensor, exposure: Tensor) -> Tensor:
 
 
 def image_loss(error: Tensor, before: Tensor | None, weight: Tensor | float, weights: ImageWeights) -> Tensor:
-    """Return the loss of an error in display values, (n, 3, H, W) and NaN without reference.
+    """Return the loss of an error in display values, (n, 3, H, W), NaN without reference.
 
-    Its change since the error `before` counts too. `weight`, (n, 1, H, W), applies to the error alone.
+    The change since the error `before` counts, too. `weight`, (n, 1, H, W), applies to the error only.
     """
     loss = _mean_error(error, weights.rms, weight)
     if before is not None:
@@ -98,7 +89,7 @@ def _gaussian_means(maps: Tensor) -> Tensor:
 
 
 def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: ClassifierWeights) -> Tensor:
-    """Return the cross entropy of both groups of classes; rare classes have larger weights.
+    """Return the cross entropy of both groups of classes. Rare classes have larger weights.
 
     Args:
         logits: (n, 6, H / 2, W / 2).
@@ -115,7 +106,7 @@ def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: Classifier
 def class_fractions(classes: Tensor) -> Tensor:
     """Return the fraction of each class in 2x2 pixels: (n, H, W) to (n, 3, H / 2, W / 2).
 
-    Unknown pixels add 0. Sizes are rounded up; at an odd border the fraction is of the pixels that are there.
+    Unknown pixels add 0. Sizes are rounded up; at an odd border, the fraction is of the existing pixels.
     """
     one_hot = torch.stack([classes == c for c in range(3)], dim=1).float()
     return F.avg_pool2d(one_hot, 2, ceil_mode=True)

@@ -1,9 +1,9 @@
 """The optimizer: Muon (Jordan et al. 2024) for 1x1 convolutions, which are matrices, AdamW for all others.
 
-Gradients of a recurrent image loss are dominated by a few directions. Muon replaces a gradient by the nearest
-orthogonal matrix, which updates all directions equally. Its steps are scaled as in Liu et al. 2025, section
-2.2, so that both use one learning rate. `torch.optim.Muon` has this update, but computes it in bfloat16 and
-takes matrices only; the released weights were trained in float32.
+A few directions dominate the gradients of a recurrent image loss. Muon replaces a gradient by the nearest
+orthogonal matrix, which updates all directions equally. Steps are scaled as in Liu et al. 2025, section 2.2,
+so that both updates share one learning rate. `torch.optim.Muon` computes its update in bfloat16 and accepts
+matrices only; the released weights were trained in float32.
 """
 
 from collections.abc import Iterable
@@ -20,7 +20,7 @@ _COEFFICIENTS = (3.4445, -4.775, 2.0315)  # of the quintic iteration whose limit
 
 
 class Muon(torch.optim.Optimizer):
-    """One optimizer for a whole network; the weight decay is decoupled, and of matrices alone."""
+    """One optimizer for a whole network, with decoupled weight decay of matrices."""
 
     def __init__(self, parameters: Iterable[nn.Parameter], *, rate: float, decay: float) -> None:
         super().__init__(parameters, {"lr": rate, "decay": decay})

@@ -1,13 +1,13 @@
 """Frames of a batch's streams, cut in worker processes ahead of the updates that need them.
 
-A frame of a batch has hundreds of small tensors. A worker packs those of its streams into one buffer, which
-moves between processes, and to a GPU, at once.
+A frame of a batch has hundreds of small tensors. A worker packs the tensors of its streams into one buffer,
+which moves to another process, or to a GPU, in one copy.
 """
 
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -22,7 +22,7 @@ AHEAD = 8  # frames that each worker cuts in advance
 
 @dataclass(frozen=True)
 class Slot:
-    """Place of a tensor in a buffer: its first byte, its shape and its type."""
+    """Place of a tensor in a buffer: first byte, shape and type."""
 
     start: int
     shape: torch.Size
@@ -36,17 +36,11 @@ class Slot:
 
 @dataclass(frozen=True)
 class PackedCrops:
-    """One frame of some crops.
+    """One frame of some crops."""
 
-    Attributes:
-        buffer: bytes of all tensors.
-        crops: the crops, with slots in the place of tensors.
-        positions: position of each stream after this frame.
-    """
-
-    buffer: Tensor
-    crops: list[Any]
-    positions: list[StreamPosition]
+    buffer: Tensor  # bytes of all tensors
+    crops: list[Any]  # the crops, with slots in place of tensors
+    positions: list[StreamPosition]  # of each stream after this frame
 
     @classmethod
     def of(cls, crops: list[Any], positions: list[StreamPosition]) -> "PackedCrops":
@@ -68,7 +62,7 @@ class PackedCrops:
         return cls(buffer, slots, positions)
 
     def pin_memory(self) -> "PackedCrops":
-        """Return a copy in page-locked memory, from which a GPU copies by itself; the loader calls this."""
+        """Return a copy in page-locked memory, for asynchronous copies to a GPU; the loader calls this."""
         return replace(self, buffer=self.buffer.pin_memory())
 
     def on(self, device: torch.device) -> list[Any]:
@@ -78,7 +72,7 @@ class PackedCrops:
 
 
 class _Frames(IterableDataset[PackedCrops]):
-    """Streams, frame by frame; each of n workers cuts every n-th stream."""
+    """Frames of all streams; each of n workers cuts every n-th stream."""
 
     def __init__(self, streams: Sequence[CropStream]) -> None:
         self._streams = streams
@@ -97,14 +91,14 @@ def frames_of(
 ) -> Iterator[list[tuple[Any, StreamPosition]]]:
     """Yield the next frame of each stream, with the stream's position after it.
 
-    Worker processes cut crops ahead; without any, crops are cut when they are asked for. The crops are equal.
+    Worker processes cut crops ahead. Without workers, crops are cut on demand. The crops are the same.
     """
     workers = min(workers, len(streams))
     loader: DataLoader[PackedCrops] = DataLoader(
         _Frames(streams),
         batch_size=None,
         num_workers=workers,
-        collate_fn=cast("Callable[[Any], Any]", _as_is),
+        collate_fn=_as_is,
         pin_memory=device.type == "cuda",
         worker_init_fn=_ignore_signals,
         prefetch_factor=AHEAD if workers else None,
@@ -118,7 +112,7 @@ def frames_of(
         yield frame
 
 
-def _as_is(crops: PackedCrops) -> PackedCrops:
+def _as_is(crops: Any) -> Any:
     return crops
 
 

@@ -10,14 +10,13 @@ from supersampler.frame import Float32
 from supersampler.io.display import to_uint8
 from supersampler.io.files import replacing
 
-FILES = ("log.csv", "tensorboard")
-"""Files of a log in the folder of its run."""
+FILES = ("log.csv", "tensorboard")  # in the folder of a run
 
 
 def write_log(folder: Path, step: int, values: Mapping[str, float], image: Float32 | None = None) -> None:
-    """Add a row to `log.csv`, and the same with an image (H, W, 3) of display values to TensorBoard.
+    """Add values to `log.csv`, and with an image (H, W, 3) of display values to TensorBoard.
 
-    `step` is the number of updates done. Rows of later steps, from a killed run, are dropped.
+    `step` is the number of updates done. Rows of later steps, from a killed run, are removed.
     """
     path = folder / "log.csv"
     rows = [row for row in _read(path) if row["step"] < step]

@@ -12,7 +12,7 @@ from torch.utils import _pytree as pytree
 
 from supersampler.methods.registry import load, methods
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset
+from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.methods import learned_method
 from supersampler_model.methods.base import Method, Trained
 from supersampler_model.methods.taau import Taau
@@ -24,7 +24,7 @@ State = list[Tensor]
 """State of one crop between frames; the task defines the order."""
 Result = TypeVar("Result")
 BFLOAT16 = "avx512_bf16", "amx_bf16", "bf16"
-"""Instructions of CPUs for bfloat16, as torch names them; the last one is Arm's."""
+"""Torch's names of CPU instructions for bfloat16; the last one is Arm's."""
 
 
 class Stepped(NamedTuple):
@@ -40,16 +40,12 @@ class Task(ABC):
     """A method and its training.
 
     Tasks are stateless: the trainer keeps the states of crops from frame to frame, detaches them between
-    updates, and saves them. A frame of a crop is a named tuple with `exposure`, `reference` and `reset`,
-    as `CropFrame`.
-
-    Attributes:
-        method: the trained method.
-        losses: weights of the loss terms.
+    updates, and saves them. Like `CropFrame`, a frame of a crop is a named tuple with `exposure`, `reference`
+    and `reset`.
     """
 
-    method: Method
-    losses: ImageWeights
+    method: Method  # to train
+    losses: ImageWeights  # weights of the loss terms
 
     @property
     def config(self) -> dict[str, Any]:
@@ -67,10 +63,10 @@ class Task(ABC):
         return Taau()
 
     def data(self, dataset: Dataset) -> Dataset:
-        """Return the data set in the form that the method is trained and validated on.
+        """Return the set with the sequences that the method is trained and validated on.
 
         Raises:
-            ArgumentError: it lacks inputs of the method.
+            ArgumentError: the set lacks inputs of the method.
         """
         return dataset
 
@@ -80,7 +76,7 @@ class Task(ABC):
 
     @abstractmethod
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> CropStream:
-        """Stream crops, `size` pixels square, of data sets from `data`."""
+        """Stream crops of data sets from `data`, `size` pixels square."""
 
     @abstractmethod
     def first_state(self, crop: Any) -> State:
@@ -92,20 +88,20 @@ class Task(ABC):
 
 
 def fast_convolutions(device: torch.device, *, training: bool = True) -> torch.autocast:
-    """Return the context of a network in training: bfloat16, or float32 on a CPU that has no bfloat16.
+    """Return the context of a network in training: bfloat16, or float32 on CPUs without bfloat16.
 
-    Such a CPU takes several times as long with bfloat16 as with float32.
+    On such CPUs, bfloat16 takes several times as long as float32.
     """
     is_fast = device.type != "cpu" or any(torch.cpu.get_capabilities().get(name) for name in BFLOAT16)
     return torch.autocast(device.type, torch.bfloat16, enabled=training and is_fast)
 
 
 def in_batches(stage: Callable[..., Result], crops: Sequence[tuple[Any, ...]]) -> list[Result]:
-    """Return `stage(*crop)` of each crop, and run crops of equal shapes as one batch.
+    """Return `stage(*crop)` of each crop; crops of equal shapes run as one batch.
 
-    A stage is hundreds of small operations. A batch needs as many of them as one crop does, each larger: less
-    overhead on a CPU, and much less on a GPU. The arguments of a stage are tensors, and named tuples, lists
-    and dictionaries of them; its operations must not depend on values of tensors.
+    A stage has hundreds of small operations, for one crop or for a batch. A batch therefore reduces overhead,
+    most of all on a GPU. The arguments of a stage are tensors, and named tuples, lists and dictionaries of
+    tensors. Its operations must not depend on values of tensors.
     """
     batches: dict[Any, list[int]] = {}
     found: list[list[Tensor]] = []
@@ -137,7 +133,7 @@ def _batch(stage: Callable[..., Result], structure: Any, stacked: list[Tensor]) 
 
 
 def _split(value: Any) -> tuple[list[Tensor], Any]:
-    """Return the tensors of a nested structure, and a hashable description of the rest of it."""
+    """Return the tensors of a nested structure, and a hashable description of the rest."""
     leaves, spec = pytree.tree_flatten(value)
     rest = tuple(None if isinstance(leaf, Tensor) else (leaf,) for leaf in leaves)
     return [leaf for leaf in leaves if isinstance(leaf, Tensor)], (spec, rest)
@@ -152,7 +148,7 @@ def _joined(tensors: Iterable[Tensor], structure: tuple[Any, Any]) -> Any:
 def start_task(name: str, weights: Trained | None = None) -> Task:
     """Return the training task of a method.
 
-    Its initial weights are random, or those of the method, or of `classifier` if the method extends it.
+    The initial weights are random, those of the method, or those of `classifier` if the method extends it.
 
     Raises:
         ArgumentError: the method does not exist or is not trainable, or the weights do not fit.

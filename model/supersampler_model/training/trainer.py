@@ -1,7 +1,7 @@
 """Training: truncated back-propagation through time along streams of crops.
 
-Each stream of a batch yields crop after crop, frame by frame. An update starts from the histories that the
-previous update ended with, so that the network is trained on histories of its own.
+Each stream of a batch yields crop after crop, frame by frame. An update starts from the histories at the end
+of the previous update, so that the network is trained on its own histories.
 """
 
 import math
@@ -22,7 +22,7 @@ from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import replacing
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset
+from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.methods.base import Method, Trained
 from supersampler_model.training.crops import StreamPosition
 from supersampler_model.training.datasets import assets, data_hash
@@ -32,36 +32,23 @@ from supersampler_model.training.prefetch import frames_of
 from supersampler_model.training.task import State, Task
 
 CPU = torch.device("cpu")
-CHECKPOINT = "checkpoint.pt"
-"""Name in the folder of a run."""
+CHECKPOINT = "checkpoint.pt"  # in the folder of a run
 VERSION = 5
 
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """Settings of a run.
+    """Settings of a run."""
 
-    Attributes:
-        steps: updates of the weights.
-        batch: streams.
-        frames: frames per update.
-        size: size of the crops, display pixels.
-        rate: highest learning rate; it warms up over the first 2 % and falls as a cosine to a hundredth.
-        decay: weight decay.
-        average: length of the moving average of the weights, updates.
-        settle: last fraction of the updates, with batch normalisation in evaluation mode.
-        seed: seed of weights and crops.
-    """
-
-    steps: int = 12000
-    batch: int = 8
-    frames: int = 4
-    size: int = 128
-    rate: float = 6e-3
-    decay: float = 1e-4
-    average: int = 500
-    settle: float = 0.3
-    seed: int = 0
+    steps: int = 12000  # updates of the weights
+    batch: int = 8  # streams
+    frames: int = 4  # per update
+    size: int = 128  # of the crops, display pixels
+    rate: float = 6e-3  # peak learning rate, after a warm-up of 2 %; then a cosine down to a hundredth
+    decay: float = 1e-4  # weight decay
+    average: int = 500  # length of the moving average of the weights, updates
+    settle: float = 0.3  # last fraction of the updates, with batch normalisation in evaluation mode
+    seed: int = 0  # of weights and crops
 
 
 class Update(NamedTuple):
@@ -74,7 +61,7 @@ class Update(NamedTuple):
 class Trainer:
     """A run in a folder with its checkpoint and log; it resumes from the checkpoint if there is one.
 
-    `workers` is the number of processes that cut crops ahead; it does not change the crops.
+    `workers` is the number of processes that cut crops ahead; the crops are the same with any number.
 
     Raises:
         ArgumentError: there is no training data, the batch is empty, or the folder holds a run of other data,
@@ -116,9 +103,9 @@ class Trainer:
         on_update: Callable[[Update], None] = lambda _: None,
         stops: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Update until `until` updates are done, those of earlier runs included; None: the whole plan.
+        """Update until `until` updates are done, including those of earlier runs; None: the whole plan.
 
-        `stops` is called before each update and ends the run with True.
+        `stops` is called before each update, and ends the run by returning True.
         """
         target = self.plan.steps if until is None else min(until, self.plan.steps)
         while self.done < target and not stops():
@@ -129,23 +116,23 @@ class Trainer:
 
     def save(self) -> None:
         """Write the checkpoint."""
-        save_checkpoint(
-            self.folder / CHECKPOINT,
-            {
-                "done": self.done,
-                "method": self.method.state_dict(),
-                "average": self._averaged.state_dict(),
-                "optimizer": self.optimizer.state_dict(),
-                "positions": [asdict(stream.position) for stream in self._streams],
-                "states": [state and [t.cpu() for t in state] for state in self._states],
-                "error": None if self._error is None else self._error.cpu(),
-                "commit": source_commit(),
-                **self._made_of(),
-            },
-        )
+        content = {
+            "version": VERSION,
+            "done": self.done,
+            "method": self.method.state_dict(),
+            "average": self._averaged.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "positions": [asdict(stream.position) for stream in self._streams],
+            "states": [state and [t.cpu() for t in state] for state in self._states],
+            "error": None if self._error is None else self._error.cpu(),
+            "commit": source_commit(),
+            **self._settings(),
+        }
+        with replacing(self.folder / CHECKPOINT) as partial:
+            torch.save(content, partial)
 
-    def _made_of(self) -> dict[str, Any]:
-        """Return the settings that must be unchanged for a run to resume."""
+    def _settings(self) -> dict[str, Any]:
+        """Return the settings that must not change for a run to resume."""
         return {
             "name": self.method.name,
             "config": self.task.config,
@@ -156,22 +143,20 @@ class Trainer:
 
     def trained(self, facts: Mapping[str, Any]) -> Trained:
         """Return the averaged weights and their provenance."""
-        return Trained(
-            self.method.name,
-            self.task.config,
-            {
-                "steps": self.done,
-                "data": data_hash(self.datasets),
-                "assets": assets(self.datasets),
-                "commit": source_commit(),
-                **facts,
-            },
-            {name: value.detach().cpu().contiguous() for name, value in self.average.state_dict().items()},
-        )
+        provenance = {
+            "steps": self.done,
+            "data": data_hash(self.datasets),
+            "assets": assets(self.datasets),
+            "commit": source_commit(),
+            **facts,
+        }
+        weights = self.average.state_dict().items()
+        tensors = {name: value.detach().cpu().contiguous() for name, value in weights}
+        return Trained(self.method.name, self.task.config, provenance, tensors)
 
     def _load(self, path: Path) -> None:
         content = load_checkpoint(path)
-        changed = [name for name, value in self._made_of().items() if content[name] != value]
+        changed = [name for name, value in self._settings().items() if content[name] != value]
         if changed:
             want = f"the run's own {', '.join(changed)}, or a new folder"
             raise ArgumentError("checkpoint", got=f"{path}, of another {changed[0]}", want=want)
@@ -186,7 +171,7 @@ class Trainer:
         self._error = None if error is None else error.to(self.device)
 
     def _update(self) -> dict[str, float]:
-        """Take a step of the optimizer; return the terms of its loss."""
+        """Take a step of the optimizer; return the terms of the loss."""
         self.method.train(self.done < (1.0 - self.plan.settle) * self.plan.steps)
         for group in self.optimizer.param_groups:
             group["lr"] = self._rate()
@@ -232,21 +217,15 @@ class Trainer:
 
 
 def _running_mean(length: int, mean: Tensor, value: Tensor, count: Tensor | int) -> Tensor:
-    """Average over `length` updates, all before that; integers are counters and are copied."""
+    """Average over the last `length` updates, or all of fewer; integers are counters, and are copied."""
     return mean.lerp(value, 1.0 / min(length, int(count) + 1)) if mean.is_floating_point() else value
-
-
-def save_checkpoint(path: Path, content: dict[str, Any]) -> None:
-    """Write a checkpoint atomically."""
-    with replacing(path) as partial:
-        torch.save({"version": VERSION, **content}, partial)
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint.
 
     Raises:
-        ArgumentError: the file is not a checkpoint, or of another version.
+        ArgumentError: the file is not a checkpoint, or has another version.
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)

@@ -1,4 +1,4 @@
-"""Validation on whole frames of held-out sequences, stepped as in an engine."""
+"""Validation on whole frames of held-out sequences, in order, as in an engine."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -14,8 +14,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler.methods.at_rest import ADDS_SAMPLES
 from supersampler.methods.spec import FRAME_INPUTS
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.data.dataset.storage import SequenceEntry
+from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.methods.base import Method
 from supersampler_model.training.datasets import gbuffers, method_inputs
 
@@ -28,8 +27,8 @@ class SequenceRunner:
     """Runs a method over frames, in order.
 
     Attributes:
-        history: the method's history tensors after the previous frame.
-        unshaded: whether the previous frame was unshaded.
+        history: the method's history tensors after the last frame.
+        unshaded: whether the last frame was unshaded.
     """
 
     def __init__(self, method: Method, display: ops.Size) -> None:
@@ -39,7 +38,7 @@ class SequenceRunner:
 
     @torch.no_grad()
     def step(self, frame: TrainingFrame) -> Tensor | None:
-        """Return the image of the next frame, (1, 3, H, W) linear RGB; None: the method has none."""
+        """Return the image of the next frame, (1, 3, H, W) linear RGB; None: it has none."""
         if frame.reset or not self.history:
             self.history = self._method.first_history(self._display, ops.Size(*frame.depth.shape[::-1]))
         return self._image(frame)
@@ -57,7 +56,7 @@ class SequenceRunner:
 class AlternatingRunner(SequenceRunner):
     """Treats every second frame after a cut as unshaded, and extrapolates its colour.
 
-    The method steps on shaded frames, and on extrapolated ones by itself or its `on_extrapolated`.
+    The method steps on shaded frames. On extrapolated frames, it or its `on_extrapolated` steps.
     """
 
     def __init__(self, method: Method, display: ops.Size, extrapolator: Method) -> None:
@@ -86,7 +85,7 @@ class ExtrapolationRunner(SequenceRunner):
 
     @torch.no_grad()
     def step(self, frame: TrainingFrame) -> Tensor | None:
-        """See `SequenceRunner`; None for shaded frames."""
+        """Return the image of the next frame; None for shaded frames."""
         history = self.history if self.history and not frame.reset else None
         self.unshaded = history is not None and not self.unshaded
         method = self._method
@@ -103,22 +102,13 @@ class ExtrapolationRunner(SequenceRunner):
 
 @dataclass(frozen=True)
 class Validated:
-    """Scores of one method, means over sequences.
+    """Scores of one method, means over sequences."""
 
-    Attributes:
-        psnr: PSNR of display values after the warm-up, dB.
-        tpsnr: tPSNR of their changes from frame to frame, dB; NaN without consecutive images.
-        overlap: intersection over union per class, without frames after a reset; empty for methods without
-            classes.
-        kinds: PSNR of shaded and of unshaded frames; empty if all frames are of one kind.
-        image: (2 H, W, 3) display values of the first sequence's last frame, above the reference.
-    """
-
-    psnr: float
-    tpsnr: float
-    overlap: dict[str, float]
-    kinds: dict[str, float]
-    image: Float32
+    psnr: float  # of display values after the warm-up, dB
+    tpsnr: float  # of their changes from frame to frame, dB; NaN without consecutive images
+    overlap: dict[str, float]  # intersection over union per class; empty for methods without classes
+    kinds: dict[str, float]  # PSNR of shaded and of unshaded frames; empty if all are of one kind
+    image: Float32  # (2 H, W, 3) display values of the first sequence's last frame, above the reference
 
     @property
     def scores(self) -> dict[str, float]:
@@ -163,7 +153,7 @@ def validate(
 def _sequence(
     method: Method, frames: Iterable[TrainingFrame], runner: SequenceRunner, counts: "np.ndarray"
 ) -> tuple[tuple[float, ...], Float32]:
-    squared: tuple[list[float], list[float]] = [], []  # of shaded, of unshaded frames
+    squared: tuple[list[float], list[float]] = [], []  # of shaded and of unshaded frames
     changed, before, error_before = [], -1, None
     image = np.zeros((1, 1, 3), np.float32)
     for index, frame in enumerate(frames):
@@ -173,21 +163,21 @@ def _sequence(
         shown = display_transform(stepped[0].permute(1, 2, 0).numpy(), frame.exposure)
         truth = display_transform(runner.truth(frame).astype(np.float32), frame.exposure)
         error = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
-        if np.isnan(error).any():  # a frame of a user's shot without a reference
+        if np.isnan(error).any():  # the frame has no reference
             continue
         if index >= WARM_UP:
             squared[runner.unshaded].append(_psnr(error))
             if error_before is not None and before == index - 1 and not frame.reset:
                 changed.append(_psnr(error - error_before))
         before, error_before, image = index, error, np.concatenate([shown, truth])
-        if "classes" in method.history and not frame.reset:  # all of a first frame is visibility ghosting
+        if "classes" in method.history and not frame.reset:  # first frames are all visibility ghosting
             _count(runner.history[list(method.history).index("classes")], frame, counts)
     of = ([*squared[0], *squared[1]], changed, *squared)
     return tuple(float(np.mean(values)) if values else float("nan") for values in of), image
 
 
 def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
-    """Add to the intersections and unions of each class, on every second pixel."""
+    """Count the intersections and unions of each class, on every second pixel."""
     for group, truth in enumerate((frame.ghost, frame.alias)):
         true = truth[::2, ::2]
         own = ops.resize_nearest(classes[:, 3 * group : 3 * group + 3], ops.Size(*true.shape[::-1]))

@@ -1,7 +1,7 @@
 """Training sets: rendering resumes after any interruption, and files return what was rendered."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import msgspec
@@ -11,19 +11,17 @@ import pytest
 from gl_scenes import Yard
 from gltf_files import cube, strip
 from supersampler import ArgumentError, halton_jitter
-from supersampler_model.data.dataset import (
+from supersampler_model.data.dataset import rendering
+from supersampler_model.data.dataset.overview import frequencies, rows
+from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences, render_sequence
+from supersampler_model.data.dataset.storage import (
     Dataset,
     Description,
-    RenderPlan,
     SequenceEntry,
     create_dataset,
     open_dataset,
-    plan_sequences,
     read_training_frame,
-    render_sequence,
-    rendering,
 )
-from supersampler_model.data.dataset.overview import frequencies, rows
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Camera, Scene
@@ -111,7 +109,7 @@ def test_another_ratio_is_not_rendered_for_scenes_that_have_changed(
     dataset, _ = rendered(tmp_path, small_renderer)
     at = dataset.at(4.0)
     monkeypatch.setattr(YardSequence, "scene", lambda _, index: Yard(2).scene(index + 20))
-    with pytest.raises(DatasetError, match="differs from what is rendered now"):
+    with pytest.raises(DatasetError, match="differs from its rendering now"):
         render_sequence(at, at.entries()[0], small_renderer)
     assert at.complete(at.entries()[0]) == 0
 
@@ -207,7 +205,7 @@ def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:
         splits = {e.split for e in drawn.sequences if e.spec.family == family}
         assert splits == ({"train", "validation"} if family in TRAIN_FAMILIES else {"test"})
     assert {e.ratio for e in drawn.sequences} == {1.0, 1.5, 2.0, 3.0, 4.0}
-    assert msgspec.convert(drawn.to_json(), Description) == drawn
+    assert msgspec.convert(asdict(drawn), Description) == drawn
     with pytest.raises(ArgumentError, match="families is 'none'"):
         plan_sequences(RenderPlan(families=("none",)))
 
@@ -221,7 +219,7 @@ def test_a_plan_without_files_is_unchanged() -> None:
 
 def test_a_training_set_without_file_scenes_opens_and_continues(tmp_path: Path) -> None:
     drawn = plan_sequences(RenderPlan(sequences=3))
-    content = drawn.to_json()
+    content = {"version": 1, **asdict(drawn)}
     for entry in content["sequences"]:
         del entry["spec"]["folder"], entry["spec"]["files"]
     (tmp_path / "dataset.json").write_text(json.dumps(content))
@@ -242,7 +240,7 @@ def test_a_fraction_of_the_sequences_is_composed_of_files_and_recorded(files: Pa
     plan = RenderPlan(sequences=30, gltf=files, gltf_fraction=0.4)
     drawn = plan_sequences(plan)
     assert (
-        drawn == plan_sequences(plan) == msgspec.convert(json.loads(json.dumps(drawn.to_json())), Description)
+        drawn == plan_sequences(plan) == msgspec.convert(json.loads(json.dumps(asdict(drawn))), Description)
     )
     composed = [e for e in drawn.sequences if e.spec.family == "gltf"]
     assert len(composed) == 12

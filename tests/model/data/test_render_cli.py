@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 
 from gltf_files import cube
 from supersampler.cli.app import app
-from supersampler_model.data.dataset import open_dataset, read_training_frame
+from supersampler_model.data.dataset.storage import open_dataset, read_training_frame
 
 SMALL = ("--frames", "2", "--display-size", "64x36", "--samples", "4", "--ratio", "2")
 

@@ -15,7 +15,7 @@ from supersampler import ArgumentError
 from supersampler.methods.classifier.spec import BASE, ClassifierConfig, NetworkConfig
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset
+from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.data.labels import Alias, Ghost
 from supersampler_model.methods.base import load_trained, shipped_weights
 from supersampler_model.methods.classifier import Classifier

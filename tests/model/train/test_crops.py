@@ -19,7 +19,7 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.data.dataset.storage import Dataset, TrainingFrame
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.training.classifier_tasks import ClassifierTask

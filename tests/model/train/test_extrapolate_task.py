@@ -15,7 +15,7 @@ from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.data.dataset.storage import Dataset, TrainingFrame
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import Trained, load_trained, shipped_weights
 from supersampler_model.methods.classifier import Classifier

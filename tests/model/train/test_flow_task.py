@@ -19,8 +19,7 @@ from supersampler import Frame
 from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler_model import ops
-from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.data.dataset.storage import SequenceEntry
+from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import load_trained
 from supersampler_model.methods.guided_flow import GuidedFlow

@@ -15,7 +15,7 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
-from supersampler_model.data.dataset import Dataset
+from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.methods.classifier import LargeClassifier
 from supersampler_model.methods.gbuffer import SmallGBuffer
 from supersampler_model.methods.gbuffer_fast import GuidedClassifier

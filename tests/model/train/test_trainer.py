@@ -17,8 +17,14 @@ from supersampler import halton_jitter
 from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
-from supersampler_model.data.dataset.storage import Description, SequenceEntry, write_training_frame
+from supersampler_model.data.dataset.storage import (
+    Dataset,
+    Description,
+    SequenceEntry,
+    TrainingFrame,
+    create_dataset,
+    write_training_frame,
+)
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.data.specs import SequenceSpec
 from supersampler_model.methods.classifier import Classifier

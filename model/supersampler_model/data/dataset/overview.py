@@ -1,8 +1,7 @@
 """Overviews of a training set: class maps, and the rows of `supersampler info DATASET`.
 
-Class maps show false colours over an image. The colours are those of Okabe and Ito, which colour-blind
-readers can distinguish. Aliased pixels with visibility ghosting have a colour of their own; no other two
-classes can be combined.
+Class maps show false colours over an image, from the palette of Okabe and Ito, which colour-blind readers can
+distinguish. Aliased pixels with visibility ghosting have their own colour; no other classes can be combined.
 """
 
 from collections import Counter
@@ -22,13 +21,11 @@ from supersampler_model.data.labels import Alias, Ghost, Labels
 Image = NDArray[np.uint8]
 
 OPACITY = 0.6
-LUMA = np.array(BT709_WEIGHTS)
-
 _SPLITS: tuple[Split, ...] = ("train", "validation", "test")
 
 
 def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
-    """Return which pixels (H, W) have each colour of CLASS_COLORS; no two overlap."""
+    """Return the pixels (H, W) of each colour of CLASS_COLORS; they do not overlap."""
     visibility, shading = labels.ghost == Ghost.VISIBILITY, labels.ghost == Ghost.SHADING
     aliased, ghost = labels.alias != Alias.NONE, labels.ghost != Ghost.NONE
     return {
@@ -41,8 +38,8 @@ def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
 
 
 def overlay(labels: Labels, image: NDArray[Any]) -> Image:
-    """Return the classes' colours over a tone-mapped image in grey, both (H, W, 3) uint8 sRGB."""
-    tinted = np.repeat((image.astype(np.float32) @ LUMA)[..., None], 3, axis=-1)
+    """Return the colours of the classes over a grey tone-mapped image, both (H, W, 3) uint8 sRGB."""
+    tinted = np.repeat((image.astype(np.float32) @ np.array(BT709_WEIGHTS))[..., None], 3, axis=-1)
     for name, mask in masks_of(labels).items():
         tinted[mask] += OPACITY * (np.array(CLASS_COLORS[name]) - tinted[mask])
     return np.asarray(np.clip(np.rint(tinted), 0, 255), np.uint8)
@@ -60,7 +57,7 @@ def write_class_maps(dataset: Dataset, folder: Path) -> None:
 
 
 def rows(folder: Path) -> dict[str, str]:
-    """Return name and text of each row.
+    """Return the text of each row by name.
 
     Raises:
         DatasetError: the folder is not a training set, or a frame is damaged.
@@ -111,8 +108,7 @@ def frequencies(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str,
     counts, pixels = dict.fromkeys(("visibility", "shading", "geometry", "texture"), 0), 0
     for frame in (frame for entry in entries for frame in dataset.frames(entry) if not frame.reset):
         pixels += frame.ghost.size
-        for name, mask in zip(
-            counts, (m == v for m in (frame.ghost, frame.alias) for v in (1, 2)), strict=True
-        ):
+        masks = (classes == value for classes in (frame.ghost, frame.alias) for value in (1, 2))
+        for name, mask in zip(counts, masks, strict=True):
             counts[name] += int(mask.sum())
     return {name: count / pixels if pixels else float("nan") for name, count in counts.items()}

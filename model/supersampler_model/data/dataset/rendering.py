@@ -11,17 +11,8 @@ import numpy as np
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.io.files import remove_partial_files
-from supersampler_model.data.dataset.storage import (
-    Dataset,
-    Description,
-    Rerendered,
-    SequenceEntry,
-    Split,
-    TrainingFrame,
-    open_dataset,
-    write_rerendered,
-    write_training_frame,
-)
+from supersampler_model.data.dataset import storage
+from supersampler_model.data.dataset.storage import Dataset, Description, SequenceEntry, Split, open_dataset
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.rendered import labels_of
@@ -34,19 +25,14 @@ from supersampler_model.data.specs import SequenceSpec
 RATIOS = {1.0: 0.1, 1.5: 0.2, 2.0: 0.4, 3.0: 0.2, 4.0: 0.1}
 """Display over render size, and the fraction of the sequences that have it."""
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples fill [0, 1) evenly
-_VALIDATION_EVERY = 8  # one sequence in eight is for validation, with other seeds and so other scenes
+_VALIDATION_EVERY = 8  # one sequence in eight is for validation, with another seed and thus another scene
 _FRAME_FILE = re.compile(r"\d{4,}(\.[\d.e+]+x)?\.safetensors")
-MAX_DIFFERENCE = 0.01  # relative, of the means of two images of one frame by different drivers
+MAX_DIFFERENCE = 0.01  # mean difference of one frame between drivers, over its mean
 
 
 @dataclass(frozen=True, kw_only=True)
 class RenderPlan:
-    """Options of the command line; sizes are (width, height).
-
-    Attributes:
-        gltf: folder of files to compose sequences of; None: procedural families only.
-        gltf_fraction: fraction of sequences composed of them, (0, 1]; the others are of `families`.
-    """
+    """Options of the command line; sizes are (width, height)."""
 
     families: Sequence[str] = TRAIN_FAMILIES
     sequences: int = 60
@@ -56,8 +42,8 @@ class RenderPlan:
     samples: int = 64
     gbuffers: bool = False
     seed: int = 0
-    gltf: Path | None = None
-    gltf_fraction: float = 0.3
+    gltf: Path | None = None  # folder of files to compose sequences of; None: procedural families only
+    gltf_fraction: float = 0.3  # fraction of sequences composed of them, (0, 1]; the others are of `families`
 
     def check(self) -> None:
         """Raise an ArgumentError for an unknown family, a ratio below 1, or nothing to render."""
@@ -75,10 +61,10 @@ class RenderPlan:
 
 
 def plan_sequences(plan: RenderPlan) -> Description:
-    """Draw the sequences of a set: families alternate; files, ratios and seeds follow from one seed.
+    """Draw the sequences of a set: families alternate; one seed determines files, ratios and seeds.
 
     Procedural sequences for validation have other seeds than those for training. Composed ones also have
-    other files, where there are at least two of a kind (stages, props, panoramas).
+    other files, if there are at least two of a kind (stages, props, panoramas).
 
     Raises:
         ArgumentError: an unknown family, a ratio below 1, or nothing to render.
@@ -113,7 +99,7 @@ def _split(turn: int) -> Split:
 
 
 def _ratio_turns(ratios: Sequence[float], random: np.random.Generator) -> Callable[[str], float]:
-    """Return a function that deals ratios to each family: with fixed frequencies, also over few sequences."""
+    """Return a function that gives each family its next ratio, at fixed frequencies even in short runs."""
     weights = np.array([RATIOS.get(ratio, 0.2) for ratio in ratios])
     ends = np.cumsum(weights / weights.sum())
     turns: dict[str, float] = {}
@@ -130,10 +116,9 @@ def _ratio_turns(ratios: Sequence[float], random: np.random.Generator) -> Callab
 def render_sequence(
     dataset: Dataset, entry: SequenceEntry, renderer: Renderer, *, on_frame: OnFrame = lambda: None
 ) -> None:
-    """Render the missing frames of `entry`.
+    """Render the missing frames of `entry`, with a renderer of the set's display size and samples.
 
-    For a set at one ratio (`Dataset.at`), write the second renderings beside the existing frames. The
-    renderer must have the set's display size and samples.
+    For a set at one ratio (`Dataset.at`), write the second renderings beside the existing frames.
 
     Raises:
         OSError: writing failed; all earlier frames are complete.
@@ -150,13 +135,13 @@ def render_sequence(
     for index in range(first, entry.spec.frames):
         now = before if index == 0 else render_frame(sequence, renderer, index, entry.ratio)
         labels = labels_of(now, before)
-        frame = TrainingFrame(
+        frame = storage.TrainingFrame(
             color=now.color, depth=now.render.depth, motion=now.render.motion.astype(np.float16),
             jitter=now.jitter, reset=now.reset, exposure=now.exposure,
             reference=now.reference.color.astype(np.float16), ghost=labels.ghost, alias=labels.alias,
             gbuffer_display=now.display.gbuffer(depth=True) if dataset.description.gbuffers else None,
         )  # fmt: skip
-        write_training_frame(dataset.path(entry, index), frame)
+        storage.write_training_frame(dataset.path(entry, index), frame)
         before = now
         on_frame()
 
@@ -164,9 +149,9 @@ def render_sequence(
 def _rerender(
     dataset: Dataset, own: Dataset, entry: SequenceEntry, renderer: Renderer, on_frame: OnFrame
 ) -> None:
-    """Render the sequence a second time at the ratio of `entry`, from the first missing frame on.
+    """Render a sequence a second time at the ratio of `entry`, from the first missing frame on.
 
-    Raises a DatasetError if the first existing frame differs from what is rendered now.
+    Raises a DatasetError if the first existing frame is rendered differently now.
     """
     sequence, display_size = make_sequence(entry.spec), dataset.description.display_size
     first = next(e for e in own.entries() if e.folder == entry.folder)
@@ -175,15 +160,13 @@ def _rerender(
     now, _ = renderer.frame(sequence.scene(0), size, jitter=jitter)
     if float(np.abs(now - existing).mean()) > MAX_DIFFERENCE * float(existing.mean()):
         hint = "Render a new set: the scenes or the renderer have changed since this one was rendered."
-        raise DatasetError(dataset.path(first, 0), "differs from what is rendered now", hint)
+        raise DatasetError(dataset.path(first, 0), "differs from its rendering now", hint)
     for index in range(dataset.complete(entry), entry.spec.frames):
-        jitter = halton_jitter(index, entry.ratio)
-        color, surfaces = renderer.frame(
-            sequence.scene(index), entry.render_size(display_size), jitter=jitter
-        )
+        jitter, size = halton_jitter(index, entry.ratio), entry.render_size(display_size)
+        color, surfaces = renderer.frame(sequence.scene(index), size, jitter=jitter)
         motion = surfaces.motion.astype(np.float16)
-        frame = Rerendered(color, surfaces.depth, motion, jitter, surfaces.gbuffer())
-        write_rerendered(dataset.rerendered_path(entry, index), frame)
+        frame = storage.Rerendered(color, surfaces.depth, motion, jitter, surfaces.gbuffer())
+        storage.write_rerendered(dataset.rerendered_path(entry, index), frame)
         on_frame()
 
 
@@ -193,8 +176,8 @@ def render_dataset(
     """Render all missing frames in `workers` processes; with a ratio, a second rendering of all sequences.
 
     Raises:
-        DataError: a worker failed (a full disk, no OpenGL, a file that has changed); complete
-            frames stay, and the next run resumes.
+        DataError: a worker failed (a full disk, no OpenGL, a changed file); complete frames stay, and the
+            next run resumes.
     """
     folders = [entry.folder for entry in dataset.entries()]
     remove_partial_files(dataset.folder, _FRAME_FILE.fullmatch, folders)

@@ -35,33 +35,21 @@ GBuffers = dict[str, NDArray[Any]]
 class TrainingFrame:
     """Inputs of a method in one frame, and the reference.
 
-    Arrays that were read are read-only views into the file: slice them before converting them.
-
-    Attributes:
-        color: (h, w, 3) float16 linear RGB, at pixel centre + jitter.
-        depth: (h, w) float32 reversed.
-        motion: (h, w, 2) float16 render pixels, previous minus current.
-        jitter: (x, y) render pixels.
-        reset: True on the first frame after a cut.
-        exposure: > 0.
-        reference: (H, W, 3) float16 linear RGB.
-        ghost, alias: (H, W) uint8 classes, `labels.Ghost` and `labels.Alias`.
-        gbuffer_display: display-size G-buffers by name: `normal` float16, `depth` float32, the others uint8
-            for [0, 1]; None where the set has none.
-        gbuffer: render-size G-buffers, without depth; None unless the frame was rendered a second time.
+    Arrays that were read are read-only views into the file: slice them before converting them. G-buffers are
+    by name: `normal` float16, `depth` float32, the others uint8 for [0, 1].
     """
 
-    color: NDArray[np.float16]
-    depth: NDArray[np.float32]
-    motion: NDArray[np.float16]
-    jitter: tuple[float, float]
-    reset: bool
-    exposure: float
-    reference: NDArray[np.float16]
-    ghost: NDArray[np.uint8]
-    alias: NDArray[np.uint8]
-    gbuffer_display: GBuffers | None = None
-    gbuffer: GBuffers | None = None
+    color: NDArray[np.float16]  # (h, w, 3) linear RGB, at pixel centre + jitter
+    depth: NDArray[np.float32]  # (h, w) reversed
+    motion: NDArray[np.float16]  # (h, w, 2) render pixels, previous minus current
+    jitter: tuple[float, float]  # (x, y) render pixels
+    reset: bool  # True on the first frame after a cut
+    exposure: float  # > 0
+    reference: NDArray[np.float16]  # (H, W, 3) linear RGB
+    ghost: NDArray[np.uint8]  # (H, W) classes of `labels.Ghost`
+    alias: NDArray[np.uint8]  # (H, W) classes of `labels.Alias`
+    gbuffer_display: GBuffers | None = None  # of display size; None where the set has none
+    gbuffer: GBuffers | None = None  # of render size, without depth; None unless rendered a second time
 
     def frame(self) -> Frame:
         """Return the input of an `Upscaler`."""
@@ -128,7 +116,7 @@ def read_rerendered(path: Path) -> Rerendered:
 
 
 def _check(frame: TrainingFrame) -> None:
-    """Raise a ValueError where arrays or numbers are not those of a frame."""
+    """Raise a ValueError if arrays or numbers are not those of a frame."""
     render, display = frame.depth.shape, frame.ghost.shape
     shapes = {
         "color": (*render, 3), "motion": (*render, 2), "reference": (*display, 3), "alias": display,
@@ -152,7 +140,7 @@ def _write(
         stored[prefix + name] = _to_bytes(array) if name in UNIT_BUFFERS else array
     content = save(
         {name: np.ascontiguousarray(array) for name, array in stored.items()},
-        metadata={"frame": json.dumps(numbers)},  # in one entry: safetensors keeps no order of several
+        metadata={"frame": json.dumps(numbers)},  # one entry: safetensors does not keep their order
     )
     with replacing(path) as partial:
         partial.write_bytes(content)
@@ -173,7 +161,7 @@ def _read(path: Path, prefix: str) -> tuple[dict[str, Any], GBuffers]:
 @contextmanager
 def _damage_named(path: Path) -> Iterator[None]:
     """Convert errors of damaged content to a DatasetError that names the file."""
-    hint = "Delete it and render again: what is complete is kept."
+    hint = "Delete it and render again; complete frames are kept."
     try:
         yield
     except ShotError as error:
@@ -203,71 +191,53 @@ Split = Literal["train", "validation", "test"]
 
 @dataclass(frozen=True, kw_only=True)
 class SequenceEntry:
-    """One sequence of a training set.
-
-    Attributes:
-        spec: generates the sequence.
-        ratio: display size over render size.
-        split: its use.
-    """
+    """One sequence of a training set."""
 
     spec: SequenceSpec
-    ratio: float
+    ratio: float  # display size over render size
     split: Split
 
     @property
     def folder(self) -> str:
-        """Folder of its frames, relative to the data set."""
+        """Folder of the frames, relative to the data set."""
         return f"{self.split}/{self.spec.family}-{self.spec.seed}"
 
     def within(self, ratios: tuple[float, float]) -> bool:
-        """Return whether its ratio is in [minimum, maximum], up to the rounding of sizes to whole pixels."""
+        """Return whether the ratio is in [minimum, maximum], up to the rounding of sizes to whole pixels."""
         return ratios[0] - 0.02 <= self.ratio <= ratios[1] + 0.02
 
     def render_size(self, display_size: tuple[int, int]) -> tuple[int, int]:
-        """Return the (width, height) of its frames."""
+        """Return the (width, height) of the frames."""
         return round(display_size[0] / self.ratio), round(display_size[1] / self.ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """Content of a data set; two runs with the same description render the same images on one driver.
+    """Content of a data set; on one driver, two runs with the same description render the same images."""
 
-    Attributes:
-        display_size: (width, height) of references and labels.
-        samples: per pixel of the reference.
-        gbuffers: whether display-size G-buffers are kept.
-        seed: seed of the random plan.
-        sequences: sequences of all splits.
-    """
-
-    display_size: tuple[int, int]
-    samples: int
-    gbuffers: bool
-    seed: int
-    sequences: tuple[SequenceEntry, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        return {"version": VERSION, **asdict(self)}
+    display_size: tuple[int, int]  # (width, height) of references and labels
+    samples: int  # per pixel of the reference
+    gbuffers: bool  # whether display-size G-buffers are kept
+    seed: int  # of the random plan
+    sequences: tuple[SequenceEntry, ...]  # of all splits
 
 
 class Dataset:
     """A training set on disk, which may be incomplete.
 
-    A set with sequences rendered a second time, at another ratio, reuses references and labels of its `own`.
+    A set of sequences rendered a second time, at another ratio, uses the references and labels of its `own`.
     """
 
     def __init__(self, folder: Path, description: Description, *, own: "Dataset | None" = None) -> None:
         self.folder, self.description, self.own = folder, description, own
 
     def at(self, ratio: float) -> "Dataset":
-        """Return the same set with all sequences at one ratio, and with G-buffers of render size."""
+        """Return this set with all sequences at one ratio, and with G-buffers of render size."""
         sequences = tuple(replace(entry, ratio=ratio) for entry in self.description.sequences)
         return Dataset(self.folder, replace(self.description, sequences=sequences), own=self)
 
     def path(self, entry: SequenceEntry, index: int) -> Path:
-        """Return the file of one frame, which may not exist."""
+        """Return the file of one frame; it may not exist."""
         return self.folder / entry.folder / f"{index:04d}.safetensors"
 
     def rerendered_path(self, entry: SequenceEntry, index: int) -> Path:
@@ -316,16 +286,16 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
         for entry in description.sequences:
             if is_there(folder / entry.folder):
                 hint = "Move it away, or choose another folder."
-                raise DatasetError(
-                    folder / entry.folder, f"is there already, and no {FILE_NAME} lists it", hint
-                )
+                problem = f"is there already, and no {FILE_NAME} lists it"
+                raise DatasetError(folder / entry.folder, problem, hint)
         with replacing(path) as partial:
-            partial.write_text(json.dumps(description.to_json(), indent=1) + "\n", encoding="utf-8")
+            content = {"version": VERSION, **asdict(description)}
+            partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return Dataset(folder, description)
 
 
 def open_dataset(folder: Path) -> Dataset:
-    """Open a set; frames are read when asked for.
+    """Open a set; frames are read on demand.
 
     Raises:
         DatasetError: there is none, or its description is damaged or of another version.

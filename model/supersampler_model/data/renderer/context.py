@@ -1,4 +1,4 @@
-"""OpenGL contexts without a window: EGL (a GPU, or Mesa in software), else OSMesa from a pip wheel."""
+"""OpenGL contexts without a window: EGL (a GPU, or Mesa in software), or OSMesa from a pip wheel."""
 
 import ctypes
 import importlib.util
@@ -31,7 +31,7 @@ class OsMesa:
         )
         if not self._context:
             raise GraphicsError("OSMesa grants no core context of OpenGL 4.5")
-        self._screen = ctypes.create_string_buffer(4 * 16 * 16)  # OSMesa requires a buffer; it stays unused
+        self._screen = ctypes.create_string_buffer(4 * 16 * 16)  # OSMesa requires a buffer; it is not used
         self.__enter__()
 
     @classmethod
@@ -43,7 +43,7 @@ class OsMesa:
         if main is None:
             raise GraphicsError(f"{folder} holds no libOSMesa")
         problem: OSError | None = None
-        while waiting:  # the libraries depend on each other: retry those that failed, until none loads
+        while waiting:  # the libraries depend on each other: retry those that failed, until none is left
             failed = []
             for file in waiting:
                 try:
@@ -59,12 +59,12 @@ class OsMesa:
         return cls(ctypes.CDLL(str(main)))
 
     def address(self, name: bytes) -> int | None:
-        """Return the address of a GL function; None: there is none."""
+        """Return the address of a GL function, or None."""
         address: int | None = self._library.OSMesaGetProcAddress(name)
         return address
 
     def load(self, name: str) -> int:
-        """Return the address of a GL function, 0 if there is none."""
+        """Return the address of a GL function, or 0."""
         return self.address(name.encode()) or 0
 
     def __enter__(self) -> "OsMesa":
@@ -73,7 +73,7 @@ class OsMesa:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        """Leave it current, as EGL contexts are; entering another context replaces it."""
+        """Leave the context current, as EGL contexts are; entering another context replaces it."""
 
     def release(self) -> None:
         """Free the context."""
@@ -90,15 +90,10 @@ _TEXTURE_2D, _DEPTH_COMPONENT, _DEPTH_COMPONENT32F, _FLOAT = 0x0DE1, 0x1902, 0x8
 
 
 class Graphics(NamedTuple):
-    """A context, with GL functions that moderngl lacks.
+    """A context, with GL functions that moderngl lacks."""
 
-    Attributes:
-        gl: the moderngl context; enter it to make it current.
-        address: returns the address of a GL function by name.
-    """
-
-    gl: Any
-    address: Callable[[bytes], int | None]
+    gl: Any  # the moderngl context; enter it to make it current
+    address: Callable[[bytes], int | None]  # returns the address of a GL function by name
 
     def call(self, name: str, *arguments: int | None) -> None:
         """Call a GL function of integers and null pointers that returns nothing, in the current context."""
@@ -109,7 +104,7 @@ class Graphics(NamedTuple):
         ctypes.CFUNCTYPE(None, *types)(address)(*arguments)
 
     def depth_texture(self, size: tuple[int, int]) -> Any:
-        """Return a depth texture of floats, which reversed depth needs; moderngl's has 24-bit integers."""
+        """Return a float depth texture, for reversed depth; moderngl's own have 24-bit integers."""
         texture = self.gl.depth_texture(size)
         self.call("glBindTexture", _TEXTURE_2D, texture.glo)
         storage = (_TEXTURE_2D, 0, _DEPTH_COMPONENT32F, *size, 0)
@@ -121,7 +116,7 @@ def open_graphics() -> Graphics:
     """Return a new context with depth in [0, 1]: EGL where it works, else OSMesa.
 
     Raises:
-        GraphicsError: neither is available; the message, one line, gives the reason and what to install.
+        GraphicsError: neither is available; the message, one line, gives the reasons and what to install.
     """
     if importlib.util.find_spec("moderngl") is None:
         raise GraphicsError(NO_MODERNGL)
@@ -153,7 +148,7 @@ def _open_egl() -> Graphics:
 
 
 def _open_osmesa() -> Graphics:
-    spec = importlib.util.find_spec("lavavu")  # its libraries are all we take from it
+    spec = importlib.util.find_spec("lavavu")  # only its libraries are used
     if spec is None or spec.origin is None:
         raise GraphicsError("the wheel lavavu-osmesa is not installed")
     loader = OsMesa.from_wheel(spec.origin)

@@ -1,6 +1,6 @@
 """Renders scenes: jittered frames, G-buffers, and references of many samples per pixel with their statistics.
 
-Forward shading in one pass into several targets. The samples of a reference are rendered as one large image,
+Forward shading renders all targets in one pass. The samples of a reference are rendered as one large image,
 tile by tile so that it fits into memory, and averaged on the GPU.
 """
 
@@ -16,23 +16,12 @@ from supersampler.conventions import mip_bias
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.labels import PixelStatistics
 from supersampler_model.data.rendered import Float16, Float32, PixelTruth, Rendered, SurfaceBuffers
+from supersampler_model.data.renderer import uploads
 from supersampler_model.data.renderer.context import VERSION, Graphics, open_graphics
-from supersampler_model.data.renderer.uploads import (
-    DRAW_BYTES,
-    PALETTES_BYTES,
-    SHADOW_SIZE,
-    Assets,
-    Raster,
-    columns,
-    draw_blocks,
-    lights_block,
-    palette_blocks,
-    view_block,
-)
 from supersampler_model.data.scenes.scene import MAX_JOINTS, MAX_POINTS, Instance, Particles, Scene
 
 Size = tuple[int, int]
-MAX_TILE = 4096  # samples a side of a tile of a reference: 0.5 GB
+MAX_TILE = 4096  # side of a tile of a reference, samples: 0.5 GB
 BLOCKS = {"View": 0, "Lights": 1, "Draw": 2, "Surface": 3, "Palettes": 4}
 """Binding points of the uniform blocks of blocks.glsl."""
 SAMPLERS = {
@@ -86,29 +75,28 @@ class Programs(NamedTuple):
     rigid: Any
     skinned: Any
     sky: Any
-    particle: Any
+    particle: Any  # None for targets without colour
 
 
 def _programs(gl: Any, kind: str, *lights: str) -> Programs:
-    lighting = () if kind == "SURFACES" else ("lighting",)
     vertex = ("blocks", "skin", "surface_vert")
-    fragment = ("blocks", "material", "outputs", *lighting)
+    fragment = ("blocks", "material", "outputs", *(() if kind == "SURFACES" else ("lighting",)))
     particle = None
     if kind in _COLOR_AT:
         defines = (f"COLOR {_COLOR_AT[kind]}",)
         particle = _build(gl, ("blocks", "particle_vert"), ("particle_frag",), defines)
+    rigid, skinned = (
+        _build(gl, vertex, (*fragment, "surface_frag"), (kind, *lights, *skin)) for skin in ((), ("SKINNED",))
+    )
     return Programs(
-        rigid=_build(gl, vertex, (*fragment, "surface_frag"), (kind, *lights)),
-        skinned=_build(gl, vertex, (*fragment, "surface_frag"), (kind, *lights, "SKINNED")),
-        sky=_build(gl, ("blocks", "screen_vert"), (*fragment, "sky_frag"), (kind,)),
-        particle=particle,
+        rigid, skinned, _build(gl, ("blocks", "screen_vert"), (*fragment, "sky_frag"), (kind,)), particle
     )
 
 
 def _build(gl: Any, vertex: Sequence[str], fragment: Sequence[str], defines: Sequence[str] = ()) -> Any:
-    """Return the program of these shaders/*.glsl, joined in order, with its blocks and samplers bound.
+    """Return the program of some shaders/*.glsl, joined in order, with blocks and samplers bound.
 
-    `defines` are macros that choose a variant.
+    The macros `defines` select a variant.
     """
     folder = files("supersampler_model.data.renderer") / "shaders"
     macros = (f"MAX_POINTS {MAX_POINTS}", f"MAX_JOINTS {MAX_JOINTS}", *defines)
@@ -126,11 +114,11 @@ def _build(gl: Any, vertex: Sequence[str], fragment: Sequence[str], defines: Seq
 class Draws:
     """The instances of a scene on the GPU, in drawing order."""
 
-    def __init__(self, gl: Any, assets: Assets, scene: Scene) -> None:
+    def __init__(self, gl: Any, assets: uploads.Assets, scene: Scene) -> None:
         self._gl, self._assets = gl, assets
 
         def order(instance: Instance) -> tuple[bool, float]:
-            """Sort alpha-tested surfaces last, as they delay the depth test; the others front to back."""
+            """Sort front to back, but alpha-tested surfaces last, as they delay the depth test."""
             center = instance.model @ np.append(instance.mesh.center(), 1.0)
             distance = float(np.linalg.norm(center[:3] - scene.camera.position))
             return instance.material.alpha_cutoff is not None, distance
@@ -138,11 +126,11 @@ class Draws:
         self._instances = tuple(sorted(scene.instances, key=order))
         skinned = [instance for instance in self._instances if instance.mesh.skin is not None]
         self._palette_of = {id(instance): index for index, instance in enumerate(skinned)}
-        self._draws: Any = gl.buffer(draw_blocks(self._instances)) if self._instances else None
-        self._palettes: Any = gl.buffer(palette_blocks(skinned)) if skinned else None
+        self._draws: Any = gl.buffer(uploads.draw_blocks(self._instances)) if self._instances else None
+        self._palettes: Any = gl.buffer(uploads.palette_blocks(skinned)) if skinned else None
 
     def surfaces(self, rigid: Any, skinned: Any) -> None:
-        """Draw all, with the program for rigid and for skinned meshes."""
+        """Draw all instances, with the programs for rigid and for skinned meshes."""
         for instance in self._bound():
             mirrored = np.linalg.det(instance.model[:3, :3]) < 0.0
             # The projection flips y: counter-clockwise triangles of the world are clockwise on the screen.
@@ -155,7 +143,7 @@ class Draws:
             self._assets.draw(instance.mesh, skinned if instance.mesh.skin else rigid)
 
     def shadows(self, rigid: Any, skinned: Any) -> None:
-        """Draw both sides of all that casts a shadow."""
+        """Draw both sides of all instances that cast shadows."""
         self._gl.disable(self._gl.CULL_FACE)
         for instance in self._bound():
             if instance.casts_shadow:
@@ -163,11 +151,14 @@ class Draws:
                 self._assets.draw(instance.mesh, skinned if instance.mesh.skin else rigid)
 
     def _bound(self) -> Iterator[Instance]:
+        """Yield the instances, each with its uniform blocks bound."""
         for index, instance in enumerate(self._instances):
-            self._draws.bind_to_uniform_block(BLOCKS["Draw"], index * DRAW_BYTES, DRAW_BYTES)
+            size = uploads.DRAW_BYTES
+            self._draws.bind_to_uniform_block(BLOCKS["Draw"], index * size, size)
             if instance.mesh.skin is not None:
-                offset = self._palette_of[id(instance)] * PALETTES_BYTES
-                self._palettes.bind_to_uniform_block(BLOCKS["Palettes"], offset, PALETTES_BYTES)
+                size = uploads.PALETTES_BYTES
+                offset = self._palette_of[id(instance)] * size
+                self._palettes.bind_to_uniform_block(BLOCKS["Palettes"], offset, size)
             yield instance
 
 
@@ -181,7 +172,7 @@ class Renderer:
     def __init__(self, display_size: Size, *, samples: int = 64, graphics: Graphics | None = None) -> None:
         """Compile the shaders, in a new context or the given one.
 
-        A reference of display size (width, height) has `samples` samples a pixel on a regular grid.
+        References of display size (width, height) have `samples` samples per pixel, on a regular grid.
 
         Raises:
             GraphicsError: there is no OpenGL.
@@ -198,7 +189,7 @@ class Renderer:
         self._programs: dict[tuple[str, ...], Programs] = {}
         self._screens: dict[Any, Any] = {}
         with self._gl:
-            self._assets = Assets(self._gl)
+            self._assets = uploads.Assets(self._gl)
             self._shadow_programs = tuple(
                 _build(self._gl, ("blocks", "skin", "shadow_vert"), ("material", "shadow_frag"), defines)
                 for defines in ((), ("SKINNED",))
@@ -207,8 +198,8 @@ class Renderer:
             self._mean = _build(self._gl, ("blocks", "screen_vert"), ("mean_frag",))
             for program in (self._resolve, self._mean):
                 program["side"].value = self._side
-            self._sun_map = ShadowMap(self._graphics, SHADOW_SIZE)
-            self._spot_map = ShadowMap(self._graphics, SHADOW_SIZE // 2)
+            self._sun_map = ShadowMap(self._graphics, uploads.SHADOW_SIZE)
+            self._spot_map = ShadowMap(self._graphics, uploads.SHADOW_SIZE // 2)
             self._view = self._gl.buffer(reserve=3 * 64 + 5 * 16, dynamic=True)
 
     def render(
@@ -226,7 +217,7 @@ class Renderer:
     ) -> tuple[Float16, SurfaceBuffers]:
         """Render the input of an upscaler: colour (h, w, 3) and surfaces, at pixel centre + jitter.
 
-        The render size (width, height) is at most the display size; jitter (x, y) is in render pixels.
+        The render size (width, height) is at most the display size. Jitter (x, y) is in render pixels.
         """
         with self._gl:
             target = self._draw(scene, "COLOR_AND_SURFACES", "frame", self._frame_raster(render_size, jitter))
@@ -235,7 +226,8 @@ class Renderer:
     def display(self, scene: Scene) -> SurfaceBuffers:
         """Render the surfaces at display size, at pixel centres."""
         with self._gl:
-            return _surfaces(self._draw(scene, "SURFACES", "display", Raster.of_frame(self.display_size)))
+            raster = uploads.Raster.of_frame(self.display_size)
+            return _surfaces(self._draw(scene, "SURFACES", "display", raster))
 
     def reference(self, scene: Scene) -> PixelStatistics:
         """Render the reference at display size."""
@@ -270,43 +262,43 @@ class Renderer:
                 mean[place] = self._resolved(rendered, self._mean, "mean", _FORMATS["TRUTH"]).read(0)
         return _truth(mean)
 
-    def _frame_raster(self, render_size: Size, jitter: tuple[float, float]) -> Raster:
+    def _frame_raster(self, render_size: Size, jitter: tuple[float, float]) -> uploads.Raster:
         width, height = render_size
         ratio = (self.display_size[0] / width * self.display_size[1] / height) ** 0.5
-        return Raster.of_frame(render_size, jitter, 2.0 ** mip_bias(ratio, "log2"))
+        return uploads.Raster.of_frame(render_size, jitter, 2.0 ** mip_bias(ratio, "log2"))
 
-    def _parts(self) -> Iterator[tuple[tuple[slice, slice], Raster]]:
-        """Yield the tiles of the reference, at most MAX_TILE samples a side, and their places in it."""
+    def _parts(self) -> Iterator[tuple[tuple[slice, slice], uploads.Raster]]:
+        """Yield the places of the reference's tiles, and these, with a side of at most MAX_TILE samples."""
         (width, height), side = self.display_size, self._side
-        across, down = (_even_step(extent, MAX_TILE // side) for extent in (width, height))
+        most = max(MAX_TILE // side, 1)  # pixels a side; tiles are as equal as possible
+        across, down = (ceil(extent / ceil(extent / most)) for extent in (width, height))
         for top in range(0, height, down):
             for left in range(0, width, across):
                 w, h = min(across, width - left), min(down, height - top)
-                raster = Raster(
-                    size=(w * side, h * side),
-                    corner=(left / width, top / height),
-                    extent=(w / width, h / height),
-                    pixels=self.display_size,
-                    filter_width=side,
-                )
+                corner, extent = (left / width, top / height), (w / width, h / height)
+                raster = uploads.Raster((w * side, h * side), corner, extent, self.display_size, side)
                 yield (slice(top, top + h), slice(left, left + w)), raster
 
-    def _draw(self, scene: Scene, kind: str, role: str, raster: Raster) -> Target:
+    def _draw(self, scene: Scene, kind: str, role: str, raster: uploads.Raster) -> Target:
         """Draw all passes into the target of `role`."""
         self._prepare(scene)
         gl, target = self._gl, self._target(role, raster.size, _FORMATS[kind], depth=True)
-        self._view.write(view_block(scene, self.display_size[0] / self.display_size[1], raster))
+        self._view.write(uploads.view_block(scene, self.display_size[0] / self.display_size[1], raster))
         self._view.bind_to_uniform_block(BLOCKS["View"])
         self._lights.bind_to_uniform_block(BLOCKS["Lights"])
         self._panorama.use(SAMPLERS["environment"])
         self._sun_map.texture.use(SAMPLERS["sun_shadow"])
         self._spot_map.texture.use(SAMPLERS["spot_shadow"])
 
-        programs = self._programs_for(kind, scene)
+        lights = (("SUN", scene.sun), ("SPOT", scene.spot))
+        variant = (kind, *(name for name, light in lights if light is not None and kind != "SURFACES"))
+        if variant not in self._programs:
+            self._programs[variant] = _programs(self._gl, *variant)
+        programs = self._programs[variant]
         target.framebuffer.use()
         target.framebuffer.clear(depth=0.0)
         gl.enable_only(gl.DEPTH_TEST)
-        gl.depth_func = ">="  # reversed depth; the sky has depth 0, as the cleared target
+        gl.depth_func = ">="  # reversed depth; the sky has depth 0, like the cleared target
         self._draws.surfaces(programs.rigid, programs.skinned)
         gl.enable_only(gl.DEPTH_TEST)
         self._screen(programs.sky)
@@ -314,20 +306,11 @@ class Renderer:
             self._draw_particles(target, programs.particle, _COLOR_AT[kind])
         return target
 
-    def _programs_for(self, kind: str, scene: Scene) -> Programs:
-        lights = (("SUN", scene.sun), ("SPOT", scene.spot))
-        variant = (kind, *(name for name, light in lights if light is not None and kind != "SURFACES"))
-        if variant not in self._programs:
-            self._programs[variant] = _programs(self._gl, *variant)
-        return self._programs[variant]
-
     def _draw_particles(self, target: Target, program: Any, attachment: int) -> None:
         gl, framebuffer = self._gl, target.framebuffer
-        nothing, color = (False,) * 4, (True, True, True, False)  # alpha may hold the depth
-        framebuffer.color_mask = tuple(
-            color if index == attachment else nothing for index in range(len(target.textures))
-        )
-        framebuffer.depth_mask = False
+        masks = [(False,) * 4] * len(target.textures)
+        masks[attachment] = (True, True, True, False)  # alpha may be the depth
+        framebuffer.color_mask, framebuffer.depth_mask = tuple(masks), False
         framebuffer.use()
         gl.enable_only(gl.DEPTH_TEST | gl.BLEND)
         gl.blend_func = gl.ONE, gl.ONE_MINUS_SRC_ALPHA
@@ -352,13 +335,11 @@ class Renderer:
         """Upload the new assets of `scene`, and draw its shadow maps."""
         if scene is self._scene:
             return
-        self._scene = None  # until all of the new scene is uploaded
+        self._scene = None  # until the whole new scene is uploaded
         self._gl.gc()  # frees the objects of earlier scenes
         self._draws = Draws(self._gl, self._assets, scene)
         self._panorama, irradiance = self._assets.environment(scene.environment)
-        height = scene.environment.pixels.shape[0]
-        levels = int(np.log2(height))
-        self._lights = self._gl.buffer(lights_block(scene, irradiance, height, levels))
+        self._lights = self._gl.buffer(uploads.lights_block(scene, irradiance))
         particles = sorted_particles(scene.particles, scene)
         self._particles: Any = self._gl.buffer(particles.tobytes()) if len(particles) else None
         for light, shadow in ((scene.sun, self._sun_map), (scene.spot, self._spot_map)):
@@ -372,7 +353,7 @@ class Renderer:
         self._gl.enable_only(self._gl.DEPTH_TEST)
         self._gl.depth_func = "<="
         for program in self._shadow_programs:
-            program["world_to_light"].write(columns(matrix))
+            program["world_to_light"].write(uploads.columns(matrix))
         self._draws.shadows(*self._shadow_programs)
 
     def _target(self, role: str, size: Size, formats: tuple[tuple[int, str], ...], *, depth: bool) -> Target:
@@ -386,13 +367,8 @@ class Renderer:
         self._screens[program].render(self._gl.TRIANGLES, vertices=3)
 
 
-def _even_step(extent: int, maximum: int) -> int:
-    """Return the size of the fewest equal parts of `extent` that are no larger than `maximum`."""
-    return ceil(extent / ceil(extent / max(maximum, 1)))
-
-
 def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:
-    """Return (n, 8) centre, radius and colour of all particles, the farthest first."""
+    """Return centre, radius and colour of all particles, (n, 8), the farthest one first."""
     if not groups:
         return np.zeros((0, 8), np.float32)
     parts = [np.concatenate([g.centers, g.radii[:, None], g.colors], axis=1) for g in groups]

@@ -26,12 +26,12 @@ from supersampler_model.data.scenes.scene import (
 Size = tuple[int, int]
 DRAW_BYTES = 256  # per instance; a multiple of every GL's offset alignment
 PALETTES_BYTES = 2 * MAX_JOINTS * 64
-SHADOW_SIZE = 2048  # texels a side, of the sun's map; the spot's has half as many
+SHADOW_SIZE = 2048  # side of the sun's shadow map, texels; the spot's has half of it
 _SRGB8_ALPHA8 = 0x8C43
 _MAPS = ("base_color", "normal", "orm", "emissive")
 _PLAIN = ("3f4 3f4 4f4 2f4", "position", "normal", "tangent", "uv")
 _SKINNED = ("4u2 4f4", "joints", "weights")
-COVERAGE_ERROR = 0.15  # relative error of the fraction of a mip that passes the alpha test
+COVERAGE_ERROR = 0.15  # maximum relative error of the fraction of a mip that passes the alpha test
 
 
 class Assets:
@@ -60,7 +60,7 @@ class Assets:
         return self._gl.vertex_array(program, content, buffers[0], skip_errors=True)
 
     def _upload_mesh(self, mesh: Mesh) -> list[Any]:
-        """Return buffers of indices, of vertices and, with a skin, of joints and weights."""
+        """Return buffers of indices, of vertices and, for a skin, of joints and weights."""
         vertices = np.concatenate([mesh.positions, mesh.normals, mesh.tangents, mesh.uv], axis=1)
         buffers = [mesh.indices.tobytes(), np.ascontiguousarray(vertices, np.float32).tobytes()]
         if mesh.skin is not None:
@@ -70,7 +70,7 @@ class Assets:
         return [self._gl.buffer(data) for data in buffers]
 
     def bind_material(self, material: Material, block: int, *, maps: int = len(_MAPS)) -> None:
-        """Bind the constants to uniform block `block`, the first `maps` textures to units from 0 on."""
+        """Bind the constants to uniform block `block`, and the first `maps` textures to units 0, 1, ..."""
         constants = self._once(material, None, lambda: self._upload_material(material))
         constants.bind_to_uniform_block(block)
         for unit, name in enumerate(_MAPS[:maps]):
@@ -105,7 +105,7 @@ class Assets:
         return uploaded
 
     def environment(self, environment: Environment) -> tuple[Any, NDArray[np.float64]]:
-        """Return the panorama's texture, rougher from mip to mip, and its irradiance (9, 3)."""
+        """Return the panorama's texture, with mips for increasing roughness, and its irradiance (9, 3)."""
         texture, irradiance = self._once(environment, None, lambda: self._upload_environment(environment))
         return texture, irradiance
 
@@ -125,7 +125,7 @@ class Assets:
 def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> None:
     """Scale the opacity of each mip so that the same fraction passes the alpha test as in `pixels`.
 
-    Otherwise distant fences vanish. Mips too small for this are dropped; holes alias there, as in games.
+    Otherwise distant fences would vanish. Mips too small for this are dropped; holes alias there.
     """
     threshold = 255.0 * cutoff
     covered = float((pixels[..., 3] >= threshold).mean())
@@ -146,20 +146,13 @@ def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> No
 
 @dataclass(frozen=True, slots=True)
 class Raster:
-    """A grid of samples over a part of the image.
+    """A grid of samples over a part of the image."""
 
-    Attributes:
-        size: samples (x, y).
-        corner, extent: the part, in units of the image: (0, 0) is its top left corner, (1, 1) the other.
-        pixels: size of the image in which motion is counted.
-        filter_width: width of the texture filter in samples of this grid: that of a display pixel.
-    """
-
-    size: Size
-    corner: tuple[float, float]
-    extent: tuple[float, float]
-    pixels: Size
-    filter_width: float = 1.0
+    size: Size  # samples (x, y)
+    corner: tuple[float, float]  # of the part: (0, 0) is the top left corner of the image, (1, 1) the other
+    extent: tuple[float, float]  # of the part, in the same unit
+    pixels: Size  # size of the image in whose pixels motion is measured
+    filter_width: float = 1.0  # width of a display pixel in samples of this grid, for texture filtering
 
     @classmethod
     def of_frame(
@@ -176,12 +169,12 @@ class Raster:
 
 
 def columns(*matrices: Values) -> bytes:
-    """Return matrices (..., 4, 4) column by column, as GL reads them."""
+    """Return matrices (..., 4, 4) column by column, as in GL."""
     return b"".join(np.ascontiguousarray(np.swapaxes(m, -1, -2), np.float32).tobytes() for m in matrices)
 
 
 def rows(*vectors: Any) -> bytes:
-    """Return vectors of up to four numbers, each filled up with zeros."""
+    """Return vectors of up to four numbers, padded with zeros."""
     return b"".join(np.array([*v, *[0.0] * (4 - len(v))], np.float32).tobytes() for v in vectors)
 
 
@@ -223,8 +216,9 @@ def palette_blocks(instances: list[Instance]) -> bytes:
     return b"".join(blocks)
 
 
-def lights_block(scene: Scene, irradiance: Values, panorama_height: int, levels: int) -> bytes:
+def lights_block(scene: Scene, irradiance: Values) -> bytes:
     """Return block Lights."""
+    height = scene.environment.pixels.shape[0]
     sun = scene.sun or Sun(direction=(0.0, -1.0, 0.0), color=(0.0, 0.0, 0.0))
     spot = scene.spot or Spot(position=(0.0, 1.0, 0.0), target=(0.0, 0.0, 0.0), color=(0.0, 0.0, 0.0))
     to_sun = -np.array(sun.direction) / np.linalg.norm(sun.direction)
@@ -236,7 +230,7 @@ def lights_block(scene: Scene, irradiance: Values, panorama_height: int, levels:
         (*to_sun, 2.0 * sun.radius / SHADOW_SIZE), sun.color,
         (*spot.position, spot.reach), (*axis, spot_texel), (*spot.color, inner),
         (len(scene.points), outer),
-        (levels, np.log2(panorama_height / np.pi)),
+        (int(np.log2(height)), np.log2(height / np.pi)),
     ]  # fmt: skip
     padding = [(0.0,)] * (MAX_POINTS - len(scene.points))
     points = [*((*point.position, point.reach) for point in scene.points), *padding]

@@ -5,8 +5,7 @@ column vectors: world = model @ local. Colours are linear RGB. Lights and the en
 radiometric unit: a white wall facing a sun of colour pi is as bright as an environment of 1.
 
 Meshes, materials, textures and environments are uploaded once and recognised by identity: share them between
-the frames of a sequence. Only what a file may get wrong, or what would render a wrong image silently, is
-checked here.
+the frames of a sequence. Checks cover what files may get wrong, and errors that would go unnoticed in images.
 """
 
 from dataclasses import dataclass
@@ -33,20 +32,14 @@ Pixels: TypeAlias = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Camera:
-    """A pinhole camera.
-
-    Attributes:
-        fov_y: vertical field of view, degrees.
-        near: metres; depth is near / view distance.
-        exposure: factor of the frame's colour before the tone curve; the colour is stored without it.
-    """
+    """A pinhole camera."""
 
     position: Vector
     target: Vector
     up: Vector = (0.0, 1.0, 0.0)
-    fov_y: float = 60.0
-    near: float = 0.1
-    exposure: float = 1.0
+    fov_y: float = 60.0  # vertical field of view, degrees
+    near: float = 0.1  # metres; depth is near / view distance
+    exposure: float = 1.0  # factor of the colour before the tone curve; the colour is stored without it
 
     def view(self) -> Matrix:
         """Return world to view: x right, y up, looking at -z."""
@@ -55,9 +48,8 @@ class Camera:
     def projection(self, aspect: float) -> Matrix:
         """Return view to clip for width / height: reversed depth in [0, 1], infinite far, y downwards."""
         f = 1.0 / np.tan(np.radians(self.fov_y) / 2.0)
-        return np.array(
-            [[f / aspect, 0, 0, 0], [0, -f, 0, 0], [0, 0, 0, self.near], [0, 0, -1, 0]], np.float64
-        )
+        rows = [[f / aspect, 0, 0, 0], [0, -f, 0, 0], [0, 0, 0, self.near], [0, 0, -1, 0]]
+        return np.array(rows, np.float64)
 
 
 def look_at(position: Vector | Values, target: Vector, up: Vector) -> Matrix:
@@ -71,7 +63,7 @@ def look_at(position: Vector | Values, target: Vector, up: Vector) -> Matrix:
     return matrix
 
 
-CONVOLVED = 64  # width from which on mips are true GGX convolutions; above, their lobes are a texel wide
+CONVOLVED = 64  # maximum width of mips that are GGX convolutions; the lobes of larger ones are a texel wide
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
@@ -79,8 +71,8 @@ class Environment:
     """A distant panorama.
 
     Attributes:
-        pixels: (h, 2 h, 3) float32 linear RGB radiance, >= 0; h a power of two, 32 or more. Row 0 looks up
-            (+y), the middle column looks at -z, columns go right.
+        pixels: (h, 2 h, 3) float32 linear RGB radiance, >= 0; h is a power of two, at least 32. Row 0 is up
+            (+y), the middle column is -z, and columns run to the right.
     """
 
     pixels: Points
@@ -107,9 +99,9 @@ class Environment:
         return levels
 
     def irradiance(self) -> Values:
-        """Return (9, 3) coefficients: irradiance of a normal n is sum_i coefficients[i] basis_i(n).
+        """Return coefficients (9, 3): the irradiance of a normal n is sum_i coefficients[i] basis_i(n).
 
-        The basis is 1, x, y, z, xy, yz, 3 z^2 - 1, xz, x^2 - y^2, with all constants in the coefficients.
+        The basis is 1, x, y, z, xy, yz, 3 z^2 - 1, xz, x^2 - y^2; the coefficients include all constants.
         """
         weights, basis = solid_angles(self.pixels.shape[0]), harmonics(directions(self.pixels.shape[0]))
         norm = np.array([0.282095] + [0.488603] * 3 + [1.092548] * 2 + [0.315392, 1.092548, 0.546274])
@@ -151,19 +143,18 @@ def downsampled(pixels: Points) -> Points:
 def reflected(source: Points, height: int, alpha: float) -> Points:
     """Convolve a panorama with the GGX lobe of roughness alpha at normal incidence: (height, 2 height, 3).
 
-    Weights depend on the two rows and on how far apart the columns are, so each pair of rows is one circular
-    correlation: those of the first column's normals, moved along the row in the frequency domain.
+    Weights depend on both rows and on the distance between the columns. Each pair of rows is therefore a
+    circular correlation with the weights of the first column, computed in the frequency domain.
     """
     rows = source.shape[0]
-    first = directions(height)[:, 0]  # (height, 3); its column is `rows / height` of the source's wide
+    first = directions(height)[:, 0]  # (height, 3); a column spans `rows / height` columns of the source
     cosine = np.einsum("ai,bci->abc", first, directions(rows))  # between the normal and the light
     half = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0)  # squared cosine of half that angle
     weights = np.maximum(cosine, 0.0) / (half * (alpha * alpha - 1.0) + 1.0) ** 2
     weights *= solid_angles(rows)
     weights /= weights.sum(axis=(1, 2), keepdims=True)
-    spectrum = np.einsum(
-        "abf,bfc->afc", np.conj(np.fft.rfft(weights, axis=2)), np.fft.rfft(source.astype(np.float64), axis=1)
-    )
+    lobes, light = np.fft.rfft(weights, axis=2), np.fft.rfft(source.astype(np.float64), axis=1)
+    spectrum = np.einsum("abf,bfc->afc", np.conj(lobes), light)
     return np.fft.irfft(spectrum, 2 * rows, axis=1)[:, :: rows // height].astype(np.float32)
 
 
@@ -172,18 +163,12 @@ MAX_POINTS = 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sun:
-    """Parallel light with a shadow inside a sphere.
+    """Parallel light with shadows inside a sphere, which the shadow map covers."""
 
-    Attributes:
-        direction: direction from the light to the scene; its length does not matter.
-        color: irradiance on a surface that faces it.
-        center, radius: sphere that the shadow map covers, metres; there is no shadow outside.
-    """
-
-    direction: Vector
-    color: Color
-    center: Vector = (0.0, 0.0, 0.0)
-    radius: float = 20.0
+    direction: Vector  # from the light to the scene, of any length
+    color: Color  # irradiance on a surface that faces the light
+    center: Vector = (0.0, 0.0, 0.0)  # of the sphere
+    radius: float = 20.0  # metres
 
     def matrix(self) -> Matrix:
         """Return world to the shadow map's clip space: x, y in [-1, 1], depth in [0, 1], 0 at the light."""
@@ -195,23 +180,17 @@ class Sun:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spot:
-    """A cone of light with a shadow.
-
-    Attributes:
-        color: radiant intensity on the axis: irradiance at 1 m.
-        inner, outer: half angles, degrees, between which it fades.
-        reach: distance at which it has faded to 0, metres, > 0.1.
-    """
+    """A cone of light with shadows, which fades between two half angles."""
 
     position: Vector
     target: Vector
-    color: Color
-    inner: float = 15.0
+    color: Color  # radiant intensity on the axis: irradiance at 1 m
+    inner: float = 15.0  # half angle, degrees
     outer: float = 25.0
-    reach: float = 20.0
+    reach: float = 20.0  # distance at which the light has faded to 0, metres, > 0.1
 
     def matrix(self) -> Matrix:
-        """Return world to the shadow map's clip space: depth in [0, 1], 0 is 0.1 m from the light."""
+        """Return world to the shadow map's clip space: depth in [0, 1], 0 at 0.1 m from the light."""
         axis = np.subtract(self.target, self.position)
         f, near, far = 1.0 / np.tan(np.radians(self.outer)), 0.1, self.reach
         project = np.zeros((4, 4))
@@ -222,16 +201,11 @@ class Spot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointLight:
-    """Light into all directions, without a shadow.
-
-    Attributes:
-        color: radiant intensity: irradiance at 1 m.
-        reach: distance at which it has faded to 0, metres.
-    """
+    """Light in all directions, without shadows."""
 
     position: Vector
-    color: Color
-    reach: float = 10.0
+    color: Color  # radiant intensity: irradiance at 1 m
+    reach: float = 10.0  # distance at which the light has faded to 0, metres
 
 
 def _up_for(direction: Matrix) -> Vector:
@@ -240,37 +214,26 @@ def _up_for(direction: Matrix) -> Vector:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Skin:
-    """The joints that move each vertex.
+    """The joints that move each vertex."""
 
-    Attributes:
-        joints: (n, 4) uint16, indices into the instance's palette.
-        weights: (n, 4) float32 that sum to 1.
-    """
-
-    joints: Joints
-    weights: Points
+    joints: Joints  # (n, 4), indices into the instance's palette
+    weights: Points  # (n, 4), sums of 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Mesh:
     """Triangles; counter-clockwise ones face the viewer.
 
-    Attributes:
-        positions: (n, 3) float32, local.
-        normals: (n, 3) float32, unit length.
-        uv: (n, 2) float32, v downwards in the texture.
-        tangents: (n, 4) float32: direction of u, unit length, and the sign of the bitangent
-            cross(normal, tangent) w, which points to decreasing v. `tangents_of` derives them.
-        indices: (m, 3) uint32.
-        skin: None for a rigid mesh.
+    A tangent is the direction of u, of unit length, and the sign w of the bitangent cross(normal, tangent) w,
+    which points to decreasing v. `tangents_of` derives tangents.
     """
 
-    positions: Points
-    normals: Points
-    uv: Points
-    tangents: Points
-    indices: Indices
-    skin: Skin | None = None
+    positions: Points  # (n, 3), local
+    normals: Points  # (n, 3), unit length
+    uv: Points  # (n, 2), v downwards in the texture
+    tangents: Points  # (n, 4)
+    indices: Indices  # (m, 3)
+    skin: Skin | None = None  # None for a rigid mesh
 
     def __post_init__(self) -> None:
         for name in ("positions", "normals", "uv", "tangents"):
@@ -282,15 +245,15 @@ class Mesh:
 
 
 def tangents_of(positions: Points, normals: Points, uv: Points, indices: Indices) -> Points:
-    """Return (n, 4) tangents: the direction of u averaged over each vertex's triangles, and handedness.
+    """Return (n, 4) tangents: the direction of u, averaged over each vertex's triangles, and its handedness.
 
-    Where u does not vary, any direction along the surface is taken.
+    Where u does not vary, they have an arbitrary direction along the surface.
     """
     a, b, c = indices.T
     edge, other = positions[b] - positions[a], positions[c] - positions[a]
     along, beside = uv[b] - uv[a], uv[c] - uv[a]
     area = along[:, :1] * beside[:, 1:] - along[:, 1:] * beside[:, :1]
-    flip = np.where(area < 0.0, -1.0, 1.0)  # weighted by area in the texture, which may be 0: no division
+    flip = np.where(area < 0.0, -1.0, 1.0)  # weighted by area in the texture; no division, as it may be 0
     of_u = flip * (edge * beside[:, 1:] - other * along[:, 1:])
     of_v = flip * (other * along[:, :1] - edge * beside[:, :1])
     u, v = np.zeros((2, *positions.shape), np.float64)
@@ -301,7 +264,7 @@ def tangents_of(positions: Points, normals: Points, uv: Points, indices: Indices
     u = np.where(np.linalg.norm(u, axis=1, keepdims=True) > 1e-12, u, np.cross(normals, axis))
     u -= normals * (u * normals).sum(axis=1, keepdims=True)
     u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
-    # v grows downwards in the image while a normal map's green points up it: the bitangent opposes v.
+    # v grows downwards in the image, while green in a normal map points up: the bitangent opposes v.
     sign = np.where((np.cross(normals, u) * v).sum(axis=1, keepdims=True) > 0.0, -1.0, 1.0)
     return np.concatenate([u, sign], axis=1).astype(np.float32)
 
@@ -311,46 +274,27 @@ MAX_JOINTS = 128  # two palettes of this size fill the 16 KiB that every GL gran
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Texture:
-    """An image that repeats in both directions.
+    """An image that repeats in both directions."""
 
-    Attributes:
-        pixels: (h, w, 3 or 4) uint8. Row 0 is at v = 0, as in glTF. A fourth channel is opacity.
-        srgb: True for colours, which are stored sRGB-encoded; False for normal and ORM maps.
-    """
-
-    pixels: Pixels
-    srgb: bool = True
+    pixels: Pixels  # (h, w, 3 or 4), row 0 at v = 0, as in glTF; a fourth channel is opacity
+    srgb: bool = True  # for colours, which are sRGB-encoded; False for normal and ORM maps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Material:
-    """A surface as glTF and Unreal describe it: GGX on Lambert. Textures multiply the constants.
+    """A surface as glTF and Unreal describe it: GGX on Lambert. Textures multiply the constants."""
 
-    Attributes:
-        base_color: linear RGB in [0, 1].
-        roughness: perceptual, in [0, 1]; alpha = roughness^2.
-        metallic: in [0, 1].
-        specular: in [0, 1]; dielectric F0 = 0.08 specular.
-        emissive: linear RGB radiance, >= 0.
-        base_color_texture: sRGB; its opacity is tested against `alpha_cutoff`.
-        normal_texture: tangent-space normals, linear, green up (as in glTF).
-        orm_texture: occlusion, roughness, metallic, linear.
-        emissive_texture: sRGB.
-        alpha_cutoff: samples less opaque than this are holes; None draws all.
-        double_sided: draw back faces too, lit from their own side.
-    """
-
-    base_color: Color = (1.0, 1.0, 1.0)
-    roughness: float = 0.5
-    metallic: float = 0.0
-    specular: float = 0.5
-    emissive: Color = (0.0, 0.0, 0.0)
-    base_color_texture: Texture | None = None
-    normal_texture: Texture | None = None
-    orm_texture: Texture | None = None
-    emissive_texture: Texture | None = None
-    alpha_cutoff: float | None = None
-    double_sided: bool = False
+    base_color: Color = (1.0, 1.0, 1.0)  # linear RGB in [0, 1]
+    roughness: float = 0.5  # perceptual, in [0, 1]; alpha = roughness^2
+    metallic: float = 0.0  # in [0, 1]
+    specular: float = 0.5  # in [0, 1]; dielectric F0 = 0.08 specular
+    emissive: Color = (0.0, 0.0, 0.0)  # linear RGB radiance, >= 0
+    base_color_texture: Texture | None = None  # sRGB; opacity is tested against `alpha_cutoff`
+    normal_texture: Texture | None = None  # tangent-space normals, linear, green up (as in glTF)
+    orm_texture: Texture | None = None  # occlusion, roughness, metallic, linear
+    emissive_texture: Texture | None = None  # sRGB
+    alpha_cutoff: float | None = None  # samples less opaque than this are holes; None: no holes
+    double_sided: bool = False  # whether back faces are drawn, too, lit from their own side
 
     def __post_init__(self) -> None:
         for channel in self.base_color:
@@ -365,26 +309,19 @@ class Material:
 class Instance:
     """A placed mesh, in this frame and in the previous one.
 
-    Attributes:
-        model: (4, 4) local to world.
-        model_before: `model` of the previous frame; None: no motion.
-        palette: (joints, 4, 4) of a skinned mesh, at most MAX_JOINTS: bind pose to posed, applied before
-            `model`; None for a rigid mesh.
-        palette_before: `palette` of the previous frame; None: no motion.
-        emission: multiplies the material's emissive colour; flickering lights vary it.
-        casts_shadow: False keeps it out of the shadow maps.
-        thin: whether it counts as a thin object, see `PixelTruth`.
+    The palette of a skinned mesh, (joints, 4, 4), has at most MAX_JOINTS matrices from the bind pose to the
+    pose, applied before `model`.
     """
 
     mesh: Mesh
     material: Material
-    model: Matrix
-    model_before: Matrix | None = None
-    palette: Matrices | None = None
-    palette_before: Matrices | None = None
-    emission: float = 1.0
+    model: Matrix  # local to world
+    model_before: Matrix | None = None  # in the previous frame; None: no motion
+    palette: Matrices | None = None  # None for a rigid mesh
+    palette_before: Matrices | None = None  # in the previous frame; None: no motion
+    emission: float = 1.0  # factor of the material's emissive colour
     casts_shadow: bool = True
-    thin: bool = False
+    thin: bool = False  # whether it counts as a thin object, see `PixelTruth`
 
     def __post_init__(self) -> None:
         for name in ("model", "palette"):
@@ -401,7 +338,7 @@ class Instance:
             raise SceneError("instance.palette", got=f"{joints} joints", want=want)
 
     def moves(self) -> bool:
-        """Return whether it has moved or bent in the world since the previous frame."""
+        """Return whether the instance has moved or bent since the previous frame."""
         pairs = (self.model, self.model_before), (self.palette, self.palette_before)
         return not all(np.array_equal(np.asarray(now), np.asarray(before)) for now, before in pairs)
 
@@ -411,35 +348,24 @@ class Particles:
     """Soft round sprites that face the camera.
 
     As in engines, they are rendered after all opaque surfaces, depth-tested, and write only colour.
-
-    Attributes:
-        centers: (n, 3) world.
-        radii: (n,) metres, > 0.
-        colors: (n, 4) linear RGB radiance multiplied by opacity, and opacity in [0, 1]; opacity 0 adds light.
     """
 
-    centers: Points
-    radii: Points
-    colors: Points
+    centers: Points  # (n, 3), world
+    radii: Points  # (n,) metres, > 0
+    colors: Points  # (n, 4) linear RGB radiance times opacity, and opacity in [0, 1]; 0 adds light
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """The scene of one frame.
-
-    Attributes:
-        camera_before: camera of the previous frame, with the same `near`; on the first frame after a cut,
-            `camera` itself.
-        points: at most `MAX_POINTS`, without shadows. `sun` and `spot` cast them.
-    """
+    """The scene of one frame."""
 
     camera: Camera
-    camera_before: Camera
+    camera_before: Camera  # of the previous frame, with the same `near`; after a cut, `camera` itself
     environment: Environment
     instances: tuple[Instance, ...]
     sun: Sun | None = None
     spot: Spot | None = None
-    points: tuple[PointLight, ...] = ()
+    points: tuple[PointLight, ...] = ()  # at most MAX_POINTS
     particles: tuple[Particles, ...] = ()
 
     def __post_init__(self) -> None:

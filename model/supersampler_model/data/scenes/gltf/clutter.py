@@ -5,22 +5,22 @@ from collections.abc import Callable
 import numpy as np
 
 from supersampler_model.data.scenes.gltf.ground import Ground
-from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
+from supersampler_model.data.scenes.procedural import lighting, materials, particles, paths, shapes
 from supersampler_model.data.scenes.procedural.outdoors import bush
 from supersampler_model.data.scenes.procedural.paths import placed
-from supersampler_model.data.scenes.procedural.stage import Stage, bulb, dust, fireflies, smoke, sparks
+from supersampler_model.data.scenes.procedural.stage import Stage, bulb
 from supersampler_model.data.scenes.scene import Color, Material, Matrix, Mesh, Rng, Values
 
 _CLEARANCE = 0.5  # metres around an object that are kept free
 Kind = Callable[[Rng, Stage, Ground, Values], list[Values]]
-"""Adds an object to the stage near a position (3,), and returns the positions (3,) that it occupies."""
+"""Function that adds an object near a position (3,), and returns the positions (3,) that it occupies."""
 
 
 def add_clutter(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]:
     """Add thin and moving objects around a position (3,), and perhaps others and particles.
 
     Returns:
-        positions (3,) that a camera should keep away from.
+        The positions (3,) that cameras should keep away from.
     """
     kinds: list[Kind] = []
     for choices, low, high in ((_THIN, 1, 2), (_MOVING, 1, 2), (_OTHER, 0, 1)):
@@ -28,12 +28,11 @@ def add_clutter(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[V
         kinds += [choices[int(index)] for index in order]
     if rng.random() < 0.6:
         _particles(rng, stage, focus)
-    occupied = []
+    occupied: list[Values] = []
     for kind in kinds:
-        places = kind(rng, stage, ground, focus)
-        for place in places:
+        for place in kind(rng, stage, ground, focus):
             ground.take(place, _CLEARANCE)
-        occupied += places
+            occupied.append(place)
     return occupied
 
 
@@ -96,8 +95,8 @@ def _balls(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values
     for _ in range(int(rng.integers(2, 5))):
         radius, surface = rng.uniform(0.08, 0.24), _shiny(rng)
         if rng.random() < 0.4:
-            place = ground.near(rng, focus, 0.3, 2.0)
-            stage.put(shapes.ball(radius), surface, _moved(place) @ placed(0.0, radius, 0.0))
+            at = _moved(ground.near(rng, focus, 0.3, 2.0))
+            stage.put(shapes.ball(radius), surface, at @ placed(0.0, radius, 0.0))
             continue
         start, end = ground.stretch(rng, focus, 1.5, 0.8, 3.0)
         way = paths.swing(rng, paths.vector(start), paths.vector(end), rng.uniform(0.5, 5.0))
@@ -107,12 +106,12 @@ def _balls(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values
 
 
 def _runner(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]:
-    """Add an object that moves back and forth and disoccludes the background."""
+    """Add an object that moves back and forth."""
     start, end = ground.stretch(rng, focus, 2.0, 1.5, 5.0)
     path = paths.swing(rng, paths.vector(start), paths.vector(end), rng.uniform(1.0, 7.0))
     size = rng.uniform(0.25, 0.6)
     column = [(0.3, 0.0), (0.35, 0.8), (0.12, 1.1), (0.3, 1.6), (0.0, 2.0)]
-    mesh: Mesh = (
+    mesh = (
         shapes.box(size, rng.uniform(1.0, 2.5) * size, size, 1.5),
         shapes.lathe([(size * radius, size * height) for radius, height in column], 20, smooth=True),
         shapes.merged([(shapes.torus(0.4 * size, 0.12 * size), placed(0, 0.12 * size, 0))]),
@@ -152,14 +151,14 @@ _OTHER: tuple[Kind, ...] = (_crates, _light)
 def _particles(rng: Rng, stage: Stage, focus: Values) -> None:
     low, high = (paths.vector(np.add(focus, corner)) for corner in ((-2.0, 0.1, -2.0), (2.0, 1.8, 2.0)))
     above = paths.vector(focus + rng.uniform((-1.0, 0.1, -1.0), (1.0, 1.0, 1.0)))
-    stage.particles.append(
-        (
-            lambda: dust(rng, low, high, size=rng.uniform(0.006, 0.014)),
-            lambda: fireflies(rng, low, high),
-            lambda: sparks(rng, above),
-            lambda: smoke(rng, above),
-        )[int(rng.integers(4))]()
-    )
+    kind = int(rng.integers(4))
+    if kind == 0:
+        cloud = particles.dust(rng, low, high, size=rng.uniform(0.006, 0.014))
+    elif kind == 1:
+        cloud = particles.fireflies(rng, low, high)
+    else:
+        cloud = (particles.sparks if kind == 2 else particles.smoke)(rng, above)
+    stage.particles.append(cloud)
 
 
 def _shiny(rng: Rng) -> Material:

@@ -1,8 +1,8 @@
 """Sequences composed at random from the glTF files in a folder, with procedural objects added.
 
-A file of a room's size is the static stage; some sequences have a bare floor instead. Smaller files are
+A file of the size of a room is the static stage; some sequences have a bare floor instead. Smaller files are
 props on it, each with its own motion. Wires, fences, leaves, mirrors, moving objects and particles are added.
-Camera, lights, exposure and a cut are random too. Files and seed determine the sequence.
+Camera, lights, exposure and a cut are random, too. Files and seed determine the sequence.
 """
 
 import hashlib
@@ -43,7 +43,7 @@ MIN_STAGE_SIZE = 8.0  # metres: files of this width or depth are stages, smaller
 MAX_PROP_FILES, MAX_PROPS = 3, 6  # in one sequence; a file may be used several times
 PANORAMA = ".hdr"
 _BARE_FLOOR_CHANCE = 0.15  # probability of a bare floor in place of a stage
-_VALIDATION_EVERY = 4  # one of so many files of each kind is kept for validation
+_VALIDATION_EVERY = 4  # one file in four of each kind is kept for validation
 _PROP_HEIGHTS = 0.3, 1.9  # metres; props of other heights are resized
 _PROP_RADII = 0.3, 0.9  # metres: minimum and maximum radius of the floor that a prop occupies
 _CAMERA_CLEARANCE = 1.0  # metres between cameras and props, where there is room
@@ -57,24 +57,14 @@ File = tuple[str, str]
 """A name below the folder, with forward slashes, and the SHA-256 of its content."""
 
 
-# --- the files of a folder ---
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Folder:
-    """Files to compose sequences of.
+    """Files to compose sequences of."""
 
-    Attributes:
-        path: absolute.
-        stages: files of a room's size or larger, with a floor that one can stand on.
-        props: smaller files.
-        panoramas: panoramas of the surroundings (.hdr).
-    """
-
-    path: str
-    stages: tuple[File, ...]
-    props: tuple[File, ...]
-    panoramas: tuple[File, ...]
+    path: str  # absolute
+    stages: tuple[File, ...]  # of the size of a room or larger, with a floor to stand on
+    props: tuple[File, ...]  # smaller files
+    panoramas: tuple[File, ...]  # of the surroundings (.hdr)
 
     def spec(self, seed: int, frames: int) -> SequenceSpec:
         """Choose the files of a sequence: a stage or a bare floor, props, a panorama or a procedural sky."""
@@ -88,9 +78,9 @@ class Folder:
         return SequenceSpec(family=GLTF, seed=seed, frames=frames, folder=self.path, files=files)
 
     def split(self, seed: int) -> tuple["Folder", "Folder | None"]:
-        """Return the files for training and those kept for validation, which have none in common.
+        """Split the files into some for training and some for validation; None: none are left for validation.
 
-        A single file of a kind is used for training. None: there is nothing to compose for validation.
+        If there is only one file of a kind, it is used for training.
         """
         random = np.random.default_rng([seed, crc32(b"split")])
         parts: list[dict[str, tuple[File, ...]]] = [{}, {}]
@@ -111,9 +101,8 @@ def read_folder(path: Path) -> Folder:
         GltfError: one of the files is broken or not supported; names it, the primitive and the reason.
     """
     if not path.is_dir():
-        raise SceneError(
-            "folder", got=f"{path}, which is not a folder", want="a folder of .glb or .gltf files"
-        )
+        want = "a folder of .glb or .gltf files"
+        raise SceneError("folder", got=f"{path}, which is not a folder", want=want)
     stages, props, panoramas = list[File](), list[File](), list[File]()
     for file in sorted(f for f in path.rglob("*") if f.suffix.lower() in (".glb", ".gltf", PANORAMA)):
         name = file.relative_to(path).as_posix()
@@ -124,28 +113,27 @@ def read_folder(path: Path) -> Folder:
         model = GltfScene(file)
         if not _is_stage(model):
             props.append((name, model.digest))
-        elif ground_of(_stage_instances(model)) is not None:
+        elif ground_of(_room(model)) is not None:
             stages.append((name, model.digest))
     if not stages and not props:
         want = f"at least one .glb or .gltf smaller than {MIN_STAGE_SIZE:g} m, or with room to stand in"
         raise SceneError("folder", got=f"{path}, without any", want=want)
-    found = {"stages": tuple(stages), "props": tuple(props), "panoramas": tuple(panoramas)}
-    return Folder(path=str(path.resolve()), **found)
+    return Folder(
+        path=str(path.resolve()), stages=tuple(stages), props=tuple(props), panoramas=tuple(panoramas)
+    )
 
 
 def _is_stage(model: GltfScene) -> bool:
     return float(np.ptp(model.bounds, axis=0)[[0, 2]].max()) >= MIN_STAGE_SIZE
 
 
-def _stage_instances(model: GltfScene) -> tuple[Instance, ...]:
-    return model.instances(0.0, 0.0, np.eye(4))
+def _room(stage: GltfScene) -> tuple[Instance, ...]:
+    return stage.instances(0.0, 0.0, np.eye(4))
 
 
 def _digest(file: Path) -> str:
-    try:
+    with reading(file):
         return hashlib.sha256(file.read_bytes()).hexdigest()
-    except OSError as error:
-        raise GltfError(file, "", f"it cannot be read ({error.strerror})") from error
 
 
 def read_panorama(path: Path) -> Environment:
@@ -170,9 +158,6 @@ def read_panorama(path: Path) -> Environment:
         return Environment(pixels=np.ascontiguousarray(np.clip(pixels, 0.0, _MAX_RADIANCE), np.float32))
 
 
-# --- motions: functions of time in seconds ---
-
-
 def ping_pong(time: float, duration: float) -> float:
     """Return a time in [0, duration] that runs forwards and backwards in turn."""
     if duration <= 0.0:
@@ -183,7 +168,7 @@ def ping_pong(time: float, duration: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """A path back and forth between two positions (3,), slow at both, at `speed` m/s on average."""
+    """A path back and forth between two positions (3,), slow at both ends, at `speed` m/s on average."""
 
     start: Values
     end: Values
@@ -211,12 +196,12 @@ def wave(depth: float, hertz: float, phase: float = 0.0, *, square: bool = False
 
 
 class HandHeldCamera(NamedTuple):
-    """Camera that moves along a course, sways as in a hand, and looks at a target."""
+    """Camera that moves along a course, sways as if held by hand, and looks at a target."""
 
     course: Course  # of the eye
     target: Values  # (3,) metres
-    pan: tuple[float, float]  # angle of its turns to both sides, radians, and their frequency, hertz
-    sway: float  # of the hand, metres
+    pan: tuple[float, float]  # its amplitude, radians, and frequency, hertz
+    sway: float  # amplitude, metres
     fov_y: float  # degrees
 
     def at(self, time: float, exposure: float) -> Camera:
@@ -236,14 +221,14 @@ class GltfProp(NamedTuple):
     model: GltfScene
     size: float  # scale factor
     course: Course  # of the middle of its lower side
-    yaw: float  # about the vertical at time 0, radians
-    spin: float  # of the yaw, radians a second
-    hop: float  # height of its jumps, one a second, metres
+    yaw: float  # at time 0, radians
+    spin: float  # change of the yaw, radians a second
+    hop: float  # height of the jumps, one a second, metres
     clip: int  # index of the animation, which plays back and forth
-    glow: Pulse  # factor of its emission
+    glow: Pulse  # factor of the emission
 
     def instances(self, now: float, before: float) -> tuple[Instance, ...]:
-        """Return the instances `now`, with their previous state, both in seconds."""
+        """Return the instances at the time `now`, with their state at the time `before`, both in seconds."""
         clips = self.model.clips
         duration = clips[self.clip].duration if clips else 0.0
         return self.model.instances(
@@ -261,14 +246,8 @@ class GltfProp(NamedTuple):
         return matrix
 
 
-# --- lights: a sky or a panorama, a sun, a moving spot, flickering points ---
-
-
 def _lit_stage(rng: Rng, focus: Values, panorama: Environment | None) -> Stage:
-    """Return an empty stage with random lights around `focus` (3,), and the exposure that suits them.
-
-    Without a panorama of the surroundings it has a random sky.
-    """
+    """Return an empty stage with random lights around `focus` (3,); without a panorama, with a random sky."""
     surroundings = _sky(rng) if panorama is None else panorama
     dim = float(np.exp(rng.uniform(np.log(_MIN_DIMMING), 0.0)))  # in the dark the lamps matter more
     environment = Environment(pixels=(surroundings.pixels * dim).astype(np.float32))
@@ -295,7 +274,7 @@ def _sky(rng: Rng) -> Environment:
 
 
 def _sun(rng: Rng, focus: Values) -> Callable[[float], Sun] | None:
-    """Return a sun, mostly steady; None: there is none."""
+    """Return a sun, mostly steady; None for no sun."""
     height, around = rng.uniform(0.3, 1.3), rng.uniform(0.0, 2.0 * np.pi)
     toward = np.array([np.cos(height) * np.cos(around), np.sin(height), np.cos(height) * np.sin(around)])
     strength = rng.uniform(0.5, 4.0) if rng.random() < 0.7 else 0.0
@@ -318,28 +297,25 @@ def _lamp(
 
 
 def _tint(rng: Rng) -> Values:
-    """Return a colour of mean 1 between candle light and a clear sky."""
+    """Return a colour of mean 1 between candlelight and clear sky."""
     warmth = rng.uniform(-1.0, 1.0)
     color = np.array([1.0 + 0.5 * warmth, 1.0, 1.0 - 0.5 * warmth])
     return np.asarray(color / color.mean())
-
-
-# --- the sequence ---
 
 
 class Composition(Sequence):
     """A sequence of a folder's files; lights and added objects are procedural."""
 
     def __init__(self, spec: SequenceSpec) -> None:
-        """Read the files of a spec whose family is GLTF.
+        """Read the files of a spec of the family GLTF.
 
         Raises:
-            GltfError: one of them is broken, or not the one of the spec.
+            GltfError: a file is broken, or has changed since the spec was made.
         """
         self.spec = spec
         rng = np.random.default_rng([spec.seed, crc32(spec.family.encode())])
         stages, props, panorama = _read(spec)
-        self._room = _stage_instances(stages[-1]) if stages else ()
+        self._room = _room(stages[-1]) if stages else ()
         floor = shapes.plane(_FLOOR_SIZE, _FLOOR_SIZE)
         bare = Instance(mesh=floor, material=materials.glow((0, 0, 0), 0), model=np.eye(4))
         self._ground = ground = ground_of(self._room) or Ground(triangles_of((bare,)))
@@ -357,13 +333,13 @@ class Composition(Sequence):
         self._exposure = wave(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
 
     def scene(self, index: int) -> Scene:
-        """See `Sequence.scene`."""
+        """Return the stage with the room and the props."""
         scene, now, before = super().scene(index), self.time(index), self.time(index - 1)
         prop_instances = (instance for prop in self._props for instance in prop.instances(now, before))
         return replace(scene, instances=(*self._room, *prop_instances, *scene.instances))
 
     def camera(self, index: int) -> Camera:
-        """See `Sequence.camera`."""
+        """Return the camera of the current shot."""
         camera, time = self._cameras[int(0 < self.starts[1] <= index)], self.time(index)
         return camera.at(time, self.stage.exposure * self._exposure(time))
 
@@ -396,10 +372,7 @@ class Composition(Sequence):
         return HandHeldCamera(course, target, pan, rng.uniform(0.0, 0.03), rng.uniform(40.0, 75.0))
 
     def _camera_path(self, rng: Rng, occupied: Values) -> tuple[Values, Values]:
-        """Return start and end of a camera path that has the props in view and does not cross them.
-
-        `occupied` (n, 3) are positions to keep away from, where there is room.
-        """
+        """Return start and end of a camera path with the props in view, away from `occupied` (n, 3)."""
         best, found = -np.inf, (self._focus, self._focus)
         for _ in range(_TRIES):
             start = self._ground.near(rng, self._focus, 1.5, 5.0)
@@ -416,9 +389,9 @@ class Composition(Sequence):
 
 
 def compose(folder: Path | str, seed: int, frames: int = 32) -> Composition:
-    """Draw a sequence from the files (.glb, .gltf) and panoramas (.hdr) in a folder and below.
+    """Compose a sequence of the files (.glb, .gltf) and panoramas (.hdr) in a folder and below.
 
-    Files are in metres, y up; the same files and seed give the same sequence.
+    Files are in metres, y up. The same files and seed give the same sequence.
 
     Raises:
         SceneError: there is no file in the folder.
@@ -428,7 +401,7 @@ def compose(folder: Path | str, seed: int, frames: int = 32) -> Composition:
 
 
 def _read(spec: SequenceSpec) -> tuple[list[GltfScene], list[GltfScene], Environment | None]:
-    """Return the stages, the props and the panorama of a sequence, after a check that no file has changed."""
+    """Read the stages, the props and the panorama of a sequence, and check that no file has changed."""
     stages, props, panorama = list[GltfScene](), list[GltfScene](), None
     for name, expected in spec.files:
         path = Path(spec.folder or "", name)

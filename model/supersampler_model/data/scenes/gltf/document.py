@@ -1,8 +1,4 @@
-"""A glTF file: its JSON, and the buffers, images and arrays (accessors) that it refers to.
-
-GltfError       a DataError: names the file, the place in it and the reason
-  MalformedError  used inside this package: the reason; each enclosing `at` adds a place
-"""
+"""A glTF file: its JSON, and the buffers, images and arrays (accessors) that it refers to."""
 
 import base64
 import binascii
@@ -28,12 +24,12 @@ Integers: TypeAlias = NDArray[np.int64]
 
 LARGEST_FILE = 1 << 31  # bytes
 LARGEST_JSON = 1 << 28  # bytes; data URIs are in it
-LARGEST_IMAGES = 1 << 31  # bytes of all that are decoded
+LARGEST_IMAGES = 1 << 31  # bytes of all decoded images
 LARGEST_ARRAYS = 1 << 23  # numbers in arrays that any file may hold
 ARRAYS_A_BYTE = 32  # further numbers per byte read: primitives may share arrays
-MAX_COUNT = 1 << 26  # elements of an array; more is a damaged count, not a mesh
+MAX_COUNT = 1 << 26  # elements of an array; a larger count is damaged
 UNDERSTOOD = {"KHR_mesh_quantization", "KHR_materials_emissive_strength", "KHR_texture_transform"}
-_OUTSIDE = re.compile(r"[\\:\x00-\x1f]")  # of other systems' paths; a scheme ends in a colon, too
+_OUTSIDE = re.compile(r"[\\:\x00-\x1f]")  # paths of other systems, and schemes, which end in a colon
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
@@ -43,7 +39,7 @@ class GltfError(DataError, ValueError):
 
     Attributes:
         path: the file.
-        place: where in it, as "mesh 0 'Chair', primitive 1"; empty if it is the whole file.
+        place: the place in it, as "mesh 0 'Chair', primitive 1"; empty for the whole file.
         problem: the reason.
     """
 
@@ -53,7 +49,7 @@ class GltfError(DataError, ValueError):
 
 
 class MalformedError(Exception):
-    """The problem, and the places in the file that enclose it, the outermost first."""
+    """The problem, and the places in the file that enclose it, the outermost first; `reading` converts it."""
 
     def __init__(self, problem: str, *places: str) -> None:
         super().__init__(problem)
@@ -62,7 +58,7 @@ class MalformedError(Exception):
 
 @contextmanager
 def at(place: str) -> Iterator[None]:
-    """Add `place` to errors raised inside; errors of unexpected JSON become a MalformedError."""
+    """Add `place` to errors raised inside; errors due to unexpected JSON become a MalformedError."""
     try:
         yield
     except MalformedError as error:
@@ -85,17 +81,13 @@ def reading(path: Path) -> Iterator[None]:
     except MalformedError as error:
         raise GltfError(path, ", ".join(filter(None, error.places)), error.problem) from error
     except MemoryError as error:
-        raise GltfError(path, "", "there is not enough memory for what it holds") from error
+        raise GltfError(path, "", "there is not enough memory for its content") from error
     except OSError as error:
         raise GltfError(path, "", f"it cannot be read ({error})") from error
 
 
 class Document:
-    """A .glb or .gltf file; its buffers are read when they are first used.
-
-    Attributes:
-        content: the JSON.
-    """
+    """A .glb or .gltf file; buffers are read when they are first used. `content` is the JSON."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -121,11 +113,11 @@ class Document:
             raise MalformedError(problem)
 
     def digest(self) -> str:
-        """Return the SHA-256, in hexadecimal, of what has been read: the file, and those beside it."""
+        """Return the SHA-256, in hexadecimal, of the file and the files beside it that have been read."""
         return hashlib.sha256(b"".join(self._digests)).hexdigest()
 
     def item(self, kind: str, index: Any) -> Json:
-        """Return one of the file's `kind`, as "meshes"."""
+        """Return an item of a kind, such as "meshes"."""
         items = self.content.get(kind, [])
         if type(index) is not int or not 0 <= index < len(items):
             raise MalformedError(f"{kind} {index!r} is referred to, and there are {len(items)}")
@@ -135,7 +127,7 @@ class Document:
         return item
 
     def name(self, kind: str, index: int) -> str:
-        """Return an item's name in messages: "mesh 0 'Chair'"."""
+        """Return an item's name for messages: "mesh 0 'Chair'"."""
         label = self.item(kind, index).get("name")
         single = {"meshes": "mesh"}.get(kind, kind.removesuffix("s"))
         return f"{single} {index}" + (f" {label!r}" if label else "")
@@ -150,7 +142,7 @@ class Document:
         return data[start : start + length], stride
 
     def claim(self, kind: Literal["arrays", "images"], count: int) -> None:
-        """Count numbers before memory is allocated for them; raise when a file claims too many."""
+        """Count numbers before memory is allocated for them; raise if a file claims too many."""
         self._sizes[kind] += count
         limit = LARGEST_ARRAYS + ARRAYS_A_BYTE * self._sizes["read"] if kind == "arrays" else LARGEST_IMAGES
         if self._sizes[kind] > limit:
@@ -159,7 +151,7 @@ class Document:
     def load(self, uri: Any) -> bytes:
         """Return the data of a buffer's or an image's URI: a data URI, or a file beside this one.
 
-        Only files in the folder of this one and below are read; links and `..` that lead out are refused.
+        Only files in the folder of this file and below are read; links and `..` that lead out are refused.
         """
         if not isinstance(uri, str):
             raise MalformedError(f"the URI {uri!r} is not a string")
@@ -174,7 +166,7 @@ class Document:
             raise MalformedError(f"a data URI is damaged ({error})") from error
 
     def _beside(self, uri: str) -> Path:
-        """Return the file of a relative URI, after a check that it lies in the folder of this one."""
+        """Return the file of a relative URI, which must lie in the folder of this file."""
         name = unquote(uri, errors="strict")
         path = PurePosixPath(name)
         outside = path.is_absolute() or ".." in path.parts or _OUTSIDE.search(name)
@@ -188,9 +180,9 @@ class Document:
         return self.path.parent / name
 
     def _read(self, path: Path, name: str) -> bytes:
-        """Return the bytes of a regular file; `name` is what messages call it."""
+        """Return the bytes of a regular file, which messages call `name`."""
         try:
-            if path.exists() and not path.is_file():  # a pipe, say, which never ends
+            if path.exists() and not path.is_file():  # such as a pipe, which never ends
                 raise MalformedError(f"{name} is not a regular file")
             with path.open("rb") as file:
                 data = file.read(LARGEST_FILE + 1)
@@ -250,7 +242,7 @@ class Document:
         return raw
 
     def _elements(self, source: Json, dtype: np.dtype[Any], count: int, width: int) -> NDArray[Any]:
-        """Return (count, width) elements of a buffer view, from the byteOffset of `source` on."""
+        """Return (count, width) elements of a buffer view, starting at the byteOffset of `source`."""
         data, stride = self.view(source["bufferView"])
         start, packed = _whole(source, "byteOffset"), width * dtype.itemsize
         stride = stride or packed
@@ -270,7 +262,7 @@ def _chunks(data: bytes) -> tuple[bytes, bytes]:
     if length > len(data):
         raise MalformedError(f"it has {len(data)} of {length} bytes; the file is cut off")
     chunks: dict[bytes, bytes] = {}
-    place = 12  # after the header; each chunk is its size, its kind, its data
+    place = 12  # after the header; a chunk is its size, its kind and its data
     while place + 8 <= length:
         size, kind = int.from_bytes(data[place : place + 4], "little"), data[place + 4 : place + 8]
         place += 8

@@ -1,4 +1,4 @@
-"""Free floor space on a stage, computed from its triangles, so that any file can be a stage."""
+"""Free floor space on a stage, computed from its triangles: any file can be a stage."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,11 @@ _TRIES = 64  # of positions near another
 
 
 class Ground:
-    """A map of a stage, from above.
+    """A map of a stage, seen from above.
 
     Attributes:
-        cell: its cells' side, metres.
-        free: (nx, nz) True where a cell and those around it have a floor and headroom.
+        cell: side of a cell, metres.
+        free: (nx, nz) True where a cell and the cells around it have a floor and headroom.
     """
 
     def __init__(self, triangles: Values) -> None:
@@ -43,7 +43,7 @@ class Ground:
         self._cells_free = np.argwhere(self.free)
 
     def take(self, place: Values, radius: float) -> None:
-        """Exclude the surroundings of an object from `spot` and `near`, while other cells are free."""
+        """Exclude the surroundings of an object from `spot` and `near`, unless no other cell is free."""
         away = np.hypot(*(self._centers() - place[[0, 2]]).T)
         if (away > radius).any():
             self._cells_free = self._cells_free[away > radius]
@@ -54,7 +54,10 @@ class Ground:
         return self._place(cells[rng.integers(len(cells))] + rng.uniform(0.0, 1.0, 2))
 
     def near(self, rng: np.random.Generator, place: Values, minimum: float, maximum: float) -> Values:
-        """Return a position at a distance in [minimum, maximum] from another, in a free line if possible."""
+        """Return a position at a distance in [minimum, maximum] from `place`, with free floor between.
+
+        If there is none, the condition that can be met best counts.
+        """
         off = np.abs(_outside(np.hypot(*(self._centers() - place[[0, 2]]).T), minimum, maximum))
         close = self._cells_free[off <= max(float(off.min()), 0.5 * self.cell)]
         candidates = close[rng.integers(len(close), size=_TRIES)] + rng.random((_TRIES, 2))
@@ -97,12 +100,12 @@ class Ground:
         return np.array([x, self._heights[int(cell[0]), int(cell[1])], z])
 
     def _roomy(self, levels: Integers) -> NDArray[np.bool_]:
-        """Return the cells near the commonest level, with others around them."""
+        """Return the cells near the most common level that are surrounded by such cells."""
         standing = levels[levels >= 0]
         if not len(standing):
             return np.zeros(levels.shape, bool)
         usual = int(np.bincount(standing).argmax())
-        hills = max(1, int(8.0 * (self.cell - STEP) / STEP))  # that large stages have
+        hills = max(1, int(8.0 * (self.cell - STEP) / STEP))  # levels; large stages have hills
         free = (levels >= 0) & (np.abs(levels - usual) <= hills)
         lower, upper = (np.pad(np.where(free, levels, value), 1, mode="edge") for value in (1 << 20, -1))
         n, m = free.shape
@@ -116,7 +119,7 @@ class Ground:
 
 
 def _outside(values: Values, minimum: float, maximum: float) -> Values:
-    """Return by how much values are outside of a range; 0 inside."""
+    """Return the signed distance from values to a range; 0 inside."""
     return np.asarray(np.clip(values, minimum, maximum) - values)
 
 
@@ -128,7 +131,7 @@ def ground_of(instances: tuple[Instance, ...]) -> Ground | None:
 
 
 def triangles_of(instances: tuple[Instance, ...]) -> Values:
-    """Return the triangles (m, 3, 3) of rigid meshes, in the world, counter-clockwise as they show."""
+    """Return the triangles (m, 3, 3) of rigid meshes in the world, counter-clockwise from their front."""
     parts = [np.zeros((0, 3, 3))]
     for instance in instances:
         if instance.mesh.skin is None:
@@ -136,18 +139,18 @@ def triangles_of(instances: tuple[Instance, ...]) -> Values:
             moved = instance.mesh.positions.astype(np.float64) @ model[:3, :3].T + model[:3, 3]
             corners = moved[instance.mesh.indices]
             turned = np.full(len(corners), np.linalg.det(model[:3, :3]) < 0.0)
-            if instance.material.double_sided:  # they may as well face up
+            if instance.material.double_sided:  # then all may face up
                 turned = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 1] < 0.0
             parts.append(np.where(turned[:, None, None], corners[:, ::-1], corners))
     return np.concatenate(parts)
 
 
 def _samples(triangles: Values, cell: float) -> tuple[Values, NDArray[np.bool_]]:
-    """Return points (n, 3) all over the triangles, eight a cell, and which lie on one to stand on."""
+    """Return points (n, 3) on the triangles, eight per cell, and which of them one can stand on."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     normals = np.cross(b - a, c - a)
     areas = 0.5 * np.linalg.norm(normals, axis=1)
-    counts = np.minimum(8.0 * areas / cell**2, 8.0 * CELLS**2)  # a huge one lies outside, mostly
+    counts = np.minimum(8.0 * areas / cell**2, 8.0 * CELLS**2)  # a huge triangle is mostly outside
     thinning = min(1.0, _SAMPLES / max(float(counts.sum()), 1e-9))
     owner = np.repeat(np.arange(len(areas)), np.ceil(thinning * counts).astype(int))
     u, v = np.random.default_rng(0).random((2, len(owner), 1))
@@ -175,20 +178,12 @@ def _standing(filled: NDArray[np.bool_], level: NDArray[np.bool_]) -> Integers:
 
 
 def _large(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the connected regions of at least a tenth of the largest's size; others are inside objects."""
-    left, regions = set(map(tuple, np.argwhere(free).tolist())), []
-    while left:
-        region, waiting = [], [left.pop()]
-        while waiting:
-            x, z = waiting.pop()
-            region.append((x, z))
-            around = {(x - 1, z), (x + 1, z), (x, z - 1), (x, z + 1)} & left
-            left -= around
-            waiting += around
-        regions.append(region)
-    kept = np.zeros(free.shape, bool)
-    largest = max(map(len, regions), default=0)
-    for region in regions:
-        if 10 * len(region) >= largest:
-            kept[tuple(np.array(region).T)] = True
-    return kept
+    """Return the connected regions of at least a tenth of the size of the largest; others are in objects."""
+    numbers = np.where(free, np.arange(1, free.size + 1).reshape(free.shape), 0)
+    before = np.zeros_like(numbers)
+    while (numbers != before).any():  # each cell takes the largest number in its region
+        before, padded = numbers, np.pad(numbers, 1)
+        cross = [padded[2:, 1:-1], padded[:-2, 1:-1], padded[1:-1, 2:], padded[1:-1, :-2], numbers]
+        numbers = np.where(free, np.max(cross, axis=0), 0)
+    sizes = np.bincount(numbers.ravel())[numbers]
+    return np.asarray(free & (10 * sizes >= sizes[free].max(initial=0)))

@@ -27,7 +27,7 @@ class Coordinates(NamedTuple):
 
 
 class SurfaceMaterial(NamedTuple):
-    """A material, None if it is fully transparent, and the coordinates of all its textures, if any."""
+    """A material, None if it is fully transparent, and the coordinates of its textures, if any."""
 
     material: Material | None
     coordinates: Coordinates | None
@@ -36,8 +36,8 @@ class SurfaceMaterial(NamedTuple):
 class Materials:
     """The materials of a file. Shared images and textures are loaded once.
 
-    BLEND, which the renderer does not support, becomes MASK at 0.5. An occlusion map that is all black, as
-    exporters write without one, is ignored.
+    BLEND, which the renderer does not support, becomes MASK at 0.5. Black occlusion maps, which some
+    exporters write if there is none, are ignored.
     """
 
     def __init__(self, document: Document) -> None:
@@ -70,7 +70,7 @@ class Materials:
         if occlusion is not None:
             coordinates = coordinates or _coordinates(occlusion)
             if _coordinates(occlusion) != coordinates:
-                occlusion = None  # with coordinates of its own it does not fit into the ORM texture
+                occlusion = None  # with other coordinates it does not fit into the ORM texture
         color = self._plain(base, srgb=True) if base else None
         factor = [float(value) for value in pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))]
         cutoff, visible = _cutoff(content, factor[3], color)
@@ -108,7 +108,7 @@ class Materials:
         return self._texture(("normals", source, scale), scaled, srgb=False)
 
     def _orm(self, metallic: Json | None, occlusion: Json | None) -> Texture | None:
-        """Return occlusion, roughness and metallic in one texture, of the size of the latter two."""
+        """Return occlusion, roughness and metallic in one texture, of the size of the last two."""
         if metallic is None and occlusion is None:
             return None
         sources = tuple(None if info is None else self._source(info) for info in (metallic, occlusion))
@@ -143,7 +143,7 @@ class Materials:
         return int(texture["source"])
 
     def _image(self, index: int) -> Pixels:
-        """Return (h, w, 3 or 4) uint8; the fourth channel is opacity, which does not multiply the others."""
+        """Return (h, w, 3 or 4) uint8; the fourth channel is unassociated opacity."""
         if index not in self._images:
             document = self._document
             image = document.item("images", index)
@@ -161,7 +161,7 @@ def _decoded(document: Document, data: bytes) -> Pixels:
         raise MalformedError(f"it is neither PNG nor JPEG (it begins with {data[:4]!r})")
     config = ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    with tempfile.TemporaryDirectory() as folder:  # OpenImageIO's Python side reads files only
+    with tempfile.TemporaryDirectory() as folder:  # OpenImageIO's Python interface only reads files
         path = Path(folder) / f"image{suffix}"
         write_bytes(path, data)
         source = ImageInput.open(str(path), config)
@@ -181,7 +181,7 @@ def _decoded(document: Document, data: bytes) -> Pixels:
 
 
 def _cutoff(content: Json, opacity: float, color: Texture | None) -> tuple[float | None, bool]:
-    """Return the alpha cutoff of the texture, None without one, and whether any of the surface is visible."""
+    """Return the alpha cutoff of the texture, None without one, and whether any surface is visible."""
     mode = content.get("alphaMode", "OPAQUE")
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         raise MalformedError(f"its alphaMode is {mode!r}; want OPAQUE, MASK or BLEND")
@@ -204,7 +204,7 @@ def _emission(content: Json) -> Color:
 
 
 def _shared(infos: dict[str, Json | None]) -> Coordinates | None:
-    """Return the coordinates that all these textures use; a mesh has one set of them."""
+    """Return the coordinates that all these textures must share, as a mesh has one set."""
     used = {name: _coordinates(info) for name, info in infos.items() if info is not None}
     if len(set(used.values())) > 1:
         kinds = "; ".join(f"{name}: {tuple(coordinates)}" for name, coordinates in used.items())

@@ -1,6 +1,6 @@
 """Loads a glTF file as instances for scenes: nodes, keyframe animation, primitives and skins."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -33,23 +33,18 @@ _MODES = {0: "points", 1: "lines", 2: "a line loop", 3: "a line strip"}
 class Channel:
     """Keyframes of one property of one node.
 
-    Attributes:
-        node: index in the file.
-        path: "translation", "rotation" or "scale".
-        interpolation: one of LINEAR, STEP and CUBICSPLINE.
-        times: (k,) seconds, ascending.
-        values: (k, 3, width): tangent towards the keyframe, its value, tangent from it, per second; the
-            tangents are 0 unless the interpolation is CUBICSPLINE.
+    For CUBICSPLINE, `values` are the tangent towards each keyframe, its value, and the tangent from it, per
+    second. Other interpolations have tangents of 0.
     """
 
-    node: int
-    path: str
-    interpolation: str
-    times: Values
-    values: Values
+    node: int  # index in the file
+    path: str  # "translation", "rotation" or "scale"
+    interpolation: str  # LINEAR, STEP or CUBICSPLINE
+    times: Values  # (k,) seconds, ascending
+    values: Values  # (k, 3, width)
 
     def at(self, time: float) -> Values:
-        """Return the property (width,); outside of the keyframes that of the nearest."""
+        """Return the property (width,); outside the keyframes, the value of the nearest keyframe."""
         before = int(np.searchsorted(self.times, time, side="right")) - 1
         if before < 0 or before + 1 == len(self.times):
             return self._normalized(self.values[max(before, 0), 1])
@@ -94,7 +89,7 @@ class Node(NamedTuple):
     """A node at rest, placed by a matrix or by translation (3,), rotation (4,) x, y, z, w and scale (3,)."""
 
     number: int  # index in the file
-    parent: int | None  # None of a root
+    parent: int | None  # None for a root
     matrix: Matrix | None
     rest: dict[str, Values]
 
@@ -112,7 +107,7 @@ class PlacedPrimitive(NamedTuple):
     mesh: Mesh
     material: Material
     node: int
-    binding: Binding | None  # None of a rigid mesh
+    binding: Binding | None  # None for a rigid mesh
 
     def palette(self, found: dict[int, Matrix]) -> Matrices | None:
         """Return the matrix of each joint: bind pose to posed, in the scene's space."""
@@ -136,18 +131,15 @@ class GltfScene:
     Lights, cameras, vertex colours and wrap modes (textures repeat) are ignored. Meshes, materials and
     textures are loaded once and shared by frames.
 
-    >>> model = GltfScene("chair.glb")
-    >>> model.instances(0.5, 0.5 - 1 / 30, np.eye(4))
-
     Attributes:
         path: the file.
         clips: its animations.
-        bounds: (2, 3) lowest and highest corner of a box around it at rest.
-        digest: SHA-256, in hexadecimal, of the file and of those beside it that it refers to.
+        bounds: (2, 3) lowest and highest corner of the bounding box at rest.
+        digest: SHA-256, in hexadecimal, of the file and of the files beside it that it refers to.
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Read all of the file.
+        """Read the whole file.
 
         Raises:
             GltfError: it is broken or not supported; names the file, the primitive and the reason.
@@ -179,8 +171,8 @@ class GltfScene:
     ) -> tuple[Instance, ...]:
         """Return the instances of the file at a time in seconds into a clip, clamped to its length.
 
-        `transform` (4, 4) takes the file's space to the world; None as that of the previous frame: no motion.
-        `emission` multiplies the light of emissive materials. A file without clips stays as it is.
+        `transform` (4, 4) maps the file's space to the world; `transform_before` None means no motion.
+        `emission` multiplies the light of emissive materials. A file without clips does not change.
         """
         transforms = transform, transform if transform_before is None else transform_before
         chosen = self.clips[clip] if self.clips else None
@@ -214,7 +206,7 @@ def _clips(document: Document) -> tuple[AnimationClip, ...]:
 
 
 def _channel(document: Document, content: Json, number: int) -> Channel | None:
-    """Read a channel; None if it moves no node, or its weights: primitives with morph targets are refused."""
+    """Read a channel; None if it moves no node, or the weights of morph targets, which are not supported."""
     channel = content["channels"][number]
     target, sampler = channel["target"], content["samplers"][channel["sampler"]]
     path = target["path"]
@@ -284,7 +276,7 @@ def _numbers(item: Json, name: str, count: int, default: Any = None) -> Values:
 
 
 def _matrices(nodes: tuple[Node, ...], clip: AnimationClip | None, time: float) -> dict[int, Matrix]:
-    """Return the matrix of each node to the scene's space, `time` seconds into a clip, or at rest."""
+    """Return the matrix from each node to the scene's space, `time` seconds into a clip, or at rest."""
     moved: dict[int, dict[str, Values]] = {}
     for channel in clip.channels if clip else ():
         moved.setdefault(channel.node, {})[channel.path] = channel.at(time)
@@ -312,7 +304,7 @@ def _matrix_of(translation: Values, rotation: Values, scale: Values) -> Matrix:
 
 
 def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[PlacedPrimitive]:
-    """Yield the visible primitives of all nodes; a mesh that several nodes show is read once."""
+    """Yield the visible primitives of all nodes; a mesh shared by several nodes is read once."""
     materials = Materials(document)
     read: dict[Any, tuple[Mesh, Integers | None]] = {}
     for node in nodes:
@@ -358,9 +350,9 @@ def _skin(document: Document, index: Any, nodes: tuple[Node, ...]) -> Binding:
 def _primitive(
     document: Document, content: Json, coordinates: Coordinates | None, joints: int | None
 ) -> tuple[Mesh, Integers | None]:
-    """Return a primitive's mesh, and the joints of the skin that its palette consists of; None if rigid.
+    """Return a primitive's mesh, and the skin's joints that move it; None if it is rigid.
 
-    `coordinates` are those of its material's textures, `joints` is the number of joints of the skin.
+    `coordinates` belong to the material's textures; `joints` is the number of joints of the skin.
     """
     if content.get("targets"):
         raise MalformedError("it has morph targets, which are not supported")
@@ -369,7 +361,7 @@ def _primitive(
     count = len(vertices["position"])
     if "NORMAL" in attributes:
         vertices["normal"] = document.floats(attributes["NORMAL"], "VEC3")
-    if "TANGENT" in attributes and "NORMAL" in attributes:  # they would not fit other normals
+    if "TANGENT" in attributes and "NORMAL" in attributes:  # tangents fit the file's own normals only
         vertices["tangent"] = document.floats(attributes["TANGENT"], "VEC4")
     vertices["uv"] = _uv(document, attributes, coordinates, count)
     palette = None
@@ -415,7 +407,7 @@ def _uv(document: Document, attributes: Json, coordinates: Coordinates | None, c
 
 
 def _weights(document: Document, attributes: Json, joints: int) -> tuple[Integers, Integers, Values]:
-    """Return the skin's joints in use, and for each vertex four indices into these with their weights."""
+    """Return the skin's joints in use, and each vertex's four indices into these, with their weights."""
     moved_by = document.integers(attributes["JOINTS_0"], "VEC4")
     weights = document.floats(attributes["WEIGHTS_0"], "VEC4")
     if len(weights) != len(moved_by):
@@ -433,14 +425,21 @@ def _weights(document: Document, attributes: Json, joints: int) -> tuple[Integer
 
 
 def _mesh(vertices: dict[str, Any], indices: Integers) -> Mesh:
-    if "normal" not in vertices:  # such triangles are flat, by the specification
+    if "normal" not in vertices:  # flat shading, by the specification
         vertices = {name: values[indices.ravel()] for name, values in vertices.items()}
         indices = np.arange(indices.size).reshape(-1, 3)
         vertices["normal"] = np.repeat(_face_normals(vertices["position"], indices), 3, axis=0)
     positions, uv = (np.ascontiguousarray(vertices[name], np.float32) for name in ("position", "uv"))
     normals = _unit(vertices["normal"], vertices["position"], indices).astype(np.float32)
     faces = np.ascontiguousarray(indices, np.uint32)
-    tangents = _tangents(vertices.get("tangent"), lambda: tangents_of(positions, normals, uv, faces))
+    tangents = tangents_of(positions, normals, uv, faces)
+    if "tangent" in vertices:  # the file's own, except where they are 0
+        stored = vertices["tangent"]
+        lengths = np.linalg.norm(stored[:, :3], axis=1, keepdims=True)
+        usable = (lengths > 1e-6) & (np.abs(stored[:, 3:]) > 0.5)
+        unit = stored[:, :3] / np.where(usable, lengths, 1.0)
+        own = np.concatenate([unit, np.sign(stored[:, 3:])], axis=1)
+        tangents = np.where(usable, own, tangents).astype(np.float32)
     skin = None
     if "joints" in vertices:
         joints = np.ascontiguousarray(vertices["joints"], np.uint16)
@@ -455,7 +454,7 @@ def _face_normals(positions: Values, indices: Integers) -> Values:
 
 
 def _unit(normals: Values, positions: Values, indices: Integers) -> Values:
-    """Return normals of unit length; where one is 0, the normal of the triangles around it, or up."""
+    """Return normals of unit length; normals of 0 are derived from the triangles around, or point up."""
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     if lengths.min() < 1e-6:
         around = np.zeros_like(positions)
@@ -463,15 +462,3 @@ def _unit(normals: Values, positions: Values, indices: Integers) -> Values:
         normals = np.where(lengths < 1e-6, around, normals)
         lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.where(lengths > 0.0, normals / np.where(lengths > 0.0, lengths, 1.0), (0.0, 1.0, 0.0))
-
-
-def _tangents(stored: Values | None, derived: Callable[[], Any]) -> Any:
-    """Return (n, 4) float32 tangents: those of the file, derived where they are missing or 0."""
-    if stored is None:
-        return derived()
-    lengths = np.linalg.norm(stored[:, :3], axis=1, keepdims=True)
-    usable = (lengths > 1e-6) & (np.abs(stored[:, 3:]) > 0.5)
-    tangents = np.concatenate(
-        [stored[:, :3] / np.where(usable, lengths, 1.0), np.sign(stored[:, 3:])], axis=1
-    )
-    return (tangents if usable.all() else np.where(usable, tangents, derived())).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Test-shot families that are hard for a history: moving thin objects and moving shadows."""
+"""Families of test shots that are hard for a history: moving thin objects and moving shadows."""
 
 import numpy as np
 
@@ -21,13 +21,8 @@ def thin_movers(rng: Rng) -> Stage:
     )
     _yard(rng, stage)
     iron = materials.paint(rng, (0.07, 0.07, 0.08), 0.3)
-    for x, z, length in (
-        (-2.9, -3.6, 2.3),
-        (-1.9, -3.0, 2.0),
-        (-0.7, -3.5, 2.4),
-        (1.6, -3.2, 2.1),
-        (2.9, -3.6, 2.4),
-    ):
+    wires = ((-2.9, -3.6, 2.3), (-1.9, -3.0, 2.0), (-0.7, -3.5, 2.4), (1.6, -3.2, 2.1), (2.9, -3.6, 2.4))
+    for x, z, length in wires:
         line = [(0.0, -step, 0.0) for step in np.linspace(0.0, length, 7)]
         wire = shapes.tube(line, rng.uniform(0.7, 1.1) * ROD, 6)
         stage.put(wire, iron, _swinging(rng, (x, 3.1, z)), thin=True)
@@ -36,9 +31,8 @@ def thin_movers(rng: Rng) -> Stage:
     stage.put([beam, *posts], materials.planks(rng, 4))
     for x, y, z, rate in ((0.6, 1.55, -4.2, 3.4), (-3.3, 1.5, -4.4, -4.6)):
         stage.put(_rods(5, 0.95), iron, paths.spinning(placed(x, y, z), (0, 0, 1), rate), thin=True)
-        stage.put(
-            shapes.cylinder(0.05, y, 10), materials.metal(rng, (0.6, 0.6, 0.62), 0.4), placed(x, 0, z - 0.12)
-        )
+        steel = materials.metal(rng, (0.6, 0.6, 0.62), 0.4)
+        stage.put(shapes.cylinder(0.05, y, 10), steel, placed(x, 0, z - 0.12))
     _passing_fences(rng, stage)
     _lines(rng, stage)
     _solids(rng, stage)
@@ -53,9 +47,8 @@ def _yard(rng: Rng, stage: Stage) -> None:
     stage.put(shapes.plane(50.0, 50.0, 0.6), materials.tiles(rng, 8, 0.2, 0.5))
     stage.put(shapes.box(7.0, 3.0, 0.4, 0.5), materials.brick(rng, 14), placed(-1.2, 0.0, -6.4))
     stage.put(shapes.wall(2.4, 0.9), materials.sign(rng, 5), placed(-0.6, 1.6, -6.18))
-    stage.put(
-        shapes.box(3.4, 4.2, 2.0, 0.5), materials.plaster(rng, (0.82, 0.76, 0.6)), placed(4.6, 0.0, -7.4)
-    )
+    plaster = materials.plaster(rng, (0.82, 0.76, 0.6))
+    stage.put(shapes.box(3.4, 4.2, 2.0, 0.5), plaster, placed(4.6, 0.0, -7.4))
     hills(rng, stage, (0.3, 0.36, 0.24))
 
 
@@ -84,16 +77,14 @@ def _passing_fences(rng: Rng, stage: Stage) -> None:
 
 
 def _lines(rng: Rng, stage: Stage) -> None:
-    """Add wires and a railing at rest, which only the camera moves past."""
+    """Add wires and a railing that do not move."""
     cord = materials.paint(rng, (0.08, 0.08, 0.08), 0.2)
     lines = [
         shapes.wire((-7.0, y, z), (7.0, y + rise, z), 0.5, ROD)
         for y, z, rise in ((4.0, -5.6, 0.3), (3.7, -5.0, 0.5), (4.4, -5.3, -0.4))
     ]
     stage.put(lines, cord, thin=True)
-    bars: list[Part] = [
-        (shapes.cylinder(ROD, 0.9, 6), placed(x, 0.0, -2.7)) for x in np.arange(1.3, 3.4, 0.18)
-    ]
+    bars = [(shapes.cylinder(ROD, 0.9, 6), placed(x, 0.0, -2.7)) for x in np.arange(1.3, 3.4, 0.18)]
     stage.put([*bars, shapes.tube([(1.3, 0.9, -2.7), (3.3, 0.9, -2.7)], 1.4 * ROD, 6)], cord, thin=True)
 
 
@@ -108,7 +99,7 @@ def _solids(rng: Rng, stage: Stage) -> None:
 
 
 def moving_shadows(rng: Rng) -> Stage:
-    """Build a court in low sun: shadows of blades, wagons, balls and rods run over it, and a lamp swings."""
+    """Build a court in low sun: shadows of blades, wagons, balls and rods cross it, and a lamp swings."""
     sky = lighting.outdoors(rng, (0.2, 0.35, 0.75), (0.7, 0.68, 0.66), (0.16, 0.15, 0.14), clouds=0.8)
     stage = Stage(environment=sky, exposure=0.8)
     stage.sun = sun = lighting.sunlight(
@@ -117,29 +108,19 @@ def moving_shadows(rng: Rng) -> Stage:
     for kind in ("mill", "train"):
         caster(rng, stage, sun, kind)
     stage.put(shapes.plane(40.0, 40.0, 0.7), materials.tiles(rng, 6, 0.15, 0.3))
-    stage.put(
-        shapes.box(9.0, 3.2, 0.4, 0.5), materials.plaster(rng, (0.85, 0.8, 0.7)), placed(-0.5, 0.0, -7.0)
-    )
+    plaster = materials.plaster(rng, (0.85, 0.8, 0.7))
+    stage.put(shapes.box(9.0, 3.2, 0.4, 0.5), plaster, placed(-0.5, 0.0, -7.0))
     stage.put(shapes.box(1.6, 1.1, 1.2, 0.8), materials.brick(rng, 10), placed(2.6, 0.0, -5.2))
-    stage.put(
-        shapes.lathe([(0.5, 0.0), (0.35, 0.9), (0.6, 1.0), (0.0, 1.0)], 28),
-        materials.concrete(rng),
-        placed(-2.4, 0.0, -4.6),
-    )
+    urn = shapes.lathe([(0.5, 0.0), (0.35, 0.9), (0.6, 1.0), (0.0, 1.0)], 28)
+    stage.put(urn, materials.concrete(rng), placed(-2.4, 0.0, -4.6))
     for x, z, speed in ((-0.6, -2.6, 2.4), (1.2, -4.0, 3.2), (-1.8, -5.8, 2.0)):
         across = paths.swing(rng, (x - 1.5, 0.0, z), (x + 1.5, 0.0, z), speed)
         pose = paths.spinning(paths.bounces(rng, across, 1.2, 0.22), rng.normal(size=3), 5.0)
         stage.put(shapes.ball(0.22, 14), materials.striped(rng, 4), pose)
-    rods = placed(0.6, 2.6, -3.4)
-    stage.put(
-        _rods(5, 1.1),
-        materials.paint(rng, (0.1, 0.1, 0.1)),
-        paths.spinning(rods @ turned_by(0, 0.5 * np.pi), (0, 0, 1), 1.8),
-        thin=True,
-    )
-    stage.put(
-        shapes.cylinder(0.05, 2.6, 10), materials.metal(rng, (0.6, 0.6, 0.62), 0.4), placed(0.6, 0.0, -3.4)
-    )
+    turning = paths.spinning(placed(0.6, 2.6, -3.4) @ turned_by(0, 0.5 * np.pi), (0, 0, 1), 1.8)
+    stage.put(_rods(5, 1.1), materials.paint(rng, (0.1, 0.1, 0.1)), turning, thin=True)
+    steel = materials.metal(rng, (0.6, 0.6, 0.62), 0.4)
+    stage.put(shapes.cylinder(0.05, 2.6, 10), steel, placed(0.6, 0.0, -3.4))
     lamp, cone = lighting.hanging(rng, (-2.6, 4.4, -5.2), 1.6, 0.5, (26.0, 17.0, 8.0))
     stage.spot = cone
     stage.put(shapes.ball(0.09, 8), materials.glow((1.0, 0.7, 0.35), 6.0), paths.upright(lamp), shadow=False)

@@ -4,38 +4,27 @@ from itertools import pairwise
 
 import numpy as np
 
-from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.materials import color
+from supersampler_model.data.scenes.procedural import lighting, materials, particles, paths, shapes
+from supersampler_model.data.scenes.procedural.materials import one_of
 from supersampler_model.data.scenes.procedural.outdoors import bush, meadow, tree
 from supersampler_model.data.scenes.procedural.paths import placed, turned_by
-from supersampler_model.data.scenes.procedural.stage import (
-    Stage,
-    bulb,
-    bunting,
-    dust,
-    fireflies,
-    hills,
-    skyline,
-    smoke,
-    sparks,
-)
+from supersampler_model.data.scenes.procedural.stage import Stage, bulb, bunting, hills, skyline
 from supersampler_model.data.scenes.scene import Material, Matrix, Rng
 
 
 def machine_hall(rng: Rng) -> Stage:
     """Build a machine hall of pipes, grilles, pistons and beacons, in steam."""
-    stage = Stage(
-        environment=lighting.indoors(rng, (0.1, 0.09, 0.075), 10, 2.0), exposure=rng.uniform(1.3, 1.8)
-    )
+    room = lighting.indoors(rng, (0.1, 0.09, 0.075), 10, 2.0)
+    stage = Stage(environment=room, exposure=rng.uniform(1.3, 1.8))
     _shell(rng, stage)
     _pipes(rng, stage)
     _catwalk(rng, stage)
     for x in (-3.0, 0.2, 3.2):
         _machine(rng, stage, x + rng.uniform(-0.4, 0.4), rng.uniform(-4.0, -2.6))
     _machine_lights(rng, stage)
-    stage.particles.append(smoke(rng, (rng.uniform(-3, 3), 0.3, -4.0), grey=0.25))
+    stage.particles.append(particles.smoke(rng, (rng.uniform(-3, 3), 0.3, -4.0), grey=0.25))
     if rng.random() < 0.6:
-        stage.particles.append(sparks(rng, (rng.uniform(-3, 3), 1.6, -2.4), 90))
+        stage.particles.append(particles.sparks(rng, (rng.uniform(-3, 3), 1.6, -2.4), 90))
     stage.add_vantages(
         ((0.5, 1.7, 3.4), (0.0, 1.5, -3.0), 0.9), ((-4.0, 2.9, 2.0), (1.0, 1.0, -3.5), 0.8),
         ((3.6, 1.2, 1.6), (-1.5, 1.8, -4.0), 0.8),
@@ -98,8 +87,7 @@ def _machine(rng: Rng, stage: Stage, x: float, z: float) -> None:
     wheel = shapes.merged([rim, *spokes])
     axle = paths.spinning(placed(x + 1.0, 0.9, z + 0.2), (1, 0, 0), rng.normal(0.0, 7.0))
     stage.put(wheel, materials.any_metal(rng, 0.3), paths.attached(axle, turned_by(2, np.pi / 2.0)))
-    gauge = materials.poster(rng, 1.0)
-    pulsing = lighting.pulse(rng)
+    gauge, pulsing = materials.poster(rng, 1.0), lighting.pulse(rng)
     stage.put(shapes.panel(0.5, 0.35), gauge, placed(x + 0.2, 0.45, z + 0.61), emission=pulsing)
 
 
@@ -133,18 +121,17 @@ def market(rng: Rng) -> Stage:
     woods = [materials.planks(rng) for _ in range(3)]
     for side in (-1.0, 1.0):
         for z in (-8.0, -5.0, -2.0, 1.0):
-            _stall(rng, stage, side, z, woods[int(rng.integers(3))])
+            _stall(rng, stage, side, z, one_of(rng, *woods))
     for z in (-6.0, -3.0, 0.5):
         left, right = (-3.4, rng.uniform(3.6, 4.6), z), (3.4, rng.uniform(3.6, 4.6), z)
         bunting(rng, stage, left, right, sag=0.5, cord=(0.008, 0.1), flags=18, margin=0.05, gap=0.11)
     for _ in range(int(rng.integers(5, 8))):
         _walker(rng, stage)
     _lanterns(rng, stage)
-    stage.particles.append(
-        dust(rng, (-2, 0, -8), (2, 3, 3), 110, size=0.015, color=(1.0, 0.85, 0.6), opacity=0.4)
-    )
+    motes = particles.dust(rng, (-2, 0, -8), (2, 3, 3), 110, size=0.015, color=(1.0, 0.85, 0.6), opacity=0.4)
+    stage.particles.append(motes)
     if rng.random() < 0.6:
-        stage.particles.append(smoke(rng, (float(rng.choice([-1.9, 1.9])), 1.1, -2.0), grey=0.5))
+        stage.particles.append(particles.smoke(rng, (float(rng.choice([-1.9, 1.9])), 1.1, -2.0), grey=0.5))
     stage.add_vantages(
         ((0.4, 1.65, 4.0), (-0.2, 1.4, -4.0), 0.8), ((-0.8, 2.6, 3.2), (0.8, 1.0, -3.0), 0.7),
         ((0.8, 1.4, 1.0), (-1.8, 1.2, -3.5), 0.5),
@@ -158,41 +145,35 @@ def _houses(rng: Rng, stage: Stage) -> None:
         z = 5.0
         while z > -16.0:
             width, height = rng.uniform(2.8, 5.0), rng.uniform(4.0, 7.0)
-            plaster = materials.plaster(rng, color(rng, 0.3, 0.7))
+            plaster = materials.plaster(rng, materials.color(rng, 0.3, 0.7))
             middle = z - width / 2.0
             stage.put(shapes.box(3.0, height, width, 0.3), plaster, placed(side * 5.0, 0, middle))
-            shutters = []
-            for y in np.arange(2.9, height - 1.2, 1.8):
-                for k in (-0.25, 0.25):
-                    shutters.append((shutter, placed(side * 3.5, y, middle + k * width)))
-            if shutters:
-                stage.put(shutters, boards)
+            levels = np.arange(2.9, height - 1.2, 1.8)
+            places = [placed(side * 3.5, y, middle + k * width) for y in levels for k in (-0.25, 0.25)]
+            if places:
+                stage.put([(shutter, at) for at in places], boards)
             z -= width
     stage.put(shapes.box(10.0, 9.0, 2.0, 0.4), materials.brick(rng), placed(0, 0, -18.0))
 
 
 def _stall(rng: Rng, stage: Stage, side: float, z: float, wood: Material) -> None:
     x = side * 2.5
-    frame = [(shapes.box(1.2, 0.08, 2.2, 0.8), placed(x, 0.8, z))]
     leg = shapes.box(0.06, 2.1, 0.06)
-    frame += [(leg, placed(x + a, 0, z + b)) for a in (-0.6, 0.6) for b in (-1.0, 1.0)]
-    stage.put(frame, wood)
+    legs = [(leg, placed(x + a, 0, z + b)) for a in (-0.6, 0.6) for b in (-1.0, 1.0)]
+    stage.put([(shapes.box(1.2, 0.08, 2.2, 0.8), placed(x, 0.8, z)), *legs], wood)
     awning = placed(x - side * 0.1, 2.15, z) @ turned_by(2, -side * 0.3)
     stage.put(shapes.plane(1.7, 2.5, 0.5), materials.striped(rng, 6), awning)
     fringe = shapes.merged([(shapes.wall(2.5, 0.25, 0.5), placed(yaw=np.pi / 2.0))])
     stage.put(fringe, materials.striped(rng, 8), placed(x - side * 0.9, 1.68, z))
     for k in (-0.7, 0.0, 0.7):
-        crate = shapes.box(0.9, 0.18, 0.6, 1.0)
-        stage.put(crate, wood, placed(x, 0.88, z + k))
+        stage.put(shapes.box(0.9, 0.18, 0.6, 1.0), wood, placed(x, 0.88, z + k))
         _heap(rng, stage, x, z + k)
 
 
 def _heap(rng: Rng, stage: Stage, x: float, z: float) -> None:
     fruit, kind = shapes.ball(0.075, 4), rng.random()
-    spots = [
-        (a + rng.normal(0, 0.01), b + rng.normal(0, 0.01)) for a in np.arange(-0.36, 0.37, 0.16)
-        for b in np.arange(-0.2, 0.21, 0.14)
-    ]  # fmt: skip
+    grid = np.array([(a, b) for a in np.arange(-0.36, 0.37, 0.16) for b in np.arange(-0.2, 0.21, 0.14)])
+    spots = grid + rng.normal(0, 0.01, grid.shape)
     parts = [(fruit, placed(x + a, 1.1 - 0.25 * a * np.sign(x), z + b)) for a, b in spots]
     hue = ((0.8, 0.25, 0.1), (0.85, 0.6, 0.1), (0.35, 0.6, 0.15), (0.6, 0.1, 0.2))[int(kind * 4)]
     stage.put(parts, materials.ground(rng, hue, 0.8, 0.5))
@@ -206,7 +187,7 @@ def _walker(rng: Rng, stage: Stage) -> None:
         [(0.2, 0.35), (0.23, 0.6), (0.17, 1.05), (0.23, 1.35), (0.1, 1.5), (0.07, 1.52)], 16, smooth=True
     )
     stage.put(coat, materials.cloth(rng), pose)
-    skin = ((0.75, 0.55, 0.42), (0.5, 0.34, 0.24), (0.85, 0.68, 0.56))[int(rng.integers(3))]
+    skin = one_of(rng, (0.75, 0.55, 0.42), (0.5, 0.34, 0.24), (0.85, 0.68, 0.56))
     stage.put([(shapes.ball(0.12, 10), placed(0, 1.63, 0))], materials.plaster(rng, skin), pose)
     hat = shapes.lathe([(0.0, 1.69), (0.2, 1.69), (0.2, 1.7), (0.12, 1.71), (0.11, 1.82), (0.0, 1.83)], 16)
     stage.put(hat, materials.cloth(rng), pose)
@@ -239,7 +220,7 @@ def night_garden(rng: Rng) -> Stage:
     sky = lighting.outdoors(rng, (0.008, 0.012, 0.035), (0.03, 0.035, 0.06), (0.01, 0.012, 0.008), clouds=0.6)
     stage = Stage(environment=sky, exposure=rng.uniform(1.7, 2.4))
     stage.sun = lighting.sunlight(rng, 0.22, 11.0, elevation=(25, 50), warmth=-0.7, center=(0, 0, -2))
-    green = ((0.2, 0.36, 0.16), (0.24, 0.32, 0.2), (0.3, 0.36, 0.12))[int(rng.integers(3))]
+    green = one_of(rng, (0.2, 0.36, 0.16), (0.24, 0.32, 0.2), (0.3, 0.36, 0.12))
     stage.put(shapes.plane(70.0, 70.0, 0.5), materials.ground(rng, (0.24, 0.26, 0.16), 0.7))
     hills(rng, stage, (0.16, 0.2, 0.14))
     _paths_and_pond(rng, stage)
@@ -252,9 +233,9 @@ def night_garden(rng: Rng) -> Stage:
     _hedge(rng, stage)
     _pavilion(rng, stage)
     _garden_lights(rng, stage)
-    stage.particles.append(fireflies(rng, (-4, 0.2, -5), (4, 1.8, 3), 35))
+    stage.particles.append(particles.fireflies(rng, (-4, 0.2, -5), (4, 1.8, 3), 35))
     if rng.random() < 0.5:
-        stage.particles.append(smoke(rng, (0.0, 0.1, -1.6), 18, grey=0.04, rise=0.4))
+        stage.particles.append(particles.smoke(rng, (0.0, 0.1, -1.6), 18, grey=0.04, rise=0.4))
     stage.add_vantages(
         ((0.6, 1.6, 4.2), (0.0, 0.9, -3.0), 0.9), ((-2.6, 1.2, 2.6), (1.0, 0.9, -3.0), 0.7),
         ((1.8, 2.2, 3.0), (-0.6, 0.6, -2.5), 0.8),
@@ -265,8 +246,7 @@ def night_garden(rng: Rng) -> Stage:
 def _paths_and_pond(rng: Rng, stage: Stage) -> None:
     stage.put(shapes.plane(1.3, 14.0, 0.8), materials.tiles(rng, 6, 0.3, 0.3), placed(0, 0.02, 1.0))
     water = materials.metal(rng, (0.12, 0.15, 0.17), 0.06, 0.03)
-    disc = shapes.lathe([(1.5, 0.0), (0.0, 0.001)], 40)
-    stage.put(disc, water, placed(0, 0.05, -2.6))
+    stage.put(shapes.lathe([(1.5, 0.0), (0.0, 0.001)], 40), water, placed(0, 0.05, -2.6))
     stage.put(shapes.torus(1.55, 0.12, 40), materials.concrete(rng), placed(0, 0.04, -2.6))
     lily = shapes.lathe([(0.14, 0.0), (0.0, 0.004)], 12)
     pads = [(lily, placed(x, 0.06, z)) for x, z in rng.uniform((-1, -3.5), (1, -1.8), (7, 2))]
@@ -287,10 +267,9 @@ def _pavilion(rng: Rng, stage: Stage) -> None:
     stone, roof = materials.concrete(rng), materials.planks(rng)
     column = shapes.lathe([(0.16, 0), (0.16, 0.1), (0.1, 0.2), (0.085, 2.0), (0.15, 2.15), (0.15, 2.25)], 16)
     around = [0.5 + k * np.pi / 3.0 for k in range(6)]
-    parts = [(column, placed(1.5 * np.sin(a), 0.2, -6.0 + 1.5 * np.cos(a))) for a in around]
-    parts.append((shapes.cylinder(1.9, 0.2, 32), placed(0, 0, -6.0)))
-    parts.append((shapes.torus(1.5, 0.12, 32), placed(0, 2.5, -6.0)))
-    stage.put(parts, stone)
+    columns = [(column, placed(1.5 * np.sin(a), 0.2, -6.0 + 1.5 * np.cos(a))) for a in around]
+    base, ring = shapes.cylinder(1.9, 0.2, 32), shapes.torus(1.5, 0.12, 32)
+    stage.put([*columns, (base, placed(0, 0, -6.0)), (ring, placed(0, 2.5, -6.0))], stone)
     stage.put(shapes.lathe([(1.9, 2.5), (1.0, 3.1), (0.15, 3.4), (0.0, 3.7)], 24), roof, placed(0, 0, -6.0))
     lattice = materials.grille(rng, 8, 8, 0.22, (0.75, 0.73, 0.68))
     for side in (-1.0, 1.0):
@@ -303,17 +282,11 @@ def _garden_lights(rng: Rng, stage: Stage) -> None:
         stage.put(pole, materials.paint(rng, (0.08, 0.09, 0.08)))
         sway = paths.together((0.75 * x, 1.55, z), paths.drift(rng, 0.06, 1.2))
         kind = str(rng.choice(["throb", "flicker", "fade"]))
-        bulb(
-            stage,
-            sway,
-            lighting.tint(rng, rng.uniform(3, 6), 0.8),
-            size=0.09,
-            pulsing=lighting.pulse(rng, kind),
-        )
+        light = lighting.tint(rng, rng.uniform(3, 6), 0.8)
+        bulb(stage, sway, light, size=0.09, pulsing=lighting.pulse(rng, kind))
     for hue in (None, None, 0.9):
-        path = paths.circuit(
-            rng, (0, rng.uniform(0.5, 1.6), -2.6), (rng.uniform(1.5, 2.6), 1.6), rng.uniform(1.5, 4)
-        )
+        middle, width = (0, rng.uniform(0.5, 1.6), -2.6), rng.uniform(1.5, 2.6)
+        path = paths.circuit(rng, middle, (width, 1.6), rng.uniform(1.5, 4))
         bulb(stage, path, lighting.tint(rng, 3.0, hue), size=0.05, pulsing=lighting.pulse(rng, "throb"))
     bulb(stage, (0.0, 2.0, -6.0), lighting.tint(rng, 7.0, 0.7), size=0.12, reach=7.0)
     torch = paths.swing(rng, (-2.5, 1.5, 2.5), (2.5, 1.6, 2.0), rng.uniform(1.0, 3.0))
@@ -339,7 +312,7 @@ def gallery(rng: Rng) -> Stage:
     _ropes(rng, stage)
     _gallery_lights(rng, stage)
     if rng.random() < 0.4:
-        stage.particles.append(dust(rng, (-3, 0.5, -6), (3, 3, 2), opacity=0.25))
+        stage.particles.append(particles.dust(rng, (-3, 0.5, -6), (3, 3, 2), opacity=0.25))
     stage.add_vantages(
         ((0.3, 1.6, 3.6), (-0.1, 1.2, -3.0), 0.9), ((-3.2, 1.3, 1.8), (1.5, 1.0, -3.6), 0.8),
         ((3.2, 0.8, 1.2), (-1.2, 1.2, -3.6), 0.7),
@@ -350,8 +323,7 @@ def gallery(rng: Rng) -> Stage:
 def _rooms(rng: Rng, stage: Stage, bright: bool) -> None:
     marble = materials.tiles(rng, 4, 1.0, 0.2) if rng.random() < 0.6 else materials.planks(rng, 12, 1.0)
     stage.put(shapes.plane(14.0, 24.0, 0.5), marble, placed(0, 0, -3))
-    hue = (0.82, 0.81, 0.78) if bright else (0.3, 0.16, 0.16)
-    plaster = materials.plaster(rng, hue)
+    plaster = materials.plaster(rng, (0.82, 0.81, 0.78) if bright else (0.3, 0.16, 0.16))
     for side in (-1, 1):
         stage.put(shapes.wall(24.0, 4.6, 0.3), plaster, placed(side * 4.8, 0, -3.0, yaw=-side * np.pi / 2.0))
     stage.put(shapes.wall(10.0, 4.6, 0.3), plaster, placed(0, 0, -9.5))
@@ -409,9 +381,11 @@ def _stuff(rng: Rng) -> Material:
 
 def _mobile(rng: Rng, stage: Stage) -> None:
     turning = paths.spinning(placed(rng.uniform(-0.6, 0.6), 2.9, -1.6), (0, 1, 0), rng.uniform(0.6, 2.5))
-    frame = [shapes.tube([(-1.1, 0, 0), (1.1, 0, 0)], 0.01, 6)]
-    frame += [shapes.tube([(0, 0, 0), (0, 1.4, 0)], 0.006, 5)]
-    stage.put(frame, materials.paint(rng, (0.08, 0.08, 0.08)), turning)
+    bar, cord = (
+        shapes.tube([(-1.1, 0, 0), (1.1, 0, 0)], 0.01, 6),
+        shapes.tube([(0, 0, 0), (0, 1.4, 0)], 0.006, 5),
+    )
+    stage.put([bar, cord], materials.paint(rng, (0.08, 0.08, 0.08)), turning)
     for x in (-1.1, -0.5, 0.5, 1.1):
         drop = rng.uniform(0.2, 0.7)
         thread = shapes.tube([(0, -drop, 0), (0, 0, 0)], 0.004, 5)
@@ -446,10 +420,10 @@ def court(rng: Rng) -> Stage:
     night = rng.random() < 0.5
     if night:
         sky = lighting.outdoors(rng, (0.01, 0.015, 0.04), (0.05, 0.05, 0.09), (0.02, 0.02, 0.02))
+        stage = Stage(environment=sky, exposure=1.5)
     else:
         sky = lighting.outdoors(rng, (0.14, 0.3, 0.7), (0.5, 0.62, 0.8), (0.12, 0.13, 0.12), clouds=1.1)
-    stage = Stage(environment=sky, exposure=1.5 if night else 0.7)
-    if not night:
+        stage = Stage(environment=sky, exposure=0.7)
         clouds = lighting.maybe(rng, 0.5, lighting.pulse, "fade")
         stage.sun = lighting.sunlight(rng, 5.2, 12.0, elevation=(30, 60), pulsing=clouds, center=(0, 0, -3))
     skyline(rng, stage)
@@ -460,7 +434,7 @@ def court(rng: Rng) -> Stage:
     _players(rng, stage)
     _floodlights(rng, stage, night)
     if rng.random() < 0.4:
-        stage.particles.append(dust(rng, (-4, 0, -6), (4, 2, 3)))
+        stage.particles.append(particles.dust(rng, (-4, 0, -6), (4, 2, 3)))
     stage.add_vantages(
         ((0.8, 1.7, 4.6), (0.0, 1.0, -3.0), 1.2), ((-4.4, 1.3, 2.0), (1.0, 0.9, -3.5), 1.0),
         ((3.8, 2.8, 3.6), (-0.8, 0.4, -3.0), 1.2),
@@ -469,16 +443,14 @@ def court(rng: Rng) -> Stage:
 
 
 def _ground(rng: Rng, stage: Stage) -> None:
-    one = ((0.2, 0.35, 0.55), (0.55, 0.25, 0.18), (0.22, 0.42, 0.3))[int(rng.integers(3))]
+    one = one_of(rng, (0.2, 0.35, 0.55), (0.55, 0.25, 0.18), (0.22, 0.42, 0.3))
     other = (one[2], one[0], one[1])
     stage.put(shapes.plane(60.0, 60.0, 0.5), materials.ground(rng, (0.33, 0.33, 0.33), 0.6))
     stage.put(shapes.box(13.0, 0.03, 15.0, 0.6), materials.ground(rng, other, 0.5, 1.0), placed(0, 0, -3))
     stage.put(shapes.box(8.0, 0.02, 11.0, 0.6), materials.ground(rng, one, 0.5, 1.0), placed(0, 0.03, -3))
-    line = 0.06
-    lines = [(shapes.plane(line, 11.0), placed(x, 0.062, -3)) for x in (-4.0, -3.0, 0.0, 3.0, 4.0)]
-    lines += [(shapes.plane(8.0, line), placed(0, 0.061, z)) for z in (-8.5, -6.0, 0.0, 2.5)]
-    circle = shapes.lathe([(1.26, 0.0), (1.2, 0.0005)], 48)
-    lines.append((circle, placed(0, 0.06, -3.0)))
+    lines = [(shapes.plane(0.06, 11.0), placed(x, 0.062, -3)) for x in (-4.0, -3.0, 0.0, 3.0, 4.0)]
+    lines += [(shapes.plane(8.0, 0.06), placed(0, 0.061, z)) for z in (-8.5, -6.0, 0.0, 2.5)]
+    lines.append((shapes.lathe([(1.26, 0.0), (1.2, 0.0005)], 48), placed(0, 0.06, -3.0)))
     stage.put(lines, materials.ground(rng, (0.9, 0.9, 0.88), 0.5, 0.5))
 
 
@@ -495,8 +467,7 @@ def _nets(rng: Rng, stage: Stage) -> None:
         for side in (-1.0, 1.0):
             stage.put(shapes.wall(0.7, 1.8, 0.8), cord, placed(x + side, 0, -7.85, yaw=np.pi / 2.0))
     stage.put(posts, steel)
-    fence = materials.fence(rng, 10)
-    stage.put(shapes.wall(16.0, 3.2, 0.6), fence, placed(0, 0, -10.2))
+    stage.put(shapes.wall(16.0, 3.2, 0.6), materials.fence(rng, 10), placed(0, 0, -10.2))
     posts = [(shapes.cylinder(0.04, 3.4, 8), placed(x, 0, -10.2)) for x in np.arange(-8.0, 8.1, 2.0)]
     rails = [shapes.tube([(-8, y, -10.2), (8, y, -10.2)], 0.03) for y in (0.1, 3.2)]
     stage.put([*posts, *rails], steel)

@@ -2,38 +2,26 @@
 
 import numpy as np
 
-from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
-from supersampler_model.data.scenes.procedural.materials import screen, sign
-from supersampler_model.data.scenes.procedural.paths import placed, turned_by
-from supersampler_model.data.scenes.procedural.stage import (
-    Stage,
-    bulb,
-    caster,
-    dust,
-    fan,
-    glowing_ball,
-    smoke,
-    sparks,
-)
-from supersampler_model.data.scenes.scene import Material, Mesh, Rng, Values
+from supersampler_model.data.scenes.procedural import lighting, materials, particles, paths, shapes
+from supersampler_model.data.scenes.procedural.materials import sign
+from supersampler_model.data.scenes.procedural.paths import Pose, placed, turned_by
+from supersampler_model.data.scenes.procedural.stage import Stage, bulb, caster, fan, glowing_ball
+from supersampler_model.data.scenes.scene import Material, Matrix, Mesh, Rng, Values
 
 
 def floors(rng: Rng) -> Stage:
     """Build a hall of columns: balls roll over its finely patterned, polished floor, lit or in the dark."""
     dark = rng.random() < 0.27
     ambient = 0.016 if dark else 0.1 * rng.uniform(0.25, 0.9)
-    stage = Stage(
-        environment=lighting.indoors(
-            rng, (ambient, 1.1 * ambient, 1.4 * ambient), 5 if dark else 14, 0.8 if dark else 3.0
-        ),
-        exposure=float(rng.uniform(1.3, 1.8) if dark else rng.uniform(0.8, 1.2)),
-    )
+    grey = (ambient, 1.1 * ambient, 1.4 * ambient)
+    room = lighting.indoors(rng, grey, 5 if dark else 14, 0.8 if dark else 3.0)
+    stage = Stage(environment=room, exposure=rng.uniform(*((1.3, 1.8) if dark else (0.8, 1.2))))
     stage.put(shapes.plane(60.0, 60.0, rng.uniform(0.3, 0.6)), _floor(rng))
     _architecture(rng, stage)
     _movers(rng, stage)
     _hall_lights(rng, stage, dark)
     if rng.random() < 0.5:
-        stage.particles.append(dust(rng, (-5, 0.2, -8), (5, 3, 4)))
+        stage.particles.append(particles.dust(rng, (-5, 0.2, -8), (5, 3, 4)))
     low = rng.uniform(0.5, 1.3)
     stage.add_vantages(
         ((0.6, low, 5.5), (0.0, 0.6, -6.0), 1.3), ((-3.0, low + 0.3, 4.0), (2.0, 0.5, -5.0), 1.2),
@@ -46,8 +34,8 @@ def floors(rng: Rng) -> Stage:
 
 
 def _floor(rng: Rng) -> Material:
-    gloss, kind = rng.uniform(0.2, 1.0), rng.random()
-    if kind < 0.25:
+    gloss = rng.uniform(0.2, 1.0)
+    if rng.random() < 0.25:
         return materials.planks(rng, 8, gloss)
     return materials.tiles(rng, int(rng.choice([4, 8, 12, 16])), gloss, rng.uniform(0.3, 0.8))
 
@@ -78,10 +66,8 @@ def _architecture(rng: Rng, stage: Stage) -> None:
 def _movers(rng: Rng, stage: Stage) -> None:
     for _ in range(int(rng.integers(3, 6))):
         radius = rng.uniform(0.14, 0.4)
-        middle, extent = (
-            (rng.uniform(-1, 1), 0, rng.uniform(-5, -1)),
-            (rng.uniform(1, 2.6), rng.uniform(1, 3)),
-        )
+        middle = (rng.uniform(-1, 1), 0, rng.uniform(-5, -1))
+        extent = (rng.uniform(1, 2.6), rng.uniform(1, 3))
         path = paths.circuit(rng, middle, extent, rng.uniform(1.0, 5.0))
         hops = paths.bounces(rng, path, rng.uniform(0.02, 0.5), radius)
         cover = materials.paint(rng) if rng.random() < 0.6 else materials.any_metal(rng, 0.2)
@@ -100,10 +86,8 @@ def _hall_lights(rng: Rng, stage: Stage, dark: bool) -> None:
     """Add a light with shadows, the sun through the open roof by day, and lamps that drift and flicker."""
     _ceiling_light(rng, stage, (1.1 if dark else 1.2) * rng.uniform(0.8, 1.3))
     if not dark and rng.random() < 0.65:
-        pulsing = lighting.maybe(rng, 0.6, lighting.clouds)
-        stage.sun = lighting.sunlight(
-            rng, 6.0, 13.0, elevation=(35.0, 60.0), center=(0, 0, -4), pulsing=pulsing
-        )
+        clouds = lighting.maybe(rng, 0.6, lighting.clouds)
+        stage.sun = lighting.sunlight(rng, 6.0, 13.0, elevation=(35, 60), center=(0, 0, -4), pulsing=clouds)
         if rng.random() < 0.6:
             caster(rng, stage, stage.sun)
     for x, z in rng.uniform((-3.5, -9.0), (3.5, 1.0), (6, 2)):
@@ -120,17 +104,14 @@ def _ceiling_light(rng: Rng, stage: Stage, strength: float) -> None:
     pulsing = lighting.maybe(rng, 0.4, lighting.nervous)
     if kind == 0:
         sweep = paths.swing(rng, (-3.5, 0.0, -6.0), (3.5, 0.0, 0.5), rng.uniform(3.0, 14.0))
-        outer = rng.uniform(22, 40)
-        stage.spot = lighting.spotlight(top, sweep, color, outer=outer, pulsing=pulsing)
-        return
-    if kind == 1:
+        stage.spot = lighting.spotlight(top, sweep, color, outer=rng.uniform(22, 40), pulsing=pulsing)
+    elif kind == 1:
         extent = rng.uniform(0.3, 0.9)
         place, stage.spot = lighting.hanging(rng, (x, 5.2, -2.5), 1.8, extent, color, pulsing=pulsing)
         glowing_ball(stage, place, 0.12, (1.0, 0.9, 0.7), 12.0)
-        return
-    below = (x, 0.0, -2.5)
-    stage.spot = lighting.spotlight(top, below, color, outer=60.0, pulsing=pulsing)
-    fan(rng, stage, (x, 3.3, -2.5), 1.0, 0.24, (1.5, 6.0))
+    else:
+        stage.spot = lighting.spotlight(top, (x, 0.0, -2.5), color, outer=60.0, pulsing=pulsing)
+        fan(rng, stage, (x, 3.3, -2.5), 1.0, 0.24, (1.5, 6.0))
 
 
 TABLE = 0.85  # metres high
@@ -140,14 +121,10 @@ def metals(rng: Rng) -> Stage:
     """Build a workshop or a show room of mirrors and metals under coloured lights that circle and pulse."""
     dark, show_room = rng.random() < 0.27, rng.random() < 0.45
     ambient = 0.014 if dark else 0.1 * rng.uniform(0.4, 1.0)
-    panels = int(rng.integers(3, 6)) if dark else int(rng.integers(6, 14))
-    stage = Stage(
-        environment=lighting.indoors(
-            rng, (ambient, 1.1 * ambient, 1.3 * ambient), panels,
-            float(rng.uniform(0.8, 1.6) if dark else rng.uniform(3, 7)),
-        ),
-        exposure=rng.uniform(1.0, 1.5) * (1.25 if dark else 1.0),
-    )  # fmt: skip
+    panels = int(rng.integers(*((3, 6) if dark else (6, 14))))
+    strength, grey = rng.uniform(*((0.8, 1.6) if dark else (3, 7))), (ambient, 1.1 * ambient, 1.3 * ambient)
+    room = lighting.indoors(rng, grey, panels, strength)
+    stage = Stage(environment=room, exposure=rng.uniform(1.0, 1.5) * (1.25 if dark else 1.0))
     _room(rng, stage)
     if show_room:
         _goods(rng, stage, _plinths(rng, stage))
@@ -160,7 +137,7 @@ def metals(rng: Rng) -> Stage:
     _engine(rng, stage)
     _workshop_lights(rng, stage, (1.4 if dark else 1.1) * rng.uniform(0.7, 1.4))
     if rng.random() < 0.5:
-        stage.particles.append(sparks(rng, (rng.uniform(-1, 1), TABLE + 0.2, -0.3)))
+        stage.particles.append(particles.sparks(rng, (rng.uniform(-1, 1), TABLE + 0.2, -0.3)))
     stage.add_vantages(
         ((0.3, 1.65, 2.4), (0.0, 1.05, 0.0), 0.8), ((-1.7, 1.35, 1.3), (0.3, 1.05, -0.2), 0.6),
         ((1.6, 1.9, 1.9), (-0.2, 0.9, -0.3), 0.7), ((3.1, 1.6, -0.5), (-0.6, 0.9, -0.1), 0.5),
@@ -172,17 +149,14 @@ def metals(rng: Rng) -> Stage:
 
 
 def _room(rng: Rng, stage: Stage) -> None:
-    smooth = (
-        materials.metal(rng, (0.5, 0.5, 0.52), 0.4) if rng.random() < 0.4 else materials.tiles(rng, 6, 0.8)
-    )
+    metallic = rng.random() < 0.4
+    smooth = materials.metal(rng, (0.5, 0.5, 0.52), 0.4) if metallic else materials.tiles(rng, 6, 0.8)
     stage.put(shapes.plane(14.0, 14.0, 0.5), materials.concrete(rng) if rng.random() < 0.5 else smooth)
     plates, kind = materials.plates(rng, (0.5, 0.53, 0.56)), rng.random()
     plain = materials.plaster(rng, materials.color(rng, 0.25, 0.6)) if kind < 0.65 else plates
     back = materials.brick(rng) if kind < 0.35 else plain
-    stage.put(shapes.wall(14.0, 4.5, 0.5), back, placed(0, 0, 5.0, yaw=np.pi))
-    stage.put(shapes.wall(14.0, 4.5, 0.5), back, placed(0, 0, -2.6))
-    stage.put(shapes.wall(14.0, 4.5, 0.5), back, placed(-4.5, 0, 0, yaw=np.pi / 2.0))
-    stage.put(shapes.wall(14.0, 4.5, 0.5), back, placed(4.5, 0, 0, yaw=-np.pi / 2.0))
+    for x, z, yaw in ((0, 5.0, np.pi), (0, -2.6, 0), (-4.5, 0, np.pi / 2.0), (4.5, 0, -np.pi / 2.0)):
+        stage.put(shapes.wall(14.0, 4.5, 0.5), back, placed(x, 0, z, yaw=yaw))
     shelf = [(shapes.box(3.4, 0.05, 0.35, 0.8), placed(0, y, -2.4)) for y in (1.3, 1.8, 2.3)]
     stage.put(shelf, materials.planks(rng))
     for y in (1.35, 1.85):
@@ -194,14 +168,13 @@ def _room(rng: Rng, stage: Stage) -> None:
 
 def _plinths(rng: Rng, stage: Stage) -> list[tuple[float, float, float]]:
     """Add plinths of all heights in a rough grid, and return the middles of their tops."""
-    stone, tops = materials.plaster(rng, materials.color(rng, 0.2, 0.75)), []
-    blocks = []
-    for x in (-2.1, -0.7, 0.7, 2.1):
-        for z in (-1.5, -0.3, 0.8):
-            at = (x + rng.uniform(-0.3, 0.3), rng.uniform(0.35, 1.05), z)
-            blocks.append((shapes.box(0.5, at[1], 0.5, 0.8), placed(at[0], 0.0, z)))
-            tops.append(at)
-    stage.put(blocks, stone)
+    stone = materials.plaster(rng, materials.color(rng, 0.2, 0.75))
+    tops = [
+        (x + rng.uniform(-0.3, 0.3), rng.uniform(0.35, 1.05), z)
+        for x in (-2.1, -0.7, 0.7, 2.1)
+        for z in (-1.5, -0.3, 0.8)
+    ]
+    stage.put([(shapes.box(0.5, height, 0.5, 0.8), placed(x, 0.0, z)) for x, height, z in tops], stone)
     return tops
 
 
@@ -210,20 +183,22 @@ def _goods(rng: Rng, stage: Stage, slots: list[tuple[float, float, float]]) -> N
         size, turn = rng.uniform(0.13, 0.2), rng.normal(0.0, 2.0)
         place = placed(x + rng.uniform(-0.08, 0.08), y, z + rng.uniform(-0.08, 0.08))
         kind = int(rng.integers(5))
+        pose: Matrix | Pose = paths.spinning(place, (0, 1, 0), turn)
         if kind == 0:
-            stage.put(shapes.ball(size), _surface(rng), place @ placed(0, size, 0))
+            mesh, pose = shapes.ball(size), place @ placed(0, size, 0)
         elif kind == 1:
-            tilted = placed(0, size * 1.2, 0) @ turned_by(0, 1.2)
-            spin = paths.spinning(place @ tilted, (1, 0.3, 0), turn)
-            stage.put(shapes.torus(size, size / 3.0), _surface(rng), spin)
+            mesh, tilted = shapes.torus(size, size / 3.0), placed(0, size * 1.2, 0) @ turned_by(0, 1.2)
+            pose = paths.spinning(place @ tilted, (1, 0.3, 0), turn)
         elif kind == 2:
-            stage.put(_vase(rng, size), _surface(rng), paths.spinning(place, (0, 1, 0), turn))
+            heights, swell = np.linspace(0.0, 3.0 * size, 17), rng.uniform(1.2, 2.4)
+            radii = size * (0.75 + 0.35 * np.sin(heights / size * swell + rng.uniform(0.0, 3.0)))
+            profile = list(zip(radii.tolist(), heights.tolist(), strict=True))
+            mesh = shapes.lathe(profile, 28, smooth=True)
         elif kind == 3:
-            spin = paths.spinning(place @ placed(0, 0.02, 0), (0, 1, 0), 2.0 * turn)
-            stage.put(_gear(rng, size), _surface(rng), spin)
+            mesh, pose = _gear(rng, size), paths.spinning(place @ placed(0, 0.02, 0), (0, 1, 0), 2.0 * turn)
         else:
-            box = shapes.box(size * 1.4, size * 1.4, size * 1.4, 2.0)
-            stage.put(box, _surface(rng), paths.spinning(place, (0, 1, 0), turn))
+            mesh = shapes.box(size * 1.4, size * 1.4, size * 1.4, 2.0)
+        stage.put(mesh, _surface(rng), pose)
 
 
 def _surface(rng: Rng) -> Material:
@@ -235,12 +210,6 @@ def _surface(rng: Rng) -> Material:
     if kind < 0.6:
         return materials.paint(rng, gloss=0.95)
     return materials.any_metal(rng, rng.uniform(0.08, 0.4))
-
-
-def _vase(rng: Rng, size: float) -> Mesh:
-    heights = np.linspace(0.0, 3.0 * size, 17)
-    radii = size * (0.75 + 0.35 * np.sin(heights / size * rng.uniform(1.2, 2.4) + rng.uniform(0.0, 3.0)))
-    return shapes.lathe(list(zip(radii.tolist(), heights.tolist(), strict=True)), 28, smooth=True)
 
 
 def _gear(rng: Rng, size: float) -> Mesh:
@@ -266,14 +235,12 @@ def _workshop_lights(rng: Rng, stage: Stage, strength: float) -> None:
     pulsing = lighting.maybe(rng, 0.3, lighting.nervous)
     color = lighting.tint(rng, 45.0 * strength, 0.25)
     if rng.random() < 0.5:
-        pivot = (rng.uniform(-0.8, 0.8), 3.6, rng.uniform(-0.3, 0.6))
-        extent = rng.uniform(0.3, 0.8)
+        pivot, extent = (rng.uniform(-0.8, 0.8), 3.6, rng.uniform(-0.3, 0.6)), rng.uniform(0.3, 0.8)
         place, stage.spot = lighting.hanging(rng, pivot, 1.1, extent, color, pulsing=pulsing)
         glowing_ball(stage, place, 0.07, (1.0, 0.9, 0.7), 14.0)
     else:
         place = paths.together((0.3, 3.2, 0.9), paths.drift(rng, 0.7, 0.5))
-        table = (0.0, TABLE, 0.0)
-        stage.spot = lighting.spotlight(place, table, color, outer=42.0, pulsing=pulsing)
+        stage.spot = lighting.spotlight(place, (0.0, TABLE, 0.0), color, outer=42.0, pulsing=pulsing)
     for _ in range(int(rng.integers(3, 6))):
         middle = (rng.uniform(-0.6, 0.6), rng.uniform(1.3, 2.2), 0.2)
         axes = (rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0))
@@ -289,19 +256,17 @@ HEIGHT = 3.0
 def flicker(rng: Rng) -> Stage:
     """Build a cellar corridor with a swinging lamp, a fan and flickering tubes; shadows move."""
     ambient = 0.035 if rng.random() < 0.65 else 0.004
-    stage = Stage(
-        environment=lighting.indoors(rng, (ambient, 1.15 * ambient, 1.4 * ambient), 3, 11.0 * ambient),
-        exposure=rng.uniform(1.6, 2.3),
-    )
+    room = lighting.indoors(rng, (ambient, 1.15 * ambient, 1.4 * ambient), 3, 11.0 * ambient)
+    stage = Stage(environment=room, exposure=rng.uniform(1.6, 2.3))
     _walls(rng, stage)
     _furniture(rng, stage)
     _swinging_lamp(rng, stage)
     _tubes(rng, stage)
     _corridor_screens(rng, stage)
     if rng.random() < 0.5:
-        stage.particles.append(sparks(rng, (rng.uniform(-1.5, 1.5), 2.4, -2.9)))
+        stage.particles.append(particles.sparks(rng, (rng.uniform(-1.5, 1.5), 2.4, -2.9)))
     if rng.random() < 0.5:
-        stage.particles.append(dust(rng, (-2, 0.3, -6), (2, 2.6, 2)))
+        stage.particles.append(particles.dust(rng, (-2, 0.3, -6), (2, 2.6, 2)))
     stage.add_vantages(
         ((0.4, 1.55, 3.4), (-0.1, 1.2, -3.0), 0.7), ((-1.6, 1.3, 2.2), (0.9, 1.0, -2.5), 0.5),
         ((1.5, 1.9, 2.6), (-0.6, 0.8, -2.5), 0.5), ((0.3, 1.6, -7.0), (-0.2, 1.1, 1.0), 0.6),
@@ -336,8 +301,7 @@ def _furniture(rng: Rng, stage: Stage) -> None:
         side = float(rng.choice([-1.0, 1.0]))
         kind, x = int(rng.integers(3)), side * rng.uniform(1.2, 1.9)
         if kind == 0:
-            size = rng.uniform(0.5, 0.8)
-            wood = materials.planks(rng)
+            size, wood = rng.uniform(0.5, 0.8), materials.planks(rng)
             stage.put(shapes.box(size, size, size, 1.0), wood, placed(x, 0, z, yaw=rng.uniform(0, 2)))
         elif kind == 1:
             stage.put(shapes.cylinder(0.3, 0.9, 20), materials.paint(rng), placed(x, 0, z))
@@ -365,10 +329,8 @@ def _swinging_lamp(rng: Rng, stage: Stage) -> None:
     def below(t: float) -> Values:
         return lamp(t) + 2.0 * (lamp(t) - (0.0, HEIGHT, z))
 
-    pulsing = lighting.pulse(rng, "throb", "flicker", "fade")
-    stage.spot = lighting.spotlight(
-        lamp, below, lighting.tint(rng, 16.0, 0.5), outer=62.0, reach=12.0, pulsing=pulsing
-    )
+    pulsing, color = lighting.pulse(rng, "throb", "flicker", "fade"), lighting.tint(rng, 16.0, 0.5)
+    stage.spot = lighting.spotlight(lamp, below, color, outer=62.0, reach=12.0, pulsing=pulsing)
     shade = shapes.lathe([(0.28, -0.02), (0.12, 0.14), (0.03, 0.2)], 20)
     stage.put(shade, materials.paint(rng, gloss=0.8), paths.upright(lamp), shadow=False)
     glowing_ball(stage, lamp, 0.06, (1.0, 0.85, 0.6), 14.0, pulsing)
@@ -377,9 +339,9 @@ def _swinging_lamp(rng: Rng, stage: Stage) -> None:
 
 
 def _tubes(rng: Rng, stage: Stage) -> None:
-    for index, z in enumerate((-6.5, -4.0, 0.5)):
-        color, pulsing = (lighting.tint(rng, 1.0, rng.uniform(-0.5, 0.3)), lighting.pulse(rng, "flicker"))
-        if index == 1:
+    for z in (-6.5, -4.0, 0.5):
+        color, pulsing = lighting.tint(rng, 1.0, rng.uniform(-0.5, 0.3)), lighting.pulse(rng, "flicker")
+        if z == -4.0:
             pulsing = lighting.pulse(rng)
         x = float(rng.choice([-1.2, 1.2]))
         tube = shapes.merged([(shapes.tube([(-0.6, 0, 0), (0.6, 0, 0)], 0.025), turned_by(1, np.pi / 2.0))])
@@ -410,21 +372,18 @@ def station(rng: Rng) -> Stage:
     """Build a platform by day or by night: boards, hanging signs, screens, and a passing train."""
     night = rng.random() < 0.45
     ambient = 0.03 if night else 0.2 * rng.uniform(0.6, 1.4)
-    stage = Stage(
-        environment=lighting.indoors(
-            rng, (ambient, 1.1 * ambient, 1.3 * ambient), 6 if night else 12, 1.0 if night else 3.0
-        ),
-        exposure=float(rng.uniform(1.2, 1.8) if night else rng.uniform(0.7, 1.1)),
-    )
+    grey = (ambient, 1.1 * ambient, 1.3 * ambient)
+    panorama = lighting.indoors(rng, grey, 6 if night else 12, 1.0 if night else 3.0)
+    stage = Stage(environment=panorama, exposure=rng.uniform(*((1.2, 1.8) if night else (0.7, 1.1))))
     _hall(rng, stage)
     _boards(rng, stage)
     _hanging_signs(rng, stage)
     _platform_screens(rng, stage)
     _train(rng, stage)
     _platform_lights(rng, stage, night)
-    stage.particles.append(smoke(rng, (rng.uniform(-3, 3), 0.3, TRACK), grey=rng.uniform(0.2, 0.8)))
+    stage.particles.append(particles.smoke(rng, (rng.uniform(-3, 3), 0.3, TRACK), grey=rng.uniform(0.2, 0.8)))
     if rng.random() < 0.5:
-        stage.particles.append(dust(rng, (-5, 0.3, -7), (5, 3.5, 2)))
+        stage.particles.append(particles.dust(rng, (-5, 0.3, -7), (5, 3.5, 2)))
     stage.add_vantages(
         ((0.5, 1.6, 2.0), (-0.5, 1.7, WALL), 1.0), ((-3.5, 1.7, 0.5), (2.5, 1.5, WALL), 0.8),
         ((3.8, 1.5, -0.5), (-2.0, 1.8, WALL), 0.7), ((-5.5, 1.6, -1.6), (5.0, 1.6, -3.4), 0.5),
@@ -440,9 +399,8 @@ def _hall(rng: Rng, stage: Stage) -> None:
     stage.put(shapes.plane(60.0, 30.0, 0.4), materials.concrete(rng), placed(0, -1.2, 0))
     lining = materials.tiles(rng, 16, 0.6, 0.2) if rng.random() < 0.5 else materials.brick(rng)
     stage.put(shapes.wall(40.0, 7.0, 0.5), lining, placed(0, -1.2, WALL))
-    stage.put(
-        shapes.wall(30.0, 6.0, 0.4), materials.plaster(rng, (0.6, 0.6, 0.55)), placed(0, 0, 4.4, yaw=np.pi)
-    )
+    plaster = materials.plaster(rng, (0.6, 0.6, 0.55))
+    stage.put(shapes.wall(30.0, 6.0, 0.4), plaster, placed(0, 0, 4.4, yaw=np.pi))
     rails = [shapes.tube([(-20, -1.0, z), (20, -1.0, z)], 0.05) for z in (TRACK - 0.7, TRACK + 0.7)]
     stage.put(rails, materials.any_metal(rng, 0.25))
     post = shapes.cylinder(0.09, 4.2, 12)
@@ -466,10 +424,8 @@ def _hanging_signs(rng: Rng, stage: Stage) -> None:
     for x in rng.uniform(-6.0, 6.0, 4):
         pivot = (float(x), 4.1, float(rng.uniform(-3.0, -0.8)))
         sway = paths.pendulum(rng, pivot, rng.uniform(1.0, 1.6), rng.uniform(0.0, 0.25))
-        board = [
-            (shapes.panel(1.5, 0.45), placed(0, 0, 0.02)),
-            (shapes.panel(1.5, 0.45), placed(0, 0, -0.02, yaw=np.pi)),
-        ]
+        side = shapes.panel(1.5, 0.45)
+        board = [(side, placed(0, 0, 0.02)), (side, placed(0, 0, -0.02, yaw=np.pi))]
         shine = rng.uniform(0.8, 2.0) if rng.random() < 0.5 else 0.0
         stage.put(board, sign(rng, int(rng.choice([1, 2, 3])), shine), paths.upright(sway))
         rods = [shapes.tube([(dx, 0.45, 0), (dx, 1.7, 0)], 0.008, 6) for dx in (-0.6, 0.6)]
@@ -478,16 +434,13 @@ def _hanging_signs(rng: Rng, stage: Stage) -> None:
 
 def _platform_screens(rng: Rng, stage: Stage) -> None:
     """Put up screens: some steady, some that fade and flicker."""
-    for x in (-4.2, -0.6, 3.4):
-        place = x + rng.uniform(-0.5, 0.5)
-        y, shine = rng.uniform(1.2, 2.4), rng.uniform(0.7, 2.5)
+    for place in (-4.2, -0.6, 3.4):
+        x, y, shine = place + rng.uniform(-0.5, 0.5), rng.uniform(1.2, 2.4), rng.uniform(0.7, 2.5)
         pulsing = lighting.maybe(rng, 0.4, lighting.pulse, "fade", "flicker", "throb")
-        stage.put(
-            shapes.box(1.7, 1.05, 0.08),
-            materials.paint(rng, (0.06, 0.06, 0.06)),
-            placed(place, y - 0.03, -3.2),
-        )
-        stage.put(shapes.panel(1.6, 0.95), screen(rng, shine), placed(place, y, -3.15), emission=pulsing)
+        case = materials.paint(rng, (0.06, 0.06, 0.06))
+        stage.put(shapes.box(1.7, 1.05, 0.08), case, placed(x, y - 0.03, -3.2))
+        lit = materials.screen(rng, shine)
+        stage.put(shapes.panel(1.6, 0.95), lit, placed(x, y, -3.15), emission=pulsing)
 
 
 def _train(rng: Rng, stage: Stage) -> None:
@@ -511,6 +464,6 @@ def _platform_lights(rng: Rng, stage: Stage, night: bool) -> None:
         color = lighting.tint(rng, rng.uniform(4.0, 10.0))
         pulsing = lighting.maybe(rng, 0.3, lighting.nervous)
         bulb(stage, (x, 3.9, rng.uniform(-2.5, -1.0)), color, size=0.05, reach=8.0, pulsing=pulsing)
-    color = materials.color(rng, 0.2, 1.0)
+    color = paths.vector(8.0 * np.array(materials.color(rng, 0.2, 1.0)))
     lamp = paths.circuit(rng, (0.0, 3.2, -4.5), (2.5, 0.6), rng.uniform(1.0, 4.0))
-    bulb(stage, lamp, paths.vector(8.0 * np.array(color)), size=0.08, reach=9.0)
+    bulb(stage, lamp, color, size=0.08, reach=9.0)

@@ -30,7 +30,7 @@ def steady(_: float) -> float:
 
 
 def pulse(rng: Rng, *kinds: str) -> Pulse:
-    """Return a pulse of one of these kinds; of any of the PULSES by default."""
+    """Return a pulse of one of these kinds; by default, of any of the PULSES."""
     kind = kinds[0] if len(kinds) == 1 else str(rng.choice(kinds or PULSES, p=None if kinds else _COMMON))
     phase, depth = rng.uniform(0.0, 6.3), rng.uniform(0.5, 0.95)
     rate = 2.0 * np.pi * rng.uniform(*{"throb": (0.6, 2.5), "strobe": (1.5, 4.0)}.get(kind, (0.25, 0.6)))
@@ -44,12 +44,12 @@ def pulse(rng: Rng, *kinds: str) -> Pulse:
 
 
 def nervous(rng: Rng) -> Pulse:
-    """Return a pulse of a lamp that seldom keeps still: mostly one that throbs or flickers."""
+    """Return a pulse that changes fast: it throbs, flickers or blinks."""
     return pulse(rng, str(rng.choice(("throb", "flicker", "strobe"), p=(0.5, 0.35, 0.15))))
 
 
 def maybe(rng: Rng, chance: float, make: Callable[..., Pulse], *kinds: str) -> Pulse:
-    """Return a pulse `make(rng, *kinds)` with this probability, otherwise a steady light."""
+    """Return `make(rng, *kinds)` with this probability, otherwise a steady light."""
     return make(rng, *kinds) if rng.random() < chance else steady
 
 
@@ -61,7 +61,7 @@ def clouds(rng: Rng) -> Pulse:
 
 
 def lightning(rng: Rng) -> Pulse:
-    """Return the factor of a moon in a thunderstorm: bursts of a few frames, many times its light."""
+    """Return the factor of moonlight in a thunderstorm: bursts of a few frames, many times as bright."""
     gap, first, strength = rng.uniform(0.4, 0.9), rng.random(), rng.uniform(12.0, 30.0)
     bursts = rng.choice((0.0, 0.25, 0.6, 1.0), (7, 6), p=(0.3, 0.25, 0.25, 0.2))
 
@@ -95,8 +95,8 @@ def sunlight(
 ) -> Callable[[float], Sun]:  # fmt: skip
     """Return a sun of irradiance `strength` whose shadows move slowly.
 
-    Its shadow map covers `radius` metres around `center`. `elevation` is a range in degrees; `azimuth` is a
-    range of the direction of its light in radians: 0 is +x, pi / 2 is +z. See `tint` for `warmth`.
+    Its shadow map covers `radius` metres around `center`. `elevation` is a range in degrees. `azimuth` is a
+    range of the direction of its light, radians: 0 is +x, pi / 2 is +z. See `tint` for `warmth`.
     """
     color, turn = tint(rng, strength, warmth), rng.uniform(*azimuth)
     height, creep = np.radians(rng.uniform(*elevation)), rng.normal(0.0, 0.08)
@@ -104,13 +104,9 @@ def sunlight(
     def at(t: float) -> Sun:
         angle = turn + creep * t
         level = np.cos(height)
-        direction = (level * np.cos(angle), -np.sin(height), level * np.sin(angle))
-        return Sun(
-            direction=vector(direction),
-            color=vector(np.multiply(color, pulsing(t))),
-            center=center,
-            radius=radius,
-        )
+        direction = vector((level * np.cos(angle), -np.sin(height), level * np.sin(angle)))
+        light = vector(np.multiply(color, pulsing(t)))
+        return Sun(direction=direction, color=light, center=center, radius=radius)
 
     return at
 
@@ -120,15 +116,11 @@ def spotlight(
     outer: float = 32.0, reach: float = 20.0, pulsing: Pulse = steady,
 ) -> Callable[[float], Spot]:  # fmt: skip
     """Return a spot light that looks from one place, fixed or moving, to another."""
-    eye, aim = place_of(place), place_of(target)
+    eye, aim, inner = place_of(place), place_of(target), 0.55 * outer if inner is None else inner
     return lambda t: Spot(
-        position=vector(eye(t)),
-        target=vector(aim(t)),
-        color=vector(np.multiply(color, pulsing(t))),
-        inner=0.55 * outer if inner is None else inner,
-        outer=outer,
-        reach=reach,
-    )
+        position=vector(eye(t)), target=vector(aim(t)), color=vector(np.multiply(color, pulsing(t))),
+        inner=inner, outer=outer, reach=reach,
+    )  # fmt: skip
 
 
 def hanging(
@@ -150,15 +142,14 @@ def lamp(
 
 
 def outdoors(rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: float = 0.5) -> Environment:
-    """Return a sky over a ground: radiances, and the clouds' brightness on top."""
+    """Return a sky over a ground, from radiances; `clouds` is the brightness of the clouds."""
     around = directions(HEIGHT)
     up = around[..., 1:2]
     sky = np.array(horizon) + (np.array(zenith) - horizon) * np.clip(up, 0.0, 1.0) ** 0.5
     waves = rng.normal(0.0, 1.0, (24, 3)) * np.exp(rng.uniform(0.5, 2.8, (24, 1)))
     stretched = around / np.maximum(np.abs(up) + 0.25, 0.25)  # clouds lie in a plane: flatter far away
-    mist = (np.sin(stretched @ waves.T + rng.uniform(0.0, 6.3, 24)) / np.linalg.norm(waves, axis=1)).sum(
-        axis=-1
-    )
+    layers = np.sin(stretched @ waves.T + rng.uniform(0.0, 6.3, 24)) / np.linalg.norm(waves, axis=1)
+    mist = layers.sum(axis=-1)
     cover = np.clip(mist / mist.std() * 0.8 - 0.1, 0.0, 1.0)[..., None] * np.clip(up * 6.0, 0.0, 1.0)
     sky = sky * (1.0 - 0.6 * cover) + cover * clouds * (np.array(horizon) + 0.5 * np.mean(horizon))
     earth = np.array(ground) * (1.0 + 0.4 * np.sin(5.0 * around[..., :1] + 3.0 * around[..., 2:]))
@@ -167,7 +158,7 @@ def outdoors(rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: 
 
 
 def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environment:
-    """Return a dim room with bright rectangles on its ceiling and upper walls, which metals mirror."""
+    """Return a dim room with bright rectangles on its ceiling and upper walls, for metals to reflect."""
     around = directions(HEIGHT)
     up = around[..., 1]
     azimuth = np.arctan2(around[..., 0], -around[..., 2])
@@ -182,16 +173,16 @@ def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environme
 
 
 class Weather(NamedTuple):
-    """The light of an hour outdoors, with an exposure that suits it."""
+    """Light outdoors, with an exposure that suits it."""
 
     environment: Environment
     exposure: float
-    sun: Callable[[float], Sun]  # the sun or the moon, from behind those who look along -z
-    dark: bool  # whether lamps have to light the scene
+    sun: Callable[[float], Sun]  # the sun or the moon, from behind a camera that looks along -z
+    dark: bool  # whether the scene needs lamps
 
 
 class Hour(NamedTuple):
-    """Radiances of the sky, and the sun or moon."""
+    """Radiances of the sky and the ground, and the sun or moon."""
 
     zenith: Color
     horizon: Color

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
+from supersampler_model.data.scenes.procedural import lighting, materials, particles, paths, shapes
+from supersampler_model.data.scenes.procedural.materials import one_of
 from supersampler_model.data.scenes.procedural.paths import placed, turned_by
 from supersampler_model.data.scenes.procedural.stage import (
     CASTERS,
@@ -10,12 +11,9 @@ from supersampler_model.data.scenes.procedural.stage import (
     Stage,
     bulb,
     caster,
-    dust,
-    fireflies,
     glowing_ball,
     hills,
     skyline,
-    smoke,
 )
 from supersampler_model.data.scenes.scene import Color, Material, Rng, Values
 
@@ -37,7 +35,7 @@ def fences(rng: Rng) -> Stage:
     if not weather.dark and rng.random() < 0.85:
         caster(rng, stage, weather.sun)
     if rng.random() < 0.4:
-        stage.particles.append(dust(rng, (-6, 0, -5), (6, 3, 4)))
+        stage.particles.append(particles.dust(rng, (-6, 0, -5), (6, 3, 4)))
     side = rng.uniform(2.0, 4.5)
     stage.add_vantages(
         ((side, 1.6, 5.0), (-0.5, 1.3, -2.0), 1.3), ((-4.5, 1.2, 2.6), (1.0, 1.4, -2.5), 1.0),
@@ -83,10 +81,10 @@ def _fence(rng: Rng, stage: Stage) -> None:
 def _power_lines(rng: Rng, stage: Stage) -> None:
     wood, cable = materials.planks(rng), materials.paint(rng, (0.06, 0.06, 0.06))
     z, tall = rng.uniform(-5.0, -3.0), rng.uniform(5.0, 6.5)
+    pole, arm = shapes.cylinder(0.11, tall + 0.4, 10), shapes.box(0.1, 0.12, 1.8)
     poles, wires = [], []
     for x in (-10.0, -2.5, 5.0, 12.0):
-        poles.append((shapes.cylinder(0.11, tall + 0.4, 10), placed(x, 0, z)))
-        poles.append((shapes.box(0.1, 0.12, 1.8), placed(x, tall - 0.1, z)))
+        poles += [(pole, placed(x, 0, z)), (arm, placed(x, tall - 0.1, z))]
     for x in (-10.0, -2.5, 5.0):
         sag = rng.uniform(0.25, 0.6)
         wires += [shapes.wire((x, tall, z + k), (x + 7.5, tall, z + k), sag, 0.012) for k in (-0.8, 0, 0.8)]
@@ -97,8 +95,7 @@ def _power_lines(rng: Rng, stage: Stage) -> None:
 
 def _cargo(rng: Rng, stage: Stage) -> None:
     wood = materials.planks(rng)
-    for _ in range(6):
-        size = rng.uniform(0.5, 1.1)
+    for size in (rng.uniform(0.5, 1.1) for _ in range(6)):
         at = placed(rng.uniform(-6, 6), 0, rng.uniform(-6, -3), yaw=rng.uniform(0, 3))
         stage.put(shapes.box(size, size, size, 0.8), wood, at)
     drum = shapes.lathe([(0, 0), (0.3, 0), (0.3, 0.4), (0.32, 0.42), (0.3, 0.44), (0.3, 0.88), (0, 0.88)], 20)
@@ -128,10 +125,9 @@ def _yard_lights(rng: Rng, stage: Stage, dark: bool) -> None:
     """Add lamps on the fence and over the yard; every other time a lamp swings there, with shadows."""
     strength = 9.0 if dark else 20.0
     for x, z in ((rng.uniform(-6, 6), 0.0), (-3.0, -5.6), (3.6, -5.6)):
-        at = (x, 2.9, z)
         pulsing = lighting.maybe(rng, 0.7, lighting.nervous)
         color = lighting.tint(rng, strength * rng.uniform(0.6, 1.5), rng.uniform(-0.3, 0.7))
-        bulb(stage, at, color, size=0.1, reach=10.0, pulsing=pulsing)
+        bulb(stage, (x, 2.9, z), color, size=0.1, reach=10.0, pulsing=pulsing)
     if rng.random() < 0.5:
         pivot = (rng.uniform(-2.5, 2.5), 5.0, rng.uniform(-4.5, -3.2))
         color = lighting.tint(rng, strength * 9.0, 0.4)
@@ -154,9 +150,9 @@ def movers(rng: Rng) -> Stage:
     if not weather.dark and rng.random() < 0.6:
         caster(rng, stage, weather.sun)
     if rng.random() < 0.4:
-        stage.particles.append(smoke(rng, (rng.uniform(-4, 4), 0.0, -4.8)))
+        stage.particles.append(particles.smoke(rng, (rng.uniform(-4, 4), 0.0, -4.8)))
     if rng.random() < 0.3:
-        stage.particles.append(dust(rng, (-5, 0, -4), (5, 2, 3)))
+        stage.particles.append(particles.dust(rng, (-5, 0, -4), (5, 2, 3)))
     stage.add_vantages(
         ((-1.0, 1.6, 5.2), (0.5, 1.5, -5.0), 1.2), ((-5.5, 1.9, 3.0), (2.5, 1.2, -4.0), 1.2),
         ((5.0, 1.1, 4.2), (-1.0, 1.6, -4.5), 1.0), ((-7.5, 1.7, -5.9), (4.0, 1.3, -4.2), 0.6),
@@ -176,8 +172,7 @@ def _street(rng: Rng, stage: Stage, shine: float) -> None:
     x = -17.0
     while x < 16.0:
         width, height = rng.uniform(3.5, 6.0), rng.uniform(4.0, 8.0)
-        front = _wall(rng)
-        stage.put(shapes.box(width, height, 5.0, 0.5), front, placed(x + width / 2.0, 0, -10.1))
+        stage.put(shapes.box(width, height, 5.0, 0.5), _wall(rng), placed(x + width / 2.0, 0, -10.1))
         _front(rng, stage, x + width / 2.0, width, height, shine)
         x += width + float(rng.choice([0.0, 0.0, 1.5]))
     rails = [shapes.tube([(-12, y, -4.8), (12, y, -4.8)], 0.02, 6) for y in (0.5, 0.95)]
@@ -193,14 +188,13 @@ def _wall(rng: Rng) -> Material:
 
 
 def _front(rng: Rng, stage: Stage, x: float, width: float, height: float, shine: float) -> None:
-    frames, panes = [], []
-    for y in np.arange(0.9, height - 1.5, 2.1):
-        for k in np.arange(x - width / 2.0 + 0.9, x + width / 2.0 - 0.5, 1.5):
-            frames.append((shapes.box(1.0, 1.35, 0.12), placed(k, y, -7.6)))
-            panes.append((shapes.wall(0.8, 1.15), placed(k, y + 0.1, -7.53)))
-    if frames:
-        stage.put(frames, materials.paint(rng, (0.85, 0.83, 0.78), 0.3))
-        stage.put(panes, materials.metal(rng, (0.25, 0.28, 0.32), 0.08))
+    columns = np.arange(x - width / 2.0 + 0.9, x + width / 2.0 - 0.5, 1.5)
+    windows = [(k, y) for y in np.arange(0.9, height - 1.5, 2.1) for k in columns]
+    frame, pane = shapes.box(1.0, 1.35, 0.12), shapes.wall(0.8, 1.15)
+    if windows:
+        white, glass = (0.85, 0.83, 0.78), (0.25, 0.28, 0.32)
+        stage.put([(frame, placed(k, y, -7.6)) for k, y in windows], materials.paint(rng, white, 0.3))
+        stage.put([(pane, placed(k, y + 0.1, -7.53)) for k, y in windows], materials.metal(rng, glass, 0.08))
     if rng.random() < 0.6:
         sign = materials.poster(rng, shine if rng.random() < 0.6 else 0.0)
         pulsing = lighting.maybe(rng, 0.4, lighting.pulse)
@@ -251,7 +245,7 @@ def _street_lights(rng: Rng, stage: Stage, dark: bool) -> None:
         sweep = paths.swing(rng, (-5.0, 0.0, -4.0), (5.0, 1.5, -6.0), rng.uniform(4.0, 16.0))
         mast = (rng.uniform(-3, 3), 6.0, 2.5)
         stage.spot = lighting.spotlight(mast, sweep, color, outer=24.0, reach=24.0, pulsing=pulsing)
-    else:  # headlights that come round a corner: behind what they meet shadows run over the fronts
+    else:  # headlights that turn a corner: shadows of the objects in front of them run over the house fronts
         place = paths.swing(rng, (-9.0, 0.9, 6.0), (9.0, 0.9, 7.0), rng.uniform(4.0, 14.0))
         ahead = paths.swing(rng, (-4.0, 1.0, -6.0), (4.0, 1.0, -6.0), rng.uniform(2.0, 8.0))
         stage.spot = lighting.spotlight(place, ahead, color, outer=30.0, reach=28.0, pulsing=pulsing)
@@ -266,10 +260,10 @@ GREENS: tuple[Color, ...] = ((0.3, 0.45, 0.13), (0.42, 0.45, 0.14), (0.2, 0.38, 
 
 
 def foliage(rng: Rng) -> Stage:
-    """Build a meadow with trees and bushes in the wind: under fast clouds, or by lanterns at night."""
+    """Build a meadow with trees and bushes in the wind, under fast clouds, or lit by lanterns at night."""
     weather = lighting.weather(rng, 11.0, (0.0, 0.0, -2.0))
     stage = Stage(environment=weather.environment, exposure=weather.exposure, sun=weather.sun)
-    green = GREENS[int(rng.integers(len(GREENS)))]
+    green = one_of(rng, *GREENS)
     soil = (green[0] * 0.6 + 0.1, green[1] * 0.55 + 0.06, green[2] * 0.5 + 0.05)
     stage.put(shapes.plane(70.0, 70.0, 0.35), materials.ground(rng, soil, 0.7))
     _grass_about_a_path(rng, stage, green)
@@ -282,7 +276,13 @@ def foliage(rng: Rng) -> Stage:
     _ruins(rng, stage)
     if rng.random() < 0.75:
         _cottage(rng, stage)
-    _wildlife(rng, stage, weather.dark)
+    for _ in range(6):
+        _butterfly(rng, stage)
+    if weather.dark:
+        stage.particles.append(particles.fireflies(rng, (-4, 0.3, -4), (4, 1.6, 3)))
+    elif rng.random() < 0.5:
+        motes = particles.dust(rng, (-5, 0, -4), (5, 2.5, 4), 120, size=0.018, color=(1.0, 1.0, 0.9))
+        stage.particles.append(motes)
     _meadow_lights(rng, stage, weather.dark)
     if not weather.dark and rng.random() < 0.85:
         caster(rng, stage, weather.sun, str(rng.choice(CASTERS, p=(0.2, 0.1, 0.35, 0.35))))
@@ -296,7 +296,7 @@ def foliage(rng: Rng) -> Stage:
 
 
 def _grass_about_a_path(rng: Rng, stage: Stage, green: Color) -> None:
-    """Add the meadow; in most seeds a trodden path or one of slabs leads through it."""
+    """Add the meadow; in most seeds a path of sand or slabs leads through it."""
     if rng.random() < 0.2:
         meadow(rng, stage, green, (-5.0, -6.0), (5.0, 4.0), 2600)
         return
@@ -317,10 +317,8 @@ def meadow(
     x, z = rng.uniform(low[0], high[0], count), low[1] + (high[1] - low[1]) * depth
     roots = np.stack([x, 0.0 * x, z], axis=1)
     columns, rows = 10, 9
-    group = (
-        np.clip((x - low[0]) / (high[0] - low[0]) * columns, 0, columns - 1).astype(np.int64)
-        + np.clip(depth * rows, 0, rows - 1).astype(np.int64) * columns
-    )
+    column = np.clip((x - low[0]) / (high[0] - low[0]) * columns, 0, columns - 1).astype(np.int64)
+    group = column + np.clip(depth * rows, 0, rows - 1).astype(np.int64) * columns
     anchors = np.zeros((columns * rows, 3))
     np.add.at(anchors, group, roots)
     anchors /= np.maximum(np.bincount(group, minlength=columns * rows), 1)[:, None]
@@ -338,18 +336,15 @@ def tree(rng: Rng, stage: Stage, at: tuple[float, float], green: Color, strength
     trunk = root + np.array([0.0, 0.5, 1.0])[:, None] * (lean + np.array([0.0, tall, 0.0]))
     crown, count = trunk[-1], int(rng.integers(18, 30))
     tips = crown + rng.normal((0.0, 1.0, 0.0), 1.0, (count, 3)) * (0.75, 0.5, 0.75)
-    limbs = [shapes.tube(trunk, 0.13, 9)]
-    for tip in tips:
-        branch = np.stack([trunk[1] + 0.3 * lean, 0.5 * (crown + tip), tip])
-        limbs.append(shapes.tube(branch, 0.03, 5))
-    stage.put(limbs, bark)
+    branches = (np.stack([trunk[1] + 0.3 * lean, 0.5 * (crown + tip), tip]) for tip in tips)
+    stage.put([shapes.tube(trunk, 0.13, 9), *(shapes.tube(branch, 0.03, 5) for branch in branches)], bark)
     _crown(rng, stage, tips, crown, materials.foliage(rng, green), strength, 0.34)
 
 
 def bush(rng: Rng, stage: Stage, at: tuple[float, float], strength: float) -> None:
-    """Add a bush at (x, z), some with flowers' colours."""
+    """Add a bush at (x, z); some are in flower."""
     tips = np.array([at[0], 0.35, at[1]]) + rng.normal(0.0, 1.0, (14, 3)) * (0.35, 0.14, 0.35)
-    hue = GREENS[int(rng.integers(len(GREENS)))] if rng.random() < 0.7 else (0.7, 0.3, 0.35)
+    hue = one_of(rng, *GREENS) if rng.random() < 0.7 else (0.7, 0.3, 0.35)
     leaves, root = materials.foliage(rng, hue, 5), np.array([at[0], 0.0, at[1]])
     _crown(rng, stage, tips, root, leaves, 0.5 * strength, 0.22)
 
@@ -357,10 +352,10 @@ def bush(rng: Rng, stage: Stage, at: tuple[float, float], strength: float) -> No
 def _crown(
     rng: Rng, stage: Stage, tips: Values, middle: Values, leaves: Material, strength: float, size: float
 ) -> None:
-    each = 12
-    centers = np.repeat(tips, each, axis=0) + rng.normal(0.0, 0.55 * size, (each * len(tips), 3))
+    groups = np.repeat(np.arange(len(tips)), 12)
+    centers = tips[groups] + rng.normal(0.0, 0.55 * size, (len(groups), 3))
     centers[:, 1] = np.maximum(centers[:, 1], 0.4 * size)
-    mesh = shapes.cards(rng, centers, np.repeat(np.arange(len(tips)), each), size, middle)
+    mesh = shapes.cards(rng, centers, groups, size, middle)
     stage.put(mesh, leaves, palette=paths.wind(rng, tips, strength))
 
 
@@ -378,7 +373,7 @@ def _ruins(rng: Rng, stage: Stage) -> None:
 
 
 def _cottage(rng: Rng, stage: Stage) -> None:
-    """Add a plastered house or a garden wall behind the trees, on which their shadows play."""
+    """Add a plastered house or a garden wall behind the trees, for their shadows to fall on."""
     plaster = materials.plaster(rng, (0.78, 0.74, 0.66))
     x, width, tall = rng.uniform(-3, 3), rng.uniform(4.0, 9.0), rng.uniform(1.8, 3.2)
     at = placed(x, 0.0, rng.uniform(-9.5, -8.0), yaw=rng.normal(0.0, 0.15))
@@ -387,15 +382,6 @@ def _cottage(rng: Rng, stage: Stage) -> None:
         stage.put(shapes.box(width + 0.5, 0.25, 2.6, 0.6), materials.planks(rng), at @ placed(0.0, tall))
         panes = [(shapes.box(0.7, 0.9, 0.06), placed(k, 1.0, 1.0)) for k in np.arange(-0.3, 0.4, 0.3) * width]
         stage.put(panes, materials.metal(rng, (0.3, 0.34, 0.38), 0.08), at)
-
-
-def _wildlife(rng: Rng, stage: Stage, dark: bool) -> None:
-    for _ in range(6):
-        _butterfly(rng, stage)
-    if dark:
-        stage.particles.append(fireflies(rng, (-4, 0.3, -4), (4, 1.6, 3)))
-    elif rng.random() < 0.5:
-        stage.particles.append(dust(rng, (-5, 0, -4), (5, 2.5, 4), 120, size=0.018, color=(1.0, 1.0, 0.9)))
 
 
 def _meadow_lights(rng: Rng, stage: Stage, dark: bool) -> None:

@@ -27,12 +27,6 @@ def turned_by(axis: int, angle: float) -> Matrix:
     return matrix
 
 
-def facing(position: Sequence[float] | Values, heading: Sequence[float] | Values) -> Matrix:
-    """Return the pose at `position` with its local +z along the level part of `heading`."""
-    yaw = float(np.arctan2(heading[0], heading[2]))
-    return placed(float(position[0]), float(position[1]), float(position[2]), yaw=yaw)
-
-
 def along(origin: Sequence[float] | Values, toward: Sequence[float] | Values, roll: float = 0.0) -> Matrix:
     """Return the pose at `origin` with local +y along `toward`, turned about it by `roll` radians."""
     ahead = np.asarray(toward, np.float64) / np.linalg.norm(toward)
@@ -77,10 +71,10 @@ def drift(rng: Rng, amount: float, rate: float) -> Place:
 
 
 def swing(rng: Rng, start: Sequence[float], end: Sequence[float], speed: float) -> Place:
-    """Return a motion back and forth between two points, at most `speed` metres a second."""
+    """Return a sinusoidal motion between two points, at most `speed` metres a second."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
     rate = 2.0 * speed / max(float(np.linalg.norm(b - a)), 1e-6)
-    phase = float(rng.uniform(-1.2, 1.2) + rng.choice([0.0, np.pi]))  # often in the fast middle at first
+    phase = float(rng.uniform(-1.2, 1.2) + rng.choice([0.0, np.pi]))  # often starts in the fast middle
     return lambda t: a + (b - a) * (0.5 + 0.5 * np.sin(rate * t + phase))
 
 
@@ -110,7 +104,7 @@ def circuit(rng: Rng, center: Sequence[float], extent: tuple[float, float], spee
 
 
 def bounces(rng: Rng, path: Place, height: float, radius: float) -> Place:
-    """Return `path` with a ball's hops of `height` on the level of the path; `radius` is the ball's."""
+    """Return the path of a ball of this radius that follows `path` and bounces to `height` above it."""
     phase, period = rng.random(), 2.0 * float(np.sqrt(2.0 * height / 9.8))
 
     def at(t: float) -> Values:
@@ -140,9 +134,7 @@ def upright(path: Place) -> Pose:
 
 def attached(parent: Pose, local: Matrix | Pose) -> Pose:
     """Return the world pose of an object attached to a moving parent: parent @ local."""
-    if callable(local):
-        return lambda t: np.asarray(parent(t) @ local(t))
-    return lambda t: np.asarray(parent(t) @ local)
+    return lambda t: np.asarray(parent(t) @ (local(t) if callable(local) else local))
 
 
 def point_of(pose: Pose, local: Sequence[float]) -> Place:
@@ -152,12 +144,17 @@ def point_of(pose: Pose, local: Sequence[float]) -> Place:
 
 
 def headed(path: Place) -> Pose:
-    """Return a pose on the path with local +z ahead, upright."""
-    return lambda t: facing(path(t), path(t + 1e-3) - path(t - 1e-3))
+    """Return an upright pose on the path, with local +z ahead."""
+
+    def pose(t: float) -> Matrix:
+        ahead = path(t + 1e-3) - path(t - 1e-3)
+        return placed(*vector(path(t)), yaw=float(np.arctan2(ahead[0], ahead[2])))
+
+    return pose
 
 
 def spinning(place: Place | Matrix, axis: Values | Sequence[float], rate: float, phase: float = 0.0) -> Pose:
-    """Return a pose that turns about a local axis by `rate` radians a second, where `place` is."""
+    """Return a pose at `place` that turns about a local axis by `rate` radians a second."""
     k = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
 
@@ -176,7 +173,7 @@ def spinning(place: Place | Matrix, axis: Values | Sequence[float], rate: float,
 def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matrices]:
     """Return the palette of plants in gusts that move tips by about `strength` metres.
 
-    Joint 0 stands still; joint 1 + i is that of anchor i, of at most 127 anchors (n, 3).
+    Joint 0 does not move; joint 1 + i moves anchor i of at most 127 anchors (n, 3).
     """
     angle = rng.uniform(0.0, 6.3)
     ahead = np.array([np.cos(angle), 0.0, np.sin(angle)])
@@ -197,7 +194,7 @@ def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matric
 class Vantage(NamedTuple):
     """A camera position of a scene; the camera may move up to `room` metres around it.
 
-    A `brisk` camera seldom stands still, and when it turns it turns fast.
+    A `brisk` camera is seldom still and pans fast.
     """
 
     position: Vector
@@ -207,7 +204,7 @@ class Vantage(NamedTuple):
 
 
 def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) -> Callable[[float], Camera]:
-    """Return one of the MOTIONS around a vantage, half of the time with a shaking hand."""
+    """Return one of the MOTIONS around a vantage; in half of the cases the camera shakes."""
     kind = str(rng.choice(MOTIONS, p=_BRISK_SHARES if vantage.brisk else _SHARES))
     eye, target = np.asarray(vantage.position), np.asarray(vantage.target)
     back = (eye - target) / np.linalg.norm(eye - target)
@@ -233,11 +230,7 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
             turn = np.sin(sweep_rate * t + sweep_phase)
             turn = float(np.arcsin(0.97 * turn) / np.arcsin(0.97) if vantage.brisk else turn)
             aim = target + right * np.linalg.norm(eye - target) * sweep * turn
-        return Camera(
-            position=vector(eye + offset + hand(t)),
-            target=vector(aim + gaze(t)),
-            fov_y=fov,
-            exposure=exposure(t),
-        )
+        position, gazed = vector(eye + offset + hand(t)), vector(aim + gaze(t))
+        return Camera(position=position, target=gazed, fov_y=fov, exposure=exposure(t))
 
     return camera

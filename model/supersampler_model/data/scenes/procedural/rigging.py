@@ -1,4 +1,4 @@
-"""Test-shot family of thin objects: a ship's rigging, chains, chain-link, power lines."""
+"""Family of test shots with thin objects: a ship's rigging, chains, chain-link, power lines."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -29,13 +29,12 @@ def ship(rng: Rng, stage: Stage, keel: float) -> None:
     spars.append(_spar((x, 3.0, 0.0), boom, 0.09, 0.06))
     hemp: list[Mesh] = [rope(gaff, boom, 0.014), rope(gaff, (x, 9.0, 0.0), 0.014)]
     sails = []
-    for mast, after in pairwise((*MASTS, (8.6, 0.0))):
-        x, height = mast
+    for (x, height), after in pairwise((*MASTS, (8.6, 0.0))):
         platform = (shapes.box(1.0, 0.07, 1.4), placed(x, TOP * height))
         spars += [_spar((x, DECK, 0.0), (x, height, 0.0), 0.17, 0.06), platform]
         braced = rng.uniform(0.25, 0.55)
         for level, half in YARDS:
-            yard = _Yard(mast[0], level * mast[1], half, braced)
+            yard = _Yard(x, level * height, half, braced)
             spars += yard.spars()
             sails.append(yard.furled_sail())
             hemp += yard.ropes(rng, after)
@@ -202,7 +201,7 @@ def _chains(rng: Rng, stage: Stage) -> None:
 
 
 def _chain(start: Point, end: Point, sag: float, pitch: float) -> Iterable[Part]:
-    """Yield the links of a hanging chain, one every `pitch` metres, each turned against the one before."""
+    """Yield the links of a hanging chain, one every `pitch` metres; adjacent links are at right angles."""
     turn = np.linspace(0.0, 2.0 * np.pi, 8)
     oval = pitch * np.stack([0.42 * np.sin(turn), 0.68 * np.cos(turn), 0.0 * turn], axis=1)
     link = shapes.tube(oval, 0.15 * pitch, 4)
@@ -217,11 +216,8 @@ def _power_lines(rng: Rng, stage: Stage) -> None:
     """Add pylons on the other bank, and five lines on them."""
     xs, z = np.arange(-44.0, 45.0, 22.0) + rng.uniform(-4.0, 4.0), SHORE - 3.0
     ends = [*((y - 0.4, side) for y, out in ARMS for side in (-out, out)), (12.6, 0.0)]
-    lines = [
-        shapes.wire((x, y, z + side), (next_x, y, z + side), 1.1, 0.02)
-        for x, next_x in pairwise(xs)
-        for y, side in ends
-    ]
+    spans = [(x, next_x, y, z + side) for x, next_x in pairwise(xs) for y, side in ends]
+    lines = [shapes.wire((x, y, away), (next_x, y, away), 1.1, 0.02) for x, next_x, y, away in spans]
     pylon = shapes.merged(_pylon(13.0))
     stage.put([(pylon, placed(x, 0, z)) for x in xs], materials.metal(rng, (0.5, 0.52, 0.53), 0.5))
     stage.put(lines, materials.paint(rng, (0.05, 0.05, 0.05), 0.3))
@@ -252,10 +248,8 @@ def _boat(rng: Rng, stage: Stage) -> None:
     hull = shapes.lathe([(0.6, -0.3), (1.0, 0.55), (0.9, 0.6), (0.0, 0.4)], 24)
     stage.put([(hull, placed(size=(3.4, 1.0, 1.0)))], materials.paint(rng), pose)
     head, tack, clew, bow = (0.5, 9.8, 0.0), (0.5, 1.5, 0.0), (-3.0, 1.5, 0.0), (3.3, 0.6, 0.0)
-    sail = shapes.mesh_of(
-        np.array([head, tack, clew]), np.tile([0.0, 0.0, 1.0], (3, 1)), np.array([(0, 0), (0, 1), (1, 1)]),
-        np.array([[0, 1, 2]]),
-    )  # fmt: skip
+    corners, facing = np.array([head, tack, clew]), np.tile([0.0, 0.0, 1.0], (3, 1))
+    sail = shapes.mesh_of(corners, facing, np.array([(0, 0), (0, 1), (1, 1)]), np.array([[0, 1, 2]]))
     stage.put(sail, materials.cloth(rng, (0.9, 0.88, 0.82)), pose)
     stays = [rope(head, bow, 0.012), rope(head, (-3.3, 0.6, 0.0), 0.012), rope(head, (0.5, 0.6, 0.9), 0.012)]
     spars = [rope((0.5, 0.4, 0.0), head, 0.06), rope(tack, clew, 0.04)]
@@ -266,26 +260,19 @@ def _cart(rng: Rng, stage: Stage) -> None:
     """Add a cart that drives on the quay behind the fence."""
     z = rng.uniform(-2.6, -1.4)
     pose = paths.headed(paths.swing(rng, (-9.0, 0.0, z), (9.0, 0.0, z), rng.uniform(3.0, 5.0)))
-    body = [
-        (shapes.box(0.9, 0.35, 1.6), placed(0, 0.3, 0)),
-        (shapes.box(0.8, 0.9, 0.1), placed(0, 0.65, -0.7)),
-    ]
-    stage.put(body, materials.paint(rng), pose)
-    rails = [
-        shapes.tube([(x, 0.65, z), (x, 1.5, z)], 0.015, 6) for x in (-0.42, 0.42) for z in (-0.6, 0.0, 0.6)
-    ]
+    bed, back, wheel = shapes.box(0.9, 0.35, 1.6), shapes.box(0.8, 0.9, 0.1), shapes.torus(0.2, 0.08, 20)
+    stage.put([(bed, placed(0, 0.3, 0)), (back, placed(0, 0.65, -0.7))], materials.paint(rng), pose)
+    feet = [(x, z) for x in (-0.42, 0.42) for z in (-0.6, 0.0, 0.6)]
+    rails = [shapes.tube([(x, 0.65, z), (x, 1.5, z)], 0.015, 6) for x, z in feet]
     stage.put(rails, materials.metal(rng, (0.7, 0.7, 0.7), 0.3), pose)
-    wheels = [
-        (shapes.torus(0.2, 0.08, 20), placed(x, 0.28, z) @ WHEEL) for x in (-0.5, 0.5) for z in (-0.55, 0.55)
-    ]
+    wheels = [(wheel, placed(x, 0.28, z) @ WHEEL) for x in (-0.5, 0.5) for z in (-0.55, 0.55)]
     stage.put(wheels, materials.paint(rng, (0.05, 0.05, 0.05), 0.2), pose)
 
 
 def _gulls(rng: Rng, stage: Stage) -> None:
     white = materials.plaster(rng, (0.88, 0.88, 0.86))
-    wings = [
-        shapes.tube([(0, 0, 0), (s * 0.3, 0.12, -0.03), (s * 0.65, 0.05, -0.12)], 0.035, 5) for s in (-1, 1)
-    ]
+    spans = ([(0, 0, 0), (side * 0.3, 0.12, -0.03), (side * 0.65, 0.05, -0.12)] for side in (-1, 1))
+    wings = [shapes.tube(span, 0.035, 5) for span in spans]
     bird = shapes.merged([*wings, (shapes.ball(0.08, 6), placed(size=(1.0, 1.0, 2.6)))])
     for _ in range(5):
         home = (rng.uniform(-6.0, 6.0), rng.uniform(6.0, 12.0), rng.uniform(-12.0, -4.0))

@@ -1,4 +1,4 @@
-"""Procedural meshes, in metres. Texture coordinates are metres times `repeat`, unless a docstring differs."""
+"""Procedural meshes, in metres. Texture coordinates are metres times `repeat`, unless stated otherwise."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -11,13 +11,13 @@ from supersampler_model.data.scenes.scene import Matrix, Mesh, Rng, Skin, Values
 Floats = NDArray[np.floating[Any]]
 Point = Sequence[float] | Values
 Part = Mesh | tuple[Mesh, Matrix]
-"""A mesh as it is, or moved by a matrix."""
+"""A mesh, or a mesh moved by a matrix."""
 
 
 def mesh_of(
     positions: Floats, normals: Floats, uv: Floats, faces: NDArray[np.integer[Any]], skin: Skin | None = None
 ) -> Mesh:
-    """Return a mesh whose triangles (m, 3) are turned to face along their vertices' normals."""
+    """Return a mesh; triangles (m, 3) are turned to face in the direction of their vertices' normals."""
     positions, normals = positions.astype(np.float64), normals.astype(np.float64)
     a, b, c = (positions[faces[:, corner]] for corner in range(3))
     toward = (np.cross(b - a, c - a) * normals[faces].sum(axis=1)).sum(axis=1)
@@ -30,7 +30,7 @@ def mesh_of(
 
 
 def merged(parts: Iterable[Part]) -> Mesh:
-    """Return rigid meshes as one, so that the renderer draws them in one call."""
+    """Merge rigid meshes, which the renderer then draws in one call."""
     positions, normals, uv, faces, count = [], [], [], [], 0
     for part in parts:
         mesh, matrix = (part, np.eye(4)) if isinstance(part, Mesh) else part
@@ -52,7 +52,7 @@ def plane(width: float, depth: float, repeat: float = 1.0) -> Mesh:
 
 
 def wall(width: float, height: float, repeat: float = 1.0) -> Mesh:
-    """Return an upright rectangle that stands on the origin and faces +z; v runs down from its top."""
+    """Return an upright rectangle that stands on the origin and faces +z; v runs down from the top."""
     corners = np.array([[-1, 1, 0], [1, 1, 0], [-1, 0, 0], [1, 0, 0]]) * (width / 2.0, height, 0.0)
     uv = np.stack([corners[:, 0] + width / 2.0, height - corners[:, 1]], axis=1) * repeat
     return mesh_of(corners, np.tile([0.0, 0.0, 1.0], (4, 1)), uv, _grid_faces(2, 2))
@@ -84,8 +84,8 @@ def box(width: float, height: float, depth: float, repeat: float = 1.0) -> Mesh:
 def lathe(profile: Sequence[tuple[float, float]], sides: int = 24, *, smooth: bool = False) -> Mesh:
     """Return a surface of revolution about y.
 
-    `profile` has (radius, height) from below, with the outer side on the right as one walks up. If `smooth`,
-    it is shaded as one curve, otherwise as straight pieces with edges.
+    `profile` is a list of (radius, height); the outer side is to the right of its direction. If `smooth`, it
+    is shaded as one curve, otherwise as straight pieces with edges.
     """
     points = np.asarray(profile, np.float64)
     steps = np.diff(points, axis=0)
@@ -133,7 +133,7 @@ def tube(path: Values | Sequence[Sequence[float]], radius: float, sides: int = 8
     points = np.asarray(path, np.float64)
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    reference = np.eye(3)[np.abs(ahead).max(axis=0).argmin()]  # the axis the tube runs along least
+    reference = np.eye(3)[np.abs(ahead).max(axis=0).argmin()]  # the axis that the tube follows least
     right = np.cross(ahead, reference)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
     other = np.cross(right, ahead)
@@ -147,14 +147,14 @@ def tube(path: Values | Sequence[Sequence[float]], radius: float, sides: int = 8
 
 
 def knot(points: int, radius: float, swelling: float, height: float) -> Values:
-    """Return points (n, 3) along a trefoil knot about y, for a `tube`; `radius` varies by `swelling`."""
+    """Return points (n, 3) of a trefoil knot about y, for a `tube`; `radius` varies by `swelling`."""
     a = np.linspace(0.0, 2.0 * np.pi, points)
     swell = radius + swelling * np.cos(3.0 * a)
     return np.stack([swell * np.cos(2.0 * a), height * np.sin(3.0 * a), swell * np.sin(2.0 * a)], axis=1)
 
 
 def wire(start: Point, end: Point, sag: float, radius: float) -> Mesh:
-    """Return a thin `tube` that hangs through by `sag` between two points."""
+    """Return a thin `tube` between two points that sags by `sag`."""
     t = np.linspace(0.0, 1.0, 13)[:, None]
     path = (1.0 - t) * np.asarray(start, np.float64) + t * np.asarray(end, np.float64)
     path[:, 1:2] -= 4.0 * sag * t * (1.0 - t)
@@ -162,7 +162,7 @@ def wire(start: Point, end: Point, sag: float, radius: float) -> Mesh:
 
 
 def rock(rng: Rng, radius: float, rings: int = 10) -> Mesh:
-    """Return a lumpy ball; its texture is wrapped as on a `ball`."""
+    """Return a lumpy ball, with the texture coordinates of a `ball`."""
     mesh = ball(1.0, rings)
     directions = mesh.positions.astype(np.float64)
     waves, phases = rng.normal(0.0, 2.0, (6, 3)), rng.uniform(0.0, 6.3, 6)
@@ -172,9 +172,9 @@ def rock(rng: Rng, radius: float, rings: int = 10) -> Mesh:
 
 
 def blades(rng: Rng, roots: Values, groups: NDArray[np.int64], height: float, width: float) -> Mesh:
-    """Return grass at roots (n, 3), about `height` metres tall and `width` wide at the root.
+    """Return grass at roots (n, 3), about `height` metres tall and `width` metres wide at the root.
 
-    A blade follows joint 1 + its group (n,), by the square of the height.
+    A blade follows joint 1 + its group (n,), with the square of the height.
     """
     count, levels = len(roots), np.array([0.0, 0.35, 0.7, 1.0])
     yaw = rng.uniform(0.0, 2.0 * np.pi, count)
@@ -185,7 +185,7 @@ def blades(rng: Rng, roots: Values, groups: NDArray[np.int64], height: float, wi
     taper = width * (1.0 - 0.9 * levels[:, None, None]) * np.array([-0.5, 0.5])[:, None]
     upright = tall * (levels[:, None, None] * (0.0, 1.0, 0.0) + lean * front[:, None, None])
     positions = roots[:, None, None] + taper * across[:, None, None] + upright  # (n, 4, 2, 3)
-    # Straight up, as is usual for grass: it is then lit like the ground that it stands on.
+    # Nearly vertical, as usual for grass, so that it is lit like the ground.
     normals = np.broadcast_to(np.array([0.0, 0.9, 0.0]) + 0.44 * front[:, None, None], positions.shape)
     uv = np.stack(np.broadcast_arrays([0.0, 1.0], (1.0 - levels)[:, None]), axis=-1)
     faces = (_grid_faces(4, 2) + 8 * np.arange(count)[:, None, None]).reshape(-1, 3)
@@ -196,7 +196,7 @@ def blades(rng: Rng, roots: Values, groups: NDArray[np.int64], height: float, wi
 
 
 def cards(rng: Rng, centers: Values, groups: NDArray[np.int64], size: float, middle: Values) -> Mesh:
-    """Return square leaf cards of about `size` metres at centers (n, 3), turned at random.
+    """Return square leaf cards of about `size` metres at centers (n, 3), in random directions.
 
     Each follows joint 1 + its group (n,). Normals point away from the `middle` (3,) of the crown, so that it
     is lit as a whole.
@@ -218,7 +218,7 @@ def cards(rng: Rng, centers: Values, groups: NDArray[np.int64], size: float, mid
 
 
 def _swayed(groups: NDArray[np.int64], following: Values) -> Skin:
-    """Bind to joint 1 + group by `following`, to the unmoved joint 0 by the rest."""
+    """Bind vertices to joint 1 + group by `following`, and to the static joint 0 by the rest."""
     joints, weights = np.zeros((len(groups), 4), np.uint16), np.zeros((len(groups), 4), np.float32)
     joints[:, 1], weights[:, 1], weights[:, 0] = groups + 1, following, 1.0 - following
     return Skin(joints=joints, weights=weights)

@@ -1,33 +1,18 @@
-"""Stages, and objects that several families use: lamps, fans, skylines, moving shadow casters, particles.
+"""Stages, and objects that several families use: lamps, fans, skylines, moving shadow casters.
 
-A stage holds all objects and lights of a scene as functions of time in seconds. Particles have no motion
-vectors, as in engines.
+A stage holds all objects and lights of a scene as functions of time in seconds.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from supersampler_model.data.scenes.procedural import lighting, materials, shapes
+from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.lighting import Pulse, steady
-from supersampler_model.data.scenes.procedural.paths import (
-    Place,
-    Point3,
-    Pose,
-    Vantage,
-    attached,
-    place_of,
-    placed,
-    spinning,
-    swing,
-    turned_by,
-    upright,
-    vector,
-    wind,
-)
-from supersampler_model.data.scenes.procedural.shapes import Part, merged
+from supersampler_model.data.scenes.procedural.paths import Place, Point3, Pose, Vantage, placed, turned_by
+from supersampler_model.data.scenes.procedural.shapes import Part
 from supersampler_model.data.scenes.scene import (
     Camera,
     Color,
@@ -43,7 +28,6 @@ from supersampler_model.data.scenes.scene import (
     Scene,
     Spot,
     Sun,
-    Values,
     Vector,
 )
 
@@ -61,32 +45,21 @@ class Prop(NamedTuple):
 
     def instance(self, now: float, before: float) -> Instance:
         """Return the object at the time `now`, with its state at the time `before`, both in seconds."""
+        palette, palette_before = (self.palette and self.palette(time) for time in (now, before))
         return Instance(
-            mesh=self.mesh,
-            material=self.material,
-            model=self.pose(now),
-            model_before=self.pose(before),
-            palette=None if self.palette is None else self.palette(now),
-            palette_before=None if self.palette is None else self.palette(before),
-            emission=self.emission(now),
-            casts_shadow=self.casts_shadow,
-            thin=self.thin,
-        )
+            mesh=self.mesh, material=self.material, model=self.pose(now), model_before=self.pose(before),
+            palette=palette, palette_before=palette_before, emission=self.emission(now),
+            casts_shadow=self.casts_shadow, thin=self.thin,
+        )  # fmt: skip
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Stage:
-    """Objects, lights and camera positions of a scene.
-
-    Attributes:
-        environment: the panorama around it.
-        exposure: exposure that suits its light.
-        vantages: camera positions; each shot uses one.
-    """
+    """Objects, lights and camera positions of a scene."""
 
     environment: Environment
-    exposure: float = 1.0
-    vantages: list[Vantage] = field(default_factory=list)
+    exposure: float = 1.0  # that suits the light
+    vantages: list[Vantage] = field(default_factory=list)  # each shot uses one
     props: list[Prop] = field(default_factory=list)
     sun: Callable[[float], Sun] | None = None
     spot: Callable[[float], Spot] | None = None
@@ -101,7 +74,7 @@ class Stage:
         """Add an object, at the origin by default; several parts are merged into one mesh."""
         fixed = np.eye(4) if at is None else at
         pose = fixed if callable(fixed) else lambda _: fixed
-        mesh = mesh if isinstance(mesh, Mesh) else merged(mesh)
+        mesh = mesh if isinstance(mesh, Mesh) else shapes.merged(mesh)
         self.props.append(Prop(mesh, material, pose, palette, emission, shadow, thin))
 
     def add_vantages(self, *views: tuple[Vector, Vector, float], brisk: bool = False) -> None:
@@ -122,85 +95,13 @@ class Stage:
         )
 
 
-Cloud = Callable[[float], Particles]
-
-
-def sparks(rng: Rng, origin: Sequence[float], count: int = 60) -> Cloud:
-    """Return sparks that fly from a point, fall and fade, repeatedly."""
-    speed = rng.normal((0.0, 2.2, 0.0), 1.3, (count, 3))
-    start, life = rng.random(count), rng.uniform(0.5, 1.1, count)
-
-    def at(t: float) -> Particles:
-        age = (t / life + start) % 1.0 * life
-        centers = np.asarray(origin) + speed * age[:, None] - (0.0, 4.9, 0.0) * age[:, None] ** 2
-        fading = 6.0 * (1.0 - age / life)
-        return _sprites(centers, np.full(count, 0.018), fading[:, None] * (1.0, 0.55, 0.15), 0.0 * age)
-
-    return at
-
-
-def dust(
-    rng: Rng, low: Sequence[float], high: Sequence[float], count: int = 80, *, size: float = 0.012,
-    color: Color = (0.9, 0.85, 0.7), opacity: float = 0.5,
-) -> Cloud:  # fmt: skip
-    """Return motes that drift in a box and wrap around; opacity 0 makes them glow."""
-    corner, extent = np.asarray(low, np.float64), np.subtract(high, low)
-    start, drift = rng.random((count, 3)), rng.normal((0.25, 0.05, 0.0), 0.35, (count, 3))
-    radii = size * rng.uniform(0.5, 1.6, count)
-
-    def at(t: float) -> Particles:
-        centers = corner + extent * ((start + drift * t / extent) % 1.0)
-        light = np.tile(color, (count, 1)) * (opacity or 1.0)
-        return _sprites(centers, radii, light, np.full(count, opacity))
-
-    return at
-
-
-def smoke(
-    rng: Rng, origin: Sequence[float], count: int = 24, *, grey: float = 0.35, rise: float = 1.2
-) -> Cloud:
-    """Return puffs that rise from a point, grow and thin out."""
-    start, lean = rng.random(count), rng.normal((0.1, rise, 0.0), 0.18, (count, 3))
-    life = 1.8
-
-    def at(t: float) -> Particles:
-        age = (t / life + start) % 1.0
-        way = (age * life)[:, None] * lean
-        opacity = 0.35 * np.sin(np.pi * age)
-        return _sprites(
-            np.asarray(origin) + way, 0.08 + 0.35 * age, grey * opacity[:, None] * np.ones(3), opacity
-        )
-
-    return at
-
-
-def fireflies(rng: Rng, low: Sequence[float], high: Sequence[float], count: int = 25) -> Cloud:
-    """Return lights that wander and blink."""
-    home = rng.uniform(low, high, (count, 3))
-    rates, phases = rng.uniform(1.0, 4.0, (count, 3)), rng.uniform(0.0, 6.3, (count, 3))
-
-    def at(t: float) -> Particles:
-        centers = home + 0.35 * np.sin(rates * t + phases)
-        light = 2.5 * np.clip(np.sin(3.0 * rates[:, 0] * t + phases[:, 1]), 0.0, 1.0)
-        return _sprites(centers, np.full(count, 0.025), light[:, None] * (0.8, 1.0, 0.3), 0.0 * light)
-
-    return at
-
-
-def _sprites(centers: Values, radii: Values, light: Values, opacity: Values) -> Particles:
-    colors = np.concatenate([light, opacity[:, None]], axis=1)
-    return Particles(
-        centers=centers.astype(np.float32), radii=radii.astype(np.float32), colors=colors.astype(np.float32)
-    )
-
-
 CASTERS = ("mill", "train", "clouds", "boughs")
 
 
 def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None = None) -> None:
     """Add one of the CASTERS, a random one by default.
 
-    All are flat and face the sun. Cameras in the scene see their backs, which are culled.
+    Casters are flat and face the sun. Cameras in the scene see their backs, which are culled.
     """
     kind = kind or str(rng.choice(CASTERS))
     frame, radius = _frame(sun(0.0)), sun(0.0).radius
@@ -214,16 +115,16 @@ def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None
             end = 0.4 * radius * np.array([np.cos(angle), np.sin(angle), 0.0])
         else:
             end, speed = radius * rng.uniform(0.04, 0.12) * np.array([1.0, 0.3, 0.0]), (2.0, 8.0)
-        way = swing(rng, (-end).tolist(), end.tolist(), rng.uniform(*speed))
+        way = paths.swing(rng, (-end).tolist(), end.tolist(), rng.uniform(*speed))
         mesh = _blots(rng, 9, radius, 0.14) if kind == "clouds" else _blots(rng, 18, 0.8 * radius, 0.08)
-        pose = attached(lambda _: frame, upright(way))
+        pose = paths.attached(lambda _: frame, paths.upright(way))
     stage.put(mesh, materials.glow((0.0, 0.0, 0.0), 0.0), pose)
 
 
 def _frame(sun: Sun) -> Matrix:
-    """Return the matrix from a frame with z towards the sun and x level to the world, (4, 4).
+    """Return the matrix to the world, (4, 4), from a frame with z towards the sun and level x.
 
-    The origin lies between the scene and the sun, inside its shadow map.
+    The origin lies between the scene and the sun, inside the shadow map.
     """
     to_sun = -np.asarray(sun.direction) / np.linalg.norm(sun.direction)
     across = np.cross((0.0, 1.0, 0.0), to_sun)
@@ -257,19 +158,18 @@ def _train(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
 
 
 def _blots(rng: Rng, count: int, radius: float, size: float) -> Mesh:
-    """Return ragged spots, `size` times the radius wide on average, strewn over a square."""
+    """Return ragged spots, on average `size` times the radius wide, scattered over a square."""
     blots = []
     for x, y in rng.uniform(-0.75 * radius, 0.75 * radius, (count, 2)):
         width = 2.0 * radius * size * rng.uniform(0.5, 1.5)
-        middle = placed(x, y)
-        for angle in rng.uniform(0.0, np.pi, 3):
-            leaf = shapes.wall(width, 0.6 * width)
-            blots.append((leaf, middle @ turned_by(2, angle) @ placed(0.0, -0.3 * width)))
+        spot = shapes.wall(width, 0.6 * width)
+        turns = (placed(x, y) @ turned_by(2, angle) for angle in rng.uniform(0.0, np.pi, 3))
+        blots += [(spot, turn @ placed(0.0, -0.3 * width)) for turn in turns]
     return shapes.merged(blots)
 
 
 WHEEL = np.eye(4)[[1, 0, 2, 3]] * np.array([1.0, 1.0, -1.0, 1.0])
-"""Turns y to x: a level ring becomes a wheel that rolls along z."""
+"""Maps y to x: a level ring becomes a wheel that rolls along z."""
 
 
 def bulb(
@@ -278,22 +178,22 @@ def bulb(
 ) -> None:  # fmt: skip
     """Add a point light and a glowing ball of radius `size`, at a point or moving along a path."""
     stage.points.append(lighting.lamp(path, color, reach=reach, pulsing=pulsing))
-    glowing_ball(stage, path, size, vector(np.divide(color, max(color))), glow, pulsing)
+    glowing_ball(stage, path, size, paths.vector(np.divide(color, max(color))), glow, pulsing)
 
 
 def glowing_ball(
     stage: Stage, path: Place | Point3, size: float, color: Color, glow: float, pulsing: Pulse = steady
 ) -> None:
     """Add a glowing ball without a light source, at a point or moving along a path."""
-    shine, pose = materials.glow(color, glow), upright(place_of(path))
+    shine, pose = materials.glow(color, glow), paths.upright(paths.place_of(path))
     stage.put(shapes.ball(size, 8), shine, pose, emission=pulsing, shadow=False)
 
 
 def fan(rng: Rng, stage: Stage, at: Vector, length: float, depth: float, speeds: tuple[float, float]) -> None:
-    """Add a fan of four horizontal blades, whose shadows turn."""
+    """Add a fan of four horizontal blades."""
     blade, turns = shapes.box(length, 0.02, depth), [k * np.pi / 2.0 for k in range(4)]
     blades = [(blade, placed(yaw=turn) @ placed(0.5 * length + 0.05)) for turn in turns]
-    turning = spinning(placed(*at), (0, 1, 0), rng.uniform(*speeds))
+    turning = paths.spinning(placed(*at), (0, 1, 0), rng.uniform(*speeds))
     stage.put(blades, materials.paint(rng), turning)
 
 
@@ -313,15 +213,15 @@ def bunting(
 ) -> None:  # fmt: skip
     """Add flags in the wind on a cord that sags by `sag` metres.
 
-    `cord` is its radius in metres and its grey, `margin` the fraction without flags at each end, and `gap` is
-    the distance from the cord to the middle of a flag, metres.
+    `cord` is the radius in metres and the grey value of the cord. `margin` is the fraction without flags at
+    each end. `gap` is the distance from the cord to the middle of a flag, metres.
     """
     stage.put(shapes.wire(left, right, sag, cord[0]), materials.paint(rng, (cord[1],) * 3))
     t = np.linspace(margin, 1.0 - margin, flags)[:, None]
     middles = (1.0 - t) * np.array(left) + t * np.array(right)
     middles[:, 1] -= (4.0 * sag * t * (1.0 - t))[:, 0] + gap
     mesh = shapes.cards(rng, middles, np.arange(flags), 0.24, np.array([0.0, 30.0, float(left[2])]))
-    stage.put(mesh, materials.striped(rng, 3), palette=wind(rng, middles, 0.09))
+    stage.put(mesh, materials.striped(rng, 3), palette=paths.wind(rng, middles, 0.09))
 
 
 def hills(rng: Rng, stage: Stage, hue: Color) -> None:
@@ -335,5 +235,4 @@ def hills(rng: Rng, stage: Stage, hue: Color) -> None:
         away, size = rng.uniform(18.0, 34.0), rng.uniform(0.8, 2.2)
         form = placed(away * np.sin(angle), size, away * np.cos(angle), size=size)
         lumps.append((shapes.rock(rng, 1.0, 6), form))
-    far = materials.ground(rng, hue, 0.6, 8.0)
-    stage.put(lumps, far, shadow=False)
+    stage.put(lumps, materials.ground(rng, hue, 0.6, 8.0), shadow=False)
