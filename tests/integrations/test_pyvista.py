@@ -397,6 +397,8 @@ def test_upscaling_that_does_not_pay_says_so_and_stays_out(plotter: Any) -> None
     assert window.is_out
     turn(plotter)
     ours = shown(plotter)
+    window.converge()
+    assert window.is_converged
     window.disable()
     np.testing.assert_array_equal(ours, plain(plotter))
 

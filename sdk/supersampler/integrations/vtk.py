@@ -204,8 +204,9 @@ class SupersampledWindow:
     2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
     Colours are display values, as VTK blends and resolves them.
 
-    Frames are plain, too, where a renderer has a render pass or is not in layer 0, for hardware selection,
-    stereo and tiles, and where upscaling is measured not to pay: then a warning says so.
+    Frames are plain, too, where a renderer has a render pass or is not in layer 0, and for hardware
+    selection, stereo and tiles. Where upscaling is measured not to pay, frames that move are plain; a warning
+    says so.
 
     Attributes:
         viewports: the history of each renderer.
@@ -254,13 +255,13 @@ class SupersampledWindow:
 
     @property
     def is_out(self) -> bool:
-        """Whether frames are plain because upscaling does not pay."""
+        """Whether frames that move are plain because upscaling does not pay."""
         return self._out
 
     @property
     def is_converged(self) -> bool:
         """Whether further frames of the same scene show the same image."""
-        return self._out or all(viewport.is_converged for viewport in self.viewports)
+        return all(viewport.is_converged for viewport in self.viewports)
 
     def converge(self) -> None:
         """Render until the image has converged, as before a screenshot."""
@@ -286,11 +287,13 @@ class SupersampledWindow:
             return
         self._began = perf_counter()
         self._modes = ()
-        if self._out or self._is_special():
+        self._window.SetMultiSamples(self._samples)
+        if self._is_special():
             self.reset()
-            self._window.SetMultiSamples(self._samples)
             return
         modes = [viewport.mode() for viewport in self.viewports]
+        if self._out and "moved" in modes:
+            return
         is_timed = self.pace.is_timed or "moved" not in modes
         if "plain" in modes or not is_timed:
             modes = ["plain" for _ in modes]
@@ -315,6 +318,7 @@ class SupersampledWindow:
             return
         if not self._modes:
             self._watch()
+            self._wake()
             return
         self._nested = True
         try:
@@ -376,14 +380,18 @@ class SupersampledWindow:
         if self._timed is not interactor:
             self._timed = interactor
             interactor.AddObserver("TimerEvent", lambda *_: self._on_timer())
-        self._timer = interactor.CreateOneShotTimer(_PAUSE if "moved" in self._modes else _DELAY)
+        self._timer = interactor.CreateOneShotTimer(self._pause)
+
+    @property
+    def _pause(self) -> int:
+        """Time in ms from the last frame to the next one at rest."""
+        return _DELAY if self._modes and "moved" not in self._modes else _PAUSE
 
     def _on_timer(self) -> None:
         if self._timer is None or not self._observers:
             return
         self._timer = None
-        pause = _PAUSE if "moved" in self._modes else _DELAY
-        if 1000.0 * (perf_counter() - self._ended) >= 0.9 * pause:
+        if 1000.0 * (perf_counter() - self._ended) >= 0.9 * self._pause:
             self._window.Render()
         else:
             self._wake()  # a frame was rendered since the timer was started
@@ -395,22 +403,25 @@ class SupersampledWindow:
             self.pace.add(self.pace.scale, seconds)
         elif "moved" not in self._modes and "plain" in self._modes:
             self.pace.add(None, seconds)
-        if not self.pace.pays:
+        if not self._out and not self.pace.pays:
             self._out = True
             plain, moved = 1000.0 * (self.pace.plain or 0.0), 1000.0 * self.pace.moved
             warnings.warn(
-                f"supersampling does not pay here: a frame takes {moved:.0f} ms with it, {plain:.0f} "
+                f"upscaling does not pay here: a frame that moves takes {moved:.0f} ms with it, {plain:.0f} "
                 "ms without. It is off until frames take longer; force=True keeps it on.",
                 stacklevel=2,
             )  # fmt: skip
 
     def _watch(self) -> None:
-        """Come back in when plain frames take twice as long as frames that moved."""
+        """Upscale again when plain frames take twice as long as upscaled ones did."""
+        for viewport in self.viewports:
+            viewport.finish()
         if self._out:
             self._window.WaitForCompletion()
             if perf_counter() - self._began > 2.0 * self.pace.moved:
                 self._out = False
                 self.pace.restart()
+        self._ended = perf_counter()
 
 
 def _jittered(
