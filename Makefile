@@ -69,8 +69,8 @@ blender: $(DEVELOPMENT) extension
 
 pyvista: $(DEVELOPMENT)
 	test -d .venv-pyvista || $(PYTHON) -m venv .venv-pyvista
-	.venv-pyvista/bin/python -c 'import pyvista, sympy, supersampler, pytest_timeout' 2>/dev/null \
-	    || .venv-pyvista/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis sympy 'pyvista>=0.45'
+	.venv-pyvista/bin/python -c 'import pyvista, sympy, trame_pyvista, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-pyvista/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis sympy 'pyvista>=0.45' trame-pyvista trame-vuetify
 	.venv-pyvista/bin/pytest -q -rs --timeout=1800 tests/integrations/test_pyvista.py
 
 mitsuba: $(DEVELOPMENT)

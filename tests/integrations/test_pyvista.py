@@ -1,7 +1,12 @@
 """Tests of supersampling in PyVista and VTK, with OpenGL (in software will do): `make pyvista` runs them."""
 
+import asyncio
 import importlib.util
+import os
 import runpy
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -27,6 +32,7 @@ from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels, upsamp
 
 SIZE = (240, 160)
 SMALL = (120, 80)
+XVFB = shutil.which("Xvfb")
 GALLERY = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pyvista_gallery.py"))["SCENES"]
 
 
@@ -412,6 +418,75 @@ def test_each_render_changes_nothing_of_the_plotter(plotter: Any) -> None:
     assert after == before
     assert all(prop.GetVisibility() for prop in plotter.renderer.GetViewProps())
     assert plotter.renderer.GetPreserveColorBuffer() == 0
+
+
+@pytest.mark.skipif(XVFB is None, reason="Xvfb is not installed here")
+def test_a_window_renders_on_by_a_timer_until_it_has_converged() -> None:
+    with subprocess.Popen(
+        [str(XVFB), "-displayfd", "1"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as xvfb:
+        try:
+            assert xvfb.stdout is not None
+            display = f":{int(xvfb.stdout.readline())}"
+            done = subprocess.run(
+                [sys.executable, "-c", WINDOW], env=os.environ | {"DISPLAY": display}, timeout=240,
+                capture_output=True, text=True, check=True,
+            )  # fmt: skip
+        finally:
+            xvfb.terminate()
+    assert done.stdout.split() == ["vtkXOpenGLRenderWindow", "16"]
+
+
+WINDOW = """
+import pyvista
+from supersampler.integrations.pyvista import enable_supersampling
+
+plotter = pyvista.Plotter(window_size=(160, 120))
+plotter.add_mesh(pyvista.Sphere())
+window = enable_supersampling(plotter, scale=2, force=True)
+frames, waited = [], []
+
+def wait(*_):
+    if window.is_converged:
+        waited.append(len(frames))
+    if len(waited) > 8:  # and renders no more
+        plotter.iren.interactor.TerminateApp()
+
+plotter.render_window.AddObserver("EndEvent", lambda *_: frames.append(1), -1.0)
+plotter.iren.initialize()
+plotter.iren.interactor.AddObserver("TimerEvent", wait)
+plotter.iren.interactor.CreateRepeatingTimer(100)
+plotter.show(auto_close=False)
+assert waited[0] == waited[-1]
+print(plotter.render_window.GetClassName(), window.viewports[0].renders)
+"""
+
+
+def test_a_server_renders_on_in_its_event_loop_until_it_has_converged(plotter: Any) -> None:
+    pytest.importorskip("trame_pyvista", reason="trame-pyvista is not installed here")
+    from trame.app import get_server
+    from trame.ui.vuetify3 import SinglePageLayout
+    from trame_pyvista.ui import plotter_ui
+    from trame_vtk.modules.vtk import get_helper
+
+    window = supersampled(plotter)
+
+    async def serve() -> None:
+        server = get_server("supersampler", client_type="vue3")
+        with SinglePageLayout(server) as layout, layout.content:
+            plotter_ui(plotter, mode="server", server=server)
+        server.start(exec_mode="task", port=0, open_browser=False, show_connection_info=False)
+        while not server.running:
+            await asyncio.sleep(0.05)
+        view = get_helper(server).id(plotter.render_window)
+        server.protocol_call("viewport.image.push.observer.add", view)  # as a browser that connects
+        plotter.render()
+        assert not window.is_converged
+        while not window.is_converged:
+            await asyncio.sleep(0.05)
+        await server.stop()
+
+    asyncio.run(asyncio.wait_for(serve(), 200))
 
 
 def test_the_server_side_of_trame_and_jupyter_sends_the_same_images(plotter: Any, tmp_path: Path) -> None:

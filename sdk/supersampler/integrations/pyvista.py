@@ -8,6 +8,7 @@
 >>> plotter.show()
 """
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -48,4 +49,31 @@ def enable_supersampling(
     samples = window.GetMultiSamples()
     plotter.disable_anti_aliasing(all_renderers=True)
     window.SetMultiSamples(samples)
-    return SupersampledWindow(window, renderers, scale=scale, model=model, threads=threads, force=force)
+    served = _ServedPlotter(plotter)
+    return SupersampledWindow(
+        window, renderers, scale=scale, model=model, threads=threads, force=force, wake=served.render_later
+    )
+
+
+class _ServedPlotter:
+    """Renders a plotter in the event loop of a server that shows it, such as Trame's, or a notebook's."""
+
+    def __init__(self, plotter: Any) -> None:
+        self._plotter = plotter
+        self._waits = False
+
+    def render_later(self, milliseconds: int) -> None:
+        """Render once after some time, if something shows what is rendered."""
+        if self._waits or not getattr(self._plotter, "_on_render_callbacks", None):
+            return
+        try:
+            loop = asyncio.get_running_loop()
+        except RuntimeError:  # a script: nothing would run the call
+            return
+        self._waits = True
+        loop.call_later(milliseconds / 1000.0, self._render)
+
+    def _render(self) -> None:
+        self._waits = False
+        if self._plotter.render_window is not None:  # else it was closed
+            self._plotter.render()

@@ -6,7 +6,7 @@ window shows the mean of full-size renders. Every other frame is rendered as wit
 """
 
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from time import perf_counter
@@ -219,6 +219,8 @@ class SupersampledWindow:
         model: see `Upscaler`.
         threads: see `Upscaler`.
         force: whether to upscale where that does not pay.
+        wake: function that renders the window after some milliseconds, called while an off-screen view at
+            rest has not converged. On screen the window's interactor has a timer.
 
     Raises:
         ArgumentError: `scale` is below 1.
@@ -234,7 +236,9 @@ class SupersampledWindow:
         model: Model | str | Path = "classifier",
         threads: int = 0,
         force: bool = False,
+        wake: Callable[[int], None] | None = None,
     ) -> None:
+        self._wake_up = wake
         self.pace = Pace(None if scale is None else checked_scale(scale), force=force)
         self._window, self._nested, self._out = window, False, False
         loaded = model if isinstance(model, Model) else Model.load(model, threads=threads)
@@ -374,13 +378,16 @@ class SupersampledWindow:
     def _wake(self) -> None:
         """Have the event loop render the next frame of a view at rest, until it has converged."""
         interactor = self._window.GetInteractor()
-        waits = self._timer is not None or self.is_converged or self._window.GetOffScreenRendering()
-        if waits or interactor is None or not interactor.GetInitialized():
+        if self.is_converged:
             return
-        if self._timed is not interactor:
-            self._timed = interactor
-            interactor.AddObserver("TimerEvent", lambda *_: self._on_timer())
-        self._timer = interactor.CreateOneShotTimer(self._pause)
+        if self._window.GetOffScreenRendering():
+            if self._wake_up is not None:
+                self._wake_up(self._pause)
+        elif self._timer is None and interactor is not None and interactor.GetInitialized():
+            if self._timed is not interactor:
+                self._timed = interactor
+                interactor.AddObserver("TimerEvent", lambda *_: self._on_timer())
+            self._timer = interactor.CreateOneShotTimer(self._pause)
 
     @property
     def _pause(self) -> int:
