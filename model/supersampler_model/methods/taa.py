@@ -6,7 +6,7 @@ sample is clipped by a box around this frame's 3x3 colours. Variance clipping bu
 two raw moments, mu +- gamma sigma, and intersects it with the minimum and maximum of the colours.
 
 Salvi works at one resolution. At other ratios, the new sample is the bilinear upsampling of this frame, and
-the boxes are those of the render-size neighbourhood. Colours are compared in YCoCg, after exposure and tone
+the boxes surround the render-size neighbourhood. Colours are compared in YCoCg, after exposure and tone
 curve. Where a sample of the neighbourhood is not usable, the history is kept without clipping.
 """
 

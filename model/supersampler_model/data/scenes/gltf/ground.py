@@ -56,7 +56,7 @@ class Ground:
     def near(self, rng: np.random.Generator, place: Values, minimum: float, maximum: float) -> Values:
         """Return a position at a distance in [minimum, maximum] from `place`, with free floor between.
 
-        If there is none, the condition that can be met best counts.
+        Where there is none, return the one closest to that range.
         """
         off = np.abs(_outside(np.hypot(*(self._centers() - place[[0, 2]]).T), minimum, maximum))
         close = self._cells_free[off <= max(float(off.min()), 0.5 * self.cell)]
