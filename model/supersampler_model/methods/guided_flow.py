@@ -90,7 +90,7 @@ class FlowNetwork(nn.Module):
         return (ops.cut_to(outputs, ops.size_of(later)),)
 
     def features(self, lights: Tensor) -> list[Tensor]:
-        """Return features of (n, LIGHT, h, w), finest level first, padded to whole pixels of the coarsest level."""
+        """Return features, finest level first, of images padded to whole pixels of the coarsest level."""
         x = F.pixel_unshuffle(padded(lights, 2 ** len(self.config.levels)), 2)
         pyramid: list[Tensor] = []
         for block in self.encoder:
