@@ -4,7 +4,7 @@
 # make check  style and types
 # make records  measures all published records whose models have changed since, and rewrites the tables: hours
 # make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
-# make hashes compare every image of every method with bench/results/studies/hashes.json, bit for bit
+# make hashes compare every image of every method with bench/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make wheels wheels for Linux, macOS and Windows from this machine, checked: dist
 # make kit     dist/measuring-kit: measures the GPU of a machine that has Python KIT_PYTHON=3.12 on Linux and no network
@@ -123,7 +123,7 @@ cpp: $(DEVELOPMENT)
 	SUPERSAMPLER_CPP_FRAMES=32 .venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_cpp_onnxruntime.py
 
 hashes: $(DEVELOPMENT)
-	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/studies/hashes.json
+	.venv-dev/bin/supersampler bench hashes --check bench/hashes.json
 
 fuzz: $(DEVELOPMENT)
 	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_KILLS=200 SUPERSAMPLER_MODELS=3000 \

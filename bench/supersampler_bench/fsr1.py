@@ -1,7 +1,7 @@
-"""`easu` and `easu-rcas`: the published formulas and constants of AMD's FSR 1, which reads one frame alone.
+"""`easu` and `easu-rcas`: AMD's FSR 1, a spatial upscaler, by its published formulas and constants.
 
-Source: ffx_fsr1.h of FidelityFX Super Resolution 1.0 (AMD, 2021, MIT). Formulas and constants are theirs, the
-code is ours. Two things differ: samples lie at pixel centre + jitter, and divisions are exact.
+Source: ffx_fsr1.h of FidelityFX Super Resolution 1.0 (AMD, 2021, MIT); the code is ours. Two things differ:
+samples lie at pixel centre + jitter, and divisions are exact.
 """
 
 from collections.abc import Sequence
@@ -16,33 +16,28 @@ from supersampler.io.display import auto_exposure, display_transform, usable_exp
 from supersampler_bench.fsr2 import inverse_tonemap, lerp, saturate, shifted
 
 EASU, EASU_RCAS = "easu", "easu-rcas"
-"""Names of the methods in `bench quality`: edge-adaptive upsampling alone, and with sharpening after it."""
+"""Names of the methods in `bench quality`: edge-adaptive upsampling, and the same with sharpening."""
 SHARPNESS = 0.2
-"""Sharpness of RCAS in stops below the sharpest, 0; the default of AMD's sample."""
+"""Sharpness of RCAS, stops below the maximum; the default of AMD's sample."""
 _RCAS_LIMIT = 0.25 - 1.0 / 16.0  # FSR_RCAS_LIMIT
 _TAPS = ((0, -1), (1, -1), (-1, 0), (0, 0), (1, 0), (2, 0), (-1, 1), (0, 1), (1, 1), (2, 1), (0, 2), (1, 2))
 """The 12 texels (x, y) around a position whose upper left neighbour is (0, 0)."""
 _NEAREST = ((0, 0), (1, 0), (0, 1), (1, 1))
-_FLAT = 1.0 / 32768.0  # squared length of a direction below which there is none
-_LEAST = 1e-6  # of what is divided by
+_FLAT = 1.0 / 32768.0  # squared length of a gradient below which there is no direction
+_MIN_DIVISOR = 1e-6
 Indices = NDArray[np.intp]
 
 
 class Fsr1:
-    """FSR 1 for frames of a render size.
-
-    Args:
-        display_size: (width, height) of images.
-        sharpens: whether RCAS follows EASU.
-    """
+    """FSR 1: EASU, followed by RCAS if it `sharpens`."""
 
     def __init__(self, display_size: Size, *, sharpens: bool) -> None:
         self.display_size, self.sharpens = display_size, sharpens
 
     def step(self, frame: Frame) -> tuple[Float32, Float32 | None]:
-        """Return the image (H, W, 3), linear RGB, and the AOVs (H, W, k) by the filter of the image.
+        """Return the image (H, W, 3), linear RGB, and the AOVs (H, W, k), upsampled by the image's filter.
 
-        As FSR 1 asks for, colour is filtered as a screen shows it: exposed, toned, in sRGB.
+        FSR 1 expects display values: colour is exposed, tone mapped and sRGB encoded before the filter.
 
         Raises:
             FrameError: the frame has no colour.
@@ -72,9 +67,9 @@ def easu_weights(
 ) -> tuple[list[Array], list[Indices], list[Indices]]:
     """Return the normalized weights (H, W) of each of _TAPS, and the columns and rows of their texels.
 
-    Columns and rows are those of the offsets -1, 0, 1, 2, for each column and row of the display. A direction
-    is the sum of the gradients at the four nearest texels, weighted bilinearly. The kernel is a windowed
-    Lanczos2 stretched along the edge, the more the straighter the edge is.
+    Columns and rows have the offsets -1, 0, 1, 2, for each column and row of the display. The edge direction
+    comes from the bilinearly weighted gradients at the four nearest texels. The kernel is a windowed
+    Lanczos2, stretched along straight edges.
     """
     height, width = lumas.shape
     columns, fx = _texels(display_size[0], width, jitter[0])
@@ -87,7 +82,7 @@ def easu_weights(
     size = np.where(is_flat, 1.0, np.sqrt(np.maximum(square, _FLAT)))
     along_x, along_y = np.where(is_flat, 1.0, gradient_x) / size, gradient_y / size
     straightness = (0.5 * (straight_x + straight_y)) ** 2
-    stretch = (along_x**2 + along_y**2) / np.maximum(np.maximum(abs(along_x), abs(along_y)), _LEAST)
+    stretch = (along_x**2 + along_y**2) / np.maximum(np.maximum(abs(along_x), abs(along_y)), _MIN_DIVISOR)
     length_x, length_y = 1.0 + (stretch - 1.0) * straightness, 1.0 - 0.5 * straightness
     lobe = 0.5 + ((0.25 - 0.04) - 0.5) * straightness
     weights = []
@@ -103,7 +98,7 @@ def easu_weights(
 
 
 def filtered(image: Array, weights: Sequence[Array], columns: list[Indices], rows: list[Indices]) -> Array:
-    """Return the image (h, w, k) under the weights of _TAPS, (H, W, k)."""
+    """Return the sum (H, W, k) of an image's texels (h, w, k) under the weights of _TAPS."""
     terms = (
         weight[..., None] * image[rows[y + 1][:, None], columns[x + 1]]
         for weight, (x, y) in zip(weights, _TAPS, strict=True)
@@ -118,18 +113,18 @@ def dering(upsampled: Array, image: Array, columns: list[Indices], rows: list[In
 
 
 def rcas(image: Array) -> Array:
-    """Sharpen (H, W, 3) in [0, 1] by the four neighbours, as far as no channel leaves its range."""
+    """Sharpen an image (H, W, 3) in [0, 1] by the four neighbours, without leaving that range."""
     ring = [shifted(image, dx, dy) for dx, dy in ((0, -1), (-1, 0), (1, 0), (0, 1))]
     low, high = np.minimum.reduce(ring), np.maximum.reduce(ring)
-    hit_low = np.minimum(low, image) / np.maximum(4.0 * high, _LEAST)
-    hit_high = (1.0 - np.maximum(high, image)) / np.minimum(4.0 * low - 4.0, -_LEAST)
+    hit_low = np.minimum(low, image) / np.maximum(4.0 * high, _MIN_DIVISOR)
+    hit_high = (1.0 - np.maximum(high, image)) / np.minimum(4.0 * low - 4.0, -_MIN_DIVISOR)
     lobe = np.maximum(-hit_low, hit_high).max(axis=-1, keepdims=True)
     lobe = np.clip(lobe, -_RCAS_LIMIT, 0.0) * 2.0**-SHARPNESS
     return np.asarray((lobe * sum(ring) + image) / (4.0 * lobe + 1.0))
 
 
 def _texels(display: int, render: int, jitter: float) -> tuple[list[Indices], Array]:
-    """Return the texels of the offsets -1, 0, 1, 2 of each display pixel, and its place between 0 and 1."""
+    """Return the texels at the offsets -1, 0, 1, 2 of each display pixel, and its position from 0 to 1."""
     position = (np.arange(display) + 0.5) * render / display - 0.5 - jitter
     first = np.floor(position)
     indices = first.astype(np.intp)
@@ -137,15 +132,12 @@ def _texels(display: int, render: int, jitter: float) -> tuple[list[Indices], Ar
 
 
 def _gradient(lumas: Array, axis: int) -> tuple[Array, Array]:
-    """Return the gradient along an axis at each texel, and how straight it is: 1 where luma rises steadily.
-
-    It is 0 where luma rises and falls again.
-    """
+    """Return the gradient along an axis, and its straightness: 1 on a ramp, 0 on a ridge."""
     dx, dy = (1, 0) if axis == 1 else (0, 1)
     before, after = shifted(lumas, -dx, -dy), shifted(lumas, dx, dy)
     steps = np.maximum(abs(after - lumas), abs(lumas - before))
     gradient = after - before
-    return gradient, saturate(abs(gradient) / np.maximum(steps, _LEAST)) ** 2
+    return gradient, saturate(abs(gradient) / np.maximum(steps, _MIN_DIVISOR)) ** 2
 
 
 def _at_nearest(plane: Array, px: Array, py: Array, columns: list[Indices], rows: list[Indices]) -> Array:

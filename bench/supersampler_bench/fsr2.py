@@ -1,8 +1,7 @@
 """`fsr2-like`: FSR 2.2 without sharpening and reactive masks, by its published formulas and constants.
 
-Arrays of floats are float32: (h, w, ...) at render size, (H, W, ...) at display size. Positions of texture
-reads are texels: the centre of the first one is 0.5. Reads beyond the edge clamp. docs/quality.md lists the
-differences from FSR2.
+Arrays are float32: (h, w, ...) at render size, (H, W, ...) at display size. Positions are in texels, with the
+centre of the first one at 0.5; reads beyond the edge clamp. docs/quality.md lists the differences from FSR2.
 """
 
 import math
@@ -24,16 +23,16 @@ FSR2_LIKE = "fsr2-like"
 """Name of the method in `bench quality`."""
 EPSILON = 1e-3  # FSR2_EPSILON
 _CELL = 32  # pixels a side of mip 4 of half the render size, FFX_FSR2_SHADING_CHANGE_MIP_LEVEL
-_MIN_BILINEAR_WEIGHT = 0.01  # fReconstructedDepthBilinearWeightThreshold: smaller weights count as untouched
+_MIN_BILINEAR_WEIGHT = 0.01  # fReconstructedDepthBilinearWeightThreshold: smaller weights do not count
 UPSAMPLE_WEIGHT_SCALE = 1.0 / 12.0  # fUpsampleLanczosWeightScale
 _AVERAGE_WEIGHT = 0.74 * UPSAMPLE_WEIGHT_SCALE  # added to a pixel per frame
 _DILATE_MIN_SPEED, _CLIP_MIN_SPEED = 0.1, 0.01  # display pixels; less motion counts as none
-_FIELD_OF_VIEW = math.radians(60.0)  # vertical: an input of FSR2 that frames here do not have
+_FIELD_OF_VIEW = math.radians(60.0)  # vertical; an input of FSR2 that `Frame` does not have
 _SEPARATION = 1.37e-5
-_FAR = float(np.finfo(np.float32).eps)  # FSR2 adds it to depth so that the sky has a distance
+_FAR = float(np.finfo(np.float32).eps)  # added to depth by FSR2, so that the sky has a distance
 _FULL_SIZE = math.hypot(1920.0, 1080.0)
-_SIMILAR = 1.05  # quotient of lumas below which neighbours belong together
-_STEP = 1.0 / 255.0  # of the lumas, which FSR2 keeps in 8 bits
+_SIMILAR = 1.05  # ratio of lumas below which neighbours are alike
+_STEP = 1.0 / 255.0  # of lumas, which FSR2 stores in 8 bits
 _DILATION = ((1, 0), (0, 1), (0, -1), (-1, 0), (-1, 1), (1, 1), (-1, -1), (1, -1))
 _CORNERS = (
     ((-1, -1), (0, -1), (-1, 0)),
@@ -59,11 +58,11 @@ class FrameSizes:
         return np.divide(self.display, self.render, dtype=np.float32)
 
     def of_image(self, motion: Array) -> Array:
-        """Return motion (..., 2), in render pixels, as fractions of the image's size: FSR2's unit."""
+        """Convert motion (..., 2) from render pixels to fractions of the image's size, FSR2's unit."""
         return np.divide(motion, self.render, dtype=np.float32)
 
     def speed(self, motion: Array) -> Array:
-        """Return the length (...) in display pixels of motion (..., 2) in render pixels."""
+        """Return the length (...), display pixels, of motion (..., 2), render pixels."""
         return length(motion * self.upscale)
 
 
@@ -92,7 +91,7 @@ class LockUpdate(NamedTuple):
 
     lifetime: Array
     luma: Array
-    contribution: Array  # fraction of the history that the lock keeps from rectification
+    contribution: Array  # fraction of the history that the lock protects from rectification
     change: Array  # of the shading, 0 to 1
     reactive: Array  # the reactive factor, raised where the shading changed
 
@@ -101,17 +100,12 @@ class Fsr2History(NamedTuple):
     """History tensors at display size."""
 
     color: Array  # (H, W, 4) linear RGB without exposure; the reactive factor, negative where it moved
-    locks: Array  # (H, W, 2) lifetime, 0: none, above 1: active; luma of the shading at the time of the lock
-    lumas: Array  # (H, W, 4), lumas of four frames, the latest first
+    locks: Array  # (H, W, 2) lifetime (0: none, above 1: active), shading luma when it was locked
+    lumas: Array  # (H, W, 4), lumas of the last four frames, the latest first
 
 
 class Fsr2Like:
-    """A session: steps frames in order through all passes.
-
-    Args:
-        display_size: (width, height) of the images.
-        frame_seconds: between two frames, by which the measured exposure follows the light.
-    """
+    """Steps frames in order; a measured exposure adapts by the seconds between two frames."""
 
     def __init__(self, display_size: Size, frame_seconds: float = 1.0 / 60.0) -> None:
         self._display, self._seconds = display_size, frame_seconds
@@ -123,7 +117,7 @@ class Fsr2Like:
         self._average_log: float | None = None
 
     def step(self, frame: Frame) -> Float32:
-        """Return the image (H, W, 3), linear RGB in [0, 65504]. NaN counts as 0, as in HLSL's max(0, NaN).
+        """Return the image (H, W, 3), linear RGB in [0, 65504]. NaN counts as 0, like HLSL's max(0, NaN).
 
         Raises:
             FrameError: the frame has no colour.
@@ -167,29 +161,29 @@ def _finite(array: Array, low: float, high: float) -> Array:
 
 
 def log_luma(color: Array, sizes: FrameSizes) -> Array:
-    """Return ln of the luminance (h, w), sampled where pixel centres are without jitter."""
+    """Return ln of the luminance (h, w), resampled at pixel centres, without jitter."""
     x, y = centres(sizes.render)
     luma = bilinear(color, x - sizes.jitter[0], y - sizes.jitter[1]) @ BT709
     return np.log(np.maximum(luma, EPSILON))
 
 
 def followed_average(logs: Array, before: float | None, seconds: float) -> float:
-    """Return the mean log luminance as the exposure follows it; `before` is that of the previous frame."""
+    """Return the mean log luminance, adapted from `before`, the result of the previous frame."""
     mean = float(logs.mean(dtype=np.float64))
     return mean if before is None else before + (mean - before) * (1.0 - math.exp(-seconds))
 
 
 def auto_exposure(average_log: float) -> float:
-    """Return the exposure for a mean log luminance, the response of film of ISO 100."""
+    """Return the exposure for a mean log luminance, by the response of ISO 100 film."""
     speed, calibration, vignetting = 100.0, 12.5, 0.65
     return vignetting * speed / 78.0 / (math.exp(average_log) * speed / calibration)
 
 
 def shading_luma(logs: Array, exposure: float, sizes: FrameSizes) -> Array:
-    """Return the luma that reveals shading changes, (H, W): sixth root of exposed luminance of 32x32 cells.
+    """Return the luma (H, W) that reveals shading changes: sixth root of exposed luminance in 32x32 cells.
 
-    What is off screen counts as 0. As in FSR2, the cells are stretched to the display although they lack what
-    is right of and below the last whole one.
+    Pixels off screen count as 0. As in FSR2, whole cells are stretched to the display, although they do not
+    cover the pixels right of and below the last one.
     """
     rows, columns = (max(side // _CELL, 1) for side in logs.shape)
     whole = np.zeros((rows * _CELL, columns * _CELL), np.float32)
@@ -202,8 +196,7 @@ def shading_luma(logs: Array, exposure: float, sizes: FrameSizes) -> Array:
     return np.power(np.float32(exposure) * np.exp(stretched), np.float32(1.0 / 6.0))
 
 
-# Pass 2, reconstruct and dilate: depth and motion of the nearest neighbour, and the depth that the previous
-# frame had at these pixels.
+# Pass 2, reconstruct and dilate: depth and motion of the closest neighbour, and the previous frame's depth.
 
 
 def dilate(depth: Array, motion: Array) -> tuple[Array, Array]:
@@ -218,7 +211,7 @@ def dilate(depth: Array, motion: Array) -> tuple[Array, Array]:
 
 
 def reconstructed_depth(depth: Array, motion: Array, sizes: FrameSizes) -> Array:
-    """Return the previous frame's depth (h, w) from dilated depth and motion; 0 where no pixel came from."""
+    """Return the previous frame's depth (h, w) from dilated depth and motion; 0 where it is unknown."""
     previous = np.zeros_like(depth)
     for row, column, _, counts in _texels_around(motion, sizes, _DILATE_MIN_SPEED):
         np.maximum.at(previous, (row[counts], column[counts]), depth[counts])
@@ -228,7 +221,7 @@ def reconstructed_depth(depth: Array, motion: Array, sizes: FrameSizes) -> Array
 def _texels_around(
     motion: Array, sizes: FrameSizes, min_speed: float
 ) -> Iterator[tuple[Indices, Indices, Array, Bool]]:
-    """Yield clamped row, column, weight and validity of four previous texels around a pixel's origin."""
+    """Yield row and column (clamped), weight and validity of the four texels around the previous position."""
     width, height = sizes.render
     motion = motion * (sizes.speed(motion) > min_speed)[..., None]
     x, y = (centre + motion[..., axis] - np.float32(0.5) for axis, centre in enumerate(centres(sizes.render)))
@@ -241,8 +234,8 @@ def _texels_around(
         yield row, column, weight, on_screen & (weight > _MIN_BILINEAR_WEIGHT)
 
 
-# Pass 3, depth clip: disocclusion, and diverging motion, where the history is not valid. Separation of
-# depths: Akeley and Su, Minimum Triangle Separation for Correct Z-Buffer Occlusion, 2006.
+# Pass 3, depth clip: disocclusion and diverging motion, which invalidate the history. Depth separation:
+# Akeley and Su, Minimum Triangle Separation for Correct Z-Buffer Occlusion, 2006.
 
 
 def _distance(depth: Array) -> Array:
@@ -250,7 +243,7 @@ def _distance(depth: Array) -> Array:
 
 
 def disocclusion(depth: Array, motion: Array, previous: Array, sizes: FrameSizes) -> Array:
-    """Return 1 where the surface was occluded in the previous frame, (h, w); depth and motion are dilated."""
+    """Return 1 where the surface was occluded in the previous frame (h, w), from dilated depth and motion."""
     now = _distance(depth)
     width, height = sizes.render
     tangent = math.tan(_FIELD_OF_VIEW / 2.0)
@@ -270,7 +263,7 @@ def disocclusion(depth: Array, motion: Array, previous: Array, sizes: FrameSizes
 
 
 def _is_surface(previous: Array) -> Array:
-    """Return 0 where the previous distance falls by 1 % per row over three rows, top to bottom; else 1."""
+    """Return 0 where the previous distance falls by 1 % per row over three rows, downwards; else 1."""
     padded = np.pad(previous, ((1, 1), (0, 0)))
     above, here, below = (_distance(padded[row : row + len(previous)]) for row in range(3))
     slope = (above - here > here * 0.01) & (here - below > below * 0.01)
@@ -278,7 +271,7 @@ def _is_surface(previous: Array) -> Array:
 
 
 def motion_divergence(motion: Array, sizes: FrameSizes) -> Array:
-    """Return the divergence of 3x3 neighbours' motion (render pixels) from a moving pixel's own."""
+    """Return the divergence between the motion of a moving pixel and of its 3x3 neighbours."""
     vectors = sizes.of_image(motion)
     fastest = length(vectors)
     moves = length(motion) > 1e-2
@@ -291,7 +284,7 @@ def motion_divergence(motion: Array, sizes: FrameSizes) -> Array:
 
 
 def temporal_divergence(motion: Array, previous: Array, sizes: FrameSizes) -> Array:
-    """Return how much slower the previous frame was; it counts in full from 20 display pixels on.
+    """Return by which fraction the previous motion was slower, weighted by speed up to 20 display pixels.
 
     `previous` is dilated motion in fractions of the image (`FrameSizes.of_image`), of any render size.
     """
@@ -307,25 +300,25 @@ def temporal_divergence(motion: Array, previous: Array, sizes: FrameSizes) -> Ar
 
 
 def _depth_divergence(depth: Array) -> Array:
-    """Return 1 - closest / farthest of 3x3: 1 along the border, 0 beside the sky."""
+    """Return 1 - closest / farthest distance of 3x3: 1 along the border, 0 beside the sky."""
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(_distance(depth), 1), (3, 3))
     closest, farthest = windows.min(axis=(2, 3)), windows.max(axis=(2, 3))
     has_sky = (windows == _distance(np.zeros(1, np.float32))).any(axis=(2, 3))
     return np.where(has_sky, np.float32(0.0), 1.0 - closest / farthest)
 
 
-# Pass 4, create locks. Locked pixels, of thin features, skip rectification.
+# Pass 4, create locks: pixels of thin features, which skip rectification.
 
 
 def lock_luma(color: Array, exposure: float) -> Array:
-    """Return the luma (h, w) that locks compare: the sixth root of CIE lightness / 100."""
+    """Return the luma (h, w) for locks: the sixth root of CIE lightness / 100."""
     y = tonemap(prepared(color, exposure)) @ BT709
     lightness = np.where(y <= 216.0 / 24389.0, y * (24389.0 / 27.0), np.cbrt(y) * 116.0 - 16.0)
     return np.asarray(np.power(lightness.astype(np.float32) * np.float32(0.01), np.float32(1.0 / 6.0)))
 
 
 def thin_features(plane: Array) -> Bool:
-    """Return where a pixel is a ridge: above or below all unlike neighbours, and in no 2x2 of like ones."""
+    """Return the ridges: pixels above or below all unlike neighbours, and in no 2x2 block of like pixels."""
     like, lowest, highest = {}, np.full_like(plane, np.inf), np.zeros_like(plane)
     for offset, other in neighbours(plane):
         if offset == (0, 0):
@@ -339,7 +332,7 @@ def thin_features(plane: Array) -> Bool:
 
 
 def new_locks(plane: Array, sizes: FrameSizes) -> Bool:
-    """Return the display pixels (H, W) that the samples of thin features fell into."""
+    """Return the display pixels (H, W) that contain samples of thin features."""
     width, height = sizes.display
     locked = np.zeros((height, width), bool)
     rows, columns = np.nonzero(thin_features(plane))
@@ -379,7 +372,7 @@ def accumulate(frame: Prepared, history: Fsr2History | None, sizes: FrameSizes) 
     known_lumas = np.where(steady[..., None], warped.lumas, np.float32(0.0))
     unstable, lumas = luma_instability(box, known_lumas, locks.reactive, mask)
 
-    # the weight of the history: at most 1, less where it is doubtful or moves
+    # the weight of the history: at most 1, less where it is uncertain or moves
     base = np.logical_not(is_new) * (1.0 - locks.reactive) * (1.0 - disoccluded)
     slow = np.maximum(warped.color[..., 3] < 0.0, saturate(speed * 10.0))
     base = np.minimum(base, lerp(base, now_weight * 10.0, slow))
@@ -405,7 +398,7 @@ def accumulate(frame: Prepared, history: Fsr2History | None, sizes: FrameSizes) 
     factor = np.maximum(factor * factor, disoccluded * 0.1)
     factor = np.where(is_new, np.float32(1.0), factor)
     factor = np.where(speed * 10.0 >= 1.0, -np.maximum(factor, EPSILON), factor)
-    # locks age by one in a jitter period; those about to leave the screen end
+    # locks age by one per jitter period, and end if they are about to leave the screen
     phases = jitter_phase_count(width / sizes.render[0])
     lifetime = np.maximum(locks.lifetime - now_weight / np.float32(phases * _AVERAGE_WEIGHT), 0.0)
     stays = _inside(x - motion[..., 0], y - motion[..., 1], sizes)
@@ -421,7 +414,7 @@ def _inside(x: Array, y: Array, sizes: FrameSizes) -> Bool:
 def update_locks(
     locks: Array, locked: Bool, shading: Array, reactive: Array, mask: Array, disoccluded: Array
 ) -> LockUpdate:
-    """Update the reprojected locks (H, W, 2) by new ones and by the shading; all (H, W)."""
+    """Update the reprojected locks (H, W, 2) with new ones and the shading; other arrays are (H, W)."""
     lifetime, kept = locks[..., 0], locks[..., 1]
     before = np.where(kept == 0.0, shading, kept)
     change = 1.0 - _min_over_max(before, shading)
@@ -442,16 +435,10 @@ def _min_over_max(a: Array, b: Array) -> Array:
 
 
 def luma_instability(box: ColorBox, lumas: Array, reactive: Array, mask: Array) -> tuple[Array, Array]:
-    """Find pixels whose luma is nearer to that of an older frame than to the last one's.
+    """Return the instability (H, W): 1 where luma is closer to an older frame than to the last one.
 
-    Args:
-        box: colour box of this frame.
-        lumas: (H, W, 4) of the previous frames, reprojected; 0 where they are not known.
-        reactive: (H, W).
-        mask: (H, W), of diverging motion.
-
-    Returns:
-        Instability (H, W), and the lumas for the next frame.
+    `lumas` are (H, W, 4), reprojected, 0 where they are unknown; `mask` (H, W) is the divergence of motion.
+    The second result has the lumas for the next frame.
     """
     bright = box.centre[..., 0]
     luma = np.rint(bright / (1.0 + np.maximum(bright, 0.0)) * 255.0).astype(np.float32) / np.float32(255.0)
@@ -470,14 +457,10 @@ def luma_instability(box: ColorBox, lumas: Array, reactive: Array, mask: Array) 
 def rectify(
     history: Array, accumulation: Array, box: ColorBox, *, scale: Array, kept: Array
 ) -> tuple[Array, Array]:
-    """Clamp the history to the box, and shorten its accumulation where it was outside.
+    """Clamp the history (H, W, 3) YCoCg to the box, and reduce its weight (H, W) where it was outside.
 
-    Args:
-        history: (H, W, 3) YCoCg.
-        accumulation: (H, W), weight of the history.
-        box: colour box of this frame.
-        scale: (H, W), half the side of the box in standard deviations.
-        kept: (H, W), fraction of the history that locks and flicker keep as it is.
+    `scale` (H, W) is half the side of the box in standard deviations, `kept` (H, W) the fraction of the
+    history that locks and instability leave unchanged.
     """
     low = np.maximum(box.low, box.centre - scale[..., None] * box.deviation)
     high = np.minimum(box.high, box.centre + scale[..., None] * box.deviation)
@@ -490,14 +473,10 @@ def rectify(
 def upsample(
     color: Array, reactive: Array, disoccluded: Array, speed: Array, sizes: FrameSizes
 ) -> tuple[Array, Array, ColorBox]:
-    """Sample a frame by Lanczos2 over 3x3 samples; return colour, weight of the samples, and their box.
+    """Upsample exposed YCoCg (h, w, 3) by Lanczos2 of 3x3 samples; return colour, weight and box of samples.
 
-    Args:
-        color: (h, w, 3) exposed YCoCg.
-        reactive: (H, W), 1 where there is no history: the wider the kernel.
-        disoccluded: (H, W).
-        speed: (H, W) display pixels: the faster, the narrower the box.
-        sizes: sizes of the frame.
+    `reactive` is 1 where there is no history, and widens the kernel; `speed`, display pixels, narrows the
+    window of the box.
     """
     narrow = np.float32(min(1.99, float(sizes.upscale[0]))) * (1.0 - reactive)
     wide = np.maximum(1.0, (1.0 + narrow) * 0.3)
@@ -523,14 +502,14 @@ def upsample(
     centre, square = moments[..., :3] / box_weight, moments[..., 3:6] / box_weight
     deviation = np.sqrt(np.abs(square - centre * centre))
     box = ColorBox(centre, deviation, np.minimum.reduce(samples), np.maximum.reduce(samples))
-    counts = weight > EPSILON  # elsewhere the colour does not count
+    counts = weight > EPSILON  # elsewhere the colour has no weight
     found = np.clip(total[..., :3] / np.where(counts, weight, np.float32(1.0)), box.low, box.high)
     scaled = np.where(counts, weight * np.float32(UPSAMPLE_WEIGHT_SCALE), np.float32(0.0))
     return found, scaled[..., 0], box
 
 
 def _axis(render: int, display: int, jitter: float) -> list[tuple[Indices, Array, Bool]]:
-    """Return index, offset in render pixels, and whether on screen, of three samples around each pixel."""
+    """Return the index, offset (render pixels) and on-screen flag of three samples around each pixel."""
     centre = centres((display, 1))[0][0] * np.float32(render / display)
     nearest = np.floor(centre).astype(np.int64)
     return [
@@ -543,7 +522,7 @@ def _axis(render: int, display: int, jitter: float) -> list[tuple[Indices, Array
     ]
 
 
-# Colours, and reads of textures.
+# Colours and texture reads.
 
 
 def length(vectors: Array) -> Array:
@@ -552,7 +531,7 @@ def length(vectors: Array) -> Array:
 
 
 def lerp(a: Array | float, b: Array | float, t: Array | float) -> Array:
-    """Return a where t is 0, b where it is 1."""
+    """Interpolate from a (t = 0) to b (t = 1)."""
     return np.asarray(a + (b - a) * t)
 
 
@@ -562,7 +541,7 @@ def saturate(values: Array) -> Array:
 
 
 def prepared(rgb: Array, exposure: float) -> Array:
-    """Return exposed linear RGB in [0, 65504] of scene-linear RGB."""
+    """Expose scene-linear RGB, and clamp it to [0, 65504]."""
     return np.asarray(np.clip(rgb * np.float32(exposure), 0.0, MAX_HALF))
 
 
@@ -583,21 +562,21 @@ def centres(size: Size) -> tuple[Array, Array]:
 
 
 def shifted(image: Array, dx: int, dy: int) -> Array:
-    """Return the image whose pixel (x, y) is that of (x + dx, y + dy)."""
+    """Return the image whose pixel (x, y) is the input's (x + dx, y + dy)."""
     h, w = image.shape[:2]
     rows, columns = np.clip(np.arange(h) + dy, 0, h - 1), np.clip(np.arange(w) + dx, 0, w - 1)
     return image[rows][:, columns]
 
 
 def neighbours(image: Array) -> Iterator[tuple[tuple[int, int], Array]]:
-    """Yield ((dx, dy), shifted image) of the 3x3 neighbourhood, row by row."""
+    """Yield (dx, dy) and the shifted image, row by row, for the 3x3 neighbourhood."""
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
             yield (dx, dy), shifted(image, dx, dy)
 
 
 def bilinear(image: Array, x: Array, y: Array) -> Array:
-    """Sample (h, w, c) at positions that broadcast to (H, W); returns (H, W, c)."""
+    """Sample an image (h, w, c) at positions that broadcast to (H, W)."""
     (left, right), fx = _footprint(x, image.shape[1], 1)
     (top, bottom), fy = _footprint(y, image.shape[0], 1)
     above = lerp(image[top, left], image[top, right], fx)
@@ -606,7 +585,7 @@ def bilinear(image: Array, x: Array, y: Array) -> Array:
 
 
 def lanczos(image: Array, x: Array, y: Array) -> Array:
-    """Sample as `bilinear`, by 4x4 texels of Lanczos2, clamped to the range of the central 2x2."""
+    """Sample like `bilinear`, with 4x4 texels of Lanczos2, clamped to the range of the central 2x2."""
     columns, fx = _footprint(x, image.shape[1], 2)
     rows, fy = _footprint(y, image.shape[0], 2)
     texels = [[image[row, column] for column in columns] for row in rows]
@@ -616,14 +595,14 @@ def lanczos(image: Array, x: Array, y: Array) -> Array:
 
 
 def lanczos2_of_square(squared: Array) -> Array:
-    """Return FSR1's approximation of Lanczos2 of a distance, given its square; 0 from 2 on."""
+    """Return FSR1's approximation of Lanczos2 for a squared distance; 0 from distance 2 on."""
     x2 = np.minimum(squared, np.float32(4.0))
     a, b = 2.0 / 5.0 * x2 - 1.0, 1.0 / 4.0 * x2 - 1.0
     return (25.0 / 16.0 * a * a - (25.0 / 16.0 - 1.0)) * (b * b)
 
 
 def _footprint(position: Array, side: int, reach: int) -> tuple[list[Indices], Array]:
-    """Return the indices of the 2 reach texels around positions, and the distance from the inner left one."""
+    """Return the indices of 2 `reach` texels around positions, and the distance from the inner left one."""
     first = np.floor(position - np.float32(0.5))
     fraction = (position - np.float32(0.5) - first)[..., None]
     offsets = range(1 - reach, reach + 1)

@@ -5,18 +5,14 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError
+from supersampler.frame import Size
 from supersampler.io.files import replacing
 
 
 def table(headings: Sequence[str], rows: Iterable[Iterable[object]], caption: str = "") -> str:
-    """Return a Markdown table with its caption below.
-
-    Args:
-        headings: headings of the columns; one that ends with ":" is aligned to the right, as numbers are.
-        rows: cells of each row.
-        caption: a paragraph; "" for none.
-    """
+    """Return a Markdown table with its caption below; a heading that ends with ":" is aligned right."""
     rule = ["---:" if heading.endswith(":") else "---" for heading in headings]
     lines = [[heading.removesuffix(":") for heading in headings], rule, *rows]
     text = "\n".join(f"| {' | '.join(map(str, cells))} |" for cells in lines)
@@ -24,8 +20,13 @@ def table(headings: Sequence[str], rows: Iterable[Iterable[object]], caption: st
 
 
 def figure(value: float | None, digits: int, unit: str = "") -> str:
-    """Return a number with so many digits after the point; a dash where it is not known."""
+    """Return a number with `digits` decimals; a dash for None or NaN."""
     return "–" if value is None or math.isnan(value) else f"{value:.{digits}f}{unit}"
+
+
+def sizes_text(render: Size, display: Size) -> str:
+    """Return "960x540 to 1920x1080"."""
+    return f"{size_text(render)} to {size_text(display)}"
 
 
 def update_block(path: Path, name: str, text: str) -> None:
@@ -43,10 +44,10 @@ def update_block(path: Path, name: str, text: str) -> None:
 
 
 def find_block(path: Path, name: str) -> tuple[str, int, int]:
-    """Return a Markdown file's text, and where in it the block `name` (as "quality plaza") begins and ends.
+    """Return the text of a Markdown file, and the start and end of the block `name` in it.
 
     Raises:
-        ArgumentError: the file cannot be read, or has not exactly one such block.
+        ArgumentError: the file cannot be read, or does not have exactly one such block.
     """
     opening, closing = f"<!-- bench:{name} -->", "<!-- /bench -->"
     try:

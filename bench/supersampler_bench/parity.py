@@ -1,6 +1,6 @@
-"""Differences from torch in float32 over hundreds of frames: of backends, and of torch in half floats.
+"""Differences of the backends, and of torch in half floats, from torch in float32 over hundreds of frames.
 
-ONNX Runtime's CPU provider computes graphs in half floats mostly in float32; torch rounds as GPUs do.
+ONNX Runtime's CPU provider computes fp16 graphs mostly in float32; torch rounds like GPUs.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,57 +30,40 @@ from supersampler_model.methods import load_method
 from supersampler_model.ops.images import Size as Extent
 
 SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
-"""(render, display); the second is odd, at a ratio of 1.5."""
+"""(render, display). The second pair is odd, at ratio 1.5."""
 RENDERS: Sequence[Size] = ((80, 45), (53, 31))
 """Render sizes of methods of one ratio."""
 FAMILY = "market"
-"""Family of the test shot, which is made longer."""
+"""Family of the test shot, which is rendered at greater length."""
 RUNS: Sequence[tuple[ExecutorName, Precision]] = (
     ("onnx", "fp32"),
     ("onnx", "fp16"),
     ("cpu", "auto"),
     ("gpu", "auto"),
 )
-"""Executors and precisions that are compared with torch; those that are not there are left out."""
+"""Executors and precisions that are compared with torch, as far as the method and the machine have them."""
 Step = Callable[[Frame], Float32]
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """Difference of images from those of torch, after the display transform.
-
-    Attributes:
-        method: the model's name.
-        runs: executor and precision.
-        render, display: (width, height).
-        frames: number of frames.
-        first: mean difference over the first tenth of the frames.
-        last: mean difference over the last tenth.
-        psnr: PSNR of the images of the last tenth against torch's, dB.
-        p999: largest 99.9th percentile of the differences of a frame.
-    """
+    """Differences from torch's images, in [0, 1] after the display transform."""
 
     method: str
-    runs: str
+    runs: str  # executor and precision
     render: Size
     display: Size
     frames: int
-    first: float
-    last: float
-    psnr: float
-    p999: float
+    first: float  # mean over the first tenth of the frames
+    last: float  # mean over the last tenth
+    psnr: float  # dB, over the last tenth
+    p999: float  # largest 99.9th percentile of a frame
 
 
 def measure_parity(
     methods: Sequence[str], frames: int, *, on_frame: Callable[[], None] = lambda: None
 ) -> list[Agreement]:
-    """Step torch and both backends through the same frames, each with a history of its own.
-
-    Args:
-        methods: names of shipped models.
-        frames: frames of each sequence.
-        on_frame: called after each frame of a size.
-    """
+    """Step torch and the backends, each with its own history, through the same frames at each size."""
     results = []
     for (render, display), names in methods_by_size(methods).items():
         steppers = {(m, runs): step for m in names for runs, step in _steppers(m, render, display)}
@@ -88,7 +71,7 @@ def measure_parity(
             key: [] for key in steppers if key[1] != "torch"
         }
         renderer, gbuffers = Renderer(display, samples=1), bool(gbuffers_of(names))
-        for frame, _, _ in rendered_sequence(renderer, FAMILY, frames, render, gbuffers=gbuffers):
+        for frame, _ in rendered_sequence(renderer, FAMILY, frames, render, gbuffers=gbuffers):
             images = {
                 key: display_transform(step(frame), frame.exposure or 1.0) for key, step in steppers.items()
             }
@@ -101,7 +84,7 @@ def measure_parity(
 
 
 def methods_by_size(methods: Sequence[str]) -> Mapping[tuple[Size, Size], Sequence[str]]:
-    """Return which methods are run at which (render, display)."""
+    """Return the methods that run at each (render, display)."""
     found: dict[tuple[Size, Size], list[str]] = {}
     for method in methods:
         ratio = only_ratio(read_model_info(find_model(method)).ratios)
@@ -134,10 +117,10 @@ def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, S
 
 
 def stepper_of_torch(name: str, render: Size, display: Size, *, half: bool = False) -> Step:
-    """Return the step of a shipped method in torch, with a history of its own; `half`: in half floats.
+    """Return the step of a shipped method in torch, in half floats with `half`, with its own history.
 
     Raises:
-        ArgumentError: the method has no network, and thus no half precision.
+        ArgumentError: `half`, and the method has no network.
     """
     method = load_method(name)
     if half:
@@ -165,7 +148,7 @@ class ParityRecord(BenchRecord):
     BENCH = "parity"
 
     def table(self) -> str:
-        """Return the table as Markdown, with its caption."""
+        """Return the table of methods and sizes."""
         rows = [
             [
                 *(r.method, r.runs, size_text(r.display)),

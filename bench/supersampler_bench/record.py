@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import platform
 import sys
 import time
@@ -12,7 +11,9 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from subprocess import TimeoutExpired
-from typing import Any, ClassVar, Self, TypeAlias, TypeVar
+from typing import Any, ClassVar, Self, TypeAlias
+
+import msgspec
 
 from supersampler.backends.cpu.library import VERSION
 from supersampler.denoising import spec as denoising_spec
@@ -22,41 +23,30 @@ from supersampler.io.files import replacing
 from supersampler.io.machine import installed_versions, machine
 from supersampler.methods.model_file import extrapolation_names, model_names, shipped_model
 
-T = TypeVar("T")
 JsonRecord: TypeAlias = Mapping[str, Any]
 """A record as JSON: of any bench, of this version or another."""
 
 SHIPPED_PARETO = Path(__file__).parent / "pareto.json"
-"""Times and scores of the shipped methods; presets are chosen from it."""
+"""Record of the times and scores of the shipped methods, from which presets are chosen."""
 DENOISER = "temporal-denoiser"
 """Name of the temporal denoiser in records."""
 _BEGAN = time.monotonic()  # approximate start of a command
 _IMAGE_FILES = ("step.onnx", "network.npz")
-"""Files of a model whose hashes, in model.json, tell whether its images are the same."""
+"""Files of a model that determine its images; model.json has their hashes."""
 _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator", "pyoidn")
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Provenance of a measurement.
+    """Provenance of a measurement."""
 
-    Attributes:
-        commit: commit of the repository; None outside a repository.
-        model_digests: see the function `model_digests`; None in older records.
-        versions: versions of Python and of packages.
-        machine: processor, cores and operating system.
-        command: command that measured.
-        date: date in UTC.
-        seconds: duration of the command.
-    """
-
-    commit: str | None = None
-    model_digests: dict[str, str] | None = None
-    versions: dict[str, str | None] = field(default_factory=dict)
-    machine: dict[str, Any] = field(default_factory=dict)
+    commit: str | None = None  # of the repository; None outside a repository
+    model_digests: dict[str, str] | None = None  # see the function; None in older records
+    versions: dict[str, str | None] = field(default_factory=dict)  # of Python and packages
+    machine: dict[str, Any] = field(default_factory=dict)  # processor, cores and operating system
     command: list[str] = field(default_factory=list)
-    date: str = ""
-    seconds: float = 0.0
+    date: str = ""  # UTC
+    seconds: float = 0.0  # duration of the command
 
     @classmethod
     def now(cls) -> "Provenance":
@@ -77,15 +67,10 @@ _PROVENANCE = tuple(Provenance.__dataclass_fields__)
 
 @dataclass(frozen=True)
 class BenchRecord:
-    """Values of one measurement, and their tables. A subclass has the values of one bench as fields.
-
-    Attributes:
-        provenance: provenance of the measurement.
-        quick: whether few steps and frames were measured, so that numbers are rough.
-    """
+    """Values of one measurement, and their tables. A subclass has the values of one bench as fields."""
 
     provenance: Provenance = field(default_factory=Provenance.now, kw_only=True)
-    quick: bool = field(default=False, kw_only=True)
+    quick: bool = field(default=False, kw_only=True)  # whether few frames make the numbers rough
     BENCH: ClassVar[str] = ""
     TABLES: ClassVar[tuple[str, ...]] = ("",)
     """Names of the Markdown tables: "" is made by `table`, "summary" by `summary_table`, and so on."""
@@ -96,11 +81,11 @@ class BenchRecord:
 
     @classmethod
     def block_names(cls, name: str) -> list[str]:
-        """Return the names of a record's blocks in Markdown files: "latency" and "latency summary"."""
+        """Return the names of the record's blocks in Markdown files, as "latency" and "latency summary"."""
         return [f"{name} {table}".rstrip() for table in cls.TABLES]
 
     def tables(self, name: str) -> dict[str, str]:
-        """Return the Markdown of each block, by the block's name."""
+        """Return the Markdown of each block by its name."""
         return dict(zip(self.block_names(name), map(self.table_text, self.TABLES), strict=True))
 
     def table_text(self, table: str) -> str:
@@ -113,7 +98,7 @@ class BenchRecord:
         return f"{self.provenance.machine['cpu']}, {self.provenance.machine['cores']} cores"
 
     def to_json(self) -> dict[str, Any]:
-        """Return all values, ready for JSON."""
+        """Return all values for JSON."""
         values = asdict(self)
         provenance = values.pop("provenance")
         return {"bench": self.BENCH, **values, **provenance}
@@ -125,41 +110,30 @@ class BenchRecord:
 
     @classmethod
     def from_json(cls, data: JsonRecord) -> Self:
-        """Return the record that `to_json` returned.
+        """Return the record of values by `to_json`.
 
         Raises:
-            ArgumentError: it is of another bench, or was written by another version.
+            ArgumentError: they are of another bench, or of another version.
         """
         kind = BENCHES.get(data["bench"], cls)
         provenance = {name: data[name] for name in _PROVENANCE if name in data}
-        record = converted({**kind.adapted(data), "provenance": provenance}, kind)
+        try:
+            record = msgspec.convert({**kind.adapted(data), "provenance": provenance}, kind)
+        except msgspec.ValidationError as error:
+            hint = "Measure again: the record has the command."
+            raise ArgumentError("record", got=str(error), want="one of this version", hint=hint) from error
         if not isinstance(record, cls):
             raise ArgumentError("record", got=f"one of {data['bench']!r}", want=f"one of {cls.BENCH!r}")
         return record
 
 
-def converted(data: object, kind: type[T]) -> T:
-    """Return JSON data as a dataclass.
-
-    Raises:
-        ArgumentError: it was written by another version.
-    """
-    import msgspec
-
-    try:
-        return msgspec.convert(data, kind)
-    except msgspec.ValidationError as error:
-        hint = "Measure again: the record has the command."
-        raise ArgumentError("record", got=str(error), want="one of this version", hint=hint) from error
-
-
 BENCHES: dict[str, type[BenchRecord]] = {}
-"""Types of records by the name of their bench; filled when their modules are imported."""
+"""Types of records by the name of their bench, each added when its module is imported."""
 
 
 @cache
 def model_digests() -> Mapping[str, str]:
-    """Return a digest of each shipped model and of DENOISER: of what its images are computed from."""
+    """Return a digest of each shipped model and of DENOISER, which changes if their images may change."""
     names = (*model_names(), *extrapolation_names())
     return {name: _model_digest(shipped_model(name)) for name in names} | {DENOISER: _denoiser_digest()}
 
@@ -178,7 +152,7 @@ def _model_digest(folder: Path) -> str:
 
 
 def age_of(record: JsonRecord) -> str:
-    """Return a sentence that says which models of a record have changed since; "" where none has."""
+    """Return a sentence that names the models of a record that have changed since; "" if none has."""
     now = model_digests()
     named = {
         text.split(":")[0] for text in _texts({**record, "model_digests": None, "command": None})
@@ -202,7 +176,7 @@ def _texts(values: object) -> Iterator[str]:
 
 
 def _commit() -> str | None:
-    """Return the commit of the repository that this package is in; None outside a repository."""
+    """Return the commit of this package's repository; None outside a repository."""
     command = ["git", "rev-parse", "HEAD"]
     try:
         found = run(command, seconds=10.0, folder=Path(__file__).parent)
@@ -243,14 +217,6 @@ def write_json(record: BenchRecord | JsonRecord, path: Path) -> None:
         ShotError: the file cannot be written.
     """
     values = record.to_json() if isinstance(record, BenchRecord) else record
-    text = json.dumps(_without_nan(values), indent=1, allow_nan=False) + "\n"
+    text = msgspec.json.encode(values, enc_hook=lambda number: number.item())  # of numpy
     with replacing(path) as partial:
-        partial.write_text(text, encoding="utf-8", newline="\n")
-
-
-def _without_nan(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(item) for item in value]
-    return None if isinstance(value, float) and math.isnan(value) else value
+        partial.write_bytes(msgspec.json.format(text, indent=1) + b"\n")

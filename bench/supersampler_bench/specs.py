@@ -1,8 +1,9 @@
-"""Methods with their settings as text, their compatibility with frames, and default G-buffers."""
+"""Methods with settings as text, their compatibility with frames, and default G-buffers."""
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -15,21 +16,18 @@ from supersampler.model import AtRest, ExecutorName, Precision
 from supersampler_bench.quality.masks import to_display
 
 _TWO_PASSES = "x2"
-_PRECISIONS: dict[str, Precision] = {"fp32": "fp32", "fp16": "fp16", "int8": "int8"}
-_AT_REST: dict[str, AtRest] = {"off": "off", "accumulate": "accumulate"}
+_SUFFIXES: Mapping[str, dict[str, Any]] = {
+    **{word: {"precision": word} for word in ("fp32", "fp16", "int8")},
+    **{word: {"at_rest": word} for word in ("off", "accumulate")},
+    "gpu": {"executor": "gpu"},
+    _TWO_PASSES: {"passes": 2},
+}
+"""Fields of a Spec by the suffix that sets them."""
 
 
 @dataclass(frozen=True)
 class Spec:
-    """The arguments of an `Upscaler`.
-
-    Attributes:
-        model: name of a shipped model, or a model folder.
-        precision: see `Upscaler`.
-        at_rest: see `Upscaler`.
-        executor: see `Upscaler`.
-        passes: see `upscale_sequence`.
-    """
+    """Arguments of an `Upscaler`, and the passes of `upscale_sequence`."""
 
     model: str
     precision: Precision = "auto"
@@ -44,35 +42,22 @@ class Spec:
 
 
 def parse_spec(text: str, *, two_passes: bool = False) -> Spec:
-    """Parse a model name, then a precision, "off" or "accumulate" for `at_rest`, "gpu" or "x2", after colons.
+    """Parse a model name with suffixes: a precision, "off" or "accumulate" for `at_rest`, "gpu" or "x2".
 
-    A path may contain colons: text after a colon that is none of these belongs to the model.
+    Suffixes follow colons. A path may contain colons, too: other text after a colon belongs to the model.
 
     Raises:
-        ArgumentError: "x2" is given, and not `two_passes`, where the caller steps frame by frame.
+        ArgumentError: "x2" without `two_passes`, because the caller steps frame by frame.
     """
-    precision: Precision = "auto"
-    at_rest: AtRest = "converge"
-    executor: ExecutorName = "auto"
-    passes = 1
-    model = text
-    while ":" in model:
-        head, _, last = model.rpartition(":")
-        if last in _PRECISIONS:
-            precision = _PRECISIONS[last]
-        elif last in _AT_REST:
-            at_rest = _AT_REST[last]
-        elif last == "gpu":
-            executor = "gpu"
-        elif last == _TWO_PASSES:
-            passes = 2
-        else:
-            break
-        model = head
-    if passes == 2 and not two_passes:
+    model, given = text, dict[str, Any]()
+    while (suffix := model.rpartition(":")[2]) in _SUFFIXES and suffix != model:
+        given |= _SUFFIXES[suffix]
+        model = model.removesuffix(f":{suffix}")
+    spec = Spec(model, **given)
+    if spec.passes == 2 and not two_passes:
         hint = "`bench quality` measures two passes."
         raise ArgumentError("method", got=shown(text), want="a method of one pass", hint=hint)
-    return Spec(model, precision, at_rest, executor, passes)
+    return spec
 
 
 MATTE = {
@@ -82,17 +67,13 @@ MATTE = {
     "metallic": (0.0,),
     "specular": (0.5,),
 }
-"""Values of default G-buffers in every pixel, by name."""
+"""Values of default G-buffers: a matte surface."""
 
 
 def incompatibility(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
-    """Return why a method does not run on some frames; "" where it does.
+    """Return why a method does not run on some frames; "" if it does.
 
-    Args:
-        model: name of a shipped model, or a model folder.
-        render: (width, height) of the frames.
-        display: (width, height) of the images.
-        gbuffers: names of the G-buffers that the frames have; None where default ones may be added.
+    `gbuffers` are the names of the G-buffers that the frames have; None: frames get those that they lack.
 
     Raises:
         ModelError: there is no such model.
@@ -111,7 +92,7 @@ def incompatibility(model: str, render: Size, display: Size, gbuffers: Collectio
 def compatible(
     models: Sequence[str], render: Size, display: Size, on_left_out: Callable[[str], None]
 ) -> list[str]:
-    """Return the methods that run at these sizes; `on_left_out` gets the reason for each of the others."""
+    """Return the methods that run at these sizes."""
     reasons = {model: incompatibility(model, render, display) for model in models}
     for reason in filter(None, reasons.values()):
         on_left_out(reason)
@@ -124,9 +105,9 @@ def gbuffers_of(models: Iterable[str]) -> set[str]:
 
 
 def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> Frame:
-    """Return a frame with the G-buffers of these tensor names; missing ones are those of a matte surface.
+    """Return a frame with G-buffers of these tensor names; missing ones have the values of MATTE.
 
-    Missing depth of display size is the nearest sample of the frame's depth, and 0 where that is not valid.
+    Missing depth of display size has the nearest samples of the frame's depth, and 0 where those are invalid.
     """
     found = {name: GBUFFERS[name].find(frame) for name in names}
     if all(array is not None for array in found.values()):

@@ -31,6 +31,7 @@ for command in (
     timing.pareto,
     report.stress,
     quality.parity,
+    quality.hashes,
     quality.shots,
     quality.product_shot,
     report.records,

@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 
 def _checked_json(path: Path | None) -> Path | None:
-    """Fail before the measurement, not after it, where this file exists and is not a record."""
+    """Fail before the measurement, not after it, if this file exists and is not a record."""
     if path is not None:
         check_ours(path, is_record, "a record of `bench ... --json`")
     return path
@@ -52,9 +52,10 @@ SHOT = Annotated[
     ),
 ]
 RATIO = Annotated[str, typer.Option(help="Of the test shots: display over render size, with commas between.")]
+RATIOS = Annotated[str, typer.Option(help="Display over render size, with commas between.")]
 _CACHE_SOURCE: Any = {
     "envvar": public_shots.CACHE_VARIABLE,
-    "help": "Where the test shots are kept.",
+    "help": "Folder of the test shots.",
     "show_default": "the user's cache folder",
 }
 CACHE = Annotated[Path | None, typer.Option(**_CACHE_SOURCE)]
@@ -73,13 +74,9 @@ def warn(text: str) -> None:
 
 @contextmanager
 def counted(text: str, total: int, done: int = 0, *, resumes: bool = False) -> Iterator[Callable[[], None]]:
-    """Show a progress bar on a terminal, else a line now and then; yield what to call after each step.
+    """Show a progress bar on a terminal, or lines elsewhere; yield a function to call after each step.
 
-    Args:
-        text: what is counted.
-        total: number of steps.
-        done: steps that an earlier run has done.
-        resumes: whether the same command continues a stopped run; Ctrl-C then prints that.
+    `done` steps are from an earlier run. If the same command `resumes` a stopped run, Ctrl-C prints that.
     """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     terminal = ERRORS.is_terminal
@@ -103,7 +100,7 @@ def counted(text: str, total: int, done: int = 0, *, resumes: bool = False) -> I
 
 
 def split_list(text: str) -> list[str]:
-    """Return the parts of a text with commas between."""
+    """Split a text at commas."""
     return [part.strip() for part in text.split(",")]
 
 
@@ -125,10 +122,10 @@ def number_list(option: str, text: str) -> list[float]:
 
 
 def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:
-    """Return the words of an option, each of which is one of `known`.
+    """Return the words of an option.
 
     Raises:
-        ArgumentError: one of them is not.
+        ArgumentError: one of them is not in `known`.
     """
     words = split_list(text)
     if not set(words) <= set(known):
@@ -144,13 +141,9 @@ def executors_of(text: str) -> list[ExecutorName]:
 
 
 def publish(record: BenchRecord, name: str, json: Path | None, *, unprinted: Collection[str] = ()) -> None:
-    """Print the tables of a record, and write it to `json`.
+    """Print the tables of a record, except some blocks, and write it to `json`.
 
-    Args:
-        record: record of a measurement.
-        name: name of its first block, such as "latency".
-        json: file of the record; None writes none.
-        unprinted: names of blocks that are left out.
+    `name` is the name of its first block, such as "latency".
     """
     texts = record.tables(name)
     printed = [text for block, text in texts.items() if block not in unprinted and text]
@@ -160,11 +153,11 @@ def publish(record: BenchRecord, name: str, json: Path | None, *, unprinted: Col
 
 
 def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[tuple[Shot, dict[str, Any]]]]:
-    """Open the SHOT argument; return its name, and each shot with what else is known of its pixels.
+    """Open the SHOT argument; return its name, and each shot with its `PublicShot.origin`.
 
     Raises:
         ArgumentError: a ratio is not a number, or there is no such shot.
-        ShotError: the test shots are not there.
+        ShotError: the test shots are missing.
     """
     shots = public_shots.shots_named(shot)
     if shots is None:

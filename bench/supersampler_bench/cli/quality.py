@@ -30,7 +30,7 @@ from supersampler_bench.cli.options import (
     warn,
     words_of,
 )
-from supersampler_bench.record import write_json
+from supersampler_bench.record import read_record, write_json
 from supersampler_bench.shots import public_shots
 
 if TYPE_CHECKING:
@@ -54,13 +54,11 @@ def quality(
 ) -> None:
     """Compare the images of methods with a shot's references.
 
-    PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes from frame to frame; PSNR of
-    disoccluded, relit, aliased and moving pixels, and of first images after a cut; predicted against true
-    classes. On thin_movers and moving_shadows also trails, coverage kept of thin objects, shadow edges,
-    speckle, and the error by kind of pixel. All after the display transform: exposed, tone mapped, sRGB. For
-    the test shots, a table of each and of their mean.
-    docs/quality.md describes each metric. Methods that cannot upscale a shot, at its ratio or with its
-    G-buffers, are left out.
+    Metrics: PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes between frames; PSNR of
+    disoccluded, relit, aliased and moving pixels, and of first images after a cut; predicted and true
+    classes. On thin_movers and moving_shadows also trails, kept coverage of thin objects, shadow edges,
+    speckle, and the error by kind of pixel. All are of display values: exposed, tone mapped, sRGB encoded.
+    docs/quality.md describes each. Methods that do not support a shot's ratio or G-buffers are left out.
 
     \b
     Examples:
@@ -110,9 +108,9 @@ def extrapolation(
 ) -> None:
     """Remove the colour of every second frame, or of two of three, and score their images.
 
-    Compared are: extrapolation by each model, upscaled by each method; the last image warped by motion; the
-    same with disoccluded pixels filled from the background; and, as the limit, all frames shaded.
-    Scores are of the unshaded frames; tPSNR is of all. Frames need the G-buffers that the models read.
+    Compares extrapolation by each model, upscaled by each method; the last image, warped by motion; the same
+    with disoccluded pixels filled from the background; and, as the limit, all frames shaded. Scores are of
+    the unshaded frames; tPSNR is of all. Frames need the G-buffers that the models read.
 
     \b
     Examples:
@@ -122,11 +120,7 @@ def extrapolation(
     from supersampler_bench.quality import extrapolation as bench
 
     name, opened = opened_shots(shot, cache, ratio)
-    upscalers, extrapolators, alternations = (
-        split_list(methods),
-        split_list(models),
-        split_list(alternation),
-    )
+    upscalers, extrapolators, alternations = map(split_list, (methods, models, alternation))
     measured = []
     with counted("frames", len(alternations) * sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
@@ -163,10 +157,10 @@ def denoise(
 ) -> None:
     """Compare the temporal denoiser with its per-frame denoiser, against references of some frames.
 
-    Compared are: each frame denoised by itself; the median of it and its neighbours, aligned by motion; the
+    Compares each frame denoised by itself; the median of it and its neighbours, aligned by motion; and the
     temporal filter with one pass and with two. PSNR, tPSNR and FLIP are of sRGB values, without exposure or
-    tone curve. tPSNR needs references of frames in a row. Pixels of a reference are missing where they are
-    NaN, or 0 in colour and alpha; those within 8 pixels of missing ones and of the edge are not scored.
+    tone curve. tPSNR needs references of consecutive frames. Pixels of a reference are missing if they are
+    NaN, or 0 in colour and alpha; pixels within 8 pixels of missing ones or of the edge are not scored.
     References with Denoising Albedo and Denoising Normal are denoised, too. A file costs.jsonl in RENDER,
     with lines {"frame": 16, "cpu": 10.5}, gives the CPU seconds of the renderer.
 
@@ -199,7 +193,7 @@ def denoise(
 
 def still(
     scenes: Annotated[
-        str, typer.Option(help="SCENE:RATIO: analytic, court, or with moving objects, as court-mover.")
+        str, typer.Option(help="SCENE:RATIO, such as analytic:2, court:2; court-mover has moving objects.")
     ] = "analytic:1,analytic:1.5,analytic:2,analytic:3,analytic-mover:2,court:2,gallery:2,court-mover:2",
     methods: METHODS = "taa,taau,classifier-small,classifier",
     executors: EXECUTORS = "cpu,onnx",
@@ -210,9 +204,9 @@ def still(
     ] = None,
     json: JSON = None,
 ) -> None:
-    """Measure images of scenes that stand still, after 1, 2 and 4 jitter periods.
+    """Measure the PSNR of scenes with a fixed camera after 1, 2 and 4 jitter periods.
 
-    Compared with the reference. Test shots are rendered here, with OpenGL.
+    Test shots are rendered here, with OpenGL.
 
     \b
     Examples:
@@ -260,7 +254,7 @@ def parity(
     frames: Annotated[int, typer.Option(min=10, help="Consecutive frames at each size.")] = 200,
     json: JSON = None,
 ) -> None:
-    """Compare the ONNX and CPU backends with torch, over a long sequence that is rendered here, with OpenGL.
+    """Compare the backends with torch over a long sequence, which is rendered here, with OpenGL.
 
     \b
     Example:
@@ -274,25 +268,62 @@ def parity(
     publish(bench.ParityRecord(results), "parity", json)
 
 
+def hashes(
+    methods: Annotated[
+        str | None, typer.Option(help="Names of shipped models, with commas between.", show_default="all")
+    ] = None,
+    check: Annotated[
+        Path | None,
+        typer.Option(metavar="RECORD", help="Compare with this earlier record; fail where anything differs."),
+    ] = None,
+    json: JSON = None,
+) -> None:
+    """Hash every image and the last history of the shipped models, in every way that they run on a CPU.
+
+    Hashes depend on the processor, on ONNX Runtime and on the compiler: compare records of one machine.
+
+    \b
+    Examples:
+      supersampler bench hashes --json before.json
+      supersampler bench hashes --check before.json
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench import hashes as bench
+
+    before = None if check is None else bench.HashesRecord.from_json(read_record(check))
+    runs = bench.subjects(None if methods is None else split_list(methods))
+    with counted("runs", len(bench.SIZES) * len(runs)) as advance:
+        here = bench.HashesRecord.of(bench.measure_hashes(runs, bench.SIZES, on_run=advance))
+    if json is not None:
+        write_json(here, json)
+    if before is None:
+        return
+    found = list(bench.differences(before, here, partly=methods is not None))
+    for text in found:
+        Terminal().print(text, soft_wrap=True)
+    say(f"{len(here.hashed)} runs: {len(found)} differ from {check}")
+    if found:
+        if unlike := bench.unlike_versions(before, here):
+            warn(f"recorded with {unlike}: hashes may differ for that reason alone")
+        raise typer.Exit(1)
+
+
 def shots(
     cache: CACHE_ARGUMENT = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     freeze: Annotated[
-        bool, typer.Option("--freeze", help="Make these pixels the ones that figures are published for.")
+        bool, typer.Option("--freeze", help="Make these pixels the frozen ones, for published figures.")
     ] = False,
 ) -> None:
     """Render the public test shots at ratios 1 to 4, and check their pixels.
 
-    Each has references of 64 samples a pixel, truth classes, and G-buffers of both sizes on every frame. The
-    same command continues a stopped run. The pixels' hashes are compared with the frozen ones; another driver
-    renders slightly different pixels, which gives a warning.
+    Every frame has a reference of 64 samples per pixel, truth classes, and G-buffers of both sizes. The same
+    command continues a stopped run. Pixels whose hashes differ from the frozen ones, as another driver renders
+    them, give a warning.
     """
     from supersampler_bench.shots.rendering import frames_there, render_test_shots
 
-    folder, plans = (
-        cache or public_shots.default_cache(),
-        (public_shots.TEST_SHOTS, *public_shots.APART_SHOTS),
-    )
+    folder = cache or public_shots.default_cache()
+    plans = (public_shots.TEST_SHOTS, *public_shots.APART_SHOTS)
     total = sum(plan.frames * len(plan.seeds) for plan in plans)
     done = sum(frames_there(folder, plan) for plan in plans)
     with counted("rendering", total, done, resumes=True) as advance:
@@ -319,7 +350,7 @@ def product_shot(
         Path, typer.Argument(help="Folder to write; it ships as sdk/supersampler/shots/plaza.")
     ],
 ) -> None:
-    """Render the shot that ships with the package, from its scene in code."""
+    """Render the shot that ships with the package."""
     from supersampler_model.data.product_shot import FRAMES, render_product_shot
 
     with counted("rendering", FRAMES, resumes=True) as advance:

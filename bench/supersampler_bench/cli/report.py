@@ -37,8 +37,8 @@ def stress(
 ) -> None:
     """Run methods for a long time and on hostile input, and compare each figure with its bound.
 
-    After one hostile frame, the bound is 0.1 steps of an 8-bit image in the mean and 4 at 99.9 % of the
-    values, or the largest difference after a reset at one of five frames around it if that is larger.
+    After one hostile frame, the difference may be 0.1 steps of an 8-bit image in the mean and 4 at 99.9 % of
+    the values, or as large as after a reset at one of five frames around it.
 
     \b
     Examples:
@@ -53,8 +53,7 @@ def stress(
     for text in runner.left_out(scenarios, stressed):
         warn(text)
     outcomes = []
-    total = len(runner.runs(scenarios, stressed))
-    with counted("scenarios", total) as advance:
+    with counted("scenarios", len(runner.runs(scenarios, stressed))) as advance:
         for outcome in runner.measure(scenarios, stressed, quick=quick):
             outcomes.append(outcome)
             advance()
@@ -72,7 +71,7 @@ def tables(
 ) -> None:
     """Rewrite every table of README.md and docs/*.md from the records in bench/results.
 
-    Tables whose record is missing, or of another version, are reported and left unchanged.
+    A table whose record is missing or of another version is reported and left unchanged.
 
     \b
     Example:
@@ -105,14 +104,14 @@ def records(
     list_only: Annotated[
         bool,
         typer.Option(
-            "--list", help="Measure nothing; list the records that are due, and their last duration."
+            "--list", help="Measure nothing; list the records that are due, and how long they last took."
         ),
     ] = False,
 ) -> None:
-    """Repeat the records of bench/results whose models or command have changed.
+    """Measure the records of bench/results again whose models or command have changed.
 
-    Nothing else should run on the machine. A record is replaced when its command succeeds, so that the
-    same command resumes a stopped run. `supersampler bench tables` writes the tables afterwards.
+    Nothing else should run on the machine. A record is replaced when its command succeeds, so the same
+    command continues a stopped run. `supersampler bench tables` then writes the tables.
 
     \b
     Examples:

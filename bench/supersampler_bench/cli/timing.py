@@ -4,7 +4,7 @@ import os
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,6 +18,7 @@ from supersampler_bench.cli.options import (
     JSON,
     METHODS,
     ONE_RATIO,
+    RATIOS,
     SAMPLES,
     STEPS,
     THREADS,
@@ -49,10 +50,10 @@ def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) ->
 def traffic(
     methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large",
     display_size: DISPLAY_SIZE = "3840x2160",
-    ratio: Annotated[str, typer.Option(help="Display over render size, with commas between.")] = "2,4",
+    ratio: RATIOS = "2,4",
     json: JSON = None,
 ) -> None:
-    """Count the bytes that a step on a GPU moves, its multiply-adds and its passes. No GPU is needed.
+    """Count the bytes, multiply-adds and passes of a step on a GPU. No GPU is needed.
 
     \b
     Example:
@@ -71,7 +72,7 @@ def startup(
     warm: Annotated[int, typer.Option(min=1, help="Processes that start with a warm one.")] = 5,
     json: JSON = None,
 ) -> None:
-    """Time the first frame of a program: with an empty cache, where GPU drivers keep shaders, and a warm one.
+    """Time the first image of a program, with an empty and with a warm cache of GPU shaders.
 
     \b
     Example:
@@ -100,8 +101,8 @@ def latency(
 ) -> None:
     """Time the steps of methods on this machine: median, p95, p99, stages, CPU time, memory, first image.
 
-    A step is timed from a frame in memory to its image in memory. Settings of one size alternate, together
-    with plain variance clipping (taa). Nothing else should run on the machine.
+    A step is timed from a frame in memory to its image in memory. Settings of one size alternate, with taa on
+    the CPU backend among them. Nothing else should run on the machine.
 
     \b
     Examples:
@@ -137,9 +138,9 @@ def against(
     steps: STEPS = 30,
     json: JSON = None,
 ) -> None:
-    """Time the steps of this version against those of another one.
+    """Time the steps of this version against another one.
 
-    Methods run as they do by default, and read no G-buffers. Nothing else should run on the machine.
+    Methods have default settings and read no G-buffers. Nothing else should run on the machine.
 
     \b
     Example:
@@ -150,9 +151,8 @@ def against(
     names, display = split_list(methods), parse_size(display_size, "--display-size")
     count = threads or os.cpu_count() or 1
     with counted("rounds", len(names) * rounds) as advance:
-        results = bench.measure_against(
-            *(python, names, display, count), ratio=ratio, rounds=rounds, steps=steps, on_round=advance
-        )
+        options: dict[str, Any] = {"ratio": ratio, "rounds": rounds, "steps": steps, "on_round": advance}
+        results = bench.measure_against(python, names, display, count, **options)
     publish(bench.AgainstRecord(display, ratio, count, steps, results), "against", json)
 
 
@@ -168,9 +168,9 @@ def skip(
 ) -> None:
     """Measure the time saved where nothing moves, the cost of detecting it, and the error.
 
-    Test shots with a fixed camera, static and with moving objects, and with a moving camera, where there
-    is nothing to save. Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run
-    on the machine.
+    The scenes are test shots with a fixed camera, with and without moving objects, and with a moving camera.
+    Methods run on the CPU backend. Frames are rendered here, with OpenGL. Nothing else should run on the
+    machine.
 
     \b
     Example:
@@ -178,17 +178,13 @@ def skip(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import skip as bench
 
-    families, names, size = (
-        split_list(scenes),
-        split_list(methods),
-        parse_size(display_size, "--display-size"),
-    )
+    families, names = split_list(scenes), split_list(methods)
+    size = parse_size(display_size, "--display-size")
     with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=advance
         )
-    record = bench.SkipRecord(size, ratio, results, bench.frame_count(ratio))
-    publish(record, "skip", json)
+    publish(bench.SkipRecord(size, ratio, results, bench.frame_count(ratio)), "skip", json)
 
 
 def views(
@@ -277,17 +273,17 @@ def pareto(
 def device(
     methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large",
     display_size: DISPLAY_SIZES = "3840x2160,1920x1080",
-    ratio: Annotated[str, typer.Option(help="Display over render size, with commas between.")] = "2,1.5,4",
+    ratio: RATIOS = "2,1.5,4",
     steps: STEPS = 300,
-    minutes: Annotated[float, typer.Option(help="Nothing further is begun after this time.")] = 5.0,
+    minutes: Annotated[float, typer.Option(help="Begin no further measurement after this time.")] = 5.0,
     json: JSON = None,
 ) -> None:
     """Measure the GPU backend: throughput of the device, images, steps and passes, other runtimes.
 
     Steps are timed by timestamps of the device, with frame and image in textures. Their floor is the time of
-    the bytes and multiply-adds at the device's own throughput. Images are compared with those of the CPU
-    backend. Torch on CUDA and ONNX Runtime's GPU providers are timed where they are installed, at the first
-    size. The record is written after each result.
+    their bytes or multiply-adds at the device's measured throughput. Images are compared with the CPU
+    backend's. At the first size, torch on CUDA and ONNX Runtime's GPU providers are timed if they are
+    installed. The record is written after each result.
 
     \b
     Example:
@@ -306,7 +302,7 @@ def device(
     say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")
 
     def keep(text: str) -> bool:
-        """Write what is known; return whether there is time for more."""
+        """Write the record; return whether there is time for more."""
         if json is not None:
             write_json(replace(record, provenance=Provenance.now()), json)
         say(f"{time.perf_counter() - began:6.1f} s: {text}")

@@ -1,8 +1,9 @@
-"""Measures of what the eye sees first: trails, thin things, shadow edges, speckle; shares of the error.
+"""Measures of what the eye sees first: trails, thin geometry, shadow edges, speckle; shares of the error.
 
-Means over all pixels hide them, as few pixels are concerned. Masks are made of a shot's planes of truth
-(`Shot.read_truth`) alone, never of an image. Images are as metrics.py takes them; distances and bands are in
-display pixels. Each measure has a weight, so that a mean over frames is that of all pixels at once.
+They concern few pixels, so means over the image hide them. Masks come from a shot's planes of truth
+(`Shot.read_truth`), never from an image. Images are display values, as in metrics.py; planes and masks are
+(H, W); distances are in display pixels. Each measure has a weight, so that the weighted mean over frames is
+the mean over the pixels of all frames. `border` pixels on each side do not count.
 """
 
 from collections.abc import Mapping
@@ -12,26 +13,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 from supersampler.frame import Array, Float32
 from supersampler.io.display import BT709
-from supersampler_bench.quality.metrics import crop, warp
+from supersampler_bench.quality.metrics import Bool, crop, warp
 from supersampler_model.data.rendered import PixelTruth
 
-Bool = NDArray[np.bool_]
-Plane = NDArray[np.float32]
-
 KINDS = ("thin", "silhouette", "shadow", "mover", "edge", "texture")
-"""Kinds of pixels, each pixel is of the first that holds: see `kinds_of`."""
-TRAIL_DISTANCE = 2  # render pixels from a thing beyond which its coverage is a trail
-COVERED = 0.3  # coverage from which on a pixel counts as one of a thin thing
-SOLID = 0.5  # coverage from which on the colour is mostly the thing's
+"""Kinds of pixels. A pixel is of the first kind that applies: see `kinds_of`."""
+TRAIL_DISTANCE = 2  # render pixels; coverage farther than this from a thin object is a trail
+COVERED = 0.3  # minimum coverage at which a pixel counts as part of a thin object
+SOLID = 0.5  # minimum coverage at which the colour is mostly the object's
 SHADOW_CHANGE = 0.3  # of the unshadowed fraction; reprojecting a still edge changes it by up to 0.25
 SHADOW_REACH = THIN_REACH = SILHOUETTE_REACH = 2
 SPECKLE_BAND = 3
-BESIDE = 12  # from a mover's trail, where the image's error has no part of it
-REMEMBERED = 8  # frames for which a place counts as one where a thing was
+BESIDE = 12  # width of the band beside a trail, whose error is not the trail's
+REMEMBERED = 8  # frames
 
 
 class Weighted(NamedTuple):
@@ -48,54 +45,37 @@ class Weighted(NamedTuple):
 
 @dataclass(frozen=True)
 class CornerTruth:
-    """Planes of truth of one frame, (H, W), and masks made of them and of the frames before.
+    """Planes of truth of one frame, and masks from them and from earlier frames. Movers are not thin."""
 
-    Attributes:
-        thin_moving: coverage by thin things that move, [0, 1].
-        thin: coverage by all thin things.
-        far: farther than TRAIL_DISTANCE render pixels from all thin things.
-        left: where a thin thing that moves was in the last REMEMBERED frames, and is far from now.
-        beside: within BESIDE pixels of those, neither left nor close to a thin thing.
-        shadow_edges: within SHADOW_REACH of where a shadow came or went.
-        silhouettes: pixels that an outline of a mover, thin ones excepted, passes through.
-        band: within SPECKLE_BAND of those.
-        movers: pixels that are mostly of such a mover.
-        window: side of the speckle's window: a sample's pixel fills less than half of it.
-    """
-
-    thin_moving: Plane
-    thin: Plane
-    far: Bool
-    left: Bool
-    beside: Bool
-    shadow_edges: Bool
-    silhouettes: Bool
-    band: Bool
-    movers: Bool
-    window: int
+    thin_moving: Float32  # coverage by thin objects that move, [0, 1]
+    thin: Float32  # coverage by all thin objects
+    far: Bool  # farther than TRAIL_DISTANCE render pixels from all thin objects
+    left: Bool  # far, but a moving thin object was there in the last REMEMBERED frames
+    beside: Bool  # far and not left, but within BESIDE pixels of a left one
+    shadow_edges: Bool  # within SHADOW_REACH of where a shadow came or went
+    silhouettes: Bool  # pixels that the outline of a mover passes through
+    band: Bool  # within SPECKLE_BAND of a silhouette
+    movers: Bool  # pixels that are mostly of a mover
+    window: int  # side of the speckle's window, of which the pixel of a sample fills less than half
 
 
 class CornerTruths:
-    """Makes the truth of the frames of a shot, in order, and remembers where things and shadows were.
-
-    Args:
-        ratio: display over render size.
-    """
+    """Computes the truth of a shot's frames, in order; remembers where objects and shadows were."""
 
     def __init__(self, ratio: float) -> None:
         self._distance, self._window = round(TRAIL_DISTANCE * ratio), 2 * max(2, ceil(ratio)) - 1
-        self._unshadowed: Plane | None = None
-        self._age: Plane | None = None  # frames since a thin mover was there
+        self._unshadowed: Float32 | None = None
+        self._age: Float32 | None = None  # frames since a moving thin object was there
 
     def next(
         self, planes: Mapping[str, Array], motion: Array, unclear: Bool, *, reset: bool
     ) -> CornerTruth | None:
-        """Return the truth of the next frame; None where the shot has not all planes.
+        """Return the truth of the next frame; None if the shot lacks a plane.
 
         Args:
-            planes: of `Shot.read_truth`; those of `PixelTruth` are read.
+            planes: planes of `Shot.read_truth`; those of `PixelTruth` are read.
             motion: (H, W, 2), display pixels, previous minus current.
-            unclear: (H, W), where the motion is not that of one surface that was visible before.
+            unclear: where the motion is not that of a single surface that was visible before.
             reset: whether the frame is the first after a cut, or after one without planes.
         """
         if not planes.keys() >= set(PixelTruth.__slots__):
@@ -109,7 +89,7 @@ class CornerTruths:
         far = ~near(thin > 0.0, self._distance)
         age = np.full(thin.shape, np.inf, np.float32)
         if self._age is not None:
-            age = _least_around(self._age, motion) + 1.0
+            age = _min_around(self._age, motion) + 1.0
         left = far & (age <= REMEMBERED)
         silhouettes = (moving > 0.0) & (moving < 1.0) | _steps(moving > SOLID)
         changed = np.zeros(thin.shape, bool)
@@ -134,23 +114,17 @@ class CornerTruths:
 
 
 def trail(coverage: Array, truth: CornerTruth, border: int = 0) -> Weighted:
-    """Return the coverage by thin movers where none is near, over the true coverage: 0 is none.
-
-    Args:
-        coverage: (H, W), as a method blends it.
-        truth: of the frame.
-        border: pixels at each side that do not count.
-    """
+    """Return the blended coverage by moving thin objects far from them, over the true coverage: 0 is best."""
     blended, thing, far = (crop(plane, border) for plane in (coverage, truth.thin_moving, truth.far))
     return Weighted.ratio(_sum(blended[far]), _sum(thing))
 
 
 def color_trail(shown: Array, reference: Array, truth: CornerTruth, border: int = 0) -> Weighted:
-    """Return the colour of thin movers where they were, over that of the movers themselves: 0 is none.
+    """Return the colour of moving thin objects left behind them, over the true coverage: 0 is best.
 
-    Errors are projected on the difference between the movers' colour (the mean over pixels that are mostly
-    theirs, weighted by coverage) and the reference: 1 is the whole difference. Their sum over what movers
-    have left, less as many times the mean over what is beside it, is divided by the true coverage.
+    Errors are projected on the difference between the objects' colour (the mean over pixels that are mostly
+    theirs, weighted by coverage) and the reference: 1 is the whole difference. The mean error beside the left
+    pixels is subtracted from their mean error, and the difference is summed over the left pixels.
     """
     thing, left, beside = (crop(plane, border) for plane in (truth.thin_moving, truth.left, truth.beside))
     image, true = (crop(plane, border).astype(np.float64) for plane in (shown, reference))
@@ -165,16 +139,16 @@ def color_trail(shown: Array, reference: Array, truth: CornerTruth, border: int 
 
 
 def thin_kept(coverage: Array, truth: CornerTruth, border: int = 0) -> Weighted:
-    """Return the blended over the true coverage by thin things, where that is above COVERED: 1 is all."""
+    """Return the blended over the true coverage by thin objects, where that is above COVERED: 1 is best."""
     blended, thing = crop(coverage, border), crop(truth.thin, border)
     covered = thing > COVERED
     return Weighted.ratio(_sum(blended[covered]), _sum(thing[covered]))
 
 
 def specks(shown: Array, window: int) -> Float32:
-    """Return the luma, (H, W), that a median over `window` x `window` pixels takes from the image.
+    """Return the luma that a median over `window` x `window` pixels removes from the image.
 
-    Medians keep edges, however soft; they take single pixels, dots and stairs.
+    Medians keep edges, however soft; they remove single pixels, dots and stairs.
     """
     luma = shown.astype(np.float32) @ BT709
     around = sliding_window_view(np.pad(luma, window // 2, mode="edge"), (window, window))
@@ -183,25 +157,13 @@ def specks(shown: Array, window: int) -> Float32:
 
 
 def speckle(of_image: Array, of_reference: Array, truth: CornerTruth, border: int = 0) -> Weighted:
-    """Return the mean of the image's specks, less those of the reference, in movers' bands: 0 is none.
-
-    Args:
-        of_image: (H, W), `specks` of the image.
-        of_reference: (H, W), those of the reference.
-        truth: of the frame.
-        border: pixels at each side that do not count.
-    """
+    """Return the mean excess of the image's `specks` over the reference's in the movers' bands; 0 is best."""
     band, more = (crop(plane, border) for plane in (truth.band, of_image - of_reference))
     return Weighted.ratio(_sum(np.maximum(more[band], 0.0)), float(band.sum()))
 
 
 def kinds_of(truth: CornerTruth, edges: Bool) -> dict[str, Bool]:
-    """Return the pixels (H, W) of each of KINDS; each pixel is of one.
-
-    Args:
-        truth: of the frame.
-        edges: (H, W), where outlines of any surface pass through the pixel.
-    """
+    """Return the mask of each of KINDS. `edges` are pixels that outlines of any surface pass through."""
     found = {
         "thin": near(truth.thin > 0.0, THIN_REACH),
         "silhouette": near(truth.silhouettes, SILHOUETTE_REACH),
@@ -217,7 +179,7 @@ def kinds_of(truth: CornerTruth, edges: Bool) -> dict[str, Bool]:
 
 
 def near(mask: Bool, reach: int) -> Bool:
-    """Return where a pixel of the mask is at most `reach` pixels away, between centres."""
+    """Return the pixels within `reach` pixels, between centres, of a pixel of the mask."""
     padded = np.pad(mask, reach)
     height, width = mask.shape
     found = np.zeros_like(mask)
@@ -229,7 +191,7 @@ def near(mask: Bool, reach: int) -> Bool:
 
 
 def _steps(mask: Bool) -> Bool:
-    """Return pixels of the mask beside one that is not, and the other way round."""
+    """Return pixels that differ from one of their four neighbours."""
     found = np.zeros_like(mask)
     across, down = mask[:, 1:] != mask[:, :-1], mask[1:] != mask[:-1]
     found[:, 1:] |= across
@@ -239,16 +201,16 @@ def _steps(mask: Bool) -> Bool:
     return found
 
 
-def _least_around(plane: Plane, motion: Array) -> Plane:
-    """Return the least of the previous frame's four pixels around p + motion[p]; inf off screen."""
+def _min_around(plane: Float32, motion: Array) -> Float32:
+    """Return the minimum of the previous frame's four pixels around p + motion[p]; inf off screen."""
     height, width = plane.shape
     rows, columns = np.indices(plane.shape)
     x, y = (np.nan_to_num(base + motion[..., i], nan=np.inf) for i, base in enumerate((columns, rows)))
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
     ends = [[end(values).astype(np.intp) for end in (np.floor, np.ceil)] for values in (x, y)]
-    least = np.minimum.reduce([plane[row, column] for column in ends[0] for row in ends[1]])
-    return np.where(inside, least, np.float32(np.inf))
+    smallest = np.minimum.reduce([plane[row, column] for column in ends[0] for row in ends[1]])
+    return np.where(inside, smallest, np.float32(np.inf))
 
 
 def _sum(values: Any) -> float:

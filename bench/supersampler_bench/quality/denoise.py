@@ -1,4 +1,4 @@
-"""Measure the temporal denoiser on a path tracer's frames, beside the per-frame denoiser alone."""
+"""Measure the temporal denoiser on a path tracer's frames, beside the per-frame denoiser."""
 
 import re
 import time
@@ -33,16 +33,16 @@ from supersampler_bench.quality.denoise_record import (
 from supersampler_bench.quality.denoise_references import (
     Reference,
     bounding_box,
-    check_scored,
     find_references,
     read_reference,
 )
+from supersampler_bench.quality.scores import BORDER
 from supersampler_bench.record import DENOISER
 
 COSTS_FILE = "costs.jsonl"
-"""File beside the frames with lines {"frame": number, "cpu": seconds}: what the renderer took."""
+"""File beside the frames with the renderer's time: lines {"frame": number, "cpu": seconds}."""
 Images = dict[int, Float32]
-"""Images by the number of their frame."""
+"""Images by frame number."""
 
 
 class _Cost(msgspec.Struct):
@@ -51,7 +51,7 @@ class _Cost(msgspec.Struct):
 
 
 def scene_and_samples(render: Path) -> tuple[str, int]:
-    """Return a render's scene and samples a pixel, from the name of its folder: ("room", 4) of room-4.
+    """Return a render's scene and samples per pixel from the name of its folder: room-4 gives ("room", 4).
 
     Raises:
         ArgumentError: the name does not end in a hyphen and a number.
@@ -65,8 +65,7 @@ def scene_and_samples(render: Path) -> tuple[str, int]:
 
 def frame_count(shot: Shot, references: Mapping[int, Sequence[Path]]) -> int:
     """Return the number of frames that `measure_render` reads."""
-    span = _span(shot, references)
-    return span.stop - span.start
+    return len(_span(shot, references))
 
 
 def measure_render(
@@ -77,18 +76,19 @@ def measure_render(
     reference: str,
     on_frame: Callable[[], None] = lambda: None,
 ) -> RenderRow:
-    """Denoise frames of a shot in several ways, and score them where there are references.
+    """Denoise frames of a shot in several ways, and score those that have references.
 
     Args:
-        render: its folder, whose name is SCENE-SAMPLES.
+        render: folder of the shot, whose name is SCENE-SAMPLES.
         shot: its frames, opened with the guides of denoising.
-        denoiser: denoises each frame first; None: the frames are denoised.
-        reference: see `find_references`.
+        denoiser: denoises each frame first; None if the frames are already denoised.
+        reference: pattern, see `find_references`.
         on_frame: called after each frame of `frame_count`.
 
     Raises:
         ArgumentError: the folder has another name, or no frame has a reference.
-        ShotError: a file cannot be read, or a reference differs in size from the frames.
+        ShotError: a file cannot be read; a reference differs in size from the frames, or none of its pixels
+            can be scored.
     """
     scene, samples = scene_and_samples(render)
     files = find_references(render, scene, reference)
@@ -99,7 +99,9 @@ def measure_render(
     for number, each in references.items():
         if each.scored.shape != (height, width):
             raise ShotError(files[number][0], f"has {each.scored.shape} pixels; the frames {(height, width)}")
-    check_scored(references, files)
+        if not each.scored.any():
+            problem = f"has no pixel that is {BORDER} pixels from missing ones and from the edge"
+            raise ShotError(files[number][0], problem, "Render a larger region.")
     frames, frame_cpu = _denoised_alone(shot, span, denoiser, on_frame)
     both, filter_cpu = _filtered(frames, REACH)
     one_pass, one_pass_cpu = _filtered(frames, 0)
@@ -129,7 +131,7 @@ def measure_render(
 
 
 def _span(shot: Shot, references: Mapping[int, object]) -> range:
-    """Return the indices of the frames with references, and of those within REACH of them."""
+    """Return the indices of the frames from REACH before the first reference to REACH after the last."""
     indices = [index for index in range(len(shot)) if shot.first_number + index in references]
     if not indices:
         numbers = f"{shot.first_number} to {shot.first_number + len(shot) - 1}"
@@ -139,7 +141,7 @@ def _span(shot: Shot, references: Mapping[int, object]) -> range:
 
 
 def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
-    """Return the renderer's CPU seconds, the mean over frames; None where COSTS_FILE has none of them.
+    """Return the renderer's mean CPU seconds over the frames; None if COSTS_FILE has none of them.
 
     Raises:
         ShotError: the file has other lines.
@@ -151,9 +153,8 @@ def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
         lines = [line for line in path.read_bytes().splitlines() if line.strip()]
         costs = [msgspec.json.decode(line, type=_Cost) for line in lines]
     except msgspec.DecodeError as error:
-        raise ShotError(
-            path, f"is not readable ({error})", 'Its lines are {"frame": 1, "cpu": 2.5}.'
-        ) from error
+        hint = 'Its lines are {"frame": 1, "cpu": 2.5}.'
+        raise ShotError(path, f"is not readable ({error})", hint) from error
     by_number = {cost.frame: cost.cpu for cost in costs}
     return mean_of([by_number.get(number) for number in numbers])
 
@@ -161,9 +162,9 @@ def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
 def _denoised_alone(
     shot: Shot, span: range, denoiser: FrameDenoiser | None, on_frame: Callable[[], None]
 ) -> tuple[list[Frame], float]:
-    """Return frames, each denoised by itself, without AOVs, and the denoiser's CPU seconds a frame."""
+    """Return frames without AOVs, each denoised by itself, and the denoiser's CPU seconds per frame."""
     read = shot.frames(span.start, span.stop, gbuffers=BUFFERS, references=False)
-    # All are read first: threads read ahead, and their time would count.
+    # Reads all frames first: the time of the threads that read ahead would count.
     frames = [replace(item.frame, aovs=None) for item in read]
     frames[0] = replace(frames[0], reset=True)
     done, seconds = [], 0.0
@@ -189,7 +190,7 @@ def _denoised_frame(frame: Frame, denoiser: FrameDenoiser) -> Frame:
 
 
 def _filtered(frames: Sequence[Frame], lookahead: int) -> tuple[list[Float32], float]:
-    """Return the images of the temporal filter, and its CPU seconds a frame where it has all neighbours."""
+    """Return the images of the temporal filter, and its CPU seconds per frame that has all neighbours."""
     images, seconds = [], []
     with TemporalDenoiser(per_frame="none", lookahead=lookahead, threads=1) as denoiser:
         run = denoiser.run(frames)
@@ -201,9 +202,9 @@ def _filtered(frames: Sequence[Frame], lookahead: int) -> tuple[list[Float32], f
 
 
 def median_of_three(frames: Mapping[int, Frame], number: int) -> Float32:
-    """Return the median of a frame and its two neighbours, (h, w, 3), each channel by itself.
+    """Return the median (h, w, 3), per channel, of a frame and its two neighbours.
 
-    The neighbours are aligned by motion, bilinearly; where they are not known, the frame takes their place.
+    The neighbours are aligned by motion, bilinearly. The frame itself replaces unknown pixels of them.
     """
     frame, before, after = (frames.get(each) for each in (number, number - 1, number + 1))
     if frame is None or frame.color is None:
@@ -233,7 +234,7 @@ def displayed(image: Float32) -> Float32:
 
 
 def _scores(method: str, images: Images, references: Mapping[int, Reference]) -> DenoiseScores:
-    """Score the images of one method, in the smallest rectangle around the pixels that count."""
+    """Score the images of one method in the smallest rectangle around the scored pixels."""
     box = bounding_box(np.logical_or.reduce([each.scored for each in references.values()]))
     masks = {number: each.scored[box] for number, each in references.items()}
     shown = {number: displayed(image[box]) for number, image in images.items()}

@@ -1,4 +1,4 @@
-"""Record and tables of `bench denoise`: ways to denoise a path tracer's frames, with their error and cost."""
+"""Record and tables of `bench denoise`: error and cost of ways to denoise a path tracer's frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,66 +18,42 @@ METHODS = {
     ONE_PASS: "temporal filter, 1 pass",
     DENOISER: "temporal filter, 2 passes",
 }
-"""Names of what is compared, and their titles in tables."""
+"""Names of the compared ways, and their titles in tables."""
 
 
 def mean_of(values: Sequence[float | None]) -> float | None:
-    """Return the mean of the known values; None where none is known."""
+    """Return the mean of the known values; None if none is known."""
     known = [value for value in values if value is not None and not np.isnan(value)]
     return float(np.mean(known)) if known else None
 
 
 @dataclass(frozen=True)
 class DenoiseScores:
-    """Scores of one way to denoise, means over the frames with references.
+    """Mean scores of one way to denoise, over the frames with references."""
 
-    Attributes:
-        method: one of METHODS.
-        psnr: dB, of sRGB values.
-        tpsnr: dB, of changes between frames in a row; None where no two references are.
-        flip: mean FLIP; None where flip-evaluator is not installed.
-    """
-
-    method: str
-    psnr: float | None
-    tpsnr: float | None
-    flip: float | None
+    method: str  # one of METHODS
+    psnr: float | None  # dB, of sRGB values
+    tpsnr: float | None  # dB; None without references of consecutive frames
+    flip: float | None  # None without flip-evaluator
 
 
 @dataclass(frozen=True)
 class RenderRow:
-    """Scores and costs of one render.
-
-    Attributes:
-        scene: name of the scene.
-        samples: samples a pixel.
-        size: (width, height).
-        frames: numbers of the frames that were denoised.
-        reference_frames: numbers of those that were scored.
-        reference_files: files whose mean a reference is, at least.
-        reference_is_denoised: whether the references were denoised, each by itself.
-        scored: fraction of the pixels that was scored.
-        per_frame: what denoised each frame: "oidn", or "none" where the frames came denoised.
-        render_cpu: CPU seconds a frame of the renderer; None where they are not known.
-        frame_cpu: CPU seconds a frame of the per-frame denoiser; 0 where the frames came denoised.
-        filter_cpu: CPU seconds a frame of the temporal filter, where it has all neighbours.
-        one_pass_cpu: the same with one pass.
-        methods: scores of METHODS.
-    """
+    """Scores and costs of one render; costs are CPU seconds per frame."""
 
     scene: str
-    samples: int
+    samples: int  # per pixel
     size: Size
-    frames: list[int]
-    reference_frames: list[int]
-    reference_files: int
-    reference_is_denoised: bool
-    scored: float
-    per_frame: str
-    render_cpu: float | None
-    frame_cpu: float
-    filter_cpu: float
-    one_pass_cpu: float
+    frames: list[int]  # numbers of the denoised frames
+    reference_frames: list[int]  # numbers of the scored frames
+    reference_files: int  # minimum number of files that a reference is the mean of
+    reference_is_denoised: bool  # whether the references were denoised, each by itself
+    scored: float  # fraction of the pixels that was scored
+    per_frame: str  # "oidn"; "none" if the frames came denoised
+    render_cpu: float | None  # of the renderer; None if unknown
+    frame_cpu: float  # of the per-frame denoiser; 0 if the frames came denoised
+    filter_cpu: float  # of the temporal filter, at frames that have all neighbours
+    one_pass_cpu: float  # of the temporal filter with one pass
     methods: list[DenoiseScores]
 
     def scores(self, method: str) -> DenoiseScores:
@@ -85,13 +61,8 @@ class RenderRow:
         return next(scores for scores in self.methods if scores.method == method)
 
     def temporal_cpu(self, method: str) -> float | None:
-        """Return CPU seconds a frame of what follows the per-frame denoiser; None: they were not measured."""
+        """Return the CPU seconds per frame after the per-frame denoiser; None if they were not measured."""
         return {FRAME: 0.0, ONE_PASS: self.one_pass_cpu, DENOISER: self.filter_cpu}.get(method)
-
-    @property
-    def megapixels(self) -> float:
-        """Pixels of a frame, in millions."""
-        return self.size[0] * self.size[1] / 1e6
 
 
 @dataclass(frozen=True)
@@ -104,12 +75,13 @@ class DenoiseRecord(BenchRecord):
     TABLES = ("", "scenes", "flip")
 
     def table(self) -> str:
-        """Return the Markdown table of means over scenes, at each number of samples."""
+        """Return the table of means over scenes, at each number of samples."""
         headings = [
             "samples:", "method", "PSNR dB ↑:", "tPSNR dB ↑:", "FLIP ↓:", "CPU s a frame:",
             "of which the filter:", "filter, CPU s a megapixel:",
         ]  # fmt: skip
-        rows = [row for samples in self._samples() for row in self._mean_rows(samples)]
+        counts = sorted({row.samples for row in self.renders})
+        rows = [row for samples in counts for row in self._mean_rows(samples)]
         scenes = sorted({row.scene for row in self.renders})
         caption = (
             f"Scenes: {', '.join(scenes)}; means of those with each number of samples. CPU s a frame: "
@@ -119,7 +91,7 @@ class DenoiseRecord(BenchRecord):
         return table(headings, rows, caption)
 
     def scenes_table(self) -> str:
-        """Return the Markdown table of PSNR and tPSNR of each render, and of costs."""
+        """Return the table of PSNR, tPSNR and costs of each render."""
         headings = ["scene", "samples:", *(f"{title}:" for title in METHODS.values())]
         costs = ["renderer, CPU s:", "per-frame denoiser, CPU s:", "filter, CPU s:"]
         rows = [
@@ -133,7 +105,7 @@ class DenoiseRecord(BenchRecord):
         return table([*headings, *costs], rows, "PSNR / tPSNR, dB, and CPU seconds a frame.")
 
     def flip_table(self) -> str:
-        """Return the Markdown table of the FLIP of each render."""
+        """Return the table of the FLIP of each render."""
         headings = ["scene", "samples:", *(f"{title}:" for title in METHODS.values())]
         rows = [
             [row.scene, row.samples, *(figure(row.scores(method).flip, 4) for method in METHODS)]
@@ -143,9 +115,6 @@ class DenoiseRecord(BenchRecord):
 
     def _ordered(self) -> list[RenderRow]:
         return sorted(self.renders, key=lambda row: (row.samples, row.scene))
-
-    def _samples(self) -> list[int]:
-        return sorted({row.samples for row in self.renders})
 
     def _mean_rows(self, samples: int) -> list[list[object]]:
         """Return the rows of the mean table at one number of samples."""
@@ -159,21 +128,15 @@ class DenoiseRecord(BenchRecord):
                 for row, cpu in zip(renders, own, strict=True)
             ]
             a_megapixel = [
-                None if cpu is None or method == FRAME else cpu / row.megapixels
+                None if cpu is None or method == FRAME else 1e6 * cpu / (row.size[0] * row.size[1])
                 for row, cpu in zip(renders, own, strict=True)
             ]
-            found.append(
-                [
-                    samples,
-                    title,
-                    figure(mean_of([each.psnr for each in scores]), 2),
-                    figure(mean_of([each.tpsnr for each in scores]), 2),
-                    figure(mean_of([each.flip for each in scores]), 4),
-                    figure(mean_of(whole), 2),
-                    figure(None if method == FRAME else mean_of(own), 2),
-                    figure(mean_of(a_megapixel), 2),
-                ]
+            psnr, tpsnr, flip = (
+                mean_of([getattr(each, name) for each in scores]) for name in ("psnr", "tpsnr", "flip")
             )
+            of_filter = None if method == FRAME else mean_of(own)
+            costs = (figure(cost, 2) for cost in (mean_of(whole), of_filter, mean_of(a_megapixel)))
+            found.append([samples, title, figure(psnr, 2), figure(tpsnr, 2), figure(flip, 4), *costs])
         return found
 
     def _conditions(self) -> str:

@@ -1,13 +1,13 @@
 """Unshaded frames, extrapolated and upscaled, compared with references and with two baselines.
 
-The colour of every second frame of a shot is removed, or of two of three. Each upscaler runs in these ways:
+Every second frame of a shot, or two of three, loses its colour. Each upscaler runs in these ways:
 
     shaded          all frames are shaded: the upper limit
     warp            unshaded frames show the last image, warped by motion
-    warp, filled    the same, with disoccluded pixels filled from the nearest background
+    warp, filled    like warp, with disoccluded pixels filled from the nearest background
     a model's name  the upscaler steps on the colour that the model extrapolates
 
-The warping baselines upscale shaded frames alone, with motion that spans the unshaded frames between them.
+The warping baselines upscale shaded frames only, with motion that spans the unshaded frames between them.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import lacking, listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
+from supersampler.methods.model_info import ModelInfo
 from supersampler.sequence.both_ways import buffers_of
 from supersampler.sequence.interpolation import interpolator_of
 from supersampler.upscaler import Upscaler
@@ -50,41 +50,32 @@ from supersampler_bench.quality.scores import (
     shots_by_ratio,
 )
 
-Bool = NDArray[np.bool_]
 REACH = 32
-"""Radius, display pixels, of the search for a disoccluded pixel's background."""
+"""Radius, display pixels, of the search for the background of a disoccluded pixel."""
 
 
 def warped(image: Float32, frame: Frame) -> Float32:
-    """Reproject the previous image, (H, W, 3), by a frame's motion; off screen the border repeats."""
+    """Reproject the previous image (H, W, 3) by a frame's motion; the border repeats off screen."""
     height, width = image.shape[:2]
     motion = masks.display_motion(frame, (width, height))
     rows, columns = np.indices((height, width))
-    x, y = (np.clip(columns + motion[..., 0], 0, width - 1), np.clip(rows + motion[..., 1], 0, height - 1))
+    x, y = np.clip(columns + motion[..., 0], 0, width - 1), np.clip(rows + motion[..., 1], 0, height - 1)
     found, _ = metrics.warp(image, np.stack([x - columns, y - rows], axis=-1))
     return found.astype(np.float32)
 
 
 def with_background_filled(image: Float32, frame: Frame, before: Frame) -> Float32:
-    """Fill disoccluded and off-screen pixels of a warped image from the nearest background.
+    """Fill disoccluded and off-screen pixels of a warped image (H, W, 3) from the nearest background.
 
-    That is the nearest pixel, within REACH, that was fully visible and is not closer than the filled one.
-
-    Args:
-        image: (H, W, 3), by `warped`.
-        frame: this one.
-        before: the previous one, shaded or unshaded.
+    The background is the nearest pixel, within REACH, that was fully visible and is not closer to the camera
+    than the filled one.
     """
     size = (image.shape[1], image.shape[0])
-    unshaded, in_part, depth = (
-        masks.to_display(plane, frame.jitter, size)
-        for plane in (
-            masks.disoccluded(frame, before),
-            masks.disoccluded(frame, before, in_part=True),
-            frame.depth,
-        )
+    occluded, in_part = (masks.disoccluded(frame, before, in_part=part) for part in (False, True))
+    disoccluded, in_part, depth = (
+        masks.to_display(plane, frame.jitter, size) for plane in (occluded, in_part, frame.depth)
     )
-    filled, (rows, columns) = image.copy(), np.nonzero(unshaded)
+    filled, (rows, columns) = image.copy(), np.nonzero(disoccluded)
     for down, across in _outwards():
         y, x = rows + down, columns + across
         inside = (y >= 0) & (y < size[1]) & (x >= 0) & (x < size[0])
@@ -99,18 +90,16 @@ def with_background_filled(image: Float32, frame: Frame, before: Frame) -> Float
 
 
 def motion_over_two_frames(frame: Frame, since: Array | None, jitter: tuple[float, float]) -> Array:
-    """Return motion (h, w, 2) from a frame across the previous one, to the frame that `since` leads to.
+    """Return motion (h, w, 2) from a frame, over the previous one, to the frame that `since` leads to.
 
-    Args:
-        frame: this one.
-        since: (h, w, 2), from the previous frame to an earlier one; None: return the frame's own motion.
-        jitter: jitter of the previous frame.
+    `since` is the motion (h, w, 2) of the previous frame to an earlier one; with None, the result is the
+    frame's own motion. `jitter` is that of the previous frame.
     """
     if since is None:
         return frame.motion
     to_sample = frame.motion + np.subtract(frame.jitter, jitter)
     further, inside = metrics.warp(since, to_sample)
-    total = np.where(inside[..., None], frame.motion + further, frame.motion)  # off screen: no matter
+    total = np.where(inside[..., None], frame.motion + further, frame.motion)  # off screen: does not matter
     return total.astype(np.float32)
 
 
@@ -137,10 +126,9 @@ TEMPORAL_METRICS = ("tpsnr", "warped_error_difference", "strred")
 
 
 class Alternation:
-    """Pattern of unshaded frames: a fixed number after each shaded one; never the first after a cut.
+    """Pattern of unshaded frames: a fixed number after each shaded one; a frame after a cut is shaded.
 
-    Args:
-        text: unshaded to shaded frames: "1:1" leaves out every second frame, "2:1" two of three.
+    The text gives unshaded to shaded frames: in "1:1" every second frame is unshaded, in "2:1" two of three.
 
     Raises:
         ArgumentError: the text is something else.
@@ -156,7 +144,7 @@ class Alternation:
         self._since: dict[int, int] = {}  # frames since the last shaded one
 
     def leaves_unshaded(self, item: ShotFrame) -> bool:
-        """Return whether a frame is unshaded; frames come in order, each any number of times."""
+        """Return whether a frame is unshaded. Frames come in order; each may come several times."""
         before = self._since.get(item.index - 1)
         if item.frame.reset or before is None:
             self._since[item.index] = 0
@@ -171,14 +159,14 @@ class Alternation:
 class UnshadedScores(MethodScores):
     """Scores of the unshaded frames, and of the shaded ones.
 
-    Summaries are of the unshaded frames, with the PSNR of the shaded ones; metrics of changes are over all.
+    Summaries are of the unshaded frames, plus PSNR_SHADED. TEMPORAL_METRICS are over all frames.
     """
 
     shaded: MethodScores
 
     @classmethod
     def of(cls, scores: MethodScores, unshaded: Collection[int]) -> "UnshadedScores":
-        """Return the scores of a method, given the indices of its unshaded frames."""
+        """Split the scores of a method by the indices of its unshaded frames."""
         frames = [frame for frame in scores.frames if frame.frame in unshaded]
         shaded = [frame for frame in scores.frames if frame.frame not in unshaded]
         return cls(scores.method, frames, MethodScores(scores.method, shaded))
@@ -193,7 +181,7 @@ class UnshadedScores(MethodScores):
         return unshaded | temporal | {PSNR_SHADED: shaded["psnr"]}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> None:
-        """Return None: classes are defined on shaded frames only."""
+        """Return None: only shaded frames have classes."""
 
 
 def measure_extrapolation(
@@ -209,11 +197,11 @@ def measure_extrapolation(
 
     Args:
         shot: all of its frames are shaded and have the G-buffers that the models read.
-        upscalers: as `parse_spec` reads them.
-        models: models that extrapolate: their names, or folders.
-        alternations: as `Alternation` reads them.
+        upscalers: see `parse_spec`.
+        models: names or folders of extrapolation models, with ":x2" for two passes.
+        alternations: see `Alternation`.
         on_left_out: called with the reason why an upscaler is left out.
-        on_frame: called after each frame of each run.
+        on_frame: called after each frame, for each alternation.
 
     Returns:
         Scores of all ways, by alternation.
@@ -223,9 +211,11 @@ def measure_extrapolation(
         ArgumentError: no upscaler is left, or an alternation is invalid.
         ModelError, FrameError: see `Upscaler`.
     """
-    display = reference_size(shot)
+    display, available = reference_size(shot), names_of(shot.read_raw(0))
     for model in models:
-        check_gbuffers(shot, model.removesuffix(_TWO_PASSES))
+        if missing := lacking(_info(model).gbuffers, available):
+            hint = f"{model} reads them. The shots of `bench shots` have all."
+            raise ShotError(shot.path, f"frames have no {listed(missing)}", hint)
     upscalers = runnable(shot, upscalers, on_left_out)
     scores = {}
     for text in alternations:
@@ -236,17 +226,8 @@ def measure_extrapolation(
     return scores
 
 
-def check_gbuffers(shot: Shot, model: str) -> None:
-    """Fail where a shot lacks G-buffers that a model reads.
-
-    Raises:
-        ShotError: it does.
-    """
-    there = names_of(shot.read_raw(0))
-    missing = lacking(read_model_info(find_model(model)).gbuffers, there)
-    if missing:
-        hint = f"{model} reads them. The shots of `bench shots` have all."
-        raise ShotError(shot.path, f"frames have no {listed(missing)}", hint)
+def _info(model: str) -> ModelInfo:
+    return read_model_info(find_model(model.removesuffix(_TWO_PASSES)))
 
 
 def _ways(
@@ -263,7 +244,7 @@ def _ways(
                 return both.extrapolate(replace(item.frame, color=None))
             return both.step(item.frame)
 
-        return way(read_model_info(find_model(model)).method, step, both.gbuffers)
+        return way(_info(model).method, step, both.gbuffers)
 
     def both_ways(model: str | None) -> Stepper:
         forward = upscaler_of(upscaler, display)
@@ -276,7 +257,7 @@ def _ways(
                 yield replace(item.frame, color=None) if unshaded else item.frame
 
         images = both_ways_images(frames(), forward, interpolator=interpolator)
-        name = "shaded" if model is None else read_model_info(find_model(model)).method
+        name = "shaded" if model is None else _info(model).method
         return Stepper(f"{upscaler}, {name} x2", lambda _: next(images), gbuffers)
 
     shaded = upscaler_of(upscaler, display)
@@ -290,12 +271,9 @@ def _ways(
 
 
 class WarpBaseline:
-    """Upscales shaded frames alone, and warps the last image on the others.
+    """Upscales shaded frames, and warps the last image at unshaded ones.
 
-    Args:
-        upscaler: upscaler of the shaded ones.
-        alternation: which frames are unshaded.
-        filled: whether disoccluded pixels are filled from the nearest background.
+    With `filled`, disoccluded pixels of warped images are filled from the nearest background.
     """
 
     def __init__(self, upscaler: Upscaler, alternation: Alternation, *, filled: bool) -> None:
@@ -322,20 +300,15 @@ class WarpBaseline:
 
 @dataclass(frozen=True)
 class ExtrapolationRecord(ScoresRecord):
-    """Scores of unshaded frames on shots, and their means at each ratio.
+    """Scores of unshaded frames on shots, and their means at each ratio and alternation."""
 
-    Attributes:
-        models: models that extrapolate.
-        means: means at each ratio and alternation.
-    """
-
-    models: list[str]
+    models: list[str]  # extrapolation models
     means: list[Alternated]
     BENCH = "extrapolation"
 
     @classmethod
     def of(cls, shots: Sequence[ShotRow], models: Sequence[str]) -> "ExtrapolationRecord":
-        """Return the record of shots by `unshaded_row`."""
+        """Return the record of rows by `unshaded_row`."""
         means = []
         for ratio, group in shots_by_ratio(shots).items():
             for same in zip(*(shot.alternations for shot in group), strict=True):
@@ -344,15 +317,8 @@ class ExtrapolationRecord(ScoresRecord):
                 means.append(Alternated(same[0].alternation, methods, ratio))
         return cls(list(shots), list(models), means)
 
-    def rows(self) -> Iterator[tuple[float, Alternated]]:
-        """Yield the means, or the rows of the only shot, each with its ratio."""
-        if self.means:
-            yield from ((row.ratio or 1.0, row) for row in self.means)
-            return
-        yield from ((shot.real_ratio, row) for shot in self.shots for row in shot.alternations)
-
     def table(self) -> str:
-        """Return the tables as Markdown, one for each alternation, with captions."""
+        """Return a Markdown table for each alternation."""
         if not self.means:
             return "\n\n".join(self._table(sizes(self.shots[0]), row) for row in self.shots[0].alternations)
         tables = []
@@ -372,6 +338,6 @@ class ExtrapolationRecord(ScoresRecord):
 def unshaded_row(
     shot: Shot, alternations: Mapping[str, Sequence[UnshadedScores]], origin: Mapping[str, Any] | None = None
 ) -> ShotRow:
-    """Return the part of a record about one shot; `origin` is what else is known of the shot's pixels."""
+    """Return the row of a shot in a record; for `origin`, see `PublicShot.origin`."""
     rows = [Alternated(text, [MethodRow.of(s) for s in scores]) for text, scores in alternations.items()]
     return ShotRow.of(shot, origin, alternations=rows)

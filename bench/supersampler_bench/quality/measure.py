@@ -1,16 +1,15 @@
 """Quality of methods on a shot: one pass, one frame at a time, all methods side by side.
 
-The metrics are in metrics.py, strred.py, masks.py and confusion.py. Each frame has scores of the whole image
-("full") and without a border ("cropped"); summaries are of all frames ("all") and without the first ("warm").
+The metrics are in metrics.py, strred.py, masks.py and corners.py. Each frame has scores of the whole image
+("full") and without a border ("cropped"). Summaries are over all frames ("all") or those after the warm-up
+("warm").
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame, Size
@@ -34,6 +33,7 @@ from supersampler_bench.quality.corners import (
     thin_kept,
     trail,
 )
+from supersampler_bench.quality.metrics import Bool
 from supersampler_bench.quality.scores import (
     BORDER,
     CLASS_MASKS,
@@ -47,30 +47,22 @@ from supersampler_bench.specs import incompatibility, parse_spec
 from supersampler_model.data.rendered import AOVS
 from supersampler_model.data.shots import variant_name
 
-Bool = NDArray[np.bool_]
 NATIVE = ":native"
 """Suffix of methods that step the frames of display size, the variant of the shot at ratio 1."""
 OUTSIDE = (EASU, EASU_RCAS, FSR2_LIKE)
-"""Baselines of others' published formulas, which only this bench has."""
+"""Baselines by published formulas of others, which are not shipped models."""
 Bands = tuple[strred.Plane, strred.Plane]
 """STRRED bands of the previous image and of this one."""
 
 
 @dataclass(frozen=True)
 class ScoredImage:
-    """One method's image of a frame that has a reference, as `watch` of `measure_quality` gets it.
+    """A method's image of a frame that has a reference."""
 
-    Attributes:
-        method: its index in the list of methods.
-        frame: its number.
-        shown: (H, W, 3), after the display transform.
-        flip: (H, W), LDR-FLIP.
-    """
-
-    method: int
+    method: int  # index in the list of methods
     frame: int
-    shown: Float32
-    flip: Float32
+    shown: Float32  # (H, W, 3), after the display transform
+    flip: Float32  # (H, W), LDR-FLIP
 
 
 @dataclass(frozen=True)
@@ -83,7 +75,7 @@ class StepImage:
 
 
 class Stepper(NamedTuple):
-    """Computes images of a shot's frames in order; `gbuffers` are the names of those that it reads."""
+    """Computes the images of a shot's frames, in order, from the frames' colour and these G-buffers."""
 
     name: str
     step: Callable[[ShotFrame], StepImage]
@@ -92,23 +84,15 @@ class Stepper(NamedTuple):
 
 def measure_quality(
     shot: Shot,
-    methods: Sequence[str | Path],
+    methods: Sequence[str],
     *,
     watch: Callable[[ScoredImage], None] = lambda _: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[MethodScores]:
-    """Step every method through the shot and score the frames that have a reference.
+    """Step every method through the shot and score the frames that have a reference; see `measure_steppers`.
 
-    Args:
-        shot: at least one frame with a reference.
-        methods: names of shipped models, or model folders, with settings as `parse_spec` reads them
-            (":fp32", ":exact", ":x2"); with ":native" at the end, on the shot's frames of display size; or
-            one of OUTSIDE.
-        watch: called with each image that is scored.
-        on_frame: called after each frame.
-
-    Returns:
-        Scores in the order of `methods`.
+    `methods` have settings as `parse_spec` reads them (":fp32", ":off", ":x2"), or ":native" for the shot's
+    frames of display size, or are among OUTSIDE.
 
     Raises:
         ShotError: no frame has a reference.
@@ -125,7 +109,7 @@ def measure_steppers(
     watch: Callable[[ScoredImage], None] = lambda _: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[MethodScores]:
-    """Do what `measure_quality` does, for any steppers."""
+    """Return the scores of each stepper, in order; `watch` is called with each image that is scored."""
     gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
     frames: list[list[FrameScores]] = [[] for _ in steppers]
     truths = _Truths(shot)
@@ -145,33 +129,29 @@ def measure_steppers(
 
 
 def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], None]) -> list[str]:
-    """Return those of some methods that can upscale a shot.
-
-    Args:
-        shot: at least one frame with a reference.
-        methods: see `measure_quality`.
-        on_left_out: called with the reason why a method is left out.
+    """Return the methods that can upscale a shot with references.
 
     Raises:
         ArgumentError: no method is left.
     """
     display, available = reference_size(shot), names_of(shot.read_raw(0))
-    reasons = {}
+    kept = []
     for method in methods:
-        if method in OUTSIDE:
-            continue
-        size = display if method.endswith(NATIVE) else shot.render_size
-        spec = parse_spec(method.removesuffix(NATIVE), two_passes=True)
-        reasons[method] = incompatibility(spec.model, size, display, available)
-    for reason in filter(None, reasons.values()):
-        on_left_out(f"{shot.name}: {reason}")
-    kept = [method for method in methods if not reasons.get(method)]
+        reason = ""
+        if method not in OUTSIDE:
+            size = display if method.endswith(NATIVE) else shot.render_size
+            spec = parse_spec(method.removesuffix(NATIVE), two_passes=True)
+            reason = incompatibility(spec.model, size, display, available)
+        if reason:
+            on_left_out(f"{shot.name}: {reason}")
+        else:
+            kept.append(method)
     if not kept:
         raise ArgumentError("--methods", got=", ".join(methods), want=f"one that can upscale {shot.name}")
     return kept
 
 
-def stepper_of(method: str | Path, shot: Shot) -> Stepper:
+def stepper_of(method: str, shot: Shot) -> Stepper:
     """Return the stepper of a method, given as `measure_quality` takes it, for all frames of a shot.
 
     Raises:
@@ -179,7 +159,7 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
     """
     if method == FSR2_LIKE:
         fsr2 = Fsr2Like(reference_size(shot), 1.0 / (shot.frame_rate or 60.0))
-        return Stepper(FSR2_LIKE, lambda item: StepImage(fsr2.step(item.frame)))
+        return Stepper(method, lambda item: StepImage(fsr2.step(item.frame)))
     if method in (EASU, EASU_RCAS):
         fsr1 = Fsr1(reference_size(shot), sharpens=method == EASU_RCAS)
 
@@ -187,30 +167,26 @@ def stepper_of(method: str | Path, shot: Shot) -> Stepper:
             image, aovs = fsr1.step(item.frame)
             return StepImage(image, aovs=aovs)
 
-        return Stepper(str(method), upsample)
-    if str(method).endswith(NATIVE):
+        return Stepper(method, upsample)
+    if method.endswith(NATIVE):
         native = _native(shot)
-        stepper = stepper_of(str(method).removesuffix(NATIVE), native)
+        stepper = stepper_of(method.removesuffix(NATIVE), native)
         frames = native.frames(gbuffers=stepper.gbuffers)
-        return Stepper(str(method), lambda _: stepper.step(next(frames)))
-    upscaler = upscaler_of(str(method), reference_size(shot), two_passes=True)
-    outputs = [name for name in ("class_map",) if name in upscaler.model.info.maps]
-    outputs += ["aovs"] * bool(_aov_indices(shot))
-
-    is_both_ways = parse_spec(str(method), two_passes=True).passes == 2
-    both_ways = None
-    if is_both_ways:
-        both_ways = both_ways_images(frames_of(shot, buffers_of(upscaler)), upscaler, outputs=outputs)
+        return Stepper(method, lambda _: stepper.step(next(frames)))
+    upscaler = upscaler_of(method, reference_size(shot), two_passes=True)
+    outputs = ["class_map"] * ("class_map" in upscaler.model.info.maps) + ["aovs"] * bool(_aov_indices(shot))
+    gbuffers = upscaler.model.info.gbuffers
+    if parse_spec(method, two_passes=True).passes == 2:
+        images = both_ways_images(frames_of(shot, buffers_of(upscaler)), upscaler, outputs=outputs)
+        return Stepper(method, lambda _: next(images), gbuffers)
 
     def step(item: ShotFrame) -> StepImage:
-        if both_ways is not None:
-            return next(both_ways)
         result = upscaler.step(item.frame, outputs=outputs)
         if isinstance(result, StepResult):
             return StepImage(result.image, result.class_map, result.aovs)
         return StepImage(result)
 
-    return Stepper(str(method), step, upscaler.model.info.gbuffers)
+    return Stepper(method, step, gbuffers)
 
 
 def _native(shot: Shot) -> Shot:
@@ -230,14 +206,7 @@ def both_ways_images(
     outputs: Sequence[str] = (),
     interpolator: Interpolator | None = None,
 ) -> Iterator[StepImage]:
-    """Yield the images of some frames in two passes.
-
-    Args:
-        frames: frames in order.
-        forward: of the method.
-        outputs: names of further outputs, such as "class_map".
-        interpolator: interpolator of the colours of unshaded frames.
-    """
+    """Yield the images of frames in two passes, with the settings of an Upscaler for the forward one."""
     backward = Upscaler(
         forward.model, display_size=forward.display_size, at_rest=forward.at_rest, validate="off"
     )
@@ -249,7 +218,7 @@ def both_ways_images(
 def upscaler_of(
     method: str, display_size: Size, extrapolation: str | None = None, *, two_passes: bool = False
 ) -> Upscaler:
-    """Return an Upscaler with the settings that `parse_spec` reads, of each pass where there may be two."""
+    """Return an Upscaler with the settings that `parse_spec` reads."""
     spec = parse_spec(method, two_passes=two_passes)
     return Upscaler(
         spec.model,
@@ -282,16 +251,16 @@ def _aov_indices(shot: Shot) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class _Truth:
-    """The reference of one frame, with masks and classes; the same for all methods."""
+    """The reference of one frame, with masks and classes, which all methods share."""
 
     frame: int
     exposure: float
     shown: Float32  # (H, W, 3), the reference after the display transform
     previous: Float32 | None  # the previous reference at this frame's exposure; None without one
     motion: Float32  # (H, W, 2), display pixels
-    masks: dict[str, Bool]  # (H, W) each; those that are known
+    masks: dict[str, Bool]  # (H, W) each
     classes: ClassMaps | None
-    bands: Bands | None  # None where the frame ends no pair of STRRED
+    bands: Bands | None  # None where the frame does not end a pair of STRRED
     corners: CornerTruth | None
     specks: Float32 | None  # (H, W), of the reference; None without corners
     aovs: dict[str, int]  # index of each AOV by its name
@@ -299,7 +268,7 @@ class _Truth:
 
 
 class _Truths:
-    """Makes the truth of each frame in order; keeps the previous frame and reference for the next."""
+    """Computes the truth of each frame, in order; keeps the previous frame and reference."""
 
     def __init__(self, shot: Shot) -> None:
         self._shot, self._display_size = shot, reference_size(shot)
@@ -309,7 +278,7 @@ class _Truths:
         self._paired = False  # whether the last frame ended a pair of STRRED; pairs do not overlap
 
     def next(self, item: ShotFrame) -> _Truth | None:
-        """Return the truth of the next frame in order; None where it has no reference."""
+        """Return the truth of the next frame; None where it has no reference."""
         truth = None if item.reference is None else self._truth(item, item.reference)
         self._paired = truth is not None and truth.bands is not None
         self._frame, self._reference = item.frame, item.reference
@@ -362,16 +331,11 @@ def _score(
 ) -> FrameScores:
     previous = None if before is None else display_transform(before, truth.exposure)
     bands = None if truth.bands is None or previous is None else _bands(previous, shown)
-
     of_image = None if truth.corners is None else specks(shown, truth.corners.window)
 
     def scores(border: int) -> Scores:
-        found = _scores(shown, previous, truth, flip, border)
-        return (
-            found
-            | _strred(bands, truth.bands, border)
-            | _corners(shown, of_image, stepped.aovs, truth, border)
-        )
+        corners = _corners(shown, of_image, stepped.aovs, truth, border)
+        return _scores(shown, previous, truth, flip, border) | _strred(bands, truth.bands, border) | corners
 
     def classes(border: int) -> Counts | None:
         if stepped.class_map is None or truth.classes is None:
@@ -382,7 +346,7 @@ def _score(
 
 
 def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float32, border: int) -> Scores:
-    """Score one image without `border` pixels; metrics with a footprint are computed before the crop."""
+    """Score one image without `border` pixels. Metrics with a footprint are computed before the crop."""
     image, reference = metrics.crop(shown, border), metrics.crop(truth.shown, border)
     scores = {
         "psnr": metrics.psnr(image, reference),
@@ -411,7 +375,7 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
 def _corners(
     shown: Float32, of_image: Float32 | None, aovs: Float32 | None, truth: _Truth, border: int
 ) -> Scores:
-    """Score the corners of one image: those that the shot and the method have something for."""
+    """Score the corners of one image, as far as the shot has planes of truth and the method blends AOVs."""
     corners = truth.corners
     if corners is None or truth.specks is None or of_image is None:
         return {}
@@ -428,7 +392,7 @@ def _corners(
 
 
 def _strred(bands: Bands | None, truth: Bands | None, border: int) -> Scores:
-    """Score a pair; the border is cropped from the bands, whose pixels are `strred.BAND_PIXELS` wide."""
+    """Score a pair of frames. The border is cropped from the bands, whose pixels are BAND_PIXELS wide."""
     srred = trred = float("nan")
     if bands is not None and truth is not None:
         edge = -(-border // strred.BAND_PIXELS)

@@ -1,7 +1,7 @@
 """Image metrics against a reference: each metric one function, range and unit in its docstring.
 
 All but `warp` take display values, `display_transform(linear, exposure)`: (H, W, 3) float in [0, 1], sRGB
-encoded, output and reference with the same exposure. The caller crops the border, by `crop`.
+encoded, output and reference with the same exposure. The caller removes the border with `crop`.
 """
 
 from typing import Any
@@ -29,10 +29,7 @@ def crop(image: NDArray[Any], border: int) -> NDArray[Any]:
 def psnr(image: Array, reference: Array, mask: Bool | None = None) -> float:
     """Peak signal-to-noise ratio over RGB, peak 1, in dB: 0 to 100 (`CEILING_DB`), higher is better.
 
-    Args:
-        image: (H, W, 3) in [0, 1].
-        reference: (H, W, 3) in [0, 1].
-        mask: (H, W); only its True pixels count. NaN where it has none.
+    Only True pixels of the mask (H, W) count; NaN if it has none.
     """
     squared = (_double(image) - _double(reference)) ** 2
     if mask is not None:
@@ -41,9 +38,10 @@ def psnr(image: Array, reference: Array, mask: Bool | None = None) -> float:
 
 
 def ssim(image: Array, reference: Array) -> float:
-    """Structural similarity of BT.709 luma: -1 to 1, 1 is equal; 11x11 Gaussian of sigma 1.5, range 1.
+    """Structural similarity of BT.709 luma (Wang et al. 2004): -1 to 1, 1 is equal.
 
-    As Wang et al. 2004: mean over the windows that lie wholly inside, biased (weighted) variances.
+    Windows are 11x11 Gaussians of sigma 1.5; the mean is over those that lie wholly inside. Variances are
+    weighted and biased.
 
     Raises:
         ArgumentError: the images are smaller than the window.
@@ -63,9 +61,9 @@ def ssim(image: Array, reference: Array) -> float:
 
 
 def flip_map(image: Array, reference: Array) -> Float32:
-    """LDR-FLIP of every pixel, (H, W): 0 to 1, 0 is equal; its mean is the number that papers give.
+    """LDR-FLIP of every pixel, (H, W): 0 to 1, 0 is equal. Papers give its mean.
 
-    Seen at the package's default distance, 67 pixels a degree (0.7 m from a 0.7 m wide 4K screen).
+    The viewing distance is the package's default, 67 pixels a degree (0.7 m from a 0.7 m wide 4K screen).
 
     Raises:
         SupersamplerError: flip-evaluator is not installed.
@@ -91,8 +89,7 @@ def tpsnr(
 ) -> float:
     """PSNR of the change from frame to frame, not warped, in dB: 0 to 100, higher is steadier.
 
-    A fixed error cancels; flicker and lag do not. All (H, W, 3) in [0, 1], consecutive frames; `mask` as
-    that of `psnr`.
+    A fixed error cancels; flicker and lag do not. The frames are consecutive; for `mask`, see `psnr`.
     """
     change = _double(image) - _double(previous)
     return psnr(change, _double(reference) - _double(previous_reference), mask)
@@ -101,15 +98,9 @@ def tpsnr(
 def warped_error(image: Array, previous: Array, motion: Array, valid: Bool) -> float:
     """Mean absolute change along the motion, 0 to 1: E_w = mean over valid |image - W(previous)|.
 
-    Blur lowers it, so compare it with that of the reference (`warped_error_difference`). NaN where no
-    pixel is valid.
-
-    Args:
-        image: (H, W, 3) in [0, 1], this frame.
-        previous: (H, W, 3) in [0, 1], the previous frame.
-        motion: (H, W, 2), display pixels, previous minus current.
-        valid: (H, W), False where the surface was occluded in the previous frame. Pixels whose previous
-            position is off screen never count.
+    Blur lowers it: compare it with the reference's (`warped_error_difference`). `motion` is (H, W, 2) in
+    display pixels, previous minus current. `valid` (H, W) is False where the surface was occluded in the
+    previous frame; pixels whose previous position is off screen never count. NaN if no pixel is valid.
     """
     warped, inside = warp(previous, motion)
     change = np.abs(_double(image) - warped)[valid & inside]
@@ -119,20 +110,16 @@ def warped_error(image: Array, previous: Array, motion: Array, valid: Bool) -> f
 def warped_error_difference(
     image: Array, previous: Array, reference: Array, previous_reference: Array, motion: Array, valid: Bool
 ) -> float:
-    """|E_w of the image - E_w of the reference|, 0 to 1; 0: changes along the motion are alike."""
+    """|E_w of the image - E_w of the reference|, 0 to 1; 0 if changes along the motion are alike."""
     own = warped_error(reference, previous_reference, motion, valid)
     return abs(warped_error(image, previous, motion, valid) - own)
 
 
 def warp(image: Array, motion: Array) -> tuple[NDArray[np.float64], Bool]:
-    """Reproject the previous image: resample it bilinearly at p + motion[p].
+    """Reproject the previous image (H, W, C): resample it bilinearly at p + motion[p].
 
-    Args:
-        image: (H, W, C), the previous one, any range.
-        motion: (H, W, 2), pixels (x right, y down), previous minus current.
-
-    Returns:
-        (H, W, C) warped image, and (H, W) True where p + motion[p] is on the screen.
+    `motion` is (H, W, 2), pixels (x right, y down), previous minus current. Returns the warped image and a
+    mask (H, W), True where p + motion[p] is on screen.
     """
     height, width = image.shape[:2]
     rows, columns = np.indices((height, width))
@@ -148,7 +135,7 @@ def warp(image: Array, motion: Array) -> tuple[NDArray[np.float64], Bool]:
 
 
 def _window_mean(plane: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Gaussian mean of every window wholly inside: (H, W) to (H - 10, W - 10)."""
+    """Gaussian mean of each window that lies wholly inside: (H, W) to (H - 10, W - 10)."""
     offsets = np.arange(_WINDOW) - _WINDOW // 2
     taps = np.exp(-0.5 * (offsets / _SIGMA) ** 2)
     taps /= taps.sum()

@@ -8,7 +8,7 @@ from rich.table import Column as TableColumn
 from rich.table import Table
 
 from supersampler.cli.arguments import size_text
-from supersampler_bench.markdown import figure, table
+from supersampler_bench.markdown import figure, sizes_text, table
 from supersampler_bench.quality.corners import KINDS
 from supersampler_bench.quality.scores import (
     BORDER,
@@ -32,31 +32,22 @@ NO_CLASSES = "No method predicts classes, or the shots have no true classes."
 
 @dataclass(frozen=True)
 class Column:
-    """Presentation of one metric.
+    """Presentation of one metric."""
 
-    Attributes:
-        name: name of the metric, in a record.
-        title: for people.
-        digits: after the point.
-        higher: whether more is better.
-        scale: factor on the value.
-        rare: whether tables omit the column where no method has a value.
-    """
-
-    name: str
+    name: str  # of the metric, in records
     title: str
-    digits: int
-    higher: bool = True
-    scale: float = 1.0
-    rare: bool = False
+    digits: int  # decimals
+    higher: bool = True  # whether higher is better
+    scale: float = 1.0  # factor on the value
+    rare: bool = False  # whether tables omit the column if no method has a value
 
     @property
     def heading(self) -> str:
-        """Title with an arrow to the better side."""
+        """The title, with an arrow that points to the better side."""
         return f"{self.title} {'↑' if self.higher else '↓'}"
 
     def figure(self, scores: Mapping[str, float | None]) -> str:
-        """Return the metric of some scores as text; a dash where it is unknown."""
+        """Return the metric as text; a dash if it is unknown."""
         value = scores.get(self.name)
         return figure(None if value is None else value * self.scale, self.digits)
 
@@ -74,11 +65,8 @@ COLUMNS = (
     Column("psnr_moving", "PSNR dB, moving", 2),
 )
 """Columns of the first table, which README shows."""
-
 CLIP_COLUMNS = (*COLUMNS[:5], Column("strred", "STRRED", 1, higher=False))
-"""Columns of the second table: metrics of all pixels, and those of whole clips."""
-
-
+"""Columns of the second table: metrics of all pixels and of whole clips."""
 CORNER_COLUMNS = (
     Column("psnr", "PSNR dB", 2),
     Column("psnr_first", "PSNR dB, first image", 2, rare=True),
@@ -94,13 +82,9 @@ CORNER_COLUMNS = (
 def markdown_table(
     title: str, rows: Sequence[MethodRow], columns: Sequence[Column] = COLUMNS, *, everything: bool = False
 ) -> str:
-    """Return a table as Markdown; the best figure of each column is bold.
+    """Return a table as Markdown, with the best figure of each column in bold.
 
-    Args:
-        title: the caption without its full stop.
-        rows: one for each method.
-        columns: columns in order; rare ones are omitted where no row has a value.
-        everything: count the first frames and the border, too.
+    `title` is the caption without its full stop. With `everything`, the warm-up and the border count, too.
     """
     shown = _shown(columns, rows)
     cells = zip(*(_column(column, rows, "**{}**", everything) for column in shown), strict=True)
@@ -110,9 +94,9 @@ def markdown_table(
 
 
 def terminal_tables(title: str, rows: Sequence[MethodRow]) -> Iterator[Table]:
-    """Yield the scores, the error by kind of pixel, and the overlap of classes, those that are known.
+    """Yield the scores, then the error by kind of pixel and the overlap of classes if they are known.
 
-    Each has a column a method, so that it fits into 80 columns.
+    Each table has a column per method, to fit into 80 characters.
     """
     shown = _terminal_table("", (row.method for row in rows), title)
     for column in _shown(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS, *CORNER_COLUMNS)), rows):
@@ -137,25 +121,24 @@ def _terminal_table(corner: str, names: Iterable[str], title: str) -> Table:
 
 
 def _shown(columns: Iterable[Column], rows: Sequence[MethodRow]) -> list[Column]:
-    """Return the columns, without rare ones in which no row has a value."""
+    """Return the columns without the rare ones in which no row has a value."""
     return [c for c in columns if not c.rare or {*_column(c, rows, "{}", everything=True)} != {"–"}]
 
 
 def _column(column: Column, rows: Sequence[MethodRow], bold: str, everything: bool = False) -> list[str]:
     figures = [column.figure(row.summary["all_full" if everything else "warm_cropped"]) for row in rows]
-    known = [float(f) for f in figures if f != "–"]  # as shown: equal figures are equally good
+    known = [float(f) for f in figures if f != "–"]  # rounded: equal figures are equally good
     best = max(known, default=None) if column.higher else min(known, key=abs, default=None)
     return [bold.format(f) if f != "–" and float(f) == best else f for f in figures]
 
 
 def confusions_of(rows: Sequence[MethodRow]) -> list[tuple[str, Counts]]:
-    """Return the counts of each method that predicts classes, where true classes are known."""
-    counted = [(row.method, row.counts()) for row in rows]
-    return [(method, counts) for method, counts in counted if counts is not None]
+    """Return the class counts of each method that has them."""
+    return [(row.method, counts) for row in rows if (counts := row.counts()) is not None]
 
 
 def class_tables(rows: Sequence[MethodRow]) -> str:
-    """Return two Markdown tables for each method that predicts classes; "" where there are none."""
+    """Return two Markdown tables for each method that has class counts; "" if none has."""
     return "\n\n".join(
         _class_table(f"{group}, `{method}`", names, matrix)
         for method, counts in confusions_of(rows)
@@ -173,7 +156,7 @@ def _class_table(title: str, names: Sequence[str], matrix: Counts) -> str:
 
 
 def _kind_rows(rows: Sequence[MethodRow]) -> Iterator[list[str]]:
-    """Yield the fraction of the pixels of each of KINDS; then of each method that of the error, and PSNR."""
+    """Yield a row of the pixels' fractions by KINDS, then rows of each method's error fractions and PSNR."""
     known = [row for row in rows if any(f"pixel_share_{kind}" in row.known() for kind in KINDS)]
     for row in known[:1]:
         yield ["of the pixels", *(figure(_percent(row, f"pixel_share_{kind}"), 1, " %") for kind in KINDS)]
@@ -189,7 +172,7 @@ def _percent(row: MethodRow, name: str) -> float | None:
 
 
 def kind_table(title: str, rows: Sequence[MethodRow]) -> str:
-    """Return a Markdown table of the error by kind of pixel; "" where kinds are unknown."""
+    """Return a Markdown table of the error by kind of pixel; "" if kinds are unknown."""
     headings = ["fraction of the error, PSNR", *(f"{kind}:" for kind in KINDS)]
     found = list(_kind_rows(rows))
     return table(headings, found, f"{title}.") if found else ""
@@ -205,7 +188,7 @@ class QualityRecord(ScoresRecord):
 
     @classmethod
     def of(cls, shots: Sequence[ShotRow]) -> Self:
-        """Return the record of shots by `shot_row`."""
+        """Return the record of rows by `shot_row`."""
         return cls(list(shots), means=list(mean_rows(shots)))
 
     def without_frames(self) -> Self:
@@ -215,17 +198,16 @@ class QualityRecord(ScoresRecord):
 
     def rows(self) -> Iterator[tuple[float, MethodRow]]:
         """Yield the means, or the rows of the only shot, each with its ratio."""
-        if self.means:
-            yield from ((row.ratio or 1.0, row) for row in self.means)
-            return
-        yield from ((shot.real_ratio, row) for shot in self.shots for row in shot.methods)
+        yield from ((row.ratio or 1.0, row) for row in self.means)
+        if not self.means:
+            yield from ((shot.real_ratio, row) for shot in self.shots for row in shot.methods)
 
     def shot_tables(self, *, everything: bool = False) -> list[Titled]:
-        """Return caption and rows of each shot."""
+        """Return the caption and rows of each shot."""
         return [(caption(shot, everything=everything), shot.methods) for shot in self.shots]
 
     def mean_tables(self, *, everything: bool = False) -> dict[float, Titled]:
-        """Return caption and rows of the mean at each ratio; nothing for one shot."""
+        """Return the caption and rows of the mean at each ratio; nothing for a single shot."""
         found: dict[float, Titled] = {}
         for ratio, shots in shots_by_ratio(self.shots).items():
             title = (
@@ -236,7 +218,7 @@ class QualityRecord(ScoresRecord):
         return found
 
     def main_tables(self, *, everything: bool = False) -> list[Titled]:
-        """Return the tables of the means, or of the shot where there is only one."""
+        """Return the tables of the means, or of a single shot."""
         means = self.mean_tables(everything=everything)
         return list(means.values()) or self.shot_tables(everything=everything)
 
@@ -245,15 +227,15 @@ class QualityRecord(ScoresRecord):
         return "\n\n".join(markdown_table(*titled) for titled in self.main_tables())
 
     def clip_table(self) -> str:
-        """Return the metrics of all pixels, without and then with warm-up and border."""
-        texts = [markdown_table(*titled, CLIP_COLUMNS) for titled in self.main_tables()]
-        whole = self.main_tables(everything=True)
+        """Return the metrics of all pixels, first without, then with warm-up and border."""
         return "\n\n".join(
-            [*texts, *(markdown_table(*titled, CLIP_COLUMNS, everything=True) for titled in whole)]
+            markdown_table(*titled, CLIP_COLUMNS, everything=everything)
+            for everything in (False, True)
+            for titled in self.main_tables(everything=everything)
         )
 
     def classes_table(self) -> str:
-        """Return the predicted against the true classes."""
+        """Return the tables of predicted and true classes."""
         texts = [(title, class_tables(rows)) for title, rows in self.main_tables()]
         return "\n\n".join(f"{text}\n\n{title}." for title, text in texts if text) or NO_CLASSES
 
@@ -267,14 +249,14 @@ class QualityRecord(ScoresRecord):
 
 
 def caption(shot: ShotRow, *, everything: bool = False) -> str:
-    """Return in one line what was measured on a shot."""
+    """Return one line that says what was measured on a shot."""
     scored = sum(frame >= WARM_UP_FRAMES or everything for frame in shot.reference_frames)
     return f"{sizes(shot)}: {scored} reference frames of {shot.frames}, {_counted(everything)}"
 
 
 def sizes(shot: ShotRow) -> str:
-    """Return the name of a shot with references and its sizes."""
-    return f"{shot.name}, {size_text(shot.render_size)} to {size_text(shot.display_size)}"
+    """Return the name of a shot and its sizes."""
+    return f"{shot.name}, {sizes_text(shot.render_size, shot.display_size)}"
 
 
 def _counted(everything: bool) -> str:

@@ -1,4 +1,4 @@
-"""Scores of methods on shots: of frames, their summaries, and the record of a quality measurement."""
+"""Scores of methods on shots: of frames, their summaries, and their rows in records."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,9 +18,8 @@ from supersampler_bench.quality.metrics import crop
 from supersampler_bench.record import BenchRecord
 
 Scores = dict[str, float]
-"""By the metric's name; also `pixels_...`, the pixels of a masked PSNR, `weight_...` of measures that have
-one, and `srred` and `trred`, whose product is STRRED. Where there is nothing to measure, a metric is NaN or
-missing."""
+"""Values by the metric's name; also `pixels_...`, the number of pixels of a masked PSNR, `weight_...` of
+WEIGHTED measures, and `srred` and `trred`, whose product is STRRED. Unknown metrics are NaN or missing."""
 Counts = NDArray[np.int64]
 """(2, 3, 3): pixels by group, true class and predicted class."""
 
@@ -28,9 +27,9 @@ WARM_UP_FRAMES = 8
 BORDER = 8  # display pixels
 CLASS_MASKS = ("disoccluded", "changing_light", "aliased", "thin", "moving")
 MASKED = (*CLASS_MASKS, "shadow_edges", *(f"kind_{kind}" for kind in KINDS))
-"""Masks of pixels; `psnr_...` of each is measured."""
+"""Masks of pixels; `psnr_...` is measured in each."""
 WEIGHTED = ("trail", "color_trail", "thin_kept", "speckle")
-"""Measures of corners.py; `weight_...` of each is its weight in the mean over frames."""
+"""Measures of corners.py; `weight_...` is their weight in the mean over frames."""
 FRAME_METRICS = (
     *("psnr", "ssim", "flip", "tpsnr", "warped_error_difference", "strred", "psnr_first"),
     *(f"psnr_{mask}" for mask in MASKED),
@@ -40,7 +39,7 @@ SUMMARY_VARIANTS = {
     f"{'warm' if warm else 'all'}_{'cropped' if cropped else 'full'}": {"warm": warm, "cropped": cropped}
     for warm, cropped in product((True, False), repeat=2)
 }
-"""Names of the four summaries: with or without the first frames, with or without the border."""
+"""The four summaries: with or without the warm-up frames, with or without the border."""
 CLASSES: Mapping[str, tuple[str, str, str]] = {
     "ghosting": ("none", "visibility", "shading"),
     "aliasing": ("none", "geometry", "texture"),
@@ -49,15 +48,11 @@ CLASSES: Mapping[str, tuple[str, str, str]] = {
 
 
 def count_classes(class_map: Float32, truth: ClassMaps, border: int = 0) -> Counts:
-    """Count display pixels by true and predicted class; the prediction is the likeliest class.
+    """Count display pixels (H, W) by true and predicted class, without `border` pixels on each side.
 
-    A map of half the size predicts one class for 2x2 pixels, so that finer areas never match completely.
-
-    Args:
-        class_map: (H / 2, W / 2, 6), sizes rounded up, see `StepResult.class_map`; or (H, W, 6), as that of
-            `classifier-paper`.
-        truth: truth of (H, W) pixels.
-        border: display pixels at each side that do not count.
+    The prediction is the most probable class. A class map is (H / 2, W / 2, 6), sizes rounded up (see
+    `StepResult.class_map`), or (H, W, 6) from `classifier-paper`. A map of half the size predicts one class
+    for 2x2 pixels, so finer areas never match completely.
 
     Raises:
         ArgumentError: the map has another size.
@@ -85,17 +80,14 @@ def overlap(matrix: Counts) -> NDArray[np.float64]:
 
 
 def fractions(matrix: Counts) -> NDArray[np.float64]:
-    """Return the fraction of each true class's pixels by predicted class; NaN for a class without pixels."""
+    """Return each row as fractions of its true class's pixels; NaN for a class without pixels."""
     there = matrix.sum(axis=1, keepdims=True)
     return np.asarray(np.divide(matrix, there, out=np.full((3, 3), np.nan), where=there > 0))
 
 
 @dataclass(frozen=True)
 class FrameScores:
-    """One method's scores of one frame, for the whole image and without a border of `BORDER` pixels.
-
-    Class counts are None for a method or a shot without classes.
-    """
+    """A method's scores of one frame, for the whole image and without a border of `BORDER` pixels."""
 
     frame: int
     full: Scores
@@ -106,21 +98,20 @@ class FrameScores:
 
 @dataclass(frozen=True)
 class MethodScores:
-    """One method's scores of a shot, over the frames that have a reference, in order."""
+    """A method's scores of a shot: of the frames that have a reference, in order."""
 
     method: str
     frames: list[FrameScores]
 
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
-        """Return the mean of each metric over the frames that have it; NaN where none does.
+        """Return the mean of each metric over the frames that have it; NaN if none does.
 
-        PSNR in a mask is that of the mean squared error over all its pixels of all frames, so that a frame
-        weighs by its number of such pixels. STRRED is the mean SRRED times the mean TRRED. The PSNR of first
-        images after a cut is over all frames. Of each kind of pixel there are also `error_share_...`, its
-        fraction of the squared error, and `pixel_share_...`, that of the pixels.
+        PSNR in a mask is computed from the mean squared error over the mask's pixels of all frames. STRRED is
+        the mean SRRED times the mean TRRED. Each kind of pixel also has `error_share_...`, its fraction of
+        the squared error, and `pixel_share_...`, its fraction of the pixels.
 
         Args:
-            warm: leave out the first `WARM_UP_FRAMES` of the shot.
+            warm: leave out the first `WARM_UP_FRAMES` of the shot, except from the PSNR of first images.
             cropped: leave out the border.
         """
         scores = [f.cropped if cropped else f.full for f in self._counted(warm)]
@@ -129,7 +120,7 @@ class MethodScores:
         return {**summary, **_shares(scores), "psnr_first": _pooled("psnr_first", first)}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
-        """Return the class counts of the pixels that `summary` counts; None where classes are unknown."""
+        """Return the class counts of the pixels that `summary` counts; None if classes are unknown."""
         counts = [f.cropped_classes if cropped else f.full_classes for f in self._counted(warm)]
         known = [c for c in counts if c is not None]
         return np.sum(known, axis=0) if known else None
@@ -159,7 +150,7 @@ def _squared_error(psnr: float) -> float:
 
 
 def _shares(scores: list[Scores]) -> Scores:
-    """Return the fractions of each kind of pixel of the squared error and of the pixels; NaN if unknown."""
+    """Return the fraction of the squared error and of the pixels of each of KINDS; NaN if unknown."""
     pixels, errors = dict.fromkeys(KINDS, 0.0), dict.fromkeys(KINDS, 0.0)
     for kind in KINDS:
         for one in scores:
@@ -201,21 +192,13 @@ class ClassCounts:
 
 @dataclass(frozen=True)
 class MethodRow:
-    """Scores of one method in a record.
-
-    Attributes:
-        method: its name.
-        summary: of each of SUMMARY_VARIANTS, each metric; None or NaN where it is unknown.
-        classes: class counts of each of SUMMARY_VARIANTS, by group.
-        frames: scores of single frames: number, full, cropped. Published records have none.
-        ratio: ratio of a mean over shots.
-    """
+    """Scores of one method in a record."""
 
     method: str
-    summary: dict[str, dict[str, float | None]]
-    classes: dict[str, dict[str, ClassCounts] | None]
-    frames: list[dict[str, Any]] = field(default_factory=list)
-    ratio: float | None = None
+    summary: dict[str, dict[str, float | None]]  # metrics by SUMMARY_VARIANTS; None or NaN if unknown
+    classes: dict[str, dict[str, ClassCounts] | None]  # counts by SUMMARY_VARIANTS and group
+    frames: list[dict[str, Any]] = field(default_factory=list)  # scores of frames, not in published records
+    ratio: float | None = None  # of a mean over shots
 
     @classmethod
     def of(cls, scores: MethodScores) -> Self:
@@ -229,7 +212,7 @@ class MethodRow:
 
     @classmethod
     def mean(cls, rows: Sequence[Self], ratio: float | None = None) -> Self:
-        """Return the mean of one method's rows of several shots: of each metric, over the shots with it."""
+        """Return the mean of one method over several shots: for each metric, over the shots that have it."""
         summary: dict[str, dict[str, float | None]] = {}
         classes: dict[str, dict[str, ClassCounts] | None] = {}
         for name in SUMMARY_VARIANTS:
@@ -240,11 +223,11 @@ class MethodRow:
         return cls(rows[0].method, summary, classes, ratio=ratio)
 
     def known(self, variant: str = "warm_cropped") -> Scores:
-        """Return the metrics of a summary that are known."""
+        """Return the known metrics of a summary."""
         return {k: v for k, v in self.summary[variant].items() if v is not None and not np.isnan(v)}
 
     def counts(self, variant: str = "warm_cropped") -> Counts | None:
-        """Return the class counts of a summary; None where classes are unknown."""
+        """Return the class counts of a summary; None if classes are unknown."""
         groups = self.classes[variant]
         if groups is None:
             return None
@@ -253,46 +236,34 @@ class MethodRow:
 
 @dataclass(frozen=True)
 class Alternated:
-    """Scores of methods with one alternation of unshaded and shaded frames; `ratio`: of a mean over shots."""
+    """Scores of methods with one alternation of unshaded and shaded frames."""
 
     alternation: str
     methods: list[MethodRow]
-    ratio: float | None = None
+    ratio: float | None = None  # of a mean over shots
 
 
 @dataclass(frozen=True)
 class ShotRow:
-    """Scores of methods on one shot in a record.
-
-    Attributes:
-        name: name of the shot.
-        shot_json_sha256: of its description; None where that is no file.
-        frames: their number.
-        reference_frames: numbers of the frames that have a reference.
-        render_size, display_size: (width, height).
-        masks: what masks come from.
-        ratio, driver, pixels_sha256, as_frozen: of the test shots, see `PublicShot.origin`.
-        methods: rows of `bench quality`.
-        alternations: rows of `bench extrapolation`.
-    """
+    """Scores of methods on one shot in a record."""
 
     name: str
-    shot_json_sha256: str | None
+    shot_json_sha256: str | None  # None for a shot without a shot.json
     frames: int
-    reference_frames: list[int]
+    reference_frames: list[int]  # numbers of the frames that have a reference
     render_size: Size
     display_size: Size
-    masks: str
-    ratio: float | None = None
+    masks: str  # "truth classes" or "depth and motion"
+    ratio: float | None = None  # this and the next three fields: of the test shots, see `PublicShot.origin`
     driver: str | None = None
     pixels_sha256: str | None = None
     as_frozen: bool | None = None
-    methods: list[MethodRow] = field(default_factory=list)
-    alternations: list[Alternated] = field(default_factory=list)
+    methods: list[MethodRow] = field(default_factory=list)  # of `bench quality`
+    alternations: list[Alternated] = field(default_factory=list)  # of `bench extrapolation`
 
     @classmethod
     def of(cls, shot: Shot, origin: Mapping[str, Any] | None = None, **rows: Any) -> Self:
-        """Return the row of a shot; `origin` is what else is known of its pixels."""
+        """Return the row of a shot; for `origin`, see `PublicShot.origin`."""
         file = shot.path if shot.path.is_file() else shot.path / "shot.json"
         references = shot.reference_indices
         classes = shot.read_classes(references[0]) if references else None
@@ -316,7 +287,7 @@ class ShotRow:
 
 @dataclass(frozen=True)
 class ScoresRecord(BenchRecord):
-    """Scores on shots. Several shots have a ratio each, and there is a mean at each ratio."""
+    """Scores on shots."""
 
     shots: list[ShotRow]
     warm_up_frames: int = field(default=WARM_UP_FRAMES, kw_only=True)
@@ -332,7 +303,7 @@ def shots_by_ratio(shots: Sequence[ShotRow]) -> dict[float, list[ShotRow]]:
 
 
 def shot_row(shot: Shot, methods: Sequence[MethodScores], origin: Mapping[str, Any] | None = None) -> ShotRow:
-    """Return the part of a quality record about one shot, with the scores of single frames."""
+    """Return the row of a shot in a quality record, with the scores of single frames."""
     rows = []
     for scores in methods:
         frames = [{"frame": f.frame, "full": f.full, "cropped": f.cropped} for f in scores.frames]
@@ -341,7 +312,7 @@ def shot_row(shot: Shot, methods: Sequence[MethodScores], origin: Mapping[str, A
 
 
 def mean_rows(shots: Sequence[ShotRow]) -> Iterator[MethodRow]:
-    """Yield the mean of each method at each ratio; shots of a ratio have the same methods."""
+    """Yield the mean of each method at each ratio. Shots of a ratio have the same methods."""
     for ratio, group in shots_by_ratio(shots).items():
         for rows in zip(*(shot.methods for shot in group), strict=True):
             yield MethodRow.mean(rows, ratio)

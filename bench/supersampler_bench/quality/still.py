@@ -1,4 +1,4 @@
-"""Scenes in front of a fixed camera: convergence of methods to the reference."""
+"""Convergence of methods to the reference in scenes with a fixed camera."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,67 +12,49 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName
 from supersampler_bench.markdown import figure, table
+from supersampler_bench.quality.masks import dilated
 from supersampler_bench.quality.metrics import Bool, psnr
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.public_shots import TEST_SHOTS
-from supersampler_bench.shots.rendering import rendered_frame
+from supersampler_bench.shots.rendering import held_sequence, rendered_frame
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.analytic import AnalyticScene, still_scene, still_scene_with_mover
-from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
-from supersampler_model.data.specs import SequenceSpec
 
 PERIODS = (1, 2, 4)
-"""Jitter periods after which images are scored; a scene ends with the last."""
+"""Jitter periods after which images are scored; a scene ends after the last."""
 MOVER = "-mover"
 SCENES = tuple(f"{name}{end}" for name in ("analytic", *TEST_SHOTS.seeds) for end in ("", MOVER))
-"""The analytic scene, and test shots with a fixed camera; objects move in those that end with MOVER."""
-HELD_FRAME = 12  # frame of the test shot whose camera is kept
-_REACH = 4  # display pixels around what changes that are not scored
-_UNCHANGED = 1.0 / 255.0  # of samples, as a screen shows them
+"""The analytic scene, and test shots with a fixed camera. Objects move where the name ends in MOVER."""
+_REACH = 4  # display pixels around changes, which are not scored
+_UNCHANGED = 1.0 / 255.0  # maximum change of a static sample, display values
 
 
 @dataclass(frozen=True)
 class StillScores:
-    """One method in one scene; of pixels that never change.
+    """Scores of a method in a scene, over the pixels that never change."""
 
-    Attributes:
-        scene: one of SCENES.
-        ratio: display over render size.
-        method: the model's name.
-        executor: "cpu" or "onnx".
-        scored: fraction of the pixels that never change.
-        psnr: dB of each frame.
-        flicker: mean over pixels of the standard deviation of display values in the last period, [0, 1].
-    """
-
-    scene: str
+    scene: str  # one of SCENES
     ratio: float
     method: str
-    executor: str
-    scored: float
-    psnr: list[float]
-    flicker: float
+    executor: str  # "cpu" or "onnx"
+    scored: float  # fraction of the pixels that never change
+    psnr: list[float]  # dB of each frame
+    flicker: float  # mean over pixels of the standard deviation of display values in the last period
 
     def after(self, periods: int) -> float:
-        """Return the mean PSNR of the last quarter of so many jitter periods, dB."""
+        """Return the mean PSNR, dB, of the last quarter period of the first `periods` jitter periods."""
         count = jitter_phase_count(self.ratio)
         return float(np.mean(self.psnr[periods * count - max(count // 4, 1) : periods * count]))
 
 
 @dataclass(frozen=True)
 class StillScene:
-    """Frames before a fixed camera.
+    """A scene with a fixed camera."""
 
-    Attributes:
-        frames: frames of PERIODS[-1] jitter periods.
-        truth: (H, W, 3) reference of the last frame, as a screen shows it.
-        still: (H, W) pixels that never change.
-    """
-
-    frames: list[Frame]
-    truth: Float32
-    still: Bool
+    frames: list[Frame]  # of PERIODS[-1] jitter periods
+    truth: Float32  # (H, W, 3) reference of the last frame, display values
+    still: Bool  # (H, W) pixels that never change
 
 
 def frame_count(ratio: float) -> int:
@@ -89,16 +71,7 @@ def measure_still(
     samples: int = 64,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[StillScores]:
-    """Step methods through scenes for four jitter periods.
-
-    Args:
-        scenes: some of SCENES, each with a ratio.
-        methods: names of models.
-        display: (width, height) of the images.
-        executors: executors that run each method.
-        samples: per pixel of the test shots' references.
-        on_frame: called after each frame of a scene.
-    """
+    """Step methods through some of SCENES, each with a ratio; references have `samples` samples per pixel."""
     kinds = [(method, executor) for method in methods for executor in executors]
     models = {kind: Model.load(kind[0], providers="cpu", executor=kind[1]) for kind in kinds}
     results = []
@@ -114,7 +87,7 @@ def measure_still(
 
 
 class _StillRun:
-    """One method's way through a scene."""
+    """One method in one scene."""
 
     def __init__(self, method: str, executor: ExecutorName, model: Model, scene: StillScene) -> None:
         self._method, self._executor, self._scene = method, executor, scene
@@ -122,7 +95,7 @@ class _StillRun:
         self._upscaler = Upscaler(model, display_size=(width, height), validate="off")
         self._image = np.empty_like(scene.truth)
         self._psnr: list[float] = []
-        self._sums = np.zeros((2, *scene.truth.shape))  # of display values and their squares, last period
+        self._sums = np.zeros((2, *scene.truth.shape))  # display values and their squares, last period
 
     def step(self, frame: Frame) -> None:
         self._upscaler.step(frame, out=self._image)
@@ -147,14 +120,7 @@ class _StillRun:
 
 
 def make_scene(name: str, display: Size, ratio: float, samples: int) -> StillScene:
-    """Render a scene.
-
-    Args:
-        name: one of SCENES.
-        display: (width, height) of the images.
-        ratio: display over render size.
-        samples: per pixel of the test shots' references.
-    """
+    """Render one of SCENES, with `samples` samples per pixel of a test shot's reference."""
     size, moves, count = render_size(display, ratio), name.endswith(MOVER), frame_count(ratio)
     jitter = [halton_jitter(index, ratio) for index in range(count)]
     if name.startswith("analytic"):
@@ -163,28 +129,22 @@ def make_scene(name: str, display: Size, ratio: float, samples: int) -> StillSce
         truth = analytic.truth(count - 1, display)
     else:
         renderer, family = Renderer(display, samples=samples), name.removesuffix(MOVER)
-        spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
-        sequence = HeldSequence(spec, HELD_FRAME, time_stands=not moves)
-        frames = [
-            rendered_frame(renderer, sequence.scene(index), size, jitter[index]) for index in range(count)
-        ]
+        sequence = held_sequence(family, count, time_stands=not moves)
+        frames = [rendered_frame(renderer, sequence.scene(i), size, jitter[i]) for i in range(count)]
         truth = renderer.reference(sequence.scene(count - 1)).color
     shown = display_transform(truth, frames[-1].exposure or 1.0)
     return StillScene(frames, shown, _still(frames, display))
 
 
 def _still(frames: Sequence[Frame], display: Size) -> Bool:
-    """(H, W) pixels near which every sample is that of one jitter period before."""
+    """Return the pixels (H, W) near which every sample equals the one of the previous jitter period."""
     period = len(frames) // PERIODS[-1]
     colors = [display_transform(np.asarray(frame.color), frame.exposure or 1.0) for frame in frames]
     changes = np.zeros(colors[0].shape[:2], bool)
     for color, before in zip(colors[period:], colors, strict=False):
         changes |= np.abs(color - before).max(-1) > _UNCHANGED
     rows, columns = (np.arange(display[i]) * changes.shape[1 - i] // display[i] for i in (1, 0))
-    wide = np.pad(changes[rows][:, columns], _REACH)
-    side = 2 * _REACH + 1
-    near = np.lib.stride_tricks.sliding_window_view(wide, (side, side)).any(axis=(-2, -1))
-    return np.asarray(~near)
+    return ~dilated(changes[rows][:, columns], _REACH)
 
 
 @dataclass(frozen=True)
@@ -197,12 +157,12 @@ class StillRecord(BenchRecord):
     TABLES = ("", "summary")
 
     def scores_at_one_ratio(self) -> list[StillScores]:
-        """Return the scores at the ratio that summary and figure show: the one closest to 2."""
+        """Return the scores at the ratio closest to 2, which summary and figure show."""
         ratio = min((score.ratio for score in self.scores), key=lambda value: abs(value - 2.0))
         return [score for score in self.scores if score.ratio == ratio]
 
     def table(self) -> str:
-        """Return the table of all scores as Markdown, with its caption."""
+        """Return the table of all scores."""
         rows = [
             [
                 *(score.scene, f"{score.ratio:g}", score.method, score.executor),
@@ -220,7 +180,7 @@ class StillRecord(BenchRecord):
         return table(["scene", "ratio:", "method", "backend", "pixels:", *periods, "flicker:"], rows, caption)
 
     def summary_table(self) -> str:
-        """Return a row for each method and backend, of all scenes at one ratio, as Markdown."""
+        """Return a table with a row for each method and backend, of all scenes at one ratio."""
         shown = self.scores_at_one_ratio()
         scenes = list(dict.fromkeys(score.scene for score in shown))
         rows = []

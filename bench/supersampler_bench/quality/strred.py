@@ -1,15 +1,15 @@
 """Spatio-temporal reduced-reference entropic differencing, STRRED: Soundararajan and Bovik 2013.
 
 Two consecutive images are reduced to one subband of a steerable pyramid, whose 3x3 blocks are modelled as a
-Gaussian scale mixture. The metric compares with the reference how much information each block of the band has
-(spatial, SRRED), and each block of the change from one image to the next (temporal, TRRED).
+Gaussian scale mixture. The metric compares the information of each block of the band with the reference's
+(spatial, SRRED), and that of each block of the change between the two images (temporal, TRRED).
 
 >>> pair = information(band(luma_before), band(luma))
 >>> srred, trred = distance(pair, information(band(reference_luma_before), band(reference_luma)))
 
-STRRED of a clip is mean SRRED times mean TRRED over its pairs, which do not overlap. It is blind to what the
-band does not pass: waves shorter than some 20 pixels, and flicker of the whole image's brightness, which
-gives 0. So it is only shown beside other metrics.
+STRRED of a clip is mean SRRED times mean TRRED over its pairs, which do not overlap. It cannot detect what
+the band does not pass: waves shorter than about 20 pixels, and flicker of the whole image's brightness, which
+gives 0. Tables show it only beside other metrics.
 """
 
 from typing import NamedTuple
@@ -24,12 +24,12 @@ from supersampler.io.display import BT709_WEIGHTS, to_uint8
 Plane = NDArray[np.float64]
 
 BAND_PIXELS = 8
-"""Size of a pixel of the band in pixels of the image, across and down."""
+"""Pixels of the image per pixel of the band, across and down."""
 
 _LEVELS = 4  # of the pyramid; the band is taken from the coarsest
 _BLOCK = 3
 _NOISE = 0.1  # variance of the visual system's noise, grey levels squared
-_RIDGE = 1e-6  # fraction of the mean variance added to the diagonal: repeating patterns give rank < 9
+_RIDGE = 1e-6  # fraction of the mean variance added to the diagonal; repeating patterns have rank < 9
 _ROUNDING = 1e-12  # variance, grey levels squared, below which a band is empty
 _BT709 = np.array(BT709_WEIGHTS)
 
@@ -55,26 +55,19 @@ _BANDPASS = (  # antisymmetric from row to row; the middle row is 0
 
 
 class Information(NamedTuple):
-    """Scaled entropies of a pair of bands, one a block: (n,) each, n = 0 where there is no whole block."""
+    """Scaled entropies (n,) of the n whole blocks of a pair of bands."""
 
     spatial: Plane
     temporal: Plane
 
 
 def luma255(shown: Array) -> Plane:
-    """Return (H, W) BT.709 luma, 0 to 255, of an image (H, W, 3) in [0, 1], rounded to 8 bits."""
+    """Return BT.709 luma (H, W), 0 to 255, of an image (H, W, 3) in [0, 1], which is rounded to 8 bits."""
     return np.asarray(to_uint8(shown) @ _BT709)
 
 
 def band(luma: Plane) -> Plane:
-    """Return the coarsest band of an image, filtered for changes from row to row.
-
-    Args:
-        luma: (H, W), 0 to 255.
-
-    Returns:
-        (H / 8, W / 8), sizes rounded up.
-    """
+    """Return the coarsest band (H / 8, W / 8), rounded up, of luma, filtered for changes from row to row."""
     plane = _filtered(luma, _INITIAL)
     for _ in range(_LEVELS - 1):
         plane = _filtered(plane, _LOW, step=2)
@@ -90,7 +83,7 @@ def information(previous: Plane, current: Plane) -> Information:
 
 
 def distance(pair: Information, reference: Information) -> tuple[float, float]:
-    """Return SRRED and TRRED of a pair, means over the blocks: >= 0, 0 is equal; NaN without blocks."""
+    """Return SRRED and TRRED of a pair: means over the blocks, 0 if equal; NaN without blocks."""
     if not pair.spatial.size:
         return float("nan"), float("nan")
     srred = np.abs(pair.spatial - reference.spatial).mean()
@@ -98,10 +91,10 @@ def distance(pair: Information, reference: Information) -> tuple[float, float]:
 
 
 def _scale_mixture(plane: Plane) -> tuple[Plane, Plane]:
-    """Return the variance, relative to the band's, and the entropy of each block of 3x3: (n,) each.
+    """Return the variance, relative to the band's, and the entropy of each 3x3 block: (n,) each.
 
-    The entropy is a sum over the covariance's eigenvalues. It mixes log2 and log, as the authors' code does,
-    so that values can be compared with published ones.
+    The entropy is a sum over the covariance's eigenvalues. It mixes log2 and log like the authors' code, so
+    that values can be compared with published ones.
     """
     height, width = (side // _BLOCK * _BLOCK for side in plane.shape)
     values = _BLOCK * _BLOCK
@@ -122,7 +115,7 @@ def _scale_mixture(plane: Plane) -> tuple[Plane, Plane]:
 
 
 def _filtered(plane: Plane, taps: Plane, step: int = 1) -> Plane:
-    """Correlate with (2 r + 1, 2 r + 1) taps, mirrored at the edges without repeating them, every `step`."""
+    """Correlate with (2 r + 1, 2 r + 1) taps at every `step` pixels; edges are mirrored, not repeated."""
     radius = len(taps) // 2
     height, width = plane.shape
     padded = np.pad(plane, radius, mode="reflect")
@@ -134,7 +127,7 @@ def _filtered(plane: Plane, taps: Plane, step: int = 1) -> Plane:
 
 
 def _unfolded(quarter: tuple[tuple[float, ...], ...], lower: float = 1.0) -> Plane:
-    """Mirror a filter's upper left quarter to the right, and, times `lower`, downwards."""
+    """Mirror the upper left quarter of a filter to the right, then downwards with the factor `lower`."""
     upper = np.array([[*row, *row[-2::-1]] for row in quarter], np.float64)
     return np.concatenate([upper, lower * upper[-2::-1]])
 

@@ -1,4 +1,4 @@
-"""Figures: time against error, still scenes over the frames, error heat maps."""
+"""Figures: time against error, convergence in still scenes, error heat maps."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -27,26 +27,17 @@ from supersampler_model.data.shots import variant_name
 
 @dataclass(frozen=True)
 class FrameErrors:
-    """Images and errors of one frame, in the order of the methods.
-
-    Attributes:
-        frame: its number.
-        images: (H, W, 3) each, after the display transform.
-        errors: (H, W) each, LDR-FLIP.
-    """
+    """Images and errors of one frame, in the order of the methods."""
 
     frame: int
-    images: list[Float32] = field(default_factory=list)
-    errors: list[Float32] = field(default_factory=list)
+    images: list[Float32] = field(default_factory=list)  # (H, W, 3), after the display transform
+    errors: list[Float32] = field(default_factory=list)  # (H, W), LDR-FLIP
 
 
 class ErrorMaps:
-    """Callback `watch` of `measure_quality`, which keeps the mean errors and the frame of largest error.
+    """Callback `watch` of `measure_quality` that keeps the mean errors and the frame of largest error.
 
-    Warm-up frames count only in shots that have no later ones.
-
-    Args:
-        methods: names of the methods.
+    Warm-up frames count only in shots without later ones.
     """
 
     def __init__(self, methods: list[str]) -> None:
@@ -56,7 +47,7 @@ class ErrorMaps:
         self._count, self._largest, self._warm = 0, -1.0, False
 
     def __call__(self, seen: ScoredImage) -> None:
-        """Take one image; those of a frame follow one another in the order of the methods."""
+        """Add an image; the images of a frame come in the order of the methods."""
         if seen.method == 0:
             self._now = FrameErrors(seen.frame)
         self._now.images.append(seen.shown)
@@ -66,7 +57,7 @@ class ErrorMaps:
 
     @property
     def means(self) -> list[Float32]:
-        """(H, W) each, the mean over the frames, by method."""
+        """Mean errors (H, W) over the frames, in the order of the methods."""
         return [np.asarray(total / self._count, np.float32) for total in self._sums]
 
     def _take(self, now: FrameErrors) -> None:
@@ -95,15 +86,10 @@ def _panels(
     legend: int = 0,
     sharex: bool = False,
 ) -> Iterator[Sequence[Axes]]:
-    """Yield panels of a figure, two in a row; then write the figure.
+    """Yield the panels of a figure, two in a row; then write the figure as PNG.
 
-    Args:
-        count: number of panels.
-        path: PNG to write.
-        size: inches of a panel, (width, height).
-        title: title of the figure.
-        legend: entries in a row of the legend, which is the first panel's; 0: there is no legend.
-        sharex: whether panels share their horizontal axis.
+    `size` is the (width, height) of a panel in inches, `legend` the number of entries in a row of the legend,
+    which is the first panel's; 0: no legend.
     """
     columns = min(count, 2)
     rows = -(-count // columns)
@@ -126,25 +112,7 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
-    """Write a folder with the errors of one shot.
-
-    Args:
-        shot: scores of the shot.
-        maps: errors of its measurement.
-        folder: the new folder is written here.
-    """
-    name = shot.name + (f"-{variant_name(shot.ratio)}" if shot.ratio is not None else "")
-    draw_errors(sizes(shot), maps, folder / name / "errors.png")
-
-
-def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
-    """Draw each method's image of the worst frame, its error there and its mean error, on one scale.
-
-    Args:
-        title: title of the figure.
-        maps: errors of at least one frame.
-        path: PNG to write.
-    """
+    """Write SHOT/errors.png: each method's image of the worst frame, its error there, and its mean error."""
     means, worst = maps.means, maps.worst
     height, width = means[0].shape
     figure = Figure(figsize=(3.0 * _PANEL, len(means) * _PANEL * height / width + 1.0), dpi=_DPI)
@@ -165,26 +133,21 @@ def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
             axes.set_title(f"{method}: {heading}", fontsize="medium")
     for column, image in zip((1, 2), shown, strict=True):
         figure.colorbar(image, ax=panels[:, column], location="bottom", fraction=0.02, pad=0.01, extend="max")
-    figure.suptitle(f"{title}: LDR-FLIP, in the frame of largest error, and on average")
-    _save(figure, path)
+    figure.suptitle(f"{sizes(shot)}: LDR-FLIP, in the frame of largest error, and on average")
+    name = shot.name + (f"-{variant_name(shot.ratio)}" if shot.ratio is not None else "")
+    _save(figure, folder / name / "errors.png")
 
 
 def _limit(errors: Sequence[Float32]) -> float:
-    """Upper end of the colour scale: the 99.8th percentile, since outliers would darken all else."""
+    """Return the upper end of the colour scale: the 99.8th percentile, because outliers would darken all."""
     return max(float(np.percentile(error, 99.8)) for error in errors) or 1.0
 
 
-_GREY = "0.65"
 _NEAR = 0.04  # fraction of the time and of the range of scores within which points share a label
 
 
 def draw_still(record: StillRecord, path: Path) -> None:
-    """Draw a panel for each scene at one ratio: PSNR of each method over the frames.
-
-    Args:
-        record: record of `bench still`.
-        path: PNG to write.
-    """
+    """Draw a panel for each scene at one ratio, with the PSNR of each method over the frames."""
     scenes: dict[str, list[StillScores]] = {}
     for score in record.scores_at_one_ratio():
         scenes.setdefault(score.scene, []).append(score)
@@ -211,27 +174,22 @@ def _draw_scene(axes: Axes, scores: Sequence[StillScores]) -> None:
 
 
 def draw_pareto(record: ParetoRecord, folder: Path) -> list[Path]:
-    """Write `folder`/pareto-METRIC.png: a panel for each ratio, with its frontier; others are grey."""
-    title = f"{size_text(record.display)}, {record.threads} threads"
-    folder.mkdir(parents=True, exist_ok=True)
+    """Write pareto-METRIC.png for each metric: a panel per ratio, with points off the frontier in grey."""
     written = []
     for metric in CLIP_COLUMNS:
-        known = [p for p in record.points if metric.name in p.scores]
-        if known:
-            path = folder / f"pareto-{metric.name.replace('_', '-')}.png"
-            _draw(known, metric, title, path)
-            written.append(path)
+        groups = by_ratio([p for p in record.points if metric.name in p.scores])
+        if not groups:
+            continue
+        path = folder / f"pareto-{metric.name.replace('_', '-')}.png"
+        better = "up" if metric.higher else "down"
+        title = f"{size_text(record.display)}, {record.threads} threads: {metric.title} "
+        title += f"({better} and left is better)"
+        with _panels(len(groups), path, (7.2, 4.4), title=title, sharex=True) as panels:
+            for axes, (ratio, group) in zip(panels, groups.items(), strict=True):
+                _draw_ratio(axes, group, metric)
+                axes.set_title(f"ratio {ratio:g}", fontsize="medium")
+        written.append(path)
     return written
-
-
-def _draw(points: Sequence[ParetoPoint], metric: Column, title: str, path: Path) -> None:
-    groups = by_ratio(points)
-    better = "up" if metric.higher else "down"
-    title = f"{title}: {metric.title} ({better} and left is better)"
-    with _panels(len(groups), path, (7.2, 4.4), title=title, sharex=True) as panels:
-        for axes, (ratio, group) in zip(panels, groups.items(), strict=True):
-            _draw_ratio(axes, group, metric)
-            axes.set_title(f"ratio {ratio:g}", fontsize="medium")
 
 
 def _draw_ratio(axes: Axes, points: Sequence[ParetoPoint], metric: Column) -> None:
@@ -247,7 +205,7 @@ def _draw_ratio(axes: Axes, points: Sequence[ParetoPoint], metric: Column) -> No
         leads = [point in line for point in group]
         for point, leading in zip(group, leads, strict=True):
             place = point.milliseconds, metric.scale * point.scores[metric.name]
-            axes.plot(*place, "o", color="tab:blue" if leading else _GREY, markersize=6)
+            axes.plot(*place, "o", color="tab:blue" if leading else "0.65", markersize=6)
         axes.annotate(
             ", ".join(point.spec for point in group),
             (group[-1].milliseconds, metric.scale * group[-1].scores[metric.name]),
@@ -266,7 +224,7 @@ def _draw_ratio(axes: Axes, points: Sequence[ParetoPoint], metric: Column) -> No
 
 
 def _near(points: Sequence[ParetoPoint], metric: Column) -> list[list[ParetoPoint]]:
-    """Group points whose labels would overlap, so that they share one; the fastest first."""
+    """Group points whose labels would overlap, so that they share one; the fastest comes first."""
     scores = [point.scores[metric.name] for point in points]
     room = _NEAR * (max(scores) - min(scores))
     groups: list[list[ParetoPoint]] = []

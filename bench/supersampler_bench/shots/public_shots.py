@@ -1,4 +1,4 @@
-"""The public test shots: their settings and folders, and the comparison with the frozen hashes."""
+"""Settings and folders of the public test shots, and hashes that identify their pixels."""
 
 import json
 import os
@@ -9,7 +9,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
 from supersampler.frame import Size
 from supersampler.io.files import replacing
@@ -20,29 +19,19 @@ from supersampler_model.data.shots import variant_name
 NAME = "test-shots"
 CACHE_VARIABLE = "SUPERSAMPLER_CACHE"
 FROZEN = Path(__file__).parent / "frozen.json"
-"""The hashes of the pixels that every published number was measured on."""
+"""Hashes of the pixels that every published number was measured on."""
 PROVENANCE = "provenance.json"
-"""File in each shot's folder: the driver and the settings that it was rendered with."""
+"""File in a shot's folder with the driver and the settings that rendered it."""
 _HOW = "`supersampler bench shots` renders it."
 
 
 @dataclass(frozen=True, kw_only=True)
 class TestShots:
-    """Settings of test shots. Seeds were chosen by eye; no family here is trained on.
-
-    Attributes:
-        seeds: seeds of each family's sequence.
-        frames: frames of each shot.
-        display_size: (width, height) of references and display-size G-buffers.
-        ratios: display over render size.
-        samples: per pixel of the reference.
-        thin: whether the classes include that of thin objects.
-        truth: whether references and frames have the planes that measures of corners read.
-    """
+    """Settings of test shots. Seeds were chosen by eye; no family here is trained on."""
 
     __test__ = False  # pytest would collect a class of this name
 
-    seeds: Mapping[str, int] = field(
+    seeds: Mapping[str, int] = field(  # by family
         default_factory=lambda: {
             "machine_hall": 4,  # thin grilles, sparks and steam; a cut, and an exposure that adapts
             "market": 4,  # a fast walk among people and awnings; dust and smoke
@@ -52,14 +41,14 @@ class TestShots:
         }
     )
     frames: int = 40
-    display_size: Size = (640, 360)
+    display_size: Size = (640, 360)  # of references and display-size G-buffers
     ratios: tuple[float, ...] = (1.5, 2.0, 3.0, 4.0)
-    samples: int = 64
-    thin: bool = False
-    truth: bool = False
+    samples: int = 64  # per pixel of the reference
+    thin: bool = False  # whether thin objects are a class
+    truth: bool = False  # whether frames have the planes of truth and AOVs that corners.py reads
 
     def facts(self, family: str) -> dict[str, Any]:
-        """Return the settings of one shot, ready for JSON."""
+        """Return the settings of one shot for JSON."""
         return {
             "family": family,
             "seed": self.seeds[family],
@@ -70,7 +59,7 @@ class TestShots:
 
 
 TEST_SHOTS = TestShots(ratios=(1.5, 2.0, 3.0, 4.0, 1.0))
-"""The five shots of published means. Ratio 1 comes last: it was added to shots that were there."""
+"""The five shots of published means. Ratio 1 is last because it was added to existing shots."""
 RIGGING_SHOT = TestShots(seeds={"rigging": 113}, thin=True)
 """Ropes, chains, chain-link and power lines."""
 CORNER_SHOTS = TestShots(
@@ -81,30 +70,21 @@ CORNER_SHOTS = TestShots(
     frames=24,
     truth=True,
 )
-"""Where history helps least: see docs/quality.md."""
+"""Shots where history helps least: see docs/quality.md."""
 APART_SHOTS = (RIGGING_SHOT, CORNER_SHOTS)
-"""Shots reported separately and excluded from means."""
+"""Shots that are reported separately and in no mean."""
 
 
 @dataclass(frozen=True)
 class PublicShot:
-    """A test shot at one ratio, complete on disk.
-
-    Attributes:
-        shot: the frames.
-        ratio: display over render size.
-        driver: the OpenGL that rendered it.
-        digest: SHA-256 of its pixels.
-        frozen: the frozen hash; None where there is none for this shot.
-        frozen_driver: the OpenGL of the frozen pixels.
-    """
+    """A test shot at one ratio, complete on disk."""
 
     shot: Shot
     ratio: float
-    driver: str
-    digest: str
-    frozen: str | None
-    frozen_driver: str | None
+    driver: str  # OpenGL device and version
+    digest: str  # SHA-256 of the pixels
+    frozen: str | None  # the frozen hash, if there is one
+    frozen_driver: str | None  # that rendered the frozen pixels
 
     @property
     def as_frozen(self) -> bool:
@@ -112,7 +92,7 @@ class PublicShot:
         return self.digest == self.frozen
 
     def warning(self) -> str | None:
-        """Return why scores may differ from published ones; None where the pixels are the frozen ones."""
+        """Return why scores may differ from published ones; None if the pixels are the frozen ones."""
         name = f"{self.shot.name} at {variant_name(self.ratio)}"
         if self.as_frozen:
             return None
@@ -124,8 +104,8 @@ class PublicShot:
                 "Figures differ slightly from the published ones"
             )
         return (
-            f"{name}: its pixels are not the frozen ones, though the same driver rendered them: the "
-            "processor, the renderer or a scene is another, or files are damaged. Before you compare its "
+            f"{name}: its pixels are not the frozen ones, although the same driver rendered them: the "
+            "processor, the renderer or a scene differs, or files are damaged. Before you compare its "
             "figures with published ones, measure a published method on it"
         )
 
@@ -140,7 +120,7 @@ class PublicShot:
 
 
 def default_cache() -> Path:
-    """Return the package's folder in the platform's cache."""
+    """Return the package's folder in the platform's cache folder."""
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData/Local") / "supersampler"
     if sys.platform == "darwin":
@@ -154,33 +134,24 @@ def shot_folder(cache: Path, family: str) -> Path:
 
 
 def shots_named(name: str) -> TestShots | None:
-    """Return the test shots of a name: the five, or one apart; None where there are none."""
+    """Return the five test shots or the shot apart of this name; None if there are none."""
     if name == NAME:
         return TEST_SHOTS
     return next((replace(s, seeds={name: s.seeds[name]}) for s in APART_SHOTS if name in s.seeds), None)
 
 
 def open_test_shots(cache: Path, ratios: Sequence[float], shots: TestShots, frozen: Path) -> list[PublicShot]:
-    """Open all test shots at the ratios given, ratio by ratio; all of their pixels are read once.
+    """Open the test shots in a cache folder, ratio by ratio, and hash their pixels.
 
-    Args:
-        cache: folder with the test shots.
-        ratios: display over render size.
-        shots: settings that they were rendered with.
-        frozen: file of the frozen hashes.
+    `frozen` is the file of the frozen hashes.
 
     Raises:
-        ShotError: one is missing, incomplete or of other settings; with the command that renders it.
+        ShotError: a shot is missing, incomplete or of other settings; with the command that renders it.
     """
-    return [open_test_shot(cache, family, ratio, shots, frozen) for ratio in ratios for family in shots.seeds]
+    return [_opened(cache, family, ratio, shots, frozen) for ratio in ratios for family in shots.seeds]
 
 
-def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, frozen: Path) -> PublicShot:
-    """Open one test shot at one ratio, and hash its pixels.
-
-    Raises:
-        ShotError: see `open_test_shots`.
-    """
+def _opened(cache: Path, family: str, ratio: float, shots: TestShots, frozen: Path) -> PublicShot:
     folder = shot_folder(cache, family)
     path = folder / f"{variant_name(ratio)}.json"
     if ratio not in shots.ratios:
@@ -205,10 +176,10 @@ def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, fro
 
 
 def read_provenance(folder: Path) -> dict[str, Any]:
-    """Return the driver and the settings that a shot's folder was rendered with; {} where it has no shot.
+    """Return the driver and the settings that rendered the shot in a folder; {} if there is none.
 
     Raises:
-        ShotError: it has a shot of an earlier version, without provenance.json.
+        ShotError: the shot is of an earlier version, without provenance.json.
     """
     path = folder / PROVENANCE
     if not path.exists() and any(folder.glob("*.json")):
@@ -217,11 +188,14 @@ def read_provenance(folder: Path) -> dict[str, Any]:
 
 
 def pixel_hash(shot: Shot) -> str:
-    """Return the SHA-256 of the content of all frames, whatever the compression of their files."""
+    """Return the SHA-256 of all frames' content, which does not depend on the compression of files."""
     digest = sha256()
     for index in range(len(shot)):
         raw, classes = shot.read_raw(index), shot.read_classes(index)
-        arrays = {**_arrays(raw), "reference": shot.read_reference(index)}
+        arrays: dict[str, Any] = {name: getattr(raw, name) for name in ("color", "depth", "motion", "aovs")}
+        for group in ("gbuffer", "gbuffer_display"):
+            arrays |= {f"{group}.{name}": array for name, array in (getattr(raw, group) or {}).items()}
+        arrays["reference"] = shot.read_reference(index)
         if classes is not None:
             arrays |= classes.known()
         arrays |= {f"truth.{name}": plane for name, plane in shot.read_truth(index).items()}
@@ -235,16 +209,15 @@ def pixel_hash(shot: Shot) -> str:
 
 
 def freeze(shots: Sequence[PublicShot], path: Path) -> list[PublicShot]:
-    """Write the hashes of these shots as the frozen ones; return the shots with these.
+    """Write the hashes of some shots as the frozen ones; return the shots with these.
 
     Raises:
         ShotError: they were rendered by several drivers, or the file cannot be written.
     """
     drivers = sorted({shot.driver for shot in shots})
     if len(drivers) != 1:
-        raise ShotError(
-            path, f"the shots were rendered by {' and '.join(drivers)}", "One must render them all."
-        )
+        problem = f"the shots were rendered by {' and '.join(drivers)}"
+        raise ShotError(path, problem, "One must render them all.")
     hashes: dict[str, dict[str, str]] = {}
     for shot in shots:
         hashes.setdefault(shot.shot.name, {})[variant_name(shot.ratio)] = shot.digest
@@ -261,10 +234,3 @@ def _json(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ShotError(path, "is not a description: want an object {...}", _HOW)
     return content
-
-
-def _arrays(raw: RawFrame) -> dict[str, Any]:
-    arrays: dict[str, Any] = {name: getattr(raw, name) for name in ("color", "depth", "motion", "aovs")}
-    for group in ("gbuffer", "gbuffer_display"):
-        arrays |= {f"{group}.{name}": array for name, array in (getattr(raw, group) or {}).items()}
-    return arrays

@@ -1,4 +1,4 @@
-"""Render test shots: into a cache, in several processes; single frames for other measurements."""
+"""Render test shots into a cache, in several processes, and frames of test shots for other measurements."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -21,8 +21,11 @@ from supersampler_model.data.rendered import input_frame
 from supersampler_model.data.renderer.context import Graphics, open_graphics
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Scene
-from supersampler_model.data.sequences import SequenceSpec, make_sequence
+from supersampler_model.data.sequences import HeldSequence, SequenceSpec, make_sequence
 from supersampler_model.data.shots import ShotForm, render_shot, variant_name
+
+HELD_FRAME = 12
+"""Frame of a test shot whose camera `held_sequence` keeps."""
 
 
 def rendered_frame(
@@ -34,15 +37,9 @@ def rendered_frame(
     reset: bool = False,
     gbuffers: bool = False,
 ) -> Frame:
-    """Render a scene at render size, with its camera's exposure.
+    """Render a frame of a scene, (width, height) `size`, with the camera's exposure.
 
-    Args:
-        renderer: renderer of the scene.
-        scene: scene at the time of this frame.
-        size: (width, height), render pixels.
-        jitter: (x, y) render pixels, in [-0.5, 0.5].
-        reset: whether the frame is the first after a cut.
-        gbuffers: whether to render those of display size, too.
+    With `gbuffers`, the frame also has G-buffers of display size.
     """
     color, surfaces = renderer.frame(scene, size, jitter=jitter)
     display = renderer.display(scene) if gbuffers else None
@@ -51,35 +48,29 @@ def rendered_frame(
 
 def rendered_sequence(
     renderer: Renderer, family: str, count: int, size: Size, *, references: int = 0, gbuffers: bool = False
-) -> Iterator[tuple[Frame, Float32 | None, float]]:
-    """Render a test shot of any length; yield frames, references and exposures of the camera.
+) -> Iterator[tuple[Frame, Float32 | None]]:
+    """Render a test shot of `count` frames; yield frames and, for the last ones, references (H, W, 3).
 
-    Args:
-        renderer: renderer of display size.
-        family: family of the test shot.
-        count: number of frames.
-        size: (width, height), render pixels.
-        references: number of frames, the last ones, that have a reference (H, W, 3); None for the others.
-        gbuffers: whether to render those of display size, too.
+    `size`: (width, height) of the frames. `references`: number of references. `gbuffers`: see
+    `rendered_frame`.
     """
     sequence = make_sequence(SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count))
     for index in range(count):
         scene, jitter = sequence.scene(index), halton_jitter(index, renderer.display_size[0] / size[0])
         frame = rendered_frame(renderer, scene, size, jitter, reset=sequence.cut(index), gbuffers=gbuffers)
-        reference = renderer.reference(scene).color if index >= count - references else None
-        yield frame, reference, scene.camera.exposure
+        yield frame, renderer.reference(scene).color if index >= count - references else None
+
+
+def held_sequence(family: str, count: int, *, time_stands: bool) -> HeldSequence:
+    """Return a test shot of any length whose camera stays where it is at HELD_FRAME; see `HeldSequence`."""
+    spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
+    return HeldSequence(spec, HELD_FRAME, time_stands=time_stands)
 
 
 def render_test_shots(
     cache: Path, shots: TestShots, *, workers: int = 1, on_frame: Callable[[], None] = lambda: None
 ) -> None:
-    """Render all missing frames; each worker renders whole shots.
-
-    Args:
-        cache: folder that gets the test shots.
-        shots: their settings.
-        workers: processes; software OpenGL renders with cores / workers threads in each.
-        on_frame: called after each frame that was missing.
+    """Render all missing frames into a cache folder; each of some worker processes renders whole shots.
 
     Raises:
         DataError: a worker failed; complete frames stay, and the next run continues.
@@ -121,14 +112,14 @@ def render_test_shot(
 
 
 def driver_name(graphics: Graphics) -> str:
-    """Return the device and the version of its driver."""
+    """Return the OpenGL device and the version of its driver."""
     with graphics.gl:
         info = graphics.gl.info
     return f"{info['GL_RENDERER']}, OpenGL {info['GL_VERSION']}"
 
 
 def frames_there(cache: Path, shots: TestShots) -> int:
-    """Return how many frames of all shots are complete at every ratio."""
+    """Return the number of frames of all shots that are complete at every ratio."""
     last = variant_name(shots.ratios[-1])
     return sum(len(list((shot_folder(cache, family) / last).glob("[!.]*.exr"))) for family in shots.seeds)
 

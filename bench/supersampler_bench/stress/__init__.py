@@ -1,4 +1,1 @@
-"""Stress: long runs and hostile frames, each measured against a bound that follows from a promise.
-
-Scenarios in families; `runner` runs them and shows the outcomes.
-"""
+"""Stress: long runs and hostile frames, whose figures have bounds. `runner` runs families of scenarios."""

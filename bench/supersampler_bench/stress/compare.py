@@ -1,4 +1,4 @@
-"""Comparison of images: with an undisturbed session, with an earlier loop; growth of errors in a history."""
+"""Differences from an undisturbed session and from an earlier loop; growth of errors in a history."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler_bench.stress.scenario import DECAY, REST, STEP, Figure, Figures, Session, Trial
 
 OUTLIER = 0.1
-"""Largest difference at 99.9 % of the values where a disturbance counts as forgotten."""
+"""Difference at 99.9 % of the values below which a disturbance is no longer visible."""
 
 
 @dataclass(frozen=True)
@@ -38,19 +38,14 @@ def difference(one: Float32, other: Float32, exposure: float = 1.0) -> VisibleDi
 
 
 class Disturbance:
-    """A session that is disturbed beside a baseline session, on frames that repeat.
-
-    Args:
-        trial: both sessions show the method's own images.
-        frames: undisturbed ones.
-    """
+    """A session that is disturbed, and a baseline session, on frames that repeat."""
 
     def __init__(self, trial: Trial, frames: Sequence[Frame]) -> None:
         self._trial, self.frames = trial, cycle(frames)
         self.disturbed, self.baseline = trial.begin_own(), trial.begin_own()
 
     def step(self, pairs: Iterable[tuple[Frame, Frame]], exposure: float = 1.0) -> list[VisibleDifference]:
-        """Step both sessions, each with its own frame of the pairs."""
+        """Step the disturbed session with the first frame of each pair, the baseline with the second."""
         return [
             difference(self.disturbed.step(one), self.baseline.step(other), exposure) for one, other in pairs
         ]
@@ -60,41 +55,30 @@ class Disturbance:
         return self.step((frame, frame) for frame in islice(self.frames, count))
 
     def measured(self, after: Sequence[VisibleDifference] | None = None, more: int = 0) -> Figures:
-        """Return for how many frames a disturbance was visible after its end.
+        """Return the number of frames for which a disturbance was visible after its end.
 
-        Args:
-            after: differences after its end; None: step `Trial.watched` frames.
-            more: added to the subject's bound.
+        `after` has the differences after its end; None steps `Trial.watched` frames. `more` is added to the
+        bound.
         """
         after = self.step_same(self._trial.watched) if after is None else after
         return [Figure("frames until clean", recovery(after), self._trial.subject.recovery + more)]
 
 
 def recovery(after: Sequence[VisibleDifference]) -> float:
-    """Return the number of frames until no difference is visible any more; all if the last one is."""
-    visible = [index + 1 for index, one in enumerate(after) if not one.invisible]
-    return float(visible[-1] if visible else 0)
+    """Return the number of frames up to the last visible difference."""
+    return float(max((index + 1 for index, one in enumerate(after) if not one.invisible), default=0))
 
 
 @dataclass(frozen=True)
 class Repeated:
-    """Images of the same frames, over and over.
+    """Figures of the images of frames that repeat; differences are mean absolute ones of display values."""
 
-    Attributes:
-        change: mean difference of the last loop's images from those of the loop before.
-        mean_abs_difference: of the last loop's images from those of the `settled` loop.
-        psnr: dB, of the last loop; NaN without references.
-        lost: PSNR, dB, from the settled loop to the last.
-        swing: dB, from the worst to the best image of the last loop.
-        flicker: flicker of the last loop's images.
-    """
-
-    change: float
-    mean_abs_difference: float
-    psnr: float
-    lost: float
-    swing: float
-    flicker: float
+    change: float  # between the last two loops
+    mean_abs_difference: float  # between the settled loop and the last
+    psnr: float  # dB, of the last loop; NaN without references
+    lost: float  # PSNR, dB, from the settled loop to the last
+    swing: float  # PSNR, dB, from the worst to the best image of the last loop
+    flicker: float  # of the last loop
 
     def measured(self) -> Figures:
         """Return the change in the last loop, and the PSNR lost."""
@@ -102,30 +86,34 @@ class Repeated:
 
 
 def repeat(trial: Trial, frames: Sequence[Frame], truths: Sequence[Float32] = ()) -> Repeated:
-    """Step through the same frames until `trial.frames` are done, in whole loops, at least three."""
+    """Step through the same frames in whole loops: `trial.frames` frames, or at least three loops."""
     session, loops = trial.begin(), max(trial.frames // len(frames), 3)
     references = [display_transform(truth) for truth in truths]
-    settled = min(12, loops // 2)  # from which on nothing should change
-    psnr, change, swing = [float("nan")] * loops, 0.0, 0.0
+    settled = min(12, loops // 2)  # the loop after which nothing should change
+    scores = np.full((loops, len(frames)), np.nan)
     before: list[Float32] = []
+    last: list[Float32] = []
     early: list[Float32] = []
     for loop in range(loops):
-        images = [display_transform(session.step(frame)) for frame in frames]
-        if before:
-            change = _mean_apart(images, before)
+        before, last = last, [display_transform(session.step(frame)) for frame in frames]
         if references:
-            scores = [decibels(float(np.mean((a - b) ** 2))) for a, b in zip(images, references, strict=True)]
-            psnr[loop] = float(np.mean(scores))
-            swing = float(np.ptp(scores))
+            pairs = zip(last, references, strict=True)
+            scores[loop] = [decibels(float(np.mean((a - b) ** 2))) for a, b in pairs]
         if loop == settled:
-            early = images
-        before = images
-    apart, lost = _mean_apart(before, early), psnr[settled] - psnr[-1]
-    return Repeated(change, apart, psnr[-1], lost, swing, flicker(before))
+            early = last
+    psnr = scores.mean(axis=1)
+    return Repeated(
+        change=_mean_apart(last, before),
+        mean_abs_difference=_mean_apart(last, early),
+        psnr=float(psnr[-1]),
+        lost=float(psnr[settled] - psnr[-1]),
+        swing=float(np.ptp(scores[-1])) if references else 0.0,
+        flicker=flicker(last),
+    )
 
 
 def flicker(images: Sequence[Float32]) -> float:
-    """Return the standard deviation of display values over time, root mean square of all pixels."""
+    """Return the standard deviation of display values over time: the root mean square over all pixels."""
     return float(np.sqrt(np.var(np.stack(images), axis=0).mean()))
 
 
@@ -134,43 +122,36 @@ def _mean_apart(one: Sequence[Float32], other: Sequence[Float32]) -> float:
 
 
 EVERY = 16
-"""Frames between measurements of a rate: few enough that the difference stays far above rounding."""
+"""Frames per round of `contraction`, few enough that the difference stays far above rounding."""
 COLOR = "history.color"
 _NOTHING = 1e-12
 
 
 @dataclass(frozen=True)
 class Contraction:
-    """Factors by which one frame multiplies a difference, means of every `EVERY` frames; it grows above 1."""
+    """Factors by which one frame multiplies a difference: means over rounds. Above 1, differences grow."""
 
     rates: list[float]
 
     @property
     def last(self) -> list[float]:
-        """The second half, in which only the slowest of all errors is left."""
+        """The second half of the rounds, where only the most persistent error is left."""
         return self.rates[len(self.rates) // 2 :]
 
     @property
     def rate(self) -> float:
-        """Geometric mean of the second half."""
+        """The geometric mean of the second half."""
         return float(np.exp(np.log(np.maximum(self.last, _NOTHING)).mean()))
 
 
 def contraction(
     base: Session, other: Session, frames: Sequence[Frame], rounds: int, size: float, warm_up: int
 ) -> Contraction:
-    """Measure the largest Lyapunov exponent of a recursion, after Benettin et al. 1980.
+    """Measure the largest Lyapunov exponent of a recursion (Benettin et al. 1980).
 
-    Two sessions step through the same frames; the history of one differs a little. Every few frames that
-    difference is measured and scaled back to its size, in the whole history.
-
-    Args:
-        base: a session.
-        other: a second session of the same subject.
-        frames: they repeat.
-        rounds: rounds of `EVERY` frames.
-        size: root mean square of the difference, linear RGB: small, yet far above rounding.
-        warm_up: frames before there is a difference.
+    Two sessions of a subject step through the same frames, which repeat. After `warm_up` frames, the history
+    of one gets a difference of RMS `size`, linear RGB: small, yet far above rounding. After each round of
+    EVERY frames, the difference is measured and scaled back to its size, in the whole history.
     """
     endless = cycle(frames)
     for frame in islice(endless, warm_up):
@@ -198,9 +179,9 @@ def _history(state: State) -> Any:
 
 
 def _scaled(base: Any, changed: Any, factor: float) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield all tensors of single precision in both histories, `factor` times as far apart.
+    """Yield the single-precision tensors of both histories, with their difference scaled by `factor`.
 
-    Planes other than the colour are clipped to the range of `base`: differences that hardly fade would grow
+    Tensors other than the colour are clipped to the range of `base`: differences that hardly fade would grow
     without bound.
     """
     for name, array in changed.items():

@@ -1,4 +1,4 @@
-"""Scenarios of hostile frames: bad values, spikes of light, one bad frame and its recovery, two passes."""
+"""Scenarios of hostile frames: bad values, spikes of light, recovery from one bad frame, two passes."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ from supersampler_model.data.scenes.analytic import AnalyticScene, Plane, zone_p
 
 FIELDS = ("color", "depth", "motion")
 PLACES = ("pixels", "row", "frame")
-VALUES: Mapping[str, tuple[float, float, float]] = {  # of each field
+VALUES: Mapping[str, tuple[float, float, float]] = {  # one for each of FIELDS
     "not a number": (np.nan, np.nan, np.nan),
     "infinite": (np.inf, np.inf, -np.inf),
     "negative": (-1.0, -1.0, -1e5),
@@ -45,7 +45,7 @@ Hostile = Callable[[Frame], Iterator[Frame]]
 
 
 def with_values(frame: Frame, field: str, where: NDArray[np.bool_], value: float) -> Frame:
-    """Return the frame with `value` in a field, where the mask (h, w) is True."""
+    """Return the frame with a value in a field where the mask (h, w) is True."""
     array = np.array(getattr(frame, field))
     array[where] = value
     fields: dict[str, Any] = {field: array}
@@ -63,13 +63,13 @@ def places(kind: str, size: Size) -> NDArray[np.bool_]:
 
 
 def bad_frames(frame: Frame, values: Iterable[tuple[str, float]]) -> Iterator[Frame]:
-    """Yield the frame with each (field, value), in a tenth of its pixels, in a row, and in all."""
+    """Yield the frame with each (field, value) in each of PLACES."""
     for (field, value), kind in product(values, PLACES):
         yield with_values(frame, field, places(kind, frame.size), value)
 
 
 def injected(trial: Trial, values: Sequence[float]) -> Figures:
-    """In one frame's colour, depth, motion; in a tenth of its pixels, in a row, in all: nine in turn."""
+    """A frame's colour, depth or motion has the value in a tenth of the pixels, a row, or all: nine cases."""
     run = Disturbance(trial, trial.still)
     run.step_same(PERIOD)
     worst = 0.0
@@ -96,7 +96,7 @@ REPLACEMENTS: Mapping[str, float] = {"infinite": LARGEST, "negative": 0.0, "deno
 
 
 def lasting(trial: Trial, value: float, replacement: float) -> Figures:
-    """A disc of every frame's colour has the value: images equal those of frames with its replacement."""
+    """A disc of every frame's colour has the value. Images equal those of frames with its replacement."""
     disc, pairs = _disc(trial.render), []
     for frame in islice(cycle(trial.still), trial.frames):
         bad, good = (with_values(frame, "color", disc, value) for value in (value, replacement))
@@ -112,7 +112,7 @@ for _name, _value in REPLACEMENTS.items():
 
 @scenario("hostile", "a region not a number", cpu=96, quick=80, remembers=False)
 def lasting_hole(trial: Trial) -> Figures:
-    """A disc of every frame's colour is not a number: its middle is not much darker than around it."""
+    """A disc of every frame's colour is NaN. Its middle is not much darker than its surroundings."""
     disc, session = _disc(trial.render), trial.begin()
     darker: list[float] = []
     width, height = trial.display
@@ -131,13 +131,13 @@ def _disc(render: Size) -> NDArray[np.bool_]:
 
 
 WIDE = (192, 96)
-"""Display size at which a bad pixel could affect more than a network's receptive field."""
+"""Display size that is larger than a network's receptive field."""
 BLOCK = 8  # display pixels
 
 
 @scenario("hostile", "one pixel not a number", cpu=128, onnx=64, quick=32, remembers=False)
 def spread(trial: Trial) -> Figures:
-    """Colour, depth and motion of one pixel are NaN in each frame of 192x96: only its surroundings change."""
+    """Colour, depth, motion of one pixel are NaN in every frame of 192x96. Only its surroundings change."""
     disturbed, baseline = trial.begin(WIDE), trial.begin(WIDE)
     render = WIDE[0] // 2, WIDE[1] // 2
     x, y = render[0] // 2, render[1] // 2
@@ -153,10 +153,10 @@ def spread(trial: Trial) -> Figures:
 
 
 def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
-    """Return the distance, display pixels, from a render pixel to the end of the farthest differing block.
+    """Return the display pixels from a render pixel to the far end of the farthest differing block.
 
-    Blocks have 8x8 pixels and differ by a step on average: with an int8 network, single pixels are rounded
-    differently as soon as anything differs anywhere.
+    A block has 8x8 pixels and differs if its mean difference exceeds STEP. Single pixels do not count: an
+    int8 network rounds them differently as soon as anything differs anywhere.
     """
     apart = np.abs(display_transform(image) - display_transform(baseline)).mean(axis=-1)
     height, width = apart.shape
@@ -168,7 +168,7 @@ def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
 
 @scenario("hostile", "spike of 65504", cpu=96, quick=56)
 def spike(trial: Trial) -> Figures:
-    """In one frame, 2x2 pixels have the brightest light of half floats."""
+    """In one frame, 2x2 pixels have the largest half float."""
     run = Disturbance(trial, trial.still)
     run.step_same(2 * PERIOD)
     where = np.zeros(trial.render[::-1], bool)
@@ -180,7 +180,7 @@ def spike(trial: Trial) -> Figures:
 
 @scenario("hostile", "fireflies", cpu=96)
 def fireflies(trial: Trial) -> Figures:
-    """In motion, for a jitter period, half a percent of the pixels are far too bright."""
+    """In motion, half a percent of the pixels are far too bright for one jitter period."""
     run, random = Disturbance(trial, trial.moving), np.random.default_rng(3)
     run.step_same(PERIOD)
     for frame in islice(run.frames, PERIOD):
@@ -192,7 +192,7 @@ def fireflies(trial: Trial) -> Figures:
 
 @scenario("hostile", "extreme depth", cpu=160)
 def extreme_depth(trial: Trial) -> Figures:
-    """For two periods, frames in turn are all sky, all infinitely near, and of random depth."""
+    """For two jitter periods, frames are in turn all sky, all infinitely near, and of random depth."""
     run, random = Disturbance(trial, trial.still), np.random.default_rng(2)
     run.step_same(PERIOD)
     for index, frame in enumerate(islice(run.frames, 2 * PERIOD)):
@@ -205,21 +205,20 @@ def extreme_depth(trial: Trial) -> Figures:
 CLEAN = 30
 """Number of clean frames after the hostile one."""
 MIN_BOUND = VisibleDifference(mean=0.1 / 255.0, p999=4.0 / 255.0)
-"""Smallest bound of the difference in the last clean frame: 0.1 steps of an 8-bit image in the mean, and 4 at
-99.9 % of the values."""
+"""Smallest bound of the difference in the last clean frame, for every method."""
 RESETS = (0, -2, 2, -4, 4)
 """Frames, relative to the hostile one, at which a reset is measured for the bound. The error after a reset
 varies with the jitter phase. All are even, because every second frame may be extrapolated."""
 EXPOSURES = (1e30, 1e-40, 1e-3, 1e4)
 BRIGHT = (10.0, 100.0, 1500.0)
-"""Linear colour of a lamp, a spark and the sun on metal: clean frames contain such values, too."""
+"""Linear colour of a lamp, a spark and the sun on metal, which clean frames contain, too."""
 
 
 def one_frame(trial: Trial, hostile: Hostile) -> Figures:
-    """One hostile frame, then 30 clean ones: largest difference from an undisturbed session.
+    """One hostile frame, then 30 clean ones: the largest difference from an undisturbed session.
 
-    The exposure is measured. The bound is the largest difference after a reset at that frame, or at the
-    second or fourth frame before or after it.
+    Exposure is measured. The bound is the largest difference after a reset at that frame, or at the second or
+    fourth frame before or after it.
     """
     session = trial.begin()
     frames = [replace(frame, exposure=None) for frame in trial.still]
@@ -248,14 +247,14 @@ def one_frame(trial: Trial, hostile: Hostile) -> Figures:
 
 @dataclass(frozen=True)
 class _Start:
-    """A frame of the run: the session, its state before that frame, and the frames from that one on."""
+    """A session, its state before a frame, and the frames from that one on."""
 
     session: Session
     state: State
     frames: Sequence[Frame]
 
     def error_after(self, first: Frame) -> VisibleDifference:
-        """Return the difference of the last clean frame's image when `first` replaces the first frame."""
+        """Return the difference in the last image if `first` replaces the first frame."""
         return difference(self._last_image(first), self._baseline)
 
     @cached_property
@@ -269,9 +268,9 @@ class _Start:
 
 
 def hostile_bound(error: VisibleDifference, after_resets: Iterable[VisibleDifference]) -> VisibleDifference:
-    """Return the bound of an error: MIN_BOUND, or the largest error after a reset if that is larger.
+    """Return the bound of an error: the largest error after a reset, at least MIN_BOUND.
 
-    Resets are measured only until the bound reaches `error`: further ones would not change the verdict.
+    Resets are measured only until the bound reaches `error`, because further ones do not change the result.
     """
     bound = MIN_BOUND
     for other in after_resets:
@@ -301,7 +300,7 @@ _ONE_FRAME: Mapping[str, tuple[Hostile, int]] = {
     "bright light": (_spoiled(("color", value) for value in BRIGHT), 3 * len(BRIGHT)),
     "brightest light": (_spoiled([("color", LARGEST)]), 3),
 }
-"""Hostile frames, and how many there are."""
+"""Hostile frames, and their number."""
 for _name, (_hostile, _cases) in _ONE_FRAME.items():
     _frames = 2 * _cases * CLEAN
     scenario(
@@ -314,27 +313,27 @@ for _name, (_hostile, _cases) in _ONE_FRAME.items():
     )(one_frame)
 
 HARM = 0.05
-"""dB of PSNR that a shot may lose by the second pass."""
+"""PSNR, dB, that a shot may lose by the second pass."""
 STATIC: Sequence[AnalyticScene] = (STILL, Plane(zone_plate))
 SCENES: Sequence[AnalyticScene] = (STILL, Orbit(), Plane(zone_plate, velocity=(0.37, 0.21)))
 SPOILED = 24
-"""Number of frames of a shot that has one hostile frame."""
+"""Number of frames of a shot with one hostile frame."""
 
 
 class StressShot(NamedTuple):
-    """Frames from a cut to the next, and their exact images."""
+    """Frames between two cuts, and their exact images."""
 
     frames: Sequence[Frame]
     truths: Sequence[Float32]
 
 
 def shots_of(trial: Trial, lengths: Sequence[int], of: Sequence[AnalyticScene]) -> Figures:
-    """Upscale shots of these lengths, one after another."""
+    """Upscale shots of some lengths, one after another."""
     return _lost(trial, _shots(trial, lengths, of))
 
 
 def hostile_shots(trial: Trial, hostile: Hostile) -> Figures:
-    """Shots of 24 frames: the first, one in the middle or the last is hostile. Exposure is measured."""
+    """Shots of 24 frames whose first, middle or last frame is hostile. Exposure is measured."""
     (shot,) = _shots(trial, (SPOILED,), (Orbit(),))
     frames = [replace(frame, exposure=None) for frame in shot.frames]
     shots = [
@@ -373,7 +372,7 @@ _two_passes("exposure", hostile_shots, 12 * SPOILED, _other_exposures)
 
 
 def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[AnalyticScene]) -> list[StressShot]:
-    """Return shots of these lengths, cycling through the scenes; indices and jitter continue across shots."""
+    """Return shots of some lengths, which cycle through the scenes; frame numbers continue across shots."""
     shots, first = [], 0
     for length, scene in zip(lengths, cycle(of), strict=False):
         stop = first + length
@@ -384,10 +383,7 @@ def _shots(trial: Trial, lengths: Sequence[int], of: Sequence[AnalyticScene]) ->
 
 
 def _lost(trial: Trial, shots: Sequence[StressShot]) -> Figures:
-    """Upscale shots with cuts between them, in one pass and in two; measure the PSNR lost by the second.
-
-    PSNR of a shot is the mean of that of its images.
-    """
+    """Upscale shots with cuts between them, in one pass and in two; measure the PSNR lost by the second."""
     upscaled = trial.subject.sequences
     if upscaled is None:
         raise TypeError(f"{trial.subject.method} has one pass")  # see `Scenario.suits`

@@ -18,7 +18,6 @@ from supersampler_bench.stress.scenario import (
     STEP,
     Figure,
     Figures,
-    Session,
     Trial,
     scenario,
 )
@@ -26,19 +25,19 @@ from supersampler_bench.stress.scenes import LAP, PERIOD, STILL, Orbit, scene_fr
 from supersampler_model.data.scenes.analytic import Plane, zone_plate
 
 SWING = 1.5
-"""dB of PSNR by which images of a scene at rest may differ."""
+"""PSNR, dB, by which images of a scene at rest may differ."""
 EMA, EMA_LOOPS = 0.1, 4
-"""Weight of a new frame in the moving average that methods are compared with, and loops until it settles."""
+"""Weight of a new frame in the exponential average that methods are compared with; loops until it settles."""
 GROWTH = 1.1
-"""Largest ratio of two precisions' difference in the last loop to that in the middle one."""
+"""Largest ratio of the difference between two precisions in the last loop to that in the middle one."""
 SMALL = 1e-4
-"""Root mean square of a disturbance in linear light; all of it may end up in one pixel."""
-_UNIT = 1e-7  # rounding of single precision: smaller differences do not count
+"""RMS of a disturbance, linear RGB; it may all end up in one pixel."""
+_UNIT = 1e-7  # rounding of single precision; smaller differences do not count
 
 
 @scenario("steady", "at rest", cpu=10_016, onnx=960, quick=320, remembers=False)
 def at_rest(trial: Trial) -> Figures:
-    """A static scene with wires: its image settles, and stays as it was in the thirteenth period."""
+    """A static scene with wires. Its image settles, and stays as it was in the thirteenth period."""
     frames, reference = trial.still, truth(STILL, 0, trial.display)
     run = repeat(trial, frames, [reference] * len(frames))
     figures = [
@@ -57,12 +56,12 @@ def at_rest(trial: Trial) -> Figures:
 
 
 def passed_by_average(new: float, period: int) -> float:
-    """Return the amplitude gain of a moving average with weight `new` for a sine of this period."""
+    """Return the amplitude gain of an exponential average with weight `new` for a sine of a period."""
     return float(new / abs(1.0 - (1.0 - new) * np.exp(-2j * np.pi / period)))
 
 
 def _psnr_of_average(frames: Sequence[Frame], display: Size, reference: Float32) -> float:
-    """Return the PSNR of an exponential average of enlarged frames that repeat, in its last loop."""
+    """Return the mean PSNR of an exponential average of upsampled frames that repeat, in its last loop."""
     (width, height), (w, h) = display, frames[0].size
     rows, columns = np.arange(height)[:, None] * h // height, np.arange(width) * w // width
     singles = [np.asarray(frame.color, np.float32)[rows, columns] for frame in frames]
@@ -75,7 +74,7 @@ def _psnr_of_average(frames: Sequence[Frame], display: Size, reference: Float32)
 
 @scenario("steady", "in motion", cpu=1920, onnx=640)
 def in_motion(trial: Trial) -> Figures:
-    """A disc circles in front of a swinging plane, over and over: images repeat as the frames do."""
+    """A disc circles in front of a swinging plane. Images repeat as the frames do."""
     frames = trial.moving
     truths = [truth(Orbit(), index % LAP, trial.display) for index in range(len(frames))]
     return repeat(trial, frames, truths).measured()
@@ -83,7 +82,7 @@ def in_motion(trial: Trial) -> Figures:
 
 @scenario("steady", "against single precision", cpu=2080, onnx=2080, quick=480, pairs=True)
 def precisions(trial: Trial) -> Figures:
-    """Moving frames on the ONNX backend in fp32: the difference is small and does not grow."""
+    """Moving frames, compared with the ONNX backend in fp32. The difference is small and does not grow."""
     frames = trial.moving
     loops = max(trial.frames // len(frames), 3)
     session, exact = trial.begin(), (trial.subject.exact or trial.subject.begin)(trial.display, 1)
@@ -100,13 +99,13 @@ def precisions(trial: Trial) -> Figures:
 
 @scenario("steady", "contraction at rest", cpu=768, onnx=320, quick=256, same_size=True)
 def contraction_at_rest(trial: Trial) -> Figures:
-    """The history is disturbed a little, at rest."""
+    """At rest, the history is disturbed slightly."""
     return _contraction(trial, trial.still)
 
 
 @scenario("steady", "contraction in motion", cpu=640, onnx=320, same_size=True)
 def contraction_in_motion(trial: Trial) -> Figures:
-    """The history is disturbed a little, in motion."""
+    """In motion, the history is disturbed slightly."""
     return _contraction(trial, trial.moving)
 
 
@@ -121,13 +120,13 @@ def _contraction(trial: Trial, frames: Sequence[Frame]) -> Figures:
 STOPS = 16
 """Stops of a jump of light: from 2^-8 to 2^8, or back."""
 ADAPTED = math.ceil(math.log(0.5 / STOPS) / math.log(0.9))
-"""Frames after which a measured exposure, which covers a tenth of the way a frame, is within half a stop."""
+"""Frames after which a measured exposure, which adapts by a tenth per frame, is within half a stop."""
 HELD = 16  # frames between jumps
 
 
 @scenario("light", "exposure jumps by 16 stops", cpu=160, quick=96)
 def exposure_jumps(trial: Trial) -> Figures:
-    """The exposure jumps every 16 frames for four periods; the scene's light stays."""
+    """The exposure jumps every 16 frames for four jitter periods; the scene's light does not change."""
     run = Disturbance(trial, trial.still)
     run.step_same(PERIOD)
     frames = enumerate(islice(run.frames, 4 * PERIOD))
@@ -137,7 +136,7 @@ def exposure_jumps(trial: Trial) -> Figures:
 
 @scenario("light", "light jumps by 16 stops", cpu=160)
 def light_jumps(trial: Trial) -> Figures:
-    """Light jumps every 16 frames for four periods; exposure is measured. Compared with a new session."""
+    """Light jumps every 16 frames for four periods; exposure is measured. The baseline is a new session."""
     run = Disturbance(trial, trial.still)
     for i, frame in enumerate(islice(run.frames, 4 * PERIOD)):
         run.disturbed.step(_lit(frame, _level(i // HELD)))
@@ -156,7 +155,7 @@ def _lit(frame: Frame, level: float) -> Frame:
 
 @scenario("travel", "a cut in every frame", cpu=64, onnx=32, quick=16, remembers=False)
 def cuts(trial: Trial) -> Figures:
-    """Every frame is a cut: each image is that of a new session."""
+    """Every frame is a cut. Each image equals the first one of a new session."""
     session = trial.begin()
     apart = []
     for frame in islice(cycle(trial.moving), trial.frames):
@@ -182,7 +181,7 @@ LARGEST_RATIO = 3.0
 
 @scenario("sampling", "jitter missing", cpu=640, onnx=320, quick=128)
 def missing(trial: Trial) -> Figures:
-    """Frames are jittered, and their `jitter` is (0, 0)."""
+    """Frames are jittered, but their `jitter` is (0, 0)."""
     return _wrong_jitter(trial, _with_jitter(trial, lambda _: (0.0, 0.0)))
 
 
@@ -197,7 +196,7 @@ def _with_jitter(trial: Trial, jitter_of: Callable[[Jitter], Jitter]) -> list[Fr
 
 
 def _wrong_jitter(trial: Trial, frames: Sequence[Frame], more: int = 0) -> Figures:
-    """Step these frames in place of the right ones: images settle even so, and recover."""
+    """Step these frames in place of the right ones. Images settle nevertheless, and recover."""
     wrong = [replace(frame, reset=False) for frame in frames]
     settles = Figure("change in a period", repeat(trial, wrong).change, REST)
     run = Disturbance(trial, trial.still)
@@ -216,7 +215,7 @@ def _wrong_jitter(trial: Trial, frames: Sequence[Frame], more: int = 0) -> Figur
     ratios=(1.0, LARGEST_RATIO),
 )
 def sweep(trial: Trial) -> Figures:
-    """The ratio goes from 1 to 3 and back, over and over, with another render size in each frame."""
+    """The ratio goes from 1 to 3 and back, repeatedly; every frame has another render size."""
     frames = []
     for index in range(SWEEP):
         ratio = 0.5 * (1.0 + LARGEST_RATIO - (LARGEST_RATIO - 1.0) * np.cos(2.0 * np.pi * index / SWEEP))
@@ -231,21 +230,9 @@ THREADS = (2, 3, 5)
 
 @scenario("sessions", "threads", cpu=96, onnx=32, quick=16, remembers=False)
 def threads(trial: Trial) -> Figures:
-    """One thread, two, three, five: no bit changes on the CPU backend, rounding alone on the ONNX backend."""
-    frames = _first(trial.moving, trial.frames)
-    expected = _images(trial.begin(), frames)
-    apart = [_largest_difference(expected, _images(trial.begin(threads=count), frames)) for count in THREADS]
-    bound = 0.0 if trial.subject.executor == "cpu" else ROUNDING
-    return [Figure("difference", max(apart), bound)]
-
-
-def _first(frames: Sequence[Frame], count: int) -> list[Frame]:
-    return list(islice(cycle(frames), count))
-
-
-def _images(session: Session, frames: Sequence[Frame]) -> list[Float32]:
-    return [session.step(frame) for frame in frames]
-
-
-def _largest_difference(expected: Sequence[Float32], images: Sequence[Float32]) -> float:
-    return max(float(np.abs(a - b).max()) for a, b in zip(expected, images, strict=True))
+    """Images with 2, 3 and 5 threads equal those with one, on the ONNX backend up to rounding."""
+    frames = list(islice(cycle(trial.moving), trial.frames))
+    sessions = [trial.begin(threads=count) for count in (1, *THREADS)]
+    one, *others = ([session.step(frame) for frame in frames] for session in sessions)
+    largest = max(float(np.abs(np.subtract(one, other)).max()) for other in others)
+    return [Figure("difference", largest, 0.0 if trial.subject.executor == "cpu" else ROUNDING)]

@@ -1,4 +1,4 @@
-"""Run scenarios one after another, with their record and table."""
+"""Run scenarios one after another; record and tables of their outcomes."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -16,28 +16,20 @@ BAD_VALUES = "bad values"
 
 @dataclass(frozen=True)
 class ScenarioOutcome:
-    """Result of one run of a scenario.
-
-    Attributes:
-        scenario, method, executor, precision: what was run.
-        display: (width, height) of the images.
-        frames: approximate number of frames.
-        figures: measured values, among them the number of bad values; empty where the run raised.
-        error: the error that it raised.
-    """
+    """Result of one run of a scenario."""
 
     scenario: str
     method: str
     executor: str
     precision: str
     display: Size
-    frames: int
-    figures: tuple[Figure, ...]
-    error: str = ""
+    frames: int  # approximate number
+    figures: tuple[Figure, ...]  # with the number of bad values; empty if the run raised
+    error: str = ""  # that the run raised
 
     @property
     def passed(self) -> bool:
-        """Whether it ran, and all figures are within their bounds."""
+        """Whether the run raised nothing and all figures are within their bounds."""
         return not self.error and all(figure.passed for figure in self.figures)
 
     @property
@@ -47,7 +39,7 @@ class ScenarioOutcome:
 
 
 def chosen(names: Sequence[str], *, quick: bool = False) -> list[Scenario]:
-    """Return the scenarios of these names or families; all if no names are given.
+    """Return the scenarios of some names or families; all without names. `quick`: those of short runs.
 
     Raises:
         ArgumentError: there is no such scenario or family.
@@ -66,7 +58,7 @@ def chosen(names: Sequence[str], *, quick: bool = False) -> list[Scenario]:
 
 
 def runs(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list[tuple[Scenario, Subject]]:
-    """Return what `measure` will run, in its order."""
+    """Return the runs of `measure`, in order."""
     return [(scenario, subject) for scenario in scenarios for subject in subjects if scenario.suits(subject)]
 
 
@@ -74,32 +66,23 @@ def left_out(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list
     """Return a warning for each subject that does not support the ratios of some scenarios."""
     texts = []
     for subject in subjects:
-        names = [scenario.name for scenario in scenarios if not scenario.supports(subject)]
         low, high = subject.ratios
         ratios = f"only ratio is {low:g}" if low == high else f"ratios are {low:g} to {high:g}"
-        if names:
-            texts.append(
-                f"{subject.method} {subject.executor}, whose {ratios}, is left out of {', '.join(names)}"
-            )
+        if names := ", ".join(s.name for s in scenarios if not s.supports(subject)):
+            texts.append(f"{subject.method} {subject.executor}, whose {ratios}, is left out of {names}")
     return texts
 
 
 def measure(
     scenarios: Sequence[Scenario], subjects: Sequence[Subject], *, quick: bool = False
 ) -> Iterator[ScenarioOutcome]:
-    """Run all scenarios that suit each subject; yield each outcome when it is there.
-
-    Args:
-        scenarios: scenarios of FAMILIES, or others.
-        subjects: methods in executors.
-        quick: few and small frames.
-    """
+    """Yield the outcome of each scenario with each subject that it suits; `quick`: few and small frames."""
     for scenario, subject in runs(scenarios, subjects):
         yield run(scenario, subject, quick=quick)
 
 
 def run(scenario: Scenario, subject: Subject, *, quick: bool = False) -> ScenarioOutcome:
-    """Run one scenario; an error that it raises is part of the outcome."""
+    """Run one scenario; the outcome holds an error that it raises."""
     trial = scenario.trial(subject, quick=quick)
     figures: tuple[Figure, ...] = ()
     error = ""
@@ -129,7 +112,7 @@ class StressRecord(BenchRecord):
 
     @classmethod
     def adapted(cls, data: JsonRecord) -> JsonRecord:
-        """Return a record with NaN in place of null, which JSON has for it."""
+        """Return a record with NaN in place of JSON's null."""
         outcomes = [
             {**o, "figures": [{**f, "value": math.nan} if f["value"] is None else f for f in o["figures"]]}
             for o in data["outcomes"]
@@ -137,10 +120,7 @@ class StressRecord(BenchRecord):
         return {**data, "outcomes": outcomes}
 
     def table(self) -> str:
-        """Return the table as Markdown, and a list of the runs that raised.
-
-        Each row is a figure, each column a method and executor.
-        """
+        """Return a table with a row per figure and a column per subject, then a list of runs that raised."""
         outcomes = self.outcomes
         subjects = list(dict.fromkeys(o.subject for o in outcomes))
         rows = []
@@ -165,7 +145,7 @@ class StressRecord(BenchRecord):
         return "\n".join([table(headings, rows, caption), *([""] if broken else []), *broken])
 
     def scenarios_table(self) -> str:
-        """Return the descriptions of all scenarios and their numbers of frames, as Markdown."""
+        """Return the table of all scenarios, with their descriptions and numbers of frames."""
         scenarios = (s for family in FAMILIES.values() for s in family)
         rows = ([s.name, s.description, s.cpu or "–", s.onnx or "–"] for s in scenarios)
         return table(["scenario", "what is done", "frames, cpu:", "onnx:"], rows)

@@ -1,9 +1,8 @@
-"""Scenarios: a disturbance of a method, and figures with bounds."""
+"""Scenarios: disturbances of a method, whose figures have bounds."""
 
 import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,22 +13,22 @@ from supersampler.history import State
 from supersampler_bench.stress import scenes
 
 STEP = 1.0 / 255.0
-"""One step of an 8-bit image: bound of the mean difference of images that should be alike."""
+"""One step of an 8-bit image: bound of the mean difference between images that should look the same."""
 REST = 0.5 / 255.0
-"""Largest mean change of an image at rest in a jitter period: half a step of an 8-bit image."""
+"""Bound of the mean change of an image at rest in a jitter period: half a step of an 8-bit image."""
 ROUNDING = 1e-5
-"""Mean difference of images that single precision causes, without int8."""
+"""Bound of the mean difference that single precision causes, without int8."""
 RECOVERY = 48
-"""Frames, one and a half jitter periods at ratio 2, in which most methods forget bad input."""
+"""Frames in which most methods recover from bad input: one and a half jitter periods at ratio 2."""
 REACH = 8.0
-"""Display pixels around a bad one that may look different, apart from a network's receptive field."""
+"""Display pixels around a bad one that may look different, in addition to a network's receptive field."""
 DECAY = 0.1
-"""dB of PSNR that an image may lose from one loop to a later one, or to the image it is compared with."""
+"""PSNR, dB, that an image may lose from one loop to a later one, or against another method's image."""
 LARGEST = 65504.0
 
 
 class Session(Protocol):
-    """An `Upscaler`, or anything that behaves like one."""
+    """An `Upscaler`, or an object that behaves like one."""
 
     def step(self, frame: Frame) -> Float32:
         """See `Upscaler.step`."""
@@ -49,62 +48,40 @@ Sequences = Callable[[Sequence[Frame], Size, int], Iterable[Float32]]
 
 @dataclass(frozen=True)
 class Subject:
-    """A method in one executor.
-
-    Attributes:
-        method: its name.
-        executor: "cpu" or "onnx".
-        precision: precision of the network, "fp32", "fp16" or "int8".
-        remembers: whether it has a history.
-        reach: display pixels around a bad one that may look different.
-        begin: of the method as it runs by default.
-        exact: of the method on the ONNX backend in single precision; None where `begin` is that.
-        own: of the method with `at_rest="off"`.
-        recovery: frames in which bad input is forgotten.
-        every: frames from one shaded frame to the next; 1: all are shaded.
-        ratios: smallest and largest ratio of display to render size.
-        sequences: upscales whole sequences, for methods of two passes; None for others, which are stepped.
-    """
+    """A method on one executor."""
 
     method: str
-    executor: str
-    precision: str
-    remembers: bool
-    reach: float
-    begin: Begin
-    exact: Begin | None = None
-    own: Begin | None = None
-    recovery: int = RECOVERY
-    every: int = 1
-    ratios: tuple[float, float] = (1.0, 4.0)
-    sequences: Sequences | None = None
+    executor: str  # "cpu" or "onnx"
+    precision: str  # of the network: "fp32", "fp16" or "int8"
+    remembers: bool  # whether it has a history
+    reach: float  # display pixels around a bad one that may look different
+    begin: Begin  # with default settings
+    exact: Begin | None = None  # on the ONNX backend in single precision; None if `begin` is
+    own: Begin | None = None  # with `at_rest="off"`
+    recovery: int = RECOVERY  # frames in which it recovers from bad input
+    every: int = 1  # frames from one shaded frame to the next
+    ratios: tuple[float, float] = (1.0, 4.0)  # smallest and largest
+    sequences: Sequences | None = None  # upscales whole sequences, for methods of two passes
 
     @property
     def tolerance(self) -> float:
-        """Mean display difference that two ways to compute the same image may have."""
+        """Bound of the mean difference between two ways to compute the same image."""
         return ROUNDING if self.precision == "fp32" else STEP
 
 
 def bad_values(image: Float32) -> int:
-    """Return how many values of an image are not numbers in [0, 65504]."""
+    """Return the number of values that are not in [0, 65504]."""
     return int(image.size - np.count_nonzero((image >= 0.0) & (image <= LARGEST)))
 
 
 @dataclass
 class Trial:
-    """One run of a scenario.
-
-    Attributes:
-        subject: the method under stress.
-        display: (width, height) of the images.
-        frames: approximate number of frames to step.
-        bad_values: number of bad values in all images so far.
-    """
+    """One run of a scenario."""
 
     subject: Subject
     display: Size
-    frames: int
-    bad_values: int = 0
+    frames: int  # approximate number to step
+    bad_values: int = 0  # in all images so far
 
     @property
     def render(self) -> Size:
@@ -125,7 +102,7 @@ class Trial:
 
     @property
     def watched(self) -> int:
-        """Number of frames to watch after a disturbance: a few more than it may last."""
+        """Number of frames to watch after a disturbance: more than recovery may take."""
         return max(self.frames, self.subject.recovery + 8)
 
     def begin(self, display: Size | None = None, *, threads: int = 1) -> Session:
@@ -133,22 +110,19 @@ class Trial:
         return Watched(self.subject.begin(display or self.display, threads), self)
 
     def begin_own(self) -> Session:
-        """Begin a session of the method's own images.
-
-        Sessions that converge at rest differ until disturbed blocks have converged again.
-        """
+        """Begin a session that does not converge at rest: after a disturbance, that would take long."""
         return Watched((self.subject.own or self.subject.begin)(self.display, 1), self)
 
 
 @dataclass(frozen=True)
 class Watched:
-    """A session that adds the bad values of its images to those of a trial."""
+    """A session whose bad values are counted by a trial."""
 
     session: Session
     trial: Trial
 
     def step(self, frame: Frame) -> Float32:
-        """Step, and count."""
+        """Step, and count bad values."""
         image = self.session.step(frame)
         self.trial.bad_values += bad_values(image)
         return image
@@ -164,7 +138,7 @@ class Watched:
 
 @dataclass(frozen=True)
 class Figure:
-    """A measured value; within its bound where `value` <= `bound`."""
+    """A measured value and its largest allowed value."""
 
     name: str
     value: float
@@ -172,46 +146,33 @@ class Figure:
 
     @property
     def passed(self) -> bool:
-        """Whether it is within its bound; NaN is not."""
+        """Whether the value is within its bound; NaN is not."""
         return self.value <= self.bound
 
 
 Figures = Sequence[Figure]
 Run = Callable[..., Figures]
-"""Runs a scenario: a function of a trial and other arguments."""
+"""A function of a trial and other arguments, which runs a scenario."""
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A disturbance of a method, and its figures.
-
-    Attributes:
-        name: a few words.
-        run: runs it.
-        description: what `run` does, in a sentence or two.
-        cpu, onnx: frames on that backend; the ONNX backend is much slower.
-        quick: frames of a short run on any backend; 0: not part of short runs.
-        remembers: only for methods with a history.
-        pairs: only for subjects that are compared with single precision.
-        two_passes: for subjects of two passes, and only for these.
-        same_size: images on the ONNX backend are as large as on the CPU backend.
-        ratios: smallest and largest ratio that it uses; None: any.
-    """
+    """A disturbance of a method, and its figures."""
 
     name: str
     run: Callable[[Trial], Figures]
-    description: str
-    cpu: int
-    onnx: int
-    quick: int = 0
-    remembers: bool = True
-    pairs: bool = False
-    two_passes: bool = False
-    same_size: bool = False
-    ratios: tuple[float, float] | None = (2.0, 2.0)
+    description: str  # of `run`, a sentence or two
+    cpu: int  # frames on the CPU backend
+    onnx: int  # frames on the ONNX backend, which is much slower
+    quick: int = 0  # frames of a short run on any backend; 0: not part of short runs
+    remembers: bool = True  # whether it is only for methods with a history
+    pairs: bool = False  # whether it is only for subjects with `exact`
+    two_passes: bool = False  # whether it is for subjects of two passes, and only for these
+    same_size: bool = False  # whether images are as large on the ONNX backend as on the CPU backend
+    ratios: tuple[float, float] | None = (2.0, 2.0)  # smallest and largest; None: any
 
     def suits(self, subject: Subject) -> bool:
-        """Return whether it makes sense for this subject, and at its ratios."""
+        """Return whether the scenario is for this subject."""
         if not self.supports(subject) or self.two_passes != (subject.sequences is not None):
             return False
         if self.pairs:
@@ -220,12 +181,11 @@ class Scenario:
 
     def supports(self, subject: Subject) -> bool:
         """Return whether the subject supports all ratios of the scenario."""
-        if self.ratios is None:
-            return True
-        return subject.ratios[0] <= self.ratios[0] and self.ratios[1] <= subject.ratios[1]
+        low, high = self.ratios or subject.ratios
+        return subject.ratios[0] <= low and high <= subject.ratios[1]
 
     def trial(self, subject: Subject, *, quick: bool) -> Trial:
-        """Return a run of it: 96x64 pixels on the CPU backend, 48x32 on the ONNX backend or in short runs."""
+        """Return a run: 96x64 pixels on the CPU backend, 48x32 on the ONNX backend and in short runs."""
         onnx = subject.executor == "onnx"
         small = quick or self.pairs or (onnx and not self.same_size)
         frames = self.quick if quick else self.onnx if onnx else self.cpu
@@ -242,26 +202,18 @@ FAMILIES: dict[str, list[Scenario]] = {
 def scenario(
     family: str, name: str, *arguments: object, cpu: int, onnx: int = 0, description: str = "", **traits: Any
 ) -> Callable[[Run], Run]:
-    """Decorate a function of (trial, *arguments), which adds it to a family.
+    """Return a decorator that adds a function of (trial, *arguments) to a family.
 
-    Args:
-        family: one of FAMILIES.
-        name: see `Scenario`.
-        arguments: arguments of the function, after the trial.
-        cpu: frames on the CPU backend.
-        onnx: frames on the ONNX backend; 0: as many as on the CPU backend.
-        description: by default the function's docstring.
-        traits: other fields of `Scenario`.
+    Keywords are fields of `Scenario`. `onnx` is by default `cpu`, the description the function's docstring.
     """
 
     def add(run: Run) -> Run:
         text = description or " ".join((inspect.getdoc(run) or "").split())
-        bound = partial(_run, run, arguments)
+
+        def bound(trial: Trial) -> Figures:
+            return run(trial, *arguments)
+
         FAMILIES[family].append(Scenario(name, bound, text, cpu=cpu, onnx=onnx or cpu, **traits))
         return run
 
     return add
-
-
-def _run(run: Run, arguments: Sequence[object], trial: Trial) -> Figures:
-    return run(trial, *arguments)

@@ -27,16 +27,16 @@ RATIO = 2.0
 PERIOD = jitter_phase_count(RATIO)
 LAP = 40  # frames after which the moving scene repeats
 LOOP = lcm(PERIOD, LAP)
-"""Frames after which scene and jitter both repeat: so must the images."""
+"""Frames after which scene and jitter repeat, and images must repeat, too."""
 STILL: AnalyticScene = WiresOverPlane(Plane(checker))
 
 
 @dataclass(frozen=True)
 class Orbit(AnalyticScene):
-    """A near, ringed disc circles in front of a swinging plane; everything repeats after `LAP` frames."""
+    """A near, ringed disc that circles in front of a swinging plane; the scene repeats after `LAP` frames."""
 
     def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
-        """Return the disc where it is, else the plane."""
+        """See `AnalyticScene.surface`."""
         plane, plane_before = _swing(index), _swing(index - 1)
         disc, disc_before = _round(index), _round(index - 1)
         distance = np.hypot(x - disc[0], y - disc[1])
@@ -72,14 +72,7 @@ def moving(render: Size, every: int = 1) -> Sequence[Frame]:
 
 
 def scene_frames(scene: AnalyticScene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
-    """Return frames of a scene, none of which resets.
-
-    Args:
-        scene: the scene.
-        render: (width, height).
-        count: number of frames.
-        every: frames from one shaded frame to the next. The jitter counts shaded frames.
-    """
+    """Return frames of a scene without a reset; `every` consecutive frames have the same jitter."""
     frames = (scene.frame(i, render, halton_jitter(i // every, RATIO)) for i in range(count))
     return [replace(frame, reset=False) for frame in frames]
 

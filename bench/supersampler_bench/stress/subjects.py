@@ -1,4 +1,4 @@
-"""Methods and backends under stress, and their bounds of reach and recovery."""
+"""Methods and backends under stress, with their bounds of reach and recovery."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,17 +16,15 @@ from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
 
 SLOW: Mapping[str, int] = {"taau": 9 * PERIOD}
-"""Frames in which slower methods recover. `taau` keeps eighteen samples, a fifth of which a frame replaces:
-an error within its colour box fades no faster."""
+"""Frames in which slower methods recover. `taau` keeps 18 samples, a fifth of which a frame replaces, so an
+error within its colour box fades no faster."""
 
 
 def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[Subject]:
-    """Return all methods in all of these executors that they have.
+    """Return all methods, each on the executors that it has.
 
-    Args:
-        methods: shipped models or model folders, with a precision as in "classifier:fp16"; "taau+guided-warp"
-            is `taau` with every second frame unshaded and extrapolated by the other; "taau:x2" is two passes.
-        executors: executors of the upscaling method.
+    Methods may have a precision ("classifier:fp16") or two passes ("taau:x2"). Of "taau+guided-warp", every
+    second frame is unshaded, and the other model extrapolates it.
     """
     return [subject for method in methods for subject in _of(method, executors)]
 
@@ -81,13 +79,10 @@ class _SessionFactory:
 
 
 class _Session:
-    """An Upscaler that gets default G-buffers where it reads some, and no colour in every second frame.
+    """An Upscaler whose frames get the G-buffers that they lack.
 
-    Args:
-        upscaler: it steps the frames.
-        display: (width, height) of the images.
-        alternates: whether every second frame is unshaded. The first one, and one after a cut or a loaded
-            state, is shaded.
+    If it `alternates`, every second frame is unshaded. The first one, and one after a cut or a loaded state,
+    is shaded.
     """
 
     def __init__(self, upscaler: Upscaler, display: Size, *, alternates: bool) -> None:
@@ -126,8 +121,8 @@ def _model(method: str, executor: ExecutorName, precision: Precision, threads: i
 def _receptive_radius(info: ModelInfo) -> int:
     """Return the radius of a network's receptive field, display pixels; 0 without a network.
 
-    Each level adds one of its own pixels, of 2, 4, 8, ... display pixels, and the phase of the largest ones
-    depends on the position.
+    Each level adds one of its pixels, of 2, 4, 8, ... display pixels. The phase of the largest depends on the
+    position.
     """
     levels = len(info.config["network"]["levels"]) if "network" in info.config else 0
     strides = [2 << level for level in range(levels)]

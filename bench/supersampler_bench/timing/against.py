@@ -1,12 +1,12 @@
 """Times of programs in new processes: first images, and step times against another installed version.
 
 Versions differ by less than the speed of a machine changes from minute to minute, and the speed of a process
-depends on the placement of its memory. So each round steps a method on the same frames in a new process of
-each version, one after the other, in alternating order. The result is the median over the rounds of the
-ratio of their times, with the minimum and the maximum.
+depends on its memory addresses. So each round steps a method on the same frames in a new process of each
+version, one after the other, in alternating order. The result is the median of the rounds' time ratios, with
+the minimum and the maximum.
 
-A program is given as text and uses the package alone, so the other environment needs no bench. Its argument
-is a request as JSON; the last line that it prints is its answer, as JSON.
+Programs are text and use only the package, so that the other environment needs no bench. A program's argument
+is a request as JSON; the last line that it prints is its answer as JSON.
 """
 
 import json
@@ -42,10 +42,9 @@ where = {"executor": request["executor"]} if "executor" in request else {"provid
 Upscaler(request["method"], scale=request["scale"], **where).step(frame)
 print(json.dumps({"seconds": time.perf_counter() - began}))
 """
-"""Prints the seconds from its first line to its first image. Request: method, render (width, height), scale;
-executor, unless it is the CPU's.
+"""Prints the seconds from its first line to its first image, of a frame in memory.
 
-The frame is made in memory, as an engine does; reading files is not timed.
+Request: method, render (width, height), scale; executor, unless it is the CPU's.
 """
 STEPS = """
 import json, sys, time
@@ -72,7 +71,7 @@ for index in range(10 + request["steps"]):
     times.append(time.perf_counter() - began)
 print(json.dumps({"ms": 1e3 * median(times[10:])}))
 """
-"""Prints the median milliseconds of a step, after ten of warm-up, on the shipped shot, repeated to the size.
+"""Prints the median milliseconds of a step, after ten warm-up steps, on the shipped shot tiled to the size.
 
 Request: method, display and render (width, height), threads, steps.
 """
@@ -80,31 +79,21 @@ Request: method, display and render (width, height), threads, steps.
 
 @dataclass(frozen=True)
 class Version:
-    """An installed version of the package.
+    """An installed version of the package."""
 
-    Attributes:
-        name: "this" or "other".
-        python: interpreter of the environment that has it.
-        cache: folder for what drivers compile.
-    """
-
-    name: str
-    python: str
-    cache: Path
+    name: str  # "this" or "other"
+    python: str  # interpreter of its environment
+    cache: Path  # folder where drivers keep compiled shaders
 
     def run(self, program: str, **request: Any) -> dict[str, Any]:
         """Run a program in a new process, and return its answer.
-
-        Args:
-            program: `FIRST_IMAGE` or `STEPS`.
-            request: request of the program.
 
         Raises:
             ArgumentError: it fails; with its last message.
         """
         environment = {**os.environ, "XDG_CACHE_HOME": str(self.cache), "PYTHONSAFEPATH": "1"}
         if self.name == "other":
-            environment.pop("PYTHONPATH", None)  # it may lead to this version
+            environment.pop("PYTHONPATH", None)  # it may contain this version
         command = [self.python, "-c", program.strip(), json.dumps(request)]
         try:
             done = run(command, environment=environment, seconds=None)
@@ -134,18 +123,11 @@ def _last_line(output: bytes) -> str:
 
 @dataclass(frozen=True)
 class FirstFrame:
-    """Median seconds from a process's first line, before any import, to its first image.
-
-    Attributes:
-        method: the model's name.
-        cold_seconds: seconds with an empty cache, in which GPU drivers keep shaders.
-        warm_seconds: seconds with a full one.
-        cache_bytes: size of the cache.
-    """
+    """Median seconds from a process's first line, before any import, to its first image."""
 
     method: str
-    cold_seconds: float
-    warm_seconds: float
+    cold_seconds: float  # with an empty cache, in which GPU drivers keep shaders
+    warm_seconds: float  # with a warm cache
     cache_bytes: int
 
 
@@ -158,15 +140,10 @@ def measure_startup(
     warm: int = 5,
     on_process: Callable[[], None] = lambda: None,
 ) -> list[FirstFrame]:
-    """Start processes, one after the other; each cold one has an empty cache folder of its own.
+    """Start processes for each method, one after the other. Methods read no G-buffers.
 
-    Args:
-        methods: shipped models or model folders that read no G-buffers; NAME:gpu on the GPU backend.
-        render: (width, height) of the frame.
-        scale: display over render size.
-        cold: processes for each method that start with an empty cache.
-        warm: processes that use the cache of the last cold one.
-        on_process: called after each process.
+    `cold` processes have an empty cache folder each; `warm` ones then use the cache of the last cold one.
+    NAME:gpu runs on the GPU backend.
 
     Raises:
         ArgumentError: a process fails.
@@ -201,7 +178,7 @@ class StartupRecord(BenchRecord):
     BENCH = "startup"
 
     def table(self) -> str:
-        """Return the table as Markdown, with its caption."""
+        """Return the table of methods."""
         rows = [
             [r.method, f"{r.cold_seconds:.1f}", f"{r.warm_seconds:.2f}", f"{r.cache_bytes / 1024:.0f}"]
             for r in self.first_frames
@@ -215,15 +192,10 @@ class StartupRecord(BenchRecord):
 
 @dataclass(frozen=True)
 class Compared:
-    """Median milliseconds of a step of a method in both versions.
-
-    Attributes:
-        method: the model's name.
-        rounds: (this, other) of each round.
-    """
+    """Median step times of a method in both versions."""
 
     method: str
-    rounds: list[tuple[float, float]]
+    rounds: list[tuple[float, float]]  # (this, other)
 
     @property
     def ratios(self) -> list[float]:
@@ -237,22 +209,14 @@ def measure_against(
     display: Size,
     threads: int,
     *,
-    ratio: float = 2.0,
-    rounds: int = 10,
-    steps: int = 30,
-    on_round: Callable[[], None] = lambda: None,
+    ratio: float,
+    rounds: int,
+    steps: int,
+    on_round: Callable[[], None],
 ) -> list[Compared]:
-    """Time methods in this version and in another one.
+    """Time `steps` steps of methods per round in this version and in that of another Python interpreter.
 
-    Args:
-        python: interpreter of an environment in which the other version is installed.
-        methods: names of models that both have, and that read no G-buffers.
-        display: (width, height) of the images.
-        threads: number of CPU threads.
-        ratio: display over render size.
-        rounds: number of pairs of processes for each method.
-        steps: number of steps that count, of each version in a round.
-        on_round: called after each round of each method.
+    Both versions have the methods, which read no G-buffers. A round is a pair of processes.
 
     Raises:
         ArgumentError: `python` is not an interpreter, has no supersampler, lacks a method, or a process died.
@@ -284,7 +248,7 @@ class AgainstRecord(BenchRecord):
     BENCH = "against"
 
     def table(self) -> str:
-        """Return the table as Markdown, with its caption."""
+        """Return the table of methods."""
         rows = []
         for one in self.compared:
             this, other = (median(times) for times in zip(*one.rounds, strict=True))

@@ -1,4 +1,4 @@
-"""Multiply-adds and parameters of networks, as `model.json` and the graph say."""
+"""Multiply-adds and parameters of networks, from `model.json` and the graph."""
 
 import math
 from dataclasses import dataclass
@@ -14,19 +14,12 @@ from supersampler_bench.record import BenchRecord
 
 @dataclass(frozen=True)
 class Cost:
-    """Cost of one pass of `network.onnx`.
-
-    Attributes:
-        method: the model's name.
-        multiply_adds: multiply-adds of its convolutions and matrix products, per display pixel.
-        parameters: numbers in its weights.
-        operators: nodes of the graph.
-    """
+    """Cost of one run of `network.onnx`."""
 
     method: str
-    multiply_adds: float
+    multiply_adds: float  # of convolutions and matrix products, per display pixel
     parameters: int
-    operators: int
+    operators: int  # nodes of the graph
 
 
 def cost_of(name_or_path: str) -> Cost:
@@ -54,7 +47,7 @@ class CostRecord(BenchRecord):
     BENCH = "cost"
 
     def table(self) -> str:
-        """Return the table as Markdown, with its caption."""
+        """Return the table of networks."""
         rows = [
             [c.method, f"{c.multiply_adds:,.0f}", f"{c.parameters:,}", c.operators] for c in self.networks
         ]

@@ -1,4 +1,4 @@
-"""Images of the GPU backend against those of the CPU backend, on the device whose times are measured."""
+"""Differences between images of the GPU and CPU backends, on the device whose times are measured."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,43 +17,27 @@ if TYPE_CHECKING:
     import wgpu
 
 RENDER, DISPLAY = (161, 91), (321, 181)
-"""Odd sizes, so that workgroups and 2x2 pixels reach over the border."""
+"""Odd sizes, so that workgroups and 2x2 pixels extend beyond the border."""
 FRAMES = 8
 
 
 @dataclass(frozen=True)
 class GpuImages:
-    """Differences of images from those of the CPU backend, in [0, 1] after the display transform.
-
-    Attributes:
-        method: its name.
-        render: (width, height) of the frames.
-        display: (width, height) of the images.
-        frames: number of frames.
-        mean: mean of all pixels.
-        p999: 99.9th percentile of the frame where it is largest.
-        largest: largest of all pixels.
-    """
+    """Differences from images of the CPU backend, in [0, 1] after the display transform."""
 
     method: str
     render: Size
     display: Size
     frames: int
     mean: float
-    p999: float
+    p999: float  # largest 99.9th percentile of a frame
     largest: float
 
 
 def compare_images(
     device: "wgpu.GPUDevice", methods: Sequence[str], *, on_left_out: Callable[[str], None] = lambda _: None
 ) -> Iterator[GpuImages]:
-    """Step both backends through the shipped shot, whose exposure both measure.
-
-    Args:
-        device: device of the GPU backend.
-        methods: names of shipped models, or model folders.
-        on_left_out: called with the reason why a method is left out.
-    """
+    """Step both backends through the shipped shot, whose exposure both measure."""
     frames = plaza_frames(RENDER, count=FRAMES)
     frames = [replace(frame, exposure=None, reset=not i) for i, frame in enumerate(frames)]
     for method in compatible(methods, RENDER, DISPLAY, on_left_out):

@@ -59,17 +59,11 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
 
 @dataclass(frozen=True)
 class GpuLimits:
-    """Throughput of a GPU, per second.
+    """Throughput of a GPU, per second."""
 
-    Attributes:
-        buffers: bytes read and written by a shader that copies a buffer.
-        textures: bytes read and written by a shader that copies a texture of four floats.
-        multiplied: multiply-adds of bytes by `dot4I8Packed`.
-    """
-
-    buffers: float
-    textures: float
-    multiplied: float
+    buffers: float  # bytes read and written by a shader that copies a buffer
+    textures: float  # bytes read and written by a shader that copies a texture of four floats
+    multiplied: float  # int8 multiply-adds by `dot4I8Packed`
 
     @property
     def moved(self) -> float:
@@ -77,12 +71,12 @@ class GpuLimits:
         return max(self.buffers, self.textures)
 
     def floor_ms(self, moved: int, multiply_adds: int) -> float:
-        """Return the milliseconds of moving bytes or of multiplying, whichever takes longer."""
+        """Return the time to move the bytes or to multiply, whichever is longer."""
         return 1e3 * max(moved / self.moved, multiply_adds / self.multiplied)
 
 
 def measure_limits(device: "wgpu.GPUDevice", *, size: tuple[int, int] = COPY_SIZE) -> GpuLimits:
-    """Measure copies of `size` texels, and products; the fastest of RUNS runs of each."""
+    """Measure copies of `size` texels, and products, each as the fastest of RUNS runs."""
     texels = size[0] * size[1]
     buffer, texture = PixelBuffer(16, RENDER), PixelTexture(RENDER)
     noise = np.random.default_rng(0).random((size[1], size[0], 4), np.float32)  # zeros may be compressed

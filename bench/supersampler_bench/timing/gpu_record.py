@@ -3,10 +3,8 @@
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from supersampler.cli.arguments import size_text
-from supersampler.frame import Size
 from supersampler.io.machine import installed_versions
-from supersampler_bench.markdown import table
+from supersampler_bench.markdown import sizes_text, table
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.timing.gpu_images import GpuImages
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
@@ -17,24 +15,15 @@ if TYPE_CHECKING:
     import wgpu
 
 MIN_FRACTION = 0.05
-"""Passes below this fraction of every step's time are omitted from the table."""
+"""Fraction of a step's time below which the table omits a pass."""
 
 
 @dataclass(frozen=True)
 class GpuRecord(BenchRecord):
-    """Times of the GPU backend on a device.
+    """Times of the GPU backend on a device."""
 
-    Attributes:
-        adapter: as wgpu describes it, with the driver.
-        packages: versions of wgpu and of its native library.
-        limits: throughput of the device.
-        images: differences from the CPU backend's images.
-        steps: times of methods.
-        others: times of other runtimes.
-    """
-
-    adapter: dict[str, Any]
-    packages: dict[str, str]
+    adapter: dict[str, Any]  # wgpu's description, with the driver
+    packages: dict[str, str]  # versions of wgpu and of its native library
     limits: GpuLimits
     images: list[GpuImages] = field(default_factory=list)
     steps: list[GpuStep] = field(default_factory=list)
@@ -44,7 +33,7 @@ class GpuRecord(BenchRecord):
 
     @classmethod
     def of(cls, device: "wgpu.GPUDevice") -> "GpuRecord":
-        """Measure the limits of a device; return its record without times."""
+        """Measure the limits of a device, and return its record without times."""
         from wgpu.backends import wgpu_native
 
         native = ".".join(map(str, wgpu_native.lib_version_info))
@@ -52,11 +41,11 @@ class GpuRecord(BenchRecord):
         return cls(dict(device.adapter.info), packages, measure_limits(device))
 
     def table(self) -> str:
-        """Return the times of steps as Markdown, with their caption."""
+        """Return the table of steps."""
         limits = self.limits
         rows = [
             [
-                _sizes(s.render, s.display),
+                sizes_text(s.render, s.display),
                 s.method,
                 *(f"{time:.2f}" for time in (s.median, s.p95)),
                 f"{s.moved / 1e9:.2f}",
@@ -82,7 +71,7 @@ class GpuRecord(BenchRecord):
         return table([*headings, "arrays ms:", "first s:"], rows, caption)
 
     def passes_table(self) -> str:
-        """Return the times of the passes of the largest steps as Markdown, with their caption."""
+        """Return the table of passes at the first size."""
         first = [(s.render, s.display) for s in self.steps[:1]]
         shown = [s for s in self.steps if (s.render, s.display) in first]
         rows = [
@@ -102,32 +91,30 @@ class GpuRecord(BenchRecord):
             f"{s.method} {sum(one.median for one in s.passes):.2f} of {s.median:.2f}" for s in shown
         )
         caption = (
-            f"Passes of at least {MIN_FRACTION:.0%} of a step, {', '.join(_sizes(*pair) for pair in first)}; "
-            f"each waits for the one before. Sums of all passes, ms: {sums}."
+            f"Passes of at least {MIN_FRACTION:.0%} of a step, "
+            f"{', '.join(sizes_text(*pair) for pair in first)}; each waits for the one before. "
+            f"Sums of all passes, ms: {sums}."
         )
         headings = ["method", "pass", "ms:", "p95:", "MB:", "10^9 multiply-adds:", "of floor:"]
         return table(headings, rows, caption)
 
     def images_table(self) -> str:
-        """Return the differences from the CPU backend's images as Markdown, with their caption."""
+        """Return the table of differences from the CPU backend's images."""
         rows = [[i.method, f"{i.mean:.1e}", f"{i.p999:.1e}", f"{i.largest:.1e}"] for i in self.images]
         shown = self.images[:1]
         caption = (
             "Differences from the images of the CPU backend, in [0, 1] after the display transform: "
-            + "".join(f"{one.frames} frames, {_sizes(one.render, one.display)}. " for one in shown)
+            + "".join(f"{one.frames} frames, {sizes_text(one.render, one.display)}. " for one in shown)
             + "At 99.9 %: of the frame where it is largest."
         )
         return table(["method", "mean:", "at 99.9 %:", "largest:"], rows, caption)
 
     def others_table(self) -> str:
-        """Return the times of other runtimes as Markdown, with their caption."""
+        """Return the table of other runtimes."""
         rows = [
             [
-                _sizes(s.render, s.display),
-                s.method,
-                s.runtime,
-                *(f"{time:.2f}" for time in (s.median, s.p95)),
-                f"{s.first:.1f}",
+                *(sizes_text(s.render, s.display), s.method, s.runtime),
+                *(f"{s.median:.2f}", f"{s.p95:.2f}", f"{s.first:.1f}"),
             ]
             for s in self.others
         ]
@@ -137,7 +124,3 @@ class GpuRecord(BenchRecord):
             "frame and image on the device, ONNX Runtime from arrays to arrays."
         )
         return table(["size", "method", "runtime", "ms:", "p95:", "first s:"], rows, caption)
-
-
-def _sizes(render: Size, display: Size) -> str:
-    return f"{size_text(render)} to {size_text(display)}"

@@ -1,4 +1,4 @@
-"""Step time of the GPU backend and of each pass by timestamps."""
+"""Step time of the GPU backend, and time of each pass, by timestamps."""
 
 import itertools
 import time
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import wgpu
 
 BURST = 10
-"""Steps in a command buffer, so that the device does not rest between them."""
+"""Steps per command buffer, which keep the device busy."""
 WALL_STEPS = 20
 _SAMPLED, _COPY_DST = 4, 2  # usages, as WebGPU numbers them
 _CHANNELS = {"color": ("rgba16float", 4), "depth": ("r32float", 1), "motion": ("rg16float", 2)}
@@ -31,50 +31,31 @@ Textures = tuple[Frame, dict[str, Any]]
 
 @dataclass(frozen=True)
 class GpuPass:
-    """A pass of a step.
+    """A pass of a step."""
 
-    Attributes:
-        name: name of its shader; with its level, where a method has it several times.
-        median, p95: milliseconds.
-        moved: bytes that it declares, read and written.
-        multiply_adds: multiply-adds of the network.
-    """
-
-    name: str
+    name: str  # of the shader, with its level if a method has several
     median: float
     p95: float
-    moved: int
-    multiply_adds: int
+    moved: int  # declared bytes, read and written
+    multiply_adds: int  # of the network
 
 
 @dataclass(frozen=True)
 class GpuStep:
-    """Times of a method at a size, milliseconds.
-
-    Attributes:
-        method: its name.
-        render: (width, height) of the frames.
-        display: (width, height) of the images.
-        precision: precision of the network.
-        steps: steps that were timed.
-        median, p95, p99: of a step on frame and image in textures, by the device's clock.
-        wall, wall_p95: of `step`, from arrays to an array, by the program's clock.
-        first: seconds of loading the model and of its first steps, with shaders that are not yet compiled.
-        passes: passes in order; each waits for the one before.
-    """
+    """Times of a method at a size."""
 
     method: str
     render: Size
     display: Size
-    precision: str
-    steps: int
-    median: float
+    precision: str  # of the network
+    steps: int  # that were timed
+    median: float  # this and the next two fields: on textures, by the device's clock
     p95: float
     p99: float
-    wall: float
+    wall: float  # this and the next field: of `Upscaler.step` on arrays, by the CPU's clock
     wall_p95: float
-    first: float
-    passes: tuple[GpuPass, ...]
+    first: float  # seconds to load the model, compile its shaders and run its first steps
+    passes: tuple[GpuPass, ...]  # in order; each waits for the previous one
 
     @property
     def moved(self) -> int:
@@ -83,7 +64,7 @@ class GpuStep:
 
     @property
     def multiply_adds(self) -> int:
-        """Multiply-adds of the network, in all passes."""
+        """Multiply-adds of the network in all passes."""
         return sum(one.multiply_adds for one in self.passes)
 
 
@@ -96,17 +77,9 @@ def measure_gpu(
     steps: int = 100,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> Iterator[GpuStep]:
-    """Time methods; those of one size alternate, BURST steps each. Results come size by size.
+    """Time methods size by size; methods of one size alternate after every BURST steps.
 
-    The frames have no exposure, so that all passes run.
-
-    Args:
-        device: see `device_with_timestamps`.
-        methods: names of shipped models, or model folders.
-        displays: (width, height) of the images.
-        ratios: display over render size; those that a method lacks are left out.
-        steps: measured steps of each method.
-        on_left_out: called with the reason why a method is left out.
+    Frames have no exposure, so that all passes run. Ratios that a method lacks are left out.
     """
     for display, ratio in itertools.product(displays, ratios):
         frames = [replace(frame, exposure=None) for frame in plaza_frames(render_size(display, ratio))]
@@ -117,13 +90,13 @@ def measure_gpu(
                 runners.append(_GpuRunner(device, method, display, placed))
             except ArgumentError as error:  # it has no shaders
                 on_left_out(f"{method}: {error}")
-        take_turns(runners, -(-steps // BURST))
+        take_turns([runner.step for runner in runners], -(-steps // BURST))
         for runner in runners:
             yield runner.timed()
 
 
 def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GPUTexture"]:
-    """Return textures of a frame's images, in the formats that `pass_costs` counts."""
+    """Return textures of a frame's buffers, in the formats that `pass_costs` counts."""
     width, height = frame.size
     textures = {}
     for name, (texel, channels) in _CHANNELS.items():
@@ -138,7 +111,7 @@ def frame_textures(device: "wgpu.GPUDevice", frame: Frame) -> dict[str, "wgpu.GP
 
 
 class _GpuRunner:
-    """One model, with its frames in textures. A turn is BURST steps, and as many with timed passes."""
+    """One model, with its frames in textures. A turn is BURST timed steps, then BURST with timed passes."""
 
     def __init__(
         self, device: "wgpu.GPUDevice", method: str, display: Size, placed: Sequence[Textures]
@@ -176,7 +149,7 @@ class _GpuRunner:
         )
 
     def timed(self) -> GpuStep:
-        """Summarise, after the last turn; time steps on arrays."""
+        """Summarise the turns, and time steps on arrays."""
         model, render = self._model, self._placed[0][0].size
         costs = pass_costs(model.gpu.program, render, self._display)
         passes = tuple(

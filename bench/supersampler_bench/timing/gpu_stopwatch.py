@@ -31,12 +31,7 @@ def device_with_timestamps() -> "wgpu.GPUDevice":
 
 
 class Stopwatch:
-    """Pairs of timestamps in one command buffer.
-
-    Args:
-        device: see `device_with_timestamps`.
-        max_pairs: largest number of pairs in one command buffer.
-    """
+    """Up to `max_pairs` pairs of timestamps in one command buffer, on a `device_with_timestamps`."""
 
     def __init__(self, device: "wgpu.GPUDevice", max_pairs: int) -> None:
         self._device, self._pairs = device, 0
@@ -45,27 +40,21 @@ class Stopwatch:
         self._period = _nanoseconds(device)
 
     def around(self, encoder: "wgpu.GPUCommandEncoder", encode: Callable[[], object]) -> None:
-        """Time what `encode` encodes, between two empty passes."""
-        begin, end = 2 * self._pairs, 2 * self._pairs + 1
+        """Time the commands that `encode` encodes, between two empty passes."""
+        first = 2 * self._pairs
         self._pairs += 1
-        self._mark(encoder, beginning_of_pass_write_index=begin)
+        self._pass(encoder, beginning_of_pass_write_index=first).end()
         encode()
-        self._mark(encoder, end_of_pass_write_index=end)
+        self._pass(encoder, end_of_pass_write_index=first + 1).end()
 
     def timed_pass(self, encoder: "wgpu.GPUCommandEncoder") -> "wgpu.GPUComputePassEncoder":
         """Begin a compute pass that is timed as a whole."""
-        begin, end = 2 * self._pairs, 2 * self._pairs + 1
+        first = 2 * self._pairs
         self._pairs += 1
-        return encoder.begin_compute_pass(
-            timestamp_writes={
-                "query_set": self._queries,
-                "beginning_of_pass_write_index": begin,
-                "end_of_pass_write_index": end,
-            }
-        )
+        return self._pass(encoder, beginning_of_pass_write_index=first, end_of_pass_write_index=first + 1)
 
     def submit(self, encoder: "wgpu.GPUCommandEncoder") -> NDArray[np.float64]:
-        """Submit the commands; wait, and return the milliseconds of each pair in order."""
+        """Submit the commands, wait, and return the milliseconds of each pair, in order."""
         pairs, self._pairs = self._pairs, 0
         encoder.resolve_query_set(self._queries, 0, 2 * pairs, self._times, 0)
         self._device.queue.submit([encoder.finish()])
@@ -73,24 +62,19 @@ class Stopwatch:
         begin, end = np.frombuffer(read, np.uint64).reshape(-1, 2).T
         return 1e-6 * self._period * (end - begin).astype(np.float64)
 
-    def _mark(self, encoder: "wgpu.GPUCommandEncoder", **write: int) -> None:
-        encoder.begin_compute_pass(timestamp_writes={"query_set": self._queries, **write}).end()
+    def _pass(self, encoder: "wgpu.GPUCommandEncoder", **writes: int) -> "wgpu.GPUComputePassEncoder":
+        return encoder.begin_compute_pass(timestamp_writes={"query_set": self._queries, **writes})
 
 
 def _nanoseconds(device: "wgpu.GPUDevice") -> float:
-    """Return the unit of timestamps: wgpu's native library gives those of the driver."""
+    """Return the unit of timestamps, nanoseconds; wgpu's native library passes the driver's on."""
     from wgpu.backends.wgpu_native._ffi import lib
 
     return float(lib.wgpuQueueGetTimestampPeriod(device.queue._internal))
 
 
 class EachDispatch:
-    """A command encoder with a timed pass for each dispatch.
-
-    Args:
-        encoder: encoder of the commands.
-        watch: gets a pair of timestamps for each dispatch.
-    """
+    """A command encoder that times each dispatch in a pass of its own."""
 
     def __init__(self, encoder: "wgpu.GPUCommandEncoder", watch: Stopwatch) -> None:
         self._encoder, self._watch = encoder, watch
@@ -100,12 +84,12 @@ class EachDispatch:
         return getattr(self._encoder, name)
 
     def begin_compute_pass(self) -> "_Dispatches":
-        """Begin a compute pass that becomes one per dispatch."""
+        """Begin a compute pass, which is split into a timed one per dispatch."""
         return _Dispatches(self._encoder, self._watch)
 
 
 class _Dispatches:
-    """A compute pass that becomes one timed pass per dispatch."""
+    """A compute pass, which is split into a timed one per dispatch."""
 
     def __init__(self, encoder: "wgpu.GPUCommandEncoder", watch: Stopwatch) -> None:
         self._encoder, self._watch = encoder, watch
@@ -126,4 +110,4 @@ class _Dispatches:
         self._before.clear()
 
     def end(self) -> None:
-        """All passes have ended."""
+        """Do nothing: each dispatch has ended its pass."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +22,9 @@ from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import compatible, with_default_gbuffers
 from supersampler_model.data.shots import render_size
 
-WARM_UP = 4  # warm-up steps of each setting
-REFERENCE = "taa"  # on the CPU backend; other times are given as multiples of its time
-SLOW = 10.0  # multiple of the reference; slower settings alternate separately, because they leave cold caches
+WARM_UP = 4  # steps of each setting
+REFERENCE = "taa"  # on the CPU backend; `Timed.multiple` is relative to it
+SLOW = 10.0  # times the reference; slower settings alternate separately, because they leave cold caches
 
 
 @dataclass(frozen=True)
@@ -40,36 +40,23 @@ class Setting:
 
 @dataclass(frozen=True)
 class Timed:
-    """Times of one setting, milliseconds.
-
-    Attributes:
-        setting: what was timed.
-        executor: the one that was chosen.
-        precision: the one that was chosen.
-        median, p95, p99: wall time of a step.
-        processor: mean time that all cores together spent on a step.
-        multiple: median over that of `taa` on the CPU backend at the same size and threads.
-        stages: mean wall time by stage; empty for the ONNX backend.
-        resident: bytes by which the process grew while the setting was loaded and warmed up; 0 if the
-            system does not report it.
-        first: milliseconds from a model's name to its first image: loading, kernels, one step.
-    """
+    """Times of one setting: wall time of a step unless stated otherwise."""
 
     setting: Setting
-    executor: str
-    precision: str
+    executor: str  # as chosen by "auto"
+    precision: str  # as chosen by "auto"
     median: float
     p95: float
     p99: float
-    processor: float
-    multiple: float
-    stages: dict[str, float]
-    resident: int
-    first: float
+    processor: float  # mean CPU time of all cores per step
+    multiple: float  # median over REFERENCE's at the same size and threads
+    stages: dict[str, float]  # means; empty for the ONNX backend
+    resident: int  # bytes by which loading and warm-up grew the process; 0 if unknown
+    first: float  # from the model's name to its first image: loading and one step
 
 
 class _LatencyRunner:
-    """One setting, ready to step."""
+    """A loaded setting, whose steps are timed."""
 
     def __init__(self, setting: Setting, frames: Sequence[Frame], providers: str, warm_up: int) -> None:
         before, began = _resident(), time.perf_counter()
@@ -94,7 +81,7 @@ class _LatencyRunner:
         self._warm_up = self._upscaler.stats.stages
 
     def step(self, *, counts: bool = True) -> float:
-        """Time one step; return its milliseconds."""
+        """Return the time of one step."""
         frame = next(self._frames)
         began, spent = time.perf_counter(), time.process_time()
         self._upscaler.step(frame, out=self._image)
@@ -105,7 +92,7 @@ class _LatencyRunner:
         return wall
 
     def timed(self, reference: float) -> Timed:
-        """Summarise; `reference` is the median of the reference's steps."""
+        """Summarise the steps; `reference` is the median of REFERENCE."""
         median, p95, p99 = quantiles(self.wall)
         steps, stages = len(self.wall), self._upscaler.stats.stages
         return Timed(
@@ -125,20 +112,13 @@ class _LatencyRunner:
         )
 
 
-class Steppable(Protocol):
-    """Something that times its own steps."""
-
-    def step(self) -> object:
-        """Time one step."""
-
-
 def take_turns(
-    runners: Sequence[Steppable], steps: int, *, on_round: Callable[[], None] = lambda: None
+    steps: Sequence[Callable[[], object]], rounds: int, *, on_round: Callable[[], None] = lambda: None
 ) -> None:
-    """Step all runners in turn, `steps` times; call `on_round` after each round."""
-    for _ in range(steps):
-        for runner in runners:
-            runner.step()
+    """Call all steps in turn, `rounds` times."""
+    for _ in range(rounds):
+        for step in steps:
+            step()
         on_round()
 
 
@@ -161,19 +141,10 @@ def measure_latency(
     warm_up: int = WARM_UP,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Timed]:
-    """Time all settings; those of one size and thread count alternate, step by step.
+    """Time all settings; settings of one size and thread count alternate, as in `measure_settings`.
 
-    Args:
-        methods: names of shipped models, or model folders.
-        displays: (width, height) of the images.
-        executors: those that a method lacks are left out.
-        threads: numbers of CPU threads.
-        precisions: those that an executor lacks are left out.
-        providers: providers of ONNX Runtime, see `Model.load`.
-        ratio: display over render size.
-        steps: measured steps of each setting.
-        warm_up: warm-up steps of each setting, after the first image.
-        on_left_out: called with the reason why a method is left out.
+    Executors that a method lacks, and precisions that an executor lacks, are left out. `providers` are of
+    ONNX Runtime, see `Model.load`.
     """
     results = []
     for display, count in itertools.product(displays, threads):
@@ -195,19 +166,11 @@ def measure_settings(
     on_left_out: Callable[[str], None],
     on_round: Callable[[], None] = lambda: None,
 ) -> list[Timed]:
-    """Time settings of one size and thread count alternately with `REFERENCE`; the slow ones after the fast.
+    """Return the times of REFERENCE, then of some settings of one size and thread count.
 
-    Args:
-        settings: those that a method lacks are left out. Missing G-buffers get default values.
-        ratio: display over render size.
-        steps: measured steps of each setting.
-        providers: providers of ONNX Runtime, see `Model.load`.
-        warm_up: warm-up steps of each setting.
-        on_left_out: called with the reason why a method is left out.
-        on_round: called 2 x `steps` times: after each turn of the fast, and of the slow.
-
-    Returns:
-        The reference first.
+    REFERENCE and the fast settings alternate, then the slow ones. Each setting has `warm_up` steps after its
+    first image, then `steps` that are timed. Settings that a method lacks are left out. Missing G-buffers get
+    default values. `on_round` is called 2 x `steps` times.
     """
     display, threads = settings[0].display, settings[0].threads
     frames = plaza_frames(render_size(display, ratio))
@@ -217,9 +180,9 @@ def measure_settings(
     others = [s for s in settings if s != first and s.method in kept]
     make = partial(_LatencyRunner, frames=frames, providers=providers, warm_up=warm_up)
     runners = [make(first), *_made(make, others, on_left_out)]
-    slow = [runner for runner in runners if runner.fastest > SLOW * runners[0].fastest]
-    take_turns([runner for runner in runners if runner not in slow], steps, on_round=on_round)
-    take_turns(slow, steps, on_round=on_round)
+    limit = SLOW * runners[0].fastest
+    take_turns([runner.step for runner in runners if runner.fastest <= limit], steps, on_round=on_round)
+    take_turns([runner.step for runner in runners if runner.fastest > limit], steps, on_round=on_round)
     reference = statistics.median(runners[0].wall)
     return [runner.timed(reference) for runner in runners]
 
@@ -237,25 +200,22 @@ def _made(
 
 
 def plaza_frames(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
-    """Return frames of the shipped shot, tiled to any render size, with its motion and edges."""
-    frames = []
-    for item in itertools.islice(Shot.open("plaza"), first, first + count):
-        frame = item.frame
-        fields: dict[str, Any] = {
-            name: _tiled(getattr(frame, name), render) for name in ("color", "depth", "motion")
-        }
-        frames.append(Frame(**fields, jitter=frame.jitter, exposure=frame.exposure or 1.0))
-    return frames
+    """Return frames of the shipped shot, with its motion and edges, tiled to any render size."""
+    rows, columns = (np.arange(side) for side in render[::-1])
 
+    def tiled(image: Any) -> Float32:
+        height, width = image.shape[:2]
+        return np.ascontiguousarray(image[rows[:, None] % height, columns % width], np.float32)
 
-def _tiled(image: Any, render: Size) -> Float32:
-    h, w = image.shape[:2]
-    times = (-(-render[1] // h), -(-render[0] // w), *[1] * (image.ndim - 2))
-    return np.ascontiguousarray(np.tile(image, times)[: render[1], : render[0]], np.float32)
+    frames = (item.frame for item in itertools.islice(Shot.open("plaza"), first, first + count))
+    return [
+        Frame(tiled(f.color), tiled(f.depth), tiled(f.motion), f.jitter, exposure=f.exposure or 1.0)
+        for f in frames
+    ]
 
 
 def _resident() -> int:
-    """Bytes of this process in memory; 0 if unknown."""
+    """Return the bytes of this process in memory; 0 if unknown."""
     try:
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     except OSError:
@@ -273,7 +233,7 @@ class LatencyRecord(BenchRecord):
     TABLES = ("", "summary")
 
     def table(self) -> str:
-        """Return the tables of all settings as Markdown, with their captions."""
+        """Return the tables of all settings and of their stages."""
         caption = (
             f"A step at ratio {self.ratio:g}, from frame in memory to image in memory, on the shipped shot, "
             f"whose camera moves, repeated to the size; settings of a size take turns. {self.machine_name}. "
@@ -285,7 +245,7 @@ class LatencyRecord(BenchRecord):
         return f"{table(headings, map(_row, self.timed), caption)}\n\n{_stage_table(self.timed)}"
 
     def summary_table(self) -> str:
-        """Return the times of the largest size and number of threads as Markdown, for README."""
+        """Return the table of the largest size and number of threads, which README shows."""
         largest = max((r.setting.display, r.setting.threads) for r in self.timed)
         rows = [
             [

@@ -1,4 +1,4 @@
-"""Step times of a method elsewhere on the same GPU: torch on CUDA, and ONNX Runtime's other providers."""
+"""Step times of other runtimes on the same GPU: torch on CUDA, and GPU providers of ONNX Runtime."""
 
 import itertools
 import time
@@ -24,28 +24,17 @@ from supersampler_model.data.shots import render_size
 
 @dataclass(frozen=True)
 class RuntimeStep:
-    """Times of a method in another runtime, milliseconds of wall time.
-
-    Attributes:
-        method: its name.
-        runtime: "torch", "torch, compiled" or "onnx, PROVIDER".
-        version: version of torch or of ONNX Runtime.
-        render: (width, height) of the frames.
-        display: (width, height) of the images.
-        steps: steps that were timed.
-        median, p95: of a step; in torch on frames on the GPU, in ONNX Runtime from arrays to arrays.
-        first: seconds until the first image, with what has to be compiled for it.
-    """
+    """Wall times of a method in another runtime: torch on tensors on the GPU, ONNX Runtime on arrays."""
 
     method: str
-    runtime: str
-    version: str
+    runtime: str  # "torch", "torch, compiled" or "onnx, PROVIDER"
+    version: str  # of torch or of ONNX Runtime
     render: Size
     display: Size
-    steps: int
+    steps: int  # that were timed
     median: float
     p95: float
-    first: float
+    first: float  # seconds until the first image, with compilation
 
 
 def measure_other_runtimes(
@@ -56,15 +45,7 @@ def measure_other_runtimes(
     steps: int,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> Iterator[RuntimeStep]:
-    """Time methods in the runtimes that this machine has for its GPU, one after another.
-
-    Args:
-        methods: names of shipped models.
-        display: (width, height) of the images.
-        ratio: display over render size.
-        steps: measured steps of each.
-        on_left_out: called with the reason why something is left out.
-    """
+    """Time methods in the runtimes that this machine has for its GPU, one after another."""
     frames = plaza_frames(render_size(display, ratio))
     for method in methods:
         yield from _torch_steps(method, display, frames, steps, on_left_out)
@@ -87,7 +68,7 @@ def _torch_steps(
         try:
             with torch.no_grad():
                 timed, first = _on_cuda(name, display, frames, steps, compiled=compiled)
-        except Exception as error:  # the compiler raises whatever it stumbles over
+        except Exception as error:  # the compiler raises many kinds
             on_left_out(f"{name} in {runtime} is left out: {str(error)[:200]}")
             continue
         median, p95, _ = quantiles(timed)
@@ -107,7 +88,7 @@ def _on_cuda(
     method = load_method(name).to("cuda")
     step: Callable[..., Any] = torch.compile(method.step) if compiled else method.step
     placed = [
-        [  # `display_size` is read by the program itself
+        [  # the step reads `display_size` on the CPU
             torch.from_numpy(array).to("cpu" if key == "display_size" else "cuda")
             for key, array in frame_inputs(frame, display, method.inputs()).items()
         ]
@@ -132,7 +113,7 @@ def _on_cuda(
 def _onnx_steps(
     methods: Sequence[str], display: Size, ratio: float, steps: int, on_left_out: Callable[[str], None]
 ) -> Iterator[RuntimeStep]:
-    if find_spec("onnxruntime") is None:
+    if find_spec("onnxruntime") is None:  # a measuring kit may lack it
         on_left_out("ONNX Runtime is left out: it is not installed")
         return
     settings = [Setting(method, display, "onnx", 0) for method in methods]

@@ -1,11 +1,11 @@
 """Run time against error: settings that no other beats in both, and presets.
 
 Errors come from records of `bench quality`, which do not depend on the machine, or from an earlier Pareto
-record; times are measured here. Settings are compared at one ratio, because a ratio saves time in the
+record; times are measured here. Settings are compared at one ratio, because a larger ratio saves time in the
 renderer, not in the upscaler.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from supersampler.cli.arguments import size_text
@@ -21,30 +21,22 @@ from supersampler_bench.timing.latency import Setting, measure_settings
 SPATIAL = ("bilinear", "bicubic")
 PRESET_RATIO = 2.0
 PRESET_RATIOS = 1.0, 3.0
-"""Smallest and largest ratio that a method of a preset must serve."""
+"""Smallest and largest ratio that a method of a preset must support."""
 MIN_GAIN = 1.0
-"""Minimum PSNR gain of a preset over images without a history, in dB."""
+"""Minimum PSNR gain of a preset over spatial methods, dB."""
 NEGLIGIBLE_GAIN = 0.05
-"""PSNR gain that is not worth any time, in dB."""
+"""PSNR gain, dB, that is not worth any time."""
 
 
 @dataclass(frozen=True)
 class ParetoPoint:
-    """One setting at one ratio.
+    """One setting at one ratio."""
 
-    Attributes:
-        spec: method, precision, and what it does at rest, see `parse_spec`.
-        runs: executor and precision that were chosen.
-        ratio: display over render size.
-        milliseconds: median wall time of a step.
-        scores: scores by the name of a column, mean over the test shots.
-    """
-
-    spec: str
-    runs: str
+    spec: str  # see `parse_spec`
+    runs: str  # executor and precision
     ratio: float
-    milliseconds: float
-    scores: Mapping[str, float]
+    milliseconds: float  # median wall time of a step
+    scores: Mapping[str, float]  # by the name of a column, means over the test shots
 
     @property
     def run(self) -> Spec:
@@ -61,23 +53,21 @@ def measure_pareto(
     on_left_out: Callable[[str], None] = lambda _: None,
     on_round: Callable[[], None] = lambda: None,
 ) -> list[ParetoPoint]:
-    """Time all settings that quality records score, on this machine.
+    """Time `steps` steps of each setting that records of the same shots score.
 
-    Args:
-        records: records of the same shots.
-        display: (width, height) of the images that are timed.
-        threads: threads on the CPU.
-        steps: measured steps of each setting.
-        on_left_out: called with the reason why a method is left out: no such model, or another ratio.
-        on_round: called 2 x `steps` times for each ratio of `scores_of`.
+    `on_round` is called 2 x `steps` times for each ratio of `scores_of`.
 
     Raises:
         ArgumentError: a record has no scores of shots, or scores other shots than the first.
     """
     points, scored = [], scores_of(records)
-    missing = dict(_missing(spec.model for scores in scored.values() for spec in scores))
-    for model, reason in missing.items():
-        on_left_out(f"{model} is left out: {reason}")
+    missing = set()
+    for model in dict.fromkeys(spec.model for scores in scored.values() for spec in scores):
+        try:
+            find_model(model)
+        except ModelError as error:  # a record may name a model folder
+            missing.add(model)
+            on_left_out(f"{model} is left out: {error}")
     for ratio, scores in scored.items():
         setting_of = {
             spec: Setting(spec.model, display, "auto", threads, spec.precision)
@@ -89,20 +79,11 @@ def measure_pareto(
             settings, ratio=ratio, steps=steps, on_left_out=on_left_out, on_round=on_round
         )
         timed = {t.setting: t for t in latencies}
-        for spec in scores:
-            if (setting := setting_of.get(spec)) is not None and (t := timed.get(setting)) is not None:
+        for spec, setting in setting_of.items():
+            if (t := timed.get(setting)) is not None:
                 runs = f"{t.executor}, {t.precision}"
                 points.append(ParetoPoint(str(spec), runs, ratio, t.median, scores[spec]))
     return points
-
-
-def _missing(models: Iterable[str]) -> Iterator[tuple[str, ModelError]]:
-    """Yield the models that are missing, each once, and why: a record may name a model folder."""
-    for model in dict.fromkeys(models):
-        try:
-            find_model(model)
-        except ModelError as error:
-            yield model, error
 
 
 def scores_of(records: Sequence["QualityRecord | ParetoRecord"]) -> dict[float, dict[Spec, dict[str, float]]]:
@@ -127,12 +108,12 @@ def scores_of(records: Sequence["QualityRecord | ParetoRecord"]) -> dict[float, 
 
 
 def _scores(record: "QualityRecord | ParetoRecord") -> Iterator[tuple[float, Spec, Mapping[str, float]]]:
-    """Yield ratio, setting and known scores of all that a record has."""
+    """Yield ratio, setting and known scores of each row of a record."""
     if isinstance(record, ParetoRecord):
         yield from ((point.ratio, point.run, point.scores) for point in record.points)
-        return
-    for ratio, row in record.rows():
-        yield ratio, parse_spec(row.method, two_passes=True), row.known()
+    else:
+        for ratio, row in record.rows():
+            yield ratio, parse_spec(row.method, two_passes=True), row.known()
 
 
 def frontier(points: Sequence[ParetoPoint], metric: Column) -> list[ParetoPoint]:
@@ -149,12 +130,12 @@ def frontier(points: Sequence[ParetoPoint], metric: Column) -> list[ParetoPoint]
 def presets(points: Sequence[ParetoPoint]) -> dict[str, str]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
-    fast: the fastest that beats images without a history by `MIN_GAIN`.
+    fast: the fastest that beats spatial methods by `MIN_GAIN`.
     high: the fastest within `NEGLIGIBLE_GAIN` of the best.
-    balanced: of those between, the one with the largest gain over fast per extra millisecond, or high.
+    balanced: between those two, the one with the largest gain over fast per extra millisecond; else high.
 
-    Only settings with the default `at_rest` compete, because moving shots do not show its gain.
-    Methods that read G-buffers are left out, because not all frames have them, and those that do not serve
+    Only settings with the default `at_rest` compete, because moving shots do not show its gain. Methods that
+    read G-buffers do not compete, because not all frames have them, nor methods that do not support
     PRESET_RATIOS, because a preset is for any ratio.
     """
     special = {name for name in model_names() if gbuffers_of([name]) or not _serves_presets(name)}
@@ -166,7 +147,11 @@ def presets(points: Sequence[ParetoPoint]) -> dict[str, str]:
     fast = good[0]
     high = next(p for p in line if p.scores["psnr"] >= best - NEGLIGIBLE_GAIN)
     between = [p for p in good if fast.milliseconds < p.milliseconds < high.milliseconds]
-    balanced = max(between, key=lambda p: _gain(p, fast), default=high)
+
+    def gain_rate(point: ParetoPoint) -> float:
+        return (point.scores["psnr"] - fast.scores["psnr"]) / (point.milliseconds - fast.milliseconds)
+
+    balanced = max(between, key=gain_rate, default=high)
     return {"fast": fast.spec, "balanced": balanced.spec, "high": high.spec}
 
 
@@ -175,14 +160,10 @@ def _serves_presets(model: str) -> bool:
     return low <= PRESET_RATIOS[0] and high >= PRESET_RATIOS[1]
 
 
-def _gain(point: ParetoPoint, fast: ParetoPoint) -> float:
-    return (point.scores["psnr"] - fast.scores["psnr"]) / (point.milliseconds - fast.milliseconds)
-
-
 def best_within(points: Sequence[ParetoPoint], budget: float) -> list[ParetoPoint]:
     """Return the settings of highest PSNR whose step takes at most `budget` milliseconds, at each ratio.
 
-    Where the best one reads G-buffers, the best that reads none follows it.
+    If the best one reads G-buffers, the best that reads none follows it.
     """
     found = []
     for group in by_ratio(points).values():
@@ -215,24 +196,17 @@ def shot_names(record: "QualityRecord | ParetoRecord") -> list[str]:
 
 @dataclass(frozen=True)
 class ParetoRecord(BenchRecord):
-    """Times and scores of settings.
+    """Times and scores of settings."""
 
-    Attributes:
-        shots: names of those that were scored.
-        display: (width, height) of the images that were timed.
-        threads: threads on the CPU.
-        points: points by `measure_pareto`.
-    """
-
-    shots: list[str]
-    display: Size
+    shots: list[str]  # names of the scored shots
+    display: Size  # of the timed images
     threads: int
     points: list[ParetoPoint]
     BENCH = "pareto"
     TABLES = ("", "presets")
 
     def table(self) -> str:
-        """Return the settings as Markdown, with a caption; bold figures are on their frontier."""
+        """Return the table of settings; bold figures are on their frontier."""
         columns = [c for c in CLIP_COLUMNS if any(c.name in p.scores for p in self.points)]
         rows = []
         for ratio, group in by_ratio(self.points).items():
@@ -250,5 +224,5 @@ class ParetoRecord(BenchRecord):
         return table(headings, rows, caption)
 
     def presets_table(self) -> str:
-        """Return the presets that follow from the points, as Markdown."""
+        """Return the table of the presets that follow from the points."""
         return table(["preset", "setting"], presets(at_ratio(self.points, PRESET_RATIO)).items())

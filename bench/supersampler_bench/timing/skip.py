@@ -1,4 +1,4 @@
-"""Time saved by skipping frozen tiles in partly static scenes, and error."""
+"""Time saved by skipping frozen tiles in partly static scenes, and the error of the images."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,45 +16,35 @@ from supersampler.io.display import display_transform
 from supersampler_bench.markdown import table
 from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.record import BenchRecord
-from supersampler_bench.shots.public_shots import TEST_SHOTS
-from supersampler_bench.shots.rendering import rendered_frame, rendered_sequence
+from supersampler_bench.shots.rendering import (
+    HELD_FRAME,
+    held_sequence,
+    rendered_frame,
+    rendered_sequence,
+)
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
-from supersampler_model.data.specs import SequenceSpec
 
 SKIPS = (False, True)
 MOVES: tuple[Literal["nothing", "objects", "camera"], ...] = ("nothing", "objects", "camera")
-"""Moving parts of a scene. Where the camera moves, objects move, too, and nothing is static."""
-HELD_FRAME = 12  # frame of the test shot whose camera is kept
+"""Moving parts of a scene. If the camera moves, objects move, too, and nothing is static."""
 WARM_UP = 4  # first frames, which are not timed
-SCORED = 16  # frames at the end, after four periods of the jitter
+SCORED = 16  # last frames, after four jitter periods
 
 
 @dataclass(frozen=True)
 class RestTimes:
-    """Times of one method in one scene, over the last frames unless stated otherwise.
+    """Times of one method in one scene, over the last SCORED frames unless stated otherwise."""
 
-    Attributes:
-        scene: family of the test shot.
-        moves: some of MOVES.
-        method: the model's name.
-        converged: fraction of the pixels that are frozen.
-        milliseconds: median of a step with `skip=False`.
-        first, second, last: median time of a step with `skip=True` over that with False, in the first jitter
-            period, in the second and in the last frames.
-        psnr: against the reference; with either value of `skip` the images are the same.
-    """
-
-    scene: str
-    moves: str
+    scene: str  # family of the test shot
+    moves: str  # one of MOVES
     method: str
-    converged: float
-    milliseconds: float
-    first: float
-    second: float
-    last: float
-    psnr: float
+    converged: float  # fraction of the pixels that are frozen
+    milliseconds: float  # median of a step with `skip=False`
+    first: float  # median time with `skip=True` over that with False, in the first jitter period
+    second: float  # as `first`, in the second jitter period
+    last: float  # as `first`, in the last frames
+    psnr: float  # dB; images are the same with either value of `skip`
 
 
 class _SkipRunner:
@@ -69,7 +59,7 @@ class _SkipRunner:
         self.psnr: list[float] = []
 
     def step(self, frame: Frame, truth: Float32 | None) -> None:
-        """Step; the frame is scored where its reference is known."""
+        """Step, and score the frame if it has a reference."""
         began = time.perf_counter()
         self._upscaler.step(frame, out=self._image)
         self.milliseconds.append(1e3 * (time.perf_counter() - began))
@@ -89,15 +79,9 @@ def measure_skipping(
     samples: int = 64,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[RestTimes]:
-    """Step through each scene with and without `skip`, alternately, for each of MOVES.
+    """Step through scenes of test-shot families for each of MOVES, with and without `skip` alternately.
 
-    Args:
-        families: families of the test shots.
-        methods: names of models that have kernels.
-        display: (width, height) of the images.
-        ratio: display over render size.
-        samples: samples per reference pixel.
-        on_frame: called after each frame of a scene.
+    Methods are of the CPU backend. References have `samples` samples per pixel.
     """
     renderer = Renderer(display, samples=samples)
     results = []
@@ -145,11 +129,9 @@ def _frames(
 ) -> Iterator[tuple[Frame, Float32 | None]]:
     count, size = frame_count(ratio), render_size(renderer.display_size, ratio)
     if moves == "camera":
-        sequence = rendered_sequence(renderer, family, count, size, references=SCORED)
-        yield from ((frame, truth) for frame, truth, _ in sequence)
+        yield from rendered_sequence(renderer, family, count, size, references=SCORED)
         return
-    spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
-    held = HeldSequence(spec, HELD_FRAME, time_stands=moves == "nothing")
+    held = held_sequence(family, count, time_stands=moves == "nothing")
     truth: Float32 | None = None
     rendered: dict[tuple[float, float], Frame] = {}  # by jitter: static frames repeat
     for index in range(count):
@@ -174,7 +156,7 @@ class SkipRecord(BenchRecord):
     BENCH = "skip"
 
     def table(self) -> str:
-        """Return the table as Markdown, with its caption."""
+        """Return the table of scenes and methods."""
         rows = []
         for r in self.scenes:
             ratios = [f"{ratio:.2f}" for ratio in (r.first, r.second, r.last)]

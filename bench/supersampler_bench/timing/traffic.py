@@ -1,9 +1,9 @@
-"""Bytes and multiply-adds of the passes of the GPU backend, from the accesses that its shaders declare.
+"""Bytes and multiply-adds of the passes of the GPU backend, from the resources that its shaders declare.
 
-A pass reads and writes each of its resources once: workgroups share what their threads read, and
-neighbouring workgroups find their common border in the cache. In the step that is counted, all pixels move:
-resources that only static blocks touch are declared with `// of static blocks`, and signatures of which a
-step touches those of one or two phases of the jitter with `// of 1 phase` and `// of 2 phases`.
+A pass counts as reading or writing each of its resources once: workgroups share what their threads read, and
+neighbouring workgroups find their common border in the cache. In the counted step, all pixels move. Shaders
+mark resources that only static blocks access with `// of static blocks`, and signatures of which a step
+accesses one or two phases of the jitter with `// of 1 phase` and `// of 2 phases`.
 """
 
 import re
@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 from supersampler.backends.gpu.program import TEXTURES, GpuProgram
 from supersampler.backends.gpu.shader import Binding, Constants, Shader
-from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.at_rest import phase_count
@@ -21,33 +20,27 @@ from supersampler.methods.classifier.gpu_network import CHUNK, CORNERS
 from supersampler.methods.classifier.network_file import INPUT_PLANES
 from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.markdown import table
+from supersampler_bench.markdown import sizes_text, table
 from supersampler_bench.record import BenchRecord
 from supersampler_model.data.shots import render_size
 
 PIXEL_BYTES = {"frame_color": 8, "frame_depth": 4, "frame_motion": 4, "image": 8}
-"""Bytes of a pixel of an engine's textures: rgba16float, r32float, rg16float, rgba16float."""
+"""Bytes per pixel of an engine's textures: rgba16float, r32float, rg16float, rgba16float."""
 UNTOUCHED = ("aux", "params", "frame_reactive")
-"""Resources that an ordinary step does not touch, or hardly."""
+"""Resources that do not count: a step accesses few of their bytes, or none."""
 _NOTE = re.compile(r"// of (?:static blocks|(\d) phases?)")
 
 
 class PassCost(NamedTuple):
-    """Cost of one pass of a step, as it declares its resources.
+    """Cost of one pass of a step."""
 
-    Attributes:
-        name: name of its shader; with its level, where a method has it several times.
-        moved: bytes, read and written.
-        multiply_adds: multiply-adds of the network, with the channels that fill up chunks.
-    """
-
-    name: str
-    moved: int
-    multiply_adds: int
+    name: str  # of the shader, with its level if a method has several
+    moved: int  # declared bytes, read and written
+    multiply_adds: int  # of the network, with the channels that pad chunks
 
 
 def pass_costs(program: GpuProgram, render: Size, display: Size) -> list[PassCost]:
-    """Return the cost of each pass of a step, on a frame and an image in textures."""
+    """Return the cost of each pass of a step with frame and image in textures."""
     pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
     sizes = {name: memory.total_bytes(render, display) for name, memory in program.memory().items()}
     sizes |= {name: words.nbytes for name, words in program.weights.items()}
@@ -66,7 +59,7 @@ def pass_costs(program: GpuProgram, render: Size, display: Size) -> list[PassCos
 
 
 def touched_fraction(shader: Shader, binding: Binding, phases: int) -> float:
-    """Return the fraction of a resource that a step touches, by the note of its declaration."""
+    """Return the fraction of a resource that a step accesses, by the note at its declaration."""
     line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
     note = _NOTE.search(line[0]) if line else None
     if note is None:
@@ -75,12 +68,12 @@ def touched_fraction(shader: Shader, binding: Binding, phases: int) -> float:
 
 
 def products_of(constants: Constants) -> float:
-    """Return the multiply-adds of the network in a pass, for each pixel of its extent."""
+    """Return the multiply-adds of the network in a pass, per pixel of its extent."""
     if "level" in constants:  # 1x1, depthwise 3x3, 1x1
         names = ("inputs", "channels", "kept", "pooled")
         inputs, channels, kept, pooled = (CHUNK * constants[name] for name in names)
         return channels * (inputs + 9 + kept + pooled)
-    if "decoder" in constants:  # of a packed pixel, which is four of the display
+    if "decoder" in constants:  # per packed pixel, which is four display pixels
         features, hidden = 2 * CHUNK, CORNERS * CHUNK
         layers = features * features + hidden * (features + CORNERS * INPUT_PLANES)
         return (layers + CORNERS * 4 * constants["quads"] * hidden) / CORNERS
@@ -89,16 +82,7 @@ def products_of(constants: Constants) -> float:
 
 @dataclass(frozen=True)
 class Traffic:
-    """Cost of a step.
-
-    Attributes:
-        method: the model's name.
-        render: (width, height) of the frame.
-        display: (width, height) of the image.
-        passes: number of dispatches.
-        moved: bytes, read and written.
-        multiply_adds: multiply-adds of the network, with the channels that fill up chunks.
-    """
+    """Cost of a step: the sums of its passes."""
 
     method: str
     render: Size
@@ -109,7 +93,7 @@ class Traffic:
 
 
 def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -> list[Traffic]:
-    """Count a step of each method at each ratio.
+    """Return the cost of a step of each method at each ratio.
 
     Raises:
         ArgumentError: a method has no shaders.
@@ -124,7 +108,7 @@ def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -
         for ratio in ratios:
             render = render_size(display, ratio)
             costs = pass_costs(program, render, display)
-            moved, products = (sum(values) for values in list(zip(*costs, strict=True))[1:])
+            moved, products = sum(one.moved for one in costs), sum(one.multiply_adds for one in costs)
             found.append(Traffic(info.method, render, display, len(costs), moved, products))
     return found
 
@@ -137,14 +121,11 @@ class TrafficRecord(BenchRecord):
     BENCH = "traffic"
 
     def table(self) -> str:
-        """Return the table as Markdown, with its caption."""
+        """Return the table of steps."""
         rows = [
             [
-                s.method,
-                f"{size_text(s.render)} to {size_text(s.display)}",
-                s.passes,
-                f"{s.moved / 1e9:.2f}",
-                f"{s.multiply_adds / 1e9:.1f}",
+                *(s.method, sizes_text(s.render, s.display), s.passes),
+                *(f"{s.moved / 1e9:.2f}", f"{s.multiply_adds / 1e9:.1f}"),
             ]
             for s in self.steps
         ]

@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from typer import Typer
 from typer.testing import CliRunner
 
-from studies import hashes
-from studies.hashes import (
+from supersampler.methods.model_file import model_names
+from supersampler_bench import hashes
+from supersampler_bench.cli import app
+from supersampler_bench.hashes import (
     FRAMES,
     SIZES,
     HashesRecord,
@@ -20,10 +21,9 @@ from studies.hashes import (
     subjects,
     upscaler_of,
 )
-from supersampler.methods.model_file import model_names
 from supersampler_bench.record import read_record
 
-FROZEN = Path(__file__).parents[3] / "bench" / "results" / "studies" / "hashes.json"
+FROZEN = Path(__file__).parents[2] / "bench" / "hashes.json"
 SMALL = ((32, 18), (48, 27))
 
 
@@ -83,8 +83,7 @@ def test_most_of_the_scene_at_rest_is_frozen(method: str) -> None:
 def test_the_command_compares_with_a_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hashes, "SIZES", (SMALL,))
     run, file = CliRunner().invoke, tmp_path / "hashes.json"
-    app, arguments = Typer(), ["--methods", "bilinear"]
-    app.command()(hashes.main)
+    arguments = ["hashes", "--methods", "bilinear"]
     assert run(app, [*arguments, "--json", str(file)]).exit_code == 0
     assert run(app, [*arguments, "--check", str(file)]).exit_code == 0
     record = json.loads(file.read_text())

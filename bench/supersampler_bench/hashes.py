@@ -1,7 +1,4 @@
-"""Check whether two versions compute the same images and histories, bit for bit, by their hashes.
-
-    python bench/studies/hashes.py --check bench/results/studies/hashes.json     # also: make hashes
-    python bench/studies/hashes.py --json hashes.json
+"""Hashes of images and histories, to check whether two versions compute the same, bit for bit.
 
 Every shipped model steps through 24 frames at five sizes, or 48 where most of the frame is static, in
 every way that it runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on the
@@ -13,26 +10,22 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
-from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Any, cast
 
 import numpy as np
-import typer
 from numpy.typing import NDArray
 
 from supersampler import ArgumentError, Frame, Model, Upscaler
-from supersampler.cli.arguments import size_text
-from supersampler.cli.terminal import Terminal
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.cli.options import JSON, counted, say, split_list, warn
-from supersampler_bench.record import BenchRecord, read_record, write_json
+from supersampler_bench.markdown import sizes_text
+from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import incompatibility
 from supersampler_bench.timing.latency import plaza_frames
 
 FRAMES, STILL_FRAMES = 24, 48
-"""Frames of a run; frames of a run in which most of the frame is static."""
+"""Frames of a run, and of a run in which most of the frame is static."""
 SIZES: tuple[tuple[Size, Size], ...] = (
     ((64, 36), (128, 72)),
     ((53, 31), (106, 62)),
@@ -40,12 +33,12 @@ SIZES: tuple[tuple[Size, Size], ...] = (
     ((45, 27), (131, 77)),
     ((123, 67), (187, 103)),
 )
-"""Render and display sizes. Methods of one ratio have that multiple of the render size instead.
-Sizes of ratios that a method lacks are left out."""
+"""Render and display sizes. Methods of one ratio have that multiple of the render size as display size.
+A method skips sizes whose ratio it does not support."""
 MEASURED_EXPOSURE = (53, 31)
-"""Render size at which frames have no exposure, so that the method measures it."""
+"""Render size of the frames without exposure, which the method then measures."""
 EXTRAPOLATED = tuple(product(("classifier", "extrapolate"), ("guided-warp", "guided-flow")))
-"""Pairs of an upscaler and the model that extrapolates every second frame for it."""
+"""Upscalers, each with the model that extrapolates every second frame for it."""
 RUNS: tuple[tuple[ExecutorName, Precision, bool], ...] = (
     ("onnx", "fp32", False),
     ("onnx", "fp16", False),
@@ -55,7 +48,7 @@ RUNS: tuple[tuple[ExecutorName, Precision, bool], ...] = (
 """Executor, precision, and whether most of the frame is static."""
 STILL = ", at rest"
 PHASES = 16
-"""Frames of the static scene, which repeat."""
+"""Period of the static scene, frames."""
 THREADS = 2
 
 
@@ -72,10 +65,6 @@ class ModelRun:
     def __str__(self) -> str:
         name = self.method if self.extrapolation is None else f"{self.method}+{self.extrapolation}"
         return f"{name}, {self.executor} {self.precision}{STILL * self.still}"
-
-    def model(self) -> Model:
-        """Load the model that upscales."""
-        return _model(self.method, self.executor, self.precision)
 
 
 @lru_cache
@@ -95,13 +84,13 @@ class Hashed:
 
     @property
     def name(self) -> str:
-        """Model, run and sizes as text, to find the same run in another record."""
-        return f"{self.subject}, {_sizes(self.render, self.display)}"
+        """Model, run and sizes as text, which identify the run in another record."""
+        return f"{self.subject}, {sizes_text(self.render, self.display)}"
 
     @property
     def input_name(self) -> str:
         """Name of the input frames."""
-        return _sizes(self.render, self.display) + STILL * self.subject.still
+        return sizes_text(self.render, self.display) + STILL * self.subject.still
 
 
 @dataclass(frozen=True)
@@ -120,12 +109,8 @@ class HashesRecord(BenchRecord):
         return cls({name: _hash_of_frames(scene(*kind)) for name, kind in frames.items()}, hashed)
 
 
-def _sizes(render: Size, display: Size) -> str:
-    return f"{size_text(render)} to {size_text(display)}"
-
-
 def subjects(methods: Sequence[str] | None = None) -> list[ModelRun]:
-    """Return every way in which models (all shipped ones by default) run on a CPU."""
+    """Return the ways in which the models, by default all shipped ones, run on a CPU."""
     names = list(methods or model_names())
     pairs: list[tuple[str, str | None]] = [(name, None) for name in names]
     pairs += [pair for pair in EXTRAPOLATED if pair[0] in names]
@@ -146,10 +131,10 @@ def measure_hashes(
     *,
     on_run: Callable[[], None] = lambda: None,
 ) -> list[Hashed]:
-    """Step each subject through the frames of `scene` at each (render, display) size whose ratio it has."""
+    """Step each run through the frames of `scene` at each (render, display) size whose ratio it supports."""
     results = []
     for (render, display), subject in product(sizes, measured):
-        ratio = subject.model().info.only_ratio
+        ratio = _model(subject.method, subject.executor, subject.precision).info.only_ratio
         if ratio is not None:
             display = (round(render[0] * ratio), round(render[1] * ratio))
         if not incompatibility(subject.method, render, display):
@@ -171,10 +156,10 @@ def _hashed(subject: ModelRun, render: Size, display: Size) -> Hashed:
 
 
 def upscaler_of(subject: ModelRun, display: Size) -> Upscaler:
-    """Return a new session of a run."""
+    """Return a new Upscaler for a run."""
     runs: dict[str, Any] = {"display_size": display, "validate": "off"}
     if subject.extrapolation is None:
-        return Upscaler(subject.model(), **runs)
+        return Upscaler(_model(subject.method, subject.executor, subject.precision), **runs)
     runs |= {"executor": subject.executor, "precision": subject.precision, "threads": THREADS}
     return Upscaler(subject.method, extrapolation=subject.extrapolation, providers="cpu", **runs)
 
@@ -183,7 +168,7 @@ def upscaler_of(subject: ModelRun, display: Size) -> Upscaler:
 def scene(render: Size, display: Size, still: bool = False) -> list[Frame]:
     """Return frames of the shipped shot with all G-buffers.
 
-    Static: `PHASES` frames repeat, and only one corner changes from frame to frame.
+    With `still`, `PHASES` frames repeat, and only one corner changes from frame to frame.
     """
     shot = plaza_frames(render, 0, FRAMES)
     if still:
@@ -203,25 +188,22 @@ def _still(frame: Frame, index: int) -> Frame:
 
 
 def _with_gbuffers(frame: Frame, display: Size) -> Frame:
-    """Return a frame with G-buffers of both sizes made of its colour, which differs from pixel to pixel."""
+    """Return a frame with G-buffers of both sizes, made from its colour."""
     color = np.asarray(frame.color)
     shown = (color / (1.0 + color)).astype(np.float32)
     normal = shown - np.float32(0.3)
     normal /= np.sqrt((normal**2).sum(-1, keepdims=True)) + np.float32(1e-6)
     normal[frame.depth == 0.0] = 0.0
-    planes = {name: shown[..., channel] for channel, name in enumerate(("roughness", "metallic", "specular"))}
-    gbuffer = {
-        name: np.ascontiguousarray(buffer)
-        for name, buffer in {"base_color": shown, "normal": normal, **planes}.items()
-    }
+    gbuffer = {"base_color": shown, "normal": normal}
+    for channel, name in enumerate(("roughness", "metallic", "specular")):
+        gbuffer[name] = np.ascontiguousarray(shown[..., channel])
     full = {**gbuffer, "depth": np.asarray(frame.depth, np.float32)}
-    resized = {name: _resized(buffer, display) for name, buffer in full.items()}
-    return replace(frame, gbuffer=gbuffer, gbuffer_display=resized)
+    return replace(frame, gbuffer=gbuffer, gbuffer_display={n: _resized(b, display) for n, b in full.items()})
 
 
 def _resized(image: Float32, size: Size) -> Float32:
     rows, columns = (np.arange(n) * old // n for n, old in zip(size[::-1], image.shape[:2], strict=True))
-    return np.ascontiguousarray(image[rows[:, None], columns])
+    return image[rows[:, None], columns]
 
 
 def _sha256(array: NDArray[Any]) -> str:
@@ -240,7 +222,7 @@ def _hash_of_frames(frames: Sequence[Frame]) -> str:
 
 
 def differences(before: HashesRecord, after: HashesRecord, *, partly: bool = False) -> Iterator[str]:
-    """Yield a line for each run whose images or history differ; `partly`: runs may be missing in `after`."""
+    """Yield a line for each run whose images or history differ. With `partly`, `after` may lack runs."""
     new = {result.name: result for result in after.hashed}
     changed = [name for name, digest in before.inputs.items() if after.inputs.get(name, digest) != digest]
     yield from (f"{name}: the input frames differ, so images are not compared" for name in changed)
@@ -262,40 +244,12 @@ def _difference(old: Hashed, new: Hashed) -> Iterator[str]:
         yield f"{old.name}: images are the same, but these history tensors differ: {', '.join(tensors)}"
 
 
-def main(
-    methods: Annotated[
-        str | None, typer.Option(help="Names of shipped models, with commas between.", show_default="all")
-    ] = None,
-    json: JSON = None,
-    check: Annotated[
-        Path | None,
-        typer.Option(metavar="RECORD", help="Compare with this earlier record; fail where anything differs."),
-    ] = None,
-) -> None:
-    """Hash every image and the last history of the shipped models, in every way that they run on a CPU."""
-    before = None if check is None else HashesRecord.from_json(read_record(check))
-    hashed = subjects(None if methods is None else split_list(methods))
-    with counted("runs", len(SIZES) * len(hashed)) as advance:
-        here = HashesRecord.of(measure_hashes(hashed, SIZES, on_run=advance))
-    if json is not None:
-        write_json(here, json)
-    if before is None:
-        return
-    found = list(differences(before, here, partly=methods is not None))
-    for text in found:
-        Terminal().print(text, soft_wrap=True)
-    say(f"{len(here.hashed)} runs: {len(found)} differ from {check}")
-    if found:
-        then, now = (
-            {**record.provenance.versions, "supersampler": None, "machine": record.machine_name}
-            for record in (before, here)
-        )
-        if unlike := [
-            f"{name} {then[name]}, here {now.get(name)}" for name in then if then[name] != now.get(name)
-        ]:
-            warn(f"recorded with {'; '.join(unlike)}: hashes may differ for that reason alone")
-        raise typer.Exit(1)
-
-
-if __name__ == "__main__":
-    typer.run(main)
+def unlike_versions(before: HashesRecord, after: HashesRecord) -> str:
+    """Return the machine and the packages that differ, which alone may change hashes; "" where none does."""
+    then, now = (
+        {**record.provenance.versions, "supersampler": None, "machine": record.machine_name}
+        for record in (before, after)
+    )
+    return "; ".join(
+        f"{name} {then[name]}, here {now.get(name)}" for name in then if then[name] != now.get(name)
+    )
