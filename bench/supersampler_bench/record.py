@@ -134,21 +134,13 @@ BENCHES: dict[str, type[BenchRecord]] = {}
 @cache
 def model_digests() -> Mapping[str, str]:
     """Return a digest of each shipped model and of DENOISER, which changes if their images may change."""
-    names = (*model_names(), *extrapolation_names())
-    return {name: _model_digest(shipped_model(name)) for name in names} | {DENOISER: _denoiser_digest()}
-
-
-def _denoiser_digest() -> str:
-    """Return a digest of the temporal denoiser's constants and of the version of the CPU library."""
+    texts = {}
+    for name in (*model_names(), *extrapolation_names()):
+        files = json.loads((shipped_model(name) / "model.json").read_text(encoding="utf-8"))["files"]
+        texts[name] = "".join(f"{file} {files[file]}\n" for file in _IMAGE_FILES if file in files)
     constants = {name: value for name, value in vars(denoising_spec).items() if name.isupper()}
-    text = json.dumps({"library": VERSION, **constants}, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
-def _model_digest(folder: Path) -> str:
-    files = json.loads((folder / "model.json").read_text(encoding="utf-8"))["files"]
-    text = "".join(f"{name} {files[name]}\n" for name in _IMAGE_FILES if name in files)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    texts[DENOISER] = json.dumps({"library": VERSION, **constants}, sort_keys=True)
+    return {name: hashlib.sha256(text.encode()).hexdigest()[:16] for name, text in texts.items()}
 
 
 def age_of(record: JsonRecord) -> str:

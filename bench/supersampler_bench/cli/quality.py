@@ -317,8 +317,8 @@ def shots(
     """Render the public test shots at ratios 1 to 4, and check their pixels.
 
     Every frame has a reference of 64 samples per pixel, truth classes, and G-buffers of both sizes. The same
-    command continues a stopped run. Pixels whose hashes differ from the frozen ones, as another driver renders
-    them, give a warning.
+    command continues a stopped run. A warning names shots whose pixels differ from the frozen hashes: another
+    driver renders slightly different ones.
     """
     from supersampler_bench.shots.rendering import frames_there, render_test_shots
 

@@ -84,9 +84,9 @@ class DenoiseRecord(BenchRecord):
         rows = [row for samples in counts for row in self._mean_rows(samples)]
         scenes = sorted({row.scene for row in self.renders})
         caption = (
-            f"Scenes: {', '.join(scenes)}; means of those with each number of samples. CPU s a frame: "
-            "renderer, per-frame denoiser and temporal filter together, one thread each. The filter's are of "
-            f"a frame with all neighbours, without AOVs. {self._conditions()}"
+            f"Means over the scenes {', '.join(scenes)}, as far as they have the number of samples. CPU s a "
+            "frame: renderer, per-frame denoiser and temporal filter together, one thread each. The filter's "
+            f"time is of frames with all neighbours, without AOVs. {self._conditions()}"
         )
         return table(headings, rows, caption)
 

@@ -1,5 +1,6 @@
 """Quality records and their tables, for the terminal and as blocks of Markdown files."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self, TypeAlias
@@ -159,16 +160,15 @@ def _kind_rows(rows: Sequence[MethodRow]) -> Iterator[list[str]]:
     """Yield a row of the pixels' fractions by KINDS, then rows of each method's error fractions and PSNR."""
     known = [row for row in rows if any(f"pixel_share_{kind}" in row.known() for kind in KINDS)]
     for row in known[:1]:
-        yield ["of the pixels", *(figure(_percent(row, f"pixel_share_{kind}"), 1, " %") for kind in KINDS)]
+        yield ["of the pixels", *(_percentage(row, f"pixel_share_{kind}") for kind in KINDS)]
     for row in known:
-        shares = (figure(_percent(row, f"error_share_{kind}"), 1, " %") for kind in KINDS)
+        shares = (_percentage(row, f"error_share_{kind}") for kind in KINDS)
         decibels = (figure(row.known().get(f"psnr_kind_{kind}"), 2, " dB") for kind in KINDS)
         yield [row.method, *map(", ".join, zip(shares, decibels, strict=True))]
 
 
-def _percent(row: MethodRow, name: str) -> float | None:
-    share = row.known().get(name)
-    return None if share is None else 100.0 * share
+def _percentage(row: MethodRow, name: str) -> str:
+    return figure(100.0 * row.known().get(name, math.nan), 1, " %")
 
 
 def kind_table(title: str, rows: Sequence[MethodRow]) -> str:

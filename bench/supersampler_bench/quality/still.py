@@ -174,8 +174,8 @@ class StillRecord(BenchRecord):
         ]
         periods = [f"PSNR dB, {count}:" for count in PERIODS]
         caption = (
-            f"Images of {size_text(self.display)}, of the part of the pixels that never change: PSNR after "
-            f"1, 2 and 4 jitter periods; flicker within the last period. {self.machine_name}."
+            f"Images of {size_text(self.display)}, over the pixels that never change: PSNR after 1, 2 and 4 "
+            f"jitter periods; flicker within the last period. {self.machine_name}."
         )
         return table(["scene", "ratio:", "method", "backend", "pixels:", *periods, "flicker:"], rows, caption)
 
@@ -194,7 +194,7 @@ class StillRecord(BenchRecord):
             *(f"{scene}, {PERIODS[-1]}:" for scene in scenes[1:]),
         ]
         caption = (
-            f"PSNR, dB, after jitter periods at ratio {shown[0].ratio:g}, of pixels that never change; "
-            f"images of {size_text(self.display)}. {self.machine_name}."
+            f"PSNR, dB, after 1, 2 and 4 jitter periods at ratio {shown[0].ratio:g}, over the pixels that "
+            f"never change; images of {size_text(self.display)}. {self.machine_name}."
         )
         return table(headings, rows, caption)

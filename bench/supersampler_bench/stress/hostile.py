@@ -97,12 +97,11 @@ REPLACEMENTS: Mapping[str, float] = {"infinite": LARGEST, "negative": 0.0, "deno
 
 def lasting(trial: Trial, value: float, replacement: float) -> Figures:
     """A disc of every frame's colour has the value. Images equal those of frames with its replacement."""
-    disc, pairs = _disc(trial.render), []
+    disc, one, other = _disc(trial.render), trial.begin(), trial.begin()
+    differences = []
     for frame in islice(cycle(trial.still), trial.frames):
         bad, good = (with_values(frame, "color", disc, value) for value in (value, replacement))
-        pairs.append((bad, good))
-    one, other = trial.begin(), trial.begin()
-    differences = [difference(one.step(bad), other.step(good)).mean for bad, good in pairs]
+        differences.append(difference(one.step(bad), other.step(good)).mean)
     return [Figure("apart", max(differences), STEP)]
 
 

@@ -134,7 +134,7 @@ class StressRecord(BenchRecord):
         bold = (f"**{count:.0f}**" if count else "0" for count in bad)
         rows.append(["all of these", "values not in [0, 65504]", "0", *bold])
         within = sum(f.passed for _, f in figures)
-        caption = f"{within} of {len(figures)} figures are within their bounds; those that are not are bold."
+        caption = f"{within} of {len(figures)} figures are within their bounds; the others are bold."
         if {o.scenario for o in outcomes} & {s.name for s in FAMILIES["recovery"]}:
             caption += (
                 " After one hostile frame, the bound is the largest difference after a reset at one of "

@@ -255,10 +255,8 @@ class AgainstRecord(BenchRecord):
             spread = f"{min(one.ratios):.3f} to {max(one.ratios):.3f}"
             rows.append([one.method, f"{other:.1f}", f"{this:.1f}", f"{median(one.ratios):.3f}", spread])
         caption = (
-            f"Steps to {size_text(self.display)} at ratio {self.ratio:g} on {self.threads} threads, in this "
-            f"version and in another in turns, {self.steps} a round. Medians over the rounds; the ratio is "
-            f"that of each round, with its least and largest value. {self.machine_name}."
+            f"Steps to {size_text(self.display)} at ratio {self.ratio:g} on {self.threads} threads, "
+            f"alternately in this version and in another, {self.steps} per round. Medians over the rounds; "
+            f"for the rounds' ratios also minimum and maximum. {self.machine_name}."
         )
-        return table(
-            ["method", "other, ms:", "this, ms:", "this / other:", "least to largest"], rows, caption
-        )
+        return table(["method", "other, ms:", "this, ms:", "this / other:", "min to max"], rows, caption)

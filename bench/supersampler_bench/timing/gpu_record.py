@@ -60,12 +60,12 @@ class GpuRecord(BenchRecord):
         caption = (
             f"{self.adapter['device']}, {self.adapter['backend_type']}, driver "
             f"{self.adapter['description']}, wgpu {self.packages['wgpu']}. "
-            f"{self.steps[0].steps if rows else 0} steps by the device's timestamps, frame and image in "
-            "textures, exposure measured, all pixels moving; methods of a size take turns. Floor: time of "
-            f"moving the bytes that passes declare at the {1e-9 * limits.moved:.0f} GB/s of a copy there, or "
-            f"of the network's multiply-adds at the {1e-12 * limits.multiplied:.1f}·10^12 a second that "
-            "`dot4I8Packed` reaches there, whichever is longer. Arrays: `step` from numpy to numpy. First: "
-            "seconds until the first steps are done, with what has to be compiled for them."
+            f"{self.steps[0].steps if rows else 0} steps by the device's timestamps, with frame and image in "
+            "textures, measured exposure, and all pixels moving; methods of one size alternate. Floor: the "
+            f"time of the declared bytes at the {1e-9 * limits.moved:.0f} GB/s of a copy on this device, or "
+            f"of the network's multiply-adds at the {1e-12 * limits.multiplied:.1f}·10^12 per second of "
+            "`dot4I8Packed`, whichever is longer. Arrays: `step` from numpy to numpy. First: seconds until "
+            "the first steps are done, with compilation."
         )
         headings = ["size", "method", "ms:", "p95:", "GB:", "10^9 multiply-adds:", "floor ms:", "of floor:"]
         return table([*headings, "arrays ms:", "first s:"], rows, caption)
@@ -92,7 +92,7 @@ class GpuRecord(BenchRecord):
         )
         caption = (
             f"Passes of at least {MIN_FRACTION:.0%} of a step, "
-            f"{', '.join(sizes_text(*pair) for pair in first)}; each waits for the one before. "
+            f"{', '.join(sizes_text(*pair) for pair in first)}; each waits for the previous one. "
             f"Sums of all passes, ms: {sums}."
         )
         headings = ["method", "pass", "ms:", "p95:", "MB:", "10^9 multiply-adds:", "of floor:"]

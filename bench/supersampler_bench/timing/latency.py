@@ -4,9 +4,8 @@ import itertools
 import os
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -177,26 +176,21 @@ def measure_settings(
     methods = list(dict.fromkeys(s.method for s in settings))
     kept = compatible(methods, frames[0].size, display, on_left_out)
     first = Setting(REFERENCE, display, "cpu", threads)
-    others = [s for s in settings if s != first and s.method in kept]
-    make = partial(_LatencyRunner, frames=frames, providers=providers, warm_up=warm_up)
-    runners = [make(first), *_made(make, others, on_left_out)]
+    runners = [_LatencyRunner(first, frames, providers, warm_up)]
+    for setting in settings:
+        if setting == first or setting.method not in kept:
+            continue
+        try:
+            runners.append(_LatencyRunner(setting, frames, providers, warm_up))
+        except ArgumentError:
+            pass  # the method has no such executor or precision
+        except DeviceError as error:
+            on_left_out(f"{setting.method} on {setting.executor} is left out: {error}")
     limit = SLOW * runners[0].fastest
     take_turns([runner.step for runner in runners if runner.fastest <= limit], steps, on_round=on_round)
     take_turns([runner.step for runner in runners if runner.fastest > limit], steps, on_round=on_round)
     reference = statistics.median(runners[0].wall)
     return [runner.timed(reference) for runner in runners]
-
-
-def _made(
-    make: Callable[[Setting], _LatencyRunner], settings: Sequence[Setting], on_left_out: Callable[[str], None]
-) -> Iterator[_LatencyRunner]:
-    for setting in settings:
-        try:
-            yield make(setting)
-        except ArgumentError:  # the method has no such executor or precision
-            continue
-        except DeviceError as error:
-            on_left_out(f"{setting.method} on {setting.executor} is left out: {error}")
 
 
 def plaza_frames(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
@@ -235,10 +229,10 @@ class LatencyRecord(BenchRecord):
     def table(self) -> str:
         """Return the tables of all settings and of their stages."""
         caption = (
-            f"A step at ratio {self.ratio:g}, from frame in memory to image in memory, on the shipped shot, "
-            f"whose camera moves, repeated to the size; settings of a size take turns. {self.machine_name}. "
-            "Cores: milliseconds of all together. MiB: growth of the process. First: milliseconds from the "
-            "model to its first image."
+            f"Milliseconds of a step at ratio {self.ratio:g}, from a frame in memory to its image in memory, "
+            "on the shipped shot, whose camera moves, tiled to the size. Settings of one size alternate. "
+            f"{self.machine_name}. Cores: CPU time of all cores. MiB: growth of the process. First: from the "
+            "model's name to its first image."
         )
         headings = ["display", "threads:", "method", "executor", "ms:", "p95:", "p99:", "cores:", "of taa:"]
         headings += ["MiB:", "first:"]

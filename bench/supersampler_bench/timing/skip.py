@@ -166,9 +166,9 @@ class SkipRecord(BenchRecord):
             )
         caption = (
             f"Images of {size_text(self.display)} at ratio {self.ratio:g}; {self.frames} frames of test "
-            "shots, the camera fixed unless it moves. First, second period, at rest: time of a step as a "
-            "share of that with skip=False, in the first and second jitter period and in the last "
-            f"{self.scored} frames, of which all other columns are. {self.machine_name}."
+            "shots, the camera fixed unless it moves. First and second period, at rest: time of a step over "
+            "the time with skip=False, in the first and second jitter period and in the last "
+            f"{self.scored} frames. Other columns are of the last {self.scored} frames. {self.machine_name}."
         )
         headings = ["scene", "moves", "method", "ms, all tiles:", "first period:", "second period:"]
         return table([*headings, "at rest:", "frozen:", "PSNR dB:"], rows, caption)

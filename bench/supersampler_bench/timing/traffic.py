@@ -130,8 +130,8 @@ class TrafficRecord(BenchRecord):
             for s in self.steps
         ]
         caption = (
-            "A step on frame and image in textures of half floats (depth in single precision), where all "
-            "pixels move and the exposure is measured. Bytes of all resources that passes declare, each "
-            "read or written once; multiply-adds of the int8 network."
+            "A step with frame and image in textures of half floats (depth in single precision), in which "
+            "all pixels move and the exposure is measured. Bytes: all resources that passes declare, each "
+            "read or written once. Multiply-adds: of the int8 network."
         )
         return table(["method", "size", "passes:", "GB:", "10^9 multiply-adds:"], rows, caption)

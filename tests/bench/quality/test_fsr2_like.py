@@ -11,10 +11,11 @@ import pytest
 from supersampler import Frame, FrameError
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.frame import Float32, Size
-from supersampler.io.display import BT709, decibels, display_transform
+from supersampler.io.display import BT709, display_transform
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench import fsr2
 from supersampler_bench.fsr2 import FSR2_LIKE, Fsr2Like
+from supersampler_bench.quality import metrics
 from supersampler_bench.quality.measure import measure_quality, runnable
 from supersampler_model.data.scenes.analytic import (
     AnalyticScene,
@@ -45,8 +46,7 @@ def last(scene: AnalyticScene, count: int, render: Size = RENDER, display: Size 
 
 def psnr(image: Float32, truth: Float32) -> float:
     """PSNR (dB) of display values without four pixels along the border."""
-    difference = (display_transform(image) - display_transform(truth))[4:-4, 4:-4]
-    return decibels(float((difference**2).mean()))
+    return metrics.psnr(*(metrics.crop(display_transform(each), 4) for each in (image, truth)))
 
 
 @pytest.mark.parametrize("display", [(48, 27), (54, 31), (64, 36), (96, 54)])

@@ -120,24 +120,7 @@ def test_the_markdown_table_says_what_was_measured() -> None:
     assert lines[-1].startswith("plaza, 320x180 to 640x360: 17 reference frames of 32, without the")
 
 
-def test_the_command_prints_and_records(tmp_path: Path) -> None:
-    values = tmp_path / "values.json"
-    scene = Plane(checker, velocity=(1.0, 0.0))
-    with ShotWriter(tmp_path / "shot", name="small", display_size=(80, 60), frame_rate=30) as writer:
-        for index in range(10):
-            writer.write(scene.frame(index, (40, 30)), reference=scene.truth(index, (80, 60), samples=2))
-    options = ["--methods", "bilinear, bicubic", "--json", str(values)]
-    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options])
-    assert answer.exit_code == 0, answer.output
-    record = json.loads(values.read_text(encoding="utf-8"))
-    [shot] = record["shots"]
-    assert shot["masks"] == "depth and motion"
-    psnr = f"{shot['methods'][1]['summary']['warm_cropped']['psnr']:.2f}"
-    assert psnr in answer.stdout
-    assert [len(method["frames"]) for method in shot["methods"]] == [10, 10]
-
-
-def test_the_command_draws_what_is_wrong(tmp_path: Path) -> None:
+def test_the_command_prints_records_and_draws(tmp_path: Path) -> None:
     scene, size = Plane(checker, velocity=(1.0, 0.0)), (80, 60)
     aliased = ClassMaps(np.zeros((60, 80), np.uint8), np.ones((60, 80), np.uint8))
     with ShotWriter(tmp_path / "shot", name="own", display_size=size, frame_rate=30) as writer:
@@ -151,6 +134,8 @@ def test_the_command_draws_what_is_wrong(tmp_path: Path) -> None:
     assert "aliasing: geometry" in answer.stdout
     assert "STRRED" in answer.stdout
     record = QualityRecord.from_json(read_record(values))
+    assert [len(method.frames) for method in record.shots[0].methods] == [10, 10]
+    assert f"{record.shots[0].methods[1].known()['psnr']:.2f}" in answer.stdout
     first, clip, classes, *_ = record.tables("quality own").values()
     assert "STRRED" not in first
     assert clip.count("STRRED") == 2  # without and with warm-up and border

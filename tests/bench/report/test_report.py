@@ -146,6 +146,7 @@ def test_records_of_quality_hold_summaries_and_no_single_frames(root: Path, tmp_
     assert measure(root, recipe, print)
     record = json.loads((root / "bench/results/quality.json").read_text())
     assert record["shots"][0]["methods"][0]["frames"] == []
+    assert record["shots"][0]["masks"] == "depth and motion"
     for path in (ROOT / "bench/results").glob("quality*.json"):
         assert '"frames": [\n' not in path.read_text(encoding="utf-8"), path.name
 
