@@ -16,7 +16,7 @@ from supersampler.io.display import auto_exposure, display_transform, usable_exp
 from supersampler_bench.fsr2 import inverse_tonemap, lerp, saturate, shifted
 
 EASU, EASU_RCAS = "easu", "easu-rcas"
-"""Names of the methods in `bench quality`: edge-adaptive upsampling, and the same with sharpening."""
+"""Names of the methods in `bench quality`: edge-adaptive upsampling, without and with sharpening."""
 SHARPNESS = 0.2
 """Sharpness of RCAS, stops below the maximum; the default of AMD's sample."""
 _RCAS_LIMIT = 0.25 - 1.0 / 16.0  # FSR_RCAS_LIMIT

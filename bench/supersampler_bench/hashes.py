@@ -1,4 +1,4 @@
-"""Hashes of images and histories, to check whether two versions compute the same, bit for bit.
+"""Hashes of images and histories, to check that two versions compute the same ones, bit for bit.
 
 Every shipped model steps through 24 frames at five sizes, or 48 where most of the frame is static, in
 every way that it runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on the
@@ -245,7 +245,7 @@ def _difference(old: Hashed, new: Hashed) -> Iterator[str]:
 
 
 def unlike_versions(before: HashesRecord, after: HashesRecord) -> str:
-    """Return the machine and the packages that differ, which alone may change hashes; "" where none does."""
+    """Return the machine and the packages that differ, which alone may change hashes; "" if none does."""
     then, now = (
         {**record.provenance.versions, "supersampler": None, "machine": record.machine_name}
         for record in (before, after)

@@ -30,12 +30,7 @@ def sizes_text(render: Size, display: Size) -> str:
 
 
 def update_block(path: Path, name: str, text: str) -> None:
-    """Replace the text between `<!-- bench:NAME -->` and `<!-- /bench -->`, atomically.
-
-    Raises:
-        ArgumentError: see `find_block`.
-        ShotError: the file cannot be written.
-    """
+    """Replace the text between `<!-- bench:NAME -->` and `<!-- /bench -->`, atomically; see `find_block`."""
     content, start, stop = find_block(path, name)
     end = "\r\n" if "\r\n" in content else "\n"
     inner = end.join(["", *text.split("\n"), ""])

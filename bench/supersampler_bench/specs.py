@@ -74,9 +74,6 @@ def incompatibility(model: str, render: Size, display: Size, gbuffers: Collectio
     """Return why a method does not run on some frames; "" if it does.
 
     `gbuffers` are the names of the G-buffers that the frames have; None: frames get those that they lack.
-
-    Raises:
-        ModelError: there is no such model.
     """
     info = read_model_info(find_model(model))
     if info.extrapolates:

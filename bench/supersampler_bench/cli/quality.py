@@ -137,7 +137,7 @@ def denoise(
         list[Path],
         typer.Argument(
             metavar="RENDER...",
-            help="Folders of a path tracer's frames, named SCENE-SAMPLES: room-4 has 4 samples a pixel.",
+            help="Folders of a path tracer's frames, named SCENE-SAMPLES: room-4 has 4 samples per pixel.",
         ),
     ],
     reference: Annotated[
@@ -229,11 +229,7 @@ def still(
 
 
 def _scenes_of(text: str) -> list[tuple[str, float]]:
-    """Return names and ratios of scenes.
-
-    Raises:
-        ArgumentError: there is no such scene, or a ratio is not a number.
-    """
+    """Return names and ratios of scenes."""
     from supersampler_bench.quality.still import SCENES
 
     found = []

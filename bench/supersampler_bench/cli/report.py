@@ -83,7 +83,7 @@ def tables(
     for block in find_all(root):
         what = f"{block.page}: {block.name}"
         if block.recorded is None:
-            say(f"{what}: left alone: {block.problem}")
+            say(f"{what}: left unchanged: {block.problem}")
         if block.is_recorded:
             continue
         wrong += 1

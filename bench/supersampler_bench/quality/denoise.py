@@ -102,7 +102,7 @@ def measure_render(
         if not each.scored.any():
             problem = f"has no pixel that is {BORDER} pixels from missing ones and from the edge"
             raise ShotError(files[number][0], problem, "Render a larger region.")
-    frames, frame_cpu = _denoised_alone(shot, span, denoiser, on_frame)
+    frames, frame_cpu = _denoised_frames(shot, span, denoiser, on_frame)
     both, filter_cpu = _filtered(frames, REACH)
     one_pass, one_pass_cpu = _filtered(frames, 0)
     by_number = dict(zip(numbers, frames, strict=True))
@@ -159,10 +159,10 @@ def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
     return mean_of([by_number.get(number) for number in numbers])
 
 
-def _denoised_alone(
+def _denoised_frames(
     shot: Shot, span: range, denoiser: FrameDenoiser | None, on_frame: Callable[[], None]
 ) -> tuple[list[Frame], float]:
-    """Return frames without AOVs, each denoised by itself, and the denoiser's CPU seconds per frame."""
+    """Return the frames, denoised one by one and without AOVs, and the denoiser's CPU seconds per frame."""
     read = shot.frames(span.start, span.stop, gbuffers=BUFFERS, references=False)
     # Reads all frames first: the time of the threads that read ahead would count.
     frames = [replace(item.frame, aovs=None) for item in read]

@@ -77,14 +77,14 @@ class DenoiseRecord(BenchRecord):
     def table(self) -> str:
         """Return the table of means over scenes, at each number of samples."""
         headings = [
-            "samples:", "method", "PSNR dB ↑:", "tPSNR dB ↑:", "FLIP ↓:", "CPU s a frame:",
-            "of which the filter:", "filter, CPU s a megapixel:",
+            "samples:", "method", "PSNR dB ↑:", "tPSNR dB ↑:", "FLIP ↓:", "CPU s per frame:",
+            "filter alone:", "filter, CPU s per megapixel:",
         ]  # fmt: skip
         counts = sorted({row.samples for row in self.renders})
         rows = [row for samples in counts for row in self._mean_rows(samples)]
         scenes = sorted({row.scene for row in self.renders})
         caption = (
-            f"Means over the scenes {', '.join(scenes)}, as far as they have the number of samples. CPU s a "
+            f"Means over those of the scenes {', '.join(scenes)} that have the number of samples. CPU s per "
             "frame: renderer, per-frame denoiser and temporal filter together, one thread each. The filter's "
             f"time is of frames with all neighbours, without AOVs. {self._conditions()}"
         )
@@ -102,7 +102,7 @@ class DenoiseRecord(BenchRecord):
             ]
             for row in self._ordered()
         ]  # fmt: skip
-        return table([*headings, *costs], rows, "PSNR / tPSNR, dB, and CPU seconds a frame.")
+        return table([*headings, *costs], rows, "PSNR / tPSNR, dB, and CPU seconds per frame.")
 
     def flip_table(self) -> str:
         """Return the table of the FLIP of each render."""

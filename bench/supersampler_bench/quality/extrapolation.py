@@ -209,7 +209,6 @@ def measure_extrapolation(
     Raises:
         ShotError: no frame has a reference, or G-buffers are missing.
         ArgumentError: no upscaler is left, or an alternation is invalid.
-        ModelError, FrameError: see `Upscaler`.
     """
     display, available = reference_size(shot), names_of(shot.read_raw(0))
     for model in models:

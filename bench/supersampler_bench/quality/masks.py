@@ -11,7 +11,7 @@ from supersampler.io.shot import ClassMaps
 from supersampler_bench.quality.metrics import Bool
 
 MOVING_PIXELS = 0.5
-"""Motion, render pixels a frame, above which a pixel counts as moving; jitter alone spans that much."""
+"""Motion, render pixels per frame, above which a pixel counts as moving; jitter alone spans that much."""
 
 DEPTH_RATIO = 1.1
 """Ratio of distances above which the previous surface occluded the current one."""

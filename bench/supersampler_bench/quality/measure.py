@@ -93,10 +93,6 @@ def measure_quality(
 
     `methods` have settings as `parse_spec` reads them (":fp32", ":off", ":x2"), or ":native" for the shot's
     frames of display size, or are among OUTSIDE.
-
-    Raises:
-        ShotError: no frame has a reference.
-        ModelError, FrameError: see `Upscaler`.
     """
     steppers = [stepper_of(method, shot) for method in methods]
     return measure_steppers(shot, steppers, watch=watch, on_frame=on_frame)
@@ -238,7 +234,7 @@ def reference_size(shot: Shot) -> Size:
         ShotError: it has none.
     """
     if not shot.reference_indices or shot.display_size is None:
-        hint = "Render some frames with many samples a pixel at display size and list them in shot.json."
+        hint = "Render some frames with many samples per pixel at display size, and list them in shot.json."
         raise ShotError(shot.path, "no frame has a reference to measure against", hint)
     return shot.display_size
 
@@ -278,7 +274,7 @@ class _Truths:
         self._paired = False  # whether the last frame ended a pair of STRRED; pairs do not overlap
 
     def next(self, item: ShotFrame) -> _Truth | None:
-        """Return the truth of the next frame; None where it has no reference."""
+        """Return the truth of the next frame; None if it has no reference."""
         truth = None if item.reference is None else self._truth(item, item.reference)
         self._paired = truth is not None and truth.bands is not None
         self._frame, self._reference = item.frame, item.reference

@@ -1,8 +1,8 @@
 """Spatio-temporal reduced-reference entropic differencing, STRRED: Soundararajan and Bovik 2013.
 
 Two consecutive images are reduced to one subband of a steerable pyramid, whose 3x3 blocks are modelled as a
-Gaussian scale mixture. The metric compares the information of each block of the band with the reference's
-(spatial, SRRED), and that of each block of the change between the two images (temporal, TRRED).
+Gaussian scale mixture. The metric compares the information of each block with the reference's, in the band
+(spatial, SRRED) and in the change between the two images (temporal, TRRED).
 
 >>> pair = information(band(luma_before), band(luma))
 >>> srred, trred = distance(pair, information(band(reference_luma_before), band(reference_luma)))

@@ -218,7 +218,7 @@ def _draw_ratio(axes: Axes, points: Sequence[ParetoPoint], metric: Column) -> No
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set(xlabel="milliseconds a step", ylabel=metric.title)
+    axes.set(xlabel="milliseconds per step", ylabel=metric.title)
     axes.margins(x=0.15, y=0.12)
     axes.grid(alpha=0.3, which="both")
 

@@ -62,7 +62,7 @@ def rendered_sequence(
 
 
 def held_sequence(family: str, count: int, *, time_stands: bool) -> HeldSequence:
-    """Return a test shot of any length whose camera stays where it is at HELD_FRAME; see `HeldSequence`."""
+    """Return a test shot of any length whose camera stays as it is at HELD_FRAME; see `HeldSequence`."""
     spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
     return HeldSequence(spec, HELD_FRAME, time_stands=time_stands)
 

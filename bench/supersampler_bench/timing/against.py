@@ -144,9 +144,6 @@ def measure_startup(
 
     `cold` processes have an empty cache folder each; `warm` ones then use the cache of the last cold one.
     NAME:gpu runs on the GPU backend.
-
-    Raises:
-        ArgumentError: a process fails.
     """
     results = []
     for method in methods:
@@ -214,12 +211,9 @@ def measure_against(
     steps: int,
     on_round: Callable[[], None],
 ) -> list[Compared]:
-    """Time `steps` steps of methods per round in this version and in that of another Python interpreter.
+    """Time `steps` steps of methods per round in this version and in the one of another interpreter.
 
     Both versions have the methods, which read no G-buffers. A round is a pair of processes.
-
-    Raises:
-        ArgumentError: `python` is not an interpreter, has no supersampler, lacks a method, or a process died.
     """
     size = {"display": list(display), "render": list(render_size(display, ratio))}
     results = [Compared(method, []) for method in methods]

@@ -26,7 +26,6 @@ def cost_of(name_or_path: str) -> Cost:
     """Return the cost of a model's network.
 
     Raises:
-        ModelError: there is no such model.
         ArgumentError: the model has no network.
     """
     folder = find_model(name_or_path)

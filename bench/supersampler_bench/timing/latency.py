@@ -203,7 +203,13 @@ def plaza_frames(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
 
     frames = (item.frame for item in itertools.islice(Shot.open("plaza"), first, first + count))
     return [
-        Frame(tiled(f.color), tiled(f.depth), tiled(f.motion), f.jitter, exposure=f.exposure or 1.0)
+        Frame(
+            color=tiled(f.color),
+            depth=tiled(f.depth),
+            motion=tiled(f.motion),
+            jitter=f.jitter,
+            exposure=f.exposure or 1.0,
+        )
         for f in frames
     ]
 

@@ -56,9 +56,6 @@ def measure_pareto(
     """Time `steps` steps of each setting that records of the same shots score.
 
     `on_round` is called 2 x `steps` times for each ratio of `scores_of`.
-
-    Raises:
-        ArgumentError: a record has no scores of shots, or scores other shots than the first.
     """
     points, scored = [], scores_of(records)
     missing = set()

@@ -97,7 +97,6 @@ def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -
 
     Raises:
         ArgumentError: a method has no shaders.
-        ModelError: there is no such model.
     """
     found = []
     for method in methods:

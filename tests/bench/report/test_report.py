@@ -44,7 +44,7 @@ def test_tables_are_written_from_records_and_those_without_one_are_named_and_lef
 ) -> None:
     answer = CliRunner().invoke(app, ["tables", str(repository)])
     assert answer.exit_code == 0, answer.output
-    assert "a.md: unknown: left alone: there is no record of it" in answer.output
+    assert "a.md: unknown: left unchanged: there is no record of it" in answer.output
     readme = (repository / "README.md").read_text()
     assert re.search(r"bench:cost -->\n\| method .*\n<!-- /bench -->\nend\n$", readme, re.DOTALL)
     assert (repository / "docs" / "a.md").read_text() == "<!-- bench:unknown -->\n<!-- /bench -->\n"
