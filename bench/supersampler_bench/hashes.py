@@ -203,7 +203,7 @@ def _with_gbuffers(frame: Frame, display: Size) -> Frame:
 
 def _resized(image: Float32, size: Size) -> Float32:
     rows, columns = (np.arange(n) * old // n for n, old in zip(size[::-1], image.shape[:2], strict=True))
-    return image[rows[:, None], columns]
+    return np.asarray(image[rows[:, None], columns])
 
 
 def _sha256(array: NDArray[Any]) -> str:

@@ -84,5 +84,5 @@ def dilated(mask: Bool, reach: int, *, edge: bool = False) -> Bool:
     """Return the pixels with a True one in the square of `reach` pixels around; `edge`: beyond the image."""
     padded = np.pad(mask, reach, constant_values=edge)
     for axis in (0, 1):
-        padded = sliding_window_view(padded, 2 * reach + 1, axis).any(axis=-1)
+        padded = np.asarray(sliding_window_view(padded, 2 * reach + 1, axis).any(axis=-1))
     return padded
