@@ -118,7 +118,9 @@ def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
     figure = Figure(figsize=(3.0 * _PANEL, len(means) * _PANEL * height / width + 1.0), dpi=_DPI)
     figure.set_layout_engine("constrained", w_pad=0.02, h_pad=0.02)
     panels = figure.subplots(len(means), 3, squeeze=False)
-    limits = [_limit(errors) for errors in (worst.errors, means)]
+    limits = [  # of the colour scale: outliers would darken the rest
+        max(float(np.percentile(error, 99.8)) for error in errors) or 1.0 for errors in (worst.errors, means)
+    ]
     for row, method, image, error, mean in zip(
         panels, maps.methods, worst.images, worst.errors, means, strict=True
     ):
@@ -136,11 +138,6 @@ def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
     figure.suptitle(f"{sizes(shot)}: LDR-FLIP, in the frame of largest error, and on average")
     name = shot.name + (f"-{variant_name(shot.ratio)}" if shot.ratio is not None else "")
     _save(figure, folder / name / "errors.png")
-
-
-def _limit(errors: Sequence[Float32]) -> float:
-    """Return the upper end of the colour scale: the 99.8th percentile, because outliers would darken all."""
-    return max(float(np.percentile(error, 99.8)) for error in errors) or 1.0
 
 
 _NEAR = 0.04  # fraction of the time and of the range of scores within which points share a label

@@ -11,16 +11,7 @@ from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
 from supersampler_bench.stress.compare import EVERY, Disturbance, contraction, difference, flicker, repeat
-from supersampler_bench.stress.scenario import (
-    DECAY,
-    REST,
-    ROUNDING,
-    STEP,
-    Figure,
-    Figures,
-    Trial,
-    scenario,
-)
+from supersampler_bench.stress.scenario import DECAY, REST, ROUNDING, STEP, Figure, Figures, Trial, scenario
 from supersampler_bench.stress.scenes import LAP, PERIOD, STILL, Orbit, scene_frames, truth
 from supersampler_model.data.scenes.analytic import Plane, zone_plate
 
