@@ -34,7 +34,7 @@ SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160,
 RENDERS: Sequence[Size] = ((80, 45), (53, 31))
 """Render sizes of methods of one ratio."""
 FAMILY = "market"
-"""Family of the test shot, which is rendered at greater length."""
+"""Family of the test shot, which is rendered with more frames."""
 RUNS: Sequence[tuple[ExecutorName, Precision]] = (
     ("onnx", "fp32"),
     ("onnx", "fp16"),

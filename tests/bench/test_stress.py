@@ -255,7 +255,7 @@ def test_with_an_extrapolation_model_every_second_frame_is_unshaded() -> None:
     ]  # an unshaded frame stays in the history until the cut
 
 
-def test_where_every_second_frame_is_shaded_its_shaded_frames_have_all_phases_of_the_jitter() -> None:
+def test_shaded_frames_have_all_jitter_phases_if_every_second_frame_is_unshaded() -> None:
     [subject] = subjects(["taa+guided-warp"], ["cpu"])
     for frames in (still((24, 16), subject.every), moving((24, 16), subject.every)):
         shaded, unshaded = ([frame.jitter for frame in frames[first::2]] for first in (0, 1))
@@ -279,9 +279,9 @@ def test_the_largest_error_after_a_reset_is_the_bound_and_measuring_stops_once_i
     measured = []
 
     def after_resets() -> Iterator[VisibleDifference]:
-        for most in (0.02, 0.05, 0.03, 0.09):
-            measured.append(most)
-            yield VisibleDifference(0.0, most)
+        for p999 in (0.02, 0.05, 0.03, 0.09):
+            measured.append(p999)
+            yield VisibleDifference(0.0, p999)
 
     bound = hostile_bound(VisibleDifference(0.0, 0.04), after_resets())
     assert bound == VisibleDifference(MIN_BOUND.mean, 0.05 + ROUNDING)

@@ -87,8 +87,8 @@ def markdown_table(
 
     `title` is the caption without its full stop. With `everything`, the warm-up and the border count, too.
     """
-    shown = _shown(columns, rows)
-    cells = zip(*(_column(column, rows, "**{}**", everything) for column in shown), strict=True)
+    shown = _shown_columns(columns, rows)
+    cells = zip(*(_cells(column, rows, "**{}**", everything) for column in shown), strict=True)
     headings = ["method", *(f"{column.heading}:" for column in shown)]
     named = ([row.method, *figures] for row, figures in zip(rows, cells, strict=True))
     return table(headings, named, f"{title}.")
@@ -100,8 +100,8 @@ def terminal_tables(title: str, rows: Sequence[MethodRow]) -> Iterator[Table]:
     Each table has a column per method, to fit into 80 characters.
     """
     shown = _terminal_table("", (row.method for row in rows), title)
-    for column in _shown(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS, *CORNER_COLUMNS)), rows):
-        shown.add_row(column.heading, *_column(column, rows, "[bold]{}[/bold]"))
+    for column in _shown_columns(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS, *CORNER_COLUMNS)), rows):
+        shown.add_row(column.heading, *_cells(column, rows, "[bold]{}[/bold]"))
     yield shown
     if kinds := list(_kind_rows(rows)):
         shown = _terminal_table("fraction of the error, PSNR", (name for name, *_ in kinds), title)
@@ -121,12 +121,12 @@ def _terminal_table(corner: str, names: Iterable[str], title: str) -> Table:
     return Table(corner, *(TableColumn(name, justify="right") for name in names), caption=title)
 
 
-def _shown(columns: Iterable[Column], rows: Sequence[MethodRow]) -> list[Column]:
+def _shown_columns(columns: Iterable[Column], rows: Sequence[MethodRow]) -> list[Column]:
     """Return the columns without the rare ones in which no row has a value."""
-    return [c for c in columns if not c.rare or {*_column(c, rows, "{}", everything=True)} != {"–"}]
+    return [c for c in columns if not c.rare or {*_cells(c, rows, "{}", everything=True)} != {"–"}]
 
 
-def _column(column: Column, rows: Sequence[MethodRow], bold: str, everything: bool = False) -> list[str]:
+def _cells(column: Column, rows: Sequence[MethodRow], bold: str, everything: bool = False) -> list[str]:
     figures = [column.figure(row.summary["all_full" if everything else "warm_cropped"]) for row in rows]
     known = [float(f) for f in figures if f != "–"]  # rounded: equal figures are equally good
     best = max(known, default=None) if column.higher else min(known, key=abs, default=None)

@@ -43,7 +43,7 @@ class StillScores:
     flicker: float  # mean over pixels of the standard deviation of display values in the last period
 
     def after(self, periods: int) -> float:
-        """Return the mean PSNR, dB, of the last quarter period of the first `periods` jitter periods."""
+        """Return the mean PSNR, dB, over the quarter period that ends after `periods` jitter periods."""
         count = jitter_phase_count(self.ratio)
         return float(np.mean(self.psnr[periods * count - max(count // 4, 1) : periods * count]))
 

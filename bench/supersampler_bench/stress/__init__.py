@@ -1,1 +1,1 @@
-"""Stress: long runs and hostile frames, whose figures have bounds. `runner` runs families of scenarios."""
+"""Stress tests: long runs and hostile frames. `runner` runs scenarios and compares figures with bounds."""

@@ -76,7 +76,7 @@ def measure_skipping(
 ) -> list[RestTimes]:
     """Step through scenes of test-shot families for each of MOVES, with and without `skip` alternately.
 
-    Methods are of the CPU backend. References have `samples` samples per pixel.
+    Methods run on the CPU backend. References have `samples` samples per pixel.
     """
     renderer = Renderer(display, samples=samples)
     results = []

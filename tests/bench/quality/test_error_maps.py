@@ -20,7 +20,7 @@ def test_the_mean_is_over_the_frames_after_the_warm_up() -> None:
     assert maps.worst.frame == 9
 
 
-def test_a_shot_that_ends_in_the_warm_up_is_shown_all_the_same() -> None:
+def test_a_shot_that_ends_during_the_warm_up_has_maps_of_its_warm_up_frames() -> None:
     maps = ErrorMaps(["a"])
     watch(maps, 2, 0.2)
     watch(maps, 3, 0.1)

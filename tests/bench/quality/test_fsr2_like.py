@@ -67,7 +67,7 @@ def test_the_image_of_a_moving_scene_lies_where_the_scene_is() -> None:
     assert best > max(scores.values()) + 2.0
 
 
-def test_where_the_depth_clip_says_so_less_is_left_of_what_hid_a_surface(
+def test_the_depth_clip_removes_the_ghost_of_a_surface_in_front(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = DiscOverPlane(velocity=(3.0, 0.0), background_velocity=(0.0, 0.0), start=(10.0, 18.0))
@@ -82,7 +82,7 @@ def test_where_the_depth_clip_says_so_less_is_left_of_what_hid_a_surface(
 
 
 def line(x: Values, y: Values) -> Values:
-    """White, a third of a small frame's pixel wide, on dark grey, somewhat tilted."""
+    """A white line on dark grey, a third of a small frame's pixel wide, slightly tilted."""
     return np.where((np.abs(x - 20.3 - 0.11 * y) < 0.3)[..., None], 1.0, np.full(3, 0.05))
 
 
@@ -114,7 +114,7 @@ def test_light_that_changes_everywhere_is_followed_at_once() -> None:
     assert psnr(image, truth) > psnr(wanted, truth) - 0.5
 
 
-def test_the_exposure_is_the_frame_s_and_measured_where_it_has_none() -> None:
+def test_the_exposure_comes_from_the_frame_or_is_measured() -> None:
     scene, display = Plane(checker, velocity=(0.9, -0.55)), (64, 36)
 
     def image(exposure: float | None) -> Float32:
@@ -150,9 +150,7 @@ def spoiled(frame: Frame, bad: float) -> Frame:
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, -1.0, 1e30])
 @pytest.mark.parametrize("exposure", [None, 1.0, 1e-6])
 @pytest.mark.filterwarnings("error")
-def test_values_that_are_none_leave_images_finite_and_later_frames_recover(
-    bad: float, exposure: float | None
-) -> None:
+def test_bad_values_leave_images_finite_and_later_frames_recover(bad: float, exposure: float | None) -> None:
     scene, upscaler = Plane(checker), Fsr2Like((64, 36))
     for index in range(20):
         frame = dataclasses.replace(scene.frame(index, SMALL, halton_jitter(index, 2.0)), exposure=exposure)

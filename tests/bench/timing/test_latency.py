@@ -66,7 +66,7 @@ def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
 # --- `bench skip` measures time, tiles at rest and error of static and of moving scenes ---
 
 
-RATIO = 1.0  # of the shortest jitter sequence, so of the fewest frames
+RATIO = 1.0  # has the shortest jitter sequence, and so the fewest frames
 
 
 def test_a_scene_in_which_nothing_moves_is_frozen() -> None:
@@ -148,7 +148,7 @@ def test_the_table_has_a_row_for_each_method() -> None:
 
 
 def by_hand() -> float:
-    """Multiply-adds a display pixel, of sizes that all levels divide."""
+    """Multiply-adds per display pixel, for sizes that all levels divide."""
     config = SmallClassifier().config
     network, packed = config.network, 4 * config.planes
     channels, total, seen = packed + config.half_inputs, 0.0, 0.0
