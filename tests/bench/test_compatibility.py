@@ -27,7 +27,7 @@ def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return exported(tmp_path_factory)
 
 
-def test_made_up_buffers_are_right_ones_whatever_the_frame_holds() -> None:
+def test_default_buffers_are_valid_for_any_frame() -> None:
     frame = with_default_gbuffers(noise(1, (96, 54)), GBUFFERS, (192, 108))
     assert names_of(frame) == [*GBUFFERS]
     FrameChecker("strict").check(frame, (192, 108), GBUFFERS)
@@ -38,7 +38,7 @@ def test_made_up_buffers_are_right_ones_whatever_the_frame_holds() -> None:
     )
 
 
-def test_buffers_that_a_frame_has_stay_and_others_are_not_made_up() -> None:
+def test_only_missing_buffers_that_are_requested_get_defaults() -> None:
     frame = lit(1)
     assert with_default_gbuffers(frame, WANTED, DISPLAY) is frame
     assert with_default_gbuffers(frame, (), DISPLAY) is frame
@@ -56,7 +56,7 @@ def test_a_method_is_left_out_for_its_ratio_or_for_missing_inputs(gbuffer_model:
     assert gbuffers_of([name, "taau"]) == set(WANTED)
 
 
-def test_speed_times_a_method_with_buffers_where_it_renders(gbuffer_model: Path) -> None:
+def test_latency_times_a_method_with_buffers_at_its_ratio(gbuffer_model: Path) -> None:
     name, unfit = str(gbuffer_model), list[str]()
     sizes = [DISPLAY, (65, 36)]
     results = measure_latency([name, "bilinear"], sizes, ["onnx"], [1], steps=1, on_left_out=unfit.append)
@@ -67,7 +67,7 @@ def test_speed_times_a_method_with_buffers_where_it_renders(gbuffer_model: Path)
     assert "(65, 36)" in unfit[0]
 
 
-def test_stress_gives_buffers_and_says_what_a_ratio_leaves_out(gbuffer_model: Path) -> None:
+def test_stress_adds_buffers_and_names_scenarios_of_other_ratios(gbuffer_model: Path) -> None:
     stressed = subjects([str(gbuffer_model), "bilinear"], ["onnx"])
     scenarios = chosen(["a cut in every frame", "ratios from 1 to 3"])
     planned = [(scenario.name, Path(subject.method).name) for scenario, subject in runs(scenarios, stressed)]

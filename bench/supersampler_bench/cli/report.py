@@ -88,7 +88,7 @@ def tables(
             continue
         wrong += 1
         if check:
-            Terminal().print(f"{what}: is not what its record says", soft_wrap=True)
+            Terminal().print(f"{what}: differs from its record", soft_wrap=True)
         elif block.recorded is not None:
             block.write()
             Terminal().print(f"{what}: written", soft_wrap=True)
@@ -108,7 +108,7 @@ def records(
         ),
     ] = False,
 ) -> None:
-    """Measure the records of bench/results again whose models or command have changed.
+    """Measure again the records of bench/results whose models or command have changed.
 
     Nothing else should run on the machine. A record is replaced when its command succeeds, so the same
     command continues a stopped run. `supersampler bench tables` then writes the tables.

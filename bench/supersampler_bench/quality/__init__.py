@@ -1,4 +1,1 @@
-"""Image quality against references: metrics, the pass over a shot, its scores, tables and figures.
-
-Nothing here measures time; see `timing`.
-"""
+"""Image quality against references: metrics, measurement of shots, scores and their tables."""

@@ -164,7 +164,7 @@ def _denoised_frames(
 ) -> tuple[list[Frame], float]:
     """Return the frames, denoised one by one and without AOVs, and the denoiser's CPU seconds per frame."""
     read = shot.frames(span.start, span.stop, gbuffers=BUFFERS, references=False)
-    # Reads all frames first: the time of the threads that read ahead would count.
+    # Read all frames first, so that the time of threads that read ahead does not count.
     frames = [replace(item.frame, aovs=None) for item in read]
     frames[0] = replace(frames[0], reset=True)
     done, seconds = [], 0.0

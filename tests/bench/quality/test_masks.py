@@ -34,7 +34,7 @@ def test_moving_pixels_move_by_more_than_half_a_pixel() -> None:
     assert np.argwhere(masks.moving(dataclasses.replace(still, motion=motion))).tolist() == [[1, 2], [3, 9]]
 
 
-def test_what_an_object_leaves_behind_is_disoccluded_and_nothing_else() -> None:
+def test_only_pixels_that_a_moved_object_covered_are_disoccluded() -> None:
     motion = np.zeros((4, 10, 2), np.float32)
     motion[:, 5:8, 0] = -2  # the near columns were two pixels to the left
     now = dataclasses.replace(frame(wall(slice(5, 8))), motion=motion)
@@ -43,7 +43,7 @@ def test_what_an_object_leaves_behind_is_disoccluded_and_nothing_else() -> None:
     assert found[:, 3:5].all()
 
 
-def test_what_comes_from_off_screen_is_disoccluded() -> None:
+def test_pixels_from_off_screen_are_disoccluded() -> None:
     found = masks.disoccluded(frame(wall(slice(0)), motion=(2, 0)), frame(wall(slice(0))))
     assert np.unique(np.nonzero(found)[1]).tolist() == [8, 9]
 
@@ -66,7 +66,7 @@ def test_without_a_history_everything_is_disoccluded(previous: Frame | None) -> 
     assert masks.disoccluded(frame(wall(slice(0)), reset=True), frame(wall(slice(0)))).all()
 
 
-def test_display_pixels_take_the_sample_that_fell_nearest() -> None:
+def test_display_pixels_take_the_nearest_sample() -> None:
     plane = np.arange(3.0)[None, :].repeat(2, axis=0)
     np.testing.assert_array_equal(masks.to_display(plane, (0, 0), (6, 4))[0], [0, 0, 1, 1, 2, 2])
     # samples at centre + 0.4: display pixel 2, at 0.75 in the input, is nearer to sample 0 (at 0.4)

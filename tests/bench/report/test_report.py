@@ -60,7 +60,7 @@ def test_a_number_that_no_record_holds_fails_the_check_by_name(
     (repository / page).write_text(changed)
     answer = CliRunner().invoke(app, ["tables", str(repository), "--check"])
     assert answer.exit_code == 1
-    assert f"{name}: is not what its record says" in answer.output
+    assert f"{name}: differs from its record" in answer.output
     assert (repository / page).read_text() == changed
 
 

@@ -70,7 +70,7 @@ def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
     assert public_shots.shots_named("plaza") is None
 
 
-def test_thin_pixels_are_a_class_of_the_shots_apart_alone(cache: Path, opened: list[PublicShot]) -> None:
+def test_only_shots_apart_have_a_class_of_thin_pixels(cache: Path, opened: list[PublicShot]) -> None:
     [apart] = open_test_shots(cache, [2.0], TINY_APART, cache / "none.json")
     classes, others = apart.shot.read_classes(4), opened[0].shot.read_classes(4)
     assert classes is not None
@@ -80,9 +80,7 @@ def test_thin_pixels_are_a_class_of_the_shots_apart_alone(cache: Path, opened: l
     assert others.thin is None
 
 
-def test_shots_of_corners_alone_have_planes_of_truth_and_their_aovs(
-    cache: Path, opened: list[PublicShot]
-) -> None:
+def test_only_corner_shots_have_planes_of_truth_and_their_aovs(cache: Path, opened: list[PublicShot]) -> None:
     [corners] = open_test_shots(cache, [2.0], TINY_CORNERS, cache / "none.json")
     planes, frame = corners.shot.read_truth(4), corners.shot.read(4).frame
     assert set(planes) == {"thin_still", "thin_moving", "moving", "unshadowed"}
@@ -154,7 +152,7 @@ def test_shots_matching_the_frozen_hashes_are_recognised_and_others_warned_of(
         freeze([again[0], elsewhere], file)
 
 
-def test_missing_or_incomplete_data_is_answered_with_the_command(tmp_path: Path, cache: Path) -> None:
+def test_errors_of_missing_or_incomplete_shots_name_the_command(tmp_path: Path, cache: Path) -> None:
     none = tmp_path / "none.json"
     with pytest.raises(ShotError, match=r"gallery at ratio 2 is not there\. `supersampler bench shots`"):
         open_test_shots(tmp_path, [2.0], TINY, none)
@@ -179,7 +177,7 @@ def test_a_shot_of_a_version_without_provenance_is_refused_when_it_is_opened_and
         render_test_shot(tmp_path / "old", TINY, "court")
 
 
-def test_the_cache_is_where_the_platform_keeps_what_can_be_made_again(
+def test_the_cache_is_in_the_cache_folder_of_the_platform(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
@@ -197,7 +195,7 @@ def test_the_cache_is_where_the_platform_keeps_what_can_be_made_again(
     assert default_cache() == tmp_path / "other" / "supersampler"
 
 
-def test_the_bench_measures_all_of_them_and_their_mean(
+def test_the_bench_measures_all_test_shots_and_their_mean(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(public_shots, "TEST_SHOTS", TINY)
@@ -242,9 +240,7 @@ def test_the_bench_without_a_cache_names_the_command_that_makes_one(tmp_path: Pa
     assert "--ratio is 'half'; want numbers" in wrong.stderr
 
 
-def test_the_shot_that_ships_is_rendered_by_one_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_command_renders_the_shipped_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("supersampler_model.data.product_shot.DISPLAY_SIZE", (32, 18))
     monkeypatch.setattr("supersampler_model.data.product_shot.FRAMES", 17)
     done = CliRunner().invoke(app, ["bench", "product-shot", str(tmp_path / "plaza")])

@@ -65,7 +65,7 @@ def test_frontier_points_are_undominated_and_others_are_dominated(found: list[tu
         assert times == sorted(times)
 
 
-def test_scores_that_a_pareto_record_kept_can_be_timed_again() -> None:
+def test_scores_of_a_pareto_record_can_be_timed_again() -> None:
     record = ParetoRecord(["a"], (96, 54), 2, KNOWN)
     scores = scores_of([record])[2.0]
     assert {str(spec): found["psnr"] for spec, found in scores.items()} == {
@@ -92,7 +92,7 @@ def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
         ("C:/models/mine:fp16", Spec("C:/models/mine", "fp16")),
     ],
 )
-def test_settings_convert_to_words_and_back(word: str, spec: Spec) -> None:
+def test_settings_convert_to_text_and_back(word: str, spec: Spec) -> None:
     assert parse_spec(word, two_passes=True) == spec
     assert str(spec) == word
 
@@ -167,14 +167,14 @@ def test_a_record_without_means_is_refused() -> None:
         measure_pareto([QualityRecord([])], (48, 27), threads=1)
 
 
-def test_the_best_within_a_budget_is_named_and_beside_it_the_best_without_gbuffers() -> None:
+def test_the_best_within_a_budget_is_followed_by_the_best_without_gbuffers() -> None:
     reads_gbuffers = point("gbuffer-small", 14.0, 31.0)
     best = best_within([*KNOWN, reads_gbuffers, point("taa", 3.0, 27.0, ratio=1.5)], 15.0)
     assert [p.spec for p in best] == ["taa", "gbuffer-small", "classifier-small"]
     assert best_within(KNOWN, 4.0) == []
 
 
-def test_two_passes_are_no_steps() -> None:
+def test_settings_of_two_passes_are_not_timed() -> None:
     points = measure_pareto([quality("taau:x2")], (48, 27), threads=1, steps=1)
     assert "taau:x2" not in [p.spec for p in points]
     assert "taau" in [p.spec for p in points]
@@ -187,5 +187,5 @@ def test_shipped_presets_are_chosen_by_their_rule() -> None:
     assert {name: (s.model, s.precision) for name, s in specs.items()} == shipped
 
 
-def test_presets_leave_out_methods_that_do_not_serve_all_ratios() -> None:
+def test_presets_leave_out_methods_that_lack_a_ratio() -> None:
     assert presets([*KNOWN, point("classifier-large", 30.0, 31.0)]) == presets(KNOWN)

@@ -31,7 +31,7 @@ def program_of(method: str) -> GpuProgram:
     return program
 
 
-def test_notes_of_declarations_tell_what_a_moving_frame_touches() -> None:
+def test_notes_at_declarations_give_the_fraction_that_a_moving_frame_accesses() -> None:
     fractions = [touched_fraction(SHADER, binding, phases=32) for binding in SHADER.bindings]
     assert fractions == [2 / 32, 1.0, 0.0]
 
@@ -62,7 +62,7 @@ def test_the_multiply_adds_of_a_pass_are_those_of_its_layers() -> None:
 
 
 MOST = {"taa": 0.25, "taau": 0.60, "classifier": 1.28}
-"""Gigabytes of a step from 1920x1080 to 3840x2160: peers move .58 to .84."""
+"""Maximum gigabytes of a step from 1920x1080 to 3840x2160. Other upscalers move 0.58 to 0.84."""
 
 
 @pytest.mark.parametrize("method", MOST)
@@ -74,7 +74,7 @@ def test_a_step_to_4k_moves_no_more_than_its_limit(method: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["taau:gpu", "classifier:gpu"])
-def test_a_method_is_asked_to_run_on_the_gpu_by_its_suffix(text: str) -> None:
+def test_a_suffix_selects_the_gpu_backend(text: str) -> None:
     spec = parse_spec(text)
     assert spec == Spec(text.removesuffix(":gpu"), executor="gpu")
     assert str(spec) == text
