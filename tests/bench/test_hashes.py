@@ -41,7 +41,7 @@ def test_a_method_is_hashed_in_every_way_that_it_runs() -> None:
     ]
 
 
-def test_sizes_of_ratios_that_a_method_lacks_are_left_out() -> None:
+def test_a_method_skips_sizes_of_ratios_that_it_lacks() -> None:
     [subject, *_] = subjects(["classifier-large"])
     counted: list[None] = []
     sizes = ((16, 9), (24, 14)), ((16, 9), (48, 27))
@@ -96,7 +96,7 @@ def test_the_command_compares_with_a_record(tmp_path: Path, monkeypatch: pytest.
     assert "machine another" in result.output
 
 
-def test_the_frozen_record_has_every_way_of_every_method() -> None:
+def test_the_frozen_record_has_every_run_of_every_method() -> None:
     runs = HashesRecord.from_json(read_record(FROZEN)).hashed
     recorded = {(run.subject.method, run.subject.extrapolation) for run in runs}
     assert {pair for pair in recorded if pair[1]} == set(hashes.EXTRAPOLATED)

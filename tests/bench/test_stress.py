@@ -79,7 +79,7 @@ def failed(outcome: ScenarioOutcome) -> list[str]:
 
 
 @pytest.mark.parametrize("keep", [0.8, 0.97, 1.02])
-def test_contraction_of_a_known_recursion_is_what_it_keeps(keep: float) -> None:
+def test_contraction_of_a_known_recursion_is_its_weight(keep: float) -> None:
     found = contraction(
         Average(DISPLAY, keep=keep), Average(DISPLAY, keep=keep), still((24, 16)), 6, 1e-3, warm_up=4
     )
@@ -95,7 +95,7 @@ def test_contraction_finds_the_slowest_of_all_errors() -> None:
     assert found.rate == pytest.approx(0.95, abs=2e-3)
 
 
-def test_contraction_ends_where_nothing_of_the_history_is_left() -> None:
+def test_contraction_stops_when_the_difference_is_gone() -> None:
     base, other = Average(DISPLAY, keep=0.0, new=1.0), Average(DISPLAY, keep=0.0, new=1.0)
     found = contraction(base, other, still((24, 16)), 12, 1e-3, warm_up=4)
     assert found.rates == [0.0]
@@ -152,7 +152,7 @@ def test_single_frames_flicker() -> None:
 
 
 @pytest.mark.parametrize("name", ["spike of 65504", "fireflies"])
-def test_light_that_stays_longer_than_one_and_a_half_periods_fails(name: str) -> None:
+def test_light_that_remains_longer_than_one_and_a_half_periods_fails(name: str) -> None:
     clipped = subject(lambda display, _: Average(display, mend=lambda color: np.minimum(sound(color), 2.0)))
     assert failed(run(scenario(name), SOUND)) == ["frames until clean"]
     assert failed(run(scenario(name), clipped)) == []
@@ -178,7 +178,7 @@ def test_an_exception_fails_only_its_scenario() -> None:
     assert "- threads, average cpu: broke. RuntimeError: no device" in table
 
 
-def test_a_shipped_method_passes_where_it_promises_bits() -> None:
+def test_a_shipped_method_passes_scenarios_that_need_equal_bits() -> None:
     for outcome in measure(
         chosen(["sessions", "a cut in every frame"]), subjects(["taau"], ["cpu"]), quick=True
     ):
@@ -224,7 +224,7 @@ def test_bad_values_of_two_passes_count() -> None:
     assert "bad values" in failed(run(scenario("two passes, one frame"), bad, quick=True))
 
 
-def test_a_method_of_two_passes_runs_the_scenarios_of_two_passes_alone() -> None:
+def test_a_method_of_two_passes_runs_only_the_scenarios_of_two_passes() -> None:
     one, two = subjects(["taau", "taau:x2"], ["cpu"])
     names = {found.name for found, subject in runs(chosen([]), [one, two]) if subject is two}
     assert names == {found.name for found in FAMILIES["two-passes"]}
@@ -264,7 +264,7 @@ def test_shaded_frames_have_all_jitter_phases_if_every_second_frame_is_unshaded(
         assert len(shaded) % PERIOD == 0  # a loop ends with a period of the jitter
 
 
-def test_a_disturbance_ends_with_the_last_frame_that_shows_it() -> None:
+def test_recovery_ends_with_the_last_visible_difference() -> None:
     clean, mean, spot = (
         VisibleDifference(0.0, 0.0),
         VisibleDifference(0.01, 0.01),
@@ -275,7 +275,7 @@ def test_a_disturbance_ends_with_the_last_frame_that_shows_it() -> None:
     assert recovery([clean, mean]) == 2
 
 
-def test_the_largest_error_after_a_reset_is_the_bound_and_measuring_stops_once_it_is_reached() -> None:
+def test_the_bound_is_the_largest_error_after_a_reset_and_measuring_stops_early() -> None:
     measured = []
 
     def after_resets() -> Iterator[VisibleDifference]:
@@ -290,12 +290,12 @@ def test_the_largest_error_after_a_reset_is_the_bound_and_measuring_stops_once_i
     assert hostile_bound(VisibleDifference(0.0, 0.0), after_resets()).p999 == 0.02 + ROUNDING
 
 
-def test_a_nan_is_within_no_bound() -> None:
+def test_nan_is_outside_of_every_bound() -> None:
     assert not Figure("difference", float("nan"), 1.0).passed
     assert Figure("difference", 1.0, 1.0).passed
 
 
-def test_the_moving_scene_comes_back_and_its_motion_is_exact() -> None:
+def test_the_moving_scene_repeats_and_its_motion_is_exact() -> None:
     frames = moving((64, 36))
     assert len(frames) == LOOP
     again = Orbit().frame(LOOP, (64, 36), frames[0].jitter)

@@ -36,7 +36,7 @@ def scores(counts: Counts | None, frame: int = 8) -> MethodScores:
     return MethodScores("m", [FrameScores(frame, SCORES, SCORES, counts, counts)])
 
 
-def test_each_display_pixel_is_held_for_what_its_square_is() -> None:
+def test_each_display_pixel_is_compared_with_the_class_of_its_2x2_pixels() -> None:
     true = truth([[0, 1, 2], [0, 1, 1], [2, 2, 0]], [[0] * 3, [1] * 3, [2] * 3])  # the squares are cut off
     predicted = class_map([[1, 2], [2, 0]], [[0, 0], [2, 1]])
     ghost, alias = count_classes(predicted, true)
@@ -62,7 +62,7 @@ def test_a_map_of_neither_size_is_refused() -> None:
         count_classes(class_map([[0, 0], [0, 0]], [[0, 0], [0, 0]]), true)
 
 
-def test_overlap_is_intersection_over_union_and_a_class_nobody_named_has_none() -> None:
+def test_overlap_is_intersection_over_union_and_nan_for_an_absent_class() -> None:
     matrix = np.array([[6, 2, 0], [1, 3, 0], [0, 0, 0]])
     np.testing.assert_allclose(overlap(matrix), [6 / 9, 3 / 6, np.nan])
     np.testing.assert_allclose(fractions(matrix)[:2], [[0.75, 0.25, 0], [0.25, 0.75, 0]])
@@ -101,7 +101,7 @@ def test_methods_without_classes_have_no_tables() -> None:
     assert ClassCounts.of(None) is None
 
 
-def test_a_record_says_which_way_round_the_counts_are() -> None:
+def test_a_record_has_counts_by_true_and_then_by_predicted_class() -> None:
     counts = np.arange(18).reshape(2, 3, 3)
     record = ClassCounts.of(counts)
     assert record is not None

@@ -68,7 +68,7 @@ def seen(coverage: Array) -> Float32:
     return np.asarray(WALL + coverage[..., None] * (WIRE - WALL), np.float32)
 
 
-def test_a_trail_is_what_is_covered_beyond_four_pixels_over_the_true_coverage() -> None:
+def test_a_trail_is_the_coverage_beyond_four_pixels_over_the_true_coverage() -> None:
     truth = moving_wire(10, 30)
     assert trail(column(30), truth) == (0.0, SHAPE[0])
     assert trail(column(26, 34), truth).value == 0.0  # four pixels away: blur, no trail
@@ -76,13 +76,13 @@ def test_a_trail_is_what_is_covered_beyond_four_pixels_over_the_true_coverage() 
     assert trail(column(5, value=1.0), truth, border=6) == (0.0, SHAPE[0] - 12)  # in the border
 
 
-def test_a_trail_begins_two_render_pixels_from_a_thing_at_any_ratio() -> None:
+def test_a_trail_begins_two_render_pixels_from_an_object_at_any_ratio() -> None:
     frame = planes(thin_moving=column(30))
     assert trail(column(33), after(frame, ratio=1.5)).value == 0.0
     assert trail(column(33), after(frame, ratio=1.0)).value == 1.0
 
 
-def test_coverage_beside_a_thin_thing_at_rest_is_no_trail() -> None:
+def test_coverage_beside_a_thin_object_at_rest_is_no_trail() -> None:
     truth = after(planes(thin_moving=column(30), thin_still=column(10)))
     assert trail(column(11), truth).value == 0.0
 
@@ -94,7 +94,7 @@ def test_without_thin_movers_there_is_no_trail_to_measure() -> None:
     assert np.isnan(color_trail(seen(column(10)), seen(column(10)), truth).value)
 
 
-def test_a_trail_in_colour_is_the_wire_left_where_it_was_over_the_wire() -> None:
+def test_a_trail_in_colour_is_the_remaining_fraction_of_the_wire() -> None:
     truth = moving_wire(10, 20, 30)
     reference = seen(column(30))
     ghosts = seen(column(30) + column(20, value=0.3) + column(10, value=0.1))
@@ -104,7 +104,7 @@ def test_a_trail_in_colour_is_the_wire_left_where_it_was_over_the_wire() -> None
     assert color_trail(lighter, reference, truth).value == pytest.approx(-0.3, abs=1e-6)
 
 
-def test_errors_that_are_everywhere_or_of_another_colour_are_no_trail_in_colour() -> None:
+def test_errors_everywhere_or_of_another_colour_are_no_trail_in_colour() -> None:
     truth, reference = moving_wire(10, 20, 30), seen(column(30))
     darker = reference + 0.2 * (WIRE - WALL)
     assert color_trail(darker, reference, truth).value == pytest.approx(0.0, abs=1e-5)
@@ -113,7 +113,7 @@ def test_errors_that_are_everywhere_or_of_another_colour_are_no_trail_in_colour(
     assert color_trail(tinted, reference, truth).value == pytest.approx(0.0, abs=1e-5)
 
 
-def test_where_a_wire_was_follows_the_motion_of_what_is_behind_and_is_forgotten() -> None:
+def test_left_pixels_follow_the_motion_of_the_background_for_a_few_frames() -> None:
     to_the_left = np.full((*SHAPE, 2), (2.0, 0.0), np.float32)  # by two pixels a frame
     truth = after(*(planes(thin_moving=column(at)) for at in (20, 40)), motion=to_the_left)
     assert truth.left[:, 18].all()
@@ -123,7 +123,7 @@ def test_where_a_wire_was_follows_the_motion_of_what_is_behind_and_is_forgotten(
     assert moving_wire(10, *([40] * corners.REMEMBERED)).left[:, 10].all()
 
 
-def test_a_cut_forgets_where_things_and_shadows_were() -> None:
+def test_a_cut_clears_the_positions_of_objects_and_shadows() -> None:
     truths = CornerTruths(2.0)
     truths.next(planes(thin_moving=column(10), unshadowed=column(50)), STILL, NOWHERE, reset=True)
     truth = truths.next(planes(thin_moving=column(30)), STILL, NOWHERE, reset=True)
@@ -132,7 +132,7 @@ def test_a_cut_forgets_where_things_and_shadows_were() -> None:
     assert not truth.shadow_edges.any()
 
 
-def test_what_is_kept_of_thin_things_counts_where_they_cover_more_than_three_tenths() -> None:
+def test_kept_coverage_counts_where_thin_objects_cover_more_than_three_tenths() -> None:
     truth = after(planes(thin_still=column(10, value=0.8), thin_moving=column(30, value=0.25)))
     kept = thin_kept(column(10, value=0.4) + column(30), truth)
     assert kept.value == pytest.approx(0.5)
@@ -204,7 +204,7 @@ def test_the_window_of_specks_is_less_than_half_filled_by_a_sample() -> None:
     assert windows == {1.0: 3, 1.5: 3, 2.0: 3, 2.5: 5, 3.0: 5, 4.0: 7}
 
 
-def test_each_pixel_is_of_one_kind_the_first_that_holds() -> None:
+def test_each_pixel_is_of_the_first_kind_that_applies() -> None:
     mover = np.zeros(SHAPE, np.float32)
     mover[:, 30:45] = 1.0
     lit = np.ones(SHAPE, np.float32)

@@ -58,7 +58,7 @@ def measured(render: Path, **options: Any) -> RenderRow:
     return measure_render(render, shot, options.pop("denoiser", None), reference=DEFAULT_PATTERN, **options)
 
 
-def test_the_filter_has_less_error_and_flicker_than_the_frames_with_two_passes_the_least(
+def test_the_filter_has_less_error_and_flicker_than_the_frames_and_least_with_two_passes(
     render: Path,
 ) -> None:
     row = measured(render)
@@ -75,7 +75,7 @@ def test_the_filter_has_less_error_and_flicker_than_the_frames_with_two_passes_t
     assert row.frame_cpu == 0.0
 
 
-def test_each_frame_is_denoised_once_before_all_ways(render: Path) -> None:
+def test_each_frame_is_denoised_once_for_all_ways(render: Path) -> None:
     denoiser, frames = HalfDenoiser(), []
     row = measured(render, denoiser=denoiser, on_frame=lambda: frames.append(1))
     assert len(denoiser.sizes) == len(frames) == COUNT
@@ -85,7 +85,7 @@ def test_each_frame_is_denoised_once_before_all_ways(render: Path) -> None:
     assert (row.scores(FRAME).psnr or 0.0) < (plain.scores(FRAME).psnr or 0.0) - 10.0
 
 
-def test_frames_without_a_neighbour_in_a_row_have_no_change(render: Path) -> None:
+def test_without_consecutive_references_there_is_no_tpsnr(render: Path) -> None:
     (render.parent / "wall-reference/0007.exr").unlink()
     row = measured(render)
     assert row.scores(DENOISER).tpsnr is None
@@ -112,7 +112,7 @@ def test_several_references_of_a_frame_are_averaged(tmp_path: Path) -> None:
     assert bounding_box(reference.scored) == (slice(8, 32), slice(8, 32))
 
 
-def test_what_lies_outside_of_the_rendered_region_is_not_scored(tmp_path: Path) -> None:
+def test_pixels_outside_of_the_rendered_region_are_not_scored(tmp_path: Path) -> None:
     names = [
         *(f"ViewLayer.Combined.{axis}" for axis in "RGBA"),
         *(f"ViewLayer.Denoising Albedo.{axis}" for axis in "RGB"),
@@ -142,7 +142,7 @@ def test_the_cost_of_rendering_is_the_mean_over_the_frames_that_are_read(tmp_pat
         render_cost(tmp_path, [1])
 
 
-def test_the_command_prints_its_tables_and_writes_a_record_that_makes_the_same(
+def test_the_command_prints_tables_and_writes_a_record_that_has_the_same_tables(
     render: Path, tmp_path: Path
 ) -> None:
     (render / "costs.jsonl").write_text('{"frame": 6, "cpu": 2.5}\n')
@@ -161,7 +161,7 @@ def test_the_command_prints_its_tables_and_writes_a_record_that_makes_the_same(
     assert data["model_digests"][DENOISER]
 
 
-def test_a_record_is_older_where_the_constants_of_the_filter_have_changed(render: Path) -> None:
+def test_a_record_is_outdated_if_the_constants_of_the_filter_have_changed(render: Path) -> None:
     record = DenoiseRecord([measured(render)]).to_json()
     assert age_of(record) == ""
     record["model_digests"] = {**record["model_digests"], DENOISER: "other"}
@@ -176,7 +176,7 @@ def test_a_record_is_older_where_the_constants_of_the_filter_have_changed(render
         ("wall-4", "late/*.exr", "frames 0 to 11"),
     ],
 )
-def test_names_and_references_that_do_not_fit_are_errors(
+def test_invalid_folder_names_and_references_are_errors(
     render: Path, name: str, reference: str, message: str
 ) -> None:
     write_exr(render.parent / "late/0100.exr", truth(6))

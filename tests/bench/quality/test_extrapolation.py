@@ -118,14 +118,14 @@ def test_disoccluded_pixels_are_filled_from_the_nearest_background() -> None:
     np.testing.assert_array_equal(filled[~unshaded], image[~unshaded])
 
 
-def test_what_has_no_background_near_is_left() -> None:
+def test_pixels_without_a_near_background_are_unchanged() -> None:
     scene = LitScene(radius=200.0, disc_velocity=(3.0, 0.0))
     before, image = scene.frame(0, (64, 36)), np.ones((36, 64, 3), np.float32)
     behind = replace(scene.frame(1, (64, 36)), depth=np.full((36, 64), 1e-3, np.float32))
     np.testing.assert_array_equal(with_background_filled(image, behind, before), image)
 
 
-def test_motion_is_followed_over_unshaded_frames_to_the_sample_that_it_led_from() -> None:
+def test_motion_spans_unshaded_frames_back_to_a_shaded_sample() -> None:
     x = np.arange(48, dtype=np.float32)[None, :, None]
     sheared = np.broadcast_to(x * np.array([0.1, -0.05]), (27, 48, 2)).astype(np.float32)
     frame = replace(SCENE.frame(1, SIZE), motion=np.full((27, 48, 2), -1.5, np.float32), jitter=(0.3, -0.1))
@@ -149,7 +149,7 @@ class Taker:
 
 
 @pytest.mark.parametrize("filled", [False, True])
-def test_to_warp_shaded_frames_alone_are_upscaled_with_motion_between_them(filled: bool) -> None:
+def test_the_warp_baseline_upscales_only_shaded_frames_with_motion_between_them(filled: bool) -> None:
     taker: Any = Taker()
     warping, scene = WarpBaseline(taker, Alternation("2:1"), filled=filled), LitScene(velocity=(1.0, -0.5))
     images = [
@@ -189,7 +189,7 @@ def test_two_passes_have_rows_of_their_own_and_are_better(folder: Path) -> None:
     assert shaded["psnr"] > two["psnr"]
 
 
-def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Path, tmp_path: Path) -> None:
+def test_the_command_prints_a_table_and_writes_its_record(folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "extrapolation-lit.json"
     arguments = ["bench", "extrapolation", str(folder), "--methods", "bilinear", "--alternation", "1:1"]
     done = CliRunner().invoke(app, [*arguments, "--json", str(file)])
@@ -202,7 +202,7 @@ def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Pat
     assert table.splitlines()[2] in done.output
 
 
-def test_of_several_shots_the_means_are_shown(folder: Path, tmp_path: Path) -> None:
+def test_the_table_of_several_shots_has_their_mean(folder: Path, tmp_path: Path) -> None:
     shot = Shot.open(folder)
     found = measure_extrapolation(shot, ["bilinear"], ["guided-warp"], ["1:1"])
     scores = unshaded_row(shot, found, {"ratio": 2.0})
@@ -212,9 +212,7 @@ def test_of_several_shots_the_means_are_shown(folder: Path, tmp_path: Path) -> N
     assert "Mean of the shots lit, lit at ratio 2, 1:1 unshaded" in table
 
 
-def test_a_shot_without_the_buffers_is_refused_and_a_model_that_upscales_too(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_missing_buffers_and_a_model_that_does_not_upscale_are_refused(folder: Path, tmp_path: Path) -> None:
     plain = Shot.open(folder)
     with ShotWriter(tmp_path / "bare", name="bare", display_size=DISPLAY, frame_rate=24) as writer:
         item = plain.read(0)

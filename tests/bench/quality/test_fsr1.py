@@ -23,21 +23,21 @@ def upsampled(plane: Array, jitter: tuple[float, float] = ORIGIN) -> Array:
     return filtered(plane[..., None], weights, columns, rows)[..., 0]
 
 
-def test_weights_add_up_to_one_and_an_even_image_stays() -> None:
+def test_weights_sum_to_one_and_a_uniform_image_is_unchanged() -> None:
     noise = np.random.default_rng(0).random((27, 48), np.float32)
     weights, *_ = easu_weights(noise, (0.2, -0.3), DISPLAY)
     np.testing.assert_allclose(np.sum(weights, axis=0), 1.0, atol=1e-5)
     np.testing.assert_allclose(upsampled(np.full((27, 48), 0.4, np.float32)), 0.4, atol=1e-5)
 
 
-def test_at_ratio_one_without_edges_each_sample_is_its_own_image() -> None:
+def test_at_ratio_one_without_edges_samples_are_unchanged() -> None:
     plane = np.zeros((27, 48), np.float32)
     weights, columns, rows = easu_weights(plane, ORIGIN, RENDER)
     noise = np.random.default_rng(0).random((27, 48, 3), np.float32)
     np.testing.assert_allclose(filtered(noise, weights, columns, rows), noise, atol=1e-5)
 
 
-def test_samples_count_where_they_were_taken() -> None:
+def test_samples_lie_at_pixel_centre_plus_jitter() -> None:
     x = np.arange(48, dtype=np.float32) + 0.5
     for jitter in (-0.4, 0.0, 0.3):
         ramp = np.broadcast_to((x + jitter) / 48.0, (27, 48)).astype(np.float32)
@@ -90,7 +90,7 @@ def test_images_are_linear_near_the_truth_and_sharper_with_rcas() -> None:
     np.testing.assert_allclose(even, Plane(plain).truth(0, DISPLAY), rtol=1e-3)
 
 
-def test_aovs_are_filtered_as_the_image_is() -> None:
+def test_aovs_are_filtered_like_the_image() -> None:
     frame = DiscOverPlane().frame(0, RENDER)
     half = np.zeros((27, 48, 2), np.float32)
     half[:, 24:, 0], half[..., 1] = 1.0, 0.5

@@ -29,7 +29,7 @@ def test_exposure_is_the_published_formula_and_follows_the_light_slowly() -> Non
     assert fsr2.followed_average(logs, 0.0, 0.1) == pytest.approx(2.0 * (1.0 - math.exp(-0.1)))
 
 
-def test_log_luminance_is_that_of_pixel_centres() -> None:
+def test_log_luminance_is_resampled_at_pixel_centres() -> None:
     x, y = fsr2.centres((12, 10))
     sampled = np.repeat((11.0 + (x + 0.3) - 0.5 * (y - 0.2))[..., None], 3, axis=-1)
     logs = fsr2.log_luma(sampled, FrameSizes((12, 10), (24, 20), (0.3, -0.2)))
@@ -90,7 +90,7 @@ def test_ridges_of_one_pixel_are_thin_features(pattern: list[str], is_thin: bool
     assert fsr2.thin_features(luma)[1, 1] == is_thin
 
 
-def test_a_sample_lands_on_the_display_pixel_that_its_jitter_says() -> None:
+def test_the_jitter_determines_the_display_pixel_of_a_sample() -> None:
     luma = np.full((5, 5), 0.2, np.float32)
     luma[2, 2] = 0.8
     for jitter, place in (((-0.4, -0.4), (4, 4)), ((0.4, -0.4), (4, 5)), ((-0.4, 0.4), (5, 4))):
@@ -110,7 +110,7 @@ def test_a_sample_lands_on_the_display_pixel_that_its_jitter_says() -> None:
         ((2.0, 0.5), {"clip": 0.2}, (0.0, 0.5, 0.0)),
     ],
 )
-def test_a_lock_holds_from_its_second_sample_on_until_the_shading_changes(
+def test_a_lock_is_active_from_its_second_sample_until_the_shading_changes(
     lock: tuple[float, float], setting: dict[str, float], wanted: tuple[float, ...]
 ) -> None:
     made = ONE > 0.0 if setting.get("made") else ONE < 0.0
@@ -125,7 +125,7 @@ def test_the_tone_curve_is_undone_up_to_the_largest_half_float() -> None:
     np.testing.assert_allclose(fsr2.inverse_tonemap(np.ones((1, 3), np.float32)), 65504.0)
 
 
-def test_one_colour_stays_and_its_box_is_a_point() -> None:
+def test_a_uniform_colour_is_unchanged_and_its_box_is_a_point() -> None:
     zero, sizes = flat(VIEW.display, 0.0), FrameSizes(VIEW.render, VIEW.display, (0.2, -0.4))
     color, _, box = fsr2.upsample(flat(VIEW.render, 0.4, -0.1, 0.2), zero, zero, zero, sizes)
     for found in (color, box.centre):
@@ -133,7 +133,7 @@ def test_one_colour_stays_and_its_box_is_a_point() -> None:
     assert box.deviation.max() < 1e-3
 
 
-def test_the_approximation_of_lanczos2_is_near_it() -> None:
+def test_the_approximation_of_lanczos2_is_close() -> None:
     x = np.linspace(0.0, 2.5, 51, dtype=np.float32)
     exact = np.where(x < 2.0, np.sinc(x) * np.sinc(x / 2.0), 0.0)
     np.testing.assert_allclose(fsr2.lanczos2_of_square(x * x), exact, atol=0.06)
@@ -160,7 +160,7 @@ def test_reads_at_texel_centres_return_the_texels_and_do_not_ring(sample: Any) -
         (1.5, {"kept": 0.5}, [1.2, 0.55]),
     ],
 )
-def test_history_is_clamped_to_a_box_but_for_what_locks_keep(
+def test_history_is_clamped_to_a_box_except_where_locks_keep_it(
     value: float, setting: dict[str, float], wanted: list[float]
 ) -> None:
     box = ColorBox(*(np.array([[[v, 0.0, 0.0]]], np.float32) for v in (0.5, 0.05, 0.1, 0.9)))
@@ -181,7 +181,7 @@ def test_history_is_clamped_to_a_box_but_for_what_locks_keep(
         ((0.8, 0.3, 0.8, 0.8), {"deviation": 0.03}, 0.0),  # flat
     ],
 )
-def test_luma_that_comes_back_is_unstable(
+def test_luma_that_returns_to_an_older_value_is_unstable(
     lumas: tuple[float, ...], setting: dict[str, float], instability: float
 ) -> None:
     light, deviation = 0.2 / 0.8, setting.get("deviation", 0.2)
@@ -240,14 +240,14 @@ def test_the_weight_of_the_history_falls_with_motion_and_disocclusion(
     np.testing.assert_allclose((image - before) / (now - before), np.full((5, 5), alpha), rtol=1e-3)
 
 
-def test_the_reactive_factor_fades_and_tells_of_motion() -> None:
+def test_the_reactive_factor_fades_and_its_sign_marks_motion() -> None:
     assert step_of(NATIVE, reactive=0.5)[1].color[4, 4, 3] == pytest.approx(0.25)
     assert step_of(NATIVE, reactive=-1.0)[1].color[4, 4, 3] == pytest.approx(0.99**2)
     assert step_of(NATIVE, speed=1.0)[1].color[4, 4, 3] == pytest.approx(-(0.4**2))
     assert step_of(NATIVE, speed=1.0)[1].color[4, -1, 3] == -1.0  # came from off screen
 
 
-def test_the_depth_clip_of_a_sample_lies_where_its_jitter_says() -> None:
+def test_the_jitter_determines_the_position_of_a_samples_depth_clip() -> None:
     clip = np.zeros((9, 9), np.float32)
     clip[4, 3] = 1.0
     factor = step_of(FrameSizes((9, 9), (18, 18), (0.4, -0.3)), clip=clip)[1].color[..., 3]

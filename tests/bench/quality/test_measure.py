@@ -84,9 +84,7 @@ def painted(
     return measure_quality(shot, ["painter"])[0].frames
 
 
-def test_a_perfect_image_scores_perfectly_in_everything(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_perfect_image_has_perfect_scores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hard = ClassMaps(*(np.arange(54 * 96).reshape(54, 96).astype(np.uint8) // step % 3 for step in (1, 3, 7)))
     shot = write_shot(tmp_path, references=[2, 4, 5], classes=hard)
     stored = {item.index: item.reference for item in shot if item.reference is not None}
@@ -167,7 +165,7 @@ def test_thin_pixels_are_measured_where_their_class_is_known(
     assert np.isnan(scores["without"]["psnr_thin"])
 
 
-def test_without_truth_classes_what_only_they_tell_is_not_measured(
+def test_without_truth_classes_aliasing_and_changing_light_are_not_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scores = painted(monkeypatch, write_shot(tmp_path, references=[3]), truth)[0].full
@@ -175,7 +173,7 @@ def test_without_truth_classes_what_only_they_tell_is_not_measured(
     assert scores["pixels_aliased"] == 0
 
 
-def test_strred_is_of_pairs_that_do_not_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_strred_uses_pairs_that_do_not_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shot = write_shot(tmp_path, references=[1, 2, 3, 4, 5, 8, 9], count=10)
     frames = painted(monkeypatch, shot, lambda i: truth(i - i % 2))
     paired = [f.frame for f in frames if not np.isnan(f.cropped["strred"])]
@@ -229,15 +227,13 @@ def test_the_border_is_left_out_of_the_cropped_scores(
     assert scores.cropped["tpsnr"] > 60 > scores.full["tpsnr"]
 
 
-def test_a_brighter_exposure_is_the_same_for_output_and_reference(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_output_and_reference_have_the_same_exposure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shot = write_shot(tmp_path, references=[4])
     too_bright = painted(monkeypatch, shot, lambda i: 2 * truth(i))[0].full
     assert too_bright["psnr"] < 25  # metered each on its own, they would be equal
 
 
-def test_a_shot_without_references_says_so(tmp_path: Path) -> None:
+def test_a_shot_without_references_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ShotError, match="no frame has a reference to measure against"):
         measure_quality(write_shot(tmp_path, references=[]), ["bilinear"])
 
@@ -262,7 +258,7 @@ def test_a_summary_is_the_mean_over_frames_and_in_masks_over_pixels() -> None:
     assert result.summary()["strred"] == pytest.approx(25 * 2)
 
 
-def test_the_mean_of_shots_weighs_each_the_same_and_skips_those_that_lack_a_metric() -> None:
+def test_the_mean_of_shots_has_equal_weights_and_skips_shots_without_the_metric() -> None:
     long = MethodScores("m", [scores_of(frame, 20, 0) for frame in (8, 9, 10)])
     short = MethodScores("m", [scores_of(8, 30, 10)])
     mean = MethodRow.mean([MethodRow.of(long), MethodRow.of(short)]).summary["warm_full"]

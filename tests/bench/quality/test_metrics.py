@@ -38,7 +38,7 @@ def test_psnr_of_equal_images_is_the_ceiling_and_not_infinite() -> None:
     assert metrics.psnr(noise(0), noise(0)) == CEILING_DB
 
 
-def test_psnr_in_a_mask_sees_nothing_outside_it() -> None:
+def test_psnr_in_a_mask_ignores_pixels_outside_of_it() -> None:
     image, mask = grey(0.5), np.zeros((20, 24), bool)
     image[:10] = 0.0
     image[10:] += 0.01
@@ -75,12 +75,12 @@ def test_ssim_of_two_greys_is_the_luminance_term() -> None:
     assert metrics.ssim(grey(0.2), grey(0.8)) == pytest.approx((2 * 0.16 + 1e-4) / (0.04 + 0.64 + 1e-4))
 
 
-def test_ssim_says_when_the_image_is_smaller_than_its_window() -> None:
+def test_ssim_refuses_images_smaller_than_its_window() -> None:
     with pytest.raises(ArgumentError, match=r"is \(10, 24, 3\); want at least 11 x 11 pixels"):
         metrics.ssim(grey(0, (10, 24)), grey(0, (10, 24)))
 
 
-def test_flip_is_0_for_equal_images_1_at_most_and_local() -> None:
+def test_flip_is_0_for_equal_images_at_most_1_and_local() -> None:
     pytest.importorskip("flip_evaluator")
     image = noise(3, (40, 60))
     assert metrics.flip_map(image, image).max() == 0.0
@@ -93,7 +93,7 @@ def test_flip_is_0_for_equal_images_1_at_most_and_local() -> None:
     assert errors[6, 6] > 0.1 > 10 * errors[30:, 40:].max()
 
 
-def test_flip_without_its_package_is_one_line_that_says_what_to_install(
+def test_flip_without_its_package_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
@@ -113,9 +113,7 @@ def test_tpsnr_forgives_a_fixed_error_and_sees_flicker() -> None:
     width=st.integers(1, 9),
     height=st.integers(1, 7),
 )
-def test_warp_fetches_from_p_plus_motion_between_pixels_too(
-    x: float, y: float, width: int, height: int
-) -> None:
+def test_warp_samples_at_p_plus_motion_bilinearly(x: float, y: float, width: int, height: int) -> None:
     rows, columns = np.indices((height, width))
     ramp = (10.0 * rows + columns)[..., None]
     warped, inside = metrics.warp(ramp, np.broadcast_to((x, y), (height, width, 2)))
@@ -128,7 +126,7 @@ def test_warp_fetches_from_p_plus_motion_between_pixels_too(
     np.testing.assert_allclose(warped[between, 0], (10 * from_y + from_x)[between], atol=1e-9)
 
 
-def test_motion_that_is_not_a_number_has_no_history() -> None:
+def test_nan_motion_has_no_history() -> None:
     assert not metrics.warp(noise(0), np.full((20, 24, 2), np.nan))[1].any()
 
 
@@ -144,7 +142,7 @@ def test_warped_error_is_zero_for_a_pan_and_the_change_otherwise() -> None:
     assert math.isnan(metrics.warped_error(after, before, motion, ~valid))
 
 
-def test_warped_error_difference_charges_too_calm_an_image_as_well() -> None:
+def test_warped_error_difference_counts_an_image_that_changes_too_little() -> None:
     motion, valid = np.zeros((20, 24, 2)), np.ones((20, 24), bool)
     shimmer, frozen = (grey(0.6), grey(0.5)), (grey(0.5), grey(0.5))
     assert metrics.warped_error_difference(*frozen, *shimmer, motion, valid) == pytest.approx(0.1)
@@ -152,7 +150,7 @@ def test_warped_error_difference_charges_too_calm_an_image_as_well() -> None:
     assert metrics.warped_error_difference(*shimmer, *shimmer, motion, valid) == 0.0
 
 
-def test_crop_takes_the_border_off_every_side() -> None:
+def test_crop_removes_the_border_on_every_side() -> None:
     image = noise(7)
     np.testing.assert_array_equal(metrics.crop(image, 8), image[8:12, 8:16])
     np.testing.assert_array_equal(metrics.crop(image, 0), image)

@@ -46,14 +46,14 @@ def result(method: str, psnr: float, flip: float) -> MethodScores:
 RESULTS = [result("worse", 20.001, 0.2), result("better", 21.0, 0.1)]
 
 
-def test_the_best_figure_of_a_column_stands_out_whichever_way_is_better() -> None:
+def test_the_best_figure_of_a_column_is_bold_whichever_side_is_better() -> None:
     _, _, worse, better, *_ = markdown_table("title", [MethodRow.of(r) for r in RESULTS]).split("\n")
     assert worse.startswith("| worse | 20.00 | – | 0.2000 |")
     assert better.startswith("| better | **21.00** | – | **0.1000** |")
     assert worse.split(" | ")[5] == better.split(" | ")[5] == "**1.23**"
 
 
-def test_thin_pixels_have_a_column_beside_aliased_ones_where_any_method_has_them() -> None:
+def test_thin_pixels_have_a_column_after_aliased_ones_if_any_method_has_them() -> None:
     rows = [MethodRow.of(r) for r in RESULTS]
     without = markdown_table("title", rows)
     assert "thin" not in without
@@ -65,7 +65,7 @@ def test_thin_pixels_have_a_column_beside_aliased_ones_where_any_method_has_them
 
 
 @pytest.mark.parametrize("line_end", ["\n", "\r\n"])
-def test_a_block_is_replaced_and_all_around_it_stays(tmp_path: Path, line_end: str) -> None:
+def test_replacing_a_block_keeps_the_text_around_it(tmp_path: Path, line_end: str) -> None:
     file = tmp_path / "README.md"
     file.write_bytes(README.replace("\n", line_end).encode())
     update_block(file, "quality plaza", "new\\1\ntable")
@@ -89,7 +89,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         update_block(tmp_path / "README.md", "quality plaza", "new")
 
 
-def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: Path) -> None:
+def test_a_record_holds_its_provenance_and_is_strict_json(tmp_path: Path) -> None:
     file = tmp_path / "results" / "quality.json"
     write_json(QualityRecord.of([shot_row(Shot.open("plaza"), RESULTS)]), file)
     record = json.loads(file.read_text(encoding="utf-8"))
@@ -105,7 +105,7 @@ def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: 
     assert record["means"] == []
 
 
-def test_only_the_date_and_the_time_it_took_differ_between_records_of_one_measurement() -> None:
+def test_records_of_equal_measurements_differ_only_in_date_and_duration() -> None:
     first, second = (QualityRecord.of([shot_row(Shot.open("plaza"), RESULTS)]).to_json() for _ in range(2))
     for record in (first, second):
         assert record.pop("date")
@@ -120,7 +120,7 @@ def test_the_markdown_table_says_what_was_measured() -> None:
     assert lines[-1].startswith("plaza, 320x180 to 640x360: 17 reference frames of 32, without the")
 
 
-def test_the_command_prints_records_and_draws(tmp_path: Path) -> None:
+def test_the_quality_command_prints_writes_a_record_and_draws_errors(tmp_path: Path) -> None:
     scene, size = Plane(checker, velocity=(1.0, 0.0)), (80, 60)
     aliased = ClassMaps(np.zeros((60, 80), np.uint8), np.ones((60, 80), np.uint8))
     with ShotWriter(tmp_path / "shot", name="own", display_size=size, frame_rate=30) as writer:

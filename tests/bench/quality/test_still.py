@@ -73,7 +73,7 @@ def test_the_summary_shows_all_scenes_at_the_ratio_closest_to_2() -> None:
 
 
 @pytest.mark.parametrize("scenes", ["courtyard:2", "analytic", "analytic:two"])
-def test_a_scene_that_is_none_or_has_no_ratio_is_refused(scenes: str) -> None:
+def test_an_unknown_scene_or_a_missing_ratio_is_refused(scenes: str) -> None:
     answer = CliRunner().invoke(app, ["still", "--scenes", scenes])
     assert isinstance(answer.exception, ArgumentError)
     assert "--scenes" in str(answer.exception)

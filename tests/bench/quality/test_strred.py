@@ -76,11 +76,11 @@ def test_the_values_are_those_of_published_code(name: str) -> None:
     np.testing.assert_allclose(pairs(CLIPS[name]), PUBLISHED[name], rtol=1e-3)  # it has no ridge
 
 
-def test_a_clip_is_at_no_distance_from_itself() -> None:
+def test_a_clip_has_no_distance_from_itself() -> None:
     assert pairs(REFERENCE) == [(0.0, 0.0)] * 2
 
 
-def test_brightness_that_flickers_all_over_is_not_seen() -> None:
+def test_flicker_of_the_whole_image_is_not_detected() -> None:
     darker = REFERENCE // 2 + 60
     brighter = darker + np.array([0, 9, 0, 9], np.uint8)[:, None, None]
     bands = [[strred.band(frame.astype(float)) for frame in frames[:2]] for frames in (darker, brighter)]
@@ -101,7 +101,7 @@ def test_a_pattern_that_repeats_has_finite_information() -> None:
     assert np.abs(found).max() < 1e4
 
 
-def test_the_band_passes_what_changes_from_row_to_row() -> None:
+def test_the_band_passes_changes_from_row_to_row() -> None:
     waves = 100.0 * np.sin(np.indices((128, 128)) * np.pi / 16)
     horizontal, vertical = (np.abs(strred.band(wave)[2:-2, 2:-2]).mean() for wave in waves)
     assert horizontal > 50.0 * vertical
@@ -115,6 +115,6 @@ def test_images_too_small_for_a_block_have_no_distance() -> None:
     assert np.isnan(strred.distance(pair, pair)).all()
 
 
-def test_luma_is_that_of_eight_bits() -> None:
+def test_luma_is_of_8_bit_values() -> None:
     shown = np.array([[[1.0, 1.0, 1.0], [0.5, 0.5, 0.5], [0.0, 1.0, 0.0]]], np.float32)
     np.testing.assert_allclose(strred.luma255(shown), [[255.0, 128.0, 0.7152 * 255.0]])

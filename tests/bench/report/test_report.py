@@ -38,7 +38,7 @@ def test_every_table_of_this_repository_is_what_its_record_says() -> None:
     assert wrong == [], "run `supersampler bench tables`, or the command of the record that is not there"
 
 
-def test_tables_are_written_from_records_and_those_without_one_are_named_and_left_alone(
+def test_tables_are_written_from_records_and_tables_without_a_record_are_named_and_unchanged(
     repository: Path,
 ) -> None:
     answer = CliRunner().invoke(app, ["tables", str(repository)])
@@ -64,7 +64,7 @@ def test_a_number_that_no_record_holds_fails_the_check_by_name(
     assert (repository / page).read_text() == changed
 
 
-def test_a_record_of_another_version_is_said_to_be_one(repository: Path) -> None:
+def test_a_record_of_another_version_is_reported(repository: Path) -> None:
     path = repository / RESULTS / "cost.json"
     record = json.loads(path.read_text())
     del record["networks"]
@@ -113,7 +113,7 @@ def test_every_record_of_this_repository_has_a_command_or_a_reason() -> None:
     assert found <= known["commands"].keys() | known["elsewhere"].keys()
 
 
-def test_a_record_is_due_where_its_models_or_its_command_have_changed(root: Path) -> None:
+def test_a_record_is_due_if_its_models_or_its_command_have_changed(root: Path) -> None:
     first, second = recipes(root)
     assert (first.problem, second.problem) == ("", "was never measured")
     assert Recipe("first", f"{COST} --steps 3", first.record).problem == "was measured by another command"
@@ -134,7 +134,7 @@ def test_a_failing_command_keeps_the_record_and_gives_the_reason(root: Path) -> 
     assert json.loads((root / "bench/results/first.json").read_text())["bench"] == "cost"
 
 
-def test_records_of_quality_hold_summaries_and_no_single_frames(root: Path, tmp_path: Path) -> None:
+def test_published_records_of_quality_have_no_scores_of_frames(root: Path, tmp_path: Path) -> None:
     scene, shot = Plane(checker, velocity=(1.0, 0.0)), tmp_path / "shot"
     with ShotWriter(shot, name="small", display_size=(80, 60), frame_rate=30) as writer:
         for index in range(10):

@@ -162,7 +162,7 @@ def test_errors_of_missing_or_incomplete_shots_name_the_command(tmp_path: Path, 
         open_test_shots(cache, [2.0], replace(TINY, frames=11), none)
 
 
-def test_a_shot_of_a_version_without_provenance_is_refused_when_it_is_opened_and_when_it_is_rendered(
+def test_a_shot_without_provenance_is_refused_when_it_is_opened_and_rendered(
     cache: Path, tmp_path: Path
 ) -> None:
     shutil.copytree(cache, tmp_path / "old")

@@ -21,7 +21,7 @@ SMALL = (32, 18)
 
 
 @pytest.mark.long  # starts eight processes
-def test_each_round_has_new_processes_of_both_versions_in_turns(
+def test_each_round_has_new_processes_of_both_versions_alternately(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[str] = []
@@ -57,7 +57,7 @@ def test_a_program_reports_the_time_to_its_first_image(tmp_path: Path) -> None:
         ("echo", "no Python: it prints"),
     ],
 )
-def test_a_wrong_interpreter_is_one_line(python: str, message: str) -> None:
+def test_a_wrong_interpreter_gives_one_line(python: str, message: str) -> None:
     result = CliRunner().invoke(supersampler, ["bench", "against", python])
     assert result.exit_code == 1
     assert result.output.startswith(f"error: PYTHON is {python}: {message}")

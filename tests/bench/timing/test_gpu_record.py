@@ -83,7 +83,7 @@ def test_throughput_of_a_device_is_measured(device: Any, monkeypatch: pytest.Mon
     assert min(limits.buffers, limits.textures, limits.multiplied) > 0.0
 
 
-def test_the_floor_is_the_time_of_the_faster_copy_or_of_the_products() -> None:
+def test_the_floor_is_the_longer_time_of_the_faster_copy_and_of_the_products() -> None:
     assert LIMITS.floor_ms(2_000_000_000, 0) == pytest.approx(1.0)
     assert LIMITS.floor_ms(2_000_000_000, 20_000_000_000) == pytest.approx(2.0)
 
@@ -122,7 +122,7 @@ def test_a_record_without_results_has_tables() -> None:
     assert all(EMPTY.tables("device").values())
 
 
-def test_all_tables_of_a_record_fill_blocks_of_its_name() -> None:
+def test_each_table_of_a_record_has_a_block() -> None:
     blocks = blocks_of("device-some", record().to_json())
     assert list(blocks) == [f"device some{table}" for table in ("", " passes", " images", " others")]
     assert blocks["device some passes"]() == record().passes_table()

@@ -33,7 +33,7 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
         assert result.first > result.median
 
 
-def test_slow_settings_take_no_turns_with_fast_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_settings_do_not_alternate_with_fast_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[str] = []
     step = latency._LatencyRunner.step
 
@@ -130,7 +130,7 @@ def test_processes_with_an_empty_and_with_a_full_cache_are_timed() -> None:
 
 
 @pytest.mark.long  # in new processes
-def test_a_program_on_the_gpu_is_timed_from_its_start_too() -> None:
+def test_a_program_on_the_gpu_is_timed_from_its_start() -> None:
     device_or_skip()
     (result,) = measure_startup(["taa:gpu"], (64, 36), cold=1, warm=1)
     assert result.method == "taa:gpu"
