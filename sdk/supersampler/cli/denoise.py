@@ -36,9 +36,7 @@ def denoise(
     ] = 2,
     lookahead: Annotated[
         int | None,
-        typer.Option(
-            min=1, max=8, help="With --passes 2: frames after a frame to look at.", show_default="8"
-        ),
+        typer.Option(min=1, max=8, help="With --passes 2: number of following frames.", show_default="8"),
     ] = None,
     frames: arguments.FramesOption = None,
     format: arguments.FormatOption = None,  # noqa: A002  # the option's name

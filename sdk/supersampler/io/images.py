@@ -107,7 +107,7 @@ def last_reason(last_error: Callable[[], str]) -> str:
 def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tuple[ImageInput, str]]:
     """Open a file, and yield it with its format; errors of the decoder become ShotErrors.
 
-    The first bytes are checked before, because OpenImageIO would try all of its decoders.
+    The first bytes are checked first, because OpenImageIO would try all of its decoders.
     """
     try:
         with files.os_errors_as_shot_error(path):
@@ -209,7 +209,7 @@ def _read_part(
 
 
 def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> Channel:
-    """Return one channel in its type in the file; half values are exact in float32."""
+    """Return one channel in the type that the file stores; half values are exact in float32."""
     kind = str(source.spec().channelformat(index))
     if kind == "uint":  # conversion to float would divide by 2^32
         whole = source.read_image(part, 0, index, index + 1, "uint")

@@ -21,7 +21,7 @@ _HINT = "The file is damaged or cut off; copy it again."
 
 
 def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return tensor name to memory-mapped array, and the file's metadata.
+    """Return the memory-mapped arrays by name, and the file's metadata.
 
     Values are read from the disk on access. The arrays are read-only.
 

@@ -1,7 +1,4 @@
-"""Pixel checks that find likely mistakes in frames, and detection of conventions.
-
-They read frames only, independent of methods and Upscaler. See docs/checks.md and docs/conventions.md.
-"""
+"""Pixel checks that find likely mistakes in frames (docs/checks.md), and detection of conventions."""
 
 from supersampler.validation.checker import FrameChecker, Validate
 from supersampler.validation.detection import detect_conventions

@@ -17,7 +17,7 @@ from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.single_frame import upside_down
 from supersampler.validation.temporal import FramesSeen
 
-if TYPE_CHECKING:  # which loads OpenImageIO
+if TYPE_CHECKING:  # importing it loads OpenImageIO
     from supersampler.io.shot import Shot
 
 _VERDICT_KINDS = {

@@ -86,7 +86,7 @@ class Detection:
 
     Attributes:
         motion, jitter, depth: the verdicts.
-        stated: the given conventions, which replace uncertain verdicts.
+        stated: the given conventions; they are kept where a verdict is uncertain.
         conventions: the detected conventions; `call` is their Python expression.
         notes: other mistakes, as text.
     """
@@ -221,8 +221,8 @@ def rank_jitter(pairs: Sequence[FramePair], jitters: Sequence[Overrides], found:
 def rank_depth(pairs: Sequence[FramePair], frames: Sequence[FrameProbe], found: Conventions) -> Verdict:
     """Rank reversed, forward and linear depth by the sum of three errors, each from 0 to 1.
 
-    The first counts disocclusions whose occluders are farther, the second misses the sky's value, the third
-    is the curvature of 1 / distance along planes.
+    They are the fraction of disocclusions with farther occluders, the absence of the sky's value, and the
+    curvature of 1 / distance along planes.
     """
     count = max(depth_values(frame.depth) for frame in frames)
     if count:
@@ -325,7 +325,7 @@ def _depth_overrides(order: DepthOrder, frames: Sequence[FrameProbe], found: Con
 
 
 def _wrongly_hidden(pairs: Sequence[FramePair], order: DepthOrder, found: Conventions) -> float:
-    """Return the fraction of disoccluded pixels with a farther occluder; 0.5 without any."""
+    """Return the fraction of disoccluded pixels with a farther occluder; 0.5 if none are disoccluded."""
     counts = [pair.disoccluded(order, found, 60_000) for pair in pairs]
     closer, farther = sum(count[0] for count in counts), sum(count[1] for count in counts)
     return (farther + 1) / (closer + farther + 2)
