@@ -42,7 +42,7 @@ def write_tiny(folder: Path) -> None:
         writer.write(noise(1, gbuffer_display=display, exposure=0.5), reference=reference)
     (folder / "jitter.json").write_text("[[0.1, -0.2], [0.25, 0]]")
     (folder / "channels.json").write_text(json.dumps(CHANNELS))
-    RECORD.write(folder)
+    (folder / RECORD.file_name).write_text(json.dumps({**RECORD.settings, "files": dict(RECORD.files)}))
 
 
 def text_of(content: Any, rng: np.random.Generator) -> bytes:

@@ -232,10 +232,10 @@ def import_described_channels(folder: Path | str, **options: Unpack[SequenceOpti
     folder = Path(folder)
     path = folder / MAP_FILE_NAME
     given = read_typed(path, _MapFile, "docs/shots.md lists the keys.")
-    stated = msgspec.structs.asdict(given)
+    values: dict[str, Any] = {**msgspec.structs.asdict(given), **options}
     try:
-        conventions = Conventions.from_json(stated.pop("conventions"))
-        return import_channels(folder, stated.pop("channels"), conventions=conventions, **stated | options)
+        conventions = Conventions.from_json(values.pop("conventions"))
+        return import_channels(folder, values.pop("channels"), conventions=conventions, **values)
     except ArgumentError as error:
         raise ShotError(path, f"is not valid: {error}") from error
 
