@@ -89,7 +89,7 @@ def fit(examples: Sequence[Example], *, held: Sequence[str] = (), steps: int = S
     torch.manual_seed(0)
     model = TemporalFilter()
     is_free = torch.tensor([name not in held for name in COSTS])
-    model.log_costs.register_hook(lambda gradient: gradient * is_free)
+    model.log_costs.register_hook(lambda gradient: gradient * is_free)  # type: ignore[no-untyped-call]
     scales = [float(errors(example.own, example.reference).mean()) for example in examples]
     optimizer = torch.optim.Adam(model.parameters(), LEARNING_RATE)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
