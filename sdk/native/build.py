@@ -1,6 +1,7 @@
 """Build the CPU library, and copy it to where the Python package loads it from.
 
     python sdk/native/build.py
+    python sdk/native/build.py wasm     # for the page of `demo --web`; needs ziglang of PyPI
 
 Only changed sources are compiled again. `pip install` also builds the library; see build_hook.py.
 """
@@ -46,6 +47,8 @@ TARGETS = {
     "macos-arm64": Target("aarch64-macos.11.0", "macosx_11_0_arm64", NAMES["darwin"]),
     "windows-x86_64": Target("x86_64-windows-gnu", "win_amd64", NAMES["win32"]),
 }
+WASM = Target("wasm32-wasi", "", "supersampler.wasm")
+"""WebAssembly with SIMD, for browsers."""
 
 
 def build() -> Path:
@@ -64,6 +67,16 @@ def build() -> Path:
     compile_library(FOLDER, options)
     install(FOLDER / NAME)
     return target
+
+
+def build_wasm(folder: Path) -> Path:
+    """Return the library compiled to WebAssembly, built in `folder`.
+
+    Raises:
+        RuntimeError: the build fails, or the package ziglang is missing.
+    """
+    compile_library(folder, zig_compiler(WASM))
+    return folder / WASM.library
 
 
 def compile_library(folder: Path, options: Sequence[str]) -> None:
@@ -155,4 +168,7 @@ def _run(*command: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(f"{build()}\n")
+    if sys.argv[1:] == ["wasm"]:
+        install(build_wasm(FOLDER.with_name("wasm")))
+    else:
+        sys.stdout.write(f"{build()}\n")

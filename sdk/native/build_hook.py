@@ -1,9 +1,10 @@
 """Build hook of Hatchling: compiles the CPU library into wheels and editable installs.
 
 `pip install .` uses the machine's CMake, Ninja and C++ compiler. Missing or outdated ones come from PyPI
-during the build, with Zig as the compiler. Environment variables: SUPERSAMPLER_TARGET, a name in `TARGETS` of
-build.py, builds for another platform; SUPERSAMPLER_BUILD is a folder to build in, where later builds compile
-only changed sources, in place of a temporary folder.
+during the build, with Zig as the compiler; then the wheel also has the library as WebAssembly. Environment
+variables: SUPERSAMPLER_TARGET, a name in `TARGETS` of build.py, builds for another platform;
+SUPERSAMPLER_BUILD is a folder to build in, where later builds compile only changed sources, in place of a
+temporary folder.
 """
 
 import importlib.util
@@ -39,7 +40,8 @@ class LibraryHook(BuildHookInterface[Any]):
         self._temporary = tempfile.TemporaryDirectory()
         folder = Path(os.environ.get("SUPERSAMPLER_BUILD") or self._temporary.name)
         compiler, tag, name = native_build.machine_compiler(), native_build.machine_tag(), native_build.NAME
-        if TARGET or compiler is None:
+        uses_zig = bool(TARGET) or compiler is None
+        if uses_zig:
             target = native_build.TARGETS[TARGET] if TARGET else native_build.machine_target()
             compiler, tag, name = native_build.zig_compiler(target), target.tag, target.library
         native_build.compile_library(folder, [*compiler, "-DCMAKE_SHARED_LINKER_FLAGS=-s"])
@@ -47,7 +49,9 @@ class LibraryHook(BuildHookInterface[Any]):
         if version == "editable":
             native_build.install(built)
             return
-        build_data["force_include"][str(built)] = str(native_build.PLACE / name)
+        found = [built, *([native_build.build_wasm(folder / "wasm")] if uses_zig else [])]
+        for path in found:
+            build_data["force_include"][str(path)] = str(native_build.PLACE / path.name)
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{tag}"  # ctypes loads the library, in any version of Python
 

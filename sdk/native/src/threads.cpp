@@ -1,6 +1,6 @@
 #include "threads.h"
 
-#ifndef _WIN32
+#if !defined(_WIN32) && !defined(__wasm__)
 #include <sched.h>
 #endif
 
@@ -49,9 +49,9 @@ void pause_thread(int tries) {
 #endif
         return;
     }
-#ifdef _WIN32
+#if defined(_WIN32)
     SwitchToThread();
-#else
+#elif !defined(__wasm__)
     sched_yield();
 #endif
 }
@@ -86,7 +86,9 @@ struct ThreadPool::Job {
 };
 
 static int core_count() {
-#if defined(_WIN32)
+#if defined(__wasm__)
+    return 1;
+#elif defined(_WIN32)
     return static_cast<int>(GetActiveProcessorCount(ALL_PROCESSOR_GROUPS));
 #else
 #if defined(__linux__)
@@ -157,7 +159,13 @@ void ThreadPool::work() {
     }
 }
 
-#ifdef _WIN32
+#if defined(__wasm__)
+
+void ThreadPool::start_threads() {}
+
+ThreadPool::~ThreadPool() {}
+
+#elif defined(_WIN32)
 
 void ThreadPool::start_threads() {
     Guard guard(lock_);

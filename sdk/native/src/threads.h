@@ -4,9 +4,9 @@
 
 #include "core.h"
 
-#ifdef _WIN32
+#if defined(_WIN32)
 #include <windows.h>
-#else
+#elif !defined(__wasm__)  // one thread there
 #include <pthread.h>
 #include <unistd.h>
 #endif
@@ -20,7 +20,12 @@ constexpr int PARTS_OF_THREAD = 3;  // a thread that is held up leaves parts to 
 // Mutex and condition of the system.
 class Lock {
    public:
-#ifdef _WIN32
+#if defined(__wasm__)
+    void lock() {}
+    void unlock() {}
+    void wait() {}
+    void notify() {}
+#elif defined(_WIN32)
     void lock() { AcquireSRWLockExclusive(&lock_); }
     void unlock() { ReleaseSRWLockExclusive(&lock_); }
     void wait() { SleepConditionVariableSRW(&changed_, &lock_, INFINITE, 0); }
@@ -120,10 +125,10 @@ class ThreadPool {
     Lock lock_;
     decltype(ss_options::parallel_for) parallel_for_;
     void* user_;
-#ifdef _WIN32
+#if defined(_WIN32)
     static DWORD WINAPI thread_main(void* pool);
     HANDLE handles_[MAX_THREADS];
-#else
+#elif !defined(__wasm__)
     static void* thread_main(void* pool);
     pthread_t handles_[MAX_THREADS];
     pid_t process_ = getpid();

@@ -24,6 +24,11 @@ SS_INLINE I dot4(I total, I bytes, I weights) {
     const int8x16_t s = (int8x16_t)weights, half = vdupq_n_s8(64);
     int32x4_t offset = vdotq_s32(vdotq_s32((int32x4_t)total, half, s), half, s);  // of the bytes less 128
     return (I)vdotq_s32(offset, (int8x16_t)(bytes ^ static_cast<int32_t>(0x80808080)), s);
+#elif defined(__wasm__)
+    const v128_t u = (v128_t)bytes, s = (v128_t)weights;
+    const v128_t even = wasm_i32x4_dot_i16x8(wasm_v128_and(u, wasm_i16x8_splat(0xFF)), wasm_i16x8_shr(wasm_i16x8_shl(s, 8), 8));
+    const v128_t odd = wasm_i32x4_dot_i16x8(wasm_u16x8_shr(u, 8), wasm_i16x8_shr(s, 8));
+    return total + (I)even + (I)odd;
 #else
     for (int k = 0; k < 32; k += 8) total += (bytes >> k & 255) * (weights << (24 - k) >> 24);
     return total;

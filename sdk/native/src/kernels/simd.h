@@ -12,6 +12,8 @@
 #include <immintrin.h>
 #elif defined(__aarch64__)
 #include <arm_neon.h>
+#elif defined(__wasm__)
+#include <wasm_simd128.h>
 #endif
 
 #define SS_INLINE static inline __attribute__((always_inline))
@@ -181,6 +183,10 @@ SS_INLINE F absolute(F v) { return float_of(bits_of(v) & 0x7FFFFFFF); }
 SS_INLINE F square_root(F v) { return (F)vsqrtq_f32((float32x4_t)v); }
 SS_INLINE F floor(F v) { return (F)vrndmq_f32((float32x4_t)v); }
 SS_INLINE uint32_t mask_bits(I mask) { return vaddvq_u32((uint32x4_t)(mask & I{1, 2, 4, 8})); }
+#elif defined(__wasm__)
+SS_INLINE F square_root(F v) { return (F)wasm_f32x4_sqrt((v128_t)v); }
+SS_INLINE F floor(F v) { return (F)wasm_f32x4_floor((v128_t)v); }
+SS_INLINE uint32_t mask_bits(I mask) { return wasm_i32x4_bitmask((v128_t)mask); }
 #else
 SS_INLINE F square_root(F v) {
     for (int k = 0; k < W; k++) v[k] = __builtin_sqrtf(v[k]);
@@ -244,6 +250,9 @@ SS_INLINE F permuted(F v, I index) {
 #elif defined(__aarch64__)
     I bytes = index * 0x04040404 + 0x03020100;
     return (F)vqtbl1q_u8((uint8x16_t)v, (uint8x16_t)bytes);
+#elif defined(__wasm__)
+    I bytes = index * 0x04040404 + 0x03020100;
+    return (F)wasm_i8x16_swizzle((v128_t)v, (v128_t)bytes);
 #else
     float lanes[W];
     store(lanes, v);
