@@ -1,6 +1,5 @@
 """Fixtures of the tests of the page in Chromium: a plugin of pytest."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +8,7 @@ import pytest
 
 from supersampler.integrations.web import serving, site_files, write_site
 from supersampler_export.shaders.folder import shader_files
-from web_page import CHROMIUM, NODE_MODULES, SOFTWARE, FolderFiles
+from web_page import CHROMIUM, NODE_MODULES, FolderFiles, chromium
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -36,13 +35,9 @@ def url(site: Path) -> Iterator[str]:
 def browser() -> "Iterator[Browser]":
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed here: apt-get install chromium")
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed here")
-    with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=[*SOFTWARE, *(["--no-sandbox"] if os.getuid() == 0 else [])]
-        )
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed here")
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import base64
 import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler.io.images import read_image
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = os.environ.get("SUPERSAMPLER_CHROMIUM") or next(filter(None, map(shutil.which, NAMES)), None)
@@ -48,6 +49,22 @@ class FolderFiles(Mapping[str, Callable[[], bytes]]):
 
     def __len__(self) -> int:
         return len(list(iter(self)))
+
+
+@contextmanager
+def chromium() -> "Iterator[Browser]":
+    """Run Chromium on its software adapter during the block.
+
+    Raises:
+        ImportError: playwright is not installed.
+    """
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        arguments = [*SOFTWARE, *(["--no-sandbox"] if os.getuid() == 0 else [])]
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        yield browser
+        browser.close()
 
 
 def opened(page: "Page", address: str) -> "Page":

@@ -1,11 +1,11 @@
 /**
- * The page: the scene or a shot, upscaled on WebGPU; without WebGPU, a shot by ONNX Runtime Web.
+ * The page: the scene or a shot, upscaled on WebGPU; without WebGPU, a shot by the CPU library.
  * `?test` in the address: nothing starts by itself, and `window.supersamplerDemo` steps and reads images.
  * `?source=shot&method=taau&ratio=3&size=640x360&left=bilinear&right=truth` sets the controls.
  */
 
 import { startFallback } from "./page/fallback.js";
-import { startGpuPage } from "./page/gpu_page.js";
+import { runGpuPage } from "./page/gpu_page.js";
 import { Stage } from "./page/stage.js";
 
 const form = /** @type {HTMLFormElement} */ (document.getElementById("controls"));
@@ -27,7 +27,7 @@ for (const side of ["left", "right"]) {
   if (query.has(side)) stage.setView(side, query.get(side));
 }
 try {
-  await startGpuPage({ form, stage, say, query });
+  await runGpuPage({ form, stage, say, query });
 } catch (error) {
   console.info(error);
   await startFallback(error.message, { form, stage, say });

@@ -55,6 +55,8 @@ export class Upscaler {
   readonly displaySize: Size;
   encode(encoder: GPUCommandEncoder, frame: UpscalerFrame, output: GPUTexture, options: EncodeOptions): void;
   reset(): void;
+  /** Change the size of the images. The history is dropped. */
+  resize(displaySize: Size): void;
   destroy(): void;
 }
 

@@ -47,10 +47,7 @@ export class Upscaler {
     const read = reader(source);
     const info = await readInfo(read);
     checkDevice(device, info);
-    const display = checkedSize("displaySize", displaySize, device.limits.maxTextureDimension2D);
-    const least = [1, 1]; // of what depends on frames, which `encode` checks
-    const sizes = { ...basesOf(least, least, display), signatures: least, previous_signatures: least };
-    checkMemory(device, info, sizes, "displaySize", "display");
+    const display = checkedDisplay(device, info, displaySize);
     const files = info.resources.filter((one) => one.file);
     const [passes, weights] = await Promise.all([
       Promise.all(info.passes.map((one) => compiled(device, one, read))),
@@ -147,6 +144,17 @@ export class Upscaler {
   /** Begin the next frame without a history. */
   reset() {
     this._previous = null;
+  }
+
+  /**
+   * Change the size of the images. The history is dropped.
+   *
+   * @param {[number, number]} displaySize (width, height)
+   * @throws {UpscalerError} the device has no textures of this size; the size is as before.
+   */
+  resize(displaySize) {
+    this.displaySize = checkedDisplay(this.device, this.info, displaySize);
+    this.reset();
   }
 
   /** Free the memory on the device. Call it when all submitted steps are done. */
@@ -339,6 +347,14 @@ function checkedSize(name, size, most) {
     throw new UpscalerError(name, shown(size), want);
   }
   return [size[0], size[1]];
+}
+
+function checkedDisplay(device, info, displaySize) {
+  const display = checkedSize("displaySize", displaySize, device.limits.maxTextureDimension2D);
+  const least = [1, 1]; // of what depends on frames, which `encode` checks
+  const sizes = { ...basesOf(least, least, display), signatures: least, previous_signatures: least };
+  checkMemory(device, info, sizes, "displaySize", "display");
+  return display;
 }
 
 function checkedJitter(jitter) {

@@ -12,7 +12,7 @@ from supersampler.cli.terminal import Terminal
 from supersampler.errors import ArgumentError
 from supersampler.methods.executors import with_shaders
 from supersampler.methods.registry import listed_methods, methods
-from supersampler_export.shaders.folder import DESCRIPTION, Images, write_shader_folder
+from supersampler_export.shaders.folder import DESCRIPTION, Images, shader_files, write_shader_folder
 
 app = typer.Typer(
     help="Write a method as a model folder for ONNX Runtime, or its shaders for engines.",
@@ -38,8 +38,11 @@ def export(
         ),
     ] = None,
     target: Annotated[
-        Literal["wgsl"] | None,
-        typer.Option(help="Write compute shaders in this language in place of a model folder."),
+        Literal["wgsl", "npm"] | None,
+        typer.Option(
+            help="Write compute shaders in place of a model folder: files in WGSL, or a package for npm with "
+            "the node for three.js."
+        ),
     ] = None,
     images: Annotated[
         Images, typer.Option(help="With --target: where the shaders take frame and image.")
@@ -58,12 +61,20 @@ def export(
       supersampler export classifier --weights run/weights.safetensors -o my_classifier
       supersampler upscale SHOT --model my_taau -o out
       supersampler export classifier --target wgsl -o shaders
+      supersampler export all --target npm -o supersampler-npm
     """  # noqa: D301  # \b makes click keep the line breaks
     if target is not None:
         if weights is not None:
             hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."
             raise ArgumentError("--weights", got=weights, want="none with --target", hint=hint)
-        for name in with_shaders() if method == "all" else [method]:
+        names = with_shaders() if method == "all" else [method]
+        if target == "npm":
+            from supersampler.integrations.web import package_files, write_site
+
+            write_site(output, package_files(names, shader_files))
+            Terminal().print(f"{output}: npm install {output.resolve()}", soft_wrap=True)
+            return
+        for name in names:
             folder = output / name if method == "all" else output
             write_shader_folder(name, folder, images=images)
             Terminal().print(f"{name}: {folder / DESCRIPTION}", soft_wrap=True)

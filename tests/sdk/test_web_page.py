@@ -1,5 +1,6 @@
 """The page that upscales in a browser, as a folder; test_web_page_in_chromium.py opens it in a browser."""
 
+import base64
 import json
 import re
 import shutil
@@ -16,11 +17,12 @@ from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.integrations.web import PACKAGES, page_files, serving, site_files, write_site
 from supersampler.methods.executors import with_shaders
+from supersampler_export.shaders.folder import shader_files
 from web_page import FolderFiles
 
 BUDGET = 3_000_000
 """Bytes of all that the page loads, with all methods, without the shot and the fallback without WebGPU."""
-APART = ("shot", "vendor", "onnx")
+APART = ("shot", "vendor", "cpu")
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +54,7 @@ def own_files(site: Path) -> list[Path]:
 
 def test_the_page_loads_less_than_three_megabytes(site: Path) -> None:
     files = own_files(site)
-    assert {f"models/{method}/upscaler.json" for method in with_shaders()} <= {
+    assert {f"models/{method}.js" for method in with_shaders()} <= {
         path.relative_to(site).as_posix() for path in files
     }
     assert sum(path.stat().st_size for path in files) < BUDGET
@@ -75,7 +77,7 @@ def test_every_file_that_a_module_or_page_names_is_there_and_below_the_root(site
         text = source.read_text("utf-8")
         assert not re.search(r"""["'(]https?://""", text), f"{source.name} loads from another host"
         for target in map("".join, named.findall(text)):
-            if target.startswith(("three/", "data:")):
+            if target.startswith(("three/", "supersampler/", "data:")):
                 continue
             assert not target.startswith("/"), f"{source.name} names {target}: no sub-path would have it"
             path = (source.parent / target.partition("?")[0]).resolve()
@@ -92,8 +94,8 @@ def test_every_file_that_a_module_or_page_names_is_there_and_below_the_root(site
         ("main.js", "text/javascript; charset=utf-8"),
         ("style.css", "text/css; charset=utf-8"),
         ("scene/scene.wgsl", "text/plain; charset=utf-8"),
-        ("models/classifier/upscaler.json", "application/json"),
-        ("models/classifier/network0.bin", "application/octet-stream"),
+        ("models/classifier.js", "text/javascript; charset=utf-8"),
+        ("shot/shot.json", "application/json"),
     ],
 )
 def test_files_are_served_with_the_types_that_browsers_demand(url: str, name: str, kind: str) -> None:
@@ -180,16 +182,33 @@ def test_a_folder_that_holds_something_is_left_alone(tmp_path: Path) -> None:
 def test_packages_of_npm_are_copied_if_they_are_of_the_tested_version(tmp_path: Path) -> None:
     three = tmp_path / "three"
     (three / "build").mkdir(parents=True)
-    for name in ("build/three.core.js", "build/three.webgpu.js", "build/three.tsl.js", "LICENSE"):
-        (three / name).write_text("")
+    (three / "build/three.webgpu.js").write_text("")
     (three / "package.json").write_text(json.dumps({"version": PACKAGES["three"]}))
     files = site_files(no_shaders, node_modules=tmp_path)
-    assert files["vendor/three/three.webgpu.js"]() == b""
-    assert not any(name.startswith("vendor/onnxruntime-web") for name in files)
+    assert files["vendor/three/build/three.webgpu.js"]() == b""
 
     (three / "package.json").write_text(json.dumps({"version": "0.1.0"}))
     with pytest.raises(ShotError, match=rf"is version 0\.1\.0; .* npm install three@{PACKAGES['three']}"):
         site_files(no_shaders, node_modules=tmp_path)
+
+
+def test_the_npm_package_has_its_listed_files_and_a_module_for_each_method(tmp_path: Path) -> None:
+    folder = tmp_path / "package"
+    done = CliRunner().invoke(app, ["export", "all", "--target", "npm", "-o", str(folder)])
+    assert done.exit_code == 0, done.output
+    package = json.loads((folder / "package.json").read_text("utf-8"))
+    for name in package["files"]:
+        assert (folder / name).exists(), name
+    index = (folder / "models/index.js").read_text("utf-8")
+    assert re.findall(r'import\("\./([^"]+)\.js"\)', index) == list(with_shaders())
+    model = (folder / "models/taau.js").read_text("utf-8")
+    for name, data in shader_files("taau").items():
+        held = (
+            json.dumps(data.decode())
+            if name.endswith((".wgsl", ".json"))
+            else base64.b64encode(data).decode()
+        )
+        assert held in model, name
 
 
 @pytest.mark.parametrize("damaged", [b"", b"[]", b"{", b'{"version": 3}', b"\xff", b"[" * 100_000])

@@ -4,11 +4,10 @@
  * @typedef {import("./shot_source.js").ShotSource} ShotSource
  */
 
+import models from "../models/index.js";
 import { Upscaler } from "../supersampler.js";
 import { Presenter } from "./presenter.js";
 import { StageTimer } from "./timing.js";
-
-const MODELS = new URL("../models/", import.meta.url);
 
 export class Comparison {
   /** @param {import("./gpu.js").Gpu} gpu @param {import("./stage.js").Stage} stage @returns {Promise<Comparison>} */
@@ -23,7 +22,7 @@ export class Comparison {
     this.stage = stage;
     this.presenter = presenter;
     this.timer = gpu.hasTimestamps ? new StageTimer(gpu.device) : null;
-    /** @type {{ raster: number, upscaling: number } | null} milliseconds */ this.times = null;
+    /** @type {import("./timing.js").StageTimes | null} */ this.times = null;
     /** @type {LiveSource | ShotSource} */ this.source = undefined;
     /** @type {string} */ this.method = undefined;
     /** @type {Upscaler} */ this.upscaler = undefined;
@@ -35,10 +34,11 @@ export class Comparison {
   /**
    * Shows frames of another source, or by another method.
    * @param {LiveSource | ShotSource} source
-   * @param {string} method name of a folder below models/
+   * @param {string} method one of models/
    */
   async set(source, method) {
-    const upscaler = await Upscaler.load(this.device, new URL(`${method}/`, MODELS), { displaySize: source.displaySize });
+    const { default: files } = await models[method]();
+    const upscaler = await Upscaler.load(this.device, (name) => files[name], { displaySize: source.displaySize });
     this.upscaler?.destroy();
     this.output?.destroy();
     if (this.source !== source) this.source?.destroy();
@@ -65,12 +65,12 @@ export class Comparison {
     });
     if (this.stage.shows("truth")) frame.truth = await this.source.truth(encoder);
     this.frame = frame;
-    this.presenter.encode(encoder, frame, this.output, this.stage.shown);
+    this.presenter.encode(encoder, frame, this.output, this.stage.shown, writes?.views);
     this.timer?.encode(encoder);
     this.device.queue.submit([encoder.finish()]);
     this.timer?.read().then((times) => {
       this.times = times ?? this.times;
-    });
+    }, () => {}); // the device is lost
   }
 
   /** Shows the same frame again, after a change of the stage. */

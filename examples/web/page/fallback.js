@@ -1,7 +1,7 @@
-/** The page without WebGPU: the shipped shot through step.onnx in ONNX Runtime Web. */
+/** The page without WebGPU: the shipped shot through the CPU library. */
 
 import { CanvasPresenter } from "./canvas_presenter.js";
-import { OnnxStep, loadRuntime } from "./onnx_step.js";
+import { CpuStep } from "./cpu_step.js";
 import { ShotFolder, readerOfUrl } from "./shot_folder.js";
 import { ExposureMeter, asFloat } from "./shot_source.js";
 
@@ -17,17 +17,14 @@ export async function startFallback(reason, { form, stage, say }) {
   controls.source.value = "shot";
   for (const name of ["source", "ratio", "size", "camera"]) controls[name].closest("label").hidden = true;
   document.getElementById("drop").hidden = true;
-  let runtime = null, how = "ONNX Runtime Web is not part of this folder, so input and reference are shown alone.";
   try {
-    runtime = await loadRuntime();
-    how = `Instead, step.onnx upscales the shipped shot in ONNX Runtime Web (${runtime.providers.join(", then ")}), which is slower.`;
-  } catch (error) {
-    console.info(error);
-  }
-  try {
-    const shot = await ShotFolder.open(readerOfUrl(SHIPPED_SHOT));
+    const shot = await ShotFolder.open(readerOfUrl(SHIPPED_SHOT)), page = new FallbackPage(controls, stage, shot);
+    const how = await page.load().then(() => "Here the CPU library upscales the shipped shot, in WebAssembly.", (error) => {
+      console.info(error);
+      return `The shipped shot is shown without being upscaled, as the CPU library cannot be loaded: ${error.message}`;
+    });
     say(`${reason} The live scene needs WebGPU. ${how}`);
-    await new FallbackPage(controls, stage, shot, runtime).run();
+    await page.run();
   } catch (error) {
     say(`${reason} The live scene needs WebGPU. The shipped shot cannot be shown: ${error.message}`);
   }
@@ -36,13 +33,13 @@ export async function startFallback(reason, { form, stage, say }) {
 class FallbackPage {
   /**
    * @param {Record<string, any>} controls by name @param {import("./stage.js").Stage} stage
-   * @param {ShotFolder} shot @param {{ ort: any, providers: string[] } | null} runtime null: nothing is upscaled
+   * @param {ShotFolder} shot
    */
-  constructor(controls, stage, shot, runtime) {
+  constructor(controls, stage, shot) {
     this.controls = controls;
     this.stage = stage;
     this.shot = shot;
-    this.runtime = runtime;
+    /** @type {CpuStep | null} null: nothing is upscaled */ this.step = null;
     // A canvas that WebGPU has used gives no 2D context: take a fresh one.
     const canvas = /** @type {HTMLCanvasElement} */ (stage.canvas.cloneNode());
     stage.canvas.replaceWith(canvas);
@@ -52,6 +49,12 @@ class FallbackPage {
     this.presenter = new CanvasPresenter(canvas);
     this.meter = new ExposureMeter();
     stage.onChange = () => this.presenter.present(stage.shown);
+  }
+
+  /** Loads the method that is chosen. */
+  async load() {
+    this.method = this.controls.method.value;
+    this.step = await CpuStep.load(this.method, this.shot.displaySize);
   }
 
   /** Shows frame after frame, and never returns. */
@@ -66,10 +69,7 @@ class FallbackPage {
     });
     single.addEventListener("click", () => wake());
     for (let index = 0; ; index = (index + 1) % this.shot.length) {
-      if (this.runtime && this.method !== method.value) {
-        this.method = method.value;
-        this.step = await OnnxStep.load(this.runtime, this.method);
-      }
+      if (this.step && this.method !== method.value) await this.load();
       await this.#show(index);
       const pauseOver = new Promise((resolve) => {
         wake = resolve;
@@ -82,11 +82,13 @@ class FallbackPage {
   /** @param {number} index of the frame */
   async #show(index) {
     const { shot, presenter, stage } = this, frame = await shot.frame(index);
-    const exposure = this.meter.read(frame), began = performance.now();
+    const exposure = this.meter.read(frame);
+    let time = "not upscaled";
     presenter.jitter = frame.jitter;
     presenter.set("input", frame.size, frame.color.map((plane) => asFloat(plane).values), exposure);
     if (this.step) {
-      const image = await this.step.step(frame, exposure, shot.displaySize), plane = image.length / 3;
+      const began = performance.now(), image = this.step.step(frame, exposure), plane = image.length / 3;
+      time = `${(performance.now() - began).toFixed(0)} ms for the step`;
       presenter.set("ours", shot.displaySize, [0, 1, 2].map((i) => image.subarray(i * plane, (i + 1) * plane)), exposure);
     }
     presenter.views.delete("truth");
@@ -94,7 +96,6 @@ class FallbackPage {
     if (reference) presenter.set("truth", reference.size, reference.planes.map((part) => asFloat(part).values), exposure);
     presenter.present(stage.shown);
     performance.mark("first-image");
-    const time = this.step ? `${(performance.now() - began).toFixed(0)} ms for the step` : "not upscaled";
     document.getElementById("times").textContent = `frame ${index + 1} of ${shot.length}; ${time}${reference ? "" : "; this frame has no reference"}`;
   }
 }

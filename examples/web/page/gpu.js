@@ -23,7 +23,9 @@ export async function requestGpu() {
   const adapter = await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
   if (!adapter) throw new NoGpuError("This browser has WebGPU, but found no adapter for it.");
   const hasTimestamps = adapter.features.has("timestamp-query");
-  const device = await adapter.requestDevice({ requiredFeatures: hasTimestamps ? ["timestamp-query"] : [] });
+  const device = await adapter.requestDevice({ requiredFeatures: hasTimestamps ? ["timestamp-query"] : [] }).catch((error) => {
+    throw new NoGpuError(`${adapterName(adapter)} gives this page no device: ${error.message}`);
+  });
   return { device, adapter: adapterName(adapter), hasTimestamps, isSoftware: adapter.info.isFallbackAdapter };
 }
 

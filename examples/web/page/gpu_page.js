@@ -9,40 +9,37 @@ import { ShotSource } from "./shot_source.js";
 import { Testing } from "./testing.js";
 
 const SHIPPED_SHOT = new URL("../shot/", import.meta.url);
-const SOFTWARE_DEFAULTS = { size: "320x180", method: "taau" };
+const DEFAULTS = { hardware: { method: "classifier-large" }, software: { size: "320x180", method: "taau" } };
 const LONGEST_STEP = 1 / 15; // seconds; longer motion does not look live
+const LOSS_DELAY = 1000; // milliseconds
 const nextAnimationFrame = () => new Promise(requestAnimationFrame);
 
 /**
- * Starts the page. Throws where WebGPU is missing or the shaders do not compile: nothing is shown yet then.
+ * Runs the page until the GPU is lost. Throws then, and where WebGPU is missing or the shaders do not compile; the message
+ * is for the person at the page.
  * @param {{ form: HTMLFormElement, stage: import("./stage.js").Stage, say: (text: string) => void, query: URLSearchParams }} options
  */
-export async function startGpuPage({ form, stage, say, query }) {
-  const gpu = await requestGpu(), isTest = query.has("test");
-  if (gpu.isSoftware) {
-    for (const [name, value] of Object.entries(SOFTWARE_DEFAULTS)) {
-      if (!query.has(name)) form.elements[name].value = value;
-    }
+export async function runGpuPage({ form, stage, say, query }) {
+  const gpu = await requestGpu(), isTest = query.has("test"), page = new GpuPage(gpu, form, stage, say);
+  for (const [name, value] of Object.entries(DEFAULTS[gpu.isSoftware ? "software" : "hardware"])) {
+    if (!query.has(name)) form.elements[name].value = value;
   }
-  const page = new GpuPage(gpu, form, stage, say);
-  gpu.device.pushErrorScope("validation");
   try {
-    page.renderer = await SceneRenderer.make(gpu.device);
-    page.comparison = await Comparison.make(gpu, stage);
-    await page.apply();
-    performance.mark("compiled");
-    await page.comparison.step(0);
-    await gpu.device.queue.onSubmittedWorkDone();
-    const refused = await gpu.device.popErrorScope();
-    if (refused) throw new Error(refused.message);
+    await page.guarded(async () => {
+      page.renderer = await SceneRenderer.make(gpu.device);
+      page.comparison = await Comparison.make(gpu, stage);
+      await page.apply();
+      performance.mark("compiled");
+      await page.comparison.step(0);
+    });
   } catch (error) {
     throw new Error(page.named(error), { cause: error });
   }
   performance.mark("first-image");
   page.setPaused(isTest);
   page.listen();
-  page.run();
   if (isTest) window.supersamplerDemo = new Testing(page.comparison, () => page.settled());
+  await page.run();
 }
 
 class GpuPage {
@@ -64,6 +61,28 @@ class GpuPage {
     this.isChanged = false; // a control
     this.isStale = false; // the stage
     this.isWorking = false; // in a turn of the loop
+    this.isBroken = false; // until a control changes
+    this.listening = new AbortController();
+    /** @type {string | null} why the GPU is lost */ this.lost = null;
+    gpu.device.lost.then(({ message, reason }) => {
+      this.lost = message || reason;
+    });
+  }
+
+  /** Runs what takes memory or compiles. Throws what the device refuses. @param {() => Promise<void>} action */
+  async guarded(action) {
+    const { device } = this.gpu, filters = ["validation", "out-of-memory"];
+    for (const filter of filters) device.pushErrorScope(filter);
+    let thrown;
+    try {
+      await action();
+      await device.queue.onSubmittedWorkDone();
+    } catch (error) {
+      thrown = error;
+    }
+    const [memory, invalid] = [await device.popErrorScope(), await device.popErrorScope()];
+    if (memory) throw new Error(`not enough memory for this size (${memory.message}). Choose a smaller one.`);
+    if (thrown ?? invalid) throw thrown ?? new Error(invalid.message);
   }
 
   /** @param {{ name?: string, message: string }} error @returns {string} its message, with the adapter's name */
@@ -102,32 +121,31 @@ class GpuPage {
 
   /** Listens to controls, the stage, and dropped folders. */
   listen() {
-    const { pause, single } = this.controls, drop = document.getElementById("drop");
+    const { pause, single } = this.controls, drop = document.getElementById("drop"), { signal } = this.listening;
     this.form.addEventListener("change", () => {
       this.isChanged = true;
-    });
-    pause.addEventListener("click", () => this.setPaused(!this.isPaused));
+    }, { signal });
+    pause.addEventListener("click", () => this.setPaused(!this.isPaused), { signal });
     single.addEventListener("click", () => {
       this.setPaused(true);
       this.isStepping = true;
-    });
+    }, { signal });
     this.stage.onChange = () => {
       this.isStale = true;
     };
     document.addEventListener("dragover", (event) => {
       event.preventDefault();
       drop.classList.add("over");
-    });
-    document.addEventListener("dragleave", () => drop.classList.remove("over"));
+    }, { signal });
+    document.addEventListener("dragleave", () => drop.classList.remove("over"), { signal });
     document.addEventListener("drop", (event) => {
       event.preventDefault();
       drop.classList.remove("over");
       this.#take(droppedFiles(event.dataTransfer));
-    });
+    }, { signal });
     const chosen = /** @type {HTMLInputElement} */ (drop.querySelector("input"));
-    chosen.addEventListener("change", () => this.#take(Promise.resolve(chosenFiles(chosen.files))));
-    this.gpu.device.addEventListener("uncapturederror", ({ error }) => this.say(this.named(error)));
-    this.gpu.device.lost.then(({ message }) => this.say(`${this.gpu.adapter} was lost: ${message} Load the page again.`));
+    chosen.addEventListener("change", () => this.#take(Promise.resolve(chosenFiles(chosen.files))), { signal });
+    this.gpu.device.addEventListener("uncapturederror", ({ error }) => this.say(this.named(error)), { signal });
   }
 
   /** @param {Promise<Map<string, File>>} files of a shot folder */
@@ -148,22 +166,26 @@ class GpuPage {
     this.isChanged = true;
   }
 
-  /** Draws frames for as long as the page is open. */
+  /** Draws frames until the device is lost, and throws then. */
   async run() {
-    for (let last = await nextAnimationFrame(); ;) {
+    for (let last = await nextAnimationFrame(); this.lost === null;) {
       this.isWorking = false;
       const now = await nextAnimationFrame();
       this.isWorking = true;
       try {
+        const seconds = (now - last) / 1000, isDue = !this.isPaused && seconds >= 0.9 * this.comparison.source.interval;
+        const step = () => this.comparison.step(Math.min(seconds, LONGEST_STEP));
         if (this.isChanged) {
-          this.isChanged = false;
-          await this.apply();
-          this.isStepping = true;
+          this.isChanged = this.isBroken = false;
+          await this.guarded(async () => {
+            await this.apply();
+            await step();
+          });
           this.say("");
-        }
-        const seconds = (now - last) / 1000;
-        if (this.isStepping || (!this.isPaused && seconds >= 0.9 * this.comparison.source.interval)) {
-          await this.comparison.step(Math.min(seconds, LONGEST_STEP));
+        } else if (this.isBroken) {
+          this.isStepping = this.isStale = false;
+        } else if (this.isStepping || isDue) {
+          await step();
           this.#showTimes(seconds);
           [last, this.isStepping, this.isStale] = [now, false, false];
         } else if (this.isStale) {
@@ -172,10 +194,19 @@ class GpuPage {
         }
       } catch (error) {
         this.say(this.named(error));
-        this.setPaused(true);
-        this.isStepping = false;
+        this.isBroken = true;
+        await this.#findLoss(error);
       }
     }
+    this.listening.abort();
+    throw new Error(`${this.gpu.adapter} was lost: ${this.lost.replace(/\.$/, "")}. Load the page again to use it.`);
+  }
+
+  /** Waits for the news that the device is lost, where an error may be due to that. @param {Error} error */
+  async #findLoss(error) {
+    if (!(error instanceof DOMException)) return;
+    await Promise.race([this.gpu.device.lost, new Promise((resolve) => setTimeout(resolve, LOSS_DELAY))]);
+    this.lost ??= error.message; // the browser's part of WebGPU is gone
   }
 
   /** Resolves when all changes of the controls and the stage are on the screen. */
@@ -185,12 +216,20 @@ class GpuPage {
   }
 
   #showTimes(seconds) {
-    const { times, source, frame } = this.comparison;
-    const sizes = `${frame.size.join("x")} to ${source.displaySize.join("x")}`;
-    const stages = times
-      ? `${source instanceof LiveSource ? `rendering ${times.raster.toFixed(2)} ms, ` : ""}upscaling ${times.upscaling.toFixed(2)} ms`
-      : "no GPU times: the adapter has no timestamp queries";
+    const { times, source, frame } = this.comparison, interval = `a frame every ${(1000 * seconds).toFixed(1)} ms`;
+    const share = (frame.size[0] * frame.size[1]) / (source.displaySize[0] * source.displaySize[1]);
+    document.getElementById("facts").textContent =
+      `Rendered at ${frame.size.join("x")}, shown at ${source.displaySize.join("x")}: ${(100 * share).toFixed(0)} % of the pixels are rendered.`;
+    const stages = times ? `${gpuTimes(times, source instanceof LiveSource)}; ${interval}` : `${interval}; this adapter measures no GPU times`;
     const missing = frame.truth === null ? "; this frame has no reference" : "";
-    document.getElementById("times").textContent = `${sizes}; ${stages}; ${(1000 * seconds).toFixed(0)} ms from frame to frame; ${this.gpu.adapter}${missing}`;
+    document.getElementById("times").textContent = `${stages}; ${this.gpu.adapter}${missing}`;
   }
+}
+
+/** @param {import("./timing.js").StageTimes} times @param {boolean} isLive whether the frame was rendered here @returns {string} */
+function gpuTimes({ raster, upscaling, views }, isLive) {
+  const stages = [...(isLive ? [["rendering", raster]] : []), ["upscaling", upscaling], ["showing the views", views]];
+  const rounded = stages.map(([name, time]) => [name, Number(time.toFixed(2))]);
+  const sum = rounded.reduce((total, [, time]) => total + time, 0);
+  return `GPU ${sum.toFixed(2)} ms: ${rounded.map(([name, time]) => `${name} ${time.toFixed(2)}`).join(", ")}`;
 }

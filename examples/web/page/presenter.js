@@ -45,9 +45,9 @@ export class Presenter {
 
   /**
    * @param {GPUCommandEncoder} encoder @param {import("./live_source.js").SourceFrame} frame
-   * @param {GPUTexture} ours the upscaled image @param {Shown} shown
+   * @param {GPUTexture} ours the upscaled image @param {Shown} shown @param {GPURenderPassTimestampWrites} [timestampWrites]
    */
-  encode(encoder, frame, ours, shown) {
+  encode(encoder, frame, ours, shown, timestampWrites) {
     const data = new DataView(new ArrayBuffer(48));
     [...shown.origin, shown.zoom, shown.split * this.canvas.width, ...frame.jitter, frame.exposure]
       .forEach((value, i) => data.setFloat32(4 * i, value, true));
@@ -64,6 +64,7 @@ export class Presenter {
     });
     const pass = encoder.beginRenderPass({
       colorAttachments: [{ view: this.context.getCurrentTexture().createView(), loadOp: "clear", storeOp: "store" }],
+      timestampWrites,
     });
     pass.setPipeline(this.pipeline);
     pass.setBindGroup(0, group);

@@ -1,6 +1,8 @@
 /** GPU times of the stages of a frame, by timestamp queries. */
 
-const QUERIES = 4;
+const QUERIES = 5;
+
+/** @typedef {{ raster: number, upscaling: number, views: number }} StageTimes milliseconds; they add up to those of the frame */
 
 export class StageTimer {
   /** @param {GPUDevice} device with the feature timestamp-query */
@@ -12,13 +14,14 @@ export class StageTimer {
     this.isBusy = false;
   }
 
-  /** For the first raster pass, the last, and the upscaler's passes. */
+  /** For the first raster pass, the last, the upscaler's passes, and the pass that draws the views. */
   get writes() {
     const { querySet } = this;
     return {
       rasterBegin: { querySet, beginningOfPassWriteIndex: 0 },
       rasterEnd: { querySet, endOfPassWriteIndex: 1 },
       upscaling: { querySet, beginningOfPassWriteIndex: 2, endOfPassWriteIndex: 3 },
+      views: { querySet, endOfPassWriteIndex: 4 },
     };
   }
 
@@ -29,14 +32,17 @@ export class StageTimer {
     encoder.copyBufferToBuffer(this.resolved, 0, this.readable, 0, 8 * QUERIES);
   }
 
-  /** @returns {Promise<{ raster: number, upscaling: number } | null>} milliseconds; null while an earlier frame is read */
+  /** @returns {Promise<StageTimes | null>} null while an earlier frame is read */
   async read() {
     if (this.isBusy) return null;
     this.isBusy = true;
     await this.readable.mapAsync(GPUMapMode.READ);
-    const [a, b, c, d] = new BigInt64Array(this.readable.getMappedRange().slice(0));
+    const [rasterBegin, rasterEnd, upscalingBegin, upscalingEnd, end] = new BigInt64Array(this.readable.getMappedRange().slice(0));
     this.readable.unmap();
     this.isBusy = false;
-    return { raster: Number(b - a) / 1e6, upscaling: Number(d - c) / 1e6 };
+    const milliseconds = (from, to) => Number(to - from) / 1e6;
+    return {
+      raster: milliseconds(rasterBegin, rasterEnd), upscaling: milliseconds(upscalingBegin, upscalingEnd), views: milliseconds(upscalingEnd, end),
+    };
   }
 }

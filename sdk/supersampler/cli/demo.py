@@ -32,8 +32,8 @@ def demo(
     node_modules: Annotated[
         Path | None,
         typer.Option(
-            help="With --web: npm's folder with three and onnxruntime-web, for the three.js page and for "
-            "browsers without WebGPU.  [default: node_modules, if it exists]"
+            help="With --web: npm's folder with three, for the page of three.js.  [default: node_modules, if "
+            "it exists]"
         ),
     ] = None,
 ) -> None:
@@ -79,7 +79,7 @@ def _serve(port: int, write: Path | None, node_modules: Path | None) -> None:
     shader_files = import_module("supersampler_export.shaders.folder").shader_files
     if node_modules is None:
         names = " ".join(f"{name}@{version}" for name, version in PACKAGES.items())
-        echo(f"Without three.js and the fallback; to have them: npm install {names}", err=True)
+        echo(f"Without the page of three.js; to have it: npm install {names}", err=True)
     files = site_files(shader_files, node_modules=node_modules)
     if write is not None:
         write_site(write, files)

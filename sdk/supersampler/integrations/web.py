@@ -1,10 +1,12 @@
-"""The page that upscales in a browser: as a static folder, or served on this machine.
+"""The package for npm, and the page that upscales in a browser: as a folder, or served on this machine.
 
-All its links are relative, so any file host can serve it. Its own files are in examples/web; the wheel has
-them in web_page/.
+All links of the page are relative, so any file host can serve it. The JavaScript is in examples/web; the
+wheel has it in web_page/.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+import base64
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache, partial
 from http import HTTPStatus
@@ -17,39 +19,37 @@ from urllib.parse import unquote, urlsplit
 import msgspec
 import numpy as np
 
+from supersampler.backends.cpu import library
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.files import is_there, os_errors_as_shot_error, write_bytes
 from supersampler.io.images import encode_exr
 from supersampler.io.json_files import read_typed
 from supersampler.io.shot import Shot
 from supersampler.methods.executors import with_shaders
-from supersampler.methods.model_file import shipped_model
 from supersampler.methods.registry import methods
 
-__all__ = ["PACKAGES", "page_files", "serving", "site_files", "write_site"]
+__all__ = ["PACKAGES", "package_files", "page_files", "serving", "site_files", "write_site"]
 
 SHOT = "plaza"
-PACKAGES: Mapping[str, str] = {"three": "0.187.0", "onnxruntime-web": "1.30.0"}
-"""npm packages and their versions, for three.html and for the fallback without WebGPU."""
+PACKAGES: Mapping[str, str] = {"three": "0.187.0"}
+"""npm packages and their versions, for three.html."""
 SiteFiles: TypeAlias = Mapping[str, Callable[[], bytes]]
 """Function that returns the content of each file, by the file's path in the page's folder, with "/"."""
 _FILES: Mapping[str, tuple[str, ...]] = {
-    "three": ("build/three.core.js", "build/three.webgpu.js", "build/three.tsl.js", "LICENSE"),
-    "onnxruntime-web": (
-        "dist/ort.wasm.min.mjs",
-        "dist/ort-wasm-simd-threaded.mjs",
-        "dist/ort-wasm-simd-threaded.wasm",
-        "dist/ort.webgpu.min.mjs",
-        "dist/ort-wasm-simd-threaded.asyncify.mjs",
-        "dist/ort-wasm-simd-threaded.asyncify.wasm",
+    "three": (
+        *(f"build/three.{part}.js" for part in ("core", "webgpu", "tsl")),
+        *(f"examples/jsm/tsl/display/{node}Node.js" for node in ("TAAU", "TRAA")),
+        "examples/jsm/tsl/utils/TAAUtils.js",
+        "LICENSE",
     ),
 }
+_WASM = Path(library.__file__).with_name("supersampler.wasm")
+"""The CPU library for browsers: in wheels; in a checkout `python sdk/native/build.py wasm` builds it."""
 HOST = "127.0.0.1"
 TYPES: Mapping[str, str] = {
     ".html": "text/html; charset=utf-8",
     ".css": "text/css; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
-    ".mjs": "text/javascript; charset=utf-8",
     ".json": "application/json",
     ".wgsl": "text/plain; charset=utf-8",
     ".wasm": "application/wasm",
@@ -58,35 +58,48 @@ TYPES: Mapping[str, str] = {
 _TIMEOUT = 30.0  # seconds for a request or an answer
 
 
+def package_files(
+    names: Sequence[str], shader_files: Callable[[str], Mapping[str, bytes]]
+) -> dict[str, Callable[[], bytes]]:
+    """Return the files of the npm package: its modules, and a module for each method.
+
+    Args:
+        names: methods with shaders.
+        shader_files: returns the shaders of a method by name: `supersampler_export.shaders.folder`.
+    """
+    page = page_files()
+    listed = read_typed(page / "package.json", _Package).files
+    files = {
+        name: partial(_content, page / name) for name in (*listed, "package.json") if (page / name).is_file()
+    }
+    return {**files, **_models(names, shader_files)}
+
+
 def site_files(
     shader_files: Callable[[str], Mapping[str, bytes]], *, node_modules: Path | None = None
 ) -> dict[str, Callable[[], bytes]]:
-    """Return the files of the page: its own, shaders, graphs and the shipped shot.
+    """Return the files of the page: its own, shaders, the CPU library and the shipped shot.
 
     Args:
         shader_files: see `supersampler_export.shaders.folder`.
-        node_modules: npm's folder with PACKAGES; parts of the page that need a missing package say so.
+        node_modules: npm's folder with PACKAGES; without it the page of three.js says what is missing.
 
     Raises:
         ShotError: a package is damaged, or has another version.
     """
     page = page_files()
     found = {path.relative_to(page).as_posix(): path for path in page.rglob("*") if path.is_file()}
-    for method in with_shaders():
-        for name in ("model.json", "step.onnx"):
-            found[f"onnx/{method}/{name}"] = shipped_model(method) / name
     for name, package in _packages(node_modules).items():
-        found |= {f"vendor/{name}/{Path(file).name}": package / file for file in _FILES[name]}
+        found |= {f"vendor/{name}/{file}": package / file for file in _FILES[name]}
+    if is_there(_WASM):
+        found["cpu/supersampler.wasm"] = _WASM
     shot = Shot.open(SHOT)
     found |= {f"shot/{path.name}": path for path in sorted(shot.source.glob("*.*"))}
     files: dict[str, Callable[[], bytes]] = {name: partial(_content, path) for name, path in found.items()}
     files["index.html"] = partial(_with_methods, found["index.html"])
     for index in shot.reference_indices:
         files[f"shot/reference/{index:04d}.exr"] = cache(partial(_reference, shot, index))
-    for method in with_shaders():
-        for name, data in shader_files(method).items():
-            files[f"models/{method}/{name}"] = partial(bytes, data)
-    return files
+    return {**files, **_models(with_shaders(), shader_files)}
 
 
 def write_site(folder: Path, files: SiteFiles) -> None:
@@ -111,6 +124,31 @@ class _Package(msgspec.Struct):
     """The fields of npm's package.json that are read here."""
 
     version: str
+    files: tuple[str, ...] = ()
+
+
+def _models(
+    names: Sequence[str], shader_files: Callable[[str], Mapping[str, bytes]]
+) -> dict[str, Callable[[], bytes]]:
+    """Return modules that hold the shaders of methods, and one that imports them by name.
+
+    A bundler finds modules without being configured, unlike files that are fetched.
+    """
+    imports = "".join(f'  "{name}": () => import("./{name}.js"),\n' for name in names)
+    files = {"models/index.js": partial(str.encode, f"export default {{\n{imports}}};\n")}
+    return files | {f"models/{name}.js": cache(partial(_model, shader_files, name)) for name in names}
+
+
+def _model(shader_files: Callable[[str], Mapping[str, bytes]], method: str) -> bytes:
+    lines = [
+        "const bytes = (text) => Uint8Array.from(atob(text), (one) => one.charCodeAt(0));",
+        "export default {",
+    ]
+    for name, data in shader_files(method).items():
+        text = name.endswith((".wgsl", ".json"))
+        value = json.dumps(data.decode()) if text else f'bytes("{base64.b64encode(data).decode()}")'
+        lines.append(f'  "{name}": {value},')
+    return "\n".join([*lines, "};", ""]).encode()
 
 
 def _content(path: Path) -> bytes:

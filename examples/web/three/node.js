@@ -1,0 +1,259 @@
+/**
+ * Temporal supersampling as a node of three.js' render pipeline, with the arguments of its TAAU node:
+ *
+ *   import { supersampler } from "supersampler/three";
+ *
+ *   const scenePass = pass(scene, camera).setMRT(mrt({ output, velocity })).setResolutionScale(0.5);
+ *   const [beauty, depth, motion] = ["output", "depth", "velocity"].map((name) => scenePass.getTextureNode(name));
+ *   renderPipeline.outputNode = supersampler(beauty, depth, motion, camera);
+ *
+ * The shaders run on the device of a WebGPURenderer. Without WebGPU the node reports why, and is three.js' TAAU.
+ */
+
+import {
+  FloatType, HalfFloatType, Matrix4, NoBlending, Node, NodeMaterial, NodeUpdateType, QuadMesh, RGFormat, RedFormat, RenderTarget,
+  RendererUtils, StorageTexture, Vector2,
+} from "three/webgpu";
+import {
+  OnAfterRenderPipeline, OnBeforeRenderPipeline, context, convertToTexture, dFdx, dFdy, ivec2, logarithmicDepthToViewZ,
+  orthographicDepthToViewZ, outputStruct, passTexture, perspectiveDepthToViewZ, screenCoordinate, uniform, vec2, vec4, velocity,
+} from "three/tsl";
+import { taau } from "three/addons/tsl/display/TAAUNode.js";
+import { haltonJitter } from "../jitter.js";
+import models from "../models/index.js";
+import { Upscaler, UpscalerError } from "../supersampler.js";
+
+const ANTIALIAS = "Make the renderer with antialias: false, and the pass without samples.";
+
+/**
+ * Makes textures of a pass as sharp as at display size: their gradients are those of display pixels.
+ * @param {import("three/webgpu").Node} detail render size / display size @returns {import("three/webgpu").ContextNode} for `contextNode` of the pass
+ */
+export const sharpTextures = (detail) => context({
+  getTextureGradient: (node) => {
+    if (node.value.isCubeTexture || node.value.is3DTexture) return null;
+    const uv = node.getDefaultUV();
+    return [dFdx(uv), dFdy(uv)].map((gradient) => gradient.mul(detail));
+  },
+});
+
+/** The upscaled image of a pass, at the size of the renderer's drawing buffer. */
+export class SupersamplerNode extends Node {
+  static get type() {
+    return "SupersamplerNode";
+  }
+
+  /** Use `supersampler`. */
+  constructor(beautyNode, depthNode, velocityNode, camera, { method = "classifier" } = {}) {
+    super("vec4");
+    if (!Object.hasOwn(models, method)) throw new UpscalerError("method", JSON.stringify(method), Object.keys(models).join(" or "));
+    this.updateBeforeType = NodeUpdateType.FRAME;
+    this.beautyNode = beautyNode;
+    this.depthNode = depthNode;
+    this.velocityNode = velocityNode;
+    this.camera = camera;
+    this.method = method;
+    /** Resolves when images are upscaled, or when three.js' TAAU has taken over. Until then the pass is shown as it is. */
+    this.ready = new Promise((resolve) => {
+      this._resolveReady = resolve;
+    });
+    this._upscaler = null;
+    this._fallback = null;
+    this._isReset = true;
+    this._frame = 0;
+    this._jitter = null; // of this frame; null before the upscaler is ready
+    this._renderSize = [1, 1]; // of the view offset of this frame
+    this._projection = new Matrix4(); // without jitter
+    this._clip = new Matrix4(); // world to clip coordinates, of this frame and the previous one
+    this._previousClip = new Matrix4();
+    this._uniforms = {
+      nearFar: uniform(new Vector2()), jitter: uniform(new Vector2()), size: uniform(new Vector2()), toPrevious: uniform(new Matrix4()),
+      detail: uniform(1), // render size / display size
+    };
+    this._inputs = inputsTarget();
+    this._material = Object.assign(new NodeMaterial(), { name: "supersampler inputs", blending: NoBlending });
+    this._quad = new QuadMesh(this._material);
+    this._output = Object.assign(new StorageTexture(1, 1), { name: "supersampler", type: HalfFloatType, generateMipmaps: false });
+    this._textureNode = passTexture(this, beautyNode.value);
+  }
+
+  /** @returns {import("three/webgpu").TextureNode} the upscaled image */
+  getTextureNode() {
+    return this._textureNode;
+  }
+
+  /** Drops the history: call it at a cut of the camera. */
+  reset() {
+    this._isReset = true;
+  }
+
+  /** Frees the memory. */
+  dispose() {
+    super.dispose();
+    for (const resource of [this._fallback, this._inputs, this._material, this._output]) resource?.dispose();
+    this._upscaler?.destroy();
+    this._upscaler = null;
+  }
+
+  setup(builder) {
+    const { renderer, renderPipeline } = builder;
+    if (this._fallback || !renderer.backend.isWebGPUBackend) return this._setupFallback(builder);
+    for (const node of [this.depthNode, this.velocityNode, this.beautyNode]) node.build(builder);
+    const { samples } = this._beautyTarget();
+    if (samples > 1) throw new UpscalerError("the pass", `rendered with ${samples} samples a pixel`, "one sample", ANTIALIAS);
+    const state = builder.context.renderPipelineState;
+    if (renderPipeline && !state.viewOffsetOwner) {
+      state.viewOffsetOwner = this;
+      OnBeforeRenderPipeline(() => this._offsetView(renderer));
+      OnAfterRenderPipeline(() => this._clearView());
+    }
+    const { passNode } = this.beautyNode;
+    if (passNode?.isPassNode) passNode.contextNode ??= sharpTextures(this._uniforms.detail);
+    this._material.contextNode = context(builder.getSharedContext());
+    this._material.fragmentNode = this._inputNodes(renderer);
+    if (!this._loading) this._loading = this._load(renderer, renderPipeline);
+    return this._textureNode;
+  }
+
+  updateBefore({ renderer }) {
+    if (this._fallback) return;
+    const { texture } = this._beautyTarget();
+    const isWhole = texture.width === this._renderSize[0] && texture.height === this._renderSize[1];
+    if (!this._jitter || !isWhole) {
+      this._textureNode.value = this.beautyNode.value;
+      return;
+    }
+    this._resize(renderer);
+    this._drawInputs(renderer);
+    this._upscale(renderer);
+    this._textureNode.value = this._output;
+    this._previousClip.copy(this._clip);
+    this._isReset = false;
+  }
+
+  _setupFallback(builder) {
+    if (!this._fallback) this._fallBack("This browser or device has no WebGPU, so that three.js draws with WebGL");
+    this._fallback.build(builder);
+    this._textureNode.value = this._fallback.getTextureNode().value;
+    return this._textureNode;
+  }
+
+  _fallBack(reason) {
+    console.error(`supersampler: ${reason}. The image is upscaled by three.js' own TAAU node instead.`);
+    this._fallback = taau(this.beautyNode, this.depthNode, this.velocityNode, this.camera);
+    this._resolveReady();
+  }
+
+  async _load(renderer, renderPipeline) {
+    try {
+      const { default: files } = await models[this.method]();
+      this._upscaler = await Upscaler.load(renderer.backend.device, (name) => files[name], { displaySize: displaySize(renderer) });
+      this._resolveReady();
+    } catch (error) {
+      this._fallBack(error.message.replace(/\.$/, ""));
+      renderPipeline.needsUpdate = true;
+    }
+  }
+
+  _beautyTarget() {
+    return this.beautyNode.isRTTNode ? this.beautyNode.renderTarget : this.beautyNode.passNode.renderTarget;
+  }
+
+  /** Moves the camera by the jitter, before the pass is rendered. */
+  _offsetView(renderer) {
+    if (!this._upscaler) return;
+    const { passNode } = this.beautyNode, display = displaySize(renderer);
+    if (passNode?.isPassNode) passNode.setSize(...display); // as it does itself, but later
+    const { width, height } = this._beautyTarget().texture;
+    this._renderSize = [width, height];
+    this._uniforms.detail.value = width / display[0];
+    this._jitter = haltonJitter(this._frame++, display[0] / width);
+    this.camera.updateProjectionMatrix();
+    this._projection.copy(this.camera.projectionMatrix);
+    velocity.setProjectionMatrix(this._projection);
+    this.camera.setViewOffset(width, height, ...this._jitter, width, height); // a pixel shows its centre + jitter
+  }
+
+  _clearView() {
+    if (!this._jitter) return;
+    this.camera.clearViewOffset();
+    velocity.setProjectionMatrix(null);
+    this._jitter = null;
+  }
+
+  _resize(renderer) {
+    const [before, display] = [this._upscaler.displaySize, displaySize(renderer)];
+    if (display.some((side, axis) => side !== before[axis])) this._upscaler.resize(display);
+    this._inputs.setSize(...this._renderSize);
+    this._output.setSize(...display);
+    renderer.initTexture(this._output);
+  }
+
+  /** Draws depth and motion in our units. */
+  _drawInputs(renderer) {
+    const { nearFar, jitter, size, toPrevious } = this._uniforms;
+    this._clip.multiplyMatrices(this._projection, this.camera.matrixWorldInverse);
+    if (this._isReset) this._previousClip.copy(this._clip);
+    nearFar.value.set(this.camera.near, this.camera.far);
+    jitter.value.set(...this._jitter);
+    size.value.set(...this._renderSize);
+    toPrevious.value.multiplyMatrices(this._previousClip, this._clip.clone().invert());
+    this._rendererState = RendererUtils.resetRendererState(renderer, this._rendererState);
+    renderer.setRenderTarget(this._inputs);
+    this._quad.render(renderer);
+    RendererUtils.restoreRendererState(renderer, this._rendererState);
+  }
+
+  _upscale(renderer) {
+    const { backend } = renderer, [color, depth, motion, output] = [this.beautyNode.value, ...this._inputs.textures, this._output]
+      .map((texture) => backend.get(texture).texture);
+    const encoder = backend.device.createCommandEncoder({ label: "supersampler" });
+    this._upscaler.encode(encoder, { color, depth, motion }, output, {
+      jitter: this._jitter, reset: this._isReset, exposure: renderer.toneMappingExposure,
+    });
+    backend.device.queue.submit([encoder.finish()]);
+  }
+
+  /** Depth: near / view distance, 0 at the sky. Motion: render pixels, y down, previous minus current. */
+  _inputNodes(renderer) {
+    const { nearFar, jitter, size, toPrevious } = this._uniforms, { camera } = this;
+    const [near, far] = [nearFar.x, nearFar.y], isReversed = renderer.reversedDepthBuffer;
+    const toViewZ = renderer.logarithmicDepthBuffer ? logarithmicDepthToViewZ
+      : camera.isOrthographicCamera ? orthographicDepthToViewZ : perspectiveDepthToViewZ;
+    const [texel, z] = [ivec2(screenCoordinate), this.depthNode.load(ivec2(screenCoordinate)).r.toVar()];
+    const isSky = isReversed ? z.lessThanEqual(0) : z.greaterThanEqual(1);
+    const depth = near.div(toViewZ(z, near, far).negate());
+
+    // three's velocity is current minus previous, in units of half the image with y up, and 0 at the sky, which moves
+    // with the camera.
+    const place = screenCoordinate.add(jitter).div(size).mul(vec2(2, -2)).add(vec2(-1, 1)).toVar();
+    const previous = toPrevious.mul(vec4(place, isReversed ? 0 : 1, 1)).toVar();
+    const moved = isSky.select(place.sub(previous.xy.div(previous.w)), this.velocityNode.load(texel).xy);
+    const motion = moved.mul(size).mul(vec2(-0.5, 0.5));
+    return outputStruct(vec4(isSky.select(0, depth), 0, 0, 0), vec4(motion, 0, 0));
+  }
+}
+
+/** Returns (width, height) of the image. */
+function displaySize(renderer) {
+  const { width, height } = renderer.getDrawingBufferSize(new Vector2());
+  return [width, height];
+}
+
+function inputsTarget() {
+  const target = new RenderTarget(1, 1, { count: 2, type: FloatType, depthBuffer: false });
+  Object.assign(target.textures[0], { name: "depth", format: RedFormat });
+  Object.assign(target.textures[1], { name: "motion", format: RGFormat });
+  return target;
+}
+
+/**
+ * @param {import("three/webgpu").Node} beauty colour of the pass, linear, without MSAA
+ * @param {import("three/webgpu").TextureNode} depth of the pass @param {import("three/webgpu").TextureNode} velocity of the pass
+ * @param {import("three/webgpu").Camera} camera of the pass
+ * @param {{ method?: string }} [options] method: "classifier" if not given, or "taau", which is faster
+ * @returns {SupersamplerNode}
+ * @throws {UpscalerError} there is no such method
+ */
+export const supersampler = (beauty, depth, velocity, camera, options) =>
+  new SupersamplerNode(convertToTexture(beauty), depth, velocity, camera, options);

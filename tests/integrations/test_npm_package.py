@@ -1,0 +1,119 @@
+"""The npm package in an empty Vite project with three.js: `make web` runs it; npm must reach its registry."""
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from supersampler.integrations.web import PACKAGES, package_files, serving, write_site
+from supersampler_export.shaders.folder import shader_files
+from web_page import FolderFiles
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+pytest_plugins = ["chromium_fixtures"]  # fixtures
+
+TOOLS = ("vite@8", "typescript@5.9", "@types/three@0.187", "@webgpu/types@0.1")
+INDEX = '<!doctype html><link rel="icon" href="data:,"><script type="module" src="/main.ts"></script>'
+MAIN = """
+import {
+  Mesh, MeshBasicNodeMaterial, PerspectiveCamera, RenderPipeline, Scene, SphereGeometry, WebGPURenderer,
+} from "three/webgpu";
+import { mrt, output, pass, velocity } from "three/tsl";
+import { Upscaler } from "supersampler";
+import files from "supersampler/models/taau";
+import { supersampler } from "supersampler/three";
+
+const renderer = new WebGPURenderer({ antialias: false });
+renderer.setSize(128, 72);
+document.body.append(renderer.domElement);
+const scene = new Scene(), camera = new PerspectiveCamera(45, 16 / 9, 0.1, 10);
+camera.position.z = 3;
+scene.add(new Mesh(new SphereGeometry(), new MeshBasicNodeMaterial({ color: 0xff8000 })));
+const scenePass = pass(scene, camera).setMRT(mrt({ output, velocity }));
+scenePass.setResolutionScale(0.5);
+const [beauty, depth, motion] = ["output", "depth", "velocity"].map((name) => scenePass.getTextureNode(name));
+const node = supersampler(beauty, depth, motion, camera, { method: "taau" });
+const renderPipeline = new RenderPipeline(renderer, node);
+renderer.setAnimationLoop(() => renderPipeline.render());
+await node.ready;
+const displaySize: [number, number] = [64, 36];
+await Upscaler.load((renderer.backend as any).device, (name) => files[name], { displaySize });
+document.title = "ready";
+"""
+
+
+def run(folder: Path, *command: str) -> None:
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with the packed package, installed as from the registry."""
+    if shutil.which("npm") is None:
+        pytest.skip("npm is not installed here")
+    folder = tmp_path_factory.mktemp("vite")
+    write_site(folder / "package", package_files(["classifier", "taau"], shader_files))
+    run(folder, "npm", "pack", "./package", "--silent")
+    (packed,) = folder.glob("supersampler-*.tgz")
+    project = folder / "project"
+    project.mkdir()
+    (project / "package.json").write_text('{"private": true, "type": "module"}')
+    (project / "index.html").write_text(INDEX)
+    (project / "main.ts").write_text(MAIN)
+    three = f"three@{PACKAGES['three']}"
+    run(project, "npm", "install", "--silent", "--no-audit", "--no-fund", three, *TOOLS, f"../{packed.name}")
+    return project
+
+
+def check(browser: "Browser", address: str) -> None:
+    """Open a page that must upscale, and say nothing."""
+    page, said = browser.new_page(), []
+    page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto(address)
+    page.wait_for_function("document.title === 'ready'", timeout=180_000)
+    page.close()
+    assert not said
+
+
+def test_types_are_those_that_the_compiler_expects(project: Path) -> None:
+    options = (
+        "--noEmit",
+        "--strict",
+        "--skipLibCheck",
+        "--target",
+        "esnext",
+        "--moduleResolution",
+        "bundler",
+    )
+    types = ("--types", "@webgpu/types")
+    run(project, "npx", "tsc", *options, *types, "--module", "esnext", "--lib", "esnext,dom", "main.ts")
+
+
+def test_a_built_page_upscales(project: Path, browser: "Browser") -> None:
+    run(project, "npx", "vite", "build", "--base", "./", "--target", "esnext")
+    with serving(FolderFiles(project / "dist")) as url:
+        check(browser, url)
+
+
+def test_the_page_of_the_development_server_upscales(project: Path, browser: "Browser") -> None:
+    with development_server(project) as url:
+        check(browser, url)
+
+
+@contextmanager
+def development_server(project: Path) -> Iterator[str]:
+    command = ["npx", "vite", "--host", "127.0.0.1", "--port", "0", "--clearScreen", "false"]
+    with subprocess.Popen(command, cwd=project, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        lines = iter(server.stdout.readline, "")
+        line = next(line for line in lines if "http://" in line)
+        yield "http://" + line.split("http://")[1].split()[0]
+        server.terminate()
