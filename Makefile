@@ -22,7 +22,8 @@
 # make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
 # make mujoco  examples/mujoco_cameras.py with MuJoCo from PyPI: OpenGL in software will do, by EGL or OSMesa
 # make webgpu  the fifth: exported shaders in Node with Dawn, from npm
-# make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js and ONNX Runtime Web from npm
+# make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js from npm; then:
+# make three   the node for three.js beside three.js' own ones: a record, and table and picture in docs/tutorials/web.md
 # make cpp   examples/cpp_onnxruntime, compiled and run on the whole shipped shot; headers from Debian's registry
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
@@ -34,7 +35,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba oidn pygfx mujoco webgpu web cpp
+.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba oidn pygfx mujoco webgpu web web-tests three cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -104,18 +105,27 @@ webgpu: $(DEVELOPMENT)
 	npm ci --prefix examples/node_dawn --ignore-scripts --no-audit --no-fund
 	SUPERSAMPLER_DAWN_ICD=$(DAWN_ICD) .venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_webgpu.py
 
-# Without npm the tests of three.js and of the fallback are skipped, with the reason.
+# Without npm the tests of three.js are skipped, with the reason.
 NODE := .node/node_modules
 
-web:
+web: web-tests three
+
+web-tests:
 	test -d .venv-web || $(PYTHON) -m venv .venv-web
-	.venv-web/bin/python -c 'import playwright, wgpu, supersampler, pytest_timeout' 2>/dev/null \
-	    || .venv-web/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest pytest-timeout hypothesis playwright
+	.venv-web/bin/python -c 'import playwright, wgpu, supersampler, pytest_timeout, ziglang' 2>/dev/null \
+	    || .venv-web/bin/pip install -q --disable-pip-version-check -e '.[gpu]' pytest pytest-timeout hypothesis playwright \
+	        'ziglang>=0.16,<0.18'
+	.venv-web/bin/python sdk/native/build.py wasm
 	mkdir -p .node
 	test -d $(NODE)/three || npm install --silent --no-save --prefix .node $$(.venv-web/bin/python -c \
 	    'from supersampler.integrations.web import PACKAGES; print(*map("@".join, PACKAGES.items()))') || true
 	test ! -d $(NODE)/three || export SUPERSAMPLER_NODE_MODULES=$(CURDIR)/$(NODE); \
-	    .venv-web/bin/pytest -q -rsP --timeout=1800 tests/integrations/test_web_page_in_chromium.py tests/integrations/test_docs_site.py
+	    .venv-web/bin/pytest -q -rsP --timeout=1800 tests/integrations/test_web_page_in_chromium.py \
+	    tests/integrations/test_npm_package.py tests/integrations/test_docs_site.py
+
+# Rewrites bench/results/three.json, its table and its picture in docs/tutorials/web.md.
+three: web-tests
+	test ! -d $(NODE)/three || PYTHONPATH=tests .venv-web/bin/python docs/images/three_js.py $(NODE)
 
 # Needs CMake and a C++ compiler. Afterwards `make test` runs these tests, too, on fewer frames.
 cpp: $(DEVELOPMENT)

@@ -14,7 +14,7 @@ from supersampler.io.child_process import run
 from supersampler.io.files import is_there
 from supersampler_bench import parity  # noqa: F401  # each module registers its record
 from supersampler_bench.markdown import find_block, update_block
-from supersampler_bench.quality import denoise_record, extrapolation, score_table, still  # noqa: F401
+from supersampler_bench.quality import denoise_record, extrapolation, score_table, still, three_js  # noqa: F401
 from supersampler_bench.record import (
     BENCHES,
     SHIPPED_PARETO,

@@ -1,0 +1,77 @@
+"""Record of `make three`: ways to upscale what three.js draws, in a browser, with their errors."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from supersampler.cli.arguments import size_text
+from supersampler.frame import Size
+from supersampler_bench.markdown import figure, table
+from supersampler_bench.record import BenchRecord
+
+NATIVE = "three-traa"
+"""The method that renders at display size."""
+TITLES: Mapping[str, str] = {
+    "bilinear": "bilinear",
+    "three-taau": "three.js `TAAUNode`",
+    "three-taau-sharp": "the same, textures as sharp as at full size",
+    NATIVE: "three.js `TRAANode`, rendered at full size",
+}
+"""Names of what is not of this package."""
+
+
+@dataclass(frozen=True)
+class ThreeScores:
+    """Errors of one method, of display values.
+
+    Attributes:
+        method: one of TITLES, or a method of this package.
+        psnr: dB, mean over the frames after the first eight.
+        tpsnr: dB, PSNR of the changes between these frames.
+        first: dB, PSNR of the first image without a history.
+    """
+
+    method: str
+    psnr: float
+    tpsnr: float
+    first: float
+
+
+@dataclass(frozen=True)
+class ThreeRecord(BenchRecord):
+    """Errors of methods in one scene.
+
+    Attributes:
+        three: version of three.js.
+        browser: version of Chromium.
+        render: size of the frames that are upscaled.
+        display: size of the images.
+        frames: their number.
+        samples: samples a pixel of the reference.
+        scores: of each method.
+    """
+
+    three: str
+    browser: str
+    render: Size
+    display: Size
+    frames: int
+    samples: int
+    scores: list[ThreeScores]
+    BENCH = "three"
+
+    def table(self) -> str:
+        """Return the Markdown table of the methods."""
+        rows = [
+            [
+                TITLES.get(row.method, f"`supersampler`, {row.method}"),
+                figure(row.psnr, 2), figure(row.tpsnr, 2), figure(row.first, 2),
+            ]
+            for row in self.scores
+        ]  # fmt: skip
+        caption = (
+            f"{size_text(self.render)} to {size_text(self.display)}, {self.frames} frames, reference of "
+            f"{self.samples} samples a pixel. PSNR and tPSNR are means over all frames but the first eight. "
+            f"tPSNR is the PSNR of changes between frames: flicker and lag lower it. First image: without a "
+            f"history. three.js {self.three}, Chromium {self.browser}, software adapter."
+        )
+        return table(["", "PSNR dB ↑:", "tPSNR dB ↑:", "first image dB ↑:"], rows, caption)
