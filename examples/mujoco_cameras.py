@@ -1,10 +1,10 @@
-"""Sixteen cameras of a MuJoCo simulation, rendered small and upscaled in one call, with segmentation ids.
+"""Render sixteen cameras of a MuJoCo simulation small, and upscale them in one call, with segmentation ids.
 
     MUJOCO_GL=egl python examples/mujoco_cameras.py -o out/mujoco
 
-Needs `pip install mujoco`, and OpenGL by EGL or OSMesa; software will do. Half of the cameras orbit.
-It prints times, and errors against images that MuJoCo renders at four times the size. It writes a picture of
-four cameras: the render, the image, MuJoCo's own with MSAA; below, their ids.
+Needs `pip install mujoco`, and EGL or OSMesa; software OpenGL suffices. Half of the cameras orbit. Prints
+times, and errors against images that MuJoCo renders at four times the size. Writes cameras.png, which shows
+four cameras: the render, the output, and MuJoCo's render at full size with MSAA, above their ids.
 """
 
 import os
@@ -27,8 +27,8 @@ if sys.platform == "linux":
 import mujoco
 
 Array = NDArray[Any]
-SUPERSAMPLES = 4  # of the references, on each axis
-WARM_UP = 8  # first frames, which are not scored
+SUPERSAMPLES = 4  # samples per pixel of the references, on each axis
+WARM_UP = 8  # number of first frames that are not scored
 SCENE = """
 <mujoco>
   <visual>
@@ -85,7 +85,7 @@ BODIES = "".join(
 
 
 class Camera(NamedTuple):
-    """Where a camera is, world space, and the tangent of half its field of view."""
+    """Position and axes of a camera in world space, and the tangent of half its field of view."""
 
     position: Array
     axes: Array  # rows: right, down, forward
@@ -106,12 +106,12 @@ class Poses(NamedTuple):
 
     @classmethod
     def of(cls, data: Any) -> "Poses":
-        """Copy them from the simulation."""
+        """Return copies of the simulation's poses."""
         return cls(data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy())
 
 
 class View:
-    """A camera, and where it and all geoms were in the previous frame."""
+    """A camera, with its pose and those of all geoms in the previous frame."""
 
     def __init__(self, index: int, count: int) -> None:
         self._index, self._count = index, count
@@ -128,7 +128,7 @@ class View:
         first = renderer.scene.camera[0]
         height = first.frustum_top - first.frustum_bottom
         tangent = 0.5 * height / first.frustum_near
-        for eye in renderer.scene.camera:  # both are averaged
+        for eye in renderer.scene.camera:  # MuJoCo averages both
             eye.frustum_center += jitter[0] * height / renderer.width
             eye.frustum_bottom -= jitter[1] * height / renderer.height
             eye.frustum_top -= jitter[1] * height / renderer.height
@@ -145,7 +145,7 @@ class View:
         seen = ids[..., 0] >= 0
         geoms = np.where(seen & (ids[..., 1] == mujoco.mjtObj.mjOBJ_GEOM), ids[..., 0], 0)
         y, x = np.mgrid[:size, :size].astype(float)
-        here = np.stack([x + jitter[0], y + jitter[1]], -1)  # of the samples
+        here = np.stack([x + jitter[0], y + jitter[1]], -1)  # positions of the samples
         slopes = (here - (0.5 * size - 0.5)) * (2.0 * camera.tangent / size)
         rays = np.concatenate([slopes, np.ones((size, size, 1))], -1) @ camera.axes
         points = camera.position + rays * distance[..., None]
@@ -153,9 +153,8 @@ class View:
         moved = (
             np.einsum("...ij,...j->...i", before_poses.rotations[geoms], own) + before_poses.positions[geoms]
         )
-        before = np.where(
-            seen[..., None], moved - before_camera.position, rays
-        )  # the sky is infinitely far away
+        # the sky is infinitely far away
+        before = np.where(seen[..., None], moved - before_camera.position, rays)
         reset, self._before = self._before is None, (camera, poses)
         return Frame(
             color=color,
@@ -181,7 +180,7 @@ def rendered(renderer: Any) -> tuple[Array, Array, Array]:
 
 
 def make_renderer(size: int, *, samples: int) -> Any:
-    """Return a renderer of square images, with so many samples of MSAA."""
+    """Return a renderer of square images with this number of MSAA samples."""
     text = SCENE.replace("{size}", str(size)).replace("{samples}", str(samples)).replace("{bodies}", BODIES)
     return mujoco.Renderer(mujoco.MjModel.from_xml_string(text), size, size)
 
@@ -233,7 +232,7 @@ def main(options: Namespace) -> None:
 def score(
     errors: dict[str, list[float]], frame: Frame, result: StepResult, color: Array, ids: Array, truth: Array
 ) -> None:
-    """Add the errors of images against the reference, and those of ids against MuJoCo's at full size."""
+    """Add the errors of the images against the reference, and of the ids against MuJoCo's at full size."""
     for name, image in (("nearest", enlarged(frame.color)), ("upscaled", result.image), ("MSAA", color)):
         squares = np.square(srgb_encoded(np.clip(image, 0.0, 1.0)) - srgb_encoded(truth))
         errors.setdefault(f"PSNR {name}, dB", []).append(-10.0 * np.log10(squares.mean()))
@@ -243,12 +242,12 @@ def score(
 
 
 def enlarged(image: Any) -> Array:
-    """Return an image (h, w, k) with each pixel twice on both axes."""
+    """Return an image (h, w, k) with each pixel doubled on both axes."""
     return np.asarray(image).repeat(2, axis=0).repeat(2, axis=1)
 
 
 def picture(frame: Frame, result: StepResult, own: tuple[Array, Array, Array]) -> NDArray[np.uint8]:
-    """Return the render, the image and MuJoCo's own side by side, above their ids in colours."""
+    """Return the render, the output and MuJoCo's own image side by side, above their ids in false colours."""
     images = [enlarged(frame.color), result.image, own[0]]
     shown = [np.rint(255.0 * srgb_encoded(np.clip(image, 0.0, 1.0))).astype(np.uint8) for image in images]
     names = [ids[..., :1] for ids in (enlarged(frame.ids), np.asarray(result.ids), own[2])]
@@ -264,6 +263,6 @@ if __name__ == "__main__":
     parser.add_argument("--size", type=int, default=256, help="width and height of the images")
     parser.add_argument("--frames", type=int, default=48, help="number of frames")
     parser.add_argument("--model", default="classifier", help="model of the upscalers")
-    parser.add_argument("--score-every", type=int, default=8, help="frames between those that are scored")
+    parser.add_argument("--score-every", type=int, default=8, help="score every this many frames")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/mujoco"), help="folder of the picture")
     main(parser.parse_args())

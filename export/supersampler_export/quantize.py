@@ -43,7 +43,7 @@ SCALES, FRAMES = (1.5, 2.5), 10  # ratios and frames of the calibration on the s
 SHARE = 0.9999
 """Quantile at which a range ends: outliers would make the quantization of all other values coarser."""
 MARGIN = 1.5
-"""Factor of ranges, for scenes with larger values than the calibration shot."""
+"""Factor that widens ranges, for scenes with larger values than the calibration shot."""
 
 
 def cpu_network(method: Method) -> bytes | None:

@@ -188,7 +188,7 @@ def surface_agreement(frame: Frame, history: dict[str, NDArray[Any]]) -> Float32
 
 
 def _difference(frame: Frame, history: dict[str, NDArray[Any]], place: NDArray[np.intp]) -> Float32:
-    """Return the squared difference of each surface from a sample of the shaded frame, in deviations."""
+    """Return the squared difference of each surface from a shaded sample, in standard deviations."""
     gbuffer = frame.gbuffer or {}
     depth = history["history.depth"][0, 0].ravel()[place]
     larger = np.maximum(np.maximum(depth, frame.depth), np.float32(1e-30))

@@ -129,8 +129,8 @@ def load_shader(
         name: name of its file, without the suffix.
         folders: packages of methods, with a folder `shaders` and a module `spec`. Shaders of `backends.gpu`
             are always found.
-        constants: declared as `const NAME = value;`, with those of SHARED_CONSTANTS, GPU_CONSTANTS and the
-            specs, which they override.
+        constants: declared as `const NAME = value;`. They override constants of the same name in
+            SHARED_CONSTANTS, GPU_CONSTANTS and the specs.
         variants: file to import in place of each name.
     """
     modules = *SHARED_CONSTANTS, GPU_CONSTANTS, *(f"{folder}.spec" for folder in reversed(folders))

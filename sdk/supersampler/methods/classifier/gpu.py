@@ -35,7 +35,7 @@ TILES = ((14, 14), (8, 8), (8, 8), (4, 4))
 UNIFORM_BYTES = 64 << 10
 """Largest uniform buffer that every device supports."""
 ALIGNED = 8
-"""Multiple of pixels to which the first level, of 2x2 display pixels, is extended by repeating its border."""
+"""The first level, in 2x2 display pixels, is padded to a multiple of this by repeating its border."""
 TEXELS_ACROSS = {1: 1, 2: 2, 4: 2, 16: 4}
 """Width of the rectangle of texels that holds a pixel's kept features, by the number of texels."""
 

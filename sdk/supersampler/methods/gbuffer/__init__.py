@@ -1,1 +1,1 @@
-"""`gbuffer` and its relatives: supersampling with display-size G-buffers (Wang et al. 2025)."""
+"""`gbuffer` and related methods: supersampling with display-size G-buffers (Wang et al. 2025)."""

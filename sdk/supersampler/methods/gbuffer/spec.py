@@ -23,7 +23,7 @@ class GBufferNetworkConfig:
     surfaces: tuple[int, ...] = (128, 128, 64)
     """Channels of each layer of the G-buffer encoder."""
     detailed: tuple[int, ...] = (64, 64, 64)
-    """Channels of its gated branch; the last width must be the same."""
+    """Channels of each layer of its gated branch; the last width must equal that of `surfaces`."""
     frame: int = 32
     """Channels of the frame encoder."""
     levels: tuple[int, ...] = (64, 128, 192, 256)
