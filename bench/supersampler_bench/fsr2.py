@@ -136,14 +136,14 @@ class Fsr2Like:
         near_depth, near_motion = dilate(depth, motion)
         before = reconstructed_depth(near_depth, near_motion, sizes)
         vectors = sizes.of_image(near_motion)
-        past_vectors = np.zeros_like(vectors) if self._motion is None else self._motion
-        seen = disocclusion(near_depth, near_motion, before, sizes) * _is_surface(before)
-        turned = temporal_divergence(near_motion, past_vectors, sizes) - _depth_divergence(near_depth)
-        apart = np.maximum(saturate(turned), motion_divergence(motion, sizes))
+        previous = np.zeros_like(vectors) if self._motion is None else self._motion
+        occluded = disocclusion(near_depth, near_motion, before, sizes) * _is_surface(before)
+        change = temporal_divergence(near_motion, previous, sizes) - _depth_divergence(near_depth)
+        divergence = np.maximum(saturate(change), motion_divergence(motion, sizes))
         ready = Prepared(
             color=color,
             motion=near_motion,
-            clip=np.stack([seen, apart], axis=-1),
+            clip=np.stack([occluded, divergence], axis=-1),
             locked=new_locks(lock_luma(color, exposure), sizes),
             shading=shading_luma(logs, exposure, sizes),
             exposure=exposure,

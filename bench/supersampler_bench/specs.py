@@ -117,9 +117,9 @@ def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> 
     return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
 
 
-def _default_gbuffer(place: BufferField, frame: Frame, display: Size) -> Float32:
-    if place.key != "depth":
-        return _matte(place.key, place.shape(frame.size, display))
+def _default_gbuffer(field: BufferField, frame: Frame, display: Size) -> Float32:
+    if field.key != "depth":
+        return _matte(field.key, field.shape(frame.size, display))
     depth = to_display(frame.depth, frame.jitter, display)
     return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
 
