@@ -70,7 +70,7 @@ def quantized_network(network: onnx.ModelProto, content: bytes) -> onnx.ModelPro
 
 
 def layer_of(arrays: Arrays, name: str, shape: tuple[int, ...]) -> Layer:
-    """Return a layer in the order of the graph: the inverse of `quantize.pixelwise` and its relatives.
+    """Return a layer in the order of the graph: the inverse of `pixelwise` etc. of `quantize`.
 
     Args:
         arrays: arrays of `network.npz`.

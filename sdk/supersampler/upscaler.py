@@ -247,7 +247,7 @@ class Upscaler:
             outputs: names of further outputs to compute: "aovs", "ids", "class_map", "weight", "count",
                 "converged"; see `StepResult`. A method may lack some. With "aovs" no tile is skipped; after a
                 frame without "aovs" there is no AOV history, and after one without "ids" no id history.
-                "ids" need the CPU library, with any executor.
+                "ids" needs the CPU library, with any executor.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
@@ -292,31 +292,31 @@ class Upscaler:
         out: Sequence[Float32] | Float32 | None = None,
         outputs: Collection[str] = (),
     ) -> list[Float32] | list[StepResult]:
-        """Upscale the next frame of each of several cameras: robot simulators, stereo, thumbnails.
+        """Upscale the next frame of each of several cameras, as for robot simulators, stereo and thumbnails.
 
         >>> model = Model.load("taau")
         >>> cameras = [Upscaler(model, display_size=(256, 256)) for _ in range(16)]
-        >>> images = Upscaler.step_many(cameras, frames)  # frames[k] is the next one of cameras[k]
+        >>> images = Upscaler.step_many(cameras, frames)  # frames[k] is the next frame of cameras[k]
 
         Each Upscaler keeps its own history, size, resets and stats, and may also `step` alone. The images are
-        those of `step`, bit for bit. The CPU backend computes one view on each thread, which is faster where
-        images are small; other backends compute one view after another.
+        the same as by `step`, bit for bit. The CPU backend computes one view per thread, which is faster for
+        small images; other backends compute the views in sequence.
 
         Args:
-            upscalers: different Upscalers of one Model, a view each.
-            frames: the next frame of each.
-            out: (H, W, 3) float32 arrays to write the images to, one for each view; one array (N, H, W, 3)
-                is such a sequence.
+            upscalers: different Upscalers of one Model, one for each view.
+            frames: the next frame of each view.
+            out: (H, W, 3) float32 arrays to write the images to, one for each view, or one array
+                (N, H, W, 3).
             outputs: see `step`; the same for all views.
 
         Returns:
-            What `step` returns, for each view. `Stats.seconds` of a view grows by the wall time of the call
-            over the number of views.
+            The result of `step` for each view. `Stats.seconds` of a view grows by the wall time of the call
+            divided by the number of views.
 
         Raises:
             FrameError: the frame of a view breaks the contract; `FrameError.view` says which. All histories
                 are unchanged.
-            ArgumentError: as `step`; or the sequences differ in length, the Upscalers are of several Models,
+            ArgumentError: see `step`; or the sequences differ in length, the Upscalers have different Models,
                 or one of them is given twice.
         """
         started = time.perf_counter()

@@ -15,7 +15,7 @@ Buffers = Any
 
 
 class StepRequest(NamedTuple):
-    """Arguments of a step, checked.
+    """Checked arguments of a step.
 
     Attributes:
         frame: the frame.
@@ -24,9 +24,9 @@ class StepRequest(NamedTuple):
         next_history: written to; not `history`.
         image: (H, W, 3), written to.
         aux_outputs: names of auxiliary outputs to return.
-        adds_samples: 1 adds the frame's samples to the mean of static blocks; 0 does not, as for extrapolated
-            frames; NOISY: see `methods.at_rest`.
-        skip: whether tiles whose image is frozen may be left out. It changes no bit of the result.
+        adds_samples: 1 adds the frame's samples to the mean of static blocks, 0 does not (extrapolated
+            frames). NOISY: see `methods.at_rest`.
+        skip: whether frozen tiles may be skipped. The result is the same, bit for bit.
     """
 
     frame: Frame
@@ -69,7 +69,7 @@ class Executor(Protocol):
         """Return whether these buffers can hold a history of this display and render size."""
 
     def step_many(self, steps: Sequence[StepRequest]) -> list[StepReport]:
-        """Upscale one frame of each of several views. No two steps write to the same buffers or image."""
+        """Upscale one frame of each view. No two steps write to the same buffers or image."""
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """Return the bytes of a history, and of a step's working memory (None if unknown)."""

@@ -19,7 +19,7 @@ class IdHistory(NamedTuple):
 
     Attributes:
         ids: (H, W, k).
-        distance: (H, W) display pixels between a pixel's centre and the sample that it has its ids of.
+        distance: (H, W) display pixels from each pixel's centre to the sample that its ids are from.
     """
 
     ids: UInt32
@@ -48,8 +48,8 @@ def resample_ids(requests: Sequence[IdRequest], model: c_void_p | None) -> list[
     """Resample the ids of several views to display size; see `ss_resample_ids`.
 
     Args:
-        requests: a view each.
-        model: the model of the library whose threads do the work; None: the calling thread alone.
+        requests: one for each view.
+        model: model in the library whose threads do the work; None uses only the calling thread.
 
     Raises:
         LibraryError: the CPU library cannot be loaded.
@@ -62,9 +62,8 @@ def resample_ids(requests: Sequence[IdRequest], model: c_void_p | None) -> list[
             np.empty((*display[::-1], channels), np.uint32), np.empty(display[::-1], np.float32)
         )
         arrays: dict[str, NDArray[Any]] = {
-            "ids": np.ascontiguousarray(frame.ids).astype(
-                np.uint32, copy=False
-            ),  # negative values wrap around
+            # negative values wrap around
+            "ids": np.ascontiguousarray(frame.ids).astype(np.uint32, copy=False),
             "depth": np.ascontiguousarray(frame.depth),
             "motion": np.ascontiguousarray(frame.motion, np.float32),
             "image": result.ids,
@@ -80,5 +79,5 @@ def resample_ids(requests: Sequence[IdRequest], model: c_void_p | None) -> list[
         alive.append(arrays)
         results.append(result)
     cpu_library().call("ss_resample_ids", model, views, len(requests))
-    del alive  # what the library read
+    del alive  # kept alive while the library read it
     return results

@@ -1,1 +1,1 @@
-"""`classifier` and its relatives: a network predicts classes and blend weights (Guo et al. 2022)."""
+"""`classifier` and related methods: a network predicts classes and blend weights (Guo et al. 2022)."""
