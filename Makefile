@@ -21,6 +21,7 @@
 # make oidn    frames are denoised by Open Image Denoise, pyoidn from PyPI
 # make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
 # make mujoco  examples/mujoco_cameras.py with MuJoCo from PyPI: OpenGL in software will do, by EGL or OSMesa
+# make vtk-cpp  examples/vtk_cpp with Debian's libvtk9-dev, xvfb and xauth
 # make webgpu  the fifth: exported shaders in Node with Dawn, from npm
 # make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js from npm; then:
 # make three   the node for three.js beside three.js' own ones: a record, and table and picture in docs/tutorials/web.md
@@ -35,7 +36,7 @@ SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -nam
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba oidn pygfx mujoco webgpu web web-tests three cpp
+.PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba oidn pygfx mujoco vtk-cpp webgpu web web-tests three cpp
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -56,7 +57,7 @@ extension:
 	mkdir -p dist
 	cd $(EXTENSION) && $(PYTHON) -m zipfile -c $(CURDIR)/dist/supersampler_blender.zip __init__.py run.py blender_manifest.toml
 
-test-integrations: blender pyvista mitsuba oidn pygfx mujoco webgpu
+test-integrations: blender pyvista mitsuba oidn pygfx mujoco vtk-cpp webgpu
 
 # Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
 blender: $(DEVELOPMENT) extension
@@ -97,6 +98,9 @@ mujoco: $(DEVELOPMENT)
 	.venv-mujoco/bin/python -c 'import mujoco, supersampler, pytest_timeout' 2>/dev/null \
 	    || .venv-mujoco/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis 'mujoco>=3.3'
 	.venv-mujoco/bin/pytest -q -rs --timeout=1800 tests/integrations/test_mujoco.py
+
+vtk-cpp: $(DEVELOPMENT)
+	.venv-dev/bin/pytest -q -rsP --timeout=1800 tests/integrations/test_vtk_cpp.py
 
 # Dawn refuses Mesa's software adapter before 23; Chromium's SwiftShader, if it is there, is taken for it.
 DAWN_ICD ?= $(firstword $(wildcard /usr/lib/chromium/vk_swiftshader_icd.json))
