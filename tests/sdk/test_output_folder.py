@@ -114,7 +114,7 @@ sys.path.insert(0, {tests!r})
 from supersampler.cli import app
 from supersampler.io import images as image_io
 import supersampler.cli.results as results
-write, left = results.write_exr, {count}
+write, left = results.images.write_exr, {count}
 def once(path, *rest, **options):
     global left
     left -= 1
@@ -123,7 +123,7 @@ def once(path, *rest, **options):
     write(path, *rest, **options)
     if left < 0:
         os.kill(os.getpid(), signal.SIGKILL)
-results.write_exr = once
+results.images.write_exr = once
 app({arguments!r})
 """
 
