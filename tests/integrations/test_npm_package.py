@@ -78,7 +78,7 @@ def check(browser: "Browser", address: str) -> None:
     page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: said.append(str(error)))
     page.goto(address)
-    page.wait_for_function("document.title === 'ready'", timeout=180_000)
+    page.wait_for_function("document.title === 'ready'", timeout=600_000)
     page.close()
     assert not said
 

@@ -46,7 +46,11 @@ class Lock {
 #endif
 };
 
-#ifdef _WIN32
+#if defined(__wasm__)
+using ThreadId = int;
+inline ThreadId this_thread() { return 0; }
+inline bool is_this_thread(ThreadId) { return true; }
+#elif defined(_WIN32)
 using ThreadId = DWORD;
 inline ThreadId this_thread() { return GetCurrentThreadId(); }
 inline bool is_this_thread(ThreadId thread) { return thread == GetCurrentThreadId(); }
