@@ -56,16 +56,18 @@ class Viewer:
             self.window = enable_supersampling(self.plotter)
         self.plotter.show(auto_close=False)
         self._pixels = WindowPixels(self.plotter.render_window)
-        self.seconds: list[float] = []
+        self.seconds: list[float] = []  # of frames, by the clock
+        self.cpu: list[float] = []  # and of all threads
 
     def turn(self) -> None:
         """Turn the camera, and render a frame."""
         self.plotter.camera.Azimuth(TURN)
         self.plotter.renderer.ResetCameraClippingRange()
-        began = time.perf_counter()
+        began, cpu = time.perf_counter(), time.process_time()
         self.plotter.render()
         self._pixels.read_color(Rectangle(0, 0, 1, 1))  # waits for OpenGL
         self.seconds.append(time.perf_counter() - began)
+        self.cpu.append(time.process_time() - cpu)
 
     def image(self) -> Float32:
         """Return what the window shows, (h, w, 3) display values."""
@@ -114,12 +116,15 @@ def measure(scene: str) -> tuple[dict[str, Any], list[np.ndarray[Any, Any]]]:
     shown |= {"at rest": viewers["ours"].image(), "reference": reference}
     for way, viewer in viewers.items():
         rest = error(viewer.image(), reference)
-        times = viewer.seconds[WARM:]
-        row[way] = (1000 * median(times), 1000 * min(times), 1000 * max(times),
-                    moving[way], decibels(rest))  # fmt: skip
+        row[way] = (*spread(viewer.seconds[WARM:]), spread(viewer.cpu[WARM:])[0], moving[way], decibels(rest))
     for viewer in (*viewers.values(), truth):
         viewer.plotter.close()
     return row, crops(shown)
+
+
+def spread(seconds: list[float]) -> tuple[float, float, float]:
+    """Return median, least and most in ms."""
+    return 1000 * median(seconds), 1000 * min(seconds), 1000 * max(seconds)
 
 
 def error(image: Float32, reference: Float32) -> float:
@@ -140,16 +145,16 @@ def crops(images: dict[str, Float32]) -> list[np.ndarray[Any, Any]]:
 
 def table(rows: dict[str, dict[str, Any]]) -> str:
     """Return the table of the page, with its caption."""
-    heads = ["scene", "MSAA ms", "SSAA ms", "ours ms", "of MSAA's", "scale"]
+    heads = ["scene", "MSAA ms", "SSAA ms", "ours ms", "of MSAA's", "of its CPU time", "scale"]
     heads += ["none dB", "MSAA dB", "SSAA dB", "ours dB", "at rest dB"]
-    lines = [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * 10]
+    lines = [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * 11]
     for scene, row in rows.items():
         none, msaa, ssaa, ours = (row[way] for way in WAYS)
         scale = "off" if row["out"] else f"{row['scale']:g}"
         lines.append(
             f"| {scene} | {msaa[0]:.0f} ({msaa[1]:.0f} to {msaa[2]:.0f}) | {ssaa[0]:.0f} | "
-            f"{ours[0]:.0f} ({ours[1]:.0f} to {ours[2]:.0f}) | {ours[0] / msaa[0]:.2f} | {scale} | "
-            f"{none[3]:.1f} | {msaa[3]:.1f} | {ssaa[3]:.1f} | {ours[3]:.1f} | {ours[4]:.1f} |"
+            f"{ours[0]:.0f} ({ours[1]:.0f} to {ours[2]:.0f}) | {ours[0] / msaa[0]:.2f} | {ours[3] / msaa[3]:.2f} | {scale} | "
+            f"{none[4]:.1f} | {msaa[4]:.1f} | {ssaa[4]:.1f} | {ours[4]:.1f} | {ours[5]:.1f} |"
         )
     git = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
     commit = subprocess.check_output(git, text=True).strip()  # noqa: S603
