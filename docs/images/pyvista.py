@@ -153,7 +153,8 @@ def table(rows: dict[str, dict[str, Any]]) -> str:
         scale = "off" if row["out"] else f"{row['scale']:g}"
         lines.append(
             f"| {scene} | {msaa[0]:.0f} ({msaa[1]:.0f} to {msaa[2]:.0f}) | {ssaa[0]:.0f} | "
-            f"{ours[0]:.0f} ({ours[1]:.0f} to {ours[2]:.0f}) | {ours[0] / msaa[0]:.2f} | {ours[3] / msaa[3]:.2f} | {scale} | "
+            f"{ours[0]:.0f} ({ours[1]:.0f} to {ours[2]:.0f}) | {ours[0] / msaa[0]:.2f} | "
+            f"{ours[3] / msaa[3]:.2f} | {scale} | "
             f"{none[4]:.1f} | {msaa[4]:.1f} | {ssaa[4]:.1f} | {ours[4]:.1f} | {ours[5]:.1f} |"
         )
     git = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
