@@ -1,7 +1,7 @@
 """Measure PyVista scenes with its anti-aliasing and with ours; write docs/images/pyvista.jpg and the table.
 
     pip install . pyvista sympy
-    python docs/images/pyvista.py [name of a scene ...]
+    python docs/images/pyvista_scenes.py [name of a scene ...]
 
 The scenes are those of examples/pyvista_gallery.py and examples/pyvista_viewer.py. The camera turns by half a
 degree a frame; each frame is rendered in every way, one after the other, so that all share what else the
@@ -165,7 +165,7 @@ def table(rows: dict[str, dict[str, Any]]) -> str:
         "size, chosen by times; off: upscaling does not pay, and frames are plain. PSNR of display values of "
         f"the last frame against {GRID * GRID} samples a pixel; at rest: after `converge()`. VTK "
         f"{'.'.join(map(str, pv.vtk_version_info))}, {opengl()}; {processor()}. Measured on "
-        f"{time.strftime('%Y-%m-%d')} at commit {commit} by `python docs/images/pyvista.py`."
+        f"{time.strftime('%Y-%m-%d')} at commit {commit} by `python docs/images/pyvista_scenes.py`."
     )
     return "\n".join(lines) + "\n\n" + caption
 
