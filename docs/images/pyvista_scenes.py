@@ -1,4 +1,4 @@
-"""Measure PyVista scenes with its anti-aliasing and with ours; write docs/images/pyvista.jpg and the table.
+"""Measure PyVista scenes with its anti-aliasing and with ours; write the section of the page, and its image.
 
     pip install . pyvista sympy
     python docs/images/pyvista_scenes.py [name of a scene ...]
@@ -29,7 +29,12 @@ from supersampler.io.display import decibels, to_uint8
 from supersampler.io.images import encode_jpeg
 
 ROOT = Path(__file__).parents[2]
-PAGE, MARK, END = ROOT / "docs" / "tutorials" / "pyvista.md", "<!-- pyvista -->", "<!-- /pyvista -->"
+PAGE, HEADING = ROOT / "docs" / "tutorials" / "pyvista.md", "## Cost and quality"
+PICTURE = """![Crops of the scenes: MSAA, while the view turns, at rest, reference](../images/pyvista.jpg)
+
+The figure has a row for each scene, in the order of the table: MSAA, ours while the camera turns, ours at
+rest, the reference.
+"""
 GALLERY = runpy.run_path(str(ROOT / "examples" / "pyvista_gallery.py"))["SCENES"]
 FROG = runpy.run_path(str(ROOT / "examples" / "pyvista_viewer.py"))["frog"]
 SCENES = {"frog": FROG, **GALLERY}
@@ -199,8 +204,8 @@ def main(names: list[str]) -> None:
     out.parent.mkdir(exist_ok=True)
     out.write_bytes(encode_jpeg(np.concatenate(pictures), quality=90))
     if not names:
-        before, _, rest = PAGE.read_text().partition(MARK)
-        PAGE.write_text(f"{before}{MARK}\n{table(rows)}\n{END}{rest.partition(END)[2]}")
+        before = PAGE.read_text().partition(HEADING)[0].rstrip()
+        PAGE.write_text(f"{before}\n\n{HEADING}\n\n{table(rows)}\n\n{PICTURE}")
 
 
 if __name__ == "__main__":

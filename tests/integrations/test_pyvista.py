@@ -335,6 +335,20 @@ def test_lines_points_and_text_are_those_of_plain_pyvista_while_the_view_moves(
     assert np.abs(ours - expected).mean() < 0.1 * ink
 
 
+def test_a_line_that_moves_alone_shows_at_once(plotter: Any) -> None:
+    line = plotter.add_mesh(pv.Line((-1, 0, 0.5), (1, 0, 0.5)), color="red", line_width=5, lighting=False)
+    window = supersampled(plotter)
+    moving(plotter)
+    window.converge()
+    line.SetPosition(0.0, -0.5, 0.0)
+    ours = shown(plotter)
+    window.disable()
+    expected = plain(plotter)
+    is_red, was_red = (image[..., 0] > image[..., 1] + 0.8 for image in (expected, ours))
+    assert is_red.sum() > 300
+    assert (is_red & was_red).sum() > 0.97 * max(is_red.sum(), was_red.sum())
+
+
 def test_depth_is_interpolated_exactly_on_planes_and_not_across_outlines() -> None:
     row, column = np.mgrid[:20, :30].astype(np.float32)
     plane = 0.3 + 0.001 * column + 0.002 * row

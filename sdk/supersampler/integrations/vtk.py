@@ -68,6 +68,11 @@ class ViewportHistory:
         return self._sum is not None and self.renders >= _STILL_RENDERS
 
     @property
+    def has_surfaces(self) -> bool:
+        """Whether there is something to upscale."""
+        return any(is_upscaled(prop) for prop in visible(self._renderer))
+
+    @property
     def has_layers(self) -> bool:
         """Whether lines, points or 3D text are rendered on top."""
         return any(isinstance(prop, vtkProp3D) and not is_upscaled(prop) for prop in visible(self._renderer))
@@ -87,7 +92,7 @@ class ViewportHistory:
             return "plain"
         if not view.is_same(before):
             self._sum = None
-            return "moved" if view.matrices else "plain"
+            return "moved"
         return "plain" if self._sum is None else "still"
 
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
@@ -296,7 +301,7 @@ class SupersampledWindow:
             self.reset()
             return
         modes = [viewport.mode() for viewport in self.viewports]
-        if self._out and "moved" in modes:
+        if "moved" in modes and (self._out or not any(v.has_surfaces for v in self.viewports)):
             return
         is_timed = self.pace.is_timed or "moved" not in modes
         if "plain" in modes or not is_timed:

@@ -34,7 +34,7 @@ class SceneView:
         view_projection: without jitter, to a clip space from -1 to 1.
         near: distance of the near plane; of the far plane `far`.
         parallel: whether the projection is parallel.
-        matrices: matrices of the visible surfaces and volumes, from their own space to the world's.
+        matrices: matrices of the visible actors and volumes, from their own space to the world's.
     """
 
     size: Size
@@ -51,7 +51,9 @@ class SceneView:
         camera = renderer.GetActiveCamera()
         matrix = _array(camera.GetCompositeProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1))
         near, far = camera.GetClippingRange()
-        matrices = {prop: _array(prop.GetMatrix()) for prop in visible(renderer) if is_upscaled(prop)}
+        kinds = vtkActor, vtkVolume
+        props = [p for p in visible(renderer) if isinstance(p, kinds) and not isinstance(p, vtkFollower)]
+        matrices = {prop: _array(prop.GetMatrix()) for prop in props}
         size = tuple(renderer.GetSize())
         return cls(size, jitter, matrix, near, far, bool(camera.GetParallelProjection()), matrices)
 
@@ -80,10 +82,10 @@ class SceneView:
     def moved_props(
         self, buffer: Float32, previous: "SceneView"
     ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
-        """Yield props that move together, and the motion of pixels that show them."""
+        """Yield upscaled props that move together, and the motion of pixels that show them."""
         moves: dict[bytes, list[vtkProp3D]] = {}
         for prop, matrix in self.matrices.items():
-            before = previous.matrices.get(prop)
+            before = previous.matrices.get(prop) if is_upscaled(prop) else None
             if before is not None and not np.array_equal(before, matrix):
                 move = before @ np.linalg.inv(matrix)
                 moves.setdefault(move.round(12).tobytes(), []).append(prop)
@@ -114,7 +116,7 @@ class SceneView:
         """
         mask = np.zeros(buffer.shape, np.float32)
         for prop in self.matrices:
-            if is_translucent(prop):
+            if is_upscaled(prop) and is_translucent(prop):
                 columns, rows, depth = self._enclosing(prop.GetBounds())
                 part = buffer[rows, columns]
                 if isinstance(prop, vtkVolume):
