@@ -8,7 +8,6 @@ import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import timedelta
 from typing import Any, Self
 
 import typer
@@ -83,7 +82,9 @@ class RunProgress:
         self._bar.update(self._task, advance=1, description=activity, rate=text)
         if not self._console.is_terminal and not self._json and now - self._logged >= LOG_SECONDS:
             self._logged = now
-            remaining = timedelta(seconds=round((self._total - self._done) / rate))
+            minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
+            hours, minutes = divmod(minutes, 60)
+            remaining = f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
             self._console.print(f"{activity} {self._done} of {self._total}: {text}, {remaining} left")
 
     def event(self, event: str, **values: Any) -> None:
