@@ -82,7 +82,8 @@ def test_every_file_that_a_module_or_page_names_is_there_and_below_the_root(site
             assert not target.startswith("/"), f"{source.name} names {target}: no sub-path would have it"
             path = (source.parent / target.partition("?")[0]).resolve()
             assert path.is_relative_to(site.resolve()), f"{source.name} names {target}"
-            assert path.exists() or "vendor" in path.parts, f"{source.name} names {target}, which is missing"
+            optional = "vendor" in path.parts or path.suffix == ".wasm"  # what `pip install .` does not build
+            assert path.exists() or optional, f"{source.name} names {target}, which is missing"
             count += 1
     assert count > 30
 
