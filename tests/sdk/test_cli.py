@@ -403,8 +403,9 @@ OTHERS = {"--help", "--version", "--debug"} | {
     "--abbrev", "--always", "--dirty",  # git
     "--background", "--python", "--python-exit-code",  # Blender
     "--collect-all",  # PyInstaller
+    "--hold",  # supersampler_model.denoising.training
 }  # fmt: skip
-"""Options of the whole command, and of other programs."""
+"""Options of all commands, and of other programs."""
 
 
 @cache

@@ -120,7 +120,9 @@ def test_a_model_of_extrapolated_frames_alone_is_refused(folder: Path, joint: Mo
         lambda path: Upscaler(path, scale=2.0),
         lambda p: Upscaler.plan(SIZE, DISPLAY, p),
     ):
-        with pytest.raises(ModelError, match=r"'joint-drawn' steps only on frames .*joint', extrapolation="):
+        with pytest.raises(
+            ModelError, match=r"'joint-drawn' only steps on extrapolated .*joint', extrapolation="
+        ):
             use(folder / "extrapolated")
     with pytest.raises(ModelError, match=r"'joint-drawn' upscales and does not extrapolate"):
         make(joint, extrapolation=folder / "extrapolated")

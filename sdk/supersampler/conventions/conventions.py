@@ -451,7 +451,7 @@ class Converter:
             "color": color,
             "reactive": reactive,
             "aovs": aovs,
-            "ids": None if source.ids is None else self._rows(as_array("ids", source.ids)),
+            "ids": None if source.ids is None else self._rows(_image("ids", source.ids)),
             "gbuffer": self._gbuffer("gbuffer", source.gbuffer, encode=encode),
             "gbuffer_display": self._gbuffer("gbuffer_display", source.gbuffer_display, encode=encode),
             "exposure": source.exposure,
@@ -565,11 +565,17 @@ def _pixels_per_unit(unit: str, size: Size, buffer_size: Size) -> tuple[float, f
     return (float(size[0]), float(size[1])) if unit == "uv" else (size[0] / 2.0, -size[1] / 2.0)
 
 
-def _floating(name: str, value: object) -> NDArray[Any]:
-    """Return a float16 or float32 array; float64 is converted to float32, other types are refused."""
+def _image(name: str, value: object) -> NDArray[Any]:
+    """Return an array that has rows and columns."""
     array = as_array(name, value)
     if array.ndim < 2:
         raise FrameError(name, got=f"of shape {array.shape}", want="(h, w), or (h, w, channels)")
+    return array
+
+
+def _floating(name: str, value: object) -> NDArray[Any]:
+    """Return a float16 or float32 array; float64 is converted to float32, other types are refused."""
+    array = _image(name, value)
     if array.dtype == np.float64:
         return array.astype(np.float32)
     if array.dtype not in (np.float32, np.float16):

@@ -118,7 +118,7 @@ def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path
         (("--scenes", "wires"), "error: families is 'wires'; want some of fences, "),
         (("--gltf", "nowhere"), "error: folder is nowhere, which is not a folder; want a folder"),
         (("--gltf-fraction", "1.5"), "error: gltf_fraction is 1.5; want a fraction"),
-        (("--ratio", "2;3"), "error: --ratio is '2;3'; want numbers"),
+        (("--ratio", "2;3"), "error: --ratio is '2;3'; want comma-separated numbers"),
     ],
 )
 def test_a_mistake_is_one_line(tmp_path: Path, options: tuple[str, ...], message: str) -> None:
