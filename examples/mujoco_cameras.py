@@ -225,7 +225,7 @@ def main(options: Namespace) -> None:
         print(f"{name}: {1e3 * median(seconds[WARM_UP:]):.1f} ms for {len(views)} cameras")
     for name, values in errors.items():
         print(f"{name}: {mean(values):.2f}")
-    rows = [picture(*each) for each in list(zip(frames, results, own, strict=True))[:4]]
+    rows = [comparison(*each) for each in list(zip(frames, results, own, strict=True))[:4]]
     write_png(options.output / "cameras.png", np.concatenate(rows, axis=1))
 
 
@@ -246,7 +246,7 @@ def enlarged(image: Any) -> Array:
     return np.asarray(image).repeat(2, axis=0).repeat(2, axis=1)
 
 
-def picture(frame: Frame, result: StepResult, own: tuple[Array, Array, Array]) -> NDArray[np.uint8]:
+def comparison(frame: Frame, result: StepResult, own: tuple[Array, Array, Array]) -> NDArray[np.uint8]:
     """Return the render, the output and MuJoCo's own image side by side, above their ids in false colours."""
     images = [enlarged(frame.color), result.image, own[0]]
     shown = [np.rint(255.0 * srgb_encoded(np.clip(image, 0.0, 1.0))).astype(np.uint8) for image in images]
@@ -264,5 +264,5 @@ if __name__ == "__main__":
     parser.add_argument("--frames", type=int, default=48, help="number of frames")
     parser.add_argument("--model", default="classifier", help="model of the upscalers")
     parser.add_argument("--score-every", type=int, default=8, help="score every this many frames")
-    parser.add_argument("-o", "--output", type=Path, default=Path("out/mujoco"), help="folder of the picture")
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/mujoco"), help="folder of the image")
     main(parser.parse_args())

@@ -9,9 +9,7 @@ machine does. Errors are those of display values, against 64 samples a pixel. Wi
 but crops into out/pyvista.
 """
 
-import platform
 import runpy
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -27,10 +25,12 @@ from supersampler.integrations.pyvista import enable_supersampling
 from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels
 from supersampler.io.display import decibels, to_uint8
 from supersampler.io.images import encode_jpeg
+from supersampler_bench.markdown import table as markdown_table
+from supersampler_bench.record import Provenance
 
 ROOT = Path(__file__).parents[2]
 PAGE, HEADING = ROOT / "docs" / "tutorials" / "pyvista.md", "## Cost and quality"
-PICTURE = """![Crops of the scenes: MSAA, while the view turns, at rest, reference](../images/pyvista.jpg)
+FIGURE = """![Crops of the scenes: MSAA, while the view turns, at rest, reference](../images/pyvista.jpg)
 
 The figure has a row for each scene, in the order of the table: MSAA, ours while the camera turns, ours at
 rest, the reference.
@@ -152,27 +152,26 @@ def table(rows: dict[str, dict[str, Any]]) -> str:
     """Return the table of the page, with its caption."""
     heads = ["scene", "MSAA ms", "SSAA ms", "ours ms", "of MSAA's", "of its CPU time", "scale"]
     heads += ["none dB", "MSAA dB", "SSAA dB", "ours dB", "at rest dB"]
-    lines = [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * 11]
+    lines = []
     for scene, row in rows.items():
         none, msaa, ssaa, ours = (row[way] for way in WAYS)
         scale = "off" if row["out"] else f"{row['scale']:g}"
-        lines.append(
-            f"| {scene} | {msaa[0]:.0f} ({msaa[1]:.0f} to {msaa[2]:.0f}) | {ssaa[0]:.0f} | "
-            f"{ours[0]:.0f} ({ours[1]:.0f} to {ours[2]:.0f}) | {ours[0] / msaa[0]:.2f} | "
-            f"{ours[3] / msaa[3]:.2f} | {scale} | "
-            f"{none[4]:.1f} | {msaa[4]:.1f} | {ssaa[4]:.1f} | {ours[4]:.1f} | {ours[5]:.1f} |"
-        )
-    git = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
-    commit = subprocess.check_output(git, text=True).strip()  # noqa: S603
+        times = [f"{way[0]:.0f} ({way[1]:.0f} to {way[2]:.0f})" for way in (msaa, ours)]
+        shares = [f"{ours[0] / msaa[0]:.2f}", f"{ours[3] / msaa[3]:.2f}"]
+        errors = [f"{value:.1f}" for value in (none[4], msaa[4], ssaa[4], ours[4], ours[5])]
+        lines.append([scene, times[0], f"{ssaa[0]:.0f}", times[1], *shares, scale, *errors])
+    now = Provenance.now()
+    where = f"{now.machine['cpu']}, {now.machine['cores']} cores"
+    commit = (now.commit or "unknown")[:8]
     caption = (
         f"The camera turns by {TURN:g} degrees a frame; {SIZE[0]}x{SIZE[1]}. Medians of {FRAMES - WARM} "
         f"frames after {WARM}, with the least and the most; all ways take turns. Scale: window size / render "
         "size, chosen by times; off: upscaling does not pay, and frames are plain. PSNR of display values of "
         f"the last frame against {GRID * GRID} samples a pixel; at rest: after `converge()`. VTK "
-        f"{'.'.join(map(str, pv.vtk_version_info))}, {opengl()}; {processor()}. Measured on "
-        f"{time.strftime('%Y-%m-%d')} at commit {commit} by `python docs/images/pyvista_scenes.py`."
+        f"{'.'.join(map(str, pv.vtk_version_info))}, {opengl()}; {where}. Measured on "
+        f"{now.date[:10]} at commit {commit} by `python docs/images/pyvista_scenes.py`."
     )
-    return "\n".join(lines) + "\n\n" + caption
+    return markdown_table([heads[0], *(f"{head}:" for head in heads[1:])], lines, caption)
 
 
 def opengl() -> str:
@@ -184,28 +183,20 @@ def opengl() -> str:
     return next((line.partition(":")[2].strip() for line in lines if "renderer string" in line), "unknown")
 
 
-def processor() -> str:
-    """Return the name of the processor."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return f"{names[0]}, {len(names)} cores" if names else platform.processor()
-
-
 def main(names: list[str]) -> None:
     """Measure the scenes."""
-    rows, pictures = {}, []
+    rows, figure = {}, []
     for scene in names or SCENES:
         rows[scene], parts = measure(scene)
         print(table({scene: rows[scene]}), flush=True)
         padded = [np.pad(part, ((0, GAP), (0, GAP), (0, 0)), constant_values=255) for part in parts]
-        pictures.append(np.concatenate(padded, axis=1))
+        figure.append(np.concatenate(padded, axis=1))
     out = ROOT / "out" / "pyvista.jpg" if names else ROOT / "docs" / "images" / "pyvista.jpg"
     out.parent.mkdir(exist_ok=True)
-    out.write_bytes(encode_jpeg(np.concatenate(pictures), quality=90))
+    out.write_bytes(encode_jpeg(np.concatenate(figure), quality=90))
     if not names:
         before = PAGE.read_text().partition(HEADING)[0].rstrip()
-        PAGE.write_text(f"{before}\n\n{HEADING}\n\n{table(rows)}\n\n{PICTURE}")
+        PAGE.write_text(f"{before}\n\n{HEADING}\n\n{table(rows)}\n\n{FIGURE}")
 
 
 if __name__ == "__main__":

@@ -36,9 +36,10 @@ DISPLAY = (320, 180)
 FRAMES, SAMPLES = 20, 32
 SCORED = range(WARM_UP_FRAMES, FRAMES)
 CROPS = ((124, 8), (36, 52), (192, 60))
-"""Corners of the parts that the picture shows."""
+"""Upper left corners of the crops in the figure, display pixels."""
 SIZE, ZOOM, GAP = (100, 56), 3, 8
-PICTURE = ("bilinear", "three-taau", NATIVE, "classifier")
+FIGURE = ("bilinear", "three-taau", NATIVE, "classifier")
+"""Methods in the figure, from left to right; the reference follows."""
 
 
 def images_of(browser: "Browser", url: str, method: str) -> dict[int, Float32]:
@@ -78,7 +79,7 @@ def scores_of(method: str, images: dict[int, Float32], truth: dict[int, Float32]
     )
 
 
-def picture(images: list[Float32]) -> bytes:
+def figure(images: list[Float32]) -> bytes:
     """Return a JPEG of crops of images, side by side."""
     rows = []
     for left, top in CROPS:
@@ -90,7 +91,7 @@ def picture(images: list[Float32]) -> bytes:
 
 
 def main() -> None:
-    """Measure, and write record, table and picture."""
+    """Measure, and write record, table and figure."""
     node_modules = Path(sys.argv[1])
     three = json.loads((node_modules / "three/package.json").read_text("utf-8"))["version"]
     found = {}
@@ -105,7 +106,7 @@ def main() -> None:
     write_json(record, ROOT / "bench/results/three.json")
     update_block(ROOT / "docs/tutorials/web.md", "three", record.table())
     with replacing(ROOT / "docs/images/three.jpg") as partial:
-        partial.write_bytes(picture([found[name][FRAMES - 1] for name in (*PICTURE, "reference")]))
+        partial.write_bytes(figure([found[name][FRAMES - 1] for name in (*FIGURE, "reference")]))
 
 
 if __name__ == "__main__":
