@@ -307,7 +307,8 @@ class Model:
             display = step.history.display_size
             next_history = self._next_history(step.history_out, display, step.frame.size)
             needed = {self.info.maps[name].output for name in step.outputs if name in self.info.maps}
-            needed |= {"weight"} if "aovs" in step.outputs else set()
+            if "aovs" in step.outputs:
+                needed.add("aovs" if self.executor == "gpu" else "weight")
             image = step.out
             if image is None or not image.flags.c_contiguous:
                 image = aligned((*display[::-1], 3))
@@ -347,8 +348,11 @@ class Model:
             image = step.out
         aovs = None
         if "aovs" in outputs:
-            weight = report.outputs.get("weight")
-            next_history.aovs = self._aov_blender.blend(frame, weight, history.aovs, display)
+            blended = report.outputs.get("aovs")  # of the GPU backend
+            if blended is None:
+                weight = report.outputs.get("weight")
+                blended = self._aov_blender.blend(frame, weight, history.aovs, display)
+            next_history.aovs = blended
             aovs = next_history.aovs[0].transpose(1, 2, 0).copy()
         ids = None
         if next_history.ids is not None and frame.ids is not None:

@@ -14,7 +14,7 @@ from gpu_steps import METHODS, device_or_skip, model, moving
 from supersampler import Frame, Upscaler
 from supersampler.backends.gpu import device as devices
 from supersampler.backends.gpu.device import LIMITS, SIZES, TEXTURE_SIDE
-from supersampler.backends.gpu.executor import Pass
+from supersampler.backends.gpu.passes import Pass
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
 from supersampler.backends.gpu.shader import reachable_code
 from supersampler.errors import ArgumentError, DeviceError

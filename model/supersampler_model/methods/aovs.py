@@ -11,12 +11,9 @@ import torch
 from torch import Tensor
 
 from supersampler.io.display import MAX_HALF
-from supersampler.methods.aovs.spec import AOVS
+from supersampler.methods.aovs.spec import AOVS, MIN_CERTAINTY, SIGMA
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
-
-SIGMA = 0.35  # Gaussian that upsamples this frame, render pixels
-MIN_CERTAINTY = 1e-3  # sum of the weights below which samples are too far away
 
 
 class BlendAovs(Method):

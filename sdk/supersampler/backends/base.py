@@ -23,7 +23,8 @@ class StepRequest(NamedTuple):
         history: history after the previous frame; not changed.
         next_history: written to; not `history`.
         image: (H, W, 3), written to.
-        aux_outputs: names of auxiliary outputs to return.
+        aux_outputs: names of auxiliary outputs to return. "aovs": blend the frame's AOVs, which only the GPU
+            backend does; it keeps their history.
         adds_samples: 1 adds the frame's samples to the mean of static blocks, 0 does not (extrapolated
             frames). NOISY: see `methods.at_rest`.
         skip: whether frozen tiles may be skipped. The result is the same, bit for bit.

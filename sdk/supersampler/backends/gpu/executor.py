@@ -4,8 +4,6 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
-from threading import Lock
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import ForkSafeLock, StepReport, StepRequest
+from supersampler.backends.gpu.aovs import AovPasses
 from supersampler.backends.gpu.device import default_device, raising
 from supersampler.backends.gpu.frame import (
     IMAGE_FORMAT,
@@ -33,86 +32,16 @@ from supersampler.backends.gpu.memory import (
     new_texture,
     write_to,
 )
+from supersampler.backends.gpu.passes import Pass, Resource
 from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram
-from supersampler.backends.gpu.shader import Shader
 from supersampler.errors import DeviceError
 from supersampler.frame import Float32, Size
 
 if TYPE_CHECKING:
     import wgpu
 
-Resource = Any
-"""A buffer or a texture view."""
-MAX_GROUPS = 16
-"""Bind groups that a pass caches, the most recently used ones."""
 MAX_SIZES = 2
 """Pairs of render and display size whose buffers are kept; dynamic resolution changes them often."""
-_pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
-_lock = Lock()
-
-
-class Pass:
-    """A compiled shader.
-
-    Args:
-        device: the device.
-        shader: the shader.
-        tile: (x, y) pixels of a workgroup.
-        names: resource of each variable that has another name than its resource.
-    """
-
-    def __init__(
-        self, device: "wgpu.GPUDevice", shader: Shader, tile: tuple[int, int], names: Mapping[str, str]
-    ) -> None:
-        self.shader, self.tile = shader, tile
-        self._device, self._names = device, names
-        self._pipeline, self._layouts = _pipeline(device, shader)
-        self._bindings = [list(group) for _, group in groupby(shader.bindings, key=lambda b: b.group)]
-        self._groups: OrderedDict[tuple[int, ...], tuple[list[Resource], Any]] = OrderedDict()
-
-    def encode(
-        self, encoder: "wgpu.GPUComputePassEncoder", resources: Mapping[str, Resource], size: Sequence[int]
-    ) -> None:
-        """Dispatch workgroups that cover `size`, (width, height), on these resources by name."""
-        encoder.set_pipeline(self._pipeline)
-        for number, bindings in enumerate(self._bindings):
-            bound = [resources[self._names.get(b.name, b.name)] for b in bindings]
-            encoder.set_bind_group(number, self._bind_group(number, bindings, bound))
-        across, down = (-(-extent // side) for extent, side in zip(size, self.tile, strict=True))
-        encoder.dispatch_workgroups(across, down)
-
-    def _bind_group(self, number: int, bindings: Sequence[Any], bound: list[Resource]) -> Any:
-        key = (number, *map(id, bound))
-        if key in self._groups:
-            self._groups.move_to_end(key)
-            return self._groups[key][1]
-        entries = [
-            {"binding": b.index, "resource": resource if b.is_texture else {"buffer": resource}}
-            for b, resource in zip(bindings, bound, strict=True)
-        ]
-        group = self._device.create_bind_group(layout=self._layouts[number], entries=entries)
-        self._groups[key] = bound, group  # `bound` keeps the ids from being used again
-        if len(self._groups) > MAX_GROUPS:
-            self._groups.popitem(last=False)
-        return group
-
-
-def _pipeline(device: "wgpu.GPUDevice", shader: Shader) -> tuple[Any, list[Any]]:
-    with _lock:
-        known = _pipelines.setdefault(device, {})
-        if shader.code not in known:
-            layouts = [
-                device.create_bind_group_layout(entries=[b.layout() for b in group])
-                for _, group in groupby(shader.bindings, key=lambda b: b.group)
-            ]
-            module = device.create_shader_module(label=shader.name, code=shader.code)
-            pipeline = device.create_compute_pipeline(
-                label=shader.name,
-                layout=device.create_pipeline_layout(bind_group_layouts=layouts),
-                compute={"module": module, "entry_point": "main"},
-            )
-            known[shader.code] = pipeline, layouts
-        return known[shader.code]
 
 
 @dataclass(eq=False)
@@ -131,6 +60,12 @@ class StepBuffers:
     image: Readback
     aux: Readback
 
+    @property
+    def resources(self) -> dict[str, Resource]:
+        """Resources for bind groups, by the names that shaders use."""
+        memory = {name: memory.resource for name, memory in self.memory.items()}
+        return {"params": self.params, "image": self.image.buffer, "aux": self.aux.buffer, **memory}
+
 
 class GpuExecutor:
     """Runs a method as compute shaders; see `Executor`.
@@ -145,6 +80,7 @@ class GpuExecutor:
         self.device = default_device() if device is None else device
         self.program, self.precision = program, program.precision
         self._compiled: dict[tuple[str, ...], list[Pass]] = {}
+        self._aovs = AovPasses(self.device)
         self._buffers: OrderedDict[tuple[Size, Size], StepBuffers] = OrderedDict()
         self._lock = ForkSafeLock()  # of `_buffers` and of their buffers
         self._views: WeakKeyDictionary[Any, Resource] = WeakKeyDictionary()  # of textures of the caller
@@ -181,28 +117,33 @@ class GpuExecutor:
     def _step(self, request: StepRequest) -> StepReport:
         frame, display, history, next_history, image, aux_outputs, adds_samples, skip = request
         render, names = frame.size, [name for name in AUX if name in aux_outputs]
+        blends_aovs = "aovs" in aux_outputs
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
             buffers = self._buffers_for(render, display)
             upload_frame(self.device, buffers.memory, frame, self.program.layout.spec.inputs)
+            aovs = self._aovs.upload(frame, next_history) if blends_aovs else None
             params = step_params(
                 frame, history, has_reactive=frame.reactive is not None, adds_samples=adds_samples,
-                writes_aux=bool(names), skip=skip,
+                writes_aux=bool(names) or blends_aovs, skip=skip,
             )  # fmt: skip
             encoder = self.device.create_command_encoder()
-            target = {"image": buffers.image.buffer}
-            self._encode(encoder, ARRAYS, params, history, next_history, target, buffers)
+            self._encode(encoder, ARRAYS, params, history, next_history, {}, buffers)
+            if aovs is not None:
+                self._aovs.encode(encoder, frame, history, aovs, buffers.resources)
+                next_history.aovs = aovs
             buffers.image.encode(encoder)
             if names:
                 buffers.aux.encode(encoder)
             self.device.queue.submit([encoder.finish()])
             buffers.image.copy_to(image)
-            if not names:
-                return StepReport({})
-            values = np.empty((*image.shape[:2], len(AUX)), np.float32)
-            buffers.aux.copy_to(values)
-            return StepReport(
-                {name: np.ascontiguousarray(values[None, None, ..., AUX.index(name)]) for name in names}
-            )
+            outputs = {} if aovs is None else {"aovs": next_history.tensor("aovs")}
+            if names:
+                values = np.empty((*image.shape[:2], len(AUX)), np.float32)
+                buffers.aux.copy_to(values)
+                outputs |= {
+                    name: np.ascontiguousarray(values[None, None, ..., AUX.index(name)]) for name in names
+                }
+            return StepReport(outputs)
 
     def encode(
         self,
@@ -264,13 +205,13 @@ class GpuExecutor:
         """Encode all passes; `inputs` are the caller's images, which replace those of `buffers`."""
         render = int(params[0]), int(params[1])
         resources: dict[str, Resource] = {
-            "params": buffers.params,
-            "aux": buffers.aux.buffer,
-            **{name: memory.resource for name, memory in (*self.weights.items(), *buffers.memory.items())},
+            **buffers.resources,
+            **{name: memory.resource for name, memory in self.weights.items()},
             **{f"history_{name}": memory.resource for name, memory in history.memory.items()},
             **{f"next_{name}": memory.resource for name, memory in next_history.memory.items()},
             **inputs,
         }
+        next_history.aovs = None
         if next_history.follow(history):
             source, target = (one.memory[SIGNATURES].resource for one in (history, next_history))
             encoder.copy_buffer_to_buffer(source, 0, target, 0, target.size)

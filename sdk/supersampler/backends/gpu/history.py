@@ -1,5 +1,6 @@
 """History on the device: planes of pixels in textures and buffers, and values per frame."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -152,6 +153,13 @@ def _image_of(tensor: str, values: NDArray[Any], channel: int) -> NDArray[Any]:
     return image
 
 
+class BlendedAovs(NamedTuple):
+    """AOVs at display size: a buffer of float32, (channels, H, W)."""
+
+    channels: int
+    memory: Memory
+
+
 @dataclass(eq=False)
 class GpuHistory:
     """Buffers of a history, initially zeros, which mean no history.
@@ -162,6 +170,7 @@ class GpuHistory:
         display: (width, height) of the images.
         render: (width, height) of the previous frame.
         memory: memory of each plane, and of "state", the values per frame.
+        aovs: blended AOVs; None if they were not requested.
         step: identity of the step that wrote it.
         previous: identity of the step before that one.
     """
@@ -171,6 +180,7 @@ class GpuHistory:
     display: Size
     render: Size
     memory: dict[str, Memory] = field(init=False)
+    aovs: BlendedAovs | None = None
     step: object = field(default_factory=object)
     previous: object = None
 
@@ -193,6 +203,10 @@ class GpuHistory:
     def tensor(self, name: str) -> Float32:
         """Return a history tensor of the contract (`history.NAME` or NAME), NCHW."""
         name = name.removeprefix("history.")
+        if name == "aovs" and self.aovs is not None:
+            shape = 1, self.aovs.channels, *self.display[::-1]
+            values = read_back(self.device, self.aovs.memory).view(np.float32)
+            return values[: math.prod(shape)].reshape(shape)  # without padding
         if name in _STATE_TENSORS:
             values = read_back(self.device, self.memory[STATE])[_STATE_TENSORS[name]].view(np.float32)
             return values.copy().reshape(sized(self.layout.spec.history[name], {}))
@@ -211,7 +225,7 @@ class GpuHistory:
         return planes[None]
 
     def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
-        """Fill the buffers from all history tensors of the contract."""
+        """Fill the buffers from all history tensors of the contract, and from those of AOVs, if any."""
         tensors = {name.removeprefix("history."): tensor for name, tensor in tensors.items()}
         self.step, self.previous = object(), None
         state = np.zeros(STATE_VALUES, np.float32)
@@ -219,6 +233,11 @@ class GpuHistory:
             if name in tensors:
                 state[part] = tensors[name].reshape(-1)
         write_to(self.device, self.memory[STATE], state)
+        self.aovs = None
+        if "aovs" in tensors:
+            memory = allocate(self.device, PixelBuffer(tensors["aovs"].nbytes))
+            write_to(self.device, memory, tensors["aovs"])
+            self.aovs = BlendedAovs(tensors["aovs"].shape[1], memory)
         for name, plane in self.layout.planes.items():
             width, height = self.layout.size(name, self.display, self.render)
             pixels = np.zeros((height, width, plane.words if plane.codec is None else 8), np.float32)

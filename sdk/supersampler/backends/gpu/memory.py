@@ -160,6 +160,10 @@ class PixelBuffer(NamedTuple):
         """Return the bytes of all pixels; see `SizeRule.size`."""
         return self.bytes * math.prod(self.extent.size(render, display))
 
+    def buffer_bytes(self, render: Size, display: Size) -> int:
+        """Return the size of the buffer: a multiple of four, and at least 16."""
+        return max(-(-self.total_bytes(render, display) // 4) * 4, 16)
+
 
 class PixelTexture(NamedTuple):
     """A texture of an extent, of a format in TEXELS."""
@@ -180,7 +184,20 @@ def allocate(
 ) -> Memory:
     """Allocate zeros for these sizes; see `SizeRule.size`."""
     if isinstance(memory, PixelBuffer):
-        size = max(-(-memory.total_bytes(render, display) // 4) * 4, 16)
+        size = memory.buffer_bytes(render, display)
         return Memory(device.create_buffer(size=size, usage=_STORAGE | _UNIFORM | _COPY_SRC | _COPY_DST))
     texture = new_texture(device, memory.extent.size(render, display), memory.format)
     return Memory(texture.create_view(), texture)
+
+
+def kept_buffer(
+    device: "wgpu.GPUDevice",
+    known: Memory | None,
+    memory: PixelBuffer,
+    render: Size = (1, 1),
+    display: Size = (1, 1),
+) -> Memory:
+    """Return `known` if it has the size of `memory`, else a new buffer."""
+    if known is not None and known.resource.size == memory.buffer_bytes(render, display):
+        return known
+    return allocate(device, memory, render, display)

@@ -2,6 +2,11 @@
 
 from supersampler.methods.spec import CHANNELS, DISPLAY, MethodSpec
 
+SIGMA = 0.35
+"""Gaussian that upsamples this frame, render pixels."""
+MIN_CERTAINTY = 1e-3
+"""Sum of the weights of a channel's samples below which they are missing: the history is kept."""
+
 AOVS = MethodSpec(
     name="aovs",
     source="Guo, Chen, Dong and Tong 2022: one weight for all channels of a pixel",

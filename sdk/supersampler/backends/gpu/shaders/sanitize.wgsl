@@ -10,6 +10,14 @@ fn all_valid(color: vec3f) -> bool {
     return all((bitcast<vec3u>(color) & vec3u(~SIGN)) <= vec3u(INFINITY_BITS));
 }
 
+fn is_number(value: f32) -> bool { return (bitcast<u32>(value) & ~SIGN) <= INFINITY_BITS; }
+
+// Clamp to [-65504, 65504], infinity included.
+fn limited(value: f32) -> f32 {
+    let bits = bitcast<u32>(value);
+    return select(value, bitcast<f32>((bits & SIGN) | MAX_HALF_BITS), (bits & ~SIGN) > MAX_HALF_BITS);
+}
+
 // Clamp to [0, 65504], infinity included; NaN becomes 0.
 fn sanitize(color: vec3f) -> vec3f { return vec3f(sanitize1(color.r), sanitize1(color.g), sanitize1(color.b)); }
 

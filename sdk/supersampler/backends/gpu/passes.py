@@ -1,0 +1,84 @@
+"""Compiled passes, and the pipelines and bind groups that they keep."""
+
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+from supersampler.backends.gpu.shader import Shader
+
+if TYPE_CHECKING:
+    import wgpu
+
+Resource = Any
+"""A buffer or a texture view."""
+MAX_GROUPS = 16
+"""Bind groups that a pass caches, the most recently used ones."""
+_pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
+_lock = Lock()
+
+
+class Pass:
+    """A compiled shader.
+
+    Args:
+        device: the device.
+        shader: the shader.
+        tile: (x, y) pixels of a workgroup.
+        names: resource of each variable that has another name than its resource.
+    """
+
+    def __init__(
+        self, device: "wgpu.GPUDevice", shader: Shader, tile: tuple[int, int], names: Mapping[str, str]
+    ) -> None:
+        self.shader, self.tile = shader, tile
+        self._device, self._names = device, names
+        self._pipeline, self._layouts = _pipeline(device, shader)
+        self._bindings = [list(group) for _, group in groupby(shader.bindings, key=lambda b: b.group)]
+        self._groups: OrderedDict[tuple[int, ...], tuple[list[Resource], Any]] = OrderedDict()
+
+    def encode(
+        self, encoder: "wgpu.GPUComputePassEncoder", resources: Mapping[str, Resource], size: Sequence[int]
+    ) -> None:
+        """Dispatch workgroups that cover `size`, (width, height), on these resources by name."""
+        encoder.set_pipeline(self._pipeline)
+        for number, bindings in enumerate(self._bindings):
+            bound = [resources[self._names.get(b.name, b.name)] for b in bindings]
+            encoder.set_bind_group(number, self._bind_group(number, bindings, bound))
+        across, down = (-(-extent // side) for extent, side in zip(size, self.tile, strict=True))
+        encoder.dispatch_workgroups(across, down)
+
+    def _bind_group(self, number: int, bindings: Sequence[Any], bound: list[Resource]) -> Any:
+        key = (number, *map(id, bound))
+        if key in self._groups:
+            self._groups.move_to_end(key)
+            return self._groups[key][1]
+        entries = [
+            {"binding": b.index, "resource": resource if b.is_texture else {"buffer": resource}}
+            for b, resource in zip(bindings, bound, strict=True)
+        ]
+        group = self._device.create_bind_group(layout=self._layouts[number], entries=entries)
+        self._groups[key] = bound, group  # `bound` keeps the ids from being used again
+        if len(self._groups) > MAX_GROUPS:
+            self._groups.popitem(last=False)
+        return group
+
+
+def _pipeline(device: "wgpu.GPUDevice", shader: Shader) -> tuple[Any, list[Any]]:
+    with _lock:
+        known = _pipelines.setdefault(device, {})
+        if shader.code not in known:
+            layouts = [
+                device.create_bind_group_layout(entries=[b.layout() for b in group])
+                for _, group in groupby(shader.bindings, key=lambda b: b.group)
+            ]
+            module = device.create_shader_module(label=shader.name, code=shader.code)
+            pipeline = device.create_compute_pipeline(
+                label=shader.name,
+                layout=device.create_pipeline_layout(bind_group_layouts=layouts),
+                compute={"module": module, "entry_point": "main"},
+            )
+            known[shader.code] = pipeline, layouts
+        return known[shader.code]
