@@ -12,4 +12,5 @@ WITHOUT_GBUFFERS = [
 """Methods that upscale frames without G-buffers."""
 WITH_KERNELS = [name for name in WITHOUT_GBUFFERS if methods()[name].cpu and methods()[name].history]
 """Temporal ones of these, on the CPU backend."""
-WITH_SHADERS = with_shaders()
+WITH_SHADERS = with_shaders(gbuffers=False)
+"""Methods without G-buffers on the GPU backend."""

@@ -67,7 +67,7 @@ def export(
         if weights is not None:
             hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."
             raise ArgumentError("--weights", got=weights, want="none with --target", hint=hint)
-        names = with_shaders() if method == "all" else [method]
+        names = with_shaders(gbuffers=target != "npm") if method == "all" else [method]
         if target == "npm":
             from supersampler.integrations.web import package_files, write_site
 

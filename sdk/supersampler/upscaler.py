@@ -492,6 +492,8 @@ class Upscaler:
             images: images by name, on the model's device, in the units of `Frame`: "color" (RGB), "depth"
                 (R), "motion" (RG), optionally "reactive" (R). Either textures of a float format, with
                 TEXTURE_BINDING, or buffers of float32, with STORAGE: the arrays of a `Frame`, row by row.
+                G-buffers that the method reads are textures in either case, by the names of the contract:
+                "gbuffer_normal", "gbuffer_display_depth".
             jitter: see `Frame`.
             exposure: see `Frame`.
             pre_exposure: see `Frame`.
@@ -535,7 +537,13 @@ class Upscaler:
         is not submitted. See `step_textures` for arguments, result and errors.
         """
         # other backends do not need it
-        from supersampler.backends.gpu.frame import DeviceFrame, check_encoder, checked_images, checked_target
+        from supersampler.backends.gpu.frame import (
+            DeviceFrame,
+            check_encoder,
+            checked_gbuffers,
+            checked_images,
+            checked_target,
+        )
 
         self._check_open()
         started, gpu = time.perf_counter(), self.model.gpu
@@ -552,6 +560,7 @@ class Upscaler:
         reset = checked_reset(reset)
         values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
         display = self._display_size_for(size)
+        given |= checked_gbuffers(images, names, size, display, gpu.device)
         image = gpu.new_image(display) if out is None else checked_target(out, display, gpu.device)
         history = self._history(size, reset=reset)
         next_history = self.model.encode(

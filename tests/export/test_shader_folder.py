@@ -24,16 +24,8 @@ from supersampler.methods.model_file import read_upscaling_info
 from supersampler_export.shaders.folder import write_shader_folder
 
 METHODS = with_shaders()
-SHADERS = [
-    Path(str(files("supersampler"))) / folder / "shaders"
-    for folder in (
-        "backends/gpu",
-        "methods/taa",
-        "methods/taau",
-        "methods/classifier",
-        "methods/classifier_large",
-    )
-]
+PACKAGE = Path(str(files("supersampler")))
+SHADERS = [PACKAGE / "backends/gpu/shaders", *sorted((PACKAGE / "methods").glob("*/shaders"))]
 
 
 @pytest.fixture(scope="module")

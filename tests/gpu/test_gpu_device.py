@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import METHODS, device_or_skip, model, moving
+from gpu_steps import device_or_skip, model, moving
 from supersampler import Frame, Upscaler
 from supersampler.backends.gpu import device as devices
 from supersampler.backends.gpu.device import LIMITS, SIZES, TEXTURE_SIDE
@@ -18,6 +18,7 @@ from supersampler.backends.gpu.passes import Pass
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
 from supersampler.backends.gpu.shader import reachable_code
 from supersampler.errors import ArgumentError, DeviceError
+from supersampler.methods.executors import with_shaders
 from supersampler.model import Model
 
 SDK = Path(devices.__file__).parents[2]
@@ -36,7 +37,7 @@ def own_device(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def all_passes() -> Iterator[tuple[PassSpec, Pass]]:
-    for method in METHODS:
+    for method in with_shaders():
         for variants in (ARRAYS, TEXTURES):
             executor = model(method).gpu
             yield from zip(executor.program.passes, executor.passes(variants), strict=True)

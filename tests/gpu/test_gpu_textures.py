@@ -7,17 +7,19 @@ import numpy as np
 import pytest
 
 from gpu_steps import DISPLAY, RENDER, device_or_skip, make, moving
-from supersampler import Frame, Upscaler
+from supersampler import Upscaler
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.model import Model
-
-FORMATS = {
-    "color": ("rgba32float", 4),
-    "depth": ("r32float", 1),
-    "motion": ("rg32float", 2),
-    "reactive": ("r32float", 1),
-}
-SAMPLED, COPY_DST, COPY_SRC, STORED, STORAGE = 4, 2, 1, 8, 128
+from texture_frames import (
+    COPY_DST,
+    SAMPLED,
+    STORAGE,
+    STORED,
+    buffers_of,
+    pixels_of,
+    texture_of,
+    textures_of,
+)
 
 
 @pytest.fixture(scope="module")
@@ -29,37 +31,6 @@ def device() -> Any:
 @pytest.fixture(scope="module")
 def ours(device: Any) -> Model:
     return Model.load("taau", executor="gpu", device=device)
-
-
-def texture_of(device: Any, image: Any, texel: str, channels: int) -> Any:
-    height, width = image.shape[:2]
-    values = np.ones((height, width, channels), np.float32)
-    values[..., : np.atleast_3d(image).shape[2]] = np.atleast_3d(image)
-    texture = device.create_texture(size=(width, height, 1), format=texel, usage=SAMPLED | COPY_DST)
-    layout = {"bytes_per_row": values.strides[0], "rows_per_image": height}
-    device.queue.write_texture({"texture": texture}, values, layout, (width, height, 1))
-    return texture
-
-
-def textures_of(device: Any, frame: Frame) -> dict[str, Any]:
-    given = {name: getattr(frame, name) for name in FORMATS}
-    return {name: texture_of(device, a, *FORMATS[name]) for name, a in given.items() if a is not None}
-
-
-def buffers_of(device: Any, frame: Frame) -> dict[str, Any]:
-    return {
-        name: device.create_buffer_with_data(
-            data=np.ascontiguousarray(getattr(frame, name), np.float32), usage=STORAGE
-        )
-        for name in FORMATS
-        if getattr(frame, name) is not None
-    }
-
-
-def pixels_of(device: Any, texture: Any) -> np.ndarray[Any, Any]:
-    width, height = texture.size[:2]
-    data = device.queue.read_texture({"texture": texture}, {"bytes_per_row": 8 * width}, (width, height, 1))
-    return np.frombuffer(data, np.float16).reshape(height, width, 4)[..., :3].astype(np.float32)
 
 
 @pytest.mark.parametrize("kind", [textures_of, buffers_of])

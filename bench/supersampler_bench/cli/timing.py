@@ -48,7 +48,7 @@ def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) ->
 
 
 def traffic(
-    methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large",
+    methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large,gbuffer-fast",
     display_size: DISPLAY_SIZE = "3840x2160",
     ratio: RATIOS = "2,4",
     json: JSON = None,

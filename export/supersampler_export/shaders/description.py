@@ -7,9 +7,11 @@ from typing import Any, NamedTuple
 
 from supersampler import __version__
 from supersampler.backends.gpu.device import LIMITS
-from supersampler.backends.gpu.memory import DISPLAY, RENDER, PixelBuffer, PixelMemory, PixelTexture, SizeRule
+from supersampler.backends.gpu.frame import frame_memory
+from supersampler.backends.gpu.memory import DISPLAY, PixelBuffer, PixelMemory, PixelTexture, SizeRule
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Shader
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_info import ModelInfo
 from supersampler_export.shaders import texts
 
@@ -82,7 +84,7 @@ def described(
         "requires": _requires(program, passes),
         "inputs": [
             {"name": name, "resource": f"frame_{name}", **texts.INPUTS[name]}
-            | ({} if images == "textures" else {"formats": ["float32"]})
+            | ({"formats": ["float32"]} if images == "buffers" and name not in GBUFFERS else {})
             for name in inputs
         ],
         "output": {
@@ -159,10 +161,10 @@ def _resources(program: GpuProgram, images: str, used: Mapping[str, str]) -> Ite
     for name, one in program.work.items():
         yield {"name": name, "role": "work", **_memory(one)}
     yield {"name": "aux", "role": "aux", **_memory(program.outputs["aux"])}
-    for name, about in texts.INPUTS.items():
-        memory = PixelBuffer(4 * about["channels"], RENDER)
-        given = {"kind": "texture", "size": _size(RENDER)} if images == "textures" else _memory(memory)
-        yield {"name": f"frame_{name}", "role": "frame", **given}
+    for name, one in frame_memory(program.layout.spec.inputs).items():
+        in_texture = images == "textures" or isinstance(one, PixelTexture)
+        given = {"kind": "texture", "size": _size(one.extent)} if in_texture else _memory(one)
+        yield {"name": name, "role": "frame", **given}
     image = PixelTexture(DISPLAY, "rgba16float") if images == "textures" else program.outputs["image"]
     yield {"name": "image", "role": "image", **_memory(image)}
 

@@ -2,6 +2,32 @@
 
 from typing import Any
 
+_BASE_COLOR: dict[str, Any] = {
+    "channels": 3,
+    "unit": "linear base colour",
+    "range": [0.0, 1.0],
+    "invalid": "NaN and values out of range count as 0",
+    "formats": ["rgba8unorm", "rgba16float", "rgba32float"],
+}
+_NORMAL: dict[str, Any] = {
+    "channels": 3,
+    "unit": "unit normal in world space; 0 at the sky",
+    "range": [-1.0, 1.0],
+    "invalid": "NaN and values out of range count as 0",
+    "formats": ["rgba16float", "rgba32float"],
+}
+
+
+def _of_render(about: dict[str, Any]) -> dict[str, Any]:
+    """Return the input at render size; G-buffers are textures, also where the other images are in buffers."""
+    return {**about, "sampling": "where the colour was"}
+
+
+def _of_display(about: dict[str, Any]) -> dict[str, Any]:
+    """Return the input at display size."""
+    return {**about, "sampling": "at the centres of the display's pixels, without jitter"}
+
+
 INPUTS: dict[str, dict[str, Any]] = {
     "color": {
         "channels": 3,
@@ -41,6 +67,19 @@ INPUTS: dict[str, dict[str, Any]] = {
         "optional": "without a mask set params.has_reactive = 0, and bind a texture of 1x1 or a buffer of "
         "16 bytes",
     },
+    "gbuffer_base_color": _of_render(_BASE_COLOR),
+    "gbuffer_normal": _of_render(_NORMAL),
+    "gbuffer_display_base_color": _of_display(_BASE_COLOR),
+    "gbuffer_display_normal": _of_display(_NORMAL),
+    "gbuffer_display_depth": _of_display(
+        {
+            "channels": 1,
+            "unit": "as depth, with the same constant",
+            "range": [0.0, 1e30],
+            "invalid": "NaN, Inf and negative values prove no disocclusion",
+            "formats": ["r32float", "depth32float"],
+        }
+    ),
 }
 """Images of a frame; a buffer holds float32 values, row by row from the top, channels side by side."""
 

@@ -64,7 +64,7 @@ def package_files(
     """Return the files of the npm package: its modules, and a module for each method.
 
     Args:
-        names: methods with shaders.
+        names: methods with shaders, without G-buffers.
         shader_files: returns the shaders of a method by name: `supersampler_export.shaders.folder`.
     """
     page = page_files()
@@ -99,7 +99,7 @@ def site_files(
     files["index.html"] = partial(_with_methods, found["index.html"])
     for index in shot.reference_indices:
         files[f"shot/reference/{index:04d}.exr"] = cache(partial(_reference, shot, index))
-    return {**files, **_models(with_shaders(), shader_files)}
+    return {**files, **_models(with_shaders(gbuffers=False), shader_files)}
 
 
 def write_site(folder: Path, files: SiteFiles) -> None:
@@ -158,7 +158,7 @@ def _content(path: Path) -> bytes:
 
 def _with_methods(page: Path) -> bytes:
     """Return the page with an option for each method that has shaders; methods with a network come first."""
-    names = sorted(with_shaders(), key=lambda name: not methods()[name].task)
+    names = sorted(with_shaders(gbuffers=False), key=lambda name: not methods()[name].task)
     options = "".join(f"<option>{name}</option>" for name in names)
     return _content(page).replace(b"<!-- methods -->", options.encode())
 

@@ -13,6 +13,7 @@ from supersampler.backends.cpu.model_bytes import model_bytes
 from supersampler.backends.onnx.executor import OnnxExecutor, OnnxExtrapolation
 from supersampler.backends.onnx.runtime import CPU
 from supersampler.errors import ArgumentError, BackendWarning, LibraryError
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.registry import find_method, load, methods
 from supersampler.methods.spec import MethodSpec, constants_of, flags_of
@@ -91,9 +92,16 @@ def gpu_program(info: ModelInfo) -> "GpuProgram | None":
     return program
 
 
-def with_shaders() -> list[str]:
-    """Return the names of the shipped methods that have shaders."""
-    return [name for name, spec in methods().items() if spec.gpu and spec.ships]
+def with_shaders(*, gbuffers: bool = True) -> list[str]:
+    """Return the names of the shipped methods that have shaders.
+
+    `gbuffers`: also those that read G-buffers.
+    """
+    return [
+        name
+        for name, spec in methods().items()
+        if spec.gpu and spec.ships and (gbuffers or GBUFFERS.keys().isdisjoint(spec.inputs))
+    ]
 
 
 def _gpu_executor(info: ModelInfo, precision: Precision, device: "wgpu.GPUDevice | None") -> Executor:

@@ -17,7 +17,7 @@ from supersampler.backends.gpu.frame import (
     IMAGE_FORMAT,
     PARAMS,
     DeviceFrame,
-    frame_buffers,
+    frame_memory,
     is_texture,
     step_params,
     upload_frame,
@@ -237,7 +237,7 @@ class GpuExecutor:
                 f"an image of {display} needs {size} bytes in one binding; the device's limit is {limit}: "
                 f"at most {limit // 12} pixels"
             )
-        memory = {**frame_buffers(self.program.layout.spec.inputs), **self.program.work}
+        memory = {**frame_memory(self.program.layout.spec.inputs), **self.program.work}
         return StepBuffers(
             allocate(self.device, PixelBuffer(4 * PARAMS)).resource,
             {name: allocate(self.device, each, render, display) for name, each in memory.items()},

@@ -5,12 +5,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.backends.gpu.history import GpuHistory
-from supersampler.backends.gpu.memory import RENDER, Memory, PixelBuffer, PixelMemory, write_to
+from supersampler.backends.gpu.memory import (
+    DISPLAY,
+    RENDER,
+    Memory,
+    PixelBuffer,
+    PixelMemory,
+    PixelTexture,
+    write_to,
+)
 from supersampler.errors import ArgumentError, FrameError, shown
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.display import usable_exposure
+from supersampler.methods.gbuffers import GBUFFERS, arrays_by_name
 
 if TYPE_CHECKING:
     import wgpu
@@ -40,19 +50,41 @@ def step_params(
     return np.array([*sizes, *values, *flags, 0.0, 0.0], np.float32)
 
 
-def frame_buffers(names: Collection[str]) -> dict[str, PixelMemory]:
-    """Return the buffers of the images that a method reads, by the names that shaders use."""
-    return {f"frame_{name}": PixelBuffer(4 * n, RENDER) for name, n in CHANNELS.items() if name in names}
+def frame_memory(names: Collection[str]) -> dict[str, PixelMemory]:
+    """Return the memory of the images that a method reads, by the names that shaders use.
+
+    G-buffers are in textures, because a pass may have no more than eight storage buffers.
+    """
+    buffers = {f"frame_{name}": PixelBuffer(4 * n, RENDER) for name, n in CHANNELS.items() if name in names}
+    textures = {
+        f"frame_{name}": PixelTexture(
+            DISPLAY if place.of_display else RENDER, "r32float" if place.channels == 1 else "rgba16float"
+        )
+        for name, place in GBUFFERS.items()
+        if name in names
+    }
+    return {**buffers, **textures}
 
 
 def upload_frame(
     device: "wgpu.GPUDevice", memory: Mapping[str, Memory], frame: Frame, names: Collection[str]
 ) -> None:
     """Copy the images of a frame that the method reads to the device."""
-    for name in CHANNELS:
-        image: Any = getattr(frame, name)
-        if name in names and image is not None:
+    for name, image in arrays_by_name(frame).items():
+        if name in names and name in GBUFFERS:
+            write_to(device, memory[f"frame_{name}"], _texels(image))
+        elif name in names:
             write_to(device, memory[f"frame_{name}"], np.asarray(image, np.float32))
+
+
+def _texels(gbuffer: Array) -> NDArray[np.floating[Any]]:
+    """Return a G-buffer in the format of its texture: float32, or vectors as four half floats."""
+    if gbuffer.ndim == 2:
+        return gbuffer.astype(np.float32)[..., None]
+    texels = np.zeros((*gbuffer.shape[:2], 4), np.float16)
+    with np.errstate(over="ignore"):
+        texels[..., :3] = gbuffer
+    return texels
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +92,8 @@ class DeviceFrame:
     """A frame on the GPU.
 
     Attributes:
-        images: textures or buffers by name: "color", "depth", "motion", optionally "reactive".
+        images: textures or buffers by name: "color", "depth", "motion", optionally "reactive"; textures of
+            G-buffers.
         size: (width, height).
         jitter: see `Frame`.
         exposure: see `Frame`.
@@ -76,7 +109,7 @@ class DeviceFrame:
     @property
     def in_textures(self) -> bool:
         """Whether the images are textures."""
-        return all(is_texture(image) for image in self.images.values())
+        return is_texture(self.images["color"])
 
 
 def is_texture(image: object) -> bool:
@@ -111,6 +144,22 @@ def checked_images(
     for name, image in given.items():
         _check_image(name, image, size, device)
     return given, size
+
+
+def checked_gbuffers(
+    images: Mapping[str, Any], names: Sequence[str], render: Size, display: Size, device: "wgpu.GPUDevice"
+) -> dict[str, Any]:
+    """Return the textures of the G-buffers that a method reads; `names` are its inputs.
+
+    Raises:
+        FrameError: a texture is missing, of another device, or has a wrong size, format or usage.
+    """
+    given = {name: images.get(name) for name in names if name in GBUFFERS}
+    for name, image in given.items():
+        if not is_texture(image):
+            raise FrameError(name, got=shown(image), want="a wgpu texture")
+        _check_image(name, image, display if GBUFFERS[name].of_display else render, device)
+    return given
 
 
 def checked_target(image: Any, display: Size, device: "wgpu.GPUDevice") -> Any:

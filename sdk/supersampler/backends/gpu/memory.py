@@ -18,6 +18,7 @@ ROW = 256
 """Bytes to which each row is padded when a texture is copied to a buffer."""
 TEXELS = {
     "rgba32float": 16, "rgba32uint": 16, "rgba16float": 8, "rg32float": 8, "rg32uint": 8, "r32uint": 4,
+    "r32float": 4,
 }  # fmt: skip
 """Bytes of a pixel, by format."""
 # WebGPU's usage flags

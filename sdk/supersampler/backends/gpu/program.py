@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.frame import frame_buffers
+from supersampler.backends.gpu.frame import frame_memory
 from supersampler.backends.gpu.history import PHASE_TABLE, HistoryLayout, HistoryPlane, of_plane
 from supersampler.backends.gpu.memory import (
     BLOCKS,
@@ -103,7 +103,7 @@ class GpuProgram:
         return {
             **{f"history_{name}": memory for name, memory in self.layout.memory("previous").items()},
             **{f"next_{name}": memory for name, memory in self.layout.memory("render").items()},
-            **frame_buffers(self.layout.spec.inputs),
+            **frame_memory(self.layout.spec.inputs),
             **self.work,
             **self.outputs,
         }

@@ -60,6 +60,7 @@ GBUFFER_FAST = register(
         task="supersampler_model.training.classifier_tasks:GuidedTask",
         weights="gbuffer-fast.safetensors",
         cpu="gbuffer-fast",
+        gpu="supersampler.methods.gbuffer_fast.gpu:guided_program",
         kernel_files=CLASSIFIER.kernel_files,
     )
 )

@@ -22,11 +22,13 @@ fn load_samples(origin: vec2i, thread: i32) {
     }
 }
 
-// Toned RGB, filled where the sample is missing; 1 where it is usable.
-fn tile_sample(p: vec2i) -> vec4f {
+fn tile_index(p: vec2i) -> i32 {
     let q = clamp(p - tile_first, vec2i(0), vec2i(SAMPLES_ACROSS, SAMPLES_DOWN) - 1);
-    return sample_tile[q.y * SAMPLES_ACROSS + q.x];
+    return q.y * SAMPLES_ACROSS + q.x;
 }
+
+// Toned RGB, filled where the sample is missing; 1 where it is usable.
+fn tile_sample(p: vec2i) -> vec4f { return sample_tile[tile_index(p)]; }
 
 // Toned RGB, and 1 where the sample is usable; zeros where it is not.
 fn usable_tile_sample(p: vec2i) -> vec4f {

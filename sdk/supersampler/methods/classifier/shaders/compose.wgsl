@@ -2,13 +2,12 @@
 // Same as `Classifier.finish`.
 // import params
 // import state
-// import edges
 // import current_frame
 // import warped_history
 // import unexplained_light
 // import variance_box
 // import decode
-// import frame
+// import frame_colors
 // import tiles
 // import show
 
@@ -64,31 +63,9 @@ fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility:
         sum = add(sum, other * exp(parameter(blend, 1u)), clipped);
     }
     if (OWN_MOTION) {
-        let motion = usable_motion(motion_at(nearest(render_position(p))));
-        let own = resample_linear(history_pixels, reproject(p, motion).at).rgb;
-        let toned = toned_history(own, exposure_of(next_state));
-        sum = add(sum, other * exp(parameter(blend, COLORS - 4u)), toned);
+        sum = add(sum, other * exp(parameter(blend, COLORS - 4u)), own_history(p));
     }
     return sum;
-}
-
-// The 3x3 samples around under a learned kernel: sum of weighted colours and of weights.
-fn filter_samples(at: vec2f, blend: ptr<function, array<vec4f, QUADS>>) -> Sum {
-    let center = nearest(at);
-    var sum = Sum(vec3f(0.0), 0.0);
-    /* unroll */ for (var k = 0; k < 9; k++) {
-        let q = center + vec2i(k % 3, k / 3) - 1;
-        let distance = vec2f(q) - at;
-        let initial = gaussian1(distance.x, KERNEL_SIGMA) * gaussian1(distance.y, KERNEL_SIGMA) + MIN_KERNEL_WEIGHT;
-        let tap = usable_tile_sample(q);
-        sum = add(sum, tap.a * initial * exp(parameter(blend, KERNEL_AT + u32(k))), tap.rgb);
-    }
-    return sum;
-}
-
-// The network's image of one frame, its luma averaged with that upsampled along edges.
-fn along_edges(color: vec3f, luma: f32) -> vec3f {
-    return clamp(color + 0.5 * (luma - ycocg(color).x), vec3f(0.0), vec3f(MAX_TONED));
 }
 
 // Range of luma after this frame's sample, and the number of frames with glare.
@@ -104,24 +81,24 @@ fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, gl
 fn compose(p: vec2i, corner: u32, thread: u32, rests: bool) {
     var blend = blend_parameters(thread, corner);
     let at = render_position(p);
-    let depth = closest_at(dilated, upper_left(at)).depth;
     let there = previous_position(p);
     let exposure = exposure_of(next_state);
     let now = gather_current(at);
     let before = gather_history(history_pixels, there, exposure);
-    let visibility = gather_surface(there, depth).visibility;
+    let visibility = visibility_at(p, at, there);
+    let frame = frame_at(p, now);
     if (corner == 0u && !rests) {
         next_classes[index_of(p / 2, (display_size() + 1) / 2)] = class_bytes(thread, before.samples > 0.0);
     }
 
     var history = blend_history(p, now, before, visibility, &blend);
-    let filtered = filter_samples(at, &blend);
-    let learned = select(now.frame, filtered.color / max(filtered.weight, 1e-12), filtered.weight > 1e-9);
-    let sampled_here = select(0.0, 1.0, filtered.weight > 0.0);
+    let filtered = filter_frame(p, at, &blend);
+    let learned = select(frame, filtered.color / max(filtered.weight, 1e-12), filtered.weight > 1e-9);
+    let sampled_here = select(0.0, 1.0, is_sampled_at(p, filtered));
     let sampled = sampled_here * (now.confidence + MIN_PRIOR);
     var current = Sum(vec3f(0.0), 0.0);
     current = add(current, sampled * exp(parameter(&blend, COLORS - 3u)), now.sample);
-    current = add(current, FRAME_PRIOR * sampled_here * exp(parameter(&blend, COLORS - 2u)), now.frame);
+    current = add(current, FRAME_PRIOR * sampled_here * exp(parameter(&blend, COLORS - 2u)), frame);
     current = add(current, FRAME_PRIOR * sampled_here * exp(parameter(&blend, COLORS - 1u)), learned);
     let alpha = textureLoad(samples, nearest(at), 0).a;
     let reactive = mask_in(alpha);
@@ -132,8 +109,8 @@ fn compose(p: vec2i, corner: u32, thread: u32, rests: bool) {
     }
     let weights = history.weight + current.weight;
     let total = max(weights, 1e-12);
-    var toned = select(now.frame, (history.color + current.color) / total, weights > 0.0);
-    if (before.samples * visibility <= 0.0) { toned = along_edges(toned, upsample_along_edges(at)); }
+    var toned = select(frame, (history.color + current.color) / total, weights > 0.0);
+    if (before.samples * visibility <= 0.0) { toned = frame_alone(toned, at); }
     let image = bounded(inverse_tone(toned) / exposure);
 
     let odds = history.weight / max(current.weight, 1e-12) * (sampled + 2.0 * FRAME_PRIOR * sampled_here);
@@ -181,6 +158,7 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: 
         return;
     }
     load_samples(origin, i32(thread));
+    load_colors(origin, i32(thread));
     workgroupBarrier();
     if (!inside(first, display_size())) { return; }
     hide(first / 2, thread);

@@ -6,6 +6,7 @@
 // import warped_history
 // import unexplained_light
 // import tiles
+// import pixel_surface
 
 const SIDE = 16;
 const PIXELS_ACROSS = SIDE;
@@ -29,6 +30,8 @@ var<workgroup> apart: array<f32, SIDE * SIDE>;
 fn root(value: f32) -> f32 { return sqrt(max(value, 1e-6)); }
 fn roots(color: vec3f) -> vec3f { return sqrt(max(color, vec3f(1e-6))); }
 
+fn tile_rests(p: vec2i) -> bool { return atomicLoad(&tiles[2u * tile_of(p)]) != 0u; }
+
 fn luma_index(p: vec2i, origin: vec2i) -> i32 {
     let q = clamped(p, display_size()) - origin + 1;
     return q.y * WIDE + q.x;
@@ -50,30 +53,27 @@ fn history_contrast(p: vec2i, origin: vec2i) -> vec2f {
 //   there, before: of the pixel in the previous frame
 fn write_inputs(p: vec2i, origin: vec2i, there: Reprojection, before: WarpedHistory) -> f32 {
     let at = render_position(p);
-    let depth = closest_at(dilated, upper_left(at)).depth;
     let now = gather_current(at);
-    let surface = gather_surface(there, depth);
+    let seen = pixel_surface(p, origin, at, now, there, before);
 
     let luma_now = luminance(now.sample);
-    if (luma_now > now.first.x + CONTRAST && light_rises(luma_now, before, surface.visibility)) {
-        if (atomicLoad(&tiles[2u * tile_of(p)]) == 0u) { atomicAdd(&tiles[1], 1u); }
+    if (luma_now > now.first.x + CONTRAST && light_rises(luma_now, before, seen.surface.visibility)) {
+        if (!tile_rests(p)) { atomicAdd(&tiles[1], 1u); }
     }
-    let frame = roots(now.frame);
+    let frame = roots(seen.frame);
     let sample = roots(now.sample);
     let history = roots(before.color);
     let luma = luminance(sample);
     let history_luma_here = luminance(history);
     let around = history_contrast(p, origin);
     let contrast = largest(now.second - now.first * now.first);
-    let edge = closest_at(dilated, nearest(at)).edge;
     textureStore(inputs, p, vec4u(
         pack4x8unorm(vec4f(luminance(frame), luma, history_luma_here, largest(abs(history - sample)))),
         pack4x8unorm(vec4f(largest(abs(history - frame)), root(root(contrast)), around.y - around.x,
                            max(max(around.x - luma, luma - around.y), 0.0))),
-        pack4x8unorm(vec4f(root(before.range.x), root(before.range.y), root(largest(abs(before.detail))),
-                           now.confidence)),
-        pack4x8unorm(vec4f(before.samples / (before.samples + HALF_COUNT), surface.difference * 0.5 + 0.5,
-                           surface.visibility, edge))));
+        pack4x8unorm(vec4f(seen.further, root(largest(abs(before.detail))), now.confidence)),
+        pack4x8unorm(vec4f(before.samples / (before.samples + HALF_COUNT), seen.surface.difference * 0.5 + 0.5,
+                           seen.surface.visibility, seen.edge))));
     return history_luma_here - luminance(frame);
 }
 
@@ -107,10 +107,14 @@ fn load_border(origin: vec2i, thread: i32) {
 @compute @workgroup_size(SIDE, SIDE)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u,
         @builtin(local_invocation_index) index: u32) {
-    if (next_state.rests * params.skips > 0.0) { return; }
     let origin = SIDE * vec2i(group.xy);
-    load_samples(origin, i32(index));
     let p = origin + vec2i(local.xy);
+    if (next_state.rests * params.skips > 0.0) {
+        if (inside(p, display_size())) { keep_pixel(p); }
+        return;
+    }
+    load_samples(origin, i32(index));
+    load_surfaces(origin, i32(index));
     let there = previous_position(clamped(p, display_size()));
     let before = gather_history(history_pixels, there, exposure_of(next_state));
     history_luma[(local.y + 1u) * u32(WIDE) + local.x + 1u] = luminance(roots(before.color));

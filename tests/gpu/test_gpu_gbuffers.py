@@ -1,0 +1,212 @@
+"""`gbuffer-fast` on the GPU has the images of the CPU backend."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gpu_steps import device_or_skip, make
+from noise import Size, noise
+from supersampler import Frame, halton_jitter
+from supersampler.errors import FrameError
+from supersampler.frame import Array, Float32
+from supersampler.history import StepResult
+from supersampler.io.display import display_transform
+from supersampler.methods.gbuffer_fast.spec import GBUFFERS_READ
+from supersampler.methods.gbuffers import GBUFFERS
+from texture_frames import pixels_of, texture_of, textures_of
+
+METHOD = "gbuffer-fast"
+SIZES: list[tuple[Size, Size]] = [
+    ((1, 1), (1, 1)),
+    ((2, 3), (3, 5)),
+    ((17, 9), (17, 9)),
+    ((17, 9), (33, 18)),
+    ((9, 21), (27, 61)),
+    ((11, 7), (44, 28)),
+]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def device() -> Any:
+    return device_or_skip()
+
+
+def surfaces(size: Size, offset: tuple[float, float], moved: float) -> dict[str, Array]:
+    """G-buffers of tiles with textures and different depths, below a sky."""
+    x = (np.arange(size[0]) + 0.5 + offset[0])[None] / size[0] + moved
+    y = (np.arange(size[1]) + 0.5 + offset[1])[:, None] / size[1]
+    tile = np.floor(5.0 * x) + 2.0 * np.floor(4.0 * y)
+    base = [0.5 + 0.4 * np.sin(k * tile + 40.0 * x) * np.cos(30.0 * y + k) for k in (1.0, 2.0, 3.0)]
+    normal = np.stack([np.sin(tile), np.cos(tile + 8.0 * x), np.ones_like(tile + y)], -1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    sky = np.broadcast_to(y < 0.15, tile.shape)
+    normal[sky] = 0.0
+    depth = np.where(sky, 0.0, 0.05 * (1.0 + tile % 3))
+    found = {"base_color": np.stack(base, -1), "normal": normal, "depth": depth}
+    return {name: image.astype(np.float32) for name, image in found.items()}
+
+
+def frame_at(index: int, render: Size, display: Size, **fields: Any) -> Frame:
+    """A frame of random light on surfaces that move; some samples are missing."""
+    plain = noise(index, render, exposure=1.0)
+    sampled = surfaces(render, plain.jitter, 0.01 * index)
+    shown = surfaces(display, (0.0, 0.0), 0.01 * index)
+    color = np.asarray(plain.color) * sampled["base_color"]
+    if index % 3 == 2:
+        color[np.random.default_rng(index).random(color.shape[:2]) < 0.1] = np.nan
+    given: dict[str, Any] = {"color": color, "depth": sampled.pop("depth"), "gbuffer": sampled}
+    return replace(plain, **{**given, "gbuffer_display": shown, **fields})
+
+
+def differences_of(frames: list[Frame], display: Size, **options: Any) -> Float32:
+    """Differences of display values from the CPU backend, of all frames."""
+    ours, theirs = (make(METHOD, executor, display=display, **options) for executor in ("gpu", "cpu"))
+    found = []
+    for frame in frames:
+        images = [display_transform(each.step(frame) / frame.pre_exposure) for each in (ours, theirs)]
+        assert np.isfinite(images[0]).all()
+        found.append(np.abs(images[0] - images[1]))
+    return np.concatenate([each.ravel() for each in found])
+
+
+def assert_close(differences: Float32) -> None:
+    assert differences.mean() < 2e-3
+    assert np.quantile(differences, 0.999) < 0.02
+    assert differences.max() < 0.06
+
+
+@pytest.mark.parametrize(("render", "display"), SIZES)
+def test_images_are_those_of_the_cpu_backend_borders_included(render: Size, display: Size) -> None:
+    assert_close(differences_of([frame_at(index, render, display) for index in range(6)], display))
+
+
+def test_g_buffers_have_an_effect() -> None:
+    frames = [frame_at(index, *SIZES[3]) for index in range(3)]
+    darker = [replace(frame, gbuffer_display=darkened(frame)) for frame in frames]
+    images = [make(METHOD, display=SIZES[3][1]).step(given[0]) for given in (frames, darker)]
+    assert np.abs(images[0] - images[1]).mean() > 1e-2
+
+
+def darkened(frame: Frame) -> dict[str, Array]:
+    """The G-buffers of the display, with half the base colour."""
+    assert frame.gbuffer_display is not None
+    buffers = dict(frame.gbuffer_display)
+    return buffers | {"base_color": buffers["base_color"] * np.float32(0.5)}
+
+
+def spoiled(buffer: Array, random: np.random.Generator) -> Array:
+    """Return a copy with invalid values here and there."""
+    values = buffer.copy()
+    for value in (np.nan, np.inf, -np.inf, 1e30, -2.0, 1.5):
+        values[random.random(values.shape) < 0.02] = value
+    return values
+
+
+def test_invalid_values_count_as_on_the_cpu() -> None:
+    frames, (render, display) = [], SIZES[3]
+    for index in range(4):
+        frame, random = frame_at(index, render, display), np.random.default_rng(index)
+        assert frame.gbuffer is not None
+        assert frame.gbuffer_display is not None
+        buffers = [
+            {name: spoiled(buffer, random) for name, buffer in group.items()}
+            for group in (frame.gbuffer, frame.gbuffer_display)
+        ]
+        frames.append(replace(frame, gbuffer=buffers[0], gbuffer_display=buffers[1]))
+    assert_close(differences_of(frames, display))
+
+
+def test_masks_pre_exposure_and_measured_exposure_are_as_on_the_cpu() -> None:
+    frames, (render, display) = [], SIZES[3]
+    for index in range(6):
+        frame, random = frame_at(index, render, display), np.random.default_rng(index)
+        color = np.asarray(frame.color) * np.float32(1.7**index)
+        mask = random.random(color.shape[:2], np.float32).round(1)
+        frames.append(replace(frame, color=color, pre_exposure=1.7**index, exposure=None, reactive=mask))
+    assert_close(differences_of(frames, display))
+
+
+def test_render_sizes_change_and_g_buffers_of_samples_may_be_missing() -> None:
+    display, sizes = (40, 24), [(20, 12), (20, 12), (31, 19), (40, 24), (14, 9)]
+    frames = [frame_at(index, size, display) for index, size in enumerate(sizes)]
+    assert_close(differences_of([*frames[:4], replace(frames[4], gbuffer=None)], display))
+
+
+def still(index: int, render: Size, display: Size) -> Frame:
+    """A static scene, sampled with jitter; all of it moves in frames 3 and 4, a corner in frame 80."""
+    jitter = halton_jitter(index % 32, 2.0)
+    place = (np.arange(render[0]) + jitter[0])[None] + (np.arange(render[1]) + jitter[1])[:, None]
+    color = np.repeat((0.4 + 0.3 * np.sin(0.8 * place))[..., None], 3, -1).astype(np.float32)
+    motion = np.zeros((*render[::-1], 2), np.float32)
+    motion[: render[1] if index in (3, 4) else 3, : render[0] if index in (3, 4) else 3] = index in (3, 4, 80)
+    seen = surfaces(render, jitter, 0.001 * index)  # what is kept of a frozen tile is of another frame
+    given: dict[str, Any] = {"color": color, "depth": seen.pop("depth"), "gbuffer": seen, "jitter": jitter}
+    shown = surfaces(display, (0.0, 0.0), 0.001 * index)
+    return frame_at(1, render, display, **given, motion=motion, reset=index == 0, gbuffer_display=shown)
+
+
+def test_frozen_tiles_are_skipped_without_a_changed_bit() -> None:
+    render, display = (44, 14), (88, 28)
+    whole, skipping = (make(METHOD, display=display, skip=skip) for skip in (False, True))
+    for index in range(88):
+        frame = still(index, render, display)
+        result = whole.step(frame, outputs=("converged",))
+        assert isinstance(result, StepResult)
+        np.testing.assert_array_equal(skipping.step(frame), result.image, f"frame {index}")
+        if index in (79, 82):
+            assert result.converged is not None
+            frozen = float(result.converged.mean())
+            assert (frozen == 1.0) == (index == 79), frozen
+            assert frozen > 0.5, "there is something to skip"
+
+
+def test_a_state_continues_the_history_of_reflectance() -> None:
+    (render, display), upscalers = SIZES[3], [make(METHOD, display=SIZES[3][1]) for _ in range(2)]
+    for index in range(3):
+        upscalers[0].step(frame_at(index, render, display))
+    upscalers[1].load_state(upscalers[0].save_state())
+    ours, theirs = (each.step(frame_at(3, render, display)) for each in upscalers)
+    assert np.abs(display_transform(ours) - display_transform(theirs)).max() < 0.02
+
+
+def test_maps_and_aovs_are_those_of_the_cpu_backend() -> None:
+    (render, display), names = SIZES[3], ("aovs", "weight", "class_map", "count")
+    ours, theirs = (make(METHOD, executor, display=display) for executor in ("gpu", "cpu"))
+    for index in range(4):
+        aovs = np.random.default_rng(index).random((render[1], render[0], 2), np.float32)
+        frame = frame_at(index, render, display, aovs=aovs)
+        results = [each.step(frame, outputs=names) for each in (ours, theirs)]
+        for name in names:
+            one, other = (getattr(result, name) for result in results)
+            assert np.abs(one - other).mean() < (0.05 if name == "count" else 0.01), (name, index)
+
+
+def test_textures_give_the_images_of_arrays(device: Any) -> None:
+    (render, display) = SIZES[3]
+    upscaler, arrays = make(METHOD, display=display), make(METHOD, display=display)
+    for index in range(3):
+        frame = frame_at(index, render, display)
+        images = textures_of(device, frame) | gbuffer_textures(device, frame)
+        image = upscaler.step_textures(images, jitter=frame.jitter, exposure=1.0, reset=frame.reset)
+        shown = [display_transform(each) for each in (pixels_of(device, image), arrays.step(frame))]
+        assert np.abs(shown[0] - shown[1]).max() < 0.01
+
+
+def gbuffer_textures(device: Any, frame: Frame) -> dict[str, Any]:
+    formats = {3: ("rgba32float", 4), 1: ("r32float", 1)}
+    return {
+        name: texture_of(device, GBUFFERS[name].find(frame), *formats[GBUFFERS[name].channels])
+        for name in GBUFFERS_READ
+    }
+
+
+def test_a_texture_of_the_wrong_size_is_refused_by_name(device: Any) -> None:
+    frame = frame_at(0, *SIZES[3])
+    images = textures_of(device, frame) | gbuffer_textures(device, frame)
+    upscaler = make(METHOD, display=SIZES[3][1])
+    wrong = {"gbuffer_display_normal": images["gbuffer_normal"], "gbuffer_base_color": None}
+    for name, image in wrong.items():
+        with pytest.raises(FrameError, match=name):
+            upscaler.step_textures({**images, name: image}, jitter=frame.jitter)
