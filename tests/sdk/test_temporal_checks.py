@@ -128,15 +128,20 @@ def errors(x: float, y: float, gain: float) -> dict[tuple[float, float], tuple[f
     return {(a, b): (least + slope * ((a - x) ** 2 + (b - y) ** 2), VARIANCE) for a, b in FACTORS}
 
 
-@pytest.mark.parametrize(("x", "y"), [(0.5, 0.5), (1.5, 1.5), (0.5, 1.5)])
-def test_a_jitter_that_is_wrong_in_both_axes_is_found_by_a_small_gain(x: float, y: float) -> None:
-    found = wrong_amplitude(errors(x, y, 0.2), 2)
+@pytest.mark.parametrize("factor", [0.5, 1.5])
+@pytest.mark.parametrize(("pairs", "gain"), [(2, 0.14), (6, 0.05)])
+def test_a_jitter_that_is_wrong_in_both_axes_is_found_in_any_frames(
+    factor: float, pairs: int, gain: float
+) -> None:
+    found = wrong_amplitude(errors(factor, factor, gain), pairs, 64)
     assert found is not None
-    assert (found.x, found.y) == pytest.approx((x, y), abs=1e-6)
+    assert (found.x, found.y) == pytest.approx((factor, factor), abs=1e-6)
+    assert wrong_amplitude(errors(factor, factor, gain - 0.03), pairs, 64) is None
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-def test_a_jitter_that_is_wrong_in_one_axis_takes_a_larger_gain(axis: int) -> None:
-    x, y = ((0.5, 1.0), (1.0, 0.5))[axis]
-    assert wrong_amplitude(errors(x, y, 0.06), 2) is None
-    assert wrong_amplitude(errors(x, y, 0.12), 2) is not None
+@pytest.mark.parametrize(("x", "y"), [(0.5, 1.0), (1.0, 0.5), (1.2, 0.5), (0.5, 1.5)])
+def test_a_jitter_that_is_wrong_in_one_axis_takes_more_frames_and_pixels(x: float, y: float) -> None:
+    assert wrong_amplitude(errors(x, y, 0.12), 6, 96) is not None
+    assert wrong_amplitude(errors(x, y, 0.06), 6, 96) is None
+    assert wrong_amplitude(errors(x, y, 0.12), 5, 96) is None
+    assert wrong_amplitude(errors(x, y, 0.12), 6, 95) is None

@@ -34,10 +34,12 @@ _MIN_REPEATS = 3  # minimum number of frames with the same jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
 # Amplitude of the jitter in the image.
-_MIN_PAIRS = 2
+_MIN_PAIRS, _MIN_PAIRS_OF_AN_AXIS = 2, 6  # of two pairs, one axis may hardly have a change of jitter
 _MIN_GAIN = 0.04  # minimum relative decrease of the error with the best factors
-_MIN_GAIN_OF_AN_AXIS = 0.08  # minimum if the other axis is right; correct frames reach 0.06
-_RIGHT = 0.15  # maximum difference of a right factor from 1
+_MIN_GAIN_OF_FEW = 0.12  # minimum for fewer than _MIN_PAIRS_OF_AN_AXIS; correct frames reach 0.09
+_MIN_GAIN_OF_AN_AXIS = 0.08  # minimum if only one axis is wrong; correct frames reach 0.06
+_MIN_SIDE_OF_AN_AXIS = 96  # pixels; in smaller images one textured surface decides an axis
+_RIGHT = 0.25  # maximum difference of a right factor from 1
 _MAX_ERROR = 0.7  # of the variance; larger errors mean unrelated images
 _PLAUSIBLE = (0.65, 1.5)  # factor of an axis; correct frames were estimated at 0.71 to 1.34
 _PLAUSIBLE_MEAN = (0.75, 1.4)  # mean factor of both axes; correct frames: 0.82 to 1.25
@@ -135,7 +137,7 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         return  # disocclusions need the right motion
     yield from seen.following
     if np.ptp(seen.jitters, axis=0).max() > 0:
-        yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied)
+        yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied, min(size))
     kind = _other_order(seen.surfaces)
     if kind and not _planes_are_reversed(seen.previous, kind):
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
@@ -257,9 +259,11 @@ def vectors_have_jitter(sums: JitterInVectors) -> bool:
     return sums[1] > 0 and 0.5 < sums[0] / sums[1] < 2.0
 
 
-def amplitude_mistakes(errors: AmplitudeErrors, pairs: int, varied: JitterInVectors) -> Iterator[Mistake]:
+def amplitude_mistakes(
+    errors: AmplitudeErrors, pairs: int, varied: JitterInVectors, side: int
+) -> Iterator[Mistake]:
     """Yield the mistake that the image has no jitter, a part or a multiple of it, or vectors contain it."""
-    found = wrong_amplitude(errors, pairs)
+    found = wrong_amplitude(errors, pairs, side)
     if found is None:
         return
     x, y, none = found
@@ -276,10 +280,11 @@ def amplitude_mistakes(errors: AmplitudeErrors, pairs: int, varied: JitterInVect
         yield mistakes.JITTER_AMPLITUDE.found(factor=f"{mean:.2f}{axes}")
 
 
-def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
+def wrong_amplitude(errors: AmplitudeErrors, pairs: int, side: int) -> Amplitude | None:
     """Return the amplitude if it is clearly not 1, otherwise None, from errors summed over pairs of frames.
 
-    The error is nearly a quadratic function of the factors; the estimate is its minimum.
+    The error is nearly a quadratic function of the factors; the estimate is its minimum. `side` is the
+    shorter side of the frames in pixels.
     """
     if pairs < _MIN_PAIRS or not errors:
         return None
@@ -291,8 +296,11 @@ def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
     if np.linalg.eigvalsh(hessian)[0] <= 0 or stated <= _NOISE * pairs:
         return None
     found = np.linalg.solve(hessian, -c[3:5])
-    lowest, one_axis = values.min(), np.abs(found - 1.0).min() < _RIGHT
-    gain = _MIN_GAIN_OF_AN_AXIS if one_axis else _MIN_GAIN
+    lowest, few = values.min(), pairs < _MIN_PAIRS_OF_AN_AXIS
+    uneven = np.abs(found - 1.0).min() < _RIGHT or np.prod(found - 1.0) < 0
+    if uneven and (few or side < _MIN_SIDE_OF_AN_AXIS):
+        return None
+    gain = _MIN_GAIN_OF_AN_AXIS if uneven else _MIN_GAIN_OF_FEW if few else _MIN_GAIN
     if lowest > min((1 - gain) * stated, _MAX_ERROR * variance):
         return None
     none = errors[0.0, 0.0][0] == lowest
