@@ -185,7 +185,7 @@ static void write_params(Upscaler *upscaler, const Frame *frame)
         0.0f,
         frame->pre_exposure > 0.0f ? frame->pre_exposure : 1.0f,
         frame->reactive ? 1.0f : 0.0f,
-        1.0f, /* skips */
+        2.0f, /* skips: the sets of history take turns */
     };
     WGPUBuffer buffer = upscaler->resources[upscaler->params].held.buffer;
     wgpuQueueWriteBuffer(upscaler->queue, buffer, 0, params, sizeof params);

@@ -295,7 +295,7 @@ export class Upscaler {
       writes_aux: [0],
       pre_exposure: [preExposure],
       has_reactive: [hasReactive ? 1 : 0],
-      skips: [1],
+      skips: [2],
     };
     const { bytes, fields } = this.info.params;
     const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });

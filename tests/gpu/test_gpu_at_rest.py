@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gpu_steps import INT8, device_or_skip
 from rest_scenes import Stepped
@@ -13,6 +14,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.backends.base import StepRequest
 from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.history import GpuHistory
+from supersampler.backends.gpu.memory import read_back, write_to
 from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler.methods.at_rest import NOISY
@@ -232,6 +234,97 @@ def test_a_change_after_freezing_restarts_pixels_as_in_torch() -> None:
     _, frozen = compare_steps(sequence, decisions=0.95)
     assert frozen[2 * PERIOD + 1] > 0.8
     assert frozen[2 * PERIOD + 8] < frozen[2 * PERIOD + 1]
+
+
+WIDE, WIDE_DISPLAY = (144, 20), (288, 40)  # nine tiles side by side, so that images depend on few of them
+
+
+def wide(index: int) -> Given:
+    """A still scene, in which an object moves from frame 70 on, first in one tile, then through others."""
+    frame = frame_at(index, WIDE)
+    if index < 70:
+        return Given(frame)
+    motion, color, at = np.array(frame.motion), np.array(frame.color), 4 + 5 * max(index - 76, 0)
+    motion[4:8, at : at + 3] = (-1.0, 0.0)
+    color[4:8, at : at + 3] = 2.0
+    return Given(frame_at(index, WIDE, motion=motion, color=color))
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
+def test_tiles_are_left_out_around_which_nothing_moves_without_a_changed_bit(method: str) -> None:
+    """What is left out of them holds garbage, on which no image may depend."""
+    whole, skipping = OnGpu(method, WIDE_DISPLAY, skip=False), OnGpu(method, WIDE_DISPLAY)
+    for index in range(96):
+        image, _ = whole.step(wide(index))
+        if index >= 70:
+            spoil(skipping)
+        np.testing.assert_array_equal(skipping.step(wide(index))[0], image, f"frame {index}")
+        if index == 74 and method == "classifier":
+            inputs = work_of(skipping, "inputs").reshape(WIDE_DISPLAY[1], WIDE_DISPLAY[0], 4)
+            spoiled = (inputs == GARBAGE).all(axis=(0, 2))
+            assert spoiled[5 * 32 :].all(), "five tiles from the object on, nothing is computed"
+            assert not spoiled[: 2 * 32].any()
+    for name in whole.executor.program.layout.spec.history:
+        np.testing.assert_array_equal(whole.tensor(name), skipping.tensor(name), name)
+
+
+GARBAGE = 0x7B7B7B7B
+
+
+def test_blocks_beside_frozen_ones_are_decided_as_in_torch() -> None:
+    """Means of frozen blocks are compared with samples only where others need it."""
+    sequence = [wide(index) for index in range(100)]
+    light = np.ones((*WIDE[::-1], 1), np.float32)
+    light[:, 90:95] = 1.5
+    sequence += [Given(frame_at(index, WIDE, light=light)) for index in range(100, 180)]
+    _, frozen = compare_steps(sequence, WIDE_DISPLAY)
+    assert frozen[69] == 1.0
+    assert 0.3 < frozen[110] < 0.5 < frozen[-1]
+
+
+BETWEEN_PASSES = (
+    "inputs",
+    "differences",
+    "large_image",
+    *(f"{part}{i}" for part in ("kept", "pooled") for i in range(4)),
+)
+
+
+def spoil(stepped: OnGpu) -> None:
+    """Fill memory between passes with garbage."""
+    memory = stepped.executor._buffers_for(WIDE, WIDE_DISPLAY).memory
+    for name in memory.keys() & set(BETWEEN_PASSES):
+        write_to(stepped.executor.device, memory[name], np.full_like(work_of(stepped, name), GARBAGE))
+
+
+def work_of(stepped: OnGpu, name: str) -> NDArray[np.uint32]:
+    """Return memory between passes, (h, w, words) of a texture."""
+    memory = stepped.executor._buffers_for(WIDE, WIDE_DISPLAY).memory[name]
+    words = read_back(stepped.executor.device, memory)
+    if memory.texture is None:
+        return words
+    width, height = memory.texture.size[:2]
+    return words.reshape(height, width, -1)
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
+def test_memory_that_holds_a_frozen_tile_already_is_not_written(method: str) -> None:
+    stepped = OnGpu(method, DISPLAY)
+    for given in uniform(2 * PERIOD + 6):
+        stepped.step(given)
+    assert stepped.history is not None
+    assert stepped.spare is not None
+    gpu, pixels = stepped.executor, stepped.spare.memory["pixels"]
+    marked = np.full_like(read_back(gpu.device, pixels), GARBAGE).reshape(*pixels.texture.size[1::-1], -1)
+    write_to(gpu.device, pixels, marked)
+    known, spare = stepped.history, stepped.spare
+    image, _ = stepped.step(uniform(1)[0])
+    assert np.ptp(image) == 0.0
+    np.testing.assert_array_equal(read_back(gpu.device, spare.memory["pixels"]), marked.ravel())
+    other = gpu.zeros(DISPLAY, RENDER)  # not the memory of the step before the last: all is written
+    gpu.step_many([StepRequest(uniform(1)[0].frame, DISPLAY, known, other, image, adds_samples=1.0)])
+    for name in ("color", "static_mean"):
+        np.testing.assert_array_equal(gpu.tensor(other, name), gpu.tensor(known, name))
 
 
 def movers() -> Iterator[Given]:

@@ -1,9 +1,10 @@
 """Bytes and multiply-adds of the passes of the GPU backend, from the resources that its shaders declare.
 
 A pass counts as reading or writing each of its resources once: workgroups share what their threads read, and
-neighbouring workgroups find their common border in the cache. In the counted step, all pixels move. Shaders
-mark resources that only static blocks access with `// of static blocks`, and signatures of which a step
-accesses one or two phases of the jitter with `// of 1 phase` and `// of 2 phases`.
+neighbouring workgroups find their common border in the cache. Two steps are counted: one in which all pixels
+move, and one in which all are frozen, as in the frame before. Shaders mark resources that only static blocks
+access with `// of static blocks`, and signatures of which a step accesses one or two phases of the jitter
+with `// of 1 phase` and `// of 2 phases`; `PassSpec.at_rest` names what a pass accesses where all is frozen.
 """
 
 import re
@@ -39,8 +40,8 @@ class PassCost(NamedTuple):
     multiply_adds: int  # of the network, with the channels that pad chunks
 
 
-def pass_costs(program: GpuProgram, render: Size, display: Size) -> list[PassCost]:
-    """Return the cost of each pass of a step with frame and image in textures."""
+def pass_costs(program: GpuProgram, render: Size, display: Size, *, frozen: bool = False) -> list[PassCost]:
+    """Return the cost of each pass of a step with frame and image in textures; `frozen`: at rest."""
     pixels = {"frame": render[0] * render[1], "image": display[0] * display[1]}
     sizes = {name: memory.total_bytes(render, display) for name, memory in program.memory().items()}
     sizes |= {name: words.nbytes for name, words in program.weights.items()}
@@ -49,22 +50,27 @@ def pass_costs(program: GpuProgram, render: Size, display: Size) -> list[PassCos
     for spec in program.passes:
         shader, (width, height) = program.shader(spec, TEXTURES), spec.extent.size(render, display)
         moved = sum(
-            touched_fraction(shader, binding, phases) * sizes[spec.names.get(binding.name, binding.name)]
+            touched_fraction(shader, binding, phases, frozen=frozen)
+            * sizes[spec.names.get(binding.name, binding.name)]
             for binding in shader.bindings
             if binding.name not in UNTOUCHED
+            and not (frozen and spec.at_rest is not None and binding.name not in spec.at_rest)
         )
-        products = round(products_of(spec.constants) * width * height)
+        products = 0 if frozen else round(products_of(spec.constants) * width * height)
         costs.append(PassCost(spec.title, round(moved), products))
     return costs
 
 
-def touched_fraction(shader: Shader, binding: Binding, phases: int) -> float:
-    """Return the fraction of a resource that a step accesses, by the note at its declaration."""
+def touched_fraction(shader: Shader, binding: Binding, phases: int, *, frozen: bool = False) -> float:
+    """Return the fraction of a resource that a step accesses, by the note at its declaration.
+
+    Its pixels move, or all are `frozen`.
+    """
     line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
     note = _NOTE.search(line[0]) if line else None
     if note is None:
         return 1.0
-    return 0.0 if note[1] is None else int(note[1]) / phases
+    return float(frozen) if note[1] is None else int(note[1]) / phases
 
 
 def products_of(constants: Constants) -> float:
@@ -90,6 +96,7 @@ class Traffic:
     passes: int
     moved: int
     multiply_adds: int
+    moved_at_rest: int
 
 
 def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -> list[Traffic]:
@@ -108,7 +115,8 @@ def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -
             render = render_size(display, ratio)
             costs = pass_costs(program, render, display)
             moved, products = sum(one.moved for one in costs), sum(one.multiply_adds for one in costs)
-            found.append(Traffic(info.method, render, display, len(costs), moved, products))
+            at_rest = sum(one.moved for one in pass_costs(program, render, display, frozen=True))
+            found.append(Traffic(info.method, render, display, len(costs), moved, products, at_rest))
     return found
 
 
@@ -124,13 +132,15 @@ class TrafficRecord(BenchRecord):
         rows = [
             [
                 *(s.method, sizes_text(s.render, s.display), s.passes),
-                *(f"{s.moved / 1e9:.2f}", f"{s.multiply_adds / 1e9:.1f}"),
+                *(f"{s.moved / 1e9:.2f}", f"{s.multiply_adds / 1e9:.1f}", f"{s.moved_at_rest / 1e9:.2f}"),
             ]
             for s in self.steps
         ]
         caption = (
             "A step with frame and image in textures of half floats (depth in single precision), in which "
             "all pixels move and the exposure is measured. Bytes: all resources that passes declare, each "
-            "read or written once. Multiply-adds: of the int8 network."
+            "read or written once. Multiply-adds: of the int8 network. At rest: all pixels are frozen, as in "
+            "the frame before."
         )
-        return table(["method", "size", "passes:", "GB:", "10^9 multiply-adds:"], rows, caption)
+        names = ["method", "size", "passes:", "GB:", "10^9 multiply-adds:", "GB at rest:"]
+        return table(names, rows, caption)

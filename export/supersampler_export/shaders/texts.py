@@ -110,7 +110,8 @@ FIELDS: tuple[tuple[str, int, str], ...] = (
     (
         "skips",
         1,
-        "1: shaders skip frozen tiles; the image is the same. 0 if `aux` is read",
+        "1: shaders skip frozen tiles; the image is the same. 2: they also leave memory of `next` that holds "
+        "a frozen tile already, where each `next` is the `history` of the previous step. 0 if `aux` is read",
     ),
 )
 """Fields of `Params` in order: name, number of f32 values, meaning."""

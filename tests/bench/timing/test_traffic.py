@@ -2,7 +2,7 @@
 
 import pytest
 
-from supersampler.backends.gpu.program import GpuProgram
+from supersampler.backends.gpu.program import TEXTURES, GpuProgram
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import find_model, read_model_info
@@ -63,6 +63,26 @@ def test_the_multiply_adds_of_a_pass_are_those_of_its_layers() -> None:
 
 MOST = {"taa": 0.25, "taau": 0.60, "classifier": 1.28}
 """Maximum gigabytes of a step from 1920x1080 to 3840x2160. Other upscalers move 0.58 to 0.84."""
+
+
+MOST_AT_REST = {"taau": 0.28, "classifier": 0.28}
+"""Maximum gigabytes of a frozen step: the frame, the mean and the image."""
+
+
+@pytest.mark.parametrize("method", MOST_AT_REST)
+def test_a_frozen_step_to_4k_moves_the_frame_the_mean_and_the_image(method: str) -> None:
+    (step,) = traffic_of([method], (3840, 2160), [2.0])
+    assert step.moved_at_rest <= 1e9 * MOST_AT_REST[method]
+    costs = pass_costs(program_of(method), (1920, 1080), (3840, 2160), frozen=True)
+    assert sum(one.multiply_adds for one in costs) == 0
+
+
+def test_variables_that_a_frozen_step_accesses_are_declared() -> None:
+    for method in ("taau", "classifier", "classifier-large", "gbuffer-fast"):
+        program = program_of(method)
+        shaders = [program.shader(spec, TEXTURES) for spec in program.passes]
+        declared = {binding.name for shader in shaders for binding in shader.bindings}
+        assert declared >= {name for spec in program.passes for name in spec.at_rest or ()}
 
 
 @pytest.mark.parametrize("method", MOST)

@@ -16,6 +16,7 @@ from supersampler.backends.gpu.device import default_device, raising
 from supersampler.backends.gpu.frame import (
     IMAGE_FORMAT,
     PARAMS,
+    SKIPS,
     DeviceFrame,
     frame_memory,
     is_texture,
@@ -203,6 +204,8 @@ class GpuExecutor:
         buffers: StepBuffers,
     ) -> None:
         """Encode all passes; `inputs` are the caller's images, which replace those of `buffers`."""
+        is_second = next_history.follow(history)
+        params[SKIPS] *= 1.0 + is_second
         render = int(params[0]), int(params[1])
         resources: dict[str, Resource] = {
             **buffers.resources,
@@ -212,7 +215,8 @@ class GpuExecutor:
             **inputs,
         }
         next_history.aovs = None
-        if next_history.follow(history):
+        if not is_second and SIGNATURES in history.memory and history.render == next_history.render:
+            # a step writes those of its own phase and of the previous step's
             source, target = (one.memory[SIGNATURES].resource for one in (history, next_history))
             encoder.copy_buffer_to_buffer(source, 0, target, 0, target.size)
         encode_write(self.device, encoder, buffers.params, params)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 IMAGE_FORMAT = "rgba16float"
 PARAMS = 16
 """Number of values in the shader's `Params`."""
+SKIPS = 13
+"""Index of `skips` among them."""
 CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1}
 """Images of a frame that shaders read, and their channels; "reactive" may be missing."""
 _SAMPLED, _STORED, _STORAGE = 4, 8, 128  # WebGPU's usage flags

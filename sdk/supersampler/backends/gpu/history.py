@@ -26,7 +26,7 @@ from supersampler.backends.gpu.memory import (
 from supersampler.frame import Float32, Size
 from supersampler.io.display import MAX_HALF
 from supersampler.methods import spec as shapes
-from supersampler.methods.at_rest import BLOCK, block_of_pixels, phase_count
+from supersampler.methods.at_rest import BLOCK, TILE, block_of_pixels, phase_count
 from supersampler.methods.spec import MethodSpec, sized
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ STATE = "state"
 STATE_VALUES = 16
 """Values of the shader's `State`: signed exposure, flash, jitter, light, and values of one step."""
 _STATE_TENSORS = {"exposure": slice(0, 1), "jitter": slice(2, 4), "light": slice(4, 8)}
-SIGNATURES, PHASE_TABLE = "signatures", "phases"
+SIGNATURES, PHASE_TABLE, TILES = "signatures", "phases", "tiles"
 _MEAN, _BLOCKS = "static_mean", "static_blocks"
 Packed = NDArray[Any]
 
@@ -133,8 +133,10 @@ class HistoryLayout:
         return self.extent(plane, "render").size(render, display)
 
     def memory(self, frame: Literal["previous", "render"]) -> dict[str, PixelMemory]:
-        """Return the memory of all planes and of the state, by name; see `extent`."""
+        """Return the memory of all planes, of the state, and of the frozen tiles, by name; see `extent`."""
         planes = {name: plane.memory(self.extent(name, frame)) for name, plane in self.planes.items()}
+        if SIGNATURES in planes:  # a method that converges
+            planes[TILES] = PixelBuffer(8, self.extent("pixels", frame)._replace(divide=TILE))
         return {STATE: PixelBuffer(4 * STATE_VALUES), **planes}
 
 
@@ -192,13 +194,12 @@ class GpuHistory:
         """Record that a step reads `history` and writes this one.
 
         Returns:
-            Whether `signatures` must be copied from `history` first. A step writes only the signatures of its
-            own phase and of the previous step's. The others are up to date if this history was written two
-            steps ago.
+            Whether this history was written two steps ago, just before `history`. What did not change in the
+            previous step, nor in this one, is then up to date.
         """
         is_second = self.step is history.previous
         self.step, self.previous = object(), history.step
-        return SIGNATURES in self.memory and self.render == history.render and not is_second
+        return is_second
 
     def tensor(self, name: str) -> Float32:
         """Return a history tensor of the contract (`history.NAME` or NAME), NCHW."""
@@ -233,6 +234,9 @@ class GpuHistory:
             if name in tensors:
                 state[part] = tensors[name].reshape(-1)
         write_to(self.device, self.memory[STATE], state)
+        if TILES in self.memory:
+            tiles = self.memory[TILES]
+            write_to(self.device, tiles, np.zeros(tiles.resource.size // 4, np.uint32))
         self.aovs = None
         if "aovs" in tensors:
             memory = allocate(self.device, PixelBuffer(tensors["aovs"].nbytes))

@@ -1,6 +1,6 @@
 """`GpuProgram`: passes, memory and weights of a method's step on a GPU, and the passes that methods share."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -40,6 +40,8 @@ class PassSpec(NamedTuple):
         constants: constants of this pass, in addition to the method's.
         names: resource of each variable that has another name than its resource.
         variants: file to import in place of each name.
+        at_rest: variables of resources that it accesses where the whole frame is frozen, and the previous one
+            was, too; None: all.
     """
 
     shader: str
@@ -48,6 +50,7 @@ class PassSpec(NamedTuple):
     constants: Constants = MappingProxyType({})
     names: Mapping[str, str] = MappingProxyType({})
     variants: Mapping[str, str] = MappingProxyType({})
+    at_rest: Collection[str] | None = None
 
     @property
     def title(self) -> str:
@@ -114,6 +117,8 @@ class GpuProgram:
         return load_shader(spec.shader, self.packages, constants, {**variants, **spec.variants})
 
 
+SHOWS_FROZEN = "next_tiles", "history_mean", "image"
+"""`PassSpec.at_rest` of a pass that shows frozen pixels."""
 SIDE = 16
 """Side of a workgroup of `preprocess`, samples."""
 TILES = SizeRule("display", TILE)
@@ -133,7 +138,6 @@ FRAME_MEMORY: Mapping[str, PixelMemory] = {
     "awake": PixelBuffer(4),
     "block_sums": PixelBuffer(64, BLOCKS),
     "block_states": PixelTexture(BLOCKS, "rg32uint"),
-    "tiles": PixelBuffer(8, TILES),
     "samples": PixelTexture(RENDER, "rgba16float"),
     "dilated": PixelTexture(RENDER, "rg32uint"),
     "light": PixelBuffer(8, SizeRule("render", SIDE)),
@@ -146,9 +150,16 @@ def frame_passes(surface: str) -> tuple[PassSpec, ...]:
 
     `surface`, "depth" or "shade", selects the property of samples that the last pass stores.
     """
+    blocks = "next_state", "block_sums", "history_blocks", "history_signatures", "next_signatures"
     return (
-        PassSpec("compare_blocks", BLOCKS, (4, 4)),
-        PassSpec("decide_blocks", BLOCKS, (8, 8)),
+        PassSpec("compare_blocks", BLOCKS, (4, 4), at_rest=(*blocks, "frame_color", "frame_motion")),
+        PassSpec("decide_blocks", BLOCKS, (8, 8), at_rest=(*blocks, "next_blocks", "block_states", "awake")),
         PassSpec("rest_tiles", TILES, (8, 8)),
-        PassSpec("preprocess", RENDER, (SIDE, SIDE), variants={"surface": f"surface_{surface}"}),
+        PassSpec(
+            "preprocess",
+            RENDER,
+            (SIDE, SIDE),
+            variants={"surface": f"surface_{surface}"},
+            at_rest=("next_state",),
+        ),
     )

@@ -16,6 +16,7 @@ from supersampler.backends.gpu.program import (
     FRAME_MEMORY,
     REST_CHANNELS,
     REST_PLANES,
+    SHOWS_FROZEN,
     GpuProgram,
     PassSpec,
     frame_passes,
@@ -96,8 +97,9 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     constants |= variant._asdict()
     blend = {"colors": variant.colors, "sharpness_at": variant.colors, "kernel_at": variant.colors + 1}
     levels = [_level_pass(one.constants, tile) for one, tile in zip(network, TILES, strict=True)]
-    last = _with_network(PassSpec("compose", constants={**last_layers.constants, **blend}), "network_last")
-    passes = *frame_passes("depth"), PassSpec("gather"), *levels, last
+    compose = PassSpec("compose", constants={**last_layers.constants, **blend}, at_rest=SHOWS_FROZEN)
+    last, gather = _with_network(compose, "network_last"), PassSpec("gather", at_rest=("next_tiles",))
+    passes = *frame_passes("depth"), gather, *levels, last
     memory: dict[str, PixelMemory] = {
         **FRAME_MEMORY,
         "inputs": PixelTexture(DISPLAY, "rgba32uint"),
@@ -125,6 +127,7 @@ def _level_pass(constants: Constants, tile: tuple[int, int]) -> PassSpec:
         tile,
         {**constants, "kept_across": TEXELS_ACROSS[kept], "tile_x": tile[0], "tile_y": tile[1]},
         {"kept": f"kept{level}", "pooled": f"pooled{level}", "pooled_above": f"pooled{level - 1}"},
+        at_rest=("next_tiles",),
     )
     return _with_network(spec, f"network{level}")
 

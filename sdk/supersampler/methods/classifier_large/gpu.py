@@ -25,11 +25,13 @@ def large_program(info: ModelInfo) -> GpuProgram:
         one._replace(extent=one.extent.enlarged, variants={**one.variants, **_VARIANTS})
         for one in program.method_passes
     ]
+    frozen = "block_states", "history_mean", "next_mean", "image"
+    downsample = PassSpec("downsample", constants={"taps": 2 * REACH}, at_rest=frozen)
     memory = {name: m._replace(extent=m.extent.enlarged) for name, m in program.method_memory.items()}
     return replace(
         program,
         layout=HistoryLayout(CLASSIFIER_LARGE, LAYOUT.planes, LAYOUT.channels),
         packages=("supersampler.methods.classifier_large", *program.packages),
-        method_passes=(*passes, PassSpec("downsample", constants={"taps": 2 * REACH})),
+        method_passes=(*passes, downsample),
         method_memory={**memory, "large_image": PixelTexture(LARGE)},
     )

@@ -8,6 +8,7 @@ from supersampler.backends.gpu.program import (
     FRAME_MEMORY,
     REST_CHANNELS,
     REST_PLANES,
+    SHOWS_FROZEN,
     GpuProgram,
     PassSpec,
     frame_passes,
@@ -52,8 +53,8 @@ def taau_program(info: ModelInfo) -> GpuProgram:
     passes = (
         *frame_passes("shade"),
         PassSpec("light", ONE, (1, 1)),
-        PassSpec("lag", BLOCKS, (8, 8)),
-        PassSpec("blend", tile=(32, 4)),
+        PassSpec("lag", BLOCKS, (8, 8), at_rest=("block_states", "kept_samples")),
+        PassSpec("blend", tile=(32, 4), at_rest=SHOWS_FROZEN),
     )
     memory = {**FRAME_MEMORY, "kept_samples": PixelTexture(BLOCKS, "rg32float")}
     return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, memory)

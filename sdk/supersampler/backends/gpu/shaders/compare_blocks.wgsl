@@ -8,6 +8,8 @@
 
 const ROWS = 4;          // of a block
 const SIDE = 4;          // blocks of a workgroup in either direction
+const AROUND = LARGE_WINDOW - SIDE;   // blocks beside a workgroup that are decided by its comparison with the mean
+const WIDE = SIDE + 2 * AROUND;
 const SHARE = 1.0 / f32(BLOCK * BLOCK);
 
 @group(0) @binding(1) var<storage, read> next_state: State;
@@ -22,6 +24,7 @@ struct Row {
 }
 
 var<workgroup> rows: array<Row, SIDE * SIDE * ROWS>;
+var<workgroup> awake_near: atomic<u32>;   // 1 where one of these was not frozen
 var<workgroup> moving: array<u32, SIDE * SIDE * ROWS>;
 
 fn sample_of(block: vec2i, column: i32, row: i32) -> vec2i {
@@ -90,6 +93,8 @@ fn differs(signature: vec4f, reference: vec4f) -> bool {
     return max(max(apart.x, apart.y), max(apart.z, apart.w)) > TOLERANCE * level;
 }
 
+fn was_frozen(block: vec2i) -> bool { return has_blocks() && textureLoad(history_blocks, block, 0).x < 0.0; }
+
 @compute @workgroup_size(SIDE * SIDE * ROWS)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) index: u32) {
     let thread = i32(index);
@@ -101,11 +106,18 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) in
     if (exists && has_blocks()) { before = textureLoad(history_blocks, block, 0).x; }
     moving[thread] = 0u;
     if (exists && moves(block, row)) { moving[thread] = 1u; }
+    if (thread == 0) { atomicStore(&awake_near, 0u); }
     workgroupBarrier();
+    for (var i = thread; i < WIDE * WIDE; i += SIDE * SIDE * ROWS) {
+        let near = SIDE * vec2i(group.xy) - AROUND + vec2i(i % WIDE, i / WIDE);
+        if (inside(near, blocks_size()) && !was_frozen(near)) { atomicStore(&awake_near, 1u); }
+    }
+    workgroupBarrier();
+    let has_mean = before != 0.0 && (is_noisy() || atomicLoad(&awake_near) > 0u);
     let first = cell * ROWS;
     let is_moving = moving[first] + moving[first + 1] + moving[first + 2] + moving[first + 3] > 0u;
     if (exists && (before != 0.0 || !is_moving)) {
-        rows[thread] = sums_of(block, row, before != 0.0);
+        rows[thread] = sums_of(block, row, has_mean);
     } else {
         rows[thread] = Row();
     }

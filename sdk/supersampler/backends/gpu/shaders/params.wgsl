@@ -11,7 +11,7 @@ struct Params {
     writes_aux: f32,          // 1 where the auxiliary outputs are written
     pre_exposure: f32,        // factor that the colour contains, and the image gets
     has_reactive: f32,        // 1 where there is a reactive mask, else 0
-    skips: f32,               // 1 where the method may skip frozen tiles, else 0
+    skips: f32,               // 1 where the method may skip frozen tiles, 2 where it may leave their memory, else 0
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

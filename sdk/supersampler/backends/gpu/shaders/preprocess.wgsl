@@ -159,7 +159,8 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(num_workgroups) groups: ve
     let p = origin + vec2i(local.xy);
     let thread = i32(index);
     if (next_state.rests * params.skips > 0.0) {   // later passes read nothing else
-        if (inside(p, render_size())) { keep_surface(p); }
+        let held = next_state.rests > 1.0 && params.skips > 1.0;
+        if (inside(p, render_size()) && !held) { keep_surface(p); }
         return;
     }
     load_tile(origin, thread);

@@ -1,6 +1,5 @@
 // Show what stands still in place of a method's image.
 // import rest
-// import tiles
 // import store
 
 //   weight: of the history, an auxiliary output
@@ -9,5 +8,10 @@ fn show(p: vec2i, image: vec3f, weight: f32) {
     store(p, rested.image, vec2f(weight, rested.frozen));
 }
 
-// Whether the method is left out at a pixel: its own history is kept, and the image is frozen.
-fn is_left_out(tile: vec2u) -> bool { return tile.x * u32(params.skips) > 0u; }
+// Show a frozen pixel.
+//   held: whether the next mean holds it already
+fn show_frozen(p: vec2i, held: bool) {
+    let mean = textureLoad(history_mean, p, 0);
+    if (!held) { textureStore(next_mean, p, mean); }
+    store(p, mean.rgb, vec2f(0.0, 1.0));
+}

@@ -13,7 +13,7 @@ struct State {
     cycle: f32,               // frames since this jitter was last seen; 0 if it is new
     period: f32,              // frames of a jitter period; 0 while it is unknown
     counts: f32,              // 1 where the frame adds a phase
-    rests: f32,               // 1 where the whole frame is frozen
+    rests: f32,               // 1 where the whole frame is frozen, 2 where the previous one was, too
 }
 
 fn exposure_of(state: State) -> f32 { return abs(state.followed); }

@@ -27,7 +27,7 @@ const TILE_THREADS = SIDE * SIDE;
 @group(0) @binding(12) var kept1: texture_2d<u32>;
 @group(0) @binding(13) var kept2: texture_2d<u32>;
 @group(0) @binding(14) var kept3: texture_2d<u32>;
-@group(0) @binding(15) var<storage, read> tiles: array<vec2u>;
+@group(0) @binding(15) var<storage, read> next_tiles: array<vec2u>;
 @group(0) @binding(16) var next_pixels: texture_storage_2d<rg32uint, write>;
 @group(0) @binding(17) var next_ranges: texture_storage_2d<r32uint, write>;
 @group(0) @binding(18) var<storage, read_write> next_classes: array<vec2u>;
@@ -117,7 +117,7 @@ fn compose(p: vec2i, corner: u32, thread: u32, rests: bool) {
     let luma = luminance(now.sample);
     let glares = glares_in(alpha);
     let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);
-    let flash_fraction = f32(tiles[0].y) / (display_extent().x * display_extent().y);
+    let flash_fraction = f32(next_tiles[0].y) / (display_extent().x * display_extent().y);
     let rises = flash_fraction > FLASH_FRACTION && light_rises(luma, before, visibility);
     let unconfirmed = (bright || rises) && before.glare < CONFIRMED - 1.0;
     let count = min(min(odds, before.samples), SAMPLES) + now.confidence;
@@ -146,13 +146,13 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: 
         @builtin(local_invocation_index) thread: u32) {
     let origin = vec2i(PIXELS_ACROSS, PIXELS_DOWN) * vec2i(group.xy);
     let first = 2 * vec2i(id.xy);
-    let tile = tiles[tile_of(origin)];
-    if (is_left_out(tile)) {
+    let tile = next_tiles[tile_of(origin)];
+    if (is_left_out(tile, IMAGE_REACH)) {
         for (var corner = 0u; corner < 4u; corner++) {
             let p = first + vec2i(vec2u(corner & 1u, corner >> 1u));
             if (inside(p, display_size())) {
-                keep_history(p, corner);
-                show(p, vec3f(0.0), 0.0);
+                if (!is_held(tile)) { keep_history(p, corner); }
+                show_frozen(p, is_held(tile));
             }
         }
         return;
@@ -164,6 +164,6 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: 
     hide(first / 2, thread);
     for (var corner = 0u; corner < 4u; corner++) {
         let p = first + vec2i(vec2u(corner & 1u, corner >> 1u));
-        if (inside(p, display_size())) { compose(p, corner, thread, tile.x > 0u); }
+        if (inside(p, display_size())) { compose(p, corner, thread, rests(tile)); }
     }
 }

@@ -68,8 +68,8 @@ fn pool(origin: vec2i, thread: u32) {
 
 @compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
-    if (next_state.rests * params.skips > 0.0) { return; }   // nothing is read of it
     let origin = vec2i(group.xy) * vec2i(TILE_X, TILE_Y);
+    if (nothing_depends_on(origin, vec2i(TILE_X, TILE_Y))) { return; }
     let size = level_size(LEVEL);
     for (var i = thread; i < WIDE_X * WIDE_Y * CHANNELS; i += THREADS) {
         let cell = i % (WIDE_X * WIDE_Y);   // threads of a subgroup have one chunk, and so the same weights

@@ -72,9 +72,10 @@ fn pooled_word(quad: u32, cell: u32) -> u32 {
 
 @compute @workgroup_size(SIDE, SIDE)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) cell: u32) {
-    if (next_state.rests * params.skips > 0.0) { return; }   // nothing is read of it
+    let origin = vec2i(group.xy) * (i32(SIDE) - 2);
+    if (nothing_depends_on(origin, vec2i(i32(SIDE) - 2))) { return; }
     let place = vec2i(vec2u(cell % SIDE, cell / SIDE)) - 1;
-    let p = vec2i(group.xy) * (i32(SIDE) - 2) + place;
+    let p = origin + place;
     let exists = inside(p, level_size(LEVEL));
     if (exists) {
         first_layer(p, cell);

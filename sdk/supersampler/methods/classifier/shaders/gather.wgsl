@@ -21,16 +21,17 @@ const WIDE = SIDE + 2;
 @group(0) @binding(6) var history_pixels: texture_2d<u32>;
 @group(0) @binding(7) var inputs: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(8) var<storage, read_write> differences: array<u32>;    // of history and frame: mean, absolute
-@group(0) @binding(9) var<storage, read_write> tiles: array<atomic<u32>>;   // see tiles.wgsl; two words a tile
+@group(0) @binding(9) var<storage, read_write> next_tiles: array<atomic<u32>>;   // see tiles.wgsl; two words a tile
 
 var<workgroup> history_luma: array<f32, WIDE * WIDE>;
 var<workgroup> apart: array<f32, SIDE * SIDE>;
+var<workgroup> tile_word: u32;    // of the tile that the workgroup is in
 
 // Square roots space dark values like bright ones; their slope is bounded.
 fn root(value: f32) -> f32 { return sqrt(max(value, 1e-6)); }
 fn roots(color: vec3f) -> vec3f { return sqrt(max(color, vec3f(1e-6))); }
 
-fn tile_rests(p: vec2i) -> bool { return atomicLoad(&tiles[2u * tile_of(p)]) != 0u; }
+fn own_tile() -> vec2u { return vec2u(tile_word, 0u); }
 
 fn luma_index(p: vec2i, origin: vec2i) -> i32 {
     let q = clamped(p, display_size()) - origin + 1;
@@ -58,7 +59,7 @@ fn write_inputs(p: vec2i, origin: vec2i, there: Reprojection, before: WarpedHist
 
     let luma_now = luminance(now.sample);
     if (luma_now > now.first.x + CONTRAST && light_rises(luma_now, before, seen.surface.visibility)) {
-        if (!tile_rests(p)) { atomicAdd(&tiles[1], 1u); }
+        if (!rests(own_tile())) { atomicAdd(&next_tiles[1], 1u); }
     }
     let frame = roots(seen.frame);
     let sample = roots(now.sample);
@@ -109,8 +110,10 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
         @builtin(local_invocation_index) index: u32) {
     let origin = SIDE * vec2i(group.xy);
     let p = origin + vec2i(local.xy);
-    if (next_state.rests * params.skips > 0.0) {
-        if (inside(p, display_size())) { keep_pixel(p); }
+    if (index == 0u) { tile_word = atomicLoad(&next_tiles[2u * tile_of(origin)]); }
+    let tile = vec2u(workgroupUniformLoad(&tile_word), 0u);
+    if (is_left_out(tile, INPUTS_REACH)) {
+        if (inside(p, display_size()) && !is_held(tile)) { keep_pixel(p); }
         return;
     }
     load_samples(origin, i32(index));

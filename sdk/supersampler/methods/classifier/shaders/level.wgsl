@@ -2,7 +2,7 @@
 // quads are four.
 // import params
 // import int8
-// import state
+// import tiles
 //
 // Constants of a level: LEVEL; TILE_X, TILE_Y; INPUTS, CHANNELS, KEPT, POOLED: chunks of the input, of the channels
 // between the layers, and of the two outputs; CHANNEL_QUADS, OUTPUT_QUADS: quads of channels and outputs; KEPT_ACROSS:
@@ -10,9 +10,23 @@
 
 @group(0) @binding(2) var kept: texture_storage_2d<rgba32uint, write>;
 @group(0) @binding(3) var<storage, read_write> pooled: array<vec4u>;
-@group(0) @binding(8) var<storage, read> next_state: State;
+@group(0) @binding(8) var<storage, read> next_tiles: array<vec2u>;
 
 // Size of a level: the deepest one has 1/8 of the first, which repeats its last row and column.
 fn level_size(level: u32) -> vec2i { return (((display_size() + 1) / 2 + 7) / 8 * 8) >> vec2u(level); }
 
 fn largest_bytes(a: u32, b: u32) -> u32 { return pack4xU8(max(unpack4xU8(a), unpack4xU8(b))); }
+
+// Whether no image is computed that depends on these pixels of the level.
+fn nothing_depends_on(origin: vec2i, extent: vec2i) -> bool {
+    const PIXELS = 2 << LEVEL;    // of the display, along an axis
+    let size = tiles_size();
+    let first = clamped(PIXELS * origin / TILE, size);
+    let last = clamped((PIXELS * (origin + extent) - 1) / TILE, size);
+    for (var j = first.y; j <= last.y; j++) {
+        for (var i = first.x; i <= last.x; i++) {
+            if (!is_left_out(next_tiles[index_of(vec2i(i, j), size)], NETWORK_REACH)) { return false; }
+        }
+    }
+    return true;
+}

@@ -19,5 +19,5 @@ fn pixel_surface(p: vec2i, origin: vec2i, at: vec2f, now: CurrentFrame, there: R
     return PixelSurface(now.frame, surface, edge, vec2f(root(before.range.x), root(before.range.y)));
 }
 
-// Called in place of it where the whole frame is frozen.
+// Called in place of it where nothing is computed.
 fn keep_pixel(p: vec2i) {}

@@ -5,5 +5,5 @@
 
 fn show(p: vec2i, image: vec3f, weight: f32) { textureStore(large_image, p, vec4f(image, weight)); }
 
-// A tile that rests is left out only where all do: the filter reads it for pixels beside it.
-fn is_left_out(tile: vec2u) -> bool { return next_state.rests * params.skips > 0.0; }
+// Frozen pixels are shown by `downsample`.
+fn show_frozen(p: vec2i, held: bool) {}

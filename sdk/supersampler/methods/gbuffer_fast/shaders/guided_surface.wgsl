@@ -118,7 +118,7 @@ fn pixel_surface(p: vec2i, origin: vec2i, at: vec2f, now: CurrentFrame, there: R
     let surface = gather_surface(own_place, own.depth);
     pixel.visibility = surface.visibility;
     textureStore(guided, p, pack_guided(pixel));
-    if (tile_rests(p)) {
+    if (rests(own_tile())) {
         keep_pixel(p);
     } else {
         textureStore(next_reflectance, p, vec4u(pack4x8unorm(vec4f(pixel.reflectance, 0.0)), 0u, 0u, 0u));

@@ -9,6 +9,7 @@
 // import contrast
 // import edges
 // import dilated
+// import tiles
 // import show
 
 @group(0) @binding(1) var<storage, read> history_state: State;
@@ -21,7 +22,7 @@
 @group(0) @binding(8) var<storage, read> history_power: array<f32>;
 @group(0) @binding(9) var next_pixels: texture_storage_2d<rg32uint, write>;
 @group(0) @binding(10) var<storage, read_write> next_power: array<f32>;
-@group(0) @binding(11) var<storage, read> tiles: array<vec2u>;
+@group(0) @binding(11) var<storage, read> next_tiles: array<vec2u>;
 @group(0) @binding(12) var<storage, read_write> aux: array<vec2f>;   // weight, converged
 @group(0) @binding(13) var kept_samples: texture_2d<f32>;            // x: of the history, by block
 
@@ -255,15 +256,15 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) id: 
         @builtin(local_invocation_index) thread: u32) {
     let p = vec2i(id.xy);
     let origin = vec2i(PIXELS_ACROSS, PIXELS_DOWN) * vec2i(group.xy);
-    let tile = tiles[tile_of(origin)];
-    if (is_left_out(tile)) {
+    let tile = next_tiles[tile_of(origin)];
+    if (is_left_out(tile, IMAGE_REACH)) {
         if (inside(p, display_size())) {
-            store_history(p, textureLoad(history_pixels, p, 0).xy, power_at(p));
-            show(p, vec3f(0.0), 0.0);
+            if (!is_held(tile)) { store_history(p, textureLoad(history_pixels, p, 0).xy, power_at(p)); }
+            show_frozen(p, is_held(tile));
         }
         return;
     }
     load_samples(origin, i32(thread));
     workgroupBarrier();
-    if (inside(p, display_size())) { blend(p, tile.x > 0u); }
+    if (inside(p, display_size())) { blend(p, rests(tile)); }
 }
