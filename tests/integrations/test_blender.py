@@ -24,11 +24,16 @@ from blender_motion import camera_motion_of
 from supersampler.cli import app
 from supersampler.io.display import BT709
 from supersampler.io.images import read_exr
-from supersampler.io.shot import Shot, open_source
+from supersampler.io.shot import Shot, import_blender, open_source
 from supersampler.io.shot.blender import RenderRecord, read_render_record
 from supersampler.validation import detect_conventions
+from supersampler_bench.quality import denoise_record
+from supersampler_bench.quality.denoise import measure_render
+from supersampler_bench.quality.denoise_record import FRAME, MEDIAN
+from supersampler_bench.quality.denoise_references import DEFAULT_PATTERN
 
 PROGRAM = os.environ.get("SUPERSAMPLER_BLENDER") or shutil.which("blender")
+DENOISE_SCENES = Path(denoise_record.__file__).with_name("denoise_scenes.py")  # only Blender can import it
 pytestmark = pytest.mark.skipif(
     PROGRAM is None, reason="no Blender: $SUPERSAMPLER_BLENDER is not set, and none is on the path"
 )
@@ -358,3 +363,21 @@ def test_the_extension_installs_renders_upscales_and_says_what_is_wrong(tmp_path
     assert found["disabled"] == "False"
     for folder in ("out", "upscaled", "denoised", "denoised again"):
         assert sorted(p.name for p in (tmp_path / folder).glob("*.exr")) == ["0006.exr", "0007.exr"]
+
+
+def test_the_scenes_of_the_denoising_bench_render_resume_and_are_measured(tmp_path: Path) -> None:
+    small = ("-o", str(tmp_path), "--samples", "1", "--frames", "12", "14", "--size", "160", "90")
+    run_in_blender(DENOISE_SCENES, *small, "--reference-samples", "0")
+    assert len([*tmp_path.glob("*-1/*.exr")]) == 4 * 3
+    words = ("lamps", *small, "--reference-samples", "256")
+    run_in_blender(DENOISE_SCENES, *words)
+    times = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.exr")}
+    run_in_blender(DENOISE_SCENES, *words)
+    assert times == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.exr")}
+    shot = import_blender(tmp_path / "lamps-1", guides="denoising")
+    assert np.abs(shot.read(1).frame.motion).max() > 0.3
+    row = measure_render(tmp_path / "lamps-1", shot, None, reference=DEFAULT_PATTERN)
+    assert row.reference_frames == [12, 13, 14]
+    assert row.render_cpu is not None
+    noisy, median = (row.scores(method).psnr or 0.0 for method in (FRAME, MEDIAN))
+    assert median > noisy + 0.5
