@@ -171,20 +171,20 @@ SANITIZED := cmake -S sdk/native -DCMAKE_C_COMPILER=clang -DCMAKE_CXX_COMPILER=c
 
 sanitize:
 	for kind in address,undefined thread; do \
-	    $(SANITIZED) -B build/$$kind -DSS_SANITIZE=$$kind && cmake --build build/$$kind --parallel \
+	    $(SANITIZED) -B build/$$kind -DSS_SANITIZE=$$kind && cmake --build build/$$kind --parallel $$(nproc) \
 	        && ctest --test-dir build/$$kind --output-on-failure || exit 1; \
 	done
 
 # Ten million hostile values for each method on each instruction set that this CPU has.
 hostile:
-	cmake -S sdk/native -B build/tests && cmake --build build/tests --parallel
+	cmake -S sdk/native -B build/tests && cmake --build build/tests --parallel $$(nproc)
 	SS_HOSTILE=1300 build/tests/test_api
 
 SECONDS ?= 60
 
 fuzz-native:
 	$(SANITIZED) -B build/fuzz -DSS_SANITIZE=address,undefined -DSS_FUZZ=ON
-	cmake --build build/fuzz --parallel
+	cmake --build build/fuzz --parallel $$(nproc)
 	for name in step model state images; do \
 	    mkdir -p build/fuzz/corpus/$$name && build/fuzz/fuzz_$$name -max_total_time=$(SECONDS) -max_len=120000 \
 	        -artifact_prefix=build/fuzz/$$name- build/fuzz/corpus/$$name $$(test $$name != model || echo sdk/native/models) || exit 1; \
