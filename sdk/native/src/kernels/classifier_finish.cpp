@@ -133,10 +133,10 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
     blend += 2 * parameters * (y % 2) * blend_pitch;
     const uint16_t* gathered = w.gathered.rest + variant.planes() * w.gathered.place(y);
     const float *histories = w.gathered.history + 3 * w.gathered.place(y), *rows[3];
-    const uint16_t* images[3];
+    const uint16_t* images[3] = {};
     for (int i = 0; i < 3; i++) {
         rows[i] = sample_row(s, ay.clamped(near + i - 1), TONED) - PAD;
-        images[i] = guided_row(w, clamp(y + i - 1, 0, w.target.height - 1));
+        if constexpr (guided) images[i] = guided_row(w, clamp(y + i - 1, 0, w.target.height - 1));
     }
     for (int x = x0; x < min(x1, end); x += W) {
         const uint16_t* rest = gathered + variant.planes() * x;
