@@ -12,7 +12,7 @@ FORMATS = {
     "motion": ("rg32float", 2),
     "reactive": ("r32float", 1),
 }
-SAMPLED, COPY_DST, STORED, STORAGE = 4, 2, 8, 128
+COPY_SRC, COPY_DST, SAMPLED, STORED, STORAGE = 1, 2, 4, 8, 128
 """Usage flags of WebGPU: of textures, and of buffers."""
 
 
@@ -31,17 +31,16 @@ def textures_of(device: Any, frame: Frame) -> dict[str, Any]:
     return {name: texture_of(device, a, *FORMATS[name]) for name, a in given.items() if a is not None}
 
 
+def buffer_of(device: Any, image: Any) -> Any:
+    return device.create_buffer_with_data(data=np.ascontiguousarray(image, np.float32), usage=STORAGE)
+
+
 def buffers_of(device: Any, frame: Frame) -> dict[str, Any]:
-    return {
-        name: device.create_buffer_with_data(
-            data=np.ascontiguousarray(getattr(frame, name), np.float32), usage=STORAGE
-        )
-        for name in FORMATS
-        if getattr(frame, name) is not None
-    }
+    given = {name: getattr(frame, name) for name in FORMATS}
+    return {name: buffer_of(device, image) for name, image in given.items() if image is not None}
 
 
-def pixels_of(device: Any, texture: Any) -> np.ndarray[Any, Any]:
+def pixels_of(device: Any, texture: Any, channels: int = 3) -> np.ndarray[Any, Any]:
     width, height = texture.size[:2]
     data = device.queue.read_texture({"texture": texture}, {"bytes_per_row": 8 * width}, (width, height, 1))
-    return np.frombuffer(data, np.float16).reshape(height, width, 4)[..., :3].astype(np.float32)
+    return np.frombuffer(data, np.float16).reshape(height, width, 4)[..., :channels].astype(np.float32)

@@ -23,7 +23,8 @@ class History:
         display_size: (width, height) of the images.
         render_size: (width, height) of the last frame.
         buffers: buffers of the executor.
-        aovs: (1, k, H, W) float32 blended AOVs; None if they were not requested.
+        aovs: (1, k, H, W) float32 blended AOVs; None if they were not requested, or are in `buffers`, where
+            the GPU backend keeps them.
         ids: ids at display size; None if they were not requested.
         kind: identity of the model; a model accepts only its own histories.
     """

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
 
     from supersampler.backends.gpu.executor import GpuExecutor
     from supersampler.backends.gpu.frame import DeviceFrame
+    from supersampler.backends.gpu.history import BlendedAovs
 
 
 __all__ = ["AtRest", "ExecutorName", "Model", "Plan", "Precision"]
@@ -288,7 +289,7 @@ class Model:
         for name in outputs:
             checked_choice("outputs", name, ("aovs", "ids", *self.info.maps))
         if "aovs" in outputs:
-            check_aovs(frame, None if previous is None else previous.aovs)
+            check_aovs(None if frame.aovs is None else frame.aovs.shape[2], self._aov_channels(previous))
         if "ids" in outputs:
             check_ids(frame, None if previous is None else previous.ids)
         if out is not None:
@@ -352,8 +353,8 @@ class Model:
             if blended is None:
                 weight = report.outputs.get("weight")
                 blended = self._aov_blender.blend(frame, weight, history.aovs, display)
-            next_history.aovs = blended
-            aovs = next_history.aovs[0].transpose(1, 2, 0).copy()
+                next_history.aovs = blended
+            aovs = blended[0].transpose(1, 2, 0).copy()
         ids = None
         if next_history.ids is not None and frame.ids is not None:
             ids = next_history.ids.ids.astype(frame.ids.dtype)
@@ -420,8 +421,13 @@ class Model:
 
         Returns:
             The history for the next frame; its buffers are written when the commands run.
+
+        Raises:
+            FrameError: its AOVs have another number of channels than those of the previous frame.
         """
         self._check_histories(history, history_out)
+        if frame.aovs is not None:
+            check_aovs(frame.aovs.channels, self._aov_channels(history))
         check_ratio(self.info.ratios, frame.size, history.display_size)
         next_history = self._next_history(history_out, history.display_size, frame.size)
         self.gpu.encode(
@@ -444,8 +450,11 @@ class Model:
         copies: dict[str, NDArray[Any]] = {
             name: np.array(self._executor.tensor(history.buffers, name)) for name in names
         }
-        if history.aovs is not None:
-            copies[AOVS] = history.aovs.copy()
+        if self._aov_channels(history) is not None:
+            on_device = self.executor == "gpu"
+            copies[AOVS] = np.array(
+                self._executor.tensor(history.buffers, AOVS) if on_device else history.aovs
+            )
         if history.ids is not None:
             copies |= {IDS: history.ids.ids.copy(), ID_DISTANCE: history.ids.distance.copy()}
         return copies
@@ -479,12 +488,22 @@ class Model:
         try:
             history = self.first_history(display, render)
             self._executor.load(history.buffers, checked)
-            history.aovs = checked[AOVS].copy() if AOVS in checked else None
+            if AOVS in checked and self.executor != "gpu":
+                history.aovs = checked[AOVS].copy()
             if IDS in checked:
                 history.ids = IdHistory(*(checked[name].copy("C") for name in (IDS, ID_DISTANCE)))
         except MemoryError:
             raise ArgumentError("state", got=f"at {display}", want="sizes that fit into memory") from None
         return history
+
+    def _aov_channels(self, history: History | None) -> int | None:
+        """Return the number of AOV channels in a history; None without AOVs."""
+        if history is None:
+            return None
+        if self.executor == "gpu":
+            blended: BlendedAovs | None = history.buffers.aovs
+            return None if blended is None else blended.channels
+        return None if history.aovs is None else history.aovs.shape[1]
 
     def _check_histories(self, history: History, next_history: History | None) -> None:
         """Raise ArgumentError unless a step may read `history` and write to `next_history`."""

@@ -478,6 +478,8 @@ class Upscaler:
         reset: bool = False,
         render_size: Size | None = None,
         out: "_DeviceImage | None" = None,
+        aovs: "Sequence[_DeviceImage]" = (),
+        aovs_out: "Sequence[_DeviceImage]" = (),
     ) -> "_DeviceImage":
         """Upscale the next frame on the GPU, without copying images to or from the CPU.
 
@@ -501,6 +503,11 @@ class Upscaler:
             render_size: (width, height) of buffers; not needed for textures.
             out: where to write the image: a texture rgba16float with STORAGE_BINDING, or a buffer of float32
                 (H, W, 3) with STORAGE; None allocates a texture.
+            aovs: AOVs to blend: textures, whose four channels are blended each, or one buffer of float32
+                (h, w, k); of the kind of `images`, which then hold "depth" for any method. The number of
+                channels may change after a reset. After a frame without AOVs there is no AOV history.
+            aovs_out: where to write them: a texture rgba16float with STORAGE_BINDING for each texture, or one
+                buffer of float32 (H, W, k) with COPY_DST.
 
         Returns:
             The image, linear RGB; `out` if given.
@@ -509,12 +516,13 @@ class Upscaler:
             FrameError: an image is missing, or has a wrong format, size, usage or device. The history is
                 unchanged.
             DeviceError: the device failed. The history is unchanged unless the message says that it is lost.
-            ArgumentError: the executor is not "gpu", or `out` has a wrong format, size, usage or device.
+            ArgumentError: the executor is not "gpu", or `out` or `aovs_out` has a wrong format, size, usage
+                or device.
         """
         encoder = self.model.gpu.device.create_command_encoder()
         image = self.encode_into(
             encoder, images, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset,
-            render_size=render_size, out=out,
+            render_size=render_size, out=out, aovs=aovs, aovs_out=aovs_out,
         )  # fmt: skip
         self.model.gpu.device.queue.submit([encoder.finish()])
         return image
@@ -530,6 +538,8 @@ class Upscaler:
         reset: bool = False,
         render_size: Size | None = None,
         out: "_DeviceImage | None" = None,
+        aovs: "Sequence[_DeviceImage]" = (),
+        aovs_out: "Sequence[_DeviceImage]" = (),
     ) -> "_DeviceImage":
         """Encode `step_textures` into a command encoder, for engines that submit their own commands.
 
@@ -540,9 +550,11 @@ class Upscaler:
         from supersampler.backends.gpu.frame import (
             DeviceFrame,
             check_encoder,
+            checked_aovs,
             checked_gbuffers,
             checked_images,
             checked_target,
+            is_texture,
         )
 
         self._check_open()
@@ -556,15 +568,19 @@ class Upscaler:
         check_encoder(encoder, gpu.device)
         names = [tensor.name for tensor in self.model.info.inputs]
         size = None if render_size is None else checked_size("render_size", render_size)
-        given, size = checked_images(images, names, size, gpu.device)
+        read = [*names, "depth"] if aovs else names  # motion is dilated by depth
+        given, size = checked_images(images, read, size, gpu.device)
         reset = checked_reset(reset)
         values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
         display = self._display_size_for(size)
         given |= checked_gbuffers(images, names, size, display, gpu.device)
+        blended = checked_aovs(
+            aovs, aovs_out, size, display, gpu.device, in_textures=is_texture(given["color"])
+        )
         image = gpu.new_image(display) if out is None else checked_target(out, display, gpu.device)
         history = self._history(size, reset=reset)
         next_history = self.model.encode(
-            encoder, DeviceFrame(given, size, *values), history, image, self._camera.spare,
+            encoder, DeviceFrame(given, size, *values, blended), history, image, self._camera.spare,
             adds_samples=ADDED[self.at_rest], skip=self.skip,
         )  # fmt: skip
         self._advance(history, next_history, time.perf_counter() - started)

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 
 from gpu_steps import DISPLAY, RENDER, device_or_skip, make, moving
-from supersampler import Upscaler
+from supersampler import Frame, Upscaler
 from supersampler.errors import ArgumentError, FrameError
+from supersampler.history import StepResult
 from supersampler.model import Model
 from texture_frames import (
     COPY_DST,
+    COPY_SRC,
     SAMPLED,
     STORAGE,
     STORED,
+    buffer_of,
     buffers_of,
     pixels_of,
     texture_of,
@@ -114,3 +117,117 @@ def test_other_backends_take_no_textures() -> None:
     device_or_skip()
     with pytest.raises(ArgumentError, match="textures"):
         make("taau", "cpu").step_textures({}, jitter=(0.0, 0.0))
+
+
+def with_aovs(index: int, channels: int = 8) -> Frame:
+    """AOVs of noise; some of them are missing."""
+    random = np.random.default_rng(index)
+    values = random.random((*RENDER[::-1], channels), np.float32)
+    values[random.random(values.shape) < 0.1] = np.nan
+    return replace(moving(index), aovs=values)
+
+
+def targets(device: Any, count: int) -> list[Any]:
+    usage = STORED | COPY_SRC
+    return [
+        device.create_texture(size=(*DISPLAY, 1), format="rgba16float", usage=usage) for _ in range(count)
+    ]
+
+
+def textures_of_aovs(device: Any, frame: Frame) -> list[Any]:
+    aovs = np.asarray(frame.aovs)
+    return [texture_of(device, aovs[..., i : i + 4], "rgba32float", 4) for i in range(0, aovs.shape[2], 4)]
+
+
+def stepped(device: Any, upscaler: Upscaler, frame: Frame) -> Any:
+    """Step on textures, and return the AOVs."""
+    images, outs = textures_of_aovs(device, frame), targets(device, np.asarray(frame.aovs).shape[2] // 4)
+    upscaler.step_textures(
+        textures_of(device, frame), jitter=frame.jitter, reset=frame.reset, aovs=images, aovs_out=outs
+    )
+    return np.concatenate([pixels_of(device, out, 4) for out in outs], axis=2)
+
+
+def aovs_by_arrays(upscaler: Upscaler, frame: Frame) -> Any:
+    result = upscaler.step(frame, outputs=("aovs",))
+    assert isinstance(result, StepResult)
+    return result.aovs
+
+
+@pytest.mark.parametrize("method", ["taa", "taau", "classifier-small"])
+def test_aovs_in_textures_are_those_of_arrays(device: Any, method: str) -> None:
+    model = Model.load(method, executor="gpu", device=device)
+    upscaler, arrays = (Upscaler(model, display_size=DISPLAY, validate="off") for _ in range(2))
+    for index in range(4):
+        frame = with_aovs(index)
+        found, wanted = stepped(device, upscaler, frame), aovs_by_arrays(arrays, frame)
+        assert np.abs(found - wanted).max() < 1e-3  # half floats
+
+
+def test_aovs_in_a_buffer_are_those_of_arrays_bit_for_bit(device: Any, ours: Model) -> None:
+    upscaler, arrays = Upscaler(ours, display_size=DISPLAY), make("taau")
+    out = device.create_buffer(size=20 * DISPLAY[0] * DISPLAY[1], usage=8 | 4)
+    for index in range(4):
+        frame = with_aovs(index, 5)
+        upscaler.step_textures(
+            buffers_of(device, frame), jitter=frame.jitter, reset=frame.reset, render_size=RENDER,
+            aovs=[buffer_of(device, frame.aovs)], aovs_out=[out],
+        )  # fmt: skip
+        found = np.frombuffer(device.queue.read_buffer(out), np.float32).reshape(*DISPLAY[::-1], 5)
+        np.testing.assert_array_equal(found, aovs_by_arrays(arrays, frame))
+
+
+def test_textures_and_arrays_share_one_history_of_aovs(device: Any, ours: Model) -> None:
+    mixed, arrays, loaded = (Upscaler(ours, display_size=DISPLAY, validate="off") for _ in range(3))
+    for index in range(3):
+        wanted = aovs_by_arrays(arrays, with_aovs(index))
+    stepped(device, mixed, with_aovs(0))
+    aovs_by_arrays(mixed, with_aovs(1))
+    loaded.load_state(mixed.save_state())
+    for each in (mixed, loaded):
+        assert np.abs(stepped(device, each, with_aovs(2)) - wanted).max() < 1e-3
+
+
+def test_a_step_on_textures_without_aovs_drops_their_history(device: Any, ours: Model) -> None:
+    upscaler, arrays = (Upscaler(ours, display_size=DISPLAY, validate="off") for _ in range(2))
+    stepped(device, upscaler, with_aovs(0))
+    upscaler.step_textures(textures_of(device, moving(1)), jitter=moving(1).jitter)
+    for index in range(2):
+        arrays.step(moving(index))
+    found, wanted = stepped(device, upscaler, with_aovs(2)), aovs_by_arrays(arrays, with_aovs(2))
+    assert np.abs(found - wanted).max() < 1e-3
+
+
+def test_aovs_that_do_not_fit_are_refused_and_the_history_stays(device: Any, ours: Model) -> None:
+    upscaler, other = (Upscaler(ours, display_size=DISPLAY, validate="off") for _ in range(2))
+    for each in (upscaler, other):
+        stepped(device, each, with_aovs(0))
+    frame = with_aovs(1)
+    images, aovs, outs = textures_of(device, frame), textures_of_aovs(device, frame), targets(device, 2)
+    small = texture_of(device, np.zeros((3, 3, 4)), "rgba32float", 4)
+    buffers = [buffer_of(device, frame.aovs)]
+
+    def step(**given: Any) -> None:
+        upscaler.step_textures(images, jitter=frame.jitter, **{"aovs": aovs, "aovs_out": outs, **given})
+
+    with pytest.raises(FrameError, match="4 channels; want 8 channels as before, or a reset"):
+        step(aovs=aovs[:1], aovs_out=outs[:1])
+    with pytest.raises(FrameError, match="aovs is rgba32float"):
+        step(aovs=[aovs[0], small])
+    wrongs: list[dict[str, Any]] = [
+        {"aovs_out": []},
+        {"aovs": buffers},
+        {"aovs": None},
+        {"aovs_out": [small, small]},
+    ]
+    for wrong in wrongs:
+        with pytest.raises(ArgumentError, match="aovs"):
+            step(**wrong)
+    taa = Upscaler(Model.load("taa", executor="gpu", device=device), display_size=DISPLAY)
+    with pytest.raises(FrameError, match="depth"):
+        taa.step_textures(
+            {name: image for name, image in images.items() if name != "depth"},
+            jitter=frame.jitter, aovs=aovs, aovs_out=outs,
+        )  # fmt: skip
+    found, wanted = (stepped(device, each, frame) for each in (upscaler, other))
+    np.testing.assert_array_equal(found, wanted)

@@ -1,15 +1,17 @@
 """Blending of AOVs on the device; their history is part of `GpuHistory`."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from supersampler.backends.gpu.frame import TEXTURE_CHANNELS, DeviceAovs
 from supersampler.backends.gpu.history import BlendedAovs, GpuHistory
 from supersampler.backends.gpu.memory import DISPLAY, Memory, PixelBuffer, kept_buffer, write_to
 from supersampler.backends.gpu.passes import Pass, Resource
+from supersampler.backends.gpu.program import TEXTURES
 from supersampler.errors import DeviceError
-from supersampler.frame import Frame
+from supersampler.frame import Frame, Size
 from supersampler.methods.aovs.gpu import aov_pass, aov_shader
 
 if TYPE_CHECKING:
@@ -17,64 +19,72 @@ if TYPE_CHECKING:
 
 
 class AovPasses:
-    """The pass that follows a step of any method where AOVs are requested; compiled on first use."""
+    """The passes that follow a step of any method where AOVs are requested; compiled on first use."""
 
     def __init__(self, device: "wgpu.GPUDevice") -> None:
         self._device = device
-        self._passes: dict[tuple[int, bool], Pass] = {}  # by channels, and whether there is a history
+        self._passes: dict[tuple[Any, ...], Pass] = {}
         self._given: dict[str, Memory] = {}
 
-    def upload(self, frame: Frame, next_history: GpuHistory) -> BlendedAovs:
-        """Upload a frame's AOVs and its depth, which not every step reads; return memory for blended AOVs.
+    def upload(self, frame: Frame) -> tuple[DeviceAovs, Resource]:
+        """Upload a frame's AOVs and its depth, which not every step reads; return both."""
+        arrays = {name: np.asarray(getattr(frame, name), np.float32) for name in ("aovs", "depth")}
+        for name, array in arrays.items():
+            known = self._given.get(name)
+            self._given[name] = kept_buffer(self._device, known, PixelBuffer(array.nbytes))
+            write_to(self._device, self._given[name], array)
+        aovs, depth = (self._given[name].resource for name in arrays)
+        return DeviceAovs([aovs], arrays["aovs"].shape[2]), depth
+
+    def room(self, channels: int, next_history: GpuHistory) -> BlendedAovs:
+        """Return memory for the AOVs of a history, that of `next_history` if it fits.
 
         Raises:
             DeviceError: they do not fit into a binding of the device.
         """
-        channels, display = channels_of(frame), next_history.display
+        display = next_history.display
         pixel = PixelBuffer(4 * channels, DISPLAY)
         limit = self._device.limits["max-storage-buffer-binding-size"]
-        if pixel.total_bytes(frame.size, display) > limit:
+        if pixel.total_bytes(display, display) > limit:
             most = limit // (4 * display[0] * display[1])
             raise DeviceError(
                 f"{channels} channels of AOVs at {display} need a binding of "
-                f"{pixel.total_bytes(frame.size, display)} bytes; the device's limit is {limit}: request at "
+                f"{pixel.total_bytes(display, display)} bytes; the device's limit is {limit}: request at "
                 f"most {most} channels, or choose executor='auto'"
             )
-        for name, values in (("frame_aovs", frame.aovs), ("frame_depth", frame.depth)):
-            image = np.asarray(values, np.float32)
-            memory, known = PixelBuffer(image.nbytes), self._given.get(name)
-            self._given[name] = kept_buffer(self._device, known, memory)
-            write_to(self._device, self._given[name], image)
         known = None if next_history.aovs is None else next_history.aovs.memory
-        return BlendedAovs(channels, kept_buffer(self._device, known, pixel, frame.size, display))
+        return BlendedAovs(channels, kept_buffer(self._device, known, pixel, display, display))
 
     def encode(
         self,
         encoder: "wgpu.GPUCommandEncoder",
-        frame: Frame,
+        aovs: DeviceAovs,
         history: GpuHistory,
-        blended: BlendedAovs,
+        next_history: GpuHistory,
+        render: Size,
+        variants: Mapping[str, str],
         resources: Mapping[str, Resource],
     ) -> None:
-        """Encode the pass after those of the step, whose weights are in `aux`.
+        """Encode the passes after those of the step, whose weights are in `aux`.
 
-        `blended` comes from `upload` of the same frame; `resources` are the step's, by name.
+        `next_history` has room for the AOVs; `variants` and `resources` are the step's, by name.
         """
-        key = blended.channels, history.aovs is not None
-        spec = aov_pass(blended.channels, has_history=history.aovs is not None)
-        if key not in self._passes:
-            self._passes[key] = Pass(self._device, aov_shader(spec), spec.tile, spec.names)
-        given = {name: memory.resource for name, memory in self._given.items()}
-        bound = {**resources, **given, "next_aovs": blended.memory.resource}
+        assert next_history.aovs is not None  # noqa: S101 - see above
+        blended = next_history.aovs.memory.resource
+        bound = {**resources, "next_aovs": blended}
         if history.aovs is not None:
             bound["history_aovs"] = history.aovs.memory.resource
+        bound |= {f"frame_aovs{i}": image for i, image in enumerate(aovs.images)}
+        bound |= {f"aovs{i}": target for i, target in enumerate(aovs.targets)}
+        in_textures = variants["frame"] == TEXTURES["frame"]
+        parts = aovs.channels // TEXTURE_CHANNELS if in_textures else aovs.channels
         compute = encoder.begin_compute_pass()
-        self._passes[key].encode(compute, bound, spec.extent.size(frame.size, history.display))
+        for number in range(len(aovs.images)):
+            key = parts, number, history.aovs is not None, *variants.values()
+            spec = aov_pass(parts, number, in_texture=in_textures, has_history=history.aovs is not None)
+            if key not in self._passes:
+                self._passes[key] = Pass(self._device, aov_shader(spec, variants), spec.tile, spec.names)
+            self._passes[key].encode(compute, bound, spec.extent.size(render, history.display))
         compute.end()
-
-
-def channels_of(frame: Frame) -> int:
-    """Return the number of AOV channels of a frame that has some."""
-    assert frame.aovs is not None  # noqa: S101 - `check_aovs` has refused the frame
-    channels: int = frame.aovs.shape[2]
-    return channels
+        if aovs.targets and not in_textures:
+            encoder.copy_buffer_to_buffer(blended, 0, aovs.targets[0], 0, aovs.bytes(history.display))

@@ -17,6 +17,7 @@ from supersampler.backends.gpu.frame import (
     IMAGE_FORMAT,
     PARAMS,
     SKIPS,
+    DeviceAovs,
     DeviceFrame,
     frame_memory,
     is_texture,
@@ -122,22 +123,21 @@ class GpuExecutor:
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
             buffers = self._buffers_for(render, display)
             upload_frame(self.device, buffers.memory, frame, self.program.layout.spec.inputs)
-            aovs = self._aovs.upload(frame, next_history) if blends_aovs else None
+            aovs, inputs = None, {}
+            if blends_aovs:
+                aovs, inputs["frame_depth"] = self._aovs.upload(frame)
             params = step_params(
                 frame, history, has_reactive=frame.reactive is not None, adds_samples=adds_samples,
                 writes_aux=bool(names) or blends_aovs, skip=skip,
             )  # fmt: skip
             encoder = self.device.create_command_encoder()
-            self._encode(encoder, ARRAYS, params, history, next_history, {}, buffers)
-            if aovs is not None:
-                self._aovs.encode(encoder, frame, history, aovs, buffers.resources)
-                next_history.aovs = aovs
+            self._encode(encoder, ARRAYS, params, history, next_history, inputs, buffers, aovs)
             buffers.image.encode(encoder)
             if names:
                 buffers.aux.encode(encoder)
             self.device.queue.submit([encoder.finish()])
             buffers.image.copy_to(image)
-            outputs = {} if aovs is None else {"aovs": next_history.tensor("aovs")}
+            outputs = {"aovs": next_history.tensor("aovs")} if blends_aovs else {}
             if names:
                 values = np.empty((*image.shape[:2], len(AUX)), np.float32)
                 buffers.aux.copy_to(values)
@@ -165,7 +165,7 @@ class GpuExecutor:
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}
         params = step_params(
             frame, history, has_reactive="reactive" in frame.images, adds_samples=adds_samples,
-            writes_aux=False, skip=skip,
+            writes_aux=frame.aovs is not None, skip=skip,
         )  # fmt: skip
         with self._lock.lock, raising(self.device, f"encoding a step to {history.display}"):
             buffers = self._buffers_for(frame.size, history.display)
@@ -173,7 +173,11 @@ class GpuExecutor:
             if frame.in_textures and "reactive" not in frame.images:
                 inputs["frame_reactive"] = self._no_mask
             inputs["image"] = self._resource(image)
-            self._encode(encoder, variants, params, history, next_history, inputs, buffers)
+            aovs = frame.aovs
+            if aovs is not None:
+                images, targets = (list(map(self._resource, each)) for each in (aovs.images, aovs.targets))
+                aovs = aovs._replace(images=images, targets=targets)
+            self._encode(encoder, variants, params, history, next_history, inputs, buffers, aovs)
 
     @cached_property
     def _no_mask(self) -> Resource:
@@ -202,8 +206,10 @@ class GpuExecutor:
         next_history: GpuHistory,
         inputs: Mapping[str, Resource],
         buffers: StepBuffers,
+        aovs: DeviceAovs | None,
     ) -> None:
         """Encode all passes; `inputs` are the caller's images, which replace those of `buffers`."""
+        blended = None if aovs is None else self._aovs.room(aovs.channels, next_history)
         is_second = next_history.follow(history)
         params[SKIPS] *= 1.0 + is_second
         render = int(params[0]), int(params[1])
@@ -214,7 +220,7 @@ class GpuExecutor:
             **{f"next_{name}": memory.resource for name, memory in next_history.memory.items()},
             **inputs,
         }
-        next_history.aovs = None
+        next_history.aovs = blended
         if not is_second and SIGNATURES in history.memory and history.render == next_history.render:
             # a step writes those of its own phase and of the previous step's
             source, target = (one.memory[SIGNATURES].resource for one in (history, next_history))
@@ -224,6 +230,8 @@ class GpuExecutor:
         for spec, one in zip(self.program.passes, self.passes(variants), strict=True):
             one.encode(compute, resources, spec.extent.size(render, history.display))
         compute.end()
+        if aovs is not None:
+            self._aovs.encode(encoder, aovs, history, next_history, render, variants, resources)
 
     def _buffers_for(self, render: Size, display: Size) -> StepBuffers:
         key = render, display

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,11 @@ PARAMS = 16
 """Number of values in the shader's `Params`."""
 SKIPS = 13
 """Index of `skips` among them."""
+TEXTURE_CHANNELS = 4
+"""Channels of a texture of AOVs."""
 CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1}
 """Images of a frame that shaders read, and their channels; "reactive" may be missing."""
-_SAMPLED, _STORED, _STORAGE = 4, 8, 128  # WebGPU's usage flags
+_SAMPLED, _STORED, _COPY_DST, _STORAGE = 4, 8, 8, 128  # WebGPU's usage flags
 _SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
 
 
@@ -89,6 +91,25 @@ def _texels(gbuffer: Array) -> NDArray[np.floating[Any]]:
     return texels
 
 
+class DeviceAovs(NamedTuple):
+    """AOVs of a frame on the device.
+
+    Attributes:
+        images: textures of four channels each, or one buffer (h, w, channels).
+        channels: channels of all images together.
+        targets: where they are written at display size: a texture for each texture, or a buffer; empty:
+            nowhere but to the history.
+    """
+
+    images: Sequence[Any]
+    channels: int
+    targets: Sequence[Any] = ()
+
+    def bytes(self, size: Size) -> int:
+        """Return the bytes of all channels in a buffer of float32."""
+        return 4 * self.channels * size[0] * size[1]
+
+
 @dataclass(frozen=True, eq=False)
 class DeviceFrame:
     """A frame on the GPU.
@@ -100,6 +121,7 @@ class DeviceFrame:
         jitter: see `Frame`.
         exposure: see `Frame`.
         pre_exposure: see `Frame`.
+        aovs: AOVs to blend, if any; then "depth" is among the images.
     """
 
     images: Mapping[str, Any]
@@ -107,6 +129,7 @@ class DeviceFrame:
     jitter: tuple[float, float]
     exposure: float | None
     pre_exposure: float = 1.0
+    aovs: DeviceAovs | None = None
 
     @property
     def in_textures(self) -> bool:
@@ -164,25 +187,61 @@ def checked_gbuffers(
     return given
 
 
-def checked_target(image: Any, display: Size, device: "wgpu.GPUDevice") -> Any:
-    """Return a texture or buffer that a step may write.
+def checked_aovs(
+    images: Sequence[Any],
+    targets: Sequence[Any],
+    render: Size,
+    display: Size,
+    device: "wgpu.GPUDevice",
+    *,
+    in_textures: bool,
+) -> DeviceAovs | None:
+    """Return AOVs and where their blend is written, or None without any; see `Upscaler.step_textures`.
+
+    Raises:
+        FrameError: an image is of another device, or has a wrong size, format or usage.
+        ArgumentError: a target has, or the numbers of images and targets differ.
+    """
+    for name, given in (("aovs", images), ("aovs_out", targets)):
+        if not isinstance(given, list | tuple) or any(is_texture(one) != in_textures for one in given):
+            want = "a list of textures or buffers, as the images of the frame are"
+            raise ArgumentError(name, got=shown(given), want=want)
+    if len(images) != len(targets) or (len(images) > 1 and not in_textures):
+        want = "as many textures in both" if in_textures else "one buffer in both"
+        raise ArgumentError("aovs and aovs_out", got=f"{len(images)} and {len(targets)}", want=want)
+    if not images:
+        return None
+    pixel_bytes = 4 * render[0] * render[1]
+    channels = len(images) * TEXTURE_CHANNELS if in_textures else max(images[0].size // pixel_bytes, 1)
+    for image in images:
+        _check_image("aovs", image, render, device, channels)
+    for target in targets:
+        checked_target(target, display, device, "aovs_out", channels)
+    return DeviceAovs(images, channels, targets)
+
+
+def checked_target(
+    image: Any, display: Size, device: "wgpu.GPUDevice", name: str = "out", channels: int = 3
+) -> Any:
+    """Return a texture or buffer that a step may write; a buffer has `channels`.
 
     Raises:
         ArgumentError: it has another device, size, format or usage.
     """
-    width, height = display
     if is_texture(image):
         want = f"{IMAGE_FORMAT} {display} with STORAGE_BINDING"
         good = tuple(image.size[:2]) == display and image.format == IMAGE_FORMAT and image.usage & _STORED
         got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
     else:
-        want, size = f"{12 * width * height} bytes with STORAGE", getattr(image, "size", 0)
-        good = bool(size >= 12 * width * height and image.usage & _STORAGE)
+        usage = _STORAGE if name == "out" else _COPY_DST
+        min_bytes, size = 4 * channels * display[0] * display[1], getattr(image, "size", 0)
+        want = f"{min_bytes} bytes with {'STORAGE' if name == 'out' else 'COPY_DST'}"
+        good = bool(size >= min_bytes and image.usage & usage)
         got = f"{size} bytes" if good or size else shown(image)
     if not good:
-        raise ArgumentError("out", got=got, want=want)
+        raise ArgumentError(name, got=got, want=want)
     if device_of(image) is not device:
-        raise ArgumentError("out", got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
+        raise ArgumentError(name, got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
     return image
 
 
@@ -199,7 +258,10 @@ def device_of(resource: Any) -> Any:
     return resource._device  # wgpu has no public name for it
 
 
-def _check_image(name: str, image: Any, size: Size, device: "wgpu.GPUDevice") -> None:
+def _check_image(
+    name: str, image: Any, size: Size, device: "wgpu.GPUDevice", channels: int | None = None
+) -> None:
+    """Raise FrameError unless a shader can read this image; `channels` are those of a buffer of AOVs."""
     if is_texture(image):
         kind = image.format
         is_float = ("float" in kind or "norm" in kind) and "depth" not in kind  # shaders read depth otherwise
@@ -207,7 +269,7 @@ def _check_image(name: str, image: Any, size: Size, device: "wgpu.GPUDevice") ->
             got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
             raise FrameError(name, got=got, want=f"a colour format {size} with TEXTURE_BINDING")
     else:
-        min_bytes = 4 * CHANNELS[name] * size[0] * size[1]
+        min_bytes = 4 * (channels or CHANNELS[name]) * size[0] * size[1]
         if getattr(image, "size", 0) < min_bytes or not image.usage & _STORAGE:
             want = f"at least {min_bytes} bytes with STORAGE: float32, row by row"
             raise FrameError(name, got=f"{getattr(image, 'size', shown(image))} bytes", want=want)

@@ -156,7 +156,7 @@ def _image_of(tensor: str, values: NDArray[Any], channel: int) -> NDArray[Any]:
 
 
 class BlendedAovs(NamedTuple):
-    """AOVs at display size: a buffer of float32, (channels, H, W)."""
+    """AOVs at display size: a buffer of float32, (H, W, channels)."""
 
     channels: int
     memory: Memory
@@ -205,9 +205,9 @@ class GpuHistory:
         """Return a history tensor of the contract (`history.NAME` or NAME), NCHW."""
         name = name.removeprefix("history.")
         if name == "aovs" and self.aovs is not None:
-            shape = 1, self.aovs.channels, *self.display[::-1]
-            values = read_back(self.device, self.aovs.memory).view(np.float32)
-            return values[: math.prod(shape)].reshape(shape)  # without padding
+            shape = *self.display[::-1], self.aovs.channels
+            values = read_back(self.device, self.aovs.memory).view(np.float32)[: math.prod(shape)]
+            return values.reshape(shape).transpose(2, 0, 1)[None]  # without padding
         if name in _STATE_TENSORS:
             values = read_back(self.device, self.memory[STATE])[_STATE_TENSORS[name]].view(np.float32)
             return values.copy().reshape(sized(self.layout.spec.history[name], {}))
@@ -240,7 +240,7 @@ class GpuHistory:
         self.aovs = None
         if "aovs" in tensors:
             memory = allocate(self.device, PixelBuffer(tensors["aovs"].nbytes))
-            write_to(self.device, memory, tensors["aovs"])
+            write_to(self.device, memory, tensors["aovs"][0].transpose(1, 2, 0))
             self.aovs = BlendedAovs(tensors["aovs"].shape[1], memory)
         for name, plane in self.layout.planes.items():
             width, height = self.layout.size(name, self.display, self.render)

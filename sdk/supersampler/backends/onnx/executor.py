@@ -168,13 +168,12 @@ _INPUTS = [
 _OUTPUTS = [TensorInfo("image", "float32", AOVS.image)]
 
 
-def check_aovs(frame: Frame, history: Float32 | None) -> None:
-    """Raise FrameError unless the frame has AOVs, with the number of channels of `history` (1, k, H, W)."""
-    if frame.aovs is None:
+def check_aovs(channels: int | None, before: int | None) -> None:
+    """Raise FrameError unless a frame has AOVs, with as many channels as those of the history, if any."""
+    if channels is None:
         raise FrameError("aovs", got=None, want="(h, w, k), because AOVs are requested")
-    channels = frame.aovs.shape[2]
-    if history is not None and history.shape[1] != channels:
-        want = f"{history.shape[1]} channels as before, or a reset"
+    if before not in (None, channels):
+        want = f"{before} channels as before, or a reset"
         raise FrameError("aovs", got=f"{channels} channels", want=want)
 
 
