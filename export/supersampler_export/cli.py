@@ -47,6 +47,9 @@ def export(
     images: Annotated[
         Images, typer.Option(help="With --target: where the shaders take frame and image.")
     ] = "textures",
+    aovs: Annotated[
+        int, typer.Option(min=0, help="With --target wgsl: channels of AOVs to blend; a texture has four.")
+    ] = 0,
 ) -> None:
     """Write METHOD as a model folder: step.onnx (the whole recurrent step), model.json and a model card.
 
@@ -63,6 +66,8 @@ def export(
       supersampler export classifier --target wgsl -o shaders
       supersampler export all --target npm -o supersampler-npm
     """  # noqa: D301  # \b makes click keep the line breaks
+    if aovs and target != "wgsl":
+        raise ArgumentError("--aovs", got=aovs, want="none without --target wgsl")
     if target is not None:
         if weights is not None:
             hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."
@@ -76,7 +81,7 @@ def export(
             return
         for name in names:
             folder = output / name if method == "all" else output
-            write_shader_folder(name, folder, images=images)
+            write_shader_folder(name, folder, images=images, aovs=aovs)
             Terminal().print(f"{name}: {folder / DESCRIPTION}", soft_wrap=True)
         return
     if images != "textures":

@@ -30,11 +30,13 @@ SHADERS = [PACKAGE / "backends/gpu/shaders", *sorted((PACKAGE / "methods").glob(
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The folder of each method, for textures; "taau buffers" for buffers."""
+    """The folder of each method, for textures; "taau buffers" for buffers; two that blend AOVs."""
     root = tmp_path_factory.mktemp("shaders")
     for method in METHODS:
         write_shader_folder(method, root / method)
     write_shader_folder("taau", root / "taau buffers", images="buffers")
+    write_shader_folder("taau", root / "taau aovs", aovs=5)
+    write_shader_folder("taau", root / "taau aovs buffers", images="buffers", aovs=5)
     return {folder.name: folder for folder in root.iterdir()}
 
 
@@ -65,7 +67,7 @@ def test_upscaler_json_is_as_its_schema_says(folders: dict[str, Path]) -> None:
         jsonschema.validate(about(folder), schema)
 
 
-@pytest.mark.parametrize("name", [*METHODS, "taau buffers"])
+@pytest.mark.parametrize("name", [*METHODS, "taau buffers", "taau aovs", "taau aovs buffers"])
 def test_every_resource_that_a_shader_declares_is_described(folders: dict[str, Path], name: str) -> None:
     described = about(folders[name])
     resources = {one["name"]: one for one in described["resources"]}
@@ -158,6 +160,18 @@ def test_frames_and_images_are_in_buffers_where_that_is_asked_for(folders: dict[
     assert {one["formats"][0] for one in described["inputs"]} == {"float32"}
 
 
+def test_textures_of_aovs_hold_four_channels_each_and_a_buffer_all(folders: dict[str, Path]) -> None:
+    for name, channels, targets in (
+        ("taau aovs", [4, 4], ["aovs0", "aovs1"]),
+        ("taau aovs buffers", [5], ["next_aovs"]),
+    ):
+        described = about(folders[name])
+        aovs = [one for one in described["inputs"] if one["name"].startswith("aovs")]
+        assert [one["channels"] for one in aovs] == channels
+        assert described["aovs"]["resources"] == targets
+    assert "aovs" not in about(folders["taau"])
+
+
 def mixed_operators(code: str) -> list[str]:
     """Return the operators that stand beside a bitwise one without brackets, which WGSL forbids."""
     code, levels, found = re.sub(r"//.*", "", code), [set[str]()], []
@@ -229,6 +243,8 @@ def test_the_command_needs_neither_torch_nor_wgpu(tmp_path: Path) -> None:
     [
         (["--target", "wgsl", "--weights", "w.safetensors"], "none with --target"),
         (["--images", "buffers"], "none without --target"),
+        (["--aovs", "4"], "none without --target wgsl"),
+        (["--aovs", "4", "--target", "npm"], "none without --target wgsl"),
     ],
 )
 def test_options_that_do_not_go_together_are_refused(

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 
 from supersampler import __version__
 from supersampler.backends.gpu.device import LIMITS
-from supersampler.backends.gpu.frame import frame_memory
-from supersampler.backends.gpu.memory import DISPLAY, PixelBuffer, PixelMemory, PixelTexture, SizeRule
+from supersampler.backends.gpu.frame import IMAGE_FORMAT, TEXTURE_CHANNELS, frame_memory
+from supersampler.backends.gpu.memory import DISPLAY, RENDER, PixelBuffer, PixelMemory, PixelTexture, SizeRule
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Shader
+from supersampler.methods.aovs.gpu import aov_pass, aov_shader
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_info import ModelInfo
 from supersampler_export.shaders import texts
@@ -48,16 +49,37 @@ class ExportedPass(NamedTuple):
         return self.spec.names.get(binding.name, binding.name)
 
 
-def exported_passes(program: GpuProgram, images: str) -> list[ExportedPass]:
+class ExportedAovs(NamedTuple):
+    """AOVs that the last passes blend: channels, and textures or one buffer that hold them."""
+
+    channels: int
+    images: int
+
+    @classmethod
+    def of(cls, channels: int, images: str) -> "ExportedAovs":
+        """Return AOVs of so many channels, or of as many as fill the last texture of four channels."""
+        if images == "buffers":
+            return cls(channels, min(channels, 1))
+        textures = -(-channels // TEXTURE_CHANNELS)
+        return cls(TEXTURE_CHANNELS * textures, textures)
+
+
+def exported_passes(program: GpuProgram, images: str, aovs: ExportedAovs) -> list[ExportedPass]:
     """Return all passes of a step; `images`: key of VARIANTS."""
+    variants, in_texture = VARIANTS[images], images == "textures"
+    found = [(spec, program.shader(spec, variants)) for spec in program.passes]
+    parts = aovs.images if in_texture else aovs.channels
+    for number in range(aovs.images):
+        spec = aov_pass(parts, number, in_texture=in_texture, has_history=True)
+        found.append((spec, aov_shader(spec, variants)))
     return [
-        ExportedPass(f"{number:02}_{spec.shader}", spec, program.shader(spec, VARIANTS[images]))
-        for number, spec in enumerate(program.passes)
+        ExportedPass(f"{number:02}_{spec.shader}", spec, shader)
+        for number, (spec, shader) in enumerate(found)
     ]
 
 
 def described(
-    info: ModelInfo, program: GpuProgram, images: str, passes: Sequence[ExportedPass]
+    info: ModelInfo, program: GpuProgram, images: str, aovs: ExportedAovs, passes: Sequence[ExportedPass]
 ) -> dict[str, Any]:
     """Return the content of upscaler.json, without the digests of files.
 
@@ -65,6 +87,7 @@ def described(
         info: the model.
         program: its GPU program.
         images: key of VARIANTS.
+        aovs: AOVs that are blended, if any.
         passes: passes of a step.
     """
     used = {one.resource(binding): binding.kind for one in passes for binding in one.shader.bindings}
@@ -86,6 +109,12 @@ def described(
             {"name": name, "resource": f"frame_{name}", **texts.INPUTS[name]}
             | ({"formats": ["float32"]} if images == "buffers" and name not in GBUFFERS else {})
             for name in inputs
+        ]
+        + [
+            {**texts.AOVS, "name": f"aovs{i}", "resource": f"frame_aovs{i}"}
+            | {"channels": aovs.channels // aovs.images}
+            | ({"formats": ["float32"]} if images == "buffers" else {})
+            for i in range(aovs.images)
         ],
         "output": {
             "resource": "image",
@@ -93,16 +122,24 @@ def described(
             "unit": "the unit of color, including params.pre_exposure",
             "range": [0.0, 65504.0],
         },
+        **({"aovs": _aovs(aovs, images)} if aovs.channels else {}),
         "params": _params(),
         "aux": {"resource": "aux", "layout": texts.AUX},
         "history": {
-            "pairs": [[f"history_{name}", f"next_{name}"] for name in program.layout.memory("render")],
+            "pairs": [
+                [f"history_{name}", f"next_{name}"]
+                for name in [*program.layout.memory("render"), *(["aovs"] if aovs.channels else [])]
+            ],
             "swap": texts.SWAP,
             "reset": texts.RESET,
             "resize": texts.RESIZE,
         },
         "sizes": texts.SIZES,
-        "resources": [one for one in _resources(program, images, used) if one["name"] in used],
+        "resources": [
+            one
+            for one in (*_resources(program, images, used), *_aov_resources(aovs, images))
+            if one["name"] in used
+        ],
         "step": texts.STEP,
         "passes": [_pass(one) for one in passes],
     }
@@ -165,8 +202,25 @@ def _resources(program: GpuProgram, images: str, used: Mapping[str, str]) -> Ite
         in_texture = images == "textures" or isinstance(one, PixelTexture)
         given = {"kind": "texture", "size": _size(one.extent)} if in_texture else _memory(one)
         yield {"name": name, "role": "frame", **given}
-    image = PixelTexture(DISPLAY, "rgba16float") if images == "textures" else program.outputs["image"]
+    image = PixelTexture(DISPLAY, IMAGE_FORMAT) if images == "textures" else program.outputs["image"]
     yield {"name": "image", "role": "image", **_memory(image)}
+
+
+def _aovs(aovs: ExportedAovs, images: str) -> dict[str, Any]:
+    targets = [f"aovs{i}" for i in range(aovs.images)] if images == "textures" else ["next_aovs"]
+    return {"resources": targets, "layout": texts.AOV_LAYOUTS[images], "step": texts.AOV_STEP}
+
+
+def _aov_resources(aovs: ExportedAovs, images: str) -> Iterator[dict[str, Any]]:
+    """Yield history, images and targets of AOVs."""
+    of_channels = 4 * aovs.channels
+    for role in ("history", "next"):
+        yield {"name": f"{role}_aovs", "role": role, **_memory(PixelBuffer(of_channels, DISPLAY))}
+    for i in range(aovs.images):
+        texture = {"kind": "texture", "size": _size(RENDER)}
+        given = texture if images == "textures" else _memory(PixelBuffer(of_channels, RENDER))
+        yield {"name": f"frame_aovs{i}", "role": "frame", **given}
+        yield {"name": f"aovs{i}", "role": "aovs", **_memory(PixelTexture(DISPLAY, IMAGE_FORMAT))}
 
 
 def _memory(memory: PixelMemory) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from supersampler.io.files import check_ours, remove_files, write_bytes
 from supersampler.io.json_files import read_json
 from supersampler.methods.executors import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
-from supersampler_export.shaders.description import FORMAT, described, exported_passes
+from supersampler_export.shaders.description import FORMAT, ExportedAovs, described, exported_passes
 
 Images = Literal["textures", "buffers"]
 DESCRIPTION = "upscaler.json"
@@ -21,19 +21,22 @@ LONGEST_LINE = 140
 """Longest line of upscaler.json with a whole list or object."""
 
 
-def write_shader_folder(model: str | Path, folder: Path, *, images: Images = "textures") -> None:
+def write_shader_folder(
+    model: str | Path, folder: Path, *, images: Images = "textures", aovs: int = 0
+) -> None:
     """Write the shaders of a model, in WGSL.
 
     Args:
         model: a shipped model by name, or a model folder.
         folder: the folder to write; files of an earlier export are replaced.
         images: kind of the resources that hold frame and image.
+        aovs: channels of AOVs to blend; each texture holds four.
 
     Raises:
         ShotError: existing files were not written by an export; nothing is written.
         ModelError, ArgumentError: see `shader_files`.
     """
-    content = shader_files(model, images=images)
+    content = shader_files(model, images=images, aovs=aovs)
     before = _listed(folder)
     for name in content:
         check_ours(folder / name, lambda path: path.name in before, f"listed by {DESCRIPTION} next to it")
@@ -42,12 +45,13 @@ def write_shader_folder(model: str | Path, folder: Path, *, images: Images = "te
         write_bytes(folder / name, data)
 
 
-def shader_files(model: str | Path, *, images: Images = "textures") -> dict[str, bytes]:
+def shader_files(model: str | Path, *, images: Images = "textures", aovs: int = 0) -> dict[str, bytes]:
     """Return the files of a model's shaders by name, upscaler.json last.
 
     Args:
         model: see `write_shader_folder`.
         images: see `write_shader_folder`.
+        aovs: see `write_shader_folder`.
 
     Raises:
         ModelError: the model does not exist or is damaged.
@@ -59,10 +63,11 @@ def shader_files(model: str | Path, *, images: Images = "textures") -> dict[str,
         want = f"one with shaders: {', '.join(with_shaders())}"
         hint = "Without --target, the method is exported for ONNX Runtime."
         raise ArgumentError("METHOD", got=repr(info.method), want=want, hint=hint)
-    passes = exported_passes(program, images)
+    blended = ExportedAovs.of(aovs, images)
+    passes = exported_passes(program, images, blended)
     content = {one.file: one.shader.code.encode() for one in passes}
     content |= {f"{name}.bin": words.astype("<u4").tobytes() for name, words in program.weights.items()}
-    description = described(info, program, images, passes)
+    description = described(info, program, images, blended, passes)
     description["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in content.items()}
     return {**content, DESCRIPTION: f"{_json(description)}\n".encode()}
 

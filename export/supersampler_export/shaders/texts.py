@@ -83,6 +83,15 @@ INPUTS: dict[str, dict[str, Any]] = {
 }
 """Images of a frame; a buffer holds float32 values, row by row from the top, channels side by side."""
 
+AOVS: dict[str, Any] = {
+    "unit": "any; blended with the weights of the colour",
+    "range": [-65504.0, 65504.0],
+    "sampling": "where the colour was",
+    "invalid": "values out of range are clamped; a NaN is a missing sample of its channel",
+    "formats": ["rgba8unorm", "rgba16float", "rgba32float"],
+}
+"""AOVs of a frame, in addition to its other inputs."""
+
 FIELDS: tuple[tuple[str, int, str], ...] = (
     ("render", 2, "(width, height) of this frame"),
     ("display", 2, "(width, height) of the image"),
@@ -120,6 +129,11 @@ OUTPUT_LAYOUTS = {
     "textures": "linear RGB, alpha 1",
     "buffers": "float32 (display height, display width, 3), linear RGB",
 }
+AOV_LAYOUTS = {
+    "textures": "the four channels of a texture of AOVs each",
+    "buffers": "float32 (display height, display width, channels), until the step after the next one",
+}
+AOV_STEP = "Set params.writes_aux = 1 and params.skips = 0, and give `aux` its full size."
 AUX = "float32 (display height, display width, 2): weight of the history in the image; 1 where it is frozen"
 STEP = (
     "Write params, then dispatch the passes in order. A pass covers a size: dispatch ceil(size / tile) "
