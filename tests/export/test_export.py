@@ -86,6 +86,7 @@ def test_the_shipped_card_is_up_to_date(name: str) -> None:
 
 
 # `make traces` also takes the larger one, which the same code quantizes.
+@pytest.mark.long  # quantizes a network
 @pytest.mark.parametrize(
     "name", ["classifier-small", "classifier"][: 1 + ("SUPERSAMPLER_TRACES" in os.environ)]
 )
@@ -98,6 +99,7 @@ def test_the_int8_network_is_up_to_date(name: str) -> None:
         np.testing.assert_array_equal(fresh[array], shipped[array])
 
 
+@pytest.mark.long  # every method at every size
 @pytest.mark.parametrize(
     ("name", "precision"),
     [
@@ -193,6 +195,7 @@ class Wider(Bilinear):
         return (1.01 - distance.abs()).clamp(min=0.0)
 
 
+@pytest.mark.long  # traces a graph
 @pytest.mark.usefixtures("bilinear_traced_once")
 def test_a_graph_with_another_image_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(ExportError, match=r"bilinear at \(26, 18\) -> .* is off by .*; want 1e-04"):

@@ -101,6 +101,7 @@ def test_the_shipped_int8_graph_is_made_of_the_shipped_network_and_its_int8_weig
     assert (folder / "network.int8.onnx").read_bytes() == made.SerializeToString(deterministic=True), hint
 
 
+@pytest.mark.long  # opens graphs
 @pytest.mark.parametrize("optimized", [False, True])
 @pytest.mark.parametrize("name", NAMES)
 def test_the_int8_graph_computes_what_the_cpu_backend_computes(name: str, optimized: bool) -> None:

@@ -39,6 +39,7 @@ def session_of(path: Path) -> ort.InferenceSession:
     return ort.InferenceSession(path, providers=["CPUExecutionProvider"])
 
 
+@pytest.mark.long  # two periods of the jitter
 @pytest.mark.parametrize("name", METHODS)
 def test_the_shipped_graph_freezes_and_restarts_as_torch_does(name: str) -> None:
     method, session = load_method(name), session_of(find_model(name) / "step.onnx")

@@ -43,6 +43,7 @@ def assert_alike(name: str, ours: Tensor, theirs: Tensor) -> None:
     assert off.mean() <= 1e-3, name
 
 
+@pytest.mark.long  # every method in torch
 @pytest.mark.parametrize("name", SHIPPED)
 def test_image_history_and_stats_are_those_of_the_shipped_graph(name: str) -> None:
     assert_steps_alike(load_method(name), find_model(name) / "step.onnx")

@@ -51,6 +51,7 @@ def assert_never_worse(scene: RestScene, count: int) -> list[float]:
     return frozen
 
 
+@pytest.mark.long  # several periods of the jitter
 @settings(
     max_examples=int(os.environ.get("SUPERSAMPLER_FUZZ", "4")),
     derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
@@ -63,6 +64,7 @@ def test_no_image_at_rest_is_worse_than_the_methods_own(scene: RestScene) -> Non
     assert_never_worse(scene, 3 * scene.period + 20 if "SUPERSAMPLER_FUZZ" in os.environ else 80)
 
 
+@pytest.mark.long  # several periods of the jitter
 @pytest.mark.parametrize(
     "scene",
     [
@@ -78,6 +80,7 @@ def test_light_that_changes_leaves_the_methods_own_image(scene: RestScene) -> No
     assert_never_worse(replace(scene, render=(32, 24)), 80)
 
 
+@pytest.mark.long  # several periods of the jitter
 @pytest.mark.parametrize(("pattern", "low", "mover"), [(flat, 0.5, True), (wave, 0.3, False)])
 def test_a_spot_that_blinks_with_every_other_jitter_is_not_averaged(
     pattern: Any, low: float, mover: bool
@@ -87,6 +90,7 @@ def test_a_spot_that_blinks_with_every_other_jitter_is_not_averaged(
     assert_never_worse(scene, 66)
 
 
+@pytest.mark.long  # two periods of the jitter
 def test_the_analytic_scene_reaches_48_db_after_two_periods() -> None:
     render, display = (160, 90), (320, 180)
     run, scene = Stepped(taau(), display), still_scene()
@@ -130,6 +134,7 @@ def brighter(frame: Frame) -> Frame:
     return replace(frame, color=color)
 
 
+@pytest.mark.long  # two periods of the jitter
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_change_unfreezes_pixels(name: str) -> None:
     run = stepped(WAVE)
@@ -181,6 +186,7 @@ def sampled(size: Size, index: int) -> Frame:
     return Frame(color=color, **fields, jitter=jitter, exposure=1.0, reset=index == 0)
 
 
+@pytest.mark.long  # several periods of the jitter
 @pytest.mark.parametrize("adds_samples", [1.0, 0.0])
 def test_a_repeated_jitter_is_no_part_of_the_period(adds_samples: float) -> None:
     """Each jitter comes twice: again, or with another light in a frame that was not sampled."""

@@ -58,6 +58,7 @@ def test_a_power_of_two_is_in_the_image_alone(name: str) -> None:
             torch.testing.assert_close(kept, also, rtol=0.0, atol=0.0, equal_nan=True)
 
 
+@pytest.mark.long  # every method in torch
 @pytest.mark.parametrize("name", ALL)
 def test_bad_pixels_of_one_frame_reach_neither_images_nor_histories(name: str) -> None:
     method, display = made(name)
@@ -74,6 +75,7 @@ def test_bad_pixels_of_one_frame_reach_neither_images_nor_histories(name: str) -
                 assert all(value.isfinite().all() for value in (done.image, *done.history)), key
 
 
+@pytest.mark.long  # every method in torch
 @pytest.mark.parametrize("name", TEMPORAL)
 @settings(max_examples=3, deadline=None)
 @given(value=st.floats(0.0, 1.0, width=32))

@@ -360,6 +360,7 @@ def brightness(image: Float32, truth: Float32) -> Float32:
     return ratio
 
 
+@pytest.mark.long  # several periods of the jitter
 @pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS)
 @pytest.mark.parametrize(
     ("pattern", "adds_samples"), [(wave, 0.0), (stripes(5.0, 0.7), 1.0)], ids=["wave", "stripes at rest"]
@@ -403,6 +404,7 @@ def test_missing_samples_and_blocks_that_move_are_not_compared() -> None:
     assert kept(usable, motion + upper) == pytest.approx(MOST_SAMPLES)
 
 
+@pytest.mark.long  # opens graphs
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 @pytest.mark.parametrize("ratio", [1.5, 2.0])
 def test_backends_keep_as_many_samples(executor: Any, ratio: float) -> None:

@@ -142,6 +142,7 @@ def test_off_for_tensors_equals_off_for_arrays() -> None:
     assert session.stats.converged == 0.0
 
 
+@pytest.mark.long  # hundreds of steps
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 def test_accumulate_averages_noise_without_end(executor: str) -> None:
     rng = np.random.default_rng(3)

@@ -108,6 +108,7 @@ def make(model: Model, ratio: float = 2.0, **options: Any) -> Upscaler:
     return Upscaler(model, scale=ratio, render_size=SIZE, validate="off", **options)
 
 
+@pytest.mark.long  # every method with every value
 @pytest.mark.parametrize("case", HOSTILE)
 @pytest.mark.parametrize("name", METHODS)
 def test_a_hostile_frame_gives_a_clean_image_and_leaves_no_trace(

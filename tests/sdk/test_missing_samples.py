@@ -57,6 +57,7 @@ def test_a_sample_that_lacks_one_channel_is_missing_as_a_whole(method: str, exec
         np.testing.assert_array_equal(image, all_of_them.step(plate(index, all_of_them, lost)))
 
 
+@pytest.mark.long  # runs software Vulkan
 @pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-large"])
 def test_a_hole_in_one_frame_shows_the_history_on_the_gpu(method: str) -> None:
     device_or_skip()

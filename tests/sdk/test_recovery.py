@@ -75,6 +75,7 @@ def left(run: Run, **changes: Any) -> VisibleDifference:
     return difference(run.after(**changes)[-1], run.calm[-1])
 
 
+@pytest.mark.long  # steps every method for a period
 @pytest.mark.parametrize("exposure", [1e30, 1e-40, 1e4])
 @pytest.mark.parametrize(("method", "executor"), SUBJECTS)
 def test_one_frame_with_an_absurd_exposure_is_forgotten(method: str, executor: str, exposure: float) -> None:
@@ -107,6 +108,7 @@ CHANCE = 1.25
 """Factor over the bound: of slow pixels and of int8 networks what a cut leaves is one sample of chance."""
 
 
+@pytest.mark.long  # steps every method for two periods
 @pytest.mark.parametrize(
     ("scenario", "method", "executor"),
     [

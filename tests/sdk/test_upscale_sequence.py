@@ -87,6 +87,7 @@ def test_a_frame_alone_between_cuts_has_the_image_of_one_pass() -> None:
         np.testing.assert_allclose(two, one, rtol=1e-5)
 
 
+@pytest.mark.long  # upscales shots both ways
 @pytest.mark.parametrize(
     ("scene", "method"),
     [

@@ -15,6 +15,7 @@ from supersampler_bench.record import read_record
 DISPLAY = (96, 54)
 
 
+@pytest.mark.long  # renders a shot
 def test_pixels_near_what_moves_or_changes_are_not_scored() -> None:
     still, mover = (make_scene(name, DISPLAY, 1.0, 4) for name in ("analytic", "analytic-mover"))
     assert still.still.all()

@@ -70,6 +70,7 @@ def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
     assert public_shots.shots_named("plaza") is None
 
 
+@pytest.mark.long  # renders shots
 def test_only_shots_apart_have_a_class_of_thin_pixels(cache: Path, opened: list[PublicShot]) -> None:
     [apart] = open_test_shots(cache, [2.0], TINY_APART, cache / "none.json")
     classes, others = apart.shot.read_classes(4), opened[0].shot.read_classes(4)

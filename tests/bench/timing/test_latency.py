@@ -69,6 +69,7 @@ def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
 RATIO = 1.0  # has the shortest jitter sequence, and so the fewest frames
 
 
+@pytest.mark.long  # a period of the jitter
 def test_a_scene_in_which_nothing_moves_is_frozen() -> None:
     frames = []
     results = measure_skipping(

@@ -76,6 +76,7 @@ def content(scene: Scene) -> Iterator[object]:
             yield None if texture is None else texture.pixels
 
 
+@pytest.mark.long  # builds every family twice
 @pytest.mark.parametrize("family", FAMILIES[::3])
 def test_the_same_spec_gives_the_same_scene_in_any_order(family: str) -> None:
     one = sequence_of(family)
@@ -86,6 +87,7 @@ def test_the_same_spec_gives_the_same_scene_in_any_order(family: str) -> None:
     assert [one.cut(i) for i in range(FRAMES)] == [other.cut(i) for i in range(FRAMES)]
 
 
+@pytest.mark.long  # builds every family
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_previous_state_is_that_of_the_previous_frame(family: str) -> None:
     sequence = sequence_of(family)
@@ -198,6 +200,7 @@ def test_a_frame_index_out_of_range_is_refused(index: int) -> None:
 # --- what families show ---
 
 
+@pytest.mark.long  # renders every family
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_frame_is_neither_black_nor_blown_out(family: str, small_renderer: Renderer) -> None:
     scene = sequence_of(family).scene(4)
@@ -221,6 +224,7 @@ def display_renderer() -> Renderer:
     return Renderer((320, 180))
 
 
+@pytest.mark.long  # renders every family
 @pytest.mark.parametrize("family", ["plaza", *FAMILIES[::2]])
 def test_no_check_doubts_a_rendered_scene(family: str, display_renderer: Renderer) -> None:
     """A warning is an error here. The mip bias is the renderer's own."""

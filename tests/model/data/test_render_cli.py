@@ -29,6 +29,7 @@ def files(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.long  # renders sequences
 def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp_path: Path) -> None:
     options = ("--scenes", "floors", "--gltf", files, "--gltf-fraction", "0.5", "--sequences", "2", *SMALL)
     answer = render(tmp_path / "set", *options)
@@ -39,6 +40,7 @@ def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp
     assert all(dataset.complete(entry) == 2 for entry in dataset.entries())
 
 
+@pytest.mark.long  # renders sequences
 def test_further_ratios_of_a_set_are_rendered_on_request(tmp_path: Path) -> None:
     options = ("--scenes", "floors", "--sequences", "1", *SMALL)
     assert render(tmp_path, *options).exit_code == 0
@@ -52,6 +54,7 @@ def test_further_ratios_of_a_set_are_rendered_on_request(tmp_path: Path) -> None
     assert "--also" in answer.output
 
 
+@pytest.mark.long  # renders sequences
 def test_a_disk_error_is_one_line_and_the_next_run_continues(tmp_path: Path) -> None:
     options = ("--scenes", "floors", "--sequences", "1", *SMALL)
     out = tmp_path / "set"

@@ -120,6 +120,7 @@ def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
     assert not (tmp_path / CHECKPOINT).exists()
 
 
+@pytest.mark.long  # trains
 def test_training_lowers_the_error(dataset: Dataset, tmp_path: Path) -> None:
     losses: list[float] = []
     plan = TrainingPlan(steps=48, batch=2, frames=2, size=48, rate=2e-2)
@@ -189,6 +190,7 @@ def test_references_become_truth_and_missing_ones_are_marked(tmp_path: Path) -> 
     assert entry.ratio == 2.0
 
 
+@pytest.mark.long  # trains
 def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path) -> None:
     dataset = dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "train")
     sequence = [(dataset, dataset.entries("train")[0])]
