@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,11 @@ from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
 from supersampler.methods.executors import ExecutorName, choose_extrapolation
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import extrapolation_names, find_model, read_model_info
+
+if TYPE_CHECKING:
+    import wgpu
+
+    from supersampler.model import Model
 
 MOTION, SHADED_MOTION = "motion", "shaded_motion"
 """History tensors: motion from the previous frame back to the last shaded one; that frame's own motion."""
@@ -35,11 +40,12 @@ class Extrapolator:
 
     Attributes:
         info: content of its model.json.
-        executor: the backend in use, "onnx" or "cpu".
+        executor: the backend in use, "onnx", "cpu" or "gpu".
 
     Raises:
         ModelError: the model does not exist, is damaged, or does not extrapolate.
         ProviderError: a provider cannot start.
+        DeviceError: there is no GPU, or it does not compile the shaders, and `executor` is "gpu".
     """
 
     def __init__(
@@ -48,6 +54,7 @@ class Extrapolator:
         providers: Sequence[str],
         threads: int,
         executor: ExecutorName = "auto",
+        device: "wgpu.GPUDevice | None" = None,
     ) -> None:
         self.info = read_model_info(find_model(checked_path("extrapolation", name_or_path)))
         if not self.info.extrapolates:
@@ -55,7 +62,7 @@ class Extrapolator:
                 f"{self.info.method!r} upscales and does not extrapolate; "
                 f"extrapolation takes {' or '.join(extrapolation_names())}, or a folder of such a model."
             )
-        self._executor = choose_extrapolation(self.info, providers, threads, executor)
+        self._executor = choose_extrapolation(self.info, providers, threads, executor, device)
         self.executor = self._executor.name
 
     def after_shaded(self, frame: Frame, history: ShadedHistory | None = None) -> ShadedHistory:
@@ -135,3 +142,16 @@ class Extrapolator:
             arrays, specs, lambda got, want: ArgumentError("state.shaded", got=got, want=want)
         )
         return {name: self._executor.upload(np.array(a, order="C")) for name, a in checked.items()}
+
+
+def extrapolator_beside(
+    model: "Model", name_or_path: str | Path, executor: ExecutorName = "auto"
+) -> Extrapolator:
+    """Return an Extrapolator with the providers, the threads and, on the GPU, the device of a Model.
+
+    Raises:
+        ModelError, ProviderError, DeviceError: see `Extrapolator`.
+    """
+    if model.executor != "gpu":
+        return Extrapolator(name_or_path, model.providers, model.threads, executor)
+    return Extrapolator(name_or_path, model.providers, model.threads, "gpu", model.gpu.device)

@@ -21,7 +21,7 @@ from supersampler.arguments import (
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
 from supersampler.conventions.jitter import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown
-from supersampler.extrapolation import Extrapolator, ShadedHistory
+from supersampler.extrapolation import Extrapolator, ShadedHistory, extrapolator_beside
 from supersampler.frame import (
     Float32,
     Frame,
@@ -100,7 +100,8 @@ class Upscaler:
         render_size: (width, height) of the frames, which may have other sizes later. `warm_up` needs it; with
             `scale` it fixes the display size before the first frame.
         providers, threads, precision: see `Model.load`; not with a `Model`.
-        executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
+        executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too; on
+            the GPU, "guided-warp" runs on the device of the model.
         at_rest: "converge": where nothing moves or changes, the image converges to the mean of one jitter
             period of samples, and is then frozen. "accumulate", for path tracers: where only noise changes,
             all samples are averaged without limit. "off": images depend on recent frames only, which chunks
@@ -174,8 +175,7 @@ class Upscaler:
         self._on_extrapolated, infos = self.model, [self.model.info]
         if extrapolation is not None:
             self._on_extrapolated = self.model.on_extrapolated
-            device = self.model.providers, self.model.threads
-            self._extrapolator = Extrapolator(extrapolation, *device, executor)
+            self._extrapolator = extrapolator_beside(self.model, extrapolation, executor)
             infos += [self._on_extrapolated.info, self._extrapolator.info]
         inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)

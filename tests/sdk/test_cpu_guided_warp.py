@@ -7,16 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from noise import Size, noise
-from supersampler import Frame
+from extrapolated_noise import SIZES, extrapolated, spoilt_frames, surfaces
+from noise import Size
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
 from supersampler.model import ExecutorName
-
-SIZES = [(32, 18), (33, 17), (61, 35), (5, 40), (16, 3), (1, 1)]
-KINDS = 5
-"""Surfaces that noise is of: a sample has likes, near and far."""
 
 
 def made(executor: ExecutorName, threads: int = 2) -> Extrapolator:
@@ -31,28 +27,6 @@ def onnx_backend() -> Extrapolator:
 @pytest.fixture(scope="module")
 def cpu_backend() -> Extrapolator:
     return made("auto")
-
-
-def surfaces(seed: int, size: Size = (32, 18), **overrides: Any) -> Frame:
-    """Noise on surfaces of a few kinds; every second frame moves by far more than rings reach."""
-    random = np.random.default_rng([seed, 7])
-    kind = random.integers(0, KINDS, size[::-1])
-    look = np.random.default_rng(1).random((KINDS, 7), dtype=np.float32)
-    frame = noise(seed, size)
-    gbuffer = {"base_color": look[kind, :3], "normal": 2.0 * look[kind, 3:6] - 1.0}
-    motion = frame.motion * (20.0 if seed % 2 else 1.0)
-    return replace(frame, depth=look[kind, 6], motion=motion, gbuffer=gbuffer, reset=False, **overrides)
-
-
-def extrapolated(model: Extrapolator, frames: list[Frame], pattern: str) -> list[Float32]:
-    history, images = None, []
-    for frame, kind in zip(frames, pattern, strict=True):
-        if kind == "s":
-            history = model.after_shaded(frame, history)
-            continue
-        image, history = model.extrapolate(replace(frame, color=None), history)
-        images.append(image)
-    return images
 
 
 def check_alike(ones: list[Float32], others: list[Float32]) -> None:
@@ -78,13 +52,7 @@ def test_kernels_compute_what_the_graph_computes(
 def test_hostile_pixels_do_the_same_on_both(
     onnx_backend: Extrapolator, cpu_backend: Extrapolator, bad: float, *, shaded: bool
 ) -> None:
-    frames = [surfaces(seed) for seed in range(4)]
-    index = 0 if shaded else 1
-    spots = np.random.default_rng(0).random((18, 32)) < 0.1
-    gbuffer = {name: spoilt(image, spots, bad) for name, image in (frames[index].gbuffer or {}).items()}
-    fields: dict[str, Any] = {n: spoilt(getattr(frames[index], n), spots, bad) for n in ("depth", "motion")}
-    color = spoilt(frames[index].color, spots[::-1], bad)
-    frames[index] = replace(frames[index], gbuffer=gbuffer, color=color, **fields)
+    frames = spoilt_frames(bad, shaded=shaded)
     check_alike(extrapolated(onnx_backend, frames, "suuu"), extrapolated(cpu_backend, frames, "suuu"))
 
 
@@ -101,12 +69,6 @@ def test_without_any_depth_in_the_shaded_frame_its_samples_are_told_apart_by_the
     known = replace(frames[0], depth=np.ones((18, 32), np.float32))
     flat = [known, *(replace(frame, depth=known.depth) for frame in frames[1:])]
     check_alike(extrapolated(cpu_backend, flat, "suu"), images)
-
-
-def spoilt(image: Any, spots: Any, bad: float) -> Float32:
-    copy = np.array(image, np.float32)
-    copy[spots] = bad
-    return copy
 
 
 def test_the_number_of_threads_changes_no_bit() -> None:

@@ -86,7 +86,7 @@ class ExtrapolationExecutor(Protocol):
     """Runs a model that extrapolates; keeps no state between calls.
 
     Attributes:
-        name: "onnx" or "cpu".
+        name: "onnx", "cpu" or "gpu".
     """
 
     name: str

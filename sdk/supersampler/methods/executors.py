@@ -58,14 +58,27 @@ def choose_executor(
 
 
 def choose_extrapolation(
-    info: ModelInfo, providers: Sequence[str], threads: int, executor: ExecutorName
+    info: ModelInfo,
+    providers: Sequence[str],
+    threads: int,
+    executor: ExecutorName,
+    device: "wgpu.GPUDevice | None" = None,
 ) -> ExtrapolationExecutor:
     """Return the backend of a model that extrapolates unshaded frames.
 
+    `device` is that of the GPU backend, which models without shaders do not use.
+
     Raises:
+        DeviceError: there is no GPU, or it does not compile the shaders, and `executor` is "gpu".
         LibraryError: the CPU library cannot be loaded, and `executor` is "cpu".
         ModelError, ProviderError: ONNX Runtime cannot load the graph, or the provider cannot start.
     """
+    spec = _supported(info)
+    if executor == "gpu" and spec is not None and spec.gpu:
+        from supersampler.backends.gpu.extrapolation import GpuExtrapolation
+
+        _check_constants(info, spec)
+        return GpuExtrapolation(load(spec.gpu)(info), device)
     if executor != "onnx" and list(providers) == [CPU]:
         model = _cpu_model(info, threads, required=executor == "cpu")
         if model is not None:
@@ -85,7 +98,7 @@ def gpu_program(info: ModelInfo) -> "GpuProgram | None":
         ModelError: a constant is out of range, or the weights cannot be read.
     """
     spec = _supported(info)
-    if spec is None or not spec.gpu:
+    if spec is None or not spec.gpu or spec.extrapolates:
         return None
     _check_constants(info, spec)
     program: GpuProgram = load(spec.gpu)(info)
@@ -93,14 +106,17 @@ def gpu_program(info: ModelInfo) -> "GpuProgram | None":
 
 
 def with_shaders(*, gbuffers: bool = True) -> list[str]:
-    """Return the names of the shipped methods that have shaders.
+    """Return the names of the shipped methods that upscale in shaders.
 
     `gbuffers`: also those that read G-buffers.
     """
     return [
         name
         for name, spec in methods().items()
-        if spec.gpu and spec.ships and (gbuffers or GBUFFERS.keys().isdisjoint(spec.inputs))
+        if spec.gpu
+        and spec.ships
+        and not spec.extrapolates
+        and (gbuffers or GBUFFERS.keys().isdisjoint(spec.inputs))
     ]
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from supersampler.arguments import ieee_arithmetic
 from supersampler.errors import ArgumentError
-from supersampler.extrapolation import Extrapolator, ShadedHistory
+from supersampler.extrapolation import Extrapolator, ShadedHistory, extrapolator_beside
 from supersampler.frame import Float32, Frame
 from supersampler.model import ExecutorName
 from supersampler.sequence.backward_motion import reversed_frame
@@ -141,7 +141,7 @@ def interpolator_of(model: str | Path, upscaler: Upscaler, executor: ExecutorNam
     Raises:
         ModelError: the model does not exist, or does not extrapolate.
     """
-    extrapolator = Extrapolator(model, upscaler.model.providers, upscaler.model.threads, executor)
+    extrapolator = extrapolator_beside(upscaler.model, model, executor)
     return Interpolator(
         extrapolator, (*extrapolator.info.gbuffers, *upscaler.model.on_extrapolated.info.gbuffers)
     )

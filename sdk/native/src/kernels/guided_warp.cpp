@@ -9,7 +9,6 @@ namespace ss::SS_ISA {
 using namespace guided_warp;
 
 constexpr int GUIDES = WARP_PLANES - 3;
-constexpr float MARGIN = 1.0f - 1e-3f;  // against rounding, where a ring is skipped as all of its samples are too far away
 
 static I is_usable(F v) { return absolute(v) <= MAX_HALF; }
 static I are_usable(F3 c) { return is_usable(c.r) & is_usable(c.g) & is_usable(c.b); }
@@ -146,7 +145,7 @@ static void find_nearest(const WarpWork& w, const Surface& surface, F x, F y, Ca
     for (int ring = 0; ring < w.rings; ring++) {
         if (ring) {
             const F gap = (static_cast<float>(w.strides[ring]) - to_center) * scale;
-            const F least = floor(squared(gap) * (0.5f * MARGIN * KEY_STEPS)) * KEY_INDICES;
+            const F least = floor(squared(gap) * (0.5f * RING_MARGIN * KEY_STEPS)) * KEY_INDICES;
             if (all(least >= nearest[3].key)) break;
         }
         for (int k = ring ? 8 * ring + 1 : 0; k < 8 * ring + 9; k++) {

@@ -127,8 +127,8 @@ class GpuExecutor:
             if blends_aovs:
                 aovs, inputs["frame_depth"] = self._aovs.upload(frame)
             params = step_params(
-                frame, history, has_reactive=frame.reactive is not None, adds_samples=adds_samples,
-                writes_aux=bool(names) or blends_aovs, skip=skip,
+                frame, history.display, history.render, has_reactive=frame.reactive is not None,
+                adds_samples=adds_samples, writes_aux=bool(names) or blends_aovs, skip=skip,
             )  # fmt: skip
             encoder = self.device.create_command_encoder()
             self._encode(encoder, ARRAYS, params, history, next_history, inputs, buffers, aovs)
@@ -164,8 +164,8 @@ class GpuExecutor:
         kinds = {"frame": frame.in_textures, "image": is_texture(image)}
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}
         params = step_params(
-            frame, history, has_reactive="reactive" in frame.images, adds_samples=adds_samples,
-            writes_aux=frame.aovs is not None, skip=skip,
+            frame, history.display, history.render, has_reactive="reactive" in frame.images,
+            adds_samples=adds_samples, writes_aux=frame.aovs is not None, skip=skip,
         )  # fmt: skip
         with self._lock.lock, raising(self.device, f"encoding a step to {history.display}"):
             buffers = self._buffers_for(frame.size, history.display)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.history import GpuHistory
 from supersampler.backends.gpu.memory import (
     DISPLAY,
     RENDER,
@@ -40,15 +39,19 @@ _SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the tex
 
 def step_params(
     frame: "Frame | DeviceFrame",
-    history: GpuHistory,
+    display: Size,
+    previous: Size,
     *,
-    has_reactive: bool,
-    adds_samples: float,
-    writes_aux: bool,
-    skip: bool,
+    has_reactive: bool = False,
+    adds_samples: float = 0.0,
+    writes_aux: bool = False,
+    skip: bool = False,
 ) -> Float32:
-    """Return the shader's `Params` of a step from `history`; with auxiliary outputs no tile is skipped."""
-    sizes = *frame.size, *history.display, *history.render
+    """Return the shader's `Params`; with auxiliary outputs no tile is skipped.
+
+    `previous` is the size of the previous frame.
+    """
+    sizes = *frame.size, *display, *previous
     values = *frame.jitter, usable_exposure(frame.exposure) or 0.0
     flags = adds_samples, writes_aux, frame.pre_exposure, has_reactive, skip and not writes_aux
     return np.array([*sizes, *values, *flags, 0.0, 0.0], np.float32)

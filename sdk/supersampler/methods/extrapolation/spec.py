@@ -16,6 +16,8 @@ INVALID_DEPTH = 1e4
 """Guide value of an invalid depth, in standard deviations: far from all others."""
 KEY_STEPS, MAX_KEY, KEY_INDICES = 16.0, 262143.0, 64.0
 """Layout of a sort key: steps per unit of cost, maximum number of steps, range of indices."""
+RING_MARGIN = 1.0 - 1e-3
+"""Factor of the least cost of a ring, where kernels leave it out as too far away: against rounding."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,7 @@ GUIDED_WARP = register(
         config=GuidedWarpConfig,
         torch="supersampler_model.methods.guided_warp:GuidedWarp",
         cpu="guided-warp",
+        gpu="supersampler.methods.extrapolation.gpu:warp_shaders",
         kernels_support=_kernels_support,
     )
 )
@@ -119,6 +122,7 @@ GUIDED_FLOW = register(
         task="supersampler_model.training.flow_task:FlowTask",
         weights="guided-flow.safetensors",
         cpu="",
+        gpu="",
     )
 )
 EXTRAPOLATE = register(

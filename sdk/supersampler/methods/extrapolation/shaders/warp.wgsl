@@ -1,0 +1,116 @@
+// The colour of an unshaded frame, from samples of the shaded one whose surfaces are most similar. Same as `GuidedWarp`.
+// import params
+// import warp_params
+// import sanitize
+// import frame
+// import image
+// import surfaces
+
+struct Surfaces {
+    has_depth: u32,
+    samples: array<vec4u>,
+}
+
+@group(0) @binding(2) var<storage, read> shaded_surfaces: Surfaces;
+@group(0) @binding(3) var<storage, read> history_color: array<f32>;
+@group(0) @binding(4) var<storage, read> history_motion: array<vec2f>;     // from the previous frame to the shaded one
+@group(0) @binding(5) var<storage, read_write> next_motion: array<vec2f>;  // from this frame to the shaded one
+@group(0) @binding(6) var frame_gbuffer_base_color: texture_2d<f32>;
+@group(0) @binding(7) var frame_gbuffer_normal: texture_2d<f32>;
+
+// Where a motion leads among the samples of another frame; 0 is its first sample.
+fn place(p: vec2i, motion: vec2f, size: vec2f, jitter: vec2f) -> vec2f {
+    return (vec2f(p) + motion + (params.jitter + 0.5)) * size / params.render - (jitter + 0.5);
+}
+
+fn earlier_motion(p: vec2i) -> vec2f {
+    return usable_motion(history_motion[index_of(clamped(p, previous_size()), previous_size())]);
+}
+
+// The motion to the shaded frame through the previous one; same as `back_to_shaded`.
+fn back_to_shaded(p: vec2i) -> vec2f {
+    let motion = usable_motion(motion_at(p));
+    let at = clamp(place(p, motion, params.previous, warp.previous_jitter), vec2f(0.0), params.previous - 1.0);
+    let first = vec2i(floor(at));
+    let t = at - floor(at);
+    let upper = mix(earlier_motion(first), earlier_motion(first + vec2i(1, 0)), t.x);
+    let lower = mix(earlier_motion(first + vec2i(0, 1)), earlier_motion(first + vec2i(1, 1)), t.x);
+    let rest = mix(upper, lower, t.y) * params.render / params.previous;
+    return clamp(motion + rest, vec2f(-MAX_MOTION), vec2f(MAX_MOTION));
+}
+
+// What is looked for: a surface, and the position around which.
+struct Wanted {
+    surface: Surface,
+    at: vec2f,
+    center: vec2f,    // the sample nearest to it
+}
+
+struct Candidate {
+    index: u32,
+    surface: Surface,
+    cost: f32,        // -log of its weight
+}
+
+fn candidate(wanted: Wanted, number: u32) -> Candidate {
+    let position = wanted.center + warp.offsets[number].xy;
+    let index = index_of(clamped(vec2i(position), shaded_size()), shaded_size());
+    let surface = unpacked(shaded_surfaces.samples[index]);
+    let away = (position - wanted.at) / DISTANCE_SIGMA;
+    return Candidate(index, surface, 0.5 * (difference(wanted.surface, surface) + dot(away, away)));
+}
+
+// A key of a candidate holds its cost in steps and, in its lower digits, its number. Keys of the least cost are kept in order.
+const NO_KEY = KEY_INDICES * (MAX_KEY + 1.0);    // greater than all keys
+
+fn with_candidate(keys: vec4f, wanted: Wanted, number: u32) -> vec4f {
+    let key = min(floor(candidate(wanted, number).cost * KEY_STEPS), MAX_KEY) * KEY_INDICES + f32(number);
+    let is_less = vec4f(key) < keys;
+    let kept = select(vec4f(key), vec4f(0.0, keys.xyz), vec4<bool>(false, is_less.xyz));
+    return select(keys, kept, is_less);
+}
+
+// Keys of the four nearest candidates. Rings that are too far away for any surface are left out.
+fn find_nearest(wanted: Wanted) -> vec4f {
+    let to_center = max(abs(wanted.center.x - wanted.at.x), abs(wanted.center.y - wanted.at.y));
+    var keys = with_candidate(vec4f(NO_KEY), wanted, 0u);
+    for (var first = 1u; first <= 8u * RINGS; first += 8u) {
+        let stride = max(abs(warp.offsets[first].x), abs(warp.offsets[first].y));
+        let gap = (stride - to_center) / DISTANCE_SIGMA;
+        if (floor(gap * gap * (0.5 * RING_MARGIN * KEY_STEPS)) * KEY_INDICES >= keys.w) { break; }
+        for (var k = 0u; k < 8u; k++) { keys = with_candidate(keys, wanted, first + k); }
+    }
+    return keys;
+}
+
+fn mean_light(wanted: Wanted, keys: vec4f) -> vec3f {
+    let numbers = vec4u(keys - floor(keys / KEY_INDICES) * KEY_INDICES);
+    var candidates: array<Candidate, 4>;
+    /* unroll */ for (var i = 0; i < 4; i++) {
+        candidates[i] = candidate(wanted, numbers[i]);
+    }
+    let least = min(min(candidates[0].cost, candidates[1].cost), min(candidates[2].cost, candidates[3].cost));
+    var sum = vec4f(0.0);
+    /* unroll */ for (var i = 0; i < 4; i++) {
+        let k = 3u * candidates[i].index;
+        let color = sanitize(vec3f(history_color[k], history_color[k + 1u], history_color[k + 2u]));
+        sum += exp(least - candidates[i].cost) * vec4f(color / reflectance(candidates[i].surface), 1.0);
+    }
+    return sum.rgb / sum.a;
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3u) {
+    let p = vec2i(id.xy);
+    if (!inside(p, render_size())) { return; }
+    let motion = back_to_shaded(p);
+    let at = clamp(place(p, motion, warp.shaded, warp.shaded_jitter), vec2f(0.0), warp.shaded - 1.0);
+    let base_color = textureLoad(frame_gbuffer_base_color, p, 0).rgb;
+    let normal = textureLoad(frame_gbuffer_normal, p, 0).xyz;
+    let known = shaded_surfaces.has_depth != 0u && is_known(base_color, normal, depth_at(p));
+    let surface = unpacked(packed(surface_of(base_color, normal, depth_at(p), known)));
+    let wanted = Wanted(surface, at, floor(at + 0.5));
+    let light = mean_light(wanted, find_nearest(wanted));
+    store_image(p, bounded(light * reflectance(surface)) * params.pre_exposure);
+    next_motion[index_of(p, render_size())] = motion;
+}
