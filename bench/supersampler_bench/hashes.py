@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import ArgumentError, Frame, Model, Upscaler
+from supersampler.arguments import ExecutorName, Precision
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
-from supersampler.model import ExecutorName, Precision
 from supersampler_bench.markdown import sizes_text
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import incompatibility

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 
 from supersampler import Frame, Model, Upscaler
+from supersampler.arguments import ExecutorName, Precision
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.cli.arguments import size_text
 from supersampler.conventions.jitter import only_ratio, scaled
@@ -19,7 +20,6 @@ from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.registry import methods
-from supersampler.model import ExecutorName, Precision
 from supersampler_bench.markdown import table
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.shots.rendering import rendered_sequence

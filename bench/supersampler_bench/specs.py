@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from supersampler.arguments import AtRest, ExecutorName, Precision
 from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.gbuffers import GBUFFERS, BufferField, grouped, lacking, listed
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler.model import AtRest, ExecutorName, Precision
 from supersampler_bench.quality.masks import to_display
 
 _TWO_PASSES = "x2"

@@ -27,7 +27,12 @@ ieee_arithmetic = np.errstate(all="ignore")
 """Decorator of public functions that compute. NaN, infinities and denormals are valid values: numpy neither
 warns nor raises, regardless of the program's `numpy.seterr`."""
 
+# Values of options, which the command line reads from here without the modules that need them.
 AtRest = Literal["converge", "accumulate", "off"]
+ExecutorName = Literal["auto", "onnx", "cpu", "gpu"]
+Precision = Literal["auto", "fp32", "fp16", "int8"]
+PresetName = Literal["fast", "balanced", "high"]
+Validate = Literal["off", "warn", "strict"]
 _Choice = TypeVar("_Choice")
 
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.arguments import checked_path
+from supersampler.arguments import ExecutorName, checked_path
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.frame import Float32, Frame
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
-from supersampler.methods.executors import ExecutorName, choose_extrapolation
+from supersampler.methods.executors import choose_extrapolation
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import extrapolation_names, find_model, read_model_info
 

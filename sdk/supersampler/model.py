@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from supersampler.arguments import (
     AtRest,
+    ExecutorName,
+    Precision,
     check_out,
     checked_choice,
     checked_flag,
@@ -48,7 +50,7 @@ from supersampler.frame import (
 from supersampler.history import History, StepResult
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
 from supersampler.methods.at_rest import ADDED, check_history, converged_fraction
-from supersampler.methods.executors import ExecutorName, Precision, choose_executor
+from supersampler.methods.executors import choose_executor
 from supersampler.methods.gbuffers import check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo
@@ -62,7 +64,7 @@ if TYPE_CHECKING:
     from supersampler.backends.gpu.history import BlendedAovs
 
 
-__all__ = ["AtRest", "ExecutorName", "Model", "Plan", "Precision"]
+__all__ = ["Model", "Plan"]
 AOVS, IDS, ID_DISTANCE = "history.aovs", "history.ids", "history.id_distance"
 
 

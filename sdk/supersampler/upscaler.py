@@ -6,9 +6,14 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Literal, NamedTuple, NoReturn, TypeAlias, get_args, overload
+from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias, get_args, overload
 
 from supersampler.arguments import (
+    AtRest,
+    ExecutorName,
+    Precision,
+    PresetName,
+    Validate,
     as_index,
     checked_choice,
     checked_flag,
@@ -35,8 +40,8 @@ from supersampler.frame import (
 from supersampler.history import STATE_VERSION, History, State, Stats, StepResult
 from supersampler.methods.at_rest import ADDED
 from supersampler.methods.gbuffers import GBUFFERS, black
-from supersampler.model import AtRest, ExecutorName, Model, ModelStep, Plan, Precision
-from supersampler.validation import FrameChecker, Validate
+from supersampler.model import Model, ModelStep, Plan
+from supersampler.validation import FrameChecker
 
 if TYPE_CHECKING:
     import wgpu
@@ -48,7 +53,6 @@ if TYPE_CHECKING:
 _Names = tuple[str, *tuple[str, ...]]
 """At least one name: then the result is a StepResult."""
 _Out = Float32 | StepResult
-PresetName = Literal["fast", "balanced", "high"]
 
 
 class Preset(NamedTuple):

@@ -13,12 +13,12 @@ from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, dist
 from method_lists import WITH_SHADERS
 from noise import Size
 from supersampler import Frame, Upscaler, halton_jitter
+from supersampler.arguments import ExecutorName
 from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
 from supersampler.backends.gpu.passes import MAX_GROUPS
 from supersampler.backends.gpu.program import ARRAYS
 from supersampler.history import StepResult
-from supersampler.model import ExecutorName
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 from supersampler_bench.stress import scenes

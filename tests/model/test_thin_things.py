@@ -7,7 +7,7 @@ from torch import Tensor
 from gpu_steps import device_or_skip
 from shared_models import shared_model
 from supersampler import Upscaler
-from supersampler.model import ExecutorName
+from supersampler.arguments import ExecutorName
 from supersampler_model import ops
 from thin_things import contrast, expected_depth, hostile, kept_depth, trace, upscaler_of
 

@@ -31,13 +31,12 @@ from supersampler import (
     halton_jitter,
     jittered_projection,
 )
-from supersampler.arguments import MAX_SIDE, MAX_THREADS
+from supersampler.arguments import MAX_SIDE, MAX_THREADS, ExecutorName
 from supersampler.backends.onnx.session import planes_of
 from supersampler.conventions import jitter_phase_count, mip_bias, render_size_for
 from supersampler.errors import shown
 from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import open_source
-from supersampler.model import ExecutorName
 from supersampler.validation import detect_conventions
 
 SIZE, DISPLAY = (32, 18), (64, 36)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from noise import noise
 from supersampler import Upscaler
+from supersampler.arguments import Validate
 from supersampler.conventions import Conventions
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.conventions.jitter import halton_jitter
@@ -19,7 +20,6 @@ from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Float32, Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker
-from supersampler.validation.checker import Validate
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
 
 DISPLAY = (640, 360)

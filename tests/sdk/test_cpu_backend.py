@@ -11,9 +11,9 @@ from method_lists import WITH_KERNELS as METHODS
 from noise import Size, noise
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, Model, Upscaler
+from supersampler.arguments import ExecutorName
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
-from supersampler.model import ExecutorName
 from supersampler_bench.stress.scenes import still
 
 EXECUTORS: tuple[ExecutorName, ...] = ("onnx", "cpu")

@@ -9,10 +9,10 @@ import pytest
 
 from extrapolated_noise import SIZES, extrapolated, spoilt_frames, surfaces
 from noise import Size
+from supersampler.arguments import ExecutorName
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
-from supersampler.model import ExecutorName
 
 
 def made(executor: ExecutorName, threads: int = 2) -> Extrapolator:

@@ -10,8 +10,8 @@ from alternating import alternate
 from lit_scene import LitScene
 from shared_models import shared_model
 from supersampler import Frame, Upscaler, halton_jitter
+from supersampler.arguments import ExecutorName
 from supersampler.frame import Float32
-from supersampler.model import ExecutorName
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_bench.stress.scenes import still
 

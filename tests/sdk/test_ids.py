@@ -12,10 +12,10 @@ from noise import noise
 from recorded_files import replayed
 from shared_models import shared_model
 from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, StepResult, Upscaler
+from supersampler.arguments import ExecutorName
 from supersampler.backends.cpu.ids import IdHistory
 from supersampler.conventions.jitter import halton_jitter, jitter_phase_count
 from supersampler.frame import Float32
-from supersampler.model import ExecutorName
 
 RENDER, DISPLAY = (40, 30), (80, 60)
 Ids = NDArray[np.integer[Any]]

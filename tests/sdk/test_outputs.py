@@ -11,13 +11,13 @@ from method_lists import WITH_KERNELS
 from noise import noise
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
+from supersampler.arguments import ExecutorName
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli import app
 from supersampler.cli.results import ImageOptions, OutputImage
 from supersampler.io.display import display_transform, to_uint16
 from supersampler.io.images import read_exr, read_image, write_exr, write_png
 from supersampler.io.shot import ShotWriter
-from supersampler.model import ExecutorName
 from supersampler.validation import FrameChecker
 from upscale_runs import OURS, upscale
 

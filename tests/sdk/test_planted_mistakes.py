@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from supersampler.arguments import Validate
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.io.shot import Shot
-from supersampler.validation import FrameChecker, Validate, detect_conventions
+from supersampler.validation import FrameChecker, detect_conventions
 from supersampler.validation.rankings import Hypothesis, ranked
 from supersampler_model.data.product_shot import Plaza
 from supersampler_model.data.renderer.renderer import Renderer

@@ -11,8 +11,8 @@ from noise import noise
 from recorded_files import replayed
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
+from supersampler.arguments import ExecutorName
 from supersampler.frame import Float32
-from supersampler.model import ExecutorName
 
 SIZES = ((32, 18), (20, 26), (32, 18), (9, 9), (32, 18))
 

@@ -15,10 +15,11 @@ from method_lists import WITH_KERNELS as TEMPORAL
 from noise import noise
 from shared_models import shared_model
 from supersampler import ArgumentError, FrameError, Model, ModelError, Upscaler
+from supersampler.arguments import PresetName
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import model_names
-from supersampler.upscaler import PRESETS, PresetName
+from supersampler.upscaler import PRESETS
 
 DISPLAY = (64, 36)
 METHODS = ["bilinear", "bicubic", *TEMPORAL]

@@ -9,13 +9,13 @@ from typing import Annotated, Any, TypeVar, cast
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from supersampler.arguments import ExecutorName
 from supersampler.cli.arguments import parse_size
 from supersampler.cli.terminal import LOG_SECONDS, Terminal
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.files import check_ours
 from supersampler.io.shot import Shot, open_source
-from supersampler.model import ExecutorName
 from supersampler_bench.record import BenchRecord, is_record, write_json
 from supersampler_bench.shots import public_shots
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
+from supersampler.arguments import Precision
 from supersampler.cli.arguments import parse_size
-from supersampler.model import Precision
 from supersampler_bench.cli.options import (
     DISPLAY_SIZE,
     DISPLAY_SIZES,

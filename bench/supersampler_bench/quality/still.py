@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from supersampler import Model, Upscaler, halton_jitter
+from supersampler.arguments import ExecutorName
 from supersampler.cli.arguments import size_text
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
-from supersampler.model import ExecutorName
 from supersampler_bench.markdown import figure, table
 from supersampler_bench.quality.masks import dilated
 from supersampler_bench.quality.metrics import Bool, psnr

@@ -5,12 +5,11 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 
 from supersampler import Frame, Model, Upscaler, upscale_sequence
-from supersampler.arguments import AtRest
+from supersampler.arguments import AtRest, ExecutorName, Precision
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.history import State
 from supersampler.methods.model_info import ModelInfo
-from supersampler.model import ExecutorName, Precision
 from supersampler_bench.specs import parse_spec, with_default_gbuffers
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 from supersampler import Frame, Model, Shot, Upscaler
+from supersampler.arguments import ExecutorName, Precision
 from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
-from supersampler.model import ExecutorName, Precision
 from supersampler_bench.markdown import table
 from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import compatible, with_default_gbuffers

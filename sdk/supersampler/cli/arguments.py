@@ -16,12 +16,6 @@ if TYPE_CHECKING:
     from supersampler.io.display_transforms import DisplayTransform
     from supersampler.io.shot import Shot
 
-# The types of `Upscaler`'s arguments; to import its modules would slow down `--help`.
-Validate = Literal["off", "warn", "strict"]
-Precision = Literal["auto", "fp32", "fp16", "int8"]
-Executor = Literal["auto", "onnx", "cpu", "gpu"]
-Preset = Literal["fast", "balanced", "high"]
-AtRest = Literal["converge", "accumulate", "off"]
 Layout = Literal["auto", "blender", "channels", "arm"]
 
 Compare = Annotated[bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")]

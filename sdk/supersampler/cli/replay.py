@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import typer
 
-from supersampler.cli.arguments import Executor, ImageFormat, Precision, parse_providers, size_text
+from supersampler.arguments import ExecutorName, Precision
+from supersampler.cli.arguments import ImageFormat, parse_providers, size_text
 from supersampler.cli.terminal import Terminal, echo, frame_warnings
 from supersampler.errors import ShotError
 
@@ -35,7 +36,7 @@ def replay(
         ),
     ] = None,
     executor: Annotated[
-        Executor | None, typer.Option(help="The backend: onnx, cpu or gpu.", show_default="recorded")
+        ExecutorName | None, typer.Option(help="The backend: onnx, cpu or gpu.", show_default="recorded")
     ] = None,
     precision: Annotated[
         Precision | None, typer.Option(help="Precision of the network.", show_default="recorded")

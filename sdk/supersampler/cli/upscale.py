@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from supersampler.arguments import AtRest, Precision, PresetName, Validate
 from supersampler.cli import arguments
 from supersampler.cli.arguments import display_transform_of, open_with, source_notes, source_of
 from supersampler.cli.terminal import Terminal, echo
@@ -83,11 +84,11 @@ def upscale(
     ] = "auto",
     threads: arguments.ThreadsOption = 0,
     precision: Annotated[
-        arguments.Precision,
+        Precision,
         typer.Option(help="Precision of the network. int8: fast on a CPU. fp32, fp16: a shipped graph."),
     ] = "auto",
     at_rest: Annotated[
-        arguments.AtRest | None,
+        AtRest | None,
         typer.Option(
             help="Static pixels. converge: to the mean of their samples. accumulate: also where only noise "
             "changes, for path tracers. off: depend on recent frames only.",
@@ -98,7 +99,7 @@ def upscale(
         bool, typer.Option("--no-skip", help="Also compute frozen tiles; the images are the same.")
     ] = False,
     preset: Annotated[
-        arguments.Preset | None,
+        PresetName | None,
         typer.Option(help="Set method and precision: Pareto-optimal in time and error."),
     ] = None,
     passes: Annotated[
@@ -122,7 +123,7 @@ def upscale(
         ),
     ] = None,
     validate: Annotated[
-        arguments.Validate,
+        Validate,
         typer.Option(
             help="off: check shapes. warn: also pixels after cuts. strict: pixels of every frame, and stop."
         ),

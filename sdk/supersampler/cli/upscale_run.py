@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from supersampler import __version__
+from supersampler.arguments import AtRest, Precision, PresetName
 from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli import frame_run
 from supersampler.cli.arguments import size_text
@@ -25,10 +26,10 @@ from supersampler.io.images import Bytes
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler.model import AtRest, Model, Precision
+from supersampler.model import Model
 from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of
 from supersampler.sequence.interpolation import interpolator_of
-from supersampler.upscaler import PresetName, Upscaler, preset_model
+from supersampler.upscaler import Upscaler, preset_model
 
 MIN_PREROLL, MAX_PREROLL = 32, jitter_phase_count(4.0)
 """Bounds of the default preroll, in frames."""

@@ -3,9 +3,10 @@
 import os
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
+from supersampler.arguments import ExecutorName, Precision
 from supersampler.backends.base import Executor, ExtrapolationExecutor
 from supersampler.backends.cpu.executor import CpuExecutor, CpuExtrapolation, CpuModel
 from supersampler.backends.cpu.library import Options, cpu_library
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
     from supersampler.backends.gpu.program import GpuProgram
 
-ExecutorName = Literal["auto", "onnx", "cpu", "gpu"]
-Precision = Literal["auto", "fp32", "fp16", "int8"]
 _opened: WeakValueDictionary[tuple[object, ...], OnnxExtrapolation] = WeakValueDictionary()
 """Extrapolations in use, which keep no state: Upscalers of the same model share one."""
 

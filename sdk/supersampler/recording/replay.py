@@ -7,13 +7,14 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
+from supersampler.arguments import ExecutorName, Precision
 from supersampler.backends.onnx.runtime import resolve_providers
 from supersampler.backends.onnx.tensors import image_of_tensor, tensors_of_frame
 from supersampler.errors import ProviderError, RecordingError
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter, display_transform
 from supersampler.methods import model_file
-from supersampler.model import ExecutorName, Model, Precision
+from supersampler.model import Model
 from supersampler.recording import (
     Call,
     LoadStateCall,

@@ -7,15 +7,14 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from supersampler.arguments import checked_path
+from supersampler.arguments import AtRest, ExecutorName, Precision, Validate, checked_path
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.shot import Shot
-from supersampler.model import AtRest, ExecutorName, Model, Precision
+from supersampler.model import Model
 from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of, frames_of
 from supersampler.sequence.interpolation import interpolator_of
 from supersampler.upscaler import Upscaler
-from supersampler.validation import Validate
 
 __all__ = ["upscale_sequence"]
 

@@ -14,11 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.arguments import ieee_arithmetic
+from supersampler.arguments import ExecutorName, ieee_arithmetic
 from supersampler.errors import ArgumentError
 from supersampler.extrapolation import Extrapolator, ShadedHistory, extrapolator_beside
 from supersampler.frame import Float32, Frame
-from supersampler.model import ExecutorName
 from supersampler.sequence.backward_motion import reversed_frame
 from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
 from supersampler.upscaler import Upscaler

@@ -3,11 +3,11 @@
 import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 
-from supersampler.arguments import checked_choice, ieee_arithmetic
+from supersampler.arguments import Validate, checked_choice, ieee_arithmetic
 from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
 from supersampler.methods.at_rest import MAX_STATIC_MOTION
@@ -18,8 +18,6 @@ from supersampler.validation.probe import FrameProbe
 from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.single_frame import single_frame_mistakes
 from supersampler.validation.temporal import FramesSeen, temporal_mistakes
-
-Validate = Literal["off", "warn", "strict"]
 
 _WARN_FRAMES = 3  # frames that "warn" checks after a start or cut: two pairs, and three jitters
 _MAX_RESETS = 4  # consecutive frames with `reset` that continue each other, until it is reported
