@@ -72,9 +72,11 @@ static void add_grid(std::vector<Triangle>& scene, int rows, int columns, Materi
 
 static std::vector<Triangle> make_scene() {
     std::vector<Triangle> scene;
-    add_grid(scene, 240, 18, Material::KNOT, [](float a, float b) { return knot_vertex(2.0f * PI * a, 2.0f * PI * b); });
+    add_grid(scene, 240, 18, Material::KNOT,
+             [](float a, float b) { return knot_vertex(2.0f * PI * a, 2.0f * PI * b); });
     add_grid(scene, 48, 6, Material::FLOOR, [](float a, float b) {
-        return Vertex{{2.2f * b * std::cos(2.0f * PI * a), 0.0f, 2.2f * b * std::sin(2.0f * PI * a)}, {0.0f, 1.0f, 0.0f}};
+        return Vertex{{2.2f * b * std::cos(2.0f * PI * a), 0.0f, 2.2f * b * std::sin(2.0f * PI * a)},
+                      {0.0f, 1.0f, 0.0f}};
     });
     return scene;
 }
@@ -103,7 +105,8 @@ static Vec shaded(Material material, Vec object, Vec normal, Vec world) {
         const bool odd = (int(std::floor(object.x * 4.0f)) + int(std::floor(object.z * 4.0f))) & 1;
         base = odd ? Vec{0.75f, 0.78f, 0.8f} : Vec{0.08f, 0.1f, 0.14f};
     }
-    const float diffuse = std::fmax(dot(normal, light), 0.0f), shine = std::pow(std::fmax(dot(normal, half), 0.0f), 60.0f);
+    const float diffuse = std::fmax(dot(normal, light), 0.0f),
+                shine = std::pow(std::fmax(dot(normal, half), 0.0f), 60.0f);
     return base * (0.25f + 0.9f * diffuse) + Vec{1.0f, 1.0f, 1.0f} * (material == Material::KNOT ? 2.5f * shine : 0.0f);
 }
 
@@ -115,7 +118,9 @@ class Renderer {
     // Renders the scene turned by `angle`, which was at `before` in the previous frame.
     void render(const std::vector<Triangle>& scene, float angle, float before, const float jitter[2]) {
         for (int y = 0; y < height_; y++)
-            for (int x = 0; x < width_; x++) samples_[size_t(y) * width_ + x] = {Vec{0.35f, 0.5f, 0.75f} * (1.2f - float(y) / height_), 0.0f, {0.0f, 0.0f}};
+            for (int x = 0; x < width_; x++)
+                samples_[size_t(y) * width_ + x] = {
+                    Vec{0.35f, 0.5f, 0.75f} * (1.2f - float(y) / height_), 0.0f, {0.0f, 0.0f}};
         for (const Triangle& triangle : scene) draw(triangle, angle, before, jitter);
     }
 
@@ -131,24 +136,28 @@ class Renderer {
         for (int k = 0; k < 3; k++) s[k] = project(turned(triangle.corners[k].position, angle));
         const float area = (s[1].x - s[0].x) * (s[2].y - s[0].y) - (s[2].x - s[0].x) * (s[1].y - s[0].y);
         if (area == 0.0f) return;
-        auto bound = [&](float Screen::*axis, bool last, int limit, float offset) {
+        auto bound = [&](float Screen::* axis, bool last, int limit, float offset) {
             const float a = s[0].*axis, b = s[1].*axis, c = s[2].*axis;
             const float end = last ? std::fmax(a, std::fmax(b, c)) : std::fmin(a, std::fmin(b, c));
-            return int(std::fmin(std::fmax(std::floor(end - 0.5f - offset) + (last ? 1.0f : 0.0f), 0.0f), float(limit)));
+            return int(
+                std::fmin(std::fmax(std::floor(end - 0.5f - offset) + (last ? 1.0f : 0.0f), 0.0f), float(limit)));
         };
         const int x0 = bound(&Screen::x, false, width_, jitter[0]), x1 = bound(&Screen::x, true, width_, jitter[0]);
         const int y0 = bound(&Screen::y, false, height_, jitter[1]), y1 = bound(&Screen::y, true, height_, jitter[1]);
         for (int y = y0; y < y1; y++)
             for (int x = x0; x < x1; x++) {
                 const float px = x + 0.5f + jitter[0], py = y + 0.5f + jitter[1];  // the sample
-                auto edge = [&](const Screen& a, const Screen& b) { return ((b.x - a.x) * (py - a.y) - (px - a.x) * (b.y - a.y)) / area; };
+                auto edge = [&](const Screen& a, const Screen& b) {
+                    return ((b.x - a.x) * (py - a.y) - (px - a.x) * (b.y - a.y)) / area;
+                };
                 const float w[3] = {edge(s[1], s[2]), edge(s[2], s[0]), edge(s[0], s[1])};
                 if (w[0] < 0.0f || w[1] < 0.0f || w[2] < 0.0f) continue;
                 shade(triangle, s, w, angle, before, px, py, samples_[size_t(y) * width_ + x]);
             }
     }
 
-    void shade(const Triangle& triangle, const Screen (&s)[3], const float (&w)[3], float angle, float before, float px, float py, Sample& sample) {
+    void shade(const Triangle& triangle, const Screen (&s)[3], const float (&w)[3], float angle, float before, float px,
+               float py, Sample& sample) {
         const float inverse = w[0] * s[0].inverse + w[1] * s[1].inverse + w[2] * s[2].inverse;
         if (NEAR * inverse <= sample.depth) return;
         Vec object = {}, normal = {};
@@ -191,11 +200,13 @@ static bool parse(int count, char** values, Options& o) {
     }
     if (o.width == 0) {
         winsize terminal = {};
-        const bool is_live = o.folder.empty() && ioctl(STDOUT_FILENO, TIOCGWINSZ, &terminal) == 0 && terminal.ws_col > 0;
+        const bool is_live =
+            o.folder.empty() && ioctl(STDOUT_FILENO, TIOCGWINSZ, &terminal) == 0 && terminal.ws_col > 0;
         o.width = is_live ? terminal.ws_col : 640, o.height = is_live ? 2 * (terminal.ws_row - 1) : 360;
     }
     if (o.frames < 0 && !o.folder.empty()) o.frames = 64;
-    return optind == count && o.ratio >= 1.0f && o.ratio <= 3.0f && o.width >= 8 && o.height >= 8 && o.width <= 8192 && o.height <= 8192;
+    return optind == count && o.ratio >= 1.0f && o.ratio <= 3.0f && o.width >= 8 && o.height >= 8 && o.width <= 8192 &&
+           o.height <= 8192;
 }
 
 // The bytes of an image as half blocks: the upper pixel of a cell is its foreground, the lower one its background.
@@ -205,7 +216,8 @@ static void draw_in_terminal(const std::vector<uint8_t>& rgb, int width, int hei
     for (int y = 0; y + 1 < height; y += 2) {
         for (int x = 0; x < width; x++) {
             const uint8_t *a = &rgb[3 * (size_t(y) * width + x)], *b = a + 3 * width;
-            snprintf(cell, sizeof cell, "\x1b[38;2;%d;%d;%dm\x1b[48;2;%d;%d;%dm\u2580", a[0], a[1], a[2], b[0], b[1], b[2]);
+            snprintf(cell, sizeof cell, "\x1b[38;2;%d;%d;%dm\x1b[48;2;%d;%d;%dm\u2580", a[0], a[1], a[2], b[0], b[1],
+                     b[2]);
             text += cell;
         }
         text += "\x1b[0m\n";
@@ -223,7 +235,8 @@ static int fail(const char* message) {
 
 int main(int count, char** values) {
     Options o;
-    if (!parse(count, values, o)) return fail("turntable [-o FOLDER] [-n FRAMES] [-m MODEL] [-r RATIO, 1 to 3] [-s WIDTHxHEIGHT] [-c]");
+    if (!parse(count, values, o))
+        return fail("turntable [-o FOLDER] [-n FRAMES] [-m MODEL] [-r RATIO, 1 to 3] [-s WIDTHxHEIGHT] [-c]");
     const bool is_live = o.folder.empty();
     const int width = int(std::ceil(o.width / o.ratio)), height = int(std::ceil(o.height / o.ratio));
     ss_model* model;
@@ -253,7 +266,8 @@ int main(int count, char** values) {
         };
         ss_frame frame = {};
         frame.width = width, frame.height = height;
-        frame.color = image_of(&samples->color), frame.depth = image_of(&samples->depth), frame.motion = image_of(&samples->motion);
+        frame.color = image_of(&samples->color), frame.depth = image_of(&samples->depth),
+        frame.motion = image_of(&samples->motion);
         frame.jitter[0] = jitter[0], frame.jitter[1] = jitter[1];
         frame.exposure = 1.0f, frame.adds_samples = 1.0f, frame.reset = index == 0;
         ss_outputs outputs = {};
@@ -262,7 +276,8 @@ int main(int count, char** values) {
 
         for (int y = 0; y < o.height && o.compares; y++)
             for (int x = 0; x < o.width / 2; x++)
-                memcpy(&image[3 * (size_t(y) * o.width + x)], &samples[size_t(y * height / o.height) * width + x * width / o.width].color, sizeof(Vec));
+                memcpy(&image[3 * (size_t(y) * o.width + x)],
+                       &samples[size_t(y * height / o.height) * width + x * width / o.width].color, sizeof(Vec));
         to_display(image.data(), image.size() / 3, 1.0f, bytes.data());
         if (is_live) {
             draw_in_terminal(bytes, o.width, o.height);
@@ -271,7 +286,8 @@ int main(int count, char** values) {
         } else {
             char name[32];
             snprintf(name, sizeof name, "/%04d.png", index);
-            if (!write_png((o.folder + name).c_str(), bytes.data(), o.width, o.height)) failed = "the folder cannot be written to";
+            if (!write_png((o.folder + name).c_str(), bytes.data(), o.width, o.height))
+                failed = "the folder cannot be written to";
         }
     }
     if (is_live) fputs("\x1b[?25h\x1b[0m", stdout);

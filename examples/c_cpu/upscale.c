@@ -27,8 +27,8 @@ static int fail(const char* where, const char* what) {
 static int read_line(FILE* list, Line* l) {
     char text[256];
     if (!fgets(text, sizeof text, list)) return 0;
-    const int count = sscanf(text, "%63s %d %d %d %d %f %f %f %d", l->name, &l->width, &l->height, &l->display_width, &l->display_height,
-                             &l->jitter[0], &l->jitter[1], &l->exposure, &l->reset);
+    const int count = sscanf(text, "%63s %d %d %d %d %f %f %f %d", l->name, &l->width, &l->height, &l->display_width,
+                             &l->display_height, &l->jitter[0], &l->jitter[1], &l->exposure, &l->reset);
     const int is_plain = count == 9 && l->name[0] != '.' && !strpbrk(l->name, "/\\:"); /* it leads out of no folder */
     return is_plain && l->width > 0 && l->height > 0 && l->width <= 16384 && l->height <= 16384 ? 1 : -1;
 }
@@ -89,7 +89,8 @@ int main(int count, char** arguments) {
     if (!list) return fail(path, "it cannot be read");
     ss_model* model;
     ss_error error;
-    if (ss_model_create(count == 4 ? arguments[3] : "classifier", NULL, &model, &error) != SS_OK) return fail("model", error.message);
+    if (ss_model_create(count == 4 ? arguments[3] : "classifier", NULL, &model, &error) != SS_OK)
+        return fail("model", error.message);
 
     ss_upscaler* upscaler = NULL;
     Line l, before = {0};
@@ -102,7 +103,8 @@ int main(int count, char** arguments) {
         if (!upscaler || l.display_width != before.display_width || l.display_height != before.display_height) {
             ss_upscaler_destroy(upscaler);
             upscaler = NULL;
-            if (ss_upscaler_create(model, l.display_width, l.display_height, &upscaler, &error) != SS_OK) failed = fail(l.name, error.message);
+            if (ss_upscaler_create(model, l.display_width, l.display_height, &upscaler, &error) != SS_OK)
+                failed = fail(l.name, error.message);
         }
         failed = failed || upscale(upscaler, arguments[1], arguments[2], &l);
         before = l;

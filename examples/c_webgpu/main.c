@@ -14,66 +14,47 @@
 #include "upscaler.h"
 #include "wgpu.h"
 
-enum {
-    ROW = 256,
-    TEXEL = 8
-}; /* bytes: rows of a copied texture begin at multiples of it; of a pixel of the image */
+enum { ROW = 256, TEXEL = 8 }; /* bytes: rows of a copied texture begin at multiples of it; of a pixel of the image */
 
-static void on_adapter(
-    WGPURequestAdapterStatus status, WGPUAdapter adapter, WGPUStringView message, void *found, void *unused
-)
-{
+static void on_adapter(WGPURequestAdapterStatus status, WGPUAdapter adapter, WGPUStringView message, void* found,
+                       void* unused) {
     (void)unused;
     if (status != WGPURequestAdapterStatus_Success)
-        fail(
-            "no adapter: %.*s; install a Vulkan, Metal or DirectX 12 driver", (int)message.length,
-            message.data
-        );
-    *(WGPUAdapter *)found = adapter;
+        fail("no adapter: %.*s; install a Vulkan, Metal or DirectX 12 driver", (int)message.length, message.data);
+    *(WGPUAdapter*)found = adapter;
 }
 
-static void on_device(
-    WGPURequestDeviceStatus status, WGPUDevice device, WGPUStringView message, void *found, void *unused
-)
-{
+static void on_device(WGPURequestDeviceStatus status, WGPUDevice device, WGPUStringView message, void* found,
+                      void* unused) {
     (void)unused;
     if (status != WGPURequestDeviceStatus_Success) fail("no device: %.*s", (int)message.length, message.data);
-    *(WGPUDevice *)found = device;
+    *(WGPUDevice*)found = device;
 }
 
-static void
-on_error(WGPUDevice const *device, WGPUErrorType type, WGPUStringView message, void *one, void *two)
-{
+static void on_error(WGPUDevice const* device, WGPUErrorType type, WGPUStringView message, void* one, void* two) {
     (void)device, (void)type, (void)one, (void)two;
     fail("%.*s", (int)message.length, message.data);
 }
 
-static void on_mapped(WGPUMapAsyncStatus status, WGPUStringView message, void *done, void *unused)
-{
+static void on_mapped(WGPUMapAsyncStatus status, WGPUStringView message, void* done, void* unused) {
     (void)unused;
-    if (status != WGPUMapAsyncStatus_Success)
-        fail("the image cannot be read: %.*s", (int)message.length, message.data);
-    *(bool *)done = true;
+    if (status != WGPUMapAsyncStatus_Success) fail("the image cannot be read: %.*s", (int)message.length, message.data);
+    *(bool*)done = true;
 }
 
-static WGPUDevice open_device(WGPUInstance instance)
-{
+static WGPUDevice open_device(WGPUInstance instance) {
     WGPUAdapter adapter = NULL;
     WGPUDevice device = NULL;
     wgpuInstanceRequestAdapter(
         instance, &(WGPURequestAdapterOptions){.powerPreference = WGPUPowerPreference_HighPerformance},
         (WGPURequestAdapterCallbackInfo){
-            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_adapter, .userdata1 = &adapter
-        }
-    );
+            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_adapter, .userdata1 = &adapter});
     while (adapter == NULL) wgpuInstanceProcessEvents(instance);
     WGPUDeviceDescriptor described = {.uncapturedErrorCallbackInfo.callback = on_error};
     wgpuAdapterRequestDevice(
         adapter, &described,
         (WGPURequestDeviceCallbackInfo){
-            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_device, .userdata1 = &device
-        }
-    );
+            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_device, .userdata1 = &device});
     while (device == NULL) wgpuInstanceProcessEvents(instance);
     WGPUAdapterInfo info = {0};
     wgpuAdapterGetInfo(adapter, &info);
@@ -83,62 +64,46 @@ static WGPUDevice open_device(WGPUInstance instance)
     return device;
 }
 
-static WGPUTexture new_texture(
-    WGPUDevice device, WGPUTextureFormat format, uint32_t width, uint32_t height, WGPUTextureUsage usage
-)
-{
-    return wgpuDeviceCreateTexture(
-        device, &(WGPUTextureDescriptor){
-                    .usage = usage,
-                    .dimension = WGPUTextureDimension_2D,
-                    .size = {width, height, 1},
-                    .format = format,
-                    .mipLevelCount = 1,
-                    .sampleCount = 1,
-                }
-    );
+static WGPUTexture new_texture(WGPUDevice device, WGPUTextureFormat format, uint32_t width, uint32_t height,
+                               WGPUTextureUsage usage) {
+    return wgpuDeviceCreateTexture(device, &(WGPUTextureDescriptor){
+                                               .usage = usage,
+                                               .dimension = WGPUTextureDimension_2D,
+                                               .size = {width, height, 1},
+                                               .format = format,
+                                               .mipLevelCount = 1,
+                                               .sampleCount = 1,
+                                           });
 }
 
 /* Load an image of a frame: float32, row by row. An engine has it in a texture already. */
-static WGPUTexture load(
-    WGPUDevice device, WGPUQueue queue, const char *folder, const char *file, const uint32_t size[2],
-    uint32_t channels
-)
-{
-    const WGPUTextureFormat formats[] = {
-        0, WGPUTextureFormat_R32Float, WGPUTextureFormat_RG32Float, 0, WGPUTextureFormat_RGBA32Float
-    };
+static WGPUTexture load(WGPUDevice device, WGPUQueue queue, const char* folder, const char* file,
+                        const uint32_t size[2], uint32_t channels) {
+    const WGPUTextureFormat formats[] = {0, WGPUTextureFormat_R32Float, WGPUTextureFormat_RG32Float, 0,
+                                         WGPUTextureFormat_RGBA32Float};
     uint32_t width = size[0], height = size[1];
     size_t bytes = 4 * (size_t)channels * width * height;
-    char *data = read_bytes(folder, file, bytes);
-    WGPUTexture texture = new_texture(
-        device, formats[channels], width, height, WGPUTextureUsage_TextureBinding | WGPUTextureUsage_CopyDst
-    );
-    wgpuQueueWriteTexture(
-        queue, &(WGPUTexelCopyTextureInfo){.texture = texture, .aspect = WGPUTextureAspect_All}, data, bytes,
-        &(WGPUTexelCopyBufferLayout){.bytesPerRow = 4 * channels * width, .rowsPerImage = height},
-        &(WGPUExtent3D){width, height, 1}
-    );
+    char* data = read_bytes(folder, file, bytes);
+    WGPUTexture texture = new_texture(device, formats[channels], width, height,
+                                      WGPUTextureUsage_TextureBinding | WGPUTextureUsage_CopyDst);
+    wgpuQueueWriteTexture(queue, &(WGPUTexelCopyTextureInfo){.texture = texture, .aspect = WGPUTextureAspect_All}, data,
+                          bytes,
+                          &(WGPUTexelCopyBufferLayout){.bytesPerRow = 4 * channels * width, .rowsPerImage = height},
+                          &(WGPUExtent3D){width, height, 1});
     free(data);
     return texture;
 }
 
 /* Wait for the copied image, and write it without the padding of its rows. */
-static void write_image(
-    WGPUDevice device, WGPUBuffer copy, uint32_t width, uint32_t height, uint32_t pitch, const char *folder,
-    int index
-)
-{
+static void write_image(WGPUDevice device, WGPUBuffer copy, uint32_t width, uint32_t height, uint32_t pitch,
+                        const char* folder, int index) {
     bool done = false;
     size_t row = (size_t)TEXEL * width, size = (size_t)pitch * height;
-    wgpuBufferMapAsync(
-        copy, WGPUMapMode_Read, 0, size,
-        (WGPUBufferMapCallbackInfo){
-            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_mapped, .userdata1 = &done
-        }
-    );
+    wgpuBufferMapAsync(copy, WGPUMapMode_Read, 0, size,
+                       (WGPUBufferMapCallbackInfo){
+                           .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_mapped, .userdata1 = &done});
     while (!done) wgpuDevicePoll(device, true, NULL);
-    const char *rows = wgpuBufferGetConstMappedRange(copy, 0, size);
+    const char* rows = wgpuBufferGetConstMappedRange(copy, 0, size);
     char *packed = malloc(row * height), name[32];
     if (packed == NULL) fail("no memory");
     for (uint32_t y = 0; y < height; y++) memcpy(packed + y * row, rows + (size_t)y * pitch, row);
@@ -148,8 +113,7 @@ static void write_image(
     wgpuBufferUnmap(copy);
 }
 
-int main(int count, char **arguments)
-{
+int main(int count, char** arguments) {
     if (count != 4) fail("usage: %s SHADERS FRAMES OUTPUT", arguments[0]);
     const char *shaders = arguments[1], *frames = arguments[2], *output = arguments[3];
     WGPUInstance instance = wgpuCreateInstance(NULL);
@@ -158,20 +122,16 @@ int main(int count, char **arguments)
     Shot shot = shot_load(frames);
     uint32_t width = shot.display[0], height = shot.display[1];
     uint32_t pitch = (TEXEL * width + ROW - 1) / ROW * ROW;
-    WGPUTexture image = new_texture(
-        device, WGPUTextureFormat_RGBA16Float, width, height,
-        WGPUTextureUsage_StorageBinding | WGPUTextureUsage_CopySrc
-    );
-    WGPUBuffer copy = wgpuDeviceCreateBuffer(
-        device, &(WGPUBufferDescriptor){
-                    .usage = WGPUBufferUsage_CopyDst | WGPUBufferUsage_MapRead,
-                    .size = (uint64_t)pitch * height,
-                }
-    );
-    Upscaler *upscaler = upscaler_load(device, shaders, width, height);
+    WGPUTexture image = new_texture(device, WGPUTextureFormat_RGBA16Float, width, height,
+                                    WGPUTextureUsage_StorageBinding | WGPUTextureUsage_CopySrc);
+    WGPUBuffer copy = wgpuDeviceCreateBuffer(device, &(WGPUBufferDescriptor){
+                                                         .usage = WGPUBufferUsage_CopyDst | WGPUBufferUsage_MapRead,
+                                                         .size = (uint64_t)pitch * height,
+                                                     });
+    Upscaler* upscaler = upscaler_load(device, shaders, width, height);
 
     for (int i = 0; i < shot.count; i++) {
-        const ShotFrame *item = &shot.frames[i];
+        const ShotFrame* item = &shot.frames[i];
         Frame frame = {
             .color = load(device, queue, frames, item->color, item->size, 4),
             .depth = load(device, queue, frames, item->depth, item->size, 1),
@@ -185,11 +145,8 @@ int main(int count, char **arguments)
         upscaler_encode(upscaler, encoder, &frame, image);
         wgpuCommandEncoderCopyTextureToBuffer(
             encoder, &(WGPUTexelCopyTextureInfo){.texture = image, .aspect = WGPUTextureAspect_All},
-            &(WGPUTexelCopyBufferInfo){
-                .buffer = copy, .layout = {.bytesPerRow = pitch, .rowsPerImage = height}
-            },
-            &(WGPUExtent3D){width, height, 1}
-        );
+            &(WGPUTexelCopyBufferInfo){.buffer = copy, .layout = {.bytesPerRow = pitch, .rowsPerImage = height}},
+            &(WGPUExtent3D){width, height, 1});
         WGPUCommandBuffer commands = wgpuCommandEncoderFinish(encoder, NULL);
         wgpuQueueSubmit(queue, 1, &commands);
         write_image(device, copy, width, height, pitch, output, i);

@@ -31,7 +31,7 @@ typedef struct {
 } Memory;
 
 typedef struct {
-    const char *name;
+    const char* name;
     enum { PARAMS, WEIGHTS, HISTORY, NEXT, WORK, AUX, FRAME, IMAGE, ROLES } role;
     enum { UNIFORM, BUFFER, TEXTURE, KINDS } kind;
     WGPUTextureFormat format; /* of a texture; Undefined for FRAME */
@@ -43,30 +43,30 @@ typedef struct {
 
 /* Names of what the caller gives: FRAME, and IMAGE last. */
 enum { GIVEN = 5 };
-extern const char *const given_names[GIVEN];
+extern const char* const given_names[GIVEN];
 
-WGPUStringView view_of(const char *text);
+WGPUStringView view_of(const char* text);
 
 /* A member of an object that is a size. */
-Size read_size(const cJSON *object, const char *name);
+Size read_size(const cJSON* object, const char* name);
 
 /* A resource of `json`, the content of upscaler.json. */
-Resource read_resource(const cJSON *json, const cJSON *item);
+Resource read_resource(const cJSON* json, const cJSON* item);
 
 /* Whether the caller gives it. */
-bool is_given(const Resource *resource);
+bool is_given(const Resource* resource);
 
 /* The entry of a bind group layout for a binding of a pass to a resource, which must be of its kind. */
-WGPUBindGroupLayoutEntry layout_entry(const cJSON *binding, const Resource *resource);
+WGPUBindGroupLayoutEntry layout_entry(const cJSON* binding, const Resource* resource);
 
 /* A size at these sizes. */
-void size_at(const Size *rule, uint32_t bases[BASES][2], uint32_t size[2]);
+void size_at(const Size* rule, uint32_t bases[BASES][2], uint32_t size[2]);
 
 /* Allocate memory, zeros, unless it has this size. A history that is read has it: it was written at this
  * size. */
-void hold(WGPUDevice device, const Resource *resource, Memory *memory, const uint32_t size[2]);
+void hold(WGPUDevice device, const Resource* resource, Memory* memory, const uint32_t size[2]);
 
 /* Free memory, if there is some. */
-void release(Memory *memory);
+void release(Memory* memory);
 
 #endif

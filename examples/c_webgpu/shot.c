@@ -7,8 +7,7 @@
 
 enum { MOST_FRAMES = 1 << 16 };
 
-static ShotFrame read_frame(const cJSON *item)
-{
+static ShotFrame read_frame(const cJSON* item) {
     ShotFrame frame = {
         .color = file_of(item, "color"),
         .depth = file_of(item, "depth"),
@@ -22,8 +21,7 @@ static ShotFrame read_frame(const cJSON *item)
     return frame;
 }
 
-Shot shot_load(const char *folder)
-{
+Shot shot_load(const char* folder) {
     Shot shot = {.json = read_json(folder, "frames.json")};
     two_wholes_of(shot.json, "display", LARGEST_SIDE, shot.display);
     const cJSON *item, *items = list_of(shot.json, "frames", 1, MOST_FRAMES);
@@ -33,8 +31,7 @@ Shot shot_load(const char *folder)
     return shot;
 }
 
-void shot_free(Shot *shot)
-{
+void shot_free(Shot* shot) {
     free(shot->frames);
     cJSON_Delete(shot->json);
 }

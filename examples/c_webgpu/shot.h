@@ -16,15 +16,15 @@ typedef struct {
 } ShotFrame;
 
 typedef struct {
-    cJSON *json;
+    cJSON* json;
     uint32_t display[2]; /* (width, height) of the images to make */
-    ShotFrame *frames;
+    ShotFrame* frames;
     int count;
 } Shot;
 
 /* Read frames.json. */
-Shot shot_load(const char *folder);
+Shot shot_load(const char* folder);
 
-void shot_free(Shot *shot);
+void shot_free(Shot* shot);
 
 #endif

@@ -29,12 +29,12 @@ typedef struct {
 
 /* Compile the shaders for images of this size, each side 1 to 16384. All that the folder says is checked
  * here. */
-Upscaler *upscaler_load(WGPUDevice device, const char *folder, uint32_t width, uint32_t height);
+Upscaler* upscaler_load(WGPUDevice device, const char* folder, uint32_t width, uint32_t height);
 
 /* Encode one step; submit it before the next one is encoded. image: rgba16float with StorageBinding, of
  * display size. */
-void upscaler_encode(Upscaler *upscaler, WGPUCommandEncoder encoder, const Frame *frame, WGPUTexture image);
+void upscaler_encode(Upscaler* upscaler, WGPUCommandEncoder encoder, const Frame* frame, WGPUTexture image);
 
-void upscaler_free(Upscaler *upscaler);
+void upscaler_free(Upscaler* upscaler);
 
 #endif

@@ -45,7 +45,9 @@ struct Options {
     double turn = 1.5;  // degrees a frame
 };
 
-static double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+static double now() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
 
 static float halton(int index, int base) {
     float result = 0.0f, digit = 1.0f;
@@ -132,8 +134,14 @@ class View {
 class Upscaled {
    public:
     Upscaled(const Options& o, vtkCamera* camera)
-        : width_(o.width / RATIO), height_(o.height / RATIO), view_(width_, height_, 0, camera), camera_(camera), color_(size_t(3) * width_ * height_),
-          depth_(size_t(width_) * height_), motion_(size_t(2) * width_ * height_), image_(size_t(3) * o.width * o.height),
+        : width_(o.width / RATIO),
+          height_(o.height / RATIO),
+          view_(width_, height_, 0, camera),
+          camera_(camera),
+          color_(size_t(3) * width_ * height_),
+          depth_(size_t(width_) * height_),
+          motion_(size_t(2) * width_ * height_),
+          image_(size_t(3) * o.width * o.height),
           shown_(image_.size()) {
         ss_error error;
         if (ss_model_create(o.model.c_str(), nullptr, &model_, &error) != SS_OK ||
@@ -146,8 +154,10 @@ class Upscaled {
     // Returns RGB bytes at display size, the lowest row first. `seconds`: render, inputs, step.
     const unsigned char* render(int index, double (&seconds)[3]) {
         const double began = now();
-        const float jitter[2] = {halton(index % (8 * RATIO * RATIO), 2) - 0.5f, halton(index % (8 * RATIO * RATIO), 3) - 0.5f};
-        camera_->SetWindowCenter(2.0 * jitter[0] / width_, -2.0 * jitter[1] / height_);  // x right, y down; the window's y points up
+        const float jitter[2] = {halton(index % (8 * RATIO * RATIO), 2) - 0.5f,
+                                 halton(index % (8 * RATIO * RATIO), 3) - 0.5f};
+        // x right, y down; the window's y points up
+        camera_->SetWindowCenter(2.0 * jitter[0] / width_, -2.0 * jitter[1] / height_);
         const unsigned char* pixels = view_.render();
         camera_->SetWindowCenter(0.0, 0.0);
         const float* z = view_.depth();
@@ -160,7 +170,8 @@ class Upscaled {
         find_motion(z, jitter);
         const double prepared = now();
         upscale(jitter, index == 0);
-        for (size_t k = 0; k < image_.size(); k++) shown_[k] = (unsigned char)(255.0f * std::sqrt(std::fmin(image_[k], 1.0f)) + 0.5f);
+        for (size_t k = 0; k < image_.size(); k++)
+            shown_[k] = (unsigned char)(255.0f * std::sqrt(std::fmin(image_[k], 1.0f)) + 0.5f);
         const double ended = now();
         seconds[0] = rendered - began, seconds[1] = prepared - rendered, seconds[2] = ended - prepared;
         return shown_.data();
@@ -184,7 +195,8 @@ class Upscaled {
     void upscale(const float (&jitter)[2], bool reset) {
         ss_frame frame = {};
         frame.width = width_, frame.height = height_;
-        frame.color = upside_down(color_.data(), 3), frame.depth = upside_down(depth_.data(), 1), frame.motion = upside_down(motion_.data(), 2);
+        frame.color = upside_down(color_.data(), 3), frame.depth = upside_down(depth_.data(), 1),
+        frame.motion = upside_down(motion_.data(), 2);
         frame.jitter[0] = jitter[0], frame.jitter[1] = jitter[1];
         frame.exposure = 1.0f, frame.adds_samples = 1.0f, frame.reset = reset;
         ss_outputs outputs = {};
@@ -224,16 +236,19 @@ static double squared_error(const unsigned char* shown, const unsigned char* lar
                 double light = 0.0;
                 for (int j = 0; j < SUPERSAMPLES; j++)
                     for (int i = 0; i < SUPERSAMPLES; i++) {
-                        const double value = large[(size_t(y * SUPERSAMPLES + j) * width * SUPERSAMPLES + x * SUPERSAMPLES + i) * 3 + c];
+                        const double value =
+                            large[(size_t(y * SUPERSAMPLES + j) * width * SUPERSAMPLES + x * SUPERSAMPLES + i) * 3 + c];
                         light += value * value;
                     }
-                const double apart = shown[(size_t(y) * width + x) * 3 + c] - std::sqrt(light / (SUPERSAMPLES * SUPERSAMPLES));
+                const double apart =
+                    shown[(size_t(y) * width + x) * 3 + c] - std::sqrt(light / (SUPERSAMPLES * SUPERSAMPLES));
                 sum += apart * apart;
             }
     return sum / (3.0 * width * height);
 }
 
-static void write_pair(const std::string& path, const unsigned char* left, const unsigned char* right, int width, int height) {
+static void write_pair(const std::string& path, const unsigned char* left, const unsigned char* right, int width,
+                       int height) {
     vtkNew<vtkImageData> image;
     image->SetDimensions(2 * width, height, 1);
     image->AllocateScalars(VTK_UNSIGNED_CHAR, 3);
@@ -284,13 +299,16 @@ static void run(const Options& o) {
         times[4].push_back(middle - began), times[5].push_back(ended - middle);
         if (index % 16 != 0) continue;
         const unsigned char* truth = large.render();
-        errors[0] += squared_error(ours, truth, o.width, o.height), errors[1] += squared_error(theirs, truth, o.width, o.height);
+        errors[0] += squared_error(ours, truth, o.width, o.height),
+            errors[1] += squared_error(theirs, truth, o.width, o.height);
         scored += 1.0;
     }
     if (times[0].empty() || scored == 0.0) return;
-    const char* names[] = {"render small", "inputs", "upscale", "all three", "full size, no anti-aliasing", "full size, MSAA"};
+    const char* names[] = {"render small",   "inputs", "upscale", "all three", "full size, no anti-aliasing",
+                           "full size, MSAA"};
     for (int k = 0; k < 6; k++) std::printf("%s: %.1f ms\n", names[k], 1e3 * median(times[k]));
-    std::printf("PSNR upscaled: %.2f dB\nPSNR MSAA: %.2f dB\n", decibels(errors[0] / scored), decibels(errors[1] / scored));
+    std::printf("PSNR upscaled: %.2f dB\nPSNR MSAA: %.2f dB\n", decibels(errors[0] / scored),
+                decibels(errors[1] / scored));
 }
 
 int main(int count, char** arguments) {
@@ -302,12 +320,12 @@ int main(int count, char** arguments) {
         else if (name == "-m") o.model = value;
         else if (name == "-t") o.turn = std::stod(value);
         else if (name == "-s" && std::sscanf(value.c_str(), "%dx%d", &o.width, &o.height) == 2) continue;
-        else return std::fprintf(stderr, "viewer: %s %s: see the top of viewer.cpp\n", arguments[k], arguments[k + 1]), 1;
+        else
+            return std::fprintf(stderr, "viewer: %s %s: see the top of viewer.cpp\n", arguments[k], arguments[k + 1]),
+                   1;
     }
     try {
         run(o);
-    } catch (const std::string& message) {
-        return std::fprintf(stderr, "%s\n", message.c_str()), 1;
-    }
+    } catch (const std::string& message) { return std::fprintf(stderr, "%s\n", message.c_str()), 1; }
     return 0;
 }

@@ -65,7 +65,8 @@ typedef struct ss_options {
     void (*parallel_for)(void* user, void (*task)(void* context, int index), void* context, int count);
     void* (*allocate)(void* user, size_t bytes); /* any alignment; NULL where there is no memory */
     void (*release)(void* user, void* memory, size_t bytes);
-    void (*log)(void* user, const char* message); /* called when a model is created, with its instruction set and threads */
+    /* called when a model is created, with its instruction set and threads */
+    void (*log)(void* user, const char* message);
     void* user;
     const char* instructions; /* NULL: the best that this CPU has; "avx512", "avxvnni", "avx2", "neon",
                                  "portable" */
@@ -112,7 +113,7 @@ typedef struct ss_frame {
     ss_image depth;    /* 1 channel: reversed, infinite far: near / view distance; 0 at the sky */
     ss_image motion;   /* 2 channels: render pixels without jitter, previous minus current position */
     ss_image reactive; /* 1 channel in [0, 1], or none: how little the history says */
-    ss_image base_color, normal;                                /* G-buffers of render size, for methods that read them */
+    ss_image base_color, normal; /* G-buffers of render size, for methods that read them */
     ss_image display_base_color, display_normal, display_depth; /* the same of display size */
     float jitter[2];    /* sample position minus pixel centre, render pixels, in [-0.5, 0.5] */
     float exposure;     /* multiplies the colour before the tone curve; 0: measured */
@@ -142,7 +143,8 @@ typedef struct ss_outputs {
     ss_image converged; /* 1 channel: 1 where the image is frozen, else 0 */
     int compute_all;    /* 1: compute tiles that cannot differ, too; for tests, as it changes no bit */
     double* seconds;    /* SS_STAGES wall times by stage, or NULL */
-    int (*cancelled)(void* user); /* called now and then by the thread that called; other than 0 ends the step. Or NULL */
+    /* called now and then by the thread that called; other than 0 ends the step. Or NULL */
+    int (*cancelled)(void* user);
     void* user;
 } ss_outputs;
 
@@ -164,8 +166,8 @@ SS_API ss_status ss_step(ss_upscaler* upscaler, const ss_frame* frame, const ss_
  *
  * An error leaves all histories unchanged; its message begins with the view: "view 3: jitter is 0.7". `cancelled` of the
  * first outputs is asked for all views. `ss_options.parallel_for` gets one task for each view. */
-SS_API ss_status ss_step_many(ss_upscaler* const* upscalers, const ss_frame* frames, const ss_outputs* outputs, int count,
-                              ss_error* error);
+SS_API ss_status ss_step_many(ss_upscaler* const* upscalers, const ss_frame* frames, const ss_outputs* outputs,
+                              int count, ss_error* error);
 
 /* Drops the history, as `reset` of a frame does. */
 SS_API void ss_reset(ss_upscaler* upscaler);
@@ -191,13 +193,14 @@ SS_API ss_status ss_state_load(ss_upscaler* upscaler, const void* bytes, size_t 
 
 /* The last shaded frame, and the motion since. Arrays of the caller: keep copies if the renderer reuses its buffers. */
 typedef struct ss_shaded {
-    int width, height;                           /* of the shaded frame */
-    ss_image color, depth, base_color, normal;   /* as in `ss_frame` */
+    int width, height;                         /* of the shaded frame */
+    ss_image color, depth, base_color, normal; /* as in `ss_frame` */
     float jitter[2], pre_exposure;
     int motion_width, motion_height; /* of the frame before the unshaded one */
-    ss_image motion;                 /* from that frame back to the shaded one, its own pixels: `motion` of the call before.
-                                        No data: it was the shaded one itself */
-    float motion_jitter[2];          /* of that frame */
+    /* from that frame back to the shaded one, its own pixels: `motion` of the call before. No data: it was the shaded
+     * one itself */
+    ss_image motion;
+    float motion_jitter[2]; /* of that frame */
 } ss_shaded;
 
 typedef struct ss_extrapolated {
@@ -252,15 +255,16 @@ SS_API ss_status ss_scatter_motion(const ss_scatter* frames, float* motion, floa
 /* Ids of one view: integers that name objects, parts, materials or classes. They are never blended. Arrays are packed. */
 typedef struct ss_ids {
     int width, height, display_width, display_height, channels;
-    const uint32_t* ids;  /* (height, width, channels) of the frame's samples; the channels of a pixel are one name */
-    const float* depth;   /* (height, width) as in `ss_frame` */
-    const float* motion;  /* (height, width, 2) as in `ss_frame` */
+    const uint32_t* ids; /* (height, width, channels) of the frame's samples; the channels of a pixel are one name */
+    const float* depth;  /* (height, width) as in `ss_frame` */
+    const float* motion; /* (height, width, 2) as in `ss_frame` */
     float jitter[2];
     const uint32_t* previous;       /* `image` of the previous frame; NULL on the first frame, and after a cut */
     const float* previous_distance; /* `distance` of the previous frame; NULL with `previous` */
     uint32_t* image;                /* (display_height, display_width, channels), written to; not `previous` */
-    float* distance; /* (display_height, display_width), written to: from each pixel's centre to the sample that it is named
-                        after, in display pixels; not `previous_distance` */
+    /* (display_height, display_width), written to: from each pixel's centre to the sample that it is named after, in
+     * display pixels; not `previous_distance` */
+    float* distance;
 } ss_ids;
 
 /* Resamples the ids of several views to display size: segmentation beside the images of `ss_step`. A pixel takes the ids
@@ -274,9 +278,10 @@ SS_API ss_status ss_resample_ids(ss_model* model, const ss_ids* views, int count
 
 /* One frame of the temporal filter: packed arrays of the size of the image. */
 typedef struct ss_temporal_frame {
-    const float* color;       /* (height, width, 4) linear RGB, denoised, and 1; 0 in all four where a sample is missing */
-    const float* guides;      /* (height, width, 8) albedo, 0, normal, 0 */
-    const float* to_previous; /* (height, width, 2) of `ss_nearest_motion`: pixels, previous minus current; NULL at a cut */
+    const float* color;  /* (height, width, 4) linear RGB, denoised, and 1; 0 in all four where a sample is missing */
+    const float* guides; /* (height, width, 8) albedo, 0, normal, 0 */
+    /* (height, width, 2) pixels, previous minus current: `ss_nearest_motion`; NULL at a cut */
+    const float* to_previous;
     const float* to_next;     /* (height, width, 2) pixels, next minus current; NULL before a cut */
     const float* const* aovs; /* arrays of four channels each, (height, width, 4) */
 } ss_temporal_frame;
@@ -284,13 +289,14 @@ typedef struct ss_temporal_frame {
 /* A frame and its neighbours. */
 typedef struct ss_temporal {
     int width, height;
-    const ss_temporal_frame* frames; /* the frame, `previous` frames before it, the nearest one first, and `following` after it */
+    /* the frame, `previous` frames before it, the nearest one first, and `following` after it */
+    const ss_temporal_frame* frames;
     int previous, following;
-    int aov_groups;       /* arrays of AOVs in each frame */
-    float exposure;       /* > 0, multiplies colour where colours are compared */
+    int aov_groups;         /* arrays of AOVs in each frame */
+    float exposure;         /* > 0, multiplies colour where colours are compared */
     int first_row, end_row; /* rows that are computed; several threads may compute rows of one image */
-    float* image;         /* (height, width, 4) the mean, and the sum of the weights, of which 1 is the frame's own */
-    float* const* aovs;   /* the means of the AOVs, (height, width, 4) each */
+    float* image;           /* (height, width, 4) the mean, and the sum of the weights, of which 1 is the frame's own */
+    float* const* aovs;     /* the means of the AOVs, (height, width, 4) each */
 } ss_temporal;
 
 /* Averages a frame and its neighbours along their motion, for frames of a path tracer at the size of the result. */

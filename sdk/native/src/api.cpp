@@ -12,8 +12,8 @@
 namespace ss {
 
 extern const Method BILINEAR, BICUBIC, TAA, TAAU, CLASSIFIER, CLASSIFIER_LARGE, GBUFFER_FAST, GUIDED_WARP;
-static const Method* const METHODS[] = {&BILINEAR, &BICUBIC, &TAA, &TAAU, &CLASSIFIER, &CLASSIFIER_LARGE,
-                                        &GBUFFER_FAST, &GUIDED_WARP};
+static const Method* const METHODS[] = {&BILINEAR,   &BICUBIC,          &TAA,          &TAAU,
+                                        &CLASSIFIER, &CLASSIFIER_LARGE, &GBUFFER_FAST, &GUIDED_WARP};
 
 const Method* find_method(const char* name) {
     for (const Method* method : METHODS)
@@ -47,7 +47,8 @@ static ss_status check_count(int count, ss_error* error) {
 
 static ss_status check_upscales(const Model& model, ss_error* error) {
     if (!model.method->extrapolates) return SS_OK;
-    return fail(error, SS_BAD_ARGUMENT, "the model is of %s, which extrapolates; ss_extrapolate takes it", model.method->name);
+    return fail(error, SS_BAD_ARGUMENT, "the model is of %s, which extrapolates; ss_extrapolate takes it",
+                model.method->name);
 }
 
 History* new_history(Model& model, Size display, Size render) {
@@ -73,7 +74,8 @@ static ss_status make_model(const Method* method, const ss_options* given, Model
         return fail(error, SS_BAD_ARGUMENT, "only one of allocate and release is set; want both or none");
     const Kernels* kernels = find_kernels(options.instructions);
     if (!kernels)
-        return fail(error, SS_BAD_ARGUMENT, "instructions is '%.64s', which this CPU does not have", options.instructions);
+        return fail(error, SS_BAD_ARGUMENT, "instructions is '%.64s', which this CPU does not have",
+                    options.instructions);
     const Allocator allocator = {options.allocate ? options.allocate : allocate_default,
                                  options.release ? options.release : release_default, options.user};
     *model = create<Model>(allocator, allocator, options);
@@ -82,7 +84,8 @@ static ss_status make_model(const Method* method, const ss_options* given, Model
     (*model)->kernels = kernels;
     if (options.log) {
         char message[128];
-        snprintf(message, sizeof message, "%s: %s kernels, %d threads", method->name, kernels->name, (*model)->pool.threads());
+        snprintf(message, sizeof message, "%s: %s kernels, %d threads", method->name, kernels->name,
+                 (*model)->pool.threads());
         options.log(options.user, message);
     }
     return succeed(error);
@@ -113,7 +116,8 @@ ss_status ss_model_create(const char* name, const ss_options* options, ss_model*
     if (!name || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", name ? "model" : "name");
     *model = nullptr;
     for (const ShippedModel* shipped = SHIPPED_MODELS; shipped->name; shipped++)
-        if (strcmp(shipped->name, name) == 0) return ss_model_create_from_bytes(shipped->bytes, shipped->count, options, model, error);
+        if (strcmp(shipped->name, name) == 0)
+            return ss_model_create_from_bytes(shipped->bytes, shipped->count, options, model, error);
     return fail(error, SS_BAD_ARGUMENT, "there is no model '%.64s' in this library", name);
 }
 
@@ -122,12 +126,14 @@ ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_o
     if (!bytes || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", bytes ? "model" : "bytes");
     *model = nullptr;
     if (reinterpret_cast<uintptr_t>(bytes) % alignof(uint64_t))
-        return fail(error, SS_BAD_ARGUMENT, "bytes are at an address that is no multiple of 8; want memory as from malloc");
+        return fail(error, SS_BAD_ARGUMENT,
+                    "bytes are at an address that is no multiple of 8; want memory as from malloc");
     const Arrays arrays(bytes, count);
     if (arrays.message()) return fail(error, SS_BAD_MODEL, "the bytes are no model: %s", arrays.message());
     const Array* name = arrays.find("method", ArrayType::TEXT, 0);
     const Method* method = nullptr;
-    if (name && memchr(name->values(), 0, name->bytes())) method = find_method(static_cast<const char*>(name->values()));
+    if (name && memchr(name->values(), 0, name->bytes()))
+        method = find_method(static_cast<const char*>(name->values()));
     if (!method) return fail(error, SS_BAD_MODEL, "the model is of no method of this library");
     Model* made = nullptr;
     ss_status status = make_model(method, options, &made, error);
@@ -167,11 +173,12 @@ int ss_history_fits(const ss_history* history, int width, int height) {
     return reinterpret_cast<const History*>(history)->fits({width, height});
 }
 
-ss_status ss_required_bytes(ss_model* handle, int display_width, int display_height, int width, int height, size_t* history,
-                            size_t* working, ss_error* error) {
+ss_status ss_required_bytes(ss_model* handle, int display_width, int display_height, int width, int height,
+                            size_t* history, size_t* working, ss_error* error) {
     if (!history || !working) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     ss_history* made = nullptr;
-    if (ss_status status = ss_history_create(handle, display_width, display_height, width, height, &made, error)) return status;
+    if (ss_status status = ss_history_create(handle, display_width, display_height, width, height, &made, error))
+        return status;
     Model& model = *model_of(handle);
     *history = history_of(made)->most_bytes();
     ss_history_destroy(made);
@@ -194,31 +201,40 @@ ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* histo
 
 ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_history* const* histories,
                       ss_history* const* next_histories, const ss_outputs* outputs, int count, ss_error* error) {
-    if (!model || !frames || !histories || !next_histories || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
+    if (!model || !frames || !histories || !next_histories || !outputs)
+        return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     if (ss_status status = check_count(count, error)) return status;
     for (int k = 0; k < count; k++)
         if (!histories[k] || !next_histories[k]) return fail(error, SS_BAD_ARGUMENT, "a history of view %d is NULL", k);
-    return run_steps(*model_of(model), count, [&](int k) {
-        return StepCall{frames[k], *reinterpret_cast<const History*>(histories[k]), *history_of(next_histories[k]), outputs[k]};
-    }, error);
+    return run_steps(
+        *model_of(model), count,
+        [&](int k) {
+            return StepCall{frames[k], *reinterpret_cast<const History*>(histories[k]), *history_of(next_histories[k]),
+                            outputs[k]};
+        },
+        error);
 }
 
-ss_status ss_extrapolate(ss_model* model, const ss_frame* frame, const ss_shaded* shaded, const ss_extrapolated* outputs, ss_error* error) {
+ss_status ss_extrapolate(ss_model* model, const ss_frame* frame, const ss_shaded* shaded,
+                         const ss_extrapolated* outputs, ss_error* error) {
     if (!model || !frame || !shaded || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     return run_extrapolation(*model_of(model), *frame, *shaded, *outputs, error);
 }
 
-ss_status ss_run_network(ss_model* model, const uint8_t* inputs, int width, int height, float* outputs, ss_error* error) {
+ss_status ss_run_network(ss_model* model, const uint8_t* inputs, int width, int height, float* outputs,
+                         ss_error* error) {
     if (!model || !inputs || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     return run_network(*model_of(model), inputs, {width, height}, outputs, error);
 }
 
-ss_status ss_upscaler_create(ss_model* model, int display_width, int display_height, ss_upscaler** upscaler, ss_error* error) {
+ss_status ss_upscaler_create(ss_model* model, int display_width, int display_height, ss_upscaler** upscaler,
+                             ss_error* error) {
     if (!model || !upscaler) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", model ? "upscaler" : "model");
     *upscaler = nullptr;
     if (ss_status status = check_size(display_width, display_height, "the display", error)) return status;
     if (ss_status status = check_upscales(*model_of(model), error)) return status;
-    Upscaler* made = create<Upscaler>(model_of(model)->arena.allocator(), *model_of(model), Size{display_width, display_height});
+    Upscaler* made =
+        create<Upscaler>(model_of(model)->arena.allocator(), *model_of(model), Size{display_width, display_height});
     if (!made) return fail(error, SS_NO_MEMORY, "no memory for an upscaler");
     *upscaler = reinterpret_cast<ss_upscaler*>(made);
     return succeed(error);
@@ -265,13 +281,15 @@ static void conclude(Upscaler& u, bool succeeded) {
     u.empty = nullptr;
 }
 
-ss_status ss_step_many(ss_upscaler* const* handles, const ss_frame* frames, const ss_outputs* outputs, int count, ss_error* error) {
+ss_status ss_step_many(ss_upscaler* const* handles, const ss_frame* frames, const ss_outputs* outputs, int count,
+                       ss_error* error) {
     if (!handles || !frames || !outputs) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     if (ss_status status = check_count(count, error)) return status;
     for (int k = 0; k < count; k++) {
         if (!handles[k]) return fail(error, SS_BAD_ARGUMENT, "upscaler %d is NULL", k);
         if (&upscaler_of(handles[k])->model != &upscaler_of(handles[0])->model)
-            return fail(error, SS_BAD_ARGUMENT, "upscaler %d is of another model than the first; want upscalers of one model", k);
+            return fail(error, SS_BAD_ARGUMENT,
+                        "upscaler %d is of another model than the first; want upscalers of one model", k);
     }
     ss_status status = SS_OK;
     for (int k = 0; k < count && status == SS_OK; k++) {
@@ -279,10 +297,13 @@ ss_status ss_step_many(ss_upscaler* const* handles, const ss_frame* frames, cons
         if (status != SS_OK && count > 1) fail_in_view(k, status, error);
     }
     if (status == SS_OK)
-        status = run_steps(upscaler_of(handles[0])->model, count, [&](int k) {
-            const Upscaler& u = *upscaler_of(handles[k]);
-            return StepCall{frames[k], *(u.empty ? u.empty : u.history), *u.spare, outputs[k]};
-        }, error);
+        status = run_steps(
+            upscaler_of(handles[0])->model, count,
+            [&](int k) {
+                const Upscaler& u = *upscaler_of(handles[k]);
+                return StepCall{frames[k], *(u.empty ? u.empty : u.history), *u.spare, outputs[k]};
+            },
+            error);
     for (int k = 0; k < count; k++) conclude(*upscaler_of(handles[k]), status == SS_OK);
     return status;
 }

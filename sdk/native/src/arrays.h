@@ -29,7 +29,8 @@ class Arrays {
     const char* message() const { return message_; }
 
     // Returns an array of this type and shape (0: any extent); null where there is none.
-    const Array* find(const char* name, ArrayType type, uint32_t a, uint32_t b = 1, uint32_t c = 1, uint32_t d = 1) const;
+    const Array* find(const char* name, ArrayType type, uint32_t a, uint32_t b = 1, uint32_t c = 1,
+                      uint32_t d = 1) const;
     // Returns the first array, or the one after another one; null after the last.
     const Array* next(const Array* array) const;
 
@@ -42,7 +43,7 @@ class Arrays {
 constexpr size_t ARRAYS_OVERHEAD = 16;  // bytes around arrays: a magic number, a checksum
 constexpr size_t filled_up(size_t bytes) { return (bytes + 7) / 8 * 8; }
 
-char* begin_arrays(void* bytes);              // writes what comes first; returns where the first array begins
-void end_arrays(void* bytes, size_t count);   // writes the checksum
+char* begin_arrays(void* bytes);             // writes what comes first; returns where the first array begins
+void end_arrays(void* bytes, size_t count);  // writes the checksum
 
 }  // namespace ss

@@ -40,7 +40,9 @@ constexpr T clamp(T value, T low, T high) {
     return min(max(value, low), high);
 }
 // Rounds to a byte, of which 255 is one; NaN counts as 0.
-constexpr uint8_t to_unorm8(float value) { return value > 0.0f ? static_cast<uint8_t>(min(value, 1.0f) * 255.0f + 0.5f) : 0; }
+constexpr uint8_t to_unorm8(float value) {
+    return value > 0.0f ? static_cast<uint8_t>(min(value, 1.0f) * 255.0f + 0.5f) : 0;
+}
 constexpr int divided_up(int count, int by) { return (count + by - 1) / by; }
 constexpr int up_to(int count, int multiple) { return divided_up(count, multiple) * multiple; }
 constexpr Size half_of(Size size) { return {divided_up(size.width, 2), divided_up(size.height, 2)}; }

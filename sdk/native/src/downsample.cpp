@@ -17,7 +17,8 @@ static float lanczos(float distance) {
 static void make_axis(int display, int large, int pitch, int32_t* pixels, float* weights) {
     const float scale = static_cast<float>(static_cast<double>(SHARPNESS) * display / large);
     for (int x = 0; x < display; x++) {
-        const float position = (static_cast<float>(x) + 0.5f) * static_cast<float>(large) / static_cast<float>(display) - 0.5f;
+        const float position =
+            (static_cast<float>(x) + 0.5f) * static_cast<float>(large) / static_cast<float>(display) - 0.5f;
         float total = 0.0f;
         for (int tap = 0; tap < TAPS; tap++) {
             const float at = floorf(position) + static_cast<float>(tap + 1 - REACH);
@@ -35,8 +36,10 @@ bool make_downsampling(const Model& model, Space& space) {
     w.row_pitch = up_to(display.height, LANES), w.column_pitch = up_to(display.width, LANES);
     float* image = space.arena.take<float>(static_cast<size_t>(3) * large.width * large.height);
     w.image = image;
-    w.rows = space.arena.take<int32_t>(TAPS * w.row_pitch), w.columns = space.arena.take<int32_t>(TAPS * w.column_pitch);
-    w.row_weights = space.arena.take<float>(TAPS * w.row_pitch), w.column_weights = space.arena.take<float>(TAPS * w.column_pitch);
+    w.rows = space.arena.take<int32_t>(TAPS * w.row_pitch),
+    w.columns = space.arena.take<int32_t>(TAPS * w.column_pitch);
+    w.row_weights = space.arena.take<float>(TAPS * w.row_pitch),
+    w.column_weights = space.arena.take<float>(TAPS * w.column_pitch);
     w.scratch_pitch = static_cast<size_t>(RING + 1) * 4 * up_to(large.width, LANES) + 4 * LANES;
     w.scratch = space.arena.take<float>(w.scratch_pitch * model.pool.threads());
     space.weight = space.arena.take<float>(static_cast<size_t>(large.width) * large.height);

@@ -4,7 +4,8 @@
 namespace ss {
 
 static int rows_of(const PlaneSpec& spec, Size display, Size render) {
-    return spec.extent == Extent::SAMPLES ? render.height : (spec.extent == Extent::HALF ? half_of(display) : display).height;
+    return spec.extent == Extent::SAMPLES ? render.height
+                                          : (spec.extent == Extent::HALF ? half_of(display) : display).height;
 }
 
 // Pixels from row to row.
@@ -38,14 +39,16 @@ bool History::fits(Size frame) const {
 
 size_t History::most_bytes() const {
     if (!model.method->layout.rests) return arena.bytes();
-    const size_t mean = static_cast<size_t>(4) * image.width * image.height, signatures = static_cast<size_t>(4) * rest.count() * rest.phase_count;
+    const size_t mean = static_cast<size_t>(4) * image.width * image.height,
+                 signatures = static_cast<size_t>(4) * rest.count() * rest.phase_count;
     return arena.bytes() + sizeof(float) * (rest.mean ? 0 : mean) + sizeof(float) * signatures;
 }
 
 void History::mark(int64_t generation) {
     const Size tiles = tiles_of(display), image_tiles = tiles_of(image);
     for (int k = 0; k < tiles.width * tiles.height; k++) generations[k] = generation;
-    for (int k = 0; k < image_tiles.width * image_tiles.height && model.method->layout.rests; k++) rest.generations[k] = generation;
+    for (int k = 0; k < image_tiles.width * image_tiles.height && model.method->layout.rests; k++)
+        rest.generations[k] = generation;
     frame_generation = generation;
 }
 
@@ -76,14 +79,16 @@ static void pad_rows(History& history, int plane_index) {
         float* row = history.plane(plane_index) + static_cast<size_t>(y) * pitch * plane.channels;
         for (int x = 0; x < pitch; x++) {
             int from = clamp(x, PAD, PAD + width - 1);
-            if (from != x) memcpy(row + x * plane.channels, row + from * plane.channels, sizeof(float) * plane.channels);
+            if (from != x)
+                memcpy(row + x * plane.channels, row + from * plane.channels, sizeof(float) * plane.channels);
         }
     }
 }
 
 // Copies a tensor of static blocks out of a history.
 static void read_rest(const RestHistory& rest, int plane, float* values) {
-    const size_t count = static_cast<size_t>(rest.count()), pixels = static_cast<size_t>(rest.display.width) * rest.display.height;
+    const size_t count = static_cast<size_t>(rest.count()),
+                 pixels = static_cast<size_t>(rest.display.width) * rest.display.height;
     if (plane == OF_PHASES) memcpy(values, rest.phases, sizeof(float[4]) * static_cast<size_t>(rest.phase_count));
     if (plane == OF_BLOCKS) {
         memcpy(values, rest.ages, sizeof(float) * count);
@@ -96,8 +101,10 @@ static void read_rest(const RestHistory& rest, int plane, float* values) {
     }
     for (size_t pixel = 0; pixel < pixels && plane == OF_MEAN; pixel++) {  // where a block has none, 0
         const int y = static_cast<int>(pixel / rest.display.width), x = static_cast<int>(pixel % rest.display.width);
-        const int block = block_of(y, rest.display.height, rest.render.height) * rest.blocks.width + block_of(x, rest.display.width, rest.render.width);
-        for (size_t c = 0; c < 4; c++) values[c * pixels + pixel] = rest.mean && rest.ages[block] != 0.0f ? rest.mean[4 * pixel + c] : 0.0f;
+        const int block = block_of(y, rest.display.height, rest.render.height) * rest.blocks.width +
+                          block_of(x, rest.display.width, rest.render.width);
+        for (size_t c = 0; c < 4; c++)
+            values[c * pixels + pixel] = rest.mean && rest.ages[block] != 0.0f ? rest.mean[4 * pixel + c] : 0.0f;
     }
 }
 
@@ -105,7 +112,8 @@ static void read_rest(const RestHistory& rest, int plane, float* values) {
 static bool write_rest(History& history, int plane, const float* values) {
     RestHistory& rest = history.rest;
     const Allocator& allocator = history.arena.allocator();
-    const size_t count = static_cast<size_t>(rest.count()), pixels = static_cast<size_t>(rest.display.width) * rest.display.height;
+    const size_t count = static_cast<size_t>(rest.count()),
+                 pixels = static_cast<size_t>(rest.display.width) * rest.display.height;
     if (plane == OF_PHASES) memcpy(rest.phases, values, sizeof(float[4]) * static_cast<size_t>(rest.phase_count));
     if (plane == OF_BLOCKS) {
         memcpy(rest.ages, values, sizeof(float) * count);
@@ -135,13 +143,17 @@ const char* ss_history_tensor(const ss_history* handle, int index, int64_t shape
     if (tensor.plane >= 0) {
         const PlaneSpec& plane = history.model.method->layout.plane[tensor.plane];
         found[2] = rows_of(plane, history.display, history.render);
-        found[3] = plane.extent == Extent::SAMPLES ? history.render.width : pitch_of(plane, history.display, history.render);
+        found[3] =
+            plane.extent == Extent::SAMPLES ? history.render.width : pitch_of(plane, history.display, history.render);
     }
     const RestHistory& rest = history.rest;
     if (tensor.plane == OF_MEAN) found[2] = rest.display.height, found[3] = rest.display.width;
-    if (tensor.plane == OF_BLOCKS || tensor.plane == OF_SIGNATURES) found[2] = rest.blocks.height, found[3] = rest.blocks.width;
+    if (tensor.plane == OF_BLOCKS || tensor.plane == OF_SIGNATURES)
+        found[2] = rest.blocks.height, found[3] = rest.blocks.width;
     if (tensor.plane == OF_SIGNATURES || tensor.plane == OF_PHASES) found[0] = rest.phase_count;
-    *axes = tensor.plane == OF_EXPOSURE ? 1 : tensor.plane == OF_JITTER || tensor.plane == OF_VALUES || tensor.plane == OF_PHASES ? 2 : 4;
+    *axes = tensor.plane == OF_EXPOSURE                                                           ? 1
+            : tensor.plane == OF_JITTER || tensor.plane == OF_VALUES || tensor.plane == OF_PHASES ? 2
+                                                                                                  : 4;
     memcpy(shape, found, sizeof found);
     return tensor.name;
 }
@@ -173,8 +185,7 @@ ss_status ss_history_write(ss_history* handle, int index, const float* values, s
     else if (tensor.plane == OF_VALUES) memcpy(history.values, values, sizeof(float) * tensor.channels);
     else if (tensor.plane < 0) {
         if (!write_rest(history, tensor.plane, values)) return fail(error, SS_NO_MEMORY, "no memory for a history");
-    }
-    else if (layout.plane[tensor.plane].bytes)
+    } else if (layout.plane[tensor.plane].bytes)
         each_value(history, tensor, [&](size_t from, size_t at) {
             static_cast<uint8_t*>(history.planes[tensor.plane])[at] = to_unorm8(values[from]);
         });

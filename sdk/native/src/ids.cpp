@@ -29,7 +29,8 @@ struct Vector {
 static Vector motion_of(const ss_ids& v, ptrdiff_t sample) {
     const float x = v.motion[2 * sample], y = v.motion[2 * sample + 1];
     if (!(fabsf(x) <= MAX_SIDE && fabsf(y) <= MAX_SIDE)) return {0.0f, 0.0f};
-    return {x * (static_cast<float>(v.display_width) / static_cast<float>(v.width)), y * (static_cast<float>(v.display_height) / static_cast<float>(v.height))};
+    return {x * (static_cast<float>(v.display_width) / static_cast<float>(v.width)),
+            y * (static_cast<float>(v.display_height) / static_cast<float>(v.height))};
 }
 
 static float larger_side(float x, float y) { return max(fabsf(x), fabsf(y)); }
@@ -47,7 +48,8 @@ static const uint32_t* surviving_ids(const ss_ids& v, int x, int y, int sample_x
             const Vector motion = motion_of(v, sample);
             const float at_x = static_cast<float>(x) + motion.x, at_y = static_cast<float>(y) + motion.y;
             const float near_x = floorf(at_x + 0.5f), near_y = floorf(at_y + 0.5f);
-            if (!(near_x >= 0.0f && near_x < static_cast<float>(v.display_width) && near_y >= 0.0f && near_y < static_cast<float>(v.display_height)))
+            if (!(near_x >= 0.0f && near_x < static_cast<float>(v.display_width) && near_y >= 0.0f &&
+                  near_y < static_cast<float>(v.display_height)))
                 continue;
             const ptrdiff_t before = static_cast<ptrdiff_t>(near_y) * v.display_width + static_cast<ptrdiff_t>(near_x);
             const uint32_t* ids = v.ids + sample * v.channels;
@@ -64,11 +66,13 @@ static const uint32_t* surviving_ids(const ss_ids& v, int x, int y, int sample_x
 // Marks the samples of a row around which all 3x3 have the same ids.
 static void mark_uniform(const ss_ids& v, int sample_y, uint8_t* uniform) {
     const uint32_t* rows[3];
-    for (int k = 0; k < 3; k++) rows[k] = v.ids + static_cast<ptrdiff_t>(clamp(sample_y + k - 1, 0, v.height - 1)) * v.width * v.channels;
+    for (int k = 0; k < 3; k++)
+        rows[k] = v.ids + static_cast<ptrdiff_t>(clamp(sample_y + k - 1, 0, v.height - 1)) * v.width * v.channels;
     for (int x = 0; x < v.width; x++) {
         bool same = true;
         for (int i = max(x - 1, 0); i <= min(x + 1, v.width - 1); i++)
-            for (const uint32_t* row : rows) same = same && same_ids(row + i * v.channels, rows[1] + x * v.channels, v.channels);
+            for (const uint32_t* row : rows)
+                same = same && same_ids(row + i * v.channels, rows[1] + x * v.channels, v.channels);
         uniform[x] = same;
     }
 }
@@ -121,7 +125,8 @@ ss_status ss_resample_ids(ss_model* model, const ss_ids* views, int count, ss_er
     }
     const auto resample_band = [&](int band, int) {
         const ss_ids* view = views;
-        for (; band >= divided_up(view->display_height, BAND_ROWS); view++) band -= divided_up(view->display_height, BAND_ROWS);
+        for (; band >= divided_up(view->display_height, BAND_ROWS); view++)
+            band -= divided_up(view->display_height, BAND_ROWS);
         resample_rows(*view, band * BAND_ROWS, min((band + 1) * BAND_ROWS, view->display_height));
     };
     Canceller canceller(nullptr, nullptr);

@@ -49,12 +49,14 @@ static bool has(uint32_t word, uint32_t bits) { return (word & bits) == bits; }
 static void choices(Choice (&found)[4]) {
     constexpr uint32_t OSXSAVE = 1u << 27, FMA = 1u << 12, F16C = 1u << 29, AVX = 1u << 28;
     constexpr uint32_t MOVBE = 1u << 22, LZCNT = 1u << 5, BMI = 1u << 3, BMI2 = 1u << 8, AVX2 = 1u << 5;
-    constexpr uint32_t F = 1u << 16, DQ = 1u << 17, CD = 1u << 28, BW = 1u << 30, VL = 1u << 31, VNNI = 1u << 11, AVX_VNNI = 1u << 4;
+    constexpr uint32_t F = 1u << 16, DQ = 1u << 17, CD = 1u << 28, BW = 1u << 30, VL = 1u << 31, VNNI = 1u << 11,
+                       AVX_VNNI = 1u << 4;
     Registers basic = cpuid(1, 0), more = cpuid(0, 0).a >= 7 ? cpuid(7, 0) : Registers{};
     Registers extended = cpuid(0x80000000, 0).a > 0x80000000 ? cpuid(0x80000001, 0) : Registers{};
     uint32_t saved = 0, high = 0;
     if (has(basic.c, OSXSAVE)) __asm__ volatile("xgetbv" : "=a"(saved), "=d"(high) : "c"(0));
-    bool avx2 = has(basic.c, AVX | FMA | F16C | MOVBE) && has(more.b, AVX2 | BMI | BMI2) && has(extended.c, LZCNT) && has(saved, 0x6);
+    bool avx2 = has(basic.c, AVX | FMA | F16C | MOVBE) && has(more.b, AVX2 | BMI | BMI2) && has(extended.c, LZCNT) &&
+                has(saved, 0x6);
     bool avx512 = avx2 && has(more.b, F | DQ | CD | BW | VL) && has(more.c, VNNI) && has(saved, 0xE6);
     found[0] = {&avx512::KERNELS, avx512};
     found[1] = {&avxvnni::KERNELS, avx2 && has(cpuid(7, 1).a, AVX_VNNI)};

@@ -11,11 +11,13 @@ static void make_step_buffers(const Model& model, Space& space) {
     const Size render = space.render, display = space.display;
     Samples& s = space.samples;
     s = {};
-    s.width = render.width, s.height = render.height, s.stride = up_to(render.width, LANES), s.pitch = s.stride + 2 * PAD;
+    s.width = render.width, s.height = render.height, s.stride = up_to(render.width, LANES),
+    s.pitch = s.stride + 2 * PAD;
     s.kept = render.height;
     if (const int stages = model.method->stages) {  // that many bands are worked on, and one for each thread
         space.bands = min(divided_up(display.height, BAND), stages + model.pool.threads());
-        s.kept = static_cast<int>(min<int64_t>(s.kept, space.bands * (int64_t{BAND} * render.height / display.height + 1)));
+        s.kept =
+            static_cast<int>(min<int64_t>(s.kept, space.bands * (int64_t{BAND} * render.height / display.height + 1)));
     }
     s.linear = space.rows_of_samples(3, s.stride);
     s.reactive = space.rows_of_samples(1, s.stride);
@@ -68,8 +70,7 @@ static void put(Space*& spaces, Space* first) {
     Space* last = first;
     while (last->next) last = last->next;
     last->next = __atomic_load_n(&spaces, __ATOMIC_RELAXED);
-    while (!__atomic_compare_exchange_n(&spaces, &last->next, first, false, __ATOMIC_RELEASE, __ATOMIC_RELAXED)) {
-    }
+    while (!__atomic_compare_exchange_n(&spaces, &last->next, first, false, __ATOMIC_RELEASE, __ATOMIC_RELAXED)) {}
 }
 
 Space* Model::borrow(Size render, Size image) {

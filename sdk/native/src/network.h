@@ -9,13 +9,13 @@ constexpr int HISTORY_VALUES = 6;
 constexpr int LEVELS = 4;
 constexpr int KEPT[LEVELS] = {16, 8, 4, 4};  // bytes that each level has for a packed pixel among the decoder's 32
 constexpr int INPUT_PLANES = 16;             // network inputs of a display pixel, one byte each
-constexpr int RECORD_WORDS = 18;    // words of a packed pixel: INPUT_PLANES, then two of inputs at half display size
-constexpr int BLOCK_OUTPUTS = 32;   // outputs of a layer that are computed at once
-constexpr int WIDE = 16;            // words of the hidden layer's output
-constexpr int PIXELS_AT_ONCE = 6;   // pixels that a layer computes at once
-constexpr int ROOM = 16;            // spare pixels after a row, because of that
-constexpr int ALIGNED = 8;          // sizes are multiples of it: the deepest level has 1/8 of the packed size
-constexpr int BAND = 2 * ALIGNED;   // rows of the image that are computed at once: of a row of the deepest level
+constexpr int RECORD_WORDS = 18;   // words of a packed pixel: INPUT_PLANES, then two of inputs at half display size
+constexpr int BLOCK_OUTPUTS = 32;  // outputs of a layer that are computed at once
+constexpr int WIDE = 16;           // words of the hidden layer's output
+constexpr int PIXELS_AT_ONCE = 6;  // pixels that a layer computes at once
+constexpr int ROOM = 16;           // spare pixels after a row, because of that
+constexpr int ALIGNED = 8;         // sizes are multiples of it: the deepest level has 1/8 of the packed size
+constexpr int BAND = 2 * ALIGNED;  // rows of the image that are computed at once: of a row of the deepest level
 
 // A layer. weights: of blocks of BLOCK_OUTPUTS outputs, of words of four inputs, four bytes for each output.
 struct Layer {
@@ -29,8 +29,8 @@ struct Layer {
 struct Level {
     Layer first, spatial, last;
     int width, height;
-    int kept;          // rows that x and out have; row y is at y % kept
-    int inputs;        // channels that are pooled from the level above
+    int kept;    // rows that x and out have; row y is at y % kept
+    int inputs;  // channels that are pooled from the level above
     uint8_t* x;
     int x_pitch, x_row, channels;
     uint8_t* out;
@@ -56,14 +56,16 @@ struct Network {
     const uint8_t* zeros;  // a row of any level, above and below the image
 
     int32_t* records_at(int y) const { return records + static_cast<ptrdiff_t>(y % kept) * row * RECORD_WORDS; }
-    float* means_at(int y, int plane) const { return means + (2 * static_cast<ptrdiff_t>(y % kept) + plane) * means_pitch; }
+    float* means_at(int y, int plane) const {
+        return means + (2 * static_cast<ptrdiff_t>(y % kept) + plane) * means_pitch;
+    }
 };
 
 // Which planes and parameters a classifier has.
 struct Variant {
     bool rectified, own_motion, guided;
     constexpr int mean() const { return 14; }  // first plane of `rest` with mean and half extent of the box, YCoCg
-    constexpr int own() const { return mean() + 6 * rectified; }  // history warped by the pixel's own motion
+    constexpr int own() const { return mean() + 6 * rectified; }      // history warped by the pixel's own motion
     constexpr int sampled() const { return own() + 3 * own_motion; }  // 1 where a sample around is usable, else 0
     constexpr int planes() const { return sampled() + guided; }
     constexpr int history_colors() const { return 1 + rectified + own_motion; }
@@ -90,22 +92,22 @@ struct Gathered {
 
 struct ClassifierScratch {
     double spent[SS_STAGES];  // seconds
-    float* places;       // positions of a row's pixels in the previous frame
-    uint8_t* inputs;     // two rows of network inputs, INPUT_PLANES planes each
-    float* differences;  // luma of the history minus that of the frame, two rows
-    float* lines;        // filtered samples
-    float *tall[2], *line;  // rows of means
+    float* places;            // positions of a row's pixels in the previous frame
+    uint8_t* inputs;          // two rows of network inputs, INPUT_PLANES planes each
+    float* differences;       // luma of the history minus that of the frame, two rows
+    float* lines;             // filtered samples
+    float *tall[2], *line;    // rows of means
     uint8_t *read, *decoded, *hidden;
-    float* blend;        // rows of blend parameters and logits
+    float* blend;  // rows of blend parameters and logits
 };
 
 struct ClassifierWork {
     Samples samples;
     Tables tables;
     classifier::Config config;
-    const float* history;   // (display height, display width, HISTORY_VALUES) linear RGB, count, luma range
-    const uint8_t* classes; // (half height, half width, 8) class probabilities; 255 is one
-    PreviousFrame previous; // of two channels: depth, and occluding depth
+    const float* history;    // (display height, display width, HISTORY_VALUES) linear RGB, count, luma range
+    const uint8_t* classes;  // (half height, half width, 8) class probabilities; 255 is one
+    PreviousFrame previous;  // of two channels: depth, and occluding depth
     float* next_history;
     uint8_t* next_classes;
     float* next_depth;

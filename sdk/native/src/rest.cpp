@@ -54,10 +54,11 @@ bool make_rest(Space& space, RestWork& w) {
     StaticBlocks& s = w.blocks;
     s.size = blocks;
     uint8_t** masks[] = {&s.moving, &s.known, &s.changed, &s.restarts, &s.moves, &s.is_static, &s.verifies,
-                         &s.adds, &s.stays, &s.freezes, &s.selected, &s.spare, &s.modes};
+                         &s.adds,   &s.stays, &s.freezes, &s.selected, &s.spare, &s.modes};
     for (uint8_t** mask : masks) *mask = arena.take<uint8_t>(count);
     s.ages = arena.take<float>(count), s.tests = arena.take<float>(3 * count), s.shares = arena.take<float>(count);
-    s.complete = arena.take<float>(count), s.signature = arena.take<float>(4 * count), s.sums = arena.take<float>(SUMS * count);
+    s.complete = arena.take<float>(count), s.signature = arena.take<float>(4 * count),
+    s.sums = arena.take<float>(SUMS * count);
     s.windows = arena.take<float>(10 * count);
     s.phases = arena.take<float[4]>(phases_of(display, render));
     const auto integers = [&](int n) { return arena.take<int32_t>(n); };
@@ -83,12 +84,12 @@ bool make_rest(Space& space, RestWork& w) {
     w.scaled = arena.take<Rect>(tiles + 1);
     if (arena.failed()) return false;
     const auto blocks_at = [](int32_t* to, int pixels, int samples) {
-        for (int x = 0; x < pixels; x++)
-            to[x] = block_of(x, pixels, samples);
+        for (int x = 0; x < pixels; x++) to[x] = block_of(x, pixels, samples);
     };
     const auto nearest = [](int32_t* to, int pixels, int samples) {
         for (int x = 0; x < samples; x++)
-            to[x] = static_cast<int32_t>(min<int64_t>((2 * int64_t{x} + 1) * pixels / (2 * int64_t{samples}), pixels - 1));
+            to[x] =
+                static_cast<int32_t>(min<int64_t>((2 * int64_t{x} + 1) * pixels / (2 * int64_t{samples}), pixels - 1));
     };
     blocks_at(row_blocks, display.height, render.height);
     blocks_at(column_blocks, display.width, render.width);
@@ -97,7 +98,8 @@ bool make_rest(Space& space, RestWork& w) {
     nearest(nearest_rows, display.height, render.height);
     nearest(nearest_columns, display.width, render.width);
     w.own_row_blocks = own_row_blocks, w.own_column_blocks = own_column_blocks;
-    w.row_blocks = row_blocks, w.column_blocks = column_blocks, w.nearest_rows = nearest_rows, w.nearest_columns = nearest_columns;
+    w.row_blocks = row_blocks, w.column_blocks = column_blocks, w.nearest_rows = nearest_rows,
+    w.nearest_columns = nearest_columns;
     for (int k = 0; k < 3 * BLOCK * BLOCK; k++) {  // of channel, row and column of a block
         const float place = static_cast<float>(k) * ORDER;
         const float weight = (2.0f * (place - floorf(place)) - 1.0f) / (BLOCK * BLOCK);
@@ -111,9 +113,11 @@ bool make_rest(Space& space, RestWork& w) {
 // Samples around pixels ---------------------------------------------------------------------------------------------
 
 // The two samples around a pixel of an axis and their weights; their offsets from it, display pixels.
-static void samples_around(int pixel, int render, int display, float jitter, int32_t (&sample)[2], float (&weight)[2], float (&offset)[2]) {
+static void samples_around(int pixel, int render, int display, float jitter, int32_t (&sample)[2], float (&weight)[2],
+                           float (&offset)[2]) {
     const float scale = static_cast<float>(static_cast<double>(display) / render);
-    const float place = (static_cast<float>(pixel) + 0.5f) * static_cast<float>(render) / static_cast<float>(display) - 0.5f - jitter;
+    const float place =
+        (static_cast<float>(pixel) + 0.5f) * static_cast<float>(render) / static_cast<float>(display) - 0.5f - jitter;
     for (int k = 0; k < 2; k++) {
         const float at = floorf(place) + static_cast<float>(k);
         offset[k] = (at - place) * scale;
@@ -143,7 +147,9 @@ static void make_pixel_tables(RestWork& w, const float (&jitter)[2]) {
     float* const weights[] = {w.pixel_column_weights, w.pixel_row_weights};
     for (int axis = 0; axis < 2; axis++)
         for (int x = 0; x < render[axis]; x++) {
-            const float position = (static_cast<float>(x) + 0.5f + jitter[axis]) * static_cast<float>(display[axis]) / static_cast<float>(render[axis]) - 0.5f;
+            const float position = (static_cast<float>(x) + 0.5f + jitter[axis]) * static_cast<float>(display[axis]) /
+                                       static_cast<float>(render[axis]) -
+                                   0.5f;
             const float first = floorf(position);
             for (int k = 0; k < 2; k++)
                 pixels[axis][2 * x + k] = clamp(static_cast<int32_t>(first) + k, 0, display[axis] - 1);
@@ -191,13 +197,15 @@ static void dilate_mask(uint8_t* mask, uint8_t* spare, Size size, int reach) {
     for (int y = 0; y < size.height; y++)
         for (int x = 0; x < size.width; x++) {
             uint8_t found = 0;
-            for (int k = max(y - reach, 0); k <= min(y + reach, size.height - 1); k++) found |= spare[k * size.width + x];
+            for (int k = max(y - reach, 0); k <= min(y + reach, size.height - 1); k++)
+                found |= spare[k * size.width + x];
             mask[y * size.width + x] = found;
         }
 }
 
 // Marks tiles of an image, in whose rows and columns these blocks are, with a pixel of a marked block.
-static void any_in_tiles(const uint8_t* blocks, int across, Size image, const int32_t* row_blocks, const int32_t* column_blocks, uint8_t* tiles) {
+static void any_in_tiles(const uint8_t* blocks, int across, Size image, const int32_t* row_blocks,
+                         const int32_t* column_blocks, uint8_t* tiles) {
     const Size size = tiles_of(image);
     for (int ty = 0; ty < size.height; ty++)
         for (int tx = 0; tx < size.width; tx++) {
@@ -240,7 +248,8 @@ void make_runs(uint8_t* mask, Size tiles, int gap, Runs& runs) {
 // Comparison --------------------------------------------------------------------------------------------------------
 
 // Finds a jitter in the table of phases: see `follow_jitter` of the torch module.
-static Cycle follow_jitter(const float (&jitter)[2], const float (*phases)[4], int count, bool sampled, bool noisy, float (*next)[4]) {
+static Cycle follow_jitter(const float (&jitter)[2], const float (*phases)[4], int count, bool sampled, bool noisy,
+                           float (*next)[4]) {
     Cycle cycle = {};
     float best = -4.0f * OLDEST, last_period = 0.0f;
     bool found = false;
@@ -285,7 +294,8 @@ static Window window_at(const StaticBlocks& s, int side, int by, int bx) {
     float sums[SUMS] = {};
     for (int y = by / side * side; y < by / side * side + side; y++)
         for (int x = bx / side * side; x < bx / side * side + side; x++)
-            for (int k = 0; k < SUMS; k++) sums[k] += s.sums[k * count + min(y, down - 1) * across + min(x, across - 1)];
+            for (int k = 0; k < SUMS; k++)
+                sums[k] += s.sums[k * count + min(y, down - 1) * across + min(x, across - 1)];
     Window w = {};
     const float share = 1.0f / max(sums[0], 1e-6f);
     w.samples = sums[0];
@@ -311,13 +321,15 @@ static void widen(float* plane, float* spare, Size size, int reach) {
     for (int y = 0; y < size.height; y++)
         for (int x = 0; x < size.width; x++) {
             float found = plane[y * size.width + x];
-            for (int k = max(x - reach, 0); k <= min(x + reach, size.width - 1); k++) found = max(found, plane[y * size.width + k]);
+            for (int k = max(x - reach, 0); k <= min(x + reach, size.width - 1); k++)
+                found = max(found, plane[y * size.width + k]);
             spare[y * size.width + x] = found;
         }
     for (int y = 0; y < size.height; y++)
         for (int x = 0; x < size.width; x++) {
             float found = spare[y * size.width + x];
-            for (int k = max(y - reach, 0); k <= min(y + reach, size.height - 1); k++) found = max(found, spare[k * size.width + x]);
+            for (int k = max(y - reach, 0); k <= min(y + reach, size.height - 1); k++)
+                found = max(found, spare[k * size.width + x]);
             plane[y * size.width + x] = found;
         }
 }
@@ -371,15 +383,18 @@ static void test_steadiness(Step& step, RestWork& w, const RestHistory& before, 
     const int windows_across = divided_up(across, LARGE_WINDOW);
     for (int block = 0; block < count; block++) {
         if (!s.verifies[block]) continue;
-        const int by = block / across, bx = block % across, window = by / LARGE_WINDOW * windows_across + bx / LARGE_WINDOW;
+        const int by = block / across, bx = block % across,
+                  window = by / LARGE_WINDOW * windows_across + bx / LARGE_WINDOW;
         if (window != last) large = window_at(s, LARGE_WINDOW, by, bx), last = window;
         const Window small = window_at(s, SMALL_WINDOW, by, bx);
         const float partial = excess(small.square, small.variance, PARTIAL, small, dark);
         const float sparkling = max(small.contrast - SPARKLING * small.level * small.level, 0.0f);
         const float explained = small.contrast + BESIDE * contrast[block] + (1.0f / UNRESOLVED - 1.0f) * sparkling;
         s.tests[block] = before.tests[block] + min(uniform[block], partial);
-        s.tests[count + block] = before.tests[count + block] + excess(large.square, large.variance, COMMON, large, dark);
-        s.tests[2 * count + block] = before.tests[2 * count + block] + excess(small.variance, explained, UNRESOLVED, small, dark);
+        s.tests[count + block] =
+            before.tests[count + block] + excess(large.square, large.variance, COMMON, large, dark);
+        s.tests[2 * count + block] =
+            before.tests[2 * count + block] + excess(small.variance, explained, UNRESOLVED, small, dark);
     }
 }
 
@@ -408,7 +423,9 @@ static void follow_noise(Step& step, RestWork& w, const RestHistory& before, flo
 static bool has_enough(const RestWork& w, const float* mean, int by, int bx) {
     for (int y = by * BLOCK; y < min(by * BLOCK + BLOCK, w.samples.height); y++)
         for (int x = bx * BLOCK; x < min(bx * BLOCK + BLOCK, w.samples.width); x++)
-            if (!(mean[4 * (static_cast<ptrdiff_t>(w.nearest_rows[y]) * w.display.width + w.nearest_columns[x]) + 3] >= LEAST_WEIGHT)) return false;
+            if (!(mean[4 * (static_cast<ptrdiff_t>(w.nearest_rows[y]) * w.display.width + w.nearest_columns[x]) + 3] >=
+                  LEAST_WEIGHT))
+                return false;
     return true;
 }
 
@@ -422,11 +439,14 @@ static bool decide(const Step& step, RestWork& w, const RestHistory& before, Res
     bool all_kept = true;
     for (int block = 0; block < count; block++) {
         const float periods = cycle.period > 0.0f ? s.ages[block] / max(cycle.period, 1.0f) : 0.0f;
-        const bool steady = max(max(s.tests[block], s.tests[count + block]), s.tests[2 * count + block]) <= 0.0f && s.is_static[block];
-        const float fade = steady && !s.adds[block] ? clamp((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM), 0.0f, 1.0f) : 0.0f;
+        const bool steady =
+            max(max(s.tests[block], s.tests[count + block]), s.tests[2 * count + block]) <= 0.0f && s.is_static[block];
+        const float fade =
+            steady && !s.adds[block] ? clamp((periods - SHOWN_FROM) / (SHOWN - SHOWN_FROM), 0.0f, 1.0f) : 0.0f;
         s.shares[block] = s.noisy ? (s.ages[block] > 0.0f ? -1.0f : 0.0f) : s.stays[block] ? 2.0f : fade;
         const bool due = s.verifies[block] && periods >= 2.0f;
-        const bool freezes = due && steady && (!before.mean || has_enough(w, before.mean, block / s.size.width, block % s.size.width));
+        const bool freezes =
+            due && steady && (!before.mean || has_enough(w, before.mean, block / s.size.width, block % s.size.width));
         s.freezes[block] = freezes;
         const float age = due && !freezes ? cycle.period : s.ages[block];
         after.ages[block] = s.stays[block] || freezes ? 0.0f - age : age;
@@ -445,7 +465,8 @@ static bool decide(const Step& step, RestWork& w, const RestHistory& before, Res
     Signature* reference = before.signatures[cycle.slot];
     for (int block = 0; block < count; block++) {
         const bool kept = reference && s.known[block] && s.is_static[block];
-        for (int c = 0; c < 4; c++) made->values()[c * count + block] = (kept ? reference->values() : s.signature)[c * count + block];
+        for (int c = 0; c < 4; c++)
+            made->values()[c * count + block] = (kept ? reference->values() : s.signature)[c * count + block];
     }
     release(allocator, after.signatures[cycle.slot]);
     after.signatures[cycle.slot] = made;
@@ -473,7 +494,8 @@ bool compare_with_rest(Step& step, RestWork& w, const RestHistory& before, RestH
     else if (!s.noisy && reference && s.cycle.age > 0.0f && sampled) {
         const float dark_root = static_cast<float>(pow(dark, 0.25));
         for (int block = 0; block < count; block++)
-            s.changed[block] = s.known[block] && !s.moving[block] && differs(s.signature, reference->values(), count, block, dark_root);
+            s.changed[block] = s.known[block] && !s.moving[block] &&
+                               differs(s.signature, reference->values(), count, block, dark_root);
     }
     for (int block = 0; block < count && sampled; block++)
         s.changed[block] |= before.ages[block] < 0.0f && !s.known[block];
@@ -524,7 +546,9 @@ bool show_rest(Step& step, RestWork& w, const RestHistory& before, RestHistory& 
     bool adds = false, differ = false;
     for (int block = 0; block < s.count(); block++) {
         const bool had = same && before.ages[block] != 0.0f;
-        s.modes[block] = s.adds[block] ? (s.is_static[block] && had ? ADDS : RESTARTS) : s.ages[block] > 0.0f ? KEEPS : NO_MEAN;
+        s.modes[block] = s.adds[block]          ? (s.is_static[block] && had ? ADDS : RESTARTS)
+                         : s.ages[block] > 0.0f ? KEEPS
+                                                : NO_MEAN;
         s.spare[block] = s.adds[block] | s.freezes[block];
         adds |= s.spare[block] != 0;
     }

@@ -10,7 +10,8 @@ namespace ss {
 struct Model;
 struct Space;
 
-constexpr int SUMS = 12;  // of a block: samples; residuals, RGB; samples, RGB; mean there, RGB; squares of the first two
+// of a block: samples; residuals, RGB; samples, RGB; mean there, RGB; squares of the first two
+constexpr int SUMS = 12;
 enum Mode : uint8_t { NO_MEAN, KEEPS, ADDS, RESTARTS };  // of a block's mean: it stays, takes samples, begins with them
 
 // A signature of all blocks, (4, blocks), which histories share; never written again.
@@ -21,10 +22,13 @@ struct Signature {
 };
 
 constexpr int phases_of(Size display, Size render) {
-    return static_cast<int>(int64_t{PHASES_PER_SAMPLE} * display.width * display.height / (int64_t{render.width} * render.height)) + SPARE_PHASES;
+    return static_cast<int>(int64_t{PHASES_PER_SAMPLE} * display.width * display.height /
+                            (int64_t{render.width} * render.height)) +
+           SPARE_PHASES;
 }
 constexpr int block_of(int pixel, int display, int render) {
-    return static_cast<int>(min<int64_t>((2 * int64_t{pixel} + 1) * render / (2 * int64_t{BLOCK} * display), divided_up(render, BLOCK) - 1));
+    return static_cast<int>(min<int64_t>((2 * int64_t{pixel} + 1) * render / (2 * int64_t{BLOCK} * display),
+                                         divided_up(render, BLOCK) - 1));
 }
 constexpr Size blocks_of(Size render) { return {divided_up(render.width, BLOCK), divided_up(render.height, BLOCK)}; }
 constexpr Size tiles_of(Size display) { return {divided_up(display.width, TILE), divided_up(display.height, TILE)}; }
@@ -65,7 +69,8 @@ struct StaticBlocks {
     Size size;
     Cycle cycle;
     bool noisy;
-    uint8_t *moving, *known, *changed, *restarts, *moves, *is_static, *verifies, *adds, *stays, *freezes, *selected, *spare;
+    uint8_t *moving, *known, *changed, *restarts, *moves, *is_static, *verifies, *adds, *stays, *freezes, *selected,
+        *spare;
     uint8_t* modes;
     float *ages, *tests, *shares, *complete, *signature, *sums, *windows;
     float (*phases)[4];
@@ -79,15 +84,16 @@ struct RestWork {
     Samples samples;
     StaticBlocks blocks;
     Size display;
-    const int32_t *row_blocks, *column_blocks;        // block of each row and column of the display
+    const int32_t *row_blocks, *column_blocks;          // block of each row and column of the display
     const int32_t *own_row_blocks, *own_column_blocks;  // of what the method keeps, which may be larger
-    const int32_t *nearest_rows, *nearest_columns;    // pixels nearest to samples
-    int32_t *pixel_rows, *pixel_columns;              // (n, 2) pixels around samples, and their weights
+    const int32_t *nearest_rows, *nearest_columns;      // pixels nearest to samples
+    int32_t *pixel_rows, *pixel_columns;                // (n, 2) pixels around samples, and their weights
     float *pixel_row_weights, *pixel_column_weights;
-    int32_t *sample_rows, *sample_columns;            // (n, 2) samples around pixels, and their weights
+    int32_t *sample_rows, *sample_columns;  // (n, 2) samples around pixels, and their weights
     float *sample_row_weights, *sample_column_weights;
-    float *row_moments, *column_moments;  // (phases, 2, n) weight of the samples near each row or column in each phase of
-    int row_pitch, column_pitch;          // the cycle, and this times their offset
+    // (phases, 2, n) weight of the samples near each row or column in each phase of the cycle, and this times their offset
+    float *row_moments, *column_moments;
+    int row_pitch, column_pitch;
     int phases;
     const float* order_weights;  // (BLOCK, 3, LANES) weights of values in the last of a signature
     const float* ages;           // of the history; where 0, there is no mean
@@ -95,7 +101,7 @@ struct RestWork {
     float* next_mean;
     View image;
     uint8_t *tiles, *computed, *gathered, *resting, *stale;  // masks of tiles
-    Runs runs, halo_runs, copy_runs;  // of tiles: to compute, to gather, others
+    Runs runs, halo_runs, copy_runs;                         // of tiles: to compute, to gather, others
     Rect* scaled;
 };
 

@@ -31,7 +31,8 @@ static void* append(char*& to, const Array& array) {
 
 size_t ss_state_bytes(const ss_upscaler* handle) {
     const Upscaler& u = *reinterpret_cast<const Upscaler*>(handle);
-    size_t total = ARRAYS_OVERHEAD + 2 * sizeof(Array) + filled_up(strlen(u.model.method->name) + 1) + sizeof(float) * SIZES;
+    size_t total =
+        ARRAYS_OVERHEAD + 2 * sizeof(Array) + filled_up(strlen(u.model.method->name) + 1) + sizeof(float) * SIZES;
     int64_t shape[4];
     int axes;
     for (int k = 0; u.history; k++) {
@@ -46,14 +47,16 @@ ss_status ss_state_save(const ss_upscaler* handle, void* bytes, size_t count, ss
     if (!handle || !bytes) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", handle ? "bytes" : "upscaler");
     const Upscaler& u = *reinterpret_cast<const Upscaler*>(handle);
     if (count != ss_state_bytes(handle))
-        return fail(error, SS_BAD_ARGUMENT, "count is %zu; want %zu, as ss_state_bytes says", count, ss_state_bytes(handle));
+        return fail(error, SS_BAD_ARGUMENT, "count is %zu; want %zu, as ss_state_bytes says", count,
+                    ss_state_bytes(handle));
     char* to = begin_arrays(bytes);
     const int64_t name_size[4] = {static_cast<int64_t>(strlen(u.model.method->name)) + 1, 0, 0, 0};
-    memcpy(append(to, header("method", ArrayType::TEXT, 1, name_size)), u.model.method->name, static_cast<size_t>(name_size[0]));
+    memcpy(append(to, header("method", ArrayType::TEXT, 1, name_size)), u.model.method->name,
+           static_cast<size_t>(name_size[0]));
     const int64_t of_sizes[4] = {SIZES, 0, 0, 0};
     const Size render = u.history ? u.history->render : Size{0, 0};
-    const float sizes[SIZES] = {static_cast<float>(u.display.width), static_cast<float>(u.display.height), static_cast<float>(render.width),
-                                static_cast<float>(render.height)};
+    const float sizes[SIZES] = {static_cast<float>(u.display.width), static_cast<float>(u.display.height),
+                                static_cast<float>(render.width), static_cast<float>(render.height)};
     memcpy(append(to, header("sizes", ArrayType::FLOAT, 1, of_sizes)), sizes, sizeof sizes);
     int64_t shape[4];
     int axes;
@@ -84,7 +87,8 @@ static ss_status read_history(const Arrays& arrays, History& history, ss_error* 
         if (!array) return fail(error, SS_BAD_STATE, "the state has no tensor %s of the model", name);
         if (!are_finite(*array, strcmp(name, "jitter") == 0 ? 0.5f : 3.4e38f))
             return fail(error, SS_BAD_STATE, "%s of the state has values that no frame leaves", name);
-        if (ss_status status = ss_history_write(reinterpret_cast<ss_history*>(&history), k, static_cast<const float*>(array->values()), error))
+        if (ss_status status = ss_history_write(reinterpret_cast<ss_history*>(&history), k,
+                                                static_cast<const float*>(array->values()), error))
             return status;
     }
     return SS_OK;
@@ -93,24 +97,31 @@ static ss_status read_history(const Arrays& arrays, History& history, ss_error* 
 ss_status ss_state_load(ss_upscaler* handle, const void* bytes, size_t count, ss_error* error) {
     if (!handle || !bytes) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", handle ? "bytes" : "upscaler");
     if (reinterpret_cast<uintptr_t>(bytes) % alignof(uint64_t))
-        return fail(error, SS_BAD_ARGUMENT, "bytes are at an address that is no multiple of 8; want memory as from malloc");
+        return fail(error, SS_BAD_ARGUMENT,
+                    "bytes are at an address that is no multiple of 8; want memory as from malloc");
     Upscaler& u = *reinterpret_cast<Upscaler*>(handle);
     const Arrays arrays(bytes, count);
     if (arrays.message()) return fail(error, SS_BAD_STATE, "the bytes are no state: %s", arrays.message());
-    const Array *method = arrays.find("method", ArrayType::TEXT, 0), *array = arrays.find("sizes", ArrayType::FLOAT, SIZES);
-    if (!method || !array || !memchr(method->values(), 0, method->bytes())) return fail(error, SS_BAD_STATE, "the bytes are no state: they are a model");
+    const Array *method = arrays.find("method", ArrayType::TEXT, 0),
+                *array = arrays.find("sizes", ArrayType::FLOAT, SIZES);
+    if (!method || !array || !memchr(method->values(), 0, method->bytes()))
+        return fail(error, SS_BAD_STATE, "the bytes are no state: they are a model");
     if (strcmp(static_cast<const char*>(method->values()), u.model.method->name) != 0)
-        return fail(error, SS_BAD_STATE, "the state is of %.64s; want one of %s", static_cast<const char*>(method->values()), u.model.method->name);
+        return fail(error, SS_BAD_STATE, "the state is of %.64s; want one of %s",
+                    static_cast<const char*>(method->values()), u.model.method->name);
     const float* sizes = static_cast<const float*>(array->values());
     if (sizes[0] != static_cast<float>(u.display.width) || sizes[1] != static_cast<float>(u.display.height))
-        return fail(error, SS_BAD_STATE, "the state is of a display of %g x %g; want %d x %d", sizes[0], sizes[1], u.display.width, u.display.height);
+        return fail(error, SS_BAD_STATE, "the state is of a display of %g x %g; want %d x %d", sizes[0], sizes[1],
+                    u.display.width, u.display.height);
     const Allocator& allocator = u.model.arena.allocator();
     History* made = nullptr;
     if (sizes[2] != 0.0f) {
-        if (!(sizes[2] >= 1.0f && sizes[2] <= MAX_SIDE && sizes[3] >= 1.0f && sizes[3] <= MAX_SIDE && sizes[2] * sizes[3] <= MAX_PIXELS))
+        if (!(sizes[2] >= 1.0f && sizes[2] <= MAX_SIDE && sizes[3] >= 1.0f && sizes[3] <= MAX_SIDE &&
+              sizes[2] * sizes[3] <= MAX_PIXELS))
             return fail(error, SS_BAD_STATE, "the state is of a frame of %g x %g", sizes[2], sizes[3]);
         const Size render = {static_cast<int>(sizes[2]), static_cast<int>(sizes[3])};
-        if (check_ratio(*u.model.method, render, u.display, error)) return SS_BAD_STATE;  // before memory is taken for it
+        // Before memory is taken for it.
+        if (check_ratio(*u.model.method, render, u.display, error)) return SS_BAD_STATE;
         made = new_history(u.model, u.display, render);
         if (!made) return fail(error, SS_NO_MEMORY, "no memory for a history");
         if (ss_status status = read_history(arrays, *made, error)) {

@@ -16,13 +16,16 @@ View view_of(const ss_image& image, int width, int channels) {
 static bool is_finite(float value) { return fabsf(value) <= 3.4028235e38f; }
 
 ss_status check_size(int width, int height, const char* name, ss_error* error) {
-    if (width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE && int64_t{width} * height <= MAX_PIXELS) return SS_OK;
-    return fail(error, SS_BAD_ARGUMENT, "%s is %d x %d; want sides from 1 to %d, %d pixels at most", name, width, height, MAX_SIDE, MAX_PIXELS);
+    if (width >= 1 && height >= 1 && width <= MAX_SIDE && height <= MAX_SIDE && int64_t{width} * height <= MAX_PIXELS)
+        return SS_OK;
+    return fail(error, SS_BAD_ARGUMENT, "%s is %d x %d; want sides from 1 to %d, %d pixels at most", name, width,
+                height, MAX_SIDE, MAX_PIXELS);
 }
 
 ss_status check_jitter(const float (&jitter)[2], ss_error* error) {
     for (float offset : jitter)
-        if (!(fabsf(offset) <= 0.5f)) return fail(error, SS_BAD_FRAME, "jitter is %g; want render pixels in [-0.5, 0.5]", offset);
+        if (!(fabsf(offset) <= 0.5f))
+            return fail(error, SS_BAD_FRAME, "jitter is %g; want render pixels in [-0.5, 0.5]", offset);
     return SS_OK;
 }
 
@@ -33,7 +36,8 @@ ss_status check_pre_exposure(float pre_exposure, ss_error* error) {
 
 ss_status check_output(const char* name, const ss_image& image, ss_error* error) {
     if (image.type == SS_FLOAT32 || image.type == SS_FLOAT16 || image.type == SS_UNORM8) return SS_OK;
-    return fail(error, SS_BAD_ARGUMENT, "%s has the type %d; want SS_FLOAT32, SS_FLOAT16 or SS_UNORM8", name, image.type);
+    return fail(error, SS_BAD_ARGUMENT, "%s has the type %d; want SS_FLOAT32, SS_FLOAT16 or SS_UNORM8", name,
+                image.type);
 }
 
 ss_status check_input(const char* name, const ss_image& image, bool needed, ss_error* error) {
@@ -50,7 +54,8 @@ ss_status check_ratio(const Method& method, Size render, Size display, ss_error*
         const float least = static_cast<float>(of_display[axis] - 1) / (of_frame[axis] + 1);
         if (least > method.ratios[1] || (most < method.ratios[0] && of_frame[axis] > 1))
             return fail(error, SS_BAD_FRAME, "%s is %d for a display of %d; %s takes a ratio from %g to %g",
-                        axis ? "height" : "width", of_frame[axis], of_display[axis], method.name, method.ratios[0], method.ratios[1]);
+                        axis ? "height" : "width", of_frame[axis], of_display[axis], method.name, method.ratios[0],
+                        method.ratios[1]);
     }
     return SS_OK;
 }
@@ -100,21 +105,25 @@ static float exposure_of(const ss_frame& frame, const Samples& samples, float be
         logs += samples.rows[y].logs;
         count += samples.rows[y].count;
     }
-    return static_cast<float>(followed_exposure(given ? frame.exposure : 0.0, count > 0.0 ? EXPOSURE_KEY * exp(-logs / count) : 0.0, before));
+    return static_cast<float>(
+        followed_exposure(given ? frame.exposure : 0.0, count > 0.0 ? EXPOSURE_KEY * exp(-logs / count) : 0.0, before));
 }
 
 // Reads the arrays of a frame to samples.
 static void read_samples(Step& step) {
     const ss_frame& f = step.frame;
     Samples& s = step.samples();
-    FrameImages images = {view_of(f.color, f.width, 3), view_of(f.depth, f.width, 1), view_of(f.motion, f.width, 2),
-                          view_of(f.reactive, f.width, 1), step.target.pre_exposure, step.space.scratch,
+    FrameImages images = {view_of(f.color, f.width, 3),
+                          view_of(f.depth, f.width, 1),
+                          view_of(f.motion, f.width, 2),
+                          view_of(f.reactive, f.width, 1),
+                          step.target.pre_exposure,
+                          step.space.scratch,
                           static_cast<size_t>(up_to(3 * f.width, LANES))};
     if (!step.model.method->reads_surfaces) images.depth.data = nullptr;
     if (!step.model.method->reads_motion) images.motion.data = nullptr;
-    step.workers().run_rows(s.height, [&](int y0, int y1, int thread) {
-        step.kernels().read_frame(images, s, y0, y1, thread);
-    });
+    step.workers().run_rows(s.height,
+                            [&](int y0, int y1, int thread) { step.kernels().read_frame(images, s, y0, y1, thread); });
     bool missing = false;
     s.has_reactive = false;
     for (int y = 0; y < s.height; y++) {
@@ -127,10 +136,13 @@ static void read_samples(Step& step) {
 void fill_missing(Step& step) {
     const Samples& s = step.samples();
     if (s.fill_across)
-        step.workers().run_rows(divided_up(s.height, FILL_WINDOW), [&](int y0, int y1, int) { step.kernels().fill_windows(s, y0, y1); });
+        step.workers().run_rows(divided_up(s.height, FILL_WINDOW),
+                                [&](int y0, int y1, int) { step.kernels().fill_windows(s, y0, y1); });
 }
 
-void make_tables(const Step& step) { step.kernels().make_tables(step.space.tables, step.frame.jitter[0], step.frame.jitter[1]); }
+void make_tables(const Step& step) {
+    step.kernels().make_tables(step.space.tables, step.frame.jitter[0], step.frame.jitter[1]);
+}
 
 void resample(Step& step) {
     const Samples& s = step.samples();
@@ -141,11 +153,16 @@ void resample(Step& step) {
 }
 
 bool may_glare(const Step& step) {
-    return step.space.samples.may_glare(0, step.space.samples.height - 1) || (step.before.glares && rests_anywhere(step));
+    return step.space.samples.may_glare(0, step.space.samples.height - 1) ||
+           (step.before.glares && rests_anywhere(step));
 }
 
 PreviousFrame previous_frame(const History& history, int plane) {
-    return {history.plane(plane), history.render.width, history.render.height, history.pitch(), {history.jitter[0], history.jitter[1]}};
+    return {history.plane(plane),
+            history.render.width,
+            history.render.height,
+            history.pitch(),
+            {history.jitter[0], history.jitter[1]}};
 }
 
 // Makes tiles that rest in the next history those of the history.
@@ -189,8 +206,10 @@ static void keep_tiles(Step& step, int64_t generation, bool computes) {
     memcpy(after.values, before.values, sizeof after.values);
     after.exposure = before.exposure, after.glares = before.glares;
     for (int k = 0; k < layout.planes; k++)
-        if (layout.plane[k].extent == Extent::SAMPLES && (computes || after.frame_generation != before.frame_generation))
-            memcpy(after.planes[k], before.planes[k], sizeof(float) * plane_values(layout.plane[k], step.space.display, before.render));
+        if (layout.plane[k].extent == Extent::SAMPLES &&
+            (computes || after.frame_generation != before.frame_generation))
+            memcpy(after.planes[k], before.planes[k],
+                   sizeof(float) * plane_values(layout.plane[k], step.space.display, before.render));
     after.frame_generation = before.frame_generation;
 }
 
@@ -218,7 +237,8 @@ static ss_status compute(Step& step) {
     w.target = shown;
     step.workers().run_rows(shown.height, [&](int y0, int y1, int thread) {
         step.kernels().downsample_rows(w, y0, y1, thread);
-        if (shown.weight) step.kernels().pick_pixels(step.space.weight, large, shown.weight, {shown.width, shown.height}, y0, y1);
+        if (shown.weight)
+            step.kernels().pick_pixels(step.space.weight, large, shown.weight, {shown.width, shown.height}, y0, y1);
     });
     return SS_OK;
 }
@@ -252,7 +272,8 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
         computes = plan_tiles(step, w, outputs.compute_all || outputs.weight.data);
         const bool readable = own.image.type == SS_FLOAT32 && own.image.is_packed<float>(3) && own.pre_exposure == 1.0f;
         if (w.blocks.is_active && !readable) {
-            if (!step.space.image) step.space.image = step.space.arena.take<float>(static_cast<size_t>(3) * own.width * own.height);
+            if (!step.space.image)
+                step.space.image = step.space.arena.take<float>(static_cast<size_t>(3) * own.width * own.height);
             if (!step.space.image) return SS_NO_MEMORY;
             ss_image packed = {};
             packed.data = step.space.image;
@@ -281,7 +302,8 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     if (step.target.image.data != own.image.data) copy_image(step, step.target.image, own.image, own.pre_exposure);
     const View converged = view_of(outputs.converged, own.width, 1);
     if (converged)
-        step.workers().run_rows(own.height, [&](int y0, int y1, int) { step.kernels().write_converged(w, converged, y0, y1); });
+        step.workers().run_rows(own.height,
+                                [&](int y0, int y1, int) { step.kernels().write_converged(w, converged, y0, y1); });
     return SS_OK;
 }
 

@@ -20,9 +20,19 @@ struct PlaneSpec {
 };
 
 // Where a history tensor of the contract is: in a plane, from channel `first` on, or in one of these.
-enum { OF_JITTER = -1, OF_EXPOSURE = -2, OF_VALUES = -3, OF_MEAN = -4, OF_BLOCKS = -5, OF_SIGNATURES = -6, OF_PHASES = -7 };
+enum {
+    OF_JITTER = -1,
+    OF_EXPOSURE = -2,
+    OF_VALUES = -3,
+    OF_MEAN = -4,
+    OF_BLOCKS = -5,
+    OF_SIGNATURES = -6,
+    OF_PHASES = -7
+};
 // The tensors of a history that converges at rest, after its own.
-#define SS_REST_TENSORS {"static_mean", 4, OF_MEAN, 0}, {"static_blocks", 4, OF_BLOCKS, 0}, {"signatures", 4, OF_SIGNATURES, 0}, {"phases", 4, OF_PHASES, 0}
+#define SS_REST_TENSORS                                                                                      \
+    {"static_mean", 4, OF_MEAN, 0}, {"static_blocks", 4, OF_BLOCKS, 0}, {"signatures", 4, OF_SIGNATURES, 0}, \
+        {"phases", 4, OF_PHASES, 0}
 struct TensorSpec {
     const char* name;
     int channels, plane, first;
@@ -33,7 +43,8 @@ struct Layout {
     PlaneSpec plane[MAX_PLANES] = {};
     TensorSpec tensor[12] = {};
     bool rests = false;  // whether it converges at rest
-    const char* glare = nullptr;  // tensor whose last channel is increased by GLARE times the number of glaring frames, or null
+    // tensor whose last channel is increased by GLARE times the number of glaring frames, or null
+    const char* glare = nullptr;
 };
 
 struct Model;
@@ -57,7 +68,8 @@ struct Space {
     DownsampleWork downsampling;
     float* weight = nullptr;  // (display height, display width), where the image is smaller
 
-    Space(const Allocator& allocator, Size render, Size image, Size display) : arena(allocator), render(render), image_size(image), display(display) {}
+    Space(const Allocator& allocator, Size render, Size image, Size display)
+        : arena(allocator), render(render), image_size(image), display(display) {}
     float* rows_of_samples(int planes, int pitch) {
         return arena.take<float>(static_cast<size_t>(render.height) * planes * pitch);
     }
@@ -69,8 +81,8 @@ struct Space {
 // The facts of a method, in a table of its own file.
 struct Method {
     const char* name;
-    float ratios[2];  // smallest and largest ratio of display to render size
-    bool reads_surfaces = false;   // whether it takes depth, and motion dilated by it
+    float ratios[2];              // smallest and largest ratio of display to render size
+    bool reads_surfaces = false;  // whether it takes depth, and motion dilated by it
     bool reads_motion = false;
     bool reads_gbuffers = false;
     bool larger = false;        // whether its history and image are LARGE, and filtered to the display
@@ -79,7 +91,8 @@ struct Method {
     Layout layout = {};
     const Constant* constants = nullptr;
     int constant_count = 0;
-    const void* config = nullptr;  // defaults of the constants, floats in their order; null: the model's bytes have them
+    // defaults of the constants, floats in their order; null: the model's bytes have them
+    const void* config = nullptr;
     const Filter* (*filters)(const Model& model, Filter* room, int* count, float* window_sigma) = nullptr;
     bool (*make_space)(const Model& model, Space& space);
     ss_status (*compute)(Step& step) = nullptr;  // fails before it changes the next history
@@ -103,7 +116,7 @@ struct History {
     float exposure = 0.0f;  // signed, see `followed_exposure`; 0: empty
     bool glares = false;    // whether pixels may hold counts of glaring frames
     RestHistory rest = {};
-    int64_t* generations;   // of tiles; in two histories equal ones mean equal planes
+    int64_t* generations;          // of tiles; in two histories equal ones mean equal planes
     int64_t frame_generation = 0;  // in two histories equal ones mean equal planes of samples
 
     ~History() { rest.release(arena.allocator()); }
@@ -111,8 +124,8 @@ struct History {
     float* plane(int index) const { return static_cast<float*>(planes[index]); }
     int pitch() const { return up_to(render.width, LANES) + 2 * PAD; }  // of rows of samples
     bool fits(Size frame) const;
-    size_t most_bytes() const;  // also of what is allocated at rest
-    void mark(int64_t generation);    // all arrays
+    size_t most_bytes() const;      // also of what is allocated at rest
+    void mark(int64_t generation);  // all arrays
     void spoil() { mark(SPOILT); }  // after a step that did not end
 
     static constexpr int64_t SPOILT = -1;  // equal to no other generation, as a history is written before it is read
@@ -126,7 +139,7 @@ struct Model {
     ThreadPool pool;
     float config[64] = {};
     void* weights = nullptr;
-    int64_t generation = 0;  // last that was given
+    int64_t generation = 0;   // last that was given
     Space* spaces = nullptr;  // free ones; without a lock, which a forked child might find held
 
     Model(const Allocator& allocator, const ss_options& options) : arena(allocator), pool(options) {}
@@ -186,7 +199,7 @@ struct Step {
     Target target;
     Workers at_work;
     StageClock clock = {};
-    float exposure = 0.0f;  // signed, see `followed_exposure`
+    float exposure = 0.0f;           // signed, see `followed_exposure`
     const RestWork* rest = nullptr;  // static blocks; null where the method does not ask
 
     const Kernels& kernels() const { return *model.kernels; }
@@ -196,7 +209,7 @@ struct Step {
 
 void fill_missing(Step& step);  // computes what missing samples show; the exposure is known
 void make_tables(const Step& step);
-void resample(Step& step);     // fills and tones samples, dilates motion
+void resample(Step& step);         // fills and tones samples, dilates motion
 bool may_glare(const Step& step);  // whether a sample glares, or pixels that rest do
 PreviousFrame previous_frame(const History& history, int plane);
 // Calls function(rect, thread) on rectangles of pixels of an image of `size`, in which a tile has `unit` pixels.
@@ -213,7 +226,8 @@ void run_tiles(Step& step, const Runs& runs, int unit, Size size, const Function
 }
 // Calls function(rect) on rectangles of rows y0 to y1 of an image of `size`, in which a tile has `unit` pixels.
 template <class Function>
-void run_tiles_of_rows(const uint8_t* tiles, Size across, int unit, Size size, int y0, int y1, const Function& function) {
+void run_tiles_of_rows(const uint8_t* tiles, Size across, int unit, Size size, int y0, int y1,
+                       const Function& function) {
     const uint8_t* row = tiles + y0 / unit * across.width;
     for (int x = 0; x < across.width; x++) {
         if (!row[x]) continue;
@@ -242,7 +256,8 @@ ss_status check_input(const char* name, const ss_image& image, bool needed, ss_e
 ss_status check_jitter(const float (&jitter)[2], ss_error* error);
 ss_status check_pre_exposure(float pre_exposure, ss_error* error);
 ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out, ss_error* error);
-ss_status run_extrapolation(Model& model, const ss_frame& frame, const ss_shaded& shaded, const ss_extrapolated& outputs, ss_error* error);
+ss_status run_extrapolation(Model& model, const ss_frame& frame, const ss_shaded& shaded,
+                            const ss_extrapolated& outputs, ss_error* error);
 
 // The arguments of a step.
 struct StepCall {
@@ -271,7 +286,8 @@ ss_status run_steps(Model& model, int count, const CallOf& call_of, ss_error* er
     const int sharing = count == 1 ? 1 : model.pool.nests() ? count % model.pool.threads() : 0;
     ss_status status = SS_OK;
     Workers{model.pool, canceller}.run(count, [&](int k, int) {
-        if (run_step(model, call_of(k), canceller, k < count - sharing) == SS_NO_MEMORY) __atomic_store_n(&status, SS_NO_MEMORY, __ATOMIC_RELAXED);
+        if (run_step(model, call_of(k), canceller, k < count - sharing) == SS_NO_MEMORY)
+            __atomic_store_n(&status, SS_NO_MEMORY, __ATOMIC_RELAXED);
     });
     if (canceller.is_set()) status = SS_CANCELLED;
     for (int k = 0; k < count && status != SS_OK; k++) call_of(k).after.spoil();
@@ -282,7 +298,8 @@ ss_status run_steps(Model& model, int count, const CallOf& call_of, ss_error* er
 // Calls `rows(y0, y1)` and then `beside(y0, y1)`, which reads one more row on either side, on all rows: the second
 // while they are in the cache, but for the rows at which threads meet.
 template <class RowFunction, class BesideFunction>
-void run_rows_with_neighbours(const Workers& workers, int height, const RowFunction& rows, const BesideFunction& beside) {
+void run_rows_with_neighbours(const Workers& workers, int height, const RowFunction& rows,
+                              const BesideFunction& beside) {
     workers.run_rows(height, [&](int y0, int y1, int) {
         rows(y0, y1);
         int first = y0 ? y0 + 1 : 0, end = y1 < height ? y1 - 1 : height;

@@ -107,10 +107,13 @@ ThreadPool::ThreadPool(const ss_options& options)
 void ThreadPool::run(int count, Task task, const void* context, Canceller& canceller) {
     Job job{task, context, count, threads_, canceller};
     if (parallel_for_ && threads_ > 1 && count > 1 && !canceller.is_set()) {
-        parallel_for_(user_, [](void* of, int index) {
-            Job& job = *static_cast<Job*>(of);
-            if (!job.canceller.is_set()) job.run_one(index);
-        }, &job, count);
+        parallel_for_(
+            user_,
+            [](void* of, int index) {
+                Job& job = *static_cast<Job*>(of);
+                if (!job.canceller.is_set()) job.run_one(index);
+            },
+            &job, count);
         return canceller.ask();
     }
     const bool shares = threads_ > 1 && count > 1;
@@ -145,8 +148,7 @@ ThreadPool::Job* ThreadPool::job_with_more(const Canceller* canceller) {
 void ThreadPool::help(Job& job) {
     job.busy++;
     lock_.unlock();
-    while (job.run_next()) {
-    }
+    while (job.run_next()) {}
     lock_.lock();
     if (--job.busy == 0) lock_.notify();
 }
@@ -198,9 +200,12 @@ ThreadPool::~ThreadPool() {
 void ThreadPool::start_threads() {
     constexpr pid_t RENEWED = -1;
     const pid_t own = getpid();
-    for (pid_t owner = __atomic_load_n(&process_, __ATOMIC_ACQUIRE); owner != own; owner = __atomic_load_n(&process_, __ATOMIC_ACQUIRE)) {
+    for (pid_t owner = __atomic_load_n(&process_, __ATOMIC_ACQUIRE); owner != own;
+         owner = __atomic_load_n(&process_, __ATOMIC_ACQUIRE)) {
         // in a forked child there are no threads, and one that is gone may hold the lock
-        if (owner == RENEWED || !__atomic_compare_exchange_n(&process_, &owner, RENEWED, false, __ATOMIC_ACQUIRE, __ATOMIC_RELAXED)) continue;
+        if (owner == RENEWED ||
+            !__atomic_compare_exchange_n(&process_, &owner, RENEWED, false, __ATOMIC_ACQUIRE, __ATOMIC_RELAXED))
+            continue;
         started_ = 0;
         jobs_ = nullptr;
         new (&lock_) Lock;

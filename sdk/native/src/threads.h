@@ -69,7 +69,8 @@ struct Guard {
 // Asks the caller now and then, in its thread, whether a call is to end. One call has one.
 class Canceller {
    public:
-    Canceller(int (*asked)(void* user), void* user) : asked_(asked), user_(user), next_(asked ? seconds_now() + INTERVAL : 0.0) {}
+    Canceller(int (*asked)(void* user), void* user)
+        : asked_(asked), user_(user), next_(asked ? seconds_now() + INTERVAL : 0.0) {}
     Canceller(const Canceller&) = delete;
     bool is_set() const { return __atomic_load_n(&is_set_, __ATOMIC_RELAXED); }
     void ask() {  // in any thread
@@ -108,7 +109,8 @@ class ThreadPool {
     ThreadPool(const ThreadPool&) = delete;
 
     int threads() const { return threads_; }
-    bool nests() const { return !parallel_for_; }  // whether a task may run others; those of the caller's threads may not
+    // whether a task may run others; those of the caller's threads may not
+    bool nests() const { return !parallel_for_; }
 
     // Calls task(context, index, thread) for each index from 0 to count - 1, and returns when all calls have returned;
     // see `Workers::run`.
@@ -156,9 +158,10 @@ struct Workers {
             canceller.ask();
         }
         if (alone) return;
-        pool.run(count, [](const void* context, int index, int thread) {
-            (*static_cast<const Function*>(context))(index, thread);
-        }, &function, canceller);
+        pool.run(
+            count,
+            [](const void* context, int index, int thread) { (*static_cast<const Function*>(context))(index, thread); },
+            &function, canceller);
     }
 
     // Calls function(rect, thread) on parts of rectangles that do not overlap, split at multiples of `multiple` rows.
@@ -197,10 +200,12 @@ struct Workers {
     // on; threads take them in order. So a slot needs what the two slots before it have done, which are ahead of it.
     template <class Function>
     void run_bands(int bands, int stages, int kept, const Function& function) const {
-        uint8_t progress[MAX_BANDS] = {};  // of each slot: 1 once it has begun, and the number of stages that have ended
+        // of each slot: 1 once it has begun, and the number of stages that have ended
+        uint8_t progress[MAX_BANDS] = {};
         int next = 0;
         const int slots = bands + stages - 1;
-        const auto wait_for = [&](int slot, int ended) {  // returns whether the slot has begun, and so many stages have ended
+        // Returns whether the slot has begun, and so many stages have ended.
+        const auto wait_for = [&](int slot, int ended) {
             for (int tries = 0; slot >= 0 && __atomic_load_n(&progress[slot], __ATOMIC_ACQUIRE) <= ended; tries++) {
                 if (canceller.is_set()) return false;
                 pause_thread(tries);

@@ -25,8 +25,8 @@ struct View {
 
 // What is known of a row of samples.
 struct RowFacts {
-    float logs, count;  // sum of log luminance, number of usable samples
-    float brightest;    // largest linear value
+    float logs, count;    // sum of log luminance, number of usable samples
+    float brightest;      // largest linear value
     bool misses, reacts;  // whether a sample is missing, or reactive
 };
 
@@ -34,18 +34,18 @@ struct RowFacts {
 // stride + PAD, where the padding repeats the border.
 struct Samples {
     int width, height, stride, pitch;
-    int kept;  // rows that the four arrays below that name them have; row y is at `place(y)`
-    float* linear;           // (height, 3, stride) linear RGB without pre-exposure, in [0, MAX_HALF]; NaN where missing
+    int kept;       // rows that the four arrays below that name them have; row y is at `place(y)`
+    float* linear;  // (height, 3, stride) linear RGB without pre-exposure, in [0, MAX_HALF]; NaN where missing
     float *depth, *motion_x, *motion_y;  // (height, pitch) sanitized; depth is UNKNOWN_DEPTH where it is not usable
-    float* reactive;         // (height, stride) reactive mask; negative where the colour is missing
-    RowFacts* rows;          // (height,)
-    float* color;            // (kept, SAMPLE_PLANES, pitch) toned RGB, 1 where usable, YCoCg, squares of YCoCg
-    float* eroded_depth;     // (kept, pitch) the farthest of 3x3
-    float* dilated;          // (kept, stride, 4) depth and motion of the closest of 2x2
-    float* own;              // (kept, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where
-                             // one of these is over GLARE_TONED
-    float* fill;             // (down, across, 6) of each FILL_WINDOW: what its missing samples show, linear and toned
-    int fill_across;         // windows in a row; 0 where no sample is missing
+    float* reactive;                     // (height, stride) reactive mask; negative where the colour is missing
+    RowFacts* rows;                      // (height,)
+    float* color;         // (kept, SAMPLE_PLANES, pitch) toned RGB, 1 where usable, YCoCg, squares of YCoCg
+    float* eroded_depth;  // (kept, pitch) the farthest of 3x3
+    float* dilated;       // (kept, stride, 4) depth and motion of the closest of 2x2
+    float* own;           // (kept, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where
+                          // one of these is over GLARE_TONED
+    float* fill;          // (down, across, 6) of each FILL_WINDOW: what its missing samples show, linear and toned
+    int fill_across;      // windows in a row; 0 where no sample is missing
     bool has_reactive;
     float exposure;
 
@@ -53,7 +53,8 @@ struct Samples {
     // Whether samples of rows first to last may be over GLARE_TONED.
     bool may_glare(int first, int last) const {
         bool found = false;
-        for (int y = max(first, 0); y <= min(last, height - 1); y++) found |= rows[y].brightest * exposure > GLARE_EXPOSED - 1.0f;
+        for (int y = max(first, 0); y <= min(last, height - 1); y++)
+            found |= rows[y].brightest * exposure > GLARE_EXPOSED - 1.0f;
         return found;
     }
 };
@@ -69,8 +70,8 @@ struct FrameImages {
 // G-buffers of a frame, and what is prepared of them for the variant `guided` of the classifiers.
 constexpr int SURFACE_PLANES = 9;
 struct Guide {
-    View base_color, normal;                   // of the frame's samples
-    View display_base_color, display_normal;   // of display size, as the next
+    View base_color, normal;                  // of the frame's samples
+    View display_base_color, display_normal;  // of display size, as the next
     View display_depth;
     float* samples;  // (kept rows of samples, SURFACE_PLANES, pitch) light, toned; normal and base colour, scaled
     float* depth;    // rows as `Gathered.luma`, UNKNOWN_DEPTH where it is not usable
@@ -84,7 +85,8 @@ struct Guide {
 };
 
 // A separable filter of the four samples around a display pixel.
-enum FilterKind { LINEAR, CUBIC, DISTANCE, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };  // DISTANCE: none, the distances
+enum FilterKind { LINEAR, CUBIC, DISTANCE, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };
+// DISTANCE is no filter: it stores the distances of the samples.
 struct Filter {
     FilterKind kind;
     float sigma = 0.0f;
@@ -111,8 +113,8 @@ struct Tables {
 
 // The images that a step writes.
 struct Target {
-    View image;     // 3 channels
-    View weight;    // 1 channel, or none
+    View image;   // 3 channels
+    View weight;  // 1 channel, or none
     int width, height;
     float pre_exposure;
 };
@@ -182,10 +184,11 @@ struct SpatialWork {
 struct DownsampleWork {
     const float* image;  // (height, width, 3)
     Size size;
-    int32_t *rows, *columns;             // (TAPS, pitch) pixels that are read, and their weights
+    int32_t *rows, *columns;  // (TAPS, pitch) pixels that are read, and their weights
     float *row_weights, *column_weights;
     int row_pitch, column_pitch;
-    float* scratch;  // of each thread, `scratch_pitch` apart: RING rows of the image, and one more, of four values per pixel
+    // of each thread, `scratch_pitch` apart: RING rows of the image, and one more, of four values per pixel
+    float* scratch;
     size_t scratch_pitch;
     float exposure;
     Target target;
@@ -206,8 +209,8 @@ struct WarpWork {
     float pre_exposure, shaded_pre_exposure;
     float* samples;  // (WARP_PLANES, shaded height, stride) of the shaded frame: guides of surfaces, light
     int stride;
-    float* rows;     // (shaded height,) 1 where a depth of the row is usable
-    float* motion;   // (2, previous height, previous_stride) from the previous frame back to the shaded one, sanitized
+    float* rows;    // (shaded height,) 1 where a depth of the row is usable
+    float* motion;  // (2, previous height, previous_stride) from the previous frame back to the shaded one, sanitized
     int previous_stride;
     float* previous_rows;   // (previous height,) 1 where something of the row moved
     bool has_depth, moved;  // whether any row is
@@ -236,7 +239,8 @@ struct RestWork;
 
 // The temporal filter: see `ss_temporal`.
 struct TemporalFilter {
-    static constexpr int TILE_ROWS = 32, TILE_COLUMNS = 64, BORDER = 4;  // BORDER: pixels around a tile that its patches reach
+    // BORDER: pixels around a tile that its patches reach
+    static constexpr int TILE_ROWS = 32, TILE_COLUMNS = 64, BORDER = 4;
     static constexpr int SCRATCH = 26 * (TILE_ROWS + 2 * BORDER) * (TILE_COLUMNS + LANES);  // floats
     const ss_temporal_frame* frames;
     int previous, following, groups;
@@ -276,7 +280,8 @@ struct Kernels {
     void (*warp_rows)(const WarpWork&, int y0, int y1, int thread);
     void (*camera_motion_rows)(const CameraMotion&, int y0, int y1);
     void (*rgba_rows)(const View& image, uint8_t* pixels, ptrdiff_t row, int width, int y0, int y1, float* scratch);
-    void (*merge_row)(float* image, const float* other, const float* weight, const float* other_weight, int width, float exposure);
+    void (*merge_row)(float* image, const float* other, const float* weight, const float* other_weight, int width,
+                      float exposure);
     void (*temporal_rows)(const TemporalFilter&, int y0, int y1);
     void (*nearest_motion_rows)(const float* depth, const float* motion, float* to, Size size, int y0, int y1);
     void (*keep_depth)(const ClassifierWork&, int y0, int y1);

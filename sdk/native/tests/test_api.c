@@ -10,17 +10,18 @@
 enum { W = 37, H = 22, DW = 73, DH = 43, FRAMES = 4 };
 
 static int failures = 0;
-#define CHECK(condition, ...)                                         \
-    do {                                                              \
-        if (!(condition)) {                                           \
-            failures++;                                               \
+#define CHECK(condition, ...)                                               \
+    do {                                                                    \
+        if (!(condition)) {                                                 \
+            failures++;                                                     \
             fprintf(stderr, "%s:%d: %s: ", __FILE__, __LINE__, #condition); \
-            fprintf(stderr, __VA_ARGS__);                             \
-            fprintf(stderr, "\n");                                    \
-        }                                                             \
+            fprintf(stderr, __VA_ARGS__);                                   \
+            fprintf(stderr, "\n");                                          \
+        }                                                                   \
     } while (0)
 
-static const char* const methods[] = {"bilinear", "bicubic", "taa", "taau", "classifier-small", "classifier-large", "gbuffer-fast", "classifier"};
+static const char* const methods[] = {"bilinear",         "bicubic",          "taa",          "taau",
+                                      "classifier-small", "classifier-large", "gbuffer-fast", "classifier"};
 enum { METHODS = sizeof methods / sizeof *methods, WITHOUT_NETWORK = 4 };
 
 static uint32_t state = 1;
@@ -39,7 +40,8 @@ static void fill(Pixels* p, int index) {
             for (int c = 0; c < 3; c++) p->color[y][x][c] = 2.0f * random_unit();
             p->depth[y][x] = 0.01f + 0.1f * random_unit();
             for (int c = 0; c < 2; c++) p->motion[y][x][c] = 2.0f * random_unit() - 1.0f;
-            for (int c = 0; c < 3; c++) p->base_color[y][x][c] = random_unit(), p->normal[y][x][c] = 2.0f * random_unit() - 1.0f;
+            for (int c = 0; c < 3; c++)
+                p->base_color[y][x][c] = random_unit(), p->normal[y][x][c] = 2.0f * random_unit() - 1.0f;
         }
     for (int y = 0; y < DH; y++)
         for (int x = 0; x < DW; x++) {
@@ -153,7 +155,8 @@ static void views_at_once_have_the_images_of_one_at_a_time(void) {
                     for (int k = 0; k < count; k++) {
                         ss_outputs output = outputs_of(alone);
                         CHECK(ss_step(one[k], &frames[k], &output, &error) == SS_OK, "%s", error.message);
-                        CHECK(memcmp(alone, at_once[k], sizeof alone) == 0, "%s, %d threads, view %d", methods[m], threads, k);
+                        CHECK(memcmp(alone, at_once[k], sizeof alone) == 0, "%s, %d threads, view %d", methods[m],
+                              threads, k);
                     }
                 }
                 ss_upscaler* const kept = many[5];
@@ -163,7 +166,8 @@ static void views_at_once_have_the_images_of_one_at_a_time(void) {
                 CHECK(ss_step_many(many, frames, outputs, 0, &error) == SS_BAD_ARGUMENT, "no view");
                 many[5] = NULL;
                 CHECK(ss_step_many(many, frames, outputs, VIEWS, &error) == SS_BAD_ARGUMENT, "NULL is an upscaler");
-                for (int k = 0; k < VIEWS; k++) ss_upscaler_destroy(one[k]), ss_upscaler_destroy(k == 5 ? kept : many[k]);
+                for (int k = 0; k < VIEWS; k++)
+                    ss_upscaler_destroy(one[k]), ss_upscaler_destroy(k == 5 ? kept : many[k]);
                 ss_model_destroy(model);
             }
 }
@@ -204,7 +208,7 @@ static void bands_share_buffers_without_a_trace(void) {
     static float all[4 * TALL_W * TALL_H * 3], few[4 * TALL_W * TALL_H * 3];
     for (int m = 0; m < METHODS; m++) {
         if (strcmp(methods[m], "gbuffer-fast") == 0) continue; /* reads G-buffers */
-        run_tall(methods[m], 64, all); /* keeps all bands */
+        run_tall(methods[m], 64, all);                         /* keeps all bands */
         for (int threads = 1; threads <= 7; threads += 2) {
             run_tall(methods[m], threads, few);
             CHECK(memcmp(all, few, sizeof all) == 0, "%s with %d threads", methods[m], threads);
@@ -228,7 +232,8 @@ static void instructions_agree(void) {
             run(methods[m], &options, images[1]);
             double sum = 0.0;
             for (int i = 0; i < DW * DH * 3; i++) sum += fabs((double)images[0][i] - images[1][i]);
-            CHECK(sum / (DW * DH * 3) < (m < WITHOUT_NETWORK ? 1e-4 : 5e-3), "%s on %s: %g", methods[m], instructions[k], sum / (DW * DH * 3));
+            CHECK(sum / (DW * DH * 3) < (m < WITHOUT_NETWORK ? 1e-4 : 5e-3), "%s on %s: %g", methods[m],
+                  instructions[k], sum / (DW * DH * 3));
         }
     }
 }
@@ -260,8 +265,11 @@ static void views_of_any_strides_are_read(void) {
         ss_upscaler* upscaler = NULL;
         ss_frame frame = frame_of(&p, 0);
         ss_outputs outputs = outputs_of(images[kind > 0]);
-        if (kind == 1) frame.color.data = rgba[H - 1], frame.color.pixel_stride = 16, frame.color.row_stride = -(ptrdiff_t)sizeof rgba[0];
-        if (kind == 2) frame.color.data = planar, frame.color.pixel_stride = 4, frame.color.channel_stride = sizeof planar[0];
+        if (kind == 1)
+            frame.color.data = rgba[H - 1], frame.color.pixel_stride = 16,
+            frame.color.row_stride = -(ptrdiff_t)sizeof rgba[0];
+        if (kind == 2)
+            frame.color.data = planar, frame.color.pixel_stride = 4, frame.color.channel_stride = sizeof planar[0];
         if (kind == 2) frame.color.row_stride = sizeof planar[0][0];
         if (kind == 3) frame.color.data = half_color, frame.color.type = SS_FLOAT16;
         CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
@@ -358,21 +366,27 @@ static void bad_arguments_are_named(void) {
     ss_error error;
     ss_options options;
     memset(&options, 0, sizeof options);
-    CHECK(ss_model_create("nothing", NULL, &model, &error) == SS_BAD_ARGUMENT && strstr(error.message, "nothing"), "%s", error.message);
+    CHECK(ss_model_create("nothing", NULL, &model, &error) == SS_BAD_ARGUMENT && strstr(error.message, "nothing"), "%s",
+          error.message);
     CHECK(ss_model_create(NULL, NULL, &model, NULL) == SS_BAD_ARGUMENT, "NULL is a name");
     options.instructions = "mmx";
-    CHECK(ss_model_create("taa", &options, &model, &error) == SS_BAD_ARGUMENT && strstr(error.message, "mmx"), "%s", error.message);
+    CHECK(ss_model_create("taa", &options, &model, &error) == SS_BAD_ARGUMENT && strstr(error.message, "mmx"), "%s",
+          error.message);
     static const uint64_t damaged[4] = {1, 2, 3};
-    CHECK(ss_model_create_from_bytes(damaged, sizeof damaged, NULL, &model, &error) == SS_BAD_MODEL, "%s", error.message);
-    CHECK(ss_model_create_from_bytes((const char*)damaged + 1, 8, NULL, &model, &error) == SS_BAD_ARGUMENT, "%s", error.message);
+    CHECK(ss_model_create_from_bytes(damaged, sizeof damaged, NULL, &model, &error) == SS_BAD_MODEL, "%s",
+          error.message);
+    CHECK(ss_model_create_from_bytes((const char*)damaged + 1, 8, NULL, &model, &error) == SS_BAD_ARGUMENT, "%s",
+          error.message);
     CHECK(ss_model_create("taau", NULL, &model, &error) == SS_OK, "%s", error.message);
-    CHECK(ss_upscaler_create(model, 0, 5, &upscaler, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 5"), "%s", error.message);
+    CHECK(ss_upscaler_create(model, 0, 5, &upscaler, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 5"), "%s",
+          error.message);
     CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
     fill(&p, 0);
     for (int k = 0; k < 9; k++) {
         ss_frame frame = frame_of(&p, 0);
         ss_outputs outputs = outputs_of(images[0]);
-        const char* named[] = {"width", "jitter", "jitter", "color", "motion", "depth", "exposure", "pre_exposure", "adds_samples"};
+        const char* named[] = {"width", "jitter",   "jitter",       "color",       "motion",
+                               "depth", "exposure", "pre_exposure", "adds_samples"};
         if (k == 0) frame.width = 3;
         if (k == 1) frame.jitter[1] = 0.7f;
         if (k == 2) frame.jitter[0] = NAN;
@@ -498,8 +512,10 @@ static void the_temporal_filter_averages_frames(void) {
             motion[y][x][1] = x % 5 ? 0.0f : 1e30f;
             depth[y][x] = 1.0f;
         }
-    CHECK(ss_nearest_motion(&depth[0][0], &motion[0][0][0], TW, TH, &step[0][0][0], &error) == SS_OK, "%s", error.message);
-    CHECK(ss_nearest_motion(NULL, &motion[0][0][0], TW, TH, &step[0][0][0], &error) == SS_BAD_ARGUMENT, "NULL is a depth");
+    CHECK(ss_nearest_motion(&depth[0][0], &motion[0][0][0], TW, TH, &step[0][0][0], &error) == SS_OK, "%s",
+          error.message);
+    CHECK(ss_nearest_motion(NULL, &motion[0][0][0], TW, TH, &step[0][0][0], &error) == SS_BAD_ARGUMENT,
+          "NULL is a depth");
     for (int k = 0; k < WINDOW; k++) {
         aovs[k][0] = &color[k][0][0][0];
         frames[k] = (ss_temporal_frame){&color[k][0][0][0], &guides[0][0][0], &step[0][0][0], &step[0][0][0], aovs[k]};
@@ -521,7 +537,8 @@ static void the_temporal_filter_averages_frames(void) {
     filter.end_row = TH + 1;
     CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "rows"), "%s", error.message);
     filter.end_row = TH, frames[3].guides = NULL;
-    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "frame 3"), "%s", error.message);
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "frame 3"), "%s",
+          error.message);
     CHECK(ss_filter_temporal(NULL, &error) == SS_BAD_ARGUMENT, "NULL is a filter");
 }
 
@@ -543,7 +560,8 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
             ss_ids v;
             memset(&v, 0, sizeof v);
             v.width = v.height = SIDE, v.display_width = v.display_height = BIG, v.channels = 2;
-            v.jitter[0] = (float)(index * 5 % 8) / 8.0f - 0.4375f, v.jitter[1] = (float)((index * 3 + index / 8) % 8) / 8.0f - 0.4375f;
+            v.jitter[0] = (float)(index * 5 % 8) / 8.0f - 0.4375f,
+            v.jitter[1] = (float)((index * 3 + index / 8) % 8) / 8.0f - 0.4375f;
             for (int y = 0; y < SIDE; y++)
                 for (int x = 0; x < SIDE; x++) {
                     const float dx = (float)x + v.jitter[0] - centre, dy = (float)y + v.jitter[1] - 7.0f;
@@ -555,7 +573,8 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
             v.image = &nearest[0][0][0], v.distance = &alone_distance[0][0];
             v.ids = &ids[0][0][0], v.depth = &depth[0][0], v.motion = &motion[0][0][0];
             CHECK(ss_resample_ids(NULL, &v, 1, &error) == SS_OK, "%s", error.message);
-            if (index > 0) v.previous = &image[(index + 1) % 2][0][0][0], v.previous_distance = &distance[(index + 1) % 2][0][0];
+            if (index > 0)
+                v.previous = &image[(index + 1) % 2][0][0][0], v.previous_distance = &distance[(index + 1) % 2][0][0];
             v.image = &alone[0][0][0];
             CHECK(ss_resample_ids(NULL, &v, 1, &error) == SS_OK, "%s", error.message);
             v.image = &image[index % 2][0][0][0], v.distance = &distance[index % 2][0][0];
@@ -564,17 +583,21 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
             for (int y = 0; y < BIG; y++)
                 for (int x = 0; x < BIG; x++) {
                     const uint32_t* got = image[index % 2][y][x];
-                    CHECK((got[0] == 0xFFFFFFFFu && got[1] == 3) || (got[0] == 7 && got[1] == 0), "%u %u", got[0], got[1]);
-                    const float dx = ((float)x + 0.5f) / 2.0f - 0.5f - centre, dy = ((float)y + 0.5f) / 2.0f - 0.5f - 7.0f;
+                    CHECK((got[0] == 0xFFFFFFFFu && got[1] == 3) || (got[0] == 7 && got[1] == 0), "%u %u", got[0],
+                          got[1]);
+                    const float dx = ((float)x + 0.5f) / 2.0f - 0.5f - centre,
+                                dy = ((float)y + 0.5f) / 2.0f - 0.5f - 7.0f;
                     const uint32_t truth = dx * dx + dy * dy < 12.0f ? 3 : 0;
-                    wrong += index >= STEPS / 2 && got[1] != truth, wrong_nearest += index >= STEPS / 2 && nearest[y][x][1] != truth;
+                    wrong += index >= STEPS / 2 && got[1] != truth,
+                        wrong_nearest += index >= STEPS / 2 && nearest[y][x][1] != truth;
                 }
         }
         CHECK(4 * wrong < (speed ? 3 : 2) * wrong_nearest, "speed %d: %d of %d", speed, wrong, wrong_nearest);
     }
     ss_ids bad;
     memset(&bad, 0, sizeof bad);
-    CHECK(ss_resample_ids(model, &bad, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 0"), "%s", error.message);
+    CHECK(ss_resample_ids(model, &bad, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 0"), "%s",
+          error.message);
     CHECK(ss_resample_ids(model, NULL, 1, &error) == SS_BAD_ARGUMENT, "NULL is a view");
     ss_model_destroy(model);
 }

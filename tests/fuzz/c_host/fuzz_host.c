@@ -18,10 +18,10 @@
 enum { STEPS = 4 };
 
 WGPUDevice stub_device(void);                      /* of wgpu_stub.c */
-void keep_input(const uint8_t *data, size_t size); /* of mutate.c */
+void keep_input(const uint8_t* data, size_t size); /* of mutate.c */
 
 static jmp_buf refused;
-static const char *files[2]; /* upscaler.json and frames.json */
+static const char* files[2]; /* upscaler.json and frames.json */
 static size_t sizes[2];
 
 /* ---------------------------------------------------------------- hooks */
@@ -32,50 +32,40 @@ typedef struct Block {
 
 static Block blocks = {&blocks, &blocks};
 
-void *hook_calloc(size_t count, size_t size)
-{
-    Block *block = calloc(1, sizeof *block + count * size);
+void* hook_calloc(size_t count, size_t size) {
+    Block* block = calloc(1, sizeof *block + count * size);
     if (block == NULL) return NULL;
     *block = (Block){&blocks, blocks.next};
     block->next->previous = blocks.next = block;
     return block + 1;
 }
 
-void *hook_malloc(size_t size)
-{
-    return hook_calloc(1, size);
-}
+void* hook_malloc(size_t size) { return hook_calloc(1, size); }
 
-void hook_free(void *data)
-{
+void hook_free(void* data) {
     if (data == NULL) return;
-    Block *block = (Block *)data - 1;
+    Block* block = (Block*)data - 1;
     block->previous->next = block->next;
     block->next->previous = block->previous;
     free(block);
 }
 
-void hook_exit(int status)
-{
-    longjmp(refused, status);
-}
+void hook_exit(int status) { longjmp(refused, status); }
 
-FILE *hook_fopen(const char *path, const char *mode)
-{
+FILE* hook_fopen(const char* path, const char* mode) {
     const char *name = path + 2, *const known[2] = {"upscaler.json", "frames.json"};
     if (strncmp(path, "./", 2) != 0 || strchr(name, '/') != NULL || strcmp(name, "..") == 0) {
         fprintf(stderr, "a file outside of the folder: %s\n", path);
         abort();
     }
     for (int i = 0; i < 2; i++)
-        if (strcmp(name, known[i]) == 0) return fmemopen((void *)files[i], sizes[i], mode);
+        if (strcmp(name, known[i]) == 0) return fmemopen((void*)files[i], sizes[i], mode);
     return fopen(path, mode);
 }
 
 /* ---------------------------------------------------------------- a run */
 
-static WGPUTexture texture(WGPUDevice device, const uint32_t size[2], WGPUTextureFormat format)
-{
+static WGPUTexture texture(WGPUDevice device, const uint32_t size[2], WGPUTextureFormat format) {
     bool is_image = format == WGPUTextureFormat_RGBA16Float;
     WGPUTextureDescriptor described = {
         .usage = is_image ? WGPUTextureUsage_StorageBinding : WGPUTextureUsage_TextureBinding,
@@ -85,8 +75,7 @@ static WGPUTexture texture(WGPUDevice device, const uint32_t size[2], WGPUTextur
     return wgpuDeviceCreateTexture(device, &described);
 }
 
-static void step(WGPUDevice device, Upscaler *upscaler, const ShotFrame *item, WGPUTexture image)
-{
+static void step(WGPUDevice device, Upscaler* upscaler, const ShotFrame* item, WGPUTexture image) {
     Frame frame = {
         .color = texture(device, item->size, WGPUTextureFormat_RGBA32Float),
         .depth = texture(device, item->size, WGPUTextureFormat_R32Float),
@@ -104,11 +93,10 @@ static void step(WGPUDevice device, Upscaler *upscaler, const ShotFrame *item, W
     wgpuTextureRelease(frame.motion);
 }
 
-static void load_and_step(void)
-{
+static void load_and_step(void) {
     WGPUDevice device = stub_device();
     Shot shot = shot_load(".");
-    Upscaler *upscaler = upscaler_load(device, ".", shot.display[0], shot.display[1]);
+    Upscaler* upscaler = upscaler_load(device, ".", shot.display[0], shot.display[1]);
     WGPUTexture image = texture(device, shot.display, WGPUTextureFormat_RGBA16Float);
     for (int i = 0; i < shot.count && i < STEPS; i++) step(device, upscaler, &shot.frames[i], image);
     wgpuTextureRelease(image);
@@ -121,13 +109,12 @@ static void load_and_step(void)
     }
 }
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
-{
-    const uint8_t *end = memchr(data, 0, size);
+int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+    const uint8_t* end = memchr(data, 0, size);
     sizes[0] = end ? (size_t)(end - data) : size;
     sizes[1] = end ? size - sizes[0] - 1 : 0;
-    files[0] = (const char *)data;
-    files[1] = (const char *)data + size - sizes[1];
+    files[0] = (const char*)data;
+    files[1] = (const char*)data + size - sizes[1];
     cJSON_InitHooks(&(cJSON_Hooks){hook_malloc, hook_free});
     if (setjmp(refused) == 0) {
         load_and_step();

@@ -7,10 +7,10 @@
 #include <stdlib.h>
 
 __attribute__((noreturn)) void hook_exit(int status);
-FILE *hook_fopen(const char *path, const char *mode);
-void *hook_malloc(size_t size);
-void *hook_calloc(size_t count, size_t size);
-void hook_free(void *data);
+FILE* hook_fopen(const char* path, const char* mode);
+void* hook_malloc(size_t size);
+void* hook_calloc(size_t count, size_t size);
+void hook_free(void* data);
 
 #define exit hook_exit
 #define fopen hook_fopen

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-size_t LLVMFuzzerMutate(uint8_t *data, size_t size, size_t most);
+size_t LLVMFuzzerMutate(uint8_t* data, size_t size, size_t most);
 
 enum { MOST_SPANS = 8192, DEEPEST = 32, LARGEST = 1 << 16, MOST_KEPT = 64, KEPT_BYTES = 1 << 12 };
 
@@ -30,8 +30,7 @@ static const char *const hostile[] = {
 static uint8_t kept[MOST_KEPT][KEPT_BYTES];
 static size_t kept_sizes[MOST_KEPT], kept_count;
 
-void keep_input(const uint8_t *data, size_t size)
-{
+void keep_input(const uint8_t* data, size_t size) {
     if (size > KEPT_BYTES) return;
     size_t place = kept_count++ % MOST_KEPT;
     memcpy(kept[place], data, size);
@@ -39,8 +38,7 @@ void keep_input(const uint8_t *data, size_t size)
 }
 
 /* Find values and keys, by their first and last byte. */
-static size_t find_spans(const char *text, size_t size, Span spans[MOST_SPANS])
-{
+static size_t find_spans(const char* text, size_t size, Span spans[MOST_SPANS]) {
     size_t count = 0, depth = 0, opened[DEEPEST];
     for (size_t i = 0; i < size && count < MOST_SPANS;) {
         size_t start = i++;
@@ -60,14 +58,12 @@ static size_t find_spans(const char *text, size_t size, Span spans[MOST_SPANS])
     return count;
 }
 
-static size_t append(uint8_t *text, size_t size, const void *data, size_t count)
-{
+static size_t append(uint8_t* text, size_t size, const void* data, size_t count) {
     memcpy(text + size, data, count);
     return size + count;
 }
 
-size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t most, unsigned int seed)
-{
+size_t LLVMFuzzerCustomMutator(uint8_t* data, size_t size, size_t most, unsigned int seed) {
     static Span spans[MOST_SPANS];
     static uint8_t text[3 * LARGEST];
     srand(seed);
@@ -76,26 +72,23 @@ size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t most, unsigned
         size = kept_sizes[place];
         memcpy(data, kept[place], size);
     }
-    size_t count = size <= LARGEST ? find_spans((const char *)data, size, spans) : 0;
+    size_t count = size <= LARGEST ? find_spans((const char*)data, size, spans) : 0;
     if (count == 0 || rand() % 16 == 0) return LLVMFuzzerMutate(data, size, most);
     Span old = spans[(size_t)rand() % count], other = spans[(size_t)rand() % count];
-    const char *value = hostile[(size_t)rand() % (sizeof hostile / sizeof *hostile)];
+    const char* value = hostile[(size_t)rand() % (sizeof hostile / sizeof *hostile)];
     size_t end = old.end, made = append(text, 0, data, old.start);
     switch (rand() % 8) {
-    case 0: /* gone, with the comma after it */
-        if (end < size && data[end] == ',') end++;
-        break;
-    case 1: /* doubled */
-        made = append(text, made, data + old.start, old.end - old.start);
-        made = append(text, made, ",", 1);
-        end = old.start;
-        break;
-    case 2:
-    case 3:
-        made = append(text, made, data + other.start, other.end - other.start);
-        break;
-    default:
-        made = append(text, made, value, strlen(value));
+        case 0: /* gone, with the comma after it */
+            if (end < size && data[end] == ',') end++;
+            break;
+        case 1: /* doubled */
+            made = append(text, made, data + old.start, old.end - old.start);
+            made = append(text, made, ",", 1);
+            end = old.start;
+            break;
+        case 2:
+        case 3: made = append(text, made, data + other.start, other.end - other.start); break;
+        default: made = append(text, made, value, strlen(value));
     }
     made = append(text, made, data + end, size - end);
     if (made > most) return size;

@@ -19,8 +19,22 @@ enum OfFilter { BY_SAMPLE, BY_CUBIC, BY_MEAN, BY_DISTANCE };
 // Words of a record of network inputs, by the names of `pixel_inputs`. `guided` has RELIT_TO_FRAME and AGREEMENT in
 // the places of MIN_LUMA and MAX_LUMA.
 enum InputWord {
-    IN_FRAME, IN_SAMPLE, IN_HISTORY, IN_HISTORY_TO_SAMPLE, IN_HISTORY_TO_FRAME, IN_CONTRAST, IN_HISTORY_CONTRAST,
-    IN_BEYOND_RANGE, IN_MIN_LUMA, IN_MAX_LUMA, IN_DETAIL, IN_CONFIDENCE, IN_COUNT, IN_DEPTH_DIFFERENCE, IN_SURFACE, IN_EDGE,
+    IN_FRAME,
+    IN_SAMPLE,
+    IN_HISTORY,
+    IN_HISTORY_TO_SAMPLE,
+    IN_HISTORY_TO_FRAME,
+    IN_CONTRAST,
+    IN_HISTORY_CONTRAST,
+    IN_BEYOND_RANGE,
+    IN_MIN_LUMA,
+    IN_MAX_LUMA,
+    IN_DETAIL,
+    IN_CONFIDENCE,
+    IN_COUNT,
+    IN_DEPTH_DIFFERENCE,
+    IN_SURFACE,
+    IN_EDGE,
 };
 
 // Stores inputs in [0, 1] as bytes; 255 is one.
@@ -32,7 +46,9 @@ SS_INLINE I packed_words(const uint8_t* upper, const uint8_t* lower) {
     return evens(a, b) | odds(a, b) << 8 | evens(c, d) << 16 | odds(c, d) << 24;
 }
 
-SS_INLINE F3 load_half3(const uint16_t* from) { return {load_half(from), load_half(from + W), load_half(from + 2 * W)}; }
+SS_INLINE F3 load_half3(const uint16_t* from) {
+    return {load_half(from), load_half(from + W), load_half(from + 2 * W)};
+}
 SS_INLINE void stream_half3(uint16_t* to, F3 v) {
     stream_half(to, v.r);
     stream_half(to + W, v.g);

@@ -18,14 +18,16 @@ static void tent_row(const Network& n, int plane, int y, int p0, int p1, float* 
     F weights[5];
     for (int k = 0; k < 5; k++) {
         rows[k] = n.means_at(clamp(y + k - 2, 0, n.half.height - 1), plane);
-        weights[k] = spread(y + k - 2 < 0 || y + k - 2 >= n.half.height ? 0.0f : tent_weight(y + k - 2, y, n.half.height));
+        weights[k] =
+            spread(y + k - 2 < 0 || y + k - 2 >= n.half.height ? 0.0f : tent_weight(y + k - 2, y, n.half.height));
     }
     for (int x = p0; x < p1 + 2 * PAD; x += W) {
         F upper = load(rows[0] + x) * weights[0] + load(rows[1] + x) * weights[1];
         F lower = load(rows[4] + x) * weights[4] + load(rows[3] + x) * weights[3];
         store(tall + x, upper + load(rows[2] + x) * weights[2] + lower);
     }
-    for (int x = PAD + p0; x < PAD + p1; x += W) store(line + x, load(tall + x - 1) + load(tall + x) + load(tall + x + 1));
+    for (int x = PAD + p0; x < PAD + p1; x += W)
+        store(line + x, load(tall + x - 1) + load(tall + x) + load(tall + x + 1));
     repeat_ends(line + PAD + p0, p1 - p0);
     for (int x = PAD + p0; x < PAD + p1; x += W) {
         F mean = (load(line + x - 1) + load(line + x) + load(line + x + 1)) * (1.0f / 81.0f);
@@ -45,7 +47,8 @@ static void mean_difference_row(const Network& n, int y, int p0, int p1, const C
 
 // Writes `history_contrast` and `beyond_range` of columns x0 to x1 of a row of the image to `lines`.
 static void contrast_row(const Gathered& g, int height, int y, int x0, int x1, uint8_t* lines) {
-    const float* rows[] = {g.luma + g.padded(max(y - 1, 0)), g.luma + g.padded(y), g.luma + g.padded(min(y + 1, height - 1))};
+    const float* rows[] = {g.luma + g.padded(max(y - 1, 0)), g.luma + g.padded(y),
+                           g.luma + g.padded(min(y + 1, height - 1))};
     const uint8_t* samples = g.samples + g.place(y);
     for (int x = x0; x < x1; x += W) {
         F low = load(rows[1] + x), high = low;
@@ -66,16 +69,19 @@ static void complete_row(const ClassifierWork& w, int y, int p0, int p1, const C
     const int pitch = w.gathered.pitch, width = w.target.width, height = w.target.height;
     uint8_t* lines[2] = {s.inputs, s.inputs + 2 * pitch};
     for (int k = 0; k < 2; k++) {
-        contrast_row(w.gathered, height, min(2 * y + k, height - 1), 2 * p0, min(up_to(2 * p1, LANES), pitch), lines[k]);
+        contrast_row(w.gathered, height, min(2 * y + k, height - 1), 2 * p0, min(up_to(2 * p1, LANES), pitch),
+                     lines[k]);
         for (int c = 0; c < 2 && width % 2; c++) lines[k][c * pitch + width] = lines[k][c * pitch + width - 1];
     }
     int32_t* records = w.network->records_at(y) + IN_HISTORY_CONTRAST;
     for (int x = p0; x < p1; x += W) {
-        I contrast = packed_words(lines[0] + 2 * x, lines[1] + 2 * x), beyond = packed_words(lines[0] + pitch + 2 * x, lines[1] + pitch + 2 * x);
+        I contrast = packed_words(lines[0] + 2 * x, lines[1] + 2 * x),
+          beyond = packed_words(lines[0] + pitch + 2 * x, lines[1] + pitch + 2 * x);
         int32_t words[2 * W];
         store(words, low_zip(contrast, beyond));
         store(words + W, high_zip(contrast, beyond));
-        for (int i = 0; i < min(W, p1 - x); i++) memcpy(records + (x + i) * RECORD_WORDS, words + 2 * i, 2 * sizeof(int32_t));
+        for (int i = 0; i < min(W, p1 - x); i++)
+            memcpy(records + (x + i) * RECORD_WORDS, words + 2 * i, 2 * sizeof(int32_t));
     }
     mean_difference_row(*w.network, y, p0, p1, s);
 }
@@ -98,7 +104,8 @@ void encode_first(const ClassifierWork& w, int depth, Rect box, int thread) {
         Input input = {line, level.inputs, level.first.words};  // channels are filled up to whole vectors
         if (depth) {
             const Level& above = n.level[depth - 1];
-            pool_row(above.out_at(2 * y) + (KEPT[depth - 1] << 2 * (depth - 1)) + 2 * box.x0 * above.out_pitch, above.out_pitch, above.out_row, level.inputs, line, count);
+            pool_row(above.out_at(2 * y) + (KEPT[depth - 1] << 2 * (depth - 1)) + 2 * box.x0 * above.out_pitch,
+                     above.out_pitch, above.out_row, level.inputs, line, count);
         } else {
             const int here = min(y, n.half.height - 1);
             if (here == y) {
@@ -123,7 +130,8 @@ void encode_others(const ClassifierWork& w, int depth, Rect box, int thread) {
     for (int y = box.y0; y < box.y1; y++) {
         const uint8_t* rows[3];
         for (int k = 0; k < 3; k++)
-            rows[k] = (y + k - 1 < 0 || y + k - 1 >= level.height ? n.zeros : level.x_at(y + k - 1)) + box.x0 * level.x_pitch;
+            rows[k] =
+                (y + k - 1 < 0 || y + k - 1 >= level.height ? n.zeros : level.x_at(y + k - 1)) + box.x0 * level.x_pitch;
         depthwise_row(rows, level.x_pitch, level.spatial, level.channels, line, count);
         uint8_t* to = level.out_at(y) + box.x0 * level.out_pitch;
         pointwise_row(Input{line, level.channels, level.channels / 4}, level.last, to, level.out_pitch, count);

@@ -18,8 +18,7 @@ SS_INLINE F factor(F value) {
 // pixels that it covers, one after the other.
 static void concatenate_row(const Network& n, int y, int p0, int p1, uint8_t* out) {
     const uint8_t* rows[LEVELS];
-    for (int k = 0; k < LEVELS; k++)
-        rows[k] = n.level[k].out_at(y >> k) + (KEPT[k] << k) * (y & ((1 << k) - 1));
+    for (int k = 0; k < LEVELS; k++) rows[k] = n.level[k].out_at(y >> k) + (KEPT[k] << k) * (y & ((1 << k) - 1));
     for (int p = p0; p < p1; p++) {
         prefetch(rows[3] + ((p + 16) >> 3) * n.level[3].out_pitch);
         uint8_t* to = out + 32 * p;
@@ -47,7 +46,8 @@ static void store_classes(const float* logits, int pitch, int count, uint8_t* cl
 
 // Computes blend parameters, (outputs, pitch), and after them class logits, of packed pixels p0 to p1, and class
 // probabilities. W pixels side by side, their bytes word by word.
-static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int p0, int p1, int pitch, float* out, uint8_t* classes) {
+static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int p0, int p1, int pitch, float* out,
+                      uint8_t* classes) {
     constexpr int AT_ONCE = 8;
     const Layer& layer = n.blend;
     for (int p = p0; p < p1; p += W) {
@@ -57,7 +57,8 @@ static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int 
             I sums[AT_ONCE] = {};
             for (int k = 0; k < layer.words; k++)
                 for (int i = 0; i < AT_ONCE; i++)
-                    sums[i] = dot4(sums[i], bits_of(columns[k]), spread(load_as<int32_t>(layer.weights + 4 * ((c + i) * layer.words + k))));
+                    sums[i] = dot4(sums[i], bits_of(columns[k]),
+                                   spread(load_as<int32_t>(layer.weights + 4 * ((c + i) * layer.words + k))));
             for (int i = 0; i < AT_ONCE; i++)
                 store(out + (c + i) * pitch + p, to_float(sums[i]) * layer.scale[c + i] + layer.bias[c + i]);
         }
@@ -141,32 +142,37 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
     for (int x = x0; x < min(x1, end); x += W) {
         const uint16_t* rest = gathered + variant.planes() * x;
         const float* history = histories + 3 * x;
-        for (int line = 0; line < W * variant.planes(); line += LINE / 2) prefetch(rest + 2 * W * variant.planes() + line);
+        for (int line = 0; line < W * variant.planes(); line += LINE / 2)
+            prefetch(rest + 2 * W * variant.planes() + line);
         for (int line = 0; line < 3 * W; line += LINE / 4) prefetch(history + 2 * 3 * W + line);
-        auto parameter = [&](int index) __attribute__((always_inline)) {  // of the left and right pixel of packed pixels
+        // Of the left and right pixel of packed pixels.
+        auto parameter = [&](int index) __attribute__((always_inline)) {
             const float *left = blend + index * blend_pitch + x / 2, *right = left + parameters * blend_pitch;
             return low_zip(load(left), load(right));
         };
         Sum window;
         const Places places(ax.nearest, x);
-        if constexpr (guided) unrolled<9>([&](auto index) __attribute__((always_inline)) {
-            constexpr int k = index.k;
-            const uint16_t* at = images[k / 3] + x + k % 3 - 1;
-            const int pitch = width + 2 * PAD;
-            window.add(F3{load_half(at), load_half(at + pitch), load_half(at + 2 * pitch)},
-                       NEIGHBOUR_WEIGHTS[k] * factor(parameter(variant.kernel_weights() + k)));
-        });
-        else unrolled<3>([&](auto row_index) __attribute__((always_inline)) {
-            constexpr int i = row_index.k;
-            const float down = ay.windows[i * ay.pitch + y];
-            unrolled<3>([&](auto column_index) __attribute__((always_inline)) {
-                constexpr int j = column_index.k;
-                F weight = load(ax.windows + j * ax.pitch + x) * down + MIN_KERNEL_WEIGHT;
-                weight *= factor(parameter(variant.kernel_weights() + 3 * i + j));
-                auto plane = [&](int c) __attribute__((always_inline)) { return places.at(rows[i] + c * s.pitch, j - 1); };
-                window.add(F3{plane(0), plane(1), plane(2)}, weight * plane(USABLE));
+        if constexpr (guided)
+            unrolled<9>([&](auto index) __attribute__((always_inline)) {
+                constexpr int k = index.k;
+                const uint16_t* at = images[k / 3] + x + k % 3 - 1;
+                const int pitch = width + 2 * PAD;
+                window.add(F3{load_half(at), load_half(at + pitch), load_half(at + 2 * pitch)},
+                           NEIGHBOUR_WEIGHTS[k] * factor(parameter(variant.kernel_weights() + k)));
             });
-        });
+        else
+            unrolled<3>([&](auto row_index) __attribute__((always_inline)) {
+                constexpr int i = row_index.k;
+                const float down = ay.windows[i * ay.pitch + y];
+                unrolled<3>([&](auto column_index) __attribute__((always_inline)) {
+                    constexpr int j = column_index.k;
+                    F weight = load(ax.windows + j * ax.pitch + x) * down + MIN_KERNEL_WEIGHT;
+                    weight *= factor(parameter(variant.kernel_weights() + 3 * i + j));
+                    auto plane = [&](int c)
+                                     __attribute__((always_inline)) { return places.at(rows[i] + c * s.pitch, j - 1); };
+                    window.add(F3{plane(0), plane(1), plane(2)}, weight * plane(USABLE));
+                });
+            });
         F3 frame = load_half3(rest + W * FRAME), sample = load_half3(rest + W * SAMPLE);
         F3 filtered = select(window.weight > 1e-9f, window.color * (1.0f / maximum(window.weight, 1e-12f)), frame);
         F confidence = load_half(rest + W * CONFIDENCE);
@@ -188,7 +194,8 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         F history_weight = first + second + third;
         F strength = clamped(parameter(variant.sharpness()), 0.0f, MAX_SHARPNESS);
         F3 detail = load_half3(rest + W * DETAIL);
-        F3 color = clamped(F3{load(history), load(history + W), load(history + 2 * W)} + detail * strength, 0.0f, MAX_TONED);
+        F3 color =
+            clamped(F3{load(history), load(history + W), load(history + 2 * W)} + detail * strength, 0.0f, MAX_TONED);
         if (s.has_reactive) {
             F reactive = reactive_at(s, w.tables, y, x), now = maximum(current.weight, 1e-12f);
             F kept = (1.0f - reactive) * (now / (now + reactive * history_weight));
@@ -199,13 +206,17 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         }
         Sum past;
         past.add(color, first);
-        if (rectified) past.add(clip_to_center(color, load_half3(rest + W * variant.mean()), load_half3(rest + W * (variant.mean() + 3))), second);
+        if (rectified)
+            past.add(clip_to_center(color, load_half3(rest + W * variant.mean()),
+                                    load_half3(rest + W * (variant.mean() + 3))),
+                     second);
         if (own_motion) past.add(load_half3(rest + W * variant.own()), third);
         F total = history_weight + current.weight, scale = 1.0f / maximum(total, 1e-12f);
         F3 toned = select(total > 0.0f, (past.color + current.color) * scale, frame);
         if (!guided && !all(known)) {
             const Places around(ax.start, x);
-            toned = select(known, toned, along_edges(toned, upsample_along_edges(s, w.tables, BY_DISTANCE, around, y, x)));
+            toned =
+                select(known, toned, along_edges(toned, upsample_along_edges(s, w.tables, BY_DISTANCE, around, y, x)));
         }
         F3 image = linear_of(toned, s.exposure);
         if (w.target.weight) write_plane(w.target.weight, y, x, min(x1, end), history_weight * scale);
@@ -213,8 +224,10 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         // next history
         F odds = history_weight / maximum(current.weight, 1e-12f) * (sampled + frame_weight + frame_weight);
         F next_count = minimum(minimum(odds, count), w.config.samples) + confidence;
-        F luma = luminance(sample), trust = select(known, minimum(odds * HALF_COUNT / maximum(count, 1e-6f), 1.0f), 0.0f);
-        F rate = confidence * w.config.contraction, low = load_half(rest + W * MIN_LUMA), high = load_half(rest + W * MAX_LUMA);
+        F luma = luminance(sample),
+          trust = select(known, minimum(odds * HALF_COUNT / maximum(count, 1e-6f), 1.0f), 0.0f);
+        F rate = confidence * w.config.contraction, low = load_half(rest + W * MIN_LUMA),
+          high = load_half(rest + W * MAX_LUMA);
         F warped_glare = F{};
         if (w.glares) {
             warped_glare = without_glare(high);
@@ -227,7 +240,8 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         high = maximum(high, luma) - rate * maximum(high - luma, 0.0f);
         low = luma + trust * (low - luma);
         high = luma + trust * (high - luma) + warped_glare * GLARE;
-        write_history(w.next_history + HISTORY_VALUES * (static_cast<ptrdiff_t>(y) * end + x), min(x1, end) - x, image, next_count, low, high);
+        write_history(w.next_history + HISTORY_VALUES * (static_cast<ptrdiff_t>(y) * end + x), min(x1, end) - x, image,
+                      next_count, low, high);
     }
 }
 
@@ -246,12 +260,13 @@ void confirm_none(const ClassifierWork& w, Rect rect) {
 }
 
 // Runs the layers after the encoder on packed pixels p0 to p1 of row y: blend parameters and logits, see `blend_row`.
-static void infer_row(const Network& n, const ClassifierScratch& s, int outputs, int y, int p0, int p1, uint8_t* classes) {
+static void infer_row(const Network& n, const ClassifierScratch& s, int outputs, int y, int p0, int p1,
+                      uint8_t* classes) {
     concatenate_row(n, y, p0, p1, s.read);
     pointwise_row(Input{s.read + 32 * p0, 32, 8}, n.decoder, s.decoded + 32 * p0, 32, p1 - p0);
     const int32_t* records = n.records_at(y) + p0 * RECORD_WORDS;
-    pointwise_row(Input{reinterpret_cast<const uint8_t*>(records), 4 * RECORD_WORDS, INPUT_PLANES}, Input{s.decoded + 32 * p0, 32, 8},
-                  n.hidden, s.hidden + 4 * WIDE * p0, 4 * WIDE, p1 - p0);
+    pointwise_row(Input{reinterpret_cast<const uint8_t*>(records), 4 * RECORD_WORDS, INPUT_PLANES},
+                  Input{s.decoded + 32 * p0, 32, 8}, n.hidden, s.hidden + 4 * WIDE * p0, 4 * WIDE, p1 - p0);
     blend_row(n, s.hidden, outputs, p0, p1, up_to(n.half.width, LANES), s.blend, classes);
 }
 
@@ -264,7 +279,8 @@ void infer_rows(const ClassifierWork& w, int parameters, float* out, int y0, int
         infer_row(*w.network, *w.scratch, outputs, y, 0, half.width, w.next_classes);
         for (int c = 0; c < 4 * parameters + CLASSES; c++) {
             const int from = c < 4 * parameters ? c % 4 * parameters + c / 4 : outputs + c - 4 * parameters;
-            memcpy(out + (static_cast<ptrdiff_t>(c) * half.height + y) * half.width, blend + from * pitch, sizeof(float) * half.width);
+            memcpy(out + (static_cast<ptrdiff_t>(c) * half.height + y) * half.width, blend + from * pitch,
+                   sizeof(float) * half.width);
         }
     }
 }
@@ -286,8 +302,8 @@ static void finish_rows(const ClassifierWork& w, Rect rect, int thread) {
     end_streams();
 }
 
-extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread) = {finish_rows<false, false, false>, finish_rows<false, true, false>,
-                                                                  finish_rows<true, false, false>, finish_rows<true, true, false>,
-                                                                             finish_rows<false, true, true>, finish_rows<true, true, true>};
+extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread) = {
+    finish_rows<false, false, false>, finish_rows<false, true, false>, finish_rows<true, false, false>,
+    finish_rows<true, true, false>,   finish_rows<false, true, true>,  finish_rows<true, true, true>};
 
 }  // namespace ss::SS_ISA

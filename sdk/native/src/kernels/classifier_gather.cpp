@@ -97,7 +97,8 @@ SS_INLINE void warp8(const float* h, bool same_motion, WarpScratch& s) {
     auto low = [](F8 v) __attribute__((always_inline)) { return __builtin_shufflevector(v, v, 0, 1, 2, 3); };
     for (int i = 0; i < W; i++) {
         const int a = s.offsets[0][i], b = s.offsets[1][i], c = s.offsets[2][i], d = s.offsets[3][i];
-        const float *j = h + s.offsets[4][i], *k = h + s.offsets[5][i], *m = h + s.offsets[6][i], *n = h + s.offsets[7][i];
+        const float *j = h + s.offsets[4][i], *k = h + s.offsets[5][i], *m = h + s.offsets[6][i],
+                    *n = h + s.offsets[7][i];
         prefetch(n + d + 15 * HISTORY_VALUES);  // the lower right sample of a pixel of the next step
         const float x0 = s.weights[0][i], x1 = s.weights[1][i], x2 = s.weights[2][i], x3 = s.weights[3][i];
         const F8 kb = load_as<F8>(k + b), kc = load_as<F8>(k + c), mb = load_as<F8>(m + b), mc = load_as<F8>(m + c);
@@ -114,8 +115,8 @@ SS_INLINE void warp8(const float* h, bool same_motion, WarpScratch& s) {
         if (own_motion && !same_motion) {
             const float *up = h + s.offsets[10][i], *down = h + s.offsets[11][i];
             const int left = s.offsets[8][i], right = s.offsets[9][i];
-            own = linear4(load4(up + left), load4(up + right), load4(down + left), load4(down + right), s.weights[10][i],
-                          s.weights[11][i]);
+            own = linear4(load4(up + left), load4(up + right), load4(down + left), load4(down + right),
+                          s.weights[10][i], s.weights[11][i]);
         }
         store4(four_at(s.pixels, 2, i), sharp);
         if (own_motion) store4(four_at(s.pixels, 3, i), own);
@@ -136,13 +137,15 @@ static void warp_classes(const ClassifierWork& w, const float* places, int p0, i
         store(s.offsets[4], on_screen(px, py, display));
         for (int i = 0; i < min(W, p1 - x); i++) {
             auto bytes = [&](int row, int column) __attribute__((always_inline)) {
-                return __builtin_convertvector(load_as<B8>(w.classes + s.offsets[2 + row][i] + s.offsets[column][i]), F8);
+                return __builtin_convertvector(load_as<B8>(w.classes + s.offsets[2 + row][i] + s.offsets[column][i]),
+                                               F8);
             };
             const float t = s.weights[0][i], u = s.weights[1][i];
             F8 a = bytes(0, 0), c = bytes(1, 0), upper = a + (bytes(0, 1) - a) * t, lower = c + (bytes(1, 1) - c) * t;
             F8 value = upper + (lower - upper) * u + 0.5f;
             const int64_t on = s.offsets[4][i];
-            store_as(records + (x + i) * RECORD_WORDS, reinterpret_cast<int64_t>(__builtin_convertvector(value, B8)) & on);
+            store_as(records + (x + i) * RECORD_WORDS,
+                     reinterpret_cast<int64_t>(__builtin_convertvector(value, B8)) & on);
         }
     }
 }
@@ -203,9 +206,11 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
     for (int y = rect.y0; y < rect.y1; y++) {
         float *lumas = w.gathered.luma + w.gathered.padded(y), *history = w.gathered.history + 3 * w.gathered.place(y);
         uint16_t* rest = w.gathered.rest + variant.planes() * w.gathered.place(y);
-        uint8_t *samples = w.gathered.samples + w.gathered.place(y), *inputs = scratch.inputs + y % 2 * INPUT_PLANES * width;
+        uint8_t *samples = w.gathered.samples + w.gathered.place(y),
+                *inputs = scratch.inputs + y % 2 * INPUT_PLANES * width;
         filter_all_down(w, y, span, scratch.lines, !guided);
-        const float *dilated = fours_row(s, s.dilated, ay.clamped(ay.start[y])), *nearest = fours_row(s, s.own, ay.nearest[y]);
+        const float *dilated = fours_row(s, s.dilated, ay.clamped(ay.start[y])),
+                    *nearest = fours_row(s, s.own, ay.nearest[y]);
         const float *base_color = nullptr, *normals = nullptr;
         if (guided) {
             float* room = w.guide.scratch + thread * w.guide.scratch_pitch;
@@ -244,7 +249,8 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
                 if (guided) surface_x = ox, surface_y = oy, surface_on = on_screen(ox, oy, display);
                 if (!same_motion) {
                     store(warps.weights[10], store_offsets(ox, 0, 1, display.width, HISTORY_VALUES, warps.offsets + 8));
-                    store(warps.weights[11], store_offsets(oy, 0, 1, display.height, HISTORY_VALUES * display.width, warps.offsets + 10));
+                    store(warps.weights[11],
+                          store_offsets(oy, 0, 1, display.height, HISTORY_VALUES * display.width, warps.offsets + 10));
                 }
             }
             warp8<own_motion>(w.history, same_motion, warps);
@@ -267,7 +273,8 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             if (guided) {
                 reflected = reflectance(surface_here, w.guide.min_reflectance);
                 F3 before = warp_reflectance(w.guide.before, warps);
-                F3 kept = keep_reflectance(reflected, w.guide.next + 4 * (static_cast<ptrdiff_t>(y) * display.width + x), display.width - x);
+                F3 kept = keep_reflectance(
+                    reflected, w.guide.next + 4 * (static_cast<ptrdiff_t>(y) * display.width + x), display.width - x);
                 F3 light = relit(F3{third[0], third[1], third[2]}, before, kept, w.guide.min_reflectance);
                 by_own = where(surface_on, toned_at(w, light.r, light.g, light.b));
             }
@@ -307,7 +314,8 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             F3 frame_roots = roots(now.frame), sample_roots = roots(now.sample);
             F frame_luma = luminance(frame_roots);
             store(scratch.differences + y % 2 * width + x, luma - frame_luma);
-            auto input = [&](InputWord word, F value) __attribute__((always_inline)) { store_input(inputs + word * width + x, value); };
+            auto input = [&](InputWord word, F value)
+                             __attribute__((always_inline)) { store_input(inputs + word * width + x, value); };
             input(IN_FRAME, frame_luma);
             input(IN_SAMPLE, luminance(sample_roots));
             store(samples + x, load(inputs + IN_SAMPLE * width + x));
@@ -355,8 +363,8 @@ void keep_depth(const ClassifierWork& w, int y0, int y1) {
     }
 }
 
-extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread) = {gather_rows<false, false, false>, gather_rows<false, true, false>,
-                                                                  gather_rows<true, false, false>, gather_rows<true, true, false>,
-                                                                             gather_rows<false, true, true>, gather_rows<true, true, true>};
+extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread) = {
+    gather_rows<false, false, false>, gather_rows<false, true, false>, gather_rows<true, false, false>,
+    gather_rows<true, true, false>,   gather_rows<false, true, true>,  gather_rows<true, true, true>};
 
 }  // namespace ss::SS_ISA

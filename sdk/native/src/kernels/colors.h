@@ -18,13 +18,17 @@ SS_INLINE F3 operator*(F3 c, F scale) { return {c.r * scale, c.g * scale, c.b * 
 SS_INLINE F3 operator*(F3 c, float scale) { return {c.r * scale, c.g * scale, c.b * scale}; }
 SS_INLINE F3 operator+(F3 a, F3 b) { return {a.r + b.r, a.g + b.g, a.b + b.b}; }
 SS_INLINE F3 operator-(F3 a, F3 b) { return {a.r - b.r, a.g - b.g, a.b - b.b}; }
-SS_INLINE F3 select(I mask, F3 a, F3 b) { return {select(mask, a.r, b.r), select(mask, a.g, b.g), select(mask, a.b, b.b)}; }
+SS_INLINE F3 select(I mask, F3 a, F3 b) {
+    return {select(mask, a.r, b.r), select(mask, a.g, b.g), select(mask, a.b, b.b)};
+}
 SS_INLINE F3 clamped(F3 c, float low, float high) {
     return {clamped(c.r, low, high), clamped(c.g, low, high), clamped(c.b, low, high)};
 }
 SS_INLINE F3 maximum3(F3 c, float low) { return {maximum(c.r, low), maximum(c.g, low), maximum(c.b, low)}; }
 SS_INLINE F lerp(F a, F b, F weight) { return a + weight * (b - a); }
-SS_INLINE F3 lerp(F3 a, F3 b, F weight) { return {lerp(a.r, b.r, weight), lerp(a.g, b.g, weight), lerp(a.b, b.b, weight)}; }
+SS_INLINE F3 lerp(F3 a, F3 b, F weight) {
+    return {lerp(a.r, b.r, weight), lerp(a.g, b.g, weight), lerp(a.b, b.b, weight)};
+}
 
 SS_INLINE F3 tone(F3 exposed) { return exposed * (1.0f / (largest(exposed) + 1.0f)); }
 SS_INLINE F3 ycocg(F3 c) {

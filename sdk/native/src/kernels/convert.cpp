@@ -20,7 +20,8 @@ void camera_motion_rows(const CameraMotion& m, int y0, int y1) {
             F w = d * m.depth_w + column(4) + of[4];
             const I behind = w < CAMERA_BEHIND;
             w = select(behind, 1.0f, w);
-            const F mx = (column(0) * d + column(1) * of[0] + column(2)) / w, my = (d * of[1] + column(3) * of[2] + of[3]) / w;
+            const F mx = (column(0) * d + column(1) * of[0] + column(2)) / w,
+                    my = (d * of[1] + column(3) * of[2] + of[3]) / w;
             float values[2][W];
             store(values[0], select(behind, out[0], mx));
             store(values[1], select(behind, out[1], my));
@@ -47,10 +48,12 @@ void rgba_rows(const View& image, uint8_t* const to, ptrdiff_t row, int width, i
 }
 
 // Writes the mean of two rows of images, weighted after the tone curve c / (1 + max(c)), to the first.
-void merge_row(float* image, const float* other, const float* weight, const float* other_weight, int width, float exposure) {
+void merge_row(float* image, const float* other, const float* weight, const float* other_weight, int width,
+               float exposure) {
     for (int x = 0; x < width; x += W) {
         float a_tail[3 * W], b_tail[3 * W], weight_tail[W], other_tail[W];
-        const F3 a = load_rgb(whole_vector<3>(image, x, width, a_tail)), b = load_rgb(whole_vector<3>(other, x, width, b_tail));
+        const F3 a = load_rgb(whole_vector<3>(image, x, width, a_tail)),
+                 b = load_rgb(whole_vector<3>(other, x, width, b_tail));
         const F wa = load(whole_vector<1>(weight, x, width, weight_tail)) / (largest(a) * exposure + 1.0f);
         const F wb = load(whole_vector<1>(other_weight, x, width, other_tail)) / (largest(b) * exposure + 1.0f);
         const F3 mean = lerp(a, b, wb / maximum(wa + wb, 1e-30f));

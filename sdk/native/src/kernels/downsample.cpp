@@ -27,7 +27,8 @@ void downsample_rows(const DownsampleWork& w, int y0, int y1, int thread) {
         for (; ready <= row(TAPS - 1); ready++) tone_row(w, ready, ring + ready % RING * pitch);
         for (int x = 0; x < 4 * w.size.width; x += W) {
             F total = F{};
-            for (int tap = 0; tap < TAPS; tap++) total += load(ring + row(tap) % RING * pitch + x) * w.row_weights[tap * w.row_pitch + y];
+            for (int tap = 0; tap < TAPS; tap++)
+                total += load(ring + row(tap) % RING * pitch + x) * w.row_weights[tap * w.row_pitch + y];
             store(line + x, total);
         }
         for (int x = 0; x < w.target.width; x += W) {

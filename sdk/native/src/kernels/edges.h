@@ -36,7 +36,8 @@ SS_INLINE Form structure_tensor(const F (&luma)[4][4], const F (&dx)[4], const f
 }
 
 // Luma of this frame alone at W pixels. `distance`: the filter of the tables that has the distances of the samples.
-[[maybe_unused]] static F upsample_along_edges(const Samples& s, const Tables& t, int distance, const Places& places, int y, int x) {
+[[maybe_unused]] static F upsample_along_edges(const Samples& s, const Tables& t, int distance, const Places& places,
+                                               int y, int x) {
     F luma[4][4], usable[4][4], dx[4];
     float dy[4];
     for (int j = 0; j < 4; j++) {

@@ -18,7 +18,8 @@ void read_frame(const FrameImages& frame, const Samples& s, int y0, int y1, int 
         F logs = F{}, count = F{}, brightest = F{};
         for (int x = 0; x < s.stride; x += W) {  // beyond the row its last sample is repeated
             F3 c = load_rgb(whole_vector<3>(color, x, s.width, rgb_tail));
-            if (frame.pre_exposure != 1.0f) c = {c.r / frame.pre_exposure, c.g / frame.pre_exposure, c.b / frame.pre_exposure};
+            if (frame.pre_exposure != 1.0f)
+                c = {c.r / frame.pre_exposure, c.g / frame.pre_exposure, c.b / frame.pre_exposure};
             I good = usable(c), inside = ramp() + x < s.width;
             c = sanitize(c);
             F one = select(good & inside, 1.0f, F{});
@@ -84,7 +85,8 @@ void fill_windows(const Samples& s, int y0, int y1) {
                     };
                     F3 c = {plane(0), plane(1), plane(2)};
                     I good = is_number(c.r);
-                    sums = sums + select(good, F3{square_root(c.r), square_root(c.g), square_root(c.b)}, F3{F{}, F{}, F{}});
+                    sums = sums +
+                           select(good, F3{square_root(c.r), square_root(c.g), square_root(c.b)}, F3{F{}, F{}, F{}});
                     count += select(good, 1.0f, F{});
                 }
             }
@@ -110,7 +112,8 @@ void prepare(const Samples& s, int y0, int y1) {
             c = select(good, c, F3{F{}, F{}, F{}});
             c = tone(c * s.exposure);
             F3 k = ycocg(c);
-            const F planes[SAMPLE_PLANES] = {c.r, c.g, c.b, select(good, 1.0f, F{}), k.r, k.g, k.b, k.r * k.r, k.g * k.g, k.b * k.b};
+            const F planes[SAMPLE_PLANES] = {c.r,       c.g,       c.b,      select(good, 1.0f, F{}), k.r, k.g, k.b,
+                                             k.r * k.r, k.g * k.g, k.b * k.b};
             for (int p = 0; p < SAMPLE_PLANES; p++) store(color + p * s.pitch + x, planes[p]);
         }
         for (int p = 0; p < SAMPLE_PLANES; p++) repeat_ends(color + p * s.pitch, s.width);
@@ -134,10 +137,12 @@ static F glare_near(const Samples& s, int y, int x) {
 void dilate(const Samples& s, int y0, int y1) {
     for (int y = y0; y < y1; y++) {
         const int above = max(y - 1, 0), below = min(y + 1, s.height - 1);
-        const ptrdiff_t rows[] = {static_cast<ptrdiff_t>(above) * s.pitch + PAD, static_cast<ptrdiff_t>(y) * s.pitch + PAD,
+        const ptrdiff_t rows[] = {static_cast<ptrdiff_t>(above) * s.pitch + PAD,
+                                  static_cast<ptrdiff_t>(y) * s.pitch + PAD,
                                   static_cast<ptrdiff_t>(below) * s.pitch + PAD};
         const bool glares = s.may_glare(y - 1, y + 1);
-        float *eroded = s.eroded_depth + s.place(y) * s.pitch + PAD, *owns = fours_row(s, s.own, y), *dilations = fours_row(s, s.dilated, y);
+        float *eroded = s.eroded_depth + s.place(y) * s.pitch + PAD, *owns = fours_row(s, s.own, y),
+              *dilations = fours_row(s, s.dilated, y);
         for (int x = 0; x < s.width; x += W) {
             F closest = load(s.depth + rows[1] + x), farthest = closest;
             for (ptrdiff_t row : rows)
@@ -222,13 +227,15 @@ static void make_axis(const Axis& a, const Tables& tables, float jitter) {
             const Filter& filter = tables.filters[f];
             F distance[4], weights[4];
             for (int k = 0; k < 4; k++)
-                distance[k] = (first + static_cast<float>(k - 1) - position) * (filter.scaled ? pixels / samples : 1.0f);
+                distance[k] =
+                    (first + static_cast<float>(k - 1) - position) * (filter.scaled ? pixels / samples : 1.0f);
             filter_weights(filter, distance, weights);
             for (int k = 0; k < 4; k++) store(a.weights + (4 * f + k) * a.pitch + x, weights[k]);
         }
         for (int k = 0; k < 3 && a.windows; k++) {
             F d = near + static_cast<float>(k - 1) - position;
-            store(a.windows + k * a.pitch + x, exponential(d * d * (-0.5f / (tables.window_sigma * tables.window_sigma))));
+            store(a.windows + k * a.pitch + x,
+                  exponential(d * d * (-0.5f / (tables.window_sigma * tables.window_sigma))));
         }
     }
 }

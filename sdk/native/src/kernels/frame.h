@@ -5,7 +5,9 @@
 
 namespace ss::SS_ISA {
 
-SS_INLINE const float* linear_row(const Samples& s, int y) { return s.linear + static_cast<ptrdiff_t>(y) * 3 * s.stride; }
+SS_INLINE const float* linear_row(const Samples& s, int y) {
+    return s.linear + static_cast<ptrdiff_t>(y) * 3 * s.stride;
+}
 
 // Fills the padding before and after `count` values with the first and the last.
 SS_INLINE void repeat_ends(float* first, int count) {

@@ -7,7 +7,8 @@
 
 namespace ss::SS_ISA {
 
-using gbuffer_fast::MAX_DEPTH_COST, gbuffer_fast::MIN_SIMILARITY, gbuffer_fast::NEIGHBOUR_WEIGHTS, gbuffer_fast::STEP_COST;
+using gbuffer_fast::MAX_DEPTH_COST, gbuffer_fast::MIN_SIMILARITY, gbuffer_fast::NEIGHBOUR_WEIGHTS,
+    gbuffer_fast::STEP_COST;
 
 // Values in [least, 1]; others, and NaN, become 0.
 SS_INLINE F in_range(F v, float least) { return select((v >= least) & (v <= 1.0f), v, 0.0f); }
@@ -79,7 +80,9 @@ SS_INLINE Guided guide_pixels(const ClassifierWork& w, int y, int x, const Surfa
         F distance = load(ax.windows + k % 3 * ax.pitch + x) * ay.windows[k / 3 * ay.pitch + y] + MIN_SIMILARITY;
         distance *= places.at(sample_row(s, row, USABLE) - PAD, column);
         F weight = distance * (similarity + MIN_SIMILARITY);
-        found.light = found.light + F3{places.at(planes, column), places.at(planes + s.pitch, column), places.at(planes + 2 * s.pitch, column)} * weight;
+        found.light = found.light + F3{places.at(planes, column), places.at(planes + s.pitch, column),
+                                       places.at(planes + 2 * s.pitch, column)} *
+                                        weight;
         total += weight;
         similar += distance * similarity;
         known += distance;
@@ -106,7 +109,8 @@ SS_INLINE F3 lit(F3 light, F3 reflected) {
 
 // Writes reflectance as bytes, 255 is one, to up to W pixels; returns it as the bytes hold it.
 SS_INLINE F3 keep_reflectance(F3 reflected, uint8_t* to, int count) {
-    I r = to_int(reflected.r * 255.0f + 0.5f), g = to_int(reflected.g * 255.0f + 0.5f), b = to_int(reflected.b * 255.0f + 0.5f);
+    I r = to_int(reflected.r * 255.0f + 0.5f), g = to_int(reflected.g * 255.0f + 0.5f),
+      b = to_int(reflected.b * 255.0f + 0.5f);
     int32_t words[W];
     store(words, r | g << 8 | b << 16);
     memcpy(to, words, 4 * static_cast<size_t>(clamp(count, 0, W)));
@@ -118,9 +122,11 @@ SS_INLINE F3 warp_reflectance(const uint8_t* before, WarpScratch& s) {
     typedef uint8_t B4 __attribute__((vector_size(4)));
     for (int i = 0; i < W; i++) {
         auto bytes = [&](int row, int column) __attribute__((always_inline)) {
-            return __builtin_convertvector(load_as<B4>(before + (s.offsets[10 + row][i] + s.offsets[8 + column][i]) / HISTORY_VALUES * 4), F4);
+            return __builtin_convertvector(
+                load_as<B4>(before + (s.offsets[10 + row][i] + s.offsets[8 + column][i]) / HISTORY_VALUES * 4), F4);
         };
-        store4(four_at(s.pixels, 0, i), linear4(bytes(0, 0), bytes(0, 1), bytes(1, 0), bytes(1, 1), s.weights[10][i], s.weights[11][i]));
+        store4(four_at(s.pixels, 0, i),
+               linear4(bytes(0, 0), bytes(0, 1), bytes(1, 0), bytes(1, 1), s.weights[10][i], s.weights[11][i]));
     }
     F v[4];
     load_four(s.pixels, 0, v);

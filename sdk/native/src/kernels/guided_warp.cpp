@@ -16,7 +16,9 @@ static I are_usable(F3 c) { return is_usable(c.r) & is_usable(c.g) & is_usable(c
 // Unusable values become 0, others are clamped to [low, 1].
 static F sanitized(F v, float low) { return select(is_usable(v), clamped(v, low, 1.0f), 0.0f); }
 static F3 sanitized(F3 c, float low) { return {sanitized(c.r, low), sanitized(c.g, low), sanitized(c.b, low)}; }
-static F sanitized_motion(F v) { return select(absolute(v) <= FINITE_MOTION, clamped(v, -MAX_MOTION, MAX_MOTION), 0.0f); }
+static F sanitized_motion(F v) {
+    return select(absolute(v) <= FINITE_MOTION, clamped(v, -MAX_MOTION, MAX_MOTION), 0.0f);
+}
 
 // A surface: what others are compared with it by, in standard deviations, and its reflectance, 1 at the sky.
 struct Surface {
@@ -28,7 +30,8 @@ static Surface surface_of(const Config& config, F3 base, F3 normal, F depth, I v
     valid = valid & are_usable(base) & are_usable(normal) & (depth >= 0.0f) & (depth <= MAX_DEPTH);
     const F3 b = sanitized(base, 0.0f), n = sanitized(normal, -1.0f);
     const float scale = 1.0f / config.surface_sigma;
-    const F log_depth = select(valid, logarithm(maximum(depth, SKY_DEPTH)) * (1.0f / config.depth_sigma), INVALID_DEPTH);
+    const F log_depth =
+        select(valid, logarithm(maximum(depth, SKY_DEPTH)) * (1.0f / config.depth_sigma), INVALID_DEPTH);
     const I sky = n.r * n.r + n.g * n.g + n.b * n.b < MIN_NORMAL;
     auto reflected = [&](F c) { return select(sky, 1.0f, c + config.least); };
     return {{b.r * scale, b.g * scale, b.b * scale, n.r * scale, n.g * scale, n.b * scale, log_depth},
@@ -46,7 +49,8 @@ struct Row {
           width(width) {}
     Surface surface(const Config& config, int x, I valid) const {
         float tail[3 * W], base_tail[3 * W], depth_tail[W];
-        return surface_of(config, load_rgb(whole_vector<3>(base, x, width, base_tail)), load_rgb(whole_vector<3>(normal, x, width, tail)),
+        return surface_of(config, load_rgb(whole_vector<3>(base, x, width, base_tail)),
+                          load_rgb(whole_vector<3>(normal, x, width, tail)),
                           load(whole_vector<1>(depth, x, width, depth_tail)), valid);
     }
 };
@@ -94,17 +98,21 @@ void warp_read_motion(const WarpWork& w, int y0, int y1, int thread) {
 
 // Converts a position to samples of another frame; 0 is the first sample.
 static F reproject(F position, float jitter, float other_jitter, int size, int other_size) {
-    return (position + (jitter + 0.5f)) * static_cast<float>(other_size) / static_cast<float>(size) - (other_jitter + 0.5f);
+    return (position + (jitter + 0.5f)) * static_cast<float>(other_size) / static_cast<float>(size) -
+           (other_jitter + 0.5f);
 }
 
 // Adds the motion of the previous frame, interpolated linearly where motion leads.
 static void add_previous_motion(const WarpWork& w, F column, F row, F& mx, F& my) {
     const Size size = w.previous;
-    const F x = clamped(reproject(column + mx, w.jitter[0], w.previous_jitter[0], w.frame.width, size.width), 0.0f, static_cast<float>(size.width - 1));
-    const F y = clamped(reproject(row + my, w.jitter[1], w.previous_jitter[1], w.frame.height, size.height), 0.0f, static_cast<float>(size.height - 1));
+    const F x = clamped(reproject(column + mx, w.jitter[0], w.previous_jitter[0], w.frame.width, size.width), 0.0f,
+                        static_cast<float>(size.width - 1));
+    const F y = clamped(reproject(row + my, w.jitter[1], w.previous_jitter[1], w.frame.height, size.height), 0.0f,
+                        static_cast<float>(size.height - 1));
     const F left = floor(x), top = floor(y), s = x - left, t = y - top;
     const I l = to_int(left), r = minimum(l + 1, size.width - 1);
-    const I upper = to_int(top) * w.previous_stride, lower = minimum(to_int(top) + 1, size.height - 1) * w.previous_stride;
+    const I upper = to_int(top) * w.previous_stride,
+            lower = minimum(to_int(top) + 1, size.height - 1) * w.previous_stride;
     auto read = [&](const float* plane) {
         const F above = lerp(gather(plane, upper + l), gather(plane, upper + r), s);
         return lerp(above, lerp(gather(plane, lower + l), gather(plane, lower + r), s), t);
@@ -123,8 +131,10 @@ struct Candidate {
 SS_INLINE void sort(Candidate& first, Candidate& second) {
     const I swap = second.key < first.key;
     const Candidate before = first;
-    first = {select(swap, second.key, first.key), select(swap, second.distance, first.distance), select(swap, second.index, first.index)};
-    second = {select(swap, before.key, second.key), select(swap, before.distance, second.distance), select(swap, before.index, second.index)};
+    first = {select(swap, second.key, first.key), select(swap, second.distance, first.distance),
+             select(swap, second.index, first.index)};
+    second = {select(swap, before.key, second.key), select(swap, before.distance, second.distance),
+              select(swap, before.index, second.index)};
 }
 
 SS_INLINE F squared(F v) { return v * v; }
@@ -186,8 +196,8 @@ static F3 mean_light(const WarpWork& w, const Candidate (&nearest)[4]) {
 void warp_rows(const WarpWork& w, int y0, int y1, int thread) {
     float* scratch = w.scratch + thread * w.scratch_pitch;
     const int width = w.frame.width;
-    const View second = {w.next_motion.data ? w.next_motion.data + w.next_motion.channel : nullptr, w.next_motion.type, w.next_motion.row,
-                         w.next_motion.pixel, w.next_motion.channel};
+    const View second = {w.next_motion.data ? w.next_motion.data + w.next_motion.channel : nullptr, w.next_motion.type,
+                         w.next_motion.row, w.next_motion.pixel, w.next_motion.channel};
     for (int y = y0; y < y1; y++) {
         const Row row(w.base_color, w.normal, w.depth, y, width, scratch);
         const float* motion = packed_row(w.own_motion, 2, y, width, scratch + 7 * width);

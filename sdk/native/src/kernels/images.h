@@ -64,7 +64,8 @@ SS_INLINE void write_rgb(const View& image, int y, int x, int end, F3 color) {
 
 SS_INLINE void write_plane(const View& image, int y, int x, int end, F value) {
     char* row = const_cast<char*>(image.data) + y * image.row;
-    if (x + W <= end && image.type == SS_FLOAT32 && image.pixel == 4) return store(reinterpret_cast<float*>(row) + x, value);
+    if (x + W <= end && image.type == SS_FLOAT32 && image.pixel == 4)
+        return store(reinterpret_cast<float*>(row) + x, value);
     float values[W];
     store(values, value);
     for (int k = 0; k < min(W, end - x); k++) store_value(image, row + (x + k) * image.pixel, values[k]);

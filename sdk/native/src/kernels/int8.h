@@ -26,7 +26,8 @@ SS_INLINE I dot4(I total, I bytes, I weights) {
     return (I)vdotq_s32(offset, (int8x16_t)(bytes ^ static_cast<int32_t>(0x80808080)), s);
 #elif defined(__wasm__)
     const v128_t u = (v128_t)bytes, s = (v128_t)weights;
-    const v128_t even = wasm_i32x4_dot_i16x8(wasm_v128_and(u, wasm_i16x8_splat(0xFF)), wasm_i16x8_shr(wasm_i16x8_shl(s, 8), 8));
+    const v128_t even =
+        wasm_i32x4_dot_i16x8(wasm_v128_and(u, wasm_i16x8_splat(0xFF)), wasm_i16x8_shr(wasm_i16x8_shl(s, 8), 8));
     const v128_t odd = wasm_i32x4_dot_i16x8(wasm_u16x8_shr(u, 8), wasm_i16x8_shr(s, 8));
     return total + (I)even + (I)odd;
 #else
@@ -69,10 +70,12 @@ SS_INLINE void add_products(const Input& input, const int8_t* weights, I (&sums)
 SS_INLINE void pointwise_row(Input one, Input two, const Layer& layer, uint8_t* out, int out_pitch, int width) {
     for (int first = 0; first < width; first += PIXELS_AT_ONCE) {
         const int p = min(first, max(width - PIXELS_AT_ONCE, 0));
-        const Input a = {one.pixels + p * one.pitch, one.pitch, one.words}, b = {two.pixels + p * two.pitch, two.pitch, two.words};
+        const Input a = {one.pixels + p * one.pitch, one.pitch, one.words},
+                    b = {two.pixels + p * two.pitch, two.pitch, two.words};
         for (int output = 0; output < BLOCK_OUTPUTS * layer.blocks; output += VECTORS * W) {
             const int block = output / BLOCK_OUTPUTS, within = output % BLOCK_OUTPUTS;
-            const int8_t* weights = layer.weights + 4 * (static_cast<ptrdiff_t>(block) * layer.words * BLOCK_OUTPUTS + within);
+            const int8_t* weights =
+                layer.weights + 4 * (static_cast<ptrdiff_t>(block) * layer.words * BLOCK_OUTPUTS + within);
             I sums[PIXELS_AT_ONCE][VECTORS] = {};
             add_products(a, weights, sums);
             if (b.words) add_products(b, weights + 4 * a.words * BLOCK_OUTPUTS, sums);
@@ -88,14 +91,18 @@ SS_INLINE void pointwise_row(Input one, const Layer& layer, uint8_t* out, int ou
 
 // Computes a depthwise 3x3 convolution of a row; rows: from the left neighbour on. weights: (channels / 16, 3, 16) words,
 // a column of three weights for each channel.
-SS_INLINE void depthwise_row(const uint8_t* const (&rows)[3], int pitch, const Layer& layer, int channels, uint8_t* out, int width) {
+SS_INLINE void depthwise_row(const uint8_t* const (&rows)[3], int pitch, const Layer& layer, int channels, uint8_t* out,
+                             int width) {
     for (int c = 0; c < channels; c += W) {
         const int8_t* weights = layer.weights + 4 * (3 * (c / LANES * LANES) + c % LANES);
-        const I left = load_words(weights), middle = load_words(weights + 4 * LANES), right = load_words(weights + 8 * LANES);
+        const I left = load_words(weights), middle = load_words(weights + 4 * LANES),
+                right = load_words(weights + 8 * LANES);
         const F scale = load(layer.scale + c), bias = load(layer.bias + c);
         const uint8_t *above = rows[0] + c, *here = rows[1] + c, *below = rows[2] + c;
         // three rows of W channels; each word holds the three bytes of a channel
-        auto column = [&](int at) __attribute__((always_inline)) { return load(above + at) | load(here + at) << 8 | load(below + at) << 16; };
+        auto column = [&](int at) __attribute__((always_inline)) {
+            return load(above + at) | load(here + at) << 8 | load(below + at) << 16;
+        };
         I a = column(0), b = column(pitch);
         for (int p = 0; p < width; p++) {
             prefetch(below + (p + 16) * pitch);
@@ -114,7 +121,8 @@ SS_INLINE void pool_row(const uint8_t* x, int pitch, int row, int channels, uint
         for (int c = 0; c < channels; c += 16) {
             typedef uint8_t B16 __attribute__((vector_size(16)));
             const uint8_t* at = x + 2 * p * pitch + c;
-            B16 a = load_as<B16>(at), b = load_as<B16>(at + pitch), d = load_as<B16>(at + row), e = load_as<B16>(at + row + pitch);
+            B16 a = load_as<B16>(at), b = load_as<B16>(at + pitch), d = load_as<B16>(at + row),
+                e = load_as<B16>(at + row + pitch);
             a = a > b ? a : b;
             d = d > e ? d : e;
             store_as(out + p * channels + c, a > d ? a : d);

@@ -49,7 +49,9 @@ void sign_blocks(const RestWork& w, int y0, int y1) {
                 for (int c = 0; c < 4; c++) {
                     const float* of = columns[c] + k * BLOCK;
                     const float total = of[0] + of[1] + of[2] + of[3];
-                    blocks.signature[c * count + block] = moves ? 0.0f : c < 3 ? total * (1.0f / (BLOCK * BLOCK)) : total;
+                    blocks.signature[c * count + block] = moves   ? 0.0f
+                                                          : c < 3 ? total * (1.0f / (BLOCK * BLOCK))
+                                                                  : total;
                 }
             }
         }
@@ -106,7 +108,8 @@ void add_samples(const RestWork& w, Rect rect) {
             if (mode != KEEPS) {
                 F4 added = F4{};
                 for (int tap = 0; tap < 4; tap++) {
-                    const float weight = w.sample_row_weights[2 * y + tap / 2] * w.sample_column_weights[2 * x + tap % 2];
+                    const float weight =
+                        w.sample_row_weights[2 * y + tap / 2] * w.sample_column_weights[2 * x + tap % 2];
                     const float* sample = samples[tap / 2] + w.sample_columns[2 * x + tap % 2];
                     if (weight > 0.0f && sample[0] == sample[0])
                         added += F4{sample[0], sample[s.stride], sample[2 * s.stride], 1.0f} * weight;
@@ -173,7 +176,9 @@ static F3 centred(const RestWork& w, int y, int x, I column_blocks, const F (&he
     F known_y = are_complete(w, y - 1, column_blocks, above[3]) * are_complete(w, y + 1, column_blocks, under[3]);
     F moved[3];
     for (int c = 0; c < 3; c++)
-        moved[c] = maximum(here[c] - slope(left[c], here[c], right[c], known_x) * dx - slope(above[c], here[c], under[c], known_y) * dy, 0.0f);
+        moved[c] = maximum(here[c] - slope(left[c], here[c], right[c], known_x) * dx -
+                               slope(above[c], here[c], under[c], known_y) * dy,
+                           0.0f);
     return {moved[0], moved[1], moved[2]};
 }
 
@@ -210,7 +215,8 @@ void copy_image(const View& from, const View& to, int width, int y0, int y1, flo
     float tail[3 * W];
     for (int y = y0; y < y1; y++) {
         const float* row = reinterpret_cast<const float*>(from.data + y * from.row);
-        for (int x = 0; x < width; x += W) write_rgb(to, y, x, width, load_rgb(whole_vector<3>(row, x, width, tail)) * factor);
+        for (int x = 0; x < width; x += W)
+            write_rgb(to, y, x, width, load_rgb(whole_vector<3>(row, x, width, tail)) * factor);
     }
     end_streams();
 }
@@ -218,9 +224,11 @@ void copy_image(const View& from, const View& to, int width, int y0, int y1, flo
 // Writes the nearest pixels of a plane of another size.
 void pick_pixels(const float* from, Size from_size, const View& to, Size size, int y0, int y1) {
     for (int y = y0; y < y1; y++) {
-        const float* row = from + (2 * static_cast<ptrdiff_t>(y) + 1) * from_size.height / (2 * size.height) * from_size.width;
+        const float* row =
+            from + (2 * static_cast<ptrdiff_t>(y) + 1) * from_size.height / (2 * size.height) * from_size.width;
         for (int x = 0; x < size.width; x++)
-            store_value(to, const_cast<char*>(to.data) + y * to.row + x * to.pixel, row[(2 * static_cast<ptrdiff_t>(x) + 1) * from_size.width / (2 * size.width)]);
+            store_value(to, const_cast<char*>(to.data) + y * to.row + x * to.pixel,
+                        row[(2 * static_cast<ptrdiff_t>(x) + 1) * from_size.width / (2 * size.width)]);
     }
 }
 
@@ -241,7 +249,8 @@ void freeze_mean(const RestWork& w, Rect rect) {
         const float* row = reinterpret_cast<const float*>(w.image.data + y * w.image.row);
         for (int x = rect.x0; x < rect.x1; x++)
             if (freezes[w.column_blocks[x]])
-                memcpy(w.next_mean + 4 * (static_cast<ptrdiff_t>(y) * w.display.width + x), row + 3 * x, 3 * sizeof(float));
+                memcpy(w.next_mean + 4 * (static_cast<ptrdiff_t>(y) * w.display.width + x), row + 3 * x,
+                       3 * sizeof(float));
     }
 }
 

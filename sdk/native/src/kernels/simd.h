@@ -79,7 +79,9 @@ SS_INLINE F4 load4(const float* from) { return load_as<F4>(from); }
 SS_INLINE I load(const uint8_t* from) { return (I)_mm512_cvtepu8_epi32((__m128i)load_as<B>(from)); }
 SS_INLINE B to_bytes(I v) { return (B)_mm512_cvtepi32_epi8((__m512i)v); }
 #elif defined(__AVX2__)
-SS_INLINE I load(const uint8_t* from) { return (I)_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(from))); }
+SS_INLINE I load(const uint8_t* from) {
+    return (I)_mm256_cvtepu8_epi32(_mm_loadl_epi64(reinterpret_cast<const __m128i*>(from)));
+}
 SS_INLINE B to_bytes(I v) {
     const __m256i low = _mm256_shuffle_epi8((__m256i)v, _mm256_set1_epi32(0x0C080400));
     const __m128i words = _mm_unpacklo_epi32(_mm256_castsi256_si128(low), _mm256_extracti128_si256(low, 1));
@@ -231,9 +233,7 @@ template <int... K>
 SS_INLINE F gather_of(const float* from, I index, Sequence<int, K...>) {
     return F{from[index[K]]...};
 }
-SS_INLINE F gather(const float* from, I index) {
-    return gather_of(from, index, Lanes{});
-}
+SS_INLINE F gather(const float* from, I index) { return gather_of(from, index, Lanes{}); }
 
 template <int... K>
 SS_INLINE I gather_of(const int32_t* from, I index, Sequence<int, K...>) {
@@ -286,7 +286,7 @@ template <int first>
 struct ThirdOfLast {
     static constexpr int at(int i) { return 3 * i + first < 2 * W ? i : W + 3 * i + first - 2 * W; }
 };
-template <int part, int lanes>   // third `part` of three vectors, interleaved
+template <int part, int lanes>  // third `part` of three vectors, interleaved
 struct PartOfTwo {
     static constexpr int place(int i) { return (part * lanes + i) % 3 * lanes + (part * lanes + i) / 3; }
     static constexpr int at(int i) { return place(i) < 2 * lanes ? place(i) : 0; }
@@ -369,8 +369,10 @@ SS_INLINE void transpose_fours(F (&v)[4]) {
 template <class Function>
 SS_INLINE F concatenated(const Function& function) {
 #if defined(__AVX512F__)
-    return (F)_mm512_insertf32x8(_mm512_castps256_ps512(_mm256_insertf128_ps(_mm256_castps128_ps256((__m128)function(0)), (__m128)function(1), 1)),
-                                 _mm256_insertf128_ps(_mm256_castps128_ps256((__m128)function(2)), (__m128)function(3), 1), 1);
+    return (F)_mm512_insertf32x8(
+        _mm512_castps256_ps512(
+            _mm256_insertf128_ps(_mm256_castps128_ps256((__m128)function(0)), (__m128)function(1), 1)),
+        _mm256_insertf128_ps(_mm256_castps128_ps256((__m128)function(2)), (__m128)function(3), 1), 1);
 #elif defined(__AVX2__)
     return (F)_mm256_insertf128_ps(_mm256_castps128_ps256((__m128)function(0)), (__m128)function(1), 1);
 #else
@@ -379,7 +381,9 @@ SS_INLINE F concatenated(const Function& function) {
 }
 
 // Pixels of several fours of channels, where `load_four` finds them as a vector per channel.
-SS_INLINE float* four_at(float* pixels, int four, int pixel) { return pixels + (4 * four + pixel % 4) * W + pixel / 4 * 4; }
+SS_INLINE float* four_at(float* pixels, int four, int pixel) {
+    return pixels + (4 * four + pixel % 4) * W + pixel / 4 * 4;
+}
 SS_INLINE void load_four(const float* pixels, int four, F (&v)[4]) {
     for (int k = 0; k < 4; k++) v[k] = load(pixels + (4 * four + k) * W);
     transpose_fours(v);
@@ -394,8 +398,7 @@ SS_INLINE F3 load_rgb(const float* from) {  // of W pixels
     auto third = [&]<int first>(Constant<first>) __attribute__((always_inline)) {
         return shuffled<ThirdOfLast<first>>(shuffled<ThirdOfTwo<first>>(a, b, Lanes{}), c, Lanes{});
     };
-    return {third(Constant<0>{}), third(Constant<1>{}),
-            third(Constant<2>{})};
+    return {third(Constant<0>{}), third(Constant<1>{}), third(Constant<2>{})};
 }
 
 // Part k of three vectors of `lanes` channels, interleaved.
@@ -403,7 +406,9 @@ template <int k, int lanes, class V>
 SS_INLINE V interleaved(V a, V b, V c) {
     return shuffled<PartOfLast<k, lanes>>(shuffled<PartOfTwo<k, lanes>>(a, b, Count<lanes>{}), c, Count<lanes>{});
 }
-SS_INLINE F3 interleaved(F3 v) { return {interleaved<0, W>(v.r, v.g, v.b), interleaved<1, W>(v.r, v.g, v.b), interleaved<2, W>(v.r, v.g, v.b)}; }
+SS_INLINE F3 interleaved(F3 v) {
+    return {interleaved<0, W>(v.r, v.g, v.b), interleaved<1, W>(v.r, v.g, v.b), interleaved<2, W>(v.r, v.g, v.b)};
+}
 
 // Six channels of W pixels as six vectors of pixels.
 SS_INLINE void to_pixels(F (&v)[6]) {

@@ -24,7 +24,9 @@ void spatial_rows(const SpatialWork& w, Rect box, int thread) {
     float* line = w.lines + static_cast<ptrdiff_t>(thread) * 3 * s.pitch;
     Span span(w.tables.x, box.x0, box.x1);
     for (int y = box.y0; y < box.y1; y++) {
-        filter_down(Rows(w.tables.y, 0, y, [&](int row) { return w.planes + static_cast<ptrdiff_t>(3) * row * s.pitch; }), span, 0, 3, s.pitch, line);
+        filter_down(
+            Rows(w.tables.y, 0, y, [&](int row) { return w.planes + static_cast<ptrdiff_t>(3) * row * s.pitch; }), span,
+            0, 3, s.pitch, line);
         for (int x = box.x0; x < box.x1; x += W) {
             Places places(w.tables.x.start, x);
             auto across = [&](int c) __attribute__((always_inline)) {

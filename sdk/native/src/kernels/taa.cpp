@@ -23,7 +23,8 @@ void taa_read(const TaaWork& w, int y0, int y1) {
         for (int x = 0; x < s.width; x += W) {
             I good;
             F3 c = ycocg(tone(filled_at(s, y, x, good) * s.exposure));
-            const F planes[] = {c.r, c.g, c.b, load(s.motion_x + at + x), load(s.motion_y + at + x), select(good, 1.0f, F{})};
+            const F planes[] = {
+                c.r, c.g, c.b, load(s.motion_x + at + x), load(s.motion_y + at + x), select(good, 1.0f, F{})};
             for (int p = 0; p < TAA_PLANES; p++) store(to + p * s.pitch + x, planes[p]);
         }
         for (int p = 0; p < TAA_PLANES; p++) repeat_ends(to + p * s.pitch, s.width);
@@ -93,8 +94,9 @@ static F3 clip_to_sample(F3 history, F3 sample, F3 low, F3 high) {
     F first = largest(enter), last = smallest(leave.r, leave.g, leave.b);
     I meets = (first <= last) & (first <= 1.0f) & (last >= 0.0f);
     F3 center = (low + high) * 0.5f;
-    F overshoot = largest(overshoot_of(history.r, center.r, low.r, high.r), overshoot_of(history.g, center.g, low.g, high.g),
-                          overshoot_of(history.b, center.b, low.b, high.b));
+    F overshoot =
+        largest(overshoot_of(history.r, center.r, low.r, high.r), overshoot_of(history.g, center.g, low.g, high.g),
+                overshoot_of(history.b, center.b, low.b, high.b));
     return select(meets, lerp(history, sample, clamped(first, 0.0f, 1.0f)),
                   lerp(center, history, 1.0f / maximum(overshoot, 1.0f)));
 }
@@ -126,10 +128,12 @@ void taa_rows(const TaaWork& w, Rect rect, int thread) {
             F left = load(ax.tap(0, 1) + x), right = load(ax.tap(0, 2) + x);
             auto sampled = [&](int c) __attribute__((always_inline)) {
                 const float *a = plane_row(w, upper, c) - PAD, *b = plane_row(w, lower, c) - PAD;
-                return (first.at(a, 0) * left + first.at(a, 1) * right) * up + (first.at(b, 0) * left + first.at(b, 1) * right) * down;
+                return (first.at(a, 0) * left + first.at(a, 1) * right) * up +
+                       (first.at(b, 0) * left + first.at(b, 1) * right) * down;
             };
             F3 sample = {sampled(0), sampled(1), sampled(2)};
-            F3 low = {box_at(LOW), box_at(LOW + 1), box_at(LOW + 2)}, high = {box_at(HIGH), box_at(HIGH + 1), box_at(HIGH + 2)};
+            F3 low = {box_at(LOW), box_at(LOW + 1), box_at(LOW + 2)},
+               high = {box_at(HIGH), box_at(HIGH + 1), box_at(HIGH + 2)};
             I good = low.r < NOT_USABLE;
             history = select(good, clip_to_sample(history, sample, low, high), history);
             F weight = select(on_screen(px, py, display), select(good, w.alpha, spread(kept)), 1.0f);

@@ -112,7 +112,8 @@ static CurrentFrame current_frame(const TaauWork& w, const float* lines, const P
 
 // 1 where the mean luma of a neighbourhood changed by more than jitter explains, in [0, 1].
 static F change_of_light(const Config& n, F mean, F deviation, F mean_before, F deviation_before) {
-    F noise = maximum(deviation, deviation_before) * n.change_deviation + maximum(mean, mean_before) * n.change_relative + MIN_CHANGE;
+    F noise = maximum(deviation, deviation_before) * n.change_deviation +
+              maximum(mean, mean_before) * n.change_relative + MIN_CHANGE;
     return clamped((absolute(mean - mean_before) / noise - 1.0f) / n.change_ramp, 0.0f, 1.0f);
 }
 
@@ -134,8 +135,8 @@ struct Blended {
 // resampling, 0 on a pixel's centre, 1 on a corner of four; reactive: fraction of the image that is this frame alone.
 // upsampled(): YCoCg of this frame alone, for where that is shown.
 template <class Upsampled>
-SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& past, F around, F fit, F glare, F flash, F speed,
-                        F blur, F reactive, const Upsampled& upsampled) {
+SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& past, F around, F fit, F glare, F flash,
+                        F speed, F blur, F reactive, const Upsampled& upsampled) {
     const Config& n = w.config;
     F gamma = minimum(speed * (1.0f / n.gamma_speed), 1.0f) * (n.gamma_moving - n.gamma_still) + n.gamma_still;
     F power = past.power, warped_glare = F{}, unchanged = past.unchanged;
@@ -145,8 +146,11 @@ SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& 
     }
     F spread_over_time = square_root(power);
     F floor = spread_over_time * unchanged * n.gamma_time;
-    auto excess = [&](F value, F center, F deviation) { return absolute(value - center) / maximum(deviation * gamma + floor, 1e-5f); };
-    F overshoot = largest(excess(past.color.r, now.center.r, now.deviations.r), excess(past.color.g, now.center.g, now.deviations.g),
+    auto excess = [&](F value, F center, F deviation) {
+        return absolute(value - center) / maximum(deviation * gamma + floor, 1e-5f);
+    };
+    F overshoot = largest(excess(past.color.r, now.center.r, now.deviations.r),
+                          excess(past.color.g, now.center.g, now.deviations.g),
                           excess(past.color.b, now.center.b, now.deviations.b));
     F3 rectified = lerp(now.center, past.color, 1.0f / maximum(overshoot, 1.0f));
     F inside = 1.0f - clamped((overshoot - 1.0f) * n.forget, 0.0f, 1.0f);
@@ -197,8 +201,8 @@ static void warp5(const float* h, WarpScratch& s) {
         store4(four_at(s.pixels, 0, i), cubic4(h, s, i));
         const float *upper = h + s.offsets[5][i] + 1, *lower = h + s.offsets[6][i] + 1;
         const int left = s.offsets[1][i], right = s.offsets[2][i];
-        store4(four_at(s.pixels, 1, i), linear4(load4(upper + left), load4(upper + right), load4(lower + left), load4(lower + right),
-                                             s.weights[8][i], s.weights[9][i]));
+        store4(four_at(s.pixels, 1, i), linear4(load4(upper + left), load4(upper + right), load4(lower + left),
+                                                load4(lower + right), s.weights[8][i], s.weights[9][i]));
     }
 }
 
@@ -275,16 +279,20 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
             past.unchanged = 1.0f - change_of_light(n, mean, deviation, mean_before, deviation_before);
             F flash = spread(w.unconfirmed);
             if (w.unconfirmed == 1.0f)
-                flash = select(deviation * deviation > deviation_before * deviation_before * FLASH + LEAST_FLASH, 1.0f, F{});
+                flash = select(deviation * deviation > deviation_before * deviation_before * FLASH + LEAST_FLASH, 1.0f,
+                               F{});
             CurrentFrame now = current_frame(w, lines, places, y, x, fit);
             auto upsampled = [&] {
                 F3 frame = now.center;
-                if (s.fill_across) frame = select(now.found, frame, ycocg(fill_at(s, ay.nearest[y], load(ax.nearest + x), true)));
+                if (s.fill_across)
+                    frame = select(now.found, frame, ycocg(fill_at(s, ay.nearest[y], load(ax.nearest + x), true)));
                 frame.r = upsample_along_edges(s, w.tables, BY_DISTANCE, places, y, x);
                 return frame;
             };
             F reactive = s.has_reactive ? reactive_at(s, w.tables, y, x) : F{};
-            if (w.kept) past.samples = minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
+            if (w.kept)
+                past.samples =
+                    minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
             F tx = px - floor(px), ty = py - floor(py);
             Blended b = blend(w, now, past, mean, fit, glare, flash, square_root(mx * mx + my * my),
                               (tx * (1.0f - tx) + ty * (1.0f - ty)) * 2.0f, reactive, upsampled);
@@ -311,7 +319,8 @@ void taau_compare(const TaauWork& w, int y0, int y1) {
                 I column = minimum(block + LAG_STEP * (i % STEPS), last_column);
                 const float* history = w.history + 5 * static_cast<ptrdiff_t>(w.nearest_rows[row]) * w.target.width;
                 I place = gather(w.nearest_columns, column) * 5;
-                F3 past = tone(F3{gather(history, place), gather(history + 1, place), gather(history + 2, place)} * s.exposure);
+                F3 past = tone(F3{gather(history, place), gather(history + 1, place), gather(history + 2, place)} *
+                               s.exposure);
                 past = past * gather(sample_row(s, row, USABLE), column);
                 F3 sample = {gather(sample_row(s, row, TONED), column), gather(sample_row(s, row, TONED + 1), column),
                              gather(sample_row(s, row, TONED + 2), column)};

@@ -33,7 +33,8 @@ void warp_read_motion(const WarpWork&, int y0, int y1, int thread);
 void warp_rows(const WarpWork&, int y0, int y1, int thread);
 void camera_motion_rows(const CameraMotion&, int y0, int y1);
 void rgba_rows(const View& image, uint8_t* pixels, ptrdiff_t row, int width, int y0, int y1, float* scratch);
-void merge_row(float* image, const float* other, const float* weight, const float* other_weight, int width, float exposure);
+void merge_row(float* image, const float* other, const float* weight, const float* other_weight, int width,
+               float exposure);
 void temporal_rows(const TemporalFilter&, int y0, int y1);
 void nearest_motion_rows(const float* depth, const float* motion, float* to, Size size, int y0, int y1);
 void keep_depth(const ClassifierWork&, int y0, int y1);
@@ -47,10 +48,46 @@ extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread);
 extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread);
 
 extern const Kernels KERNELS = {
-    SS_NAME_OF(SS_ISA), read_frame, fill_windows, prepare, dilate, make_tables, spatial_read, spatial_rows, taa_read, taa_boxes, taa_rows, taau_shade,
-    taau_compare, taau_rows, sign_blocks, sum_blocks, add_samples, show_mean, freeze_mean,
-    downsample_rows, copy_image,
-    pick_pixels, write_converged, warp_read_shaded, warp_read_motion, warp_rows, camera_motion_rows, rgba_rows, merge_row, temporal_rows, nearest_motion_rows, keep_depth, prepare_surfaces, prepare_depth, confirm_none, encode_first, encode_others, infer_rows, GATHER, FINISH,
+    SS_NAME_OF(SS_ISA),
+    read_frame,
+    fill_windows,
+    prepare,
+    dilate,
+    make_tables,
+    spatial_read,
+    spatial_rows,
+    taa_read,
+    taa_boxes,
+    taa_rows,
+    taau_shade,
+    taau_compare,
+    taau_rows,
+    sign_blocks,
+    sum_blocks,
+    add_samples,
+    show_mean,
+    freeze_mean,
+    downsample_rows,
+    copy_image,
+    pick_pixels,
+    write_converged,
+    warp_read_shaded,
+    warp_read_motion,
+    warp_rows,
+    camera_motion_rows,
+    rgba_rows,
+    merge_row,
+    temporal_rows,
+    nearest_motion_rows,
+    keep_depth,
+    prepare_surfaces,
+    prepare_depth,
+    confirm_none,
+    encode_first,
+    encode_others,
+    infer_rows,
+    GATHER,
+    FINISH,
 };
 }  // namespace SS_ISA
 }  // namespace ss

@@ -16,8 +16,8 @@ static bool is_guided(const Model& model) { return model.method->layout.planes =
 static Config config_of(const Model& model) {
     if (!is_guided(model)) return model.config_of<Config>();
     const gbuffer_fast::Config& c = model.config_of<gbuffer_fast::Config>();
-    return {c.sample_sigma, c.moment_sigma, c.guide_sigma, c.gamma, c.history_sharpness, c.samples, c.contraction,
-            c.depth_margin, c.depth_ramp, c.rectified, c.own_motion};
+    return {c.sample_sigma, c.moment_sigma, c.guide_sigma, c.gamma,     c.history_sharpness, c.samples,
+            c.contraction,  c.depth_margin, c.depth_ramp,  c.rectified, c.own_motion};
 }
 
 static Variant variant_of(const Model& model) {
@@ -40,8 +40,8 @@ static const Filter* filters(const Model& model, Filter* room, int* count, float
 // Weights -----------------------------------------------------------------------------------------------------------
 
 // Reads a layer: weights of this shape (0: any), scale and bias of `outputs`, or of all outputs of the weights' blocks.
-static bool read_layer(Model& model, const Arrays& arrays, const char* name, uint32_t a, uint32_t b, uint32_t c, uint32_t d,
-                       int outputs, Layer& layer) {
+static bool read_layer(Model& model, const Arrays& arrays, const char* name, uint32_t a, uint32_t b, uint32_t c,
+                       uint32_t d, int outputs, Layer& layer) {
     char part[48];
     const auto named = [&](const char* suffix) {
         snprintf(part, sizeof part, "%s.%s", name, suffix);
@@ -86,14 +86,16 @@ static bool read_level(Model& model, const Arrays& arrays, int k, uint32_t& word
     words = static_cast<uint32_t>(level.channels - kept) / 4;
     level.inputs = 0;
     return read_layer(model, arrays, name[1], 0, 3, LANES, 4, level.channels, level.spatial) &&
-           read_layer(model, arrays, name[2], divided_up(made, BLOCK_OUTPUTS), level.channels / 4, BLOCK_OUTPUTS, 4, 0, level.last);
+           read_layer(model, arrays, name[2], divided_up(made, BLOCK_OUTPUTS), level.channels / 4, BLOCK_OUTPUTS, 4, 0,
+                      level.last);
 }
 
 static ss_status read_weights(Model& model, const Arrays& arrays, ss_error* error) {
     Network* n = model.arena.take<Network>(1);
     if (!n) return fail(error, SS_NO_MEMORY, "no memory for the weights");
     const int outputs = variant_of(model).outputs();
-    if (is_guided(model) && !variant_of(model).own_motion) return fail(error, SS_BAD_MODEL, "own_motion of the model is 0; want 1 with G-buffers");
+    if (is_guided(model) && !variant_of(model).own_motion)
+        return fail(error, SS_BAD_MODEL, "own_motion of the model is 0; want 1 with G-buffers");
     uint32_t words = RECORD_WORDS;
     bool good = true;
     for (int k = 0; k < LEVELS && good; k++) {
@@ -109,7 +111,8 @@ static ss_status read_weights(Model& model, const Arrays& arrays, ss_error* erro
     if (good) {
         const float byte = *static_cast<const float*>(first->values());
         n->logits_scale = *static_cast<const float*>(scale->values());
-        good = byte >= 0.0f && byte <= 4 * WIDE - CLASSES && n->logits_scale >= 0.0f && n->logits_scale - n->logits_scale == 0.0f;
+        good = byte >= 0.0f && byte <= 4 * WIDE - CLASSES && n->logits_scale >= 0.0f &&
+               n->logits_scale - n->logits_scale == 0.0f;
         n->logits = good ? static_cast<int>(byte) : 0;
     }
     if (!good) return fail(error, SS_BAD_MODEL, "the weights are not those of a network that this library runs");
@@ -172,7 +175,8 @@ static bool make_space(const Model& model, Space& space) {
     g.pitch = width, g.kept = space.bands * BAND;
     const size_t kept = static_cast<size_t>(g.kept) * width;
     g.history = space.arena.take<float>(kept * 3), g.rest = space.arena.take<uint16_t>(kept * variant.planes());
-    g.luma = space.arena.take<float>(kept + static_cast<size_t>(g.kept) * 2 * PAD), g.samples = space.arena.take<uint8_t>(kept);
+    g.luma = space.arena.take<float>(kept + static_cast<size_t>(g.kept) * 2 * PAD),
+    g.samples = space.arena.take<uint8_t>(kept);
     g.rising = space.arena.take<float>(all / LANES), g.rises = space.arena.take<uint16_t>(all / 4);
     if (variant.guided) make_guide(model, space, *work);
     for (int k = 0; k < model.pool.threads(); k++) {
@@ -195,7 +199,8 @@ static bool make_space(const Model& model, Space& space) {
 // Steps ---------------------------------------------------------------------------------------------------------------
 
 ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out, ss_error* error) {
-    if (model.method->read_weights != read_weights) return fail(error, SS_BAD_ARGUMENT, "%s has no network", model.method->name);
+    if (model.method->read_weights != read_weights)
+        return fail(error, SS_BAD_ARGUMENT, "%s has no network", model.method->name);
     if (ss_status status = check_size(2 * half.width, 2 * half.height, "the display", error)) return status;
     const Size display = {2 * half.width, 2 * half.height};
     Space space(model.arena.allocator(), {1, 1}, display, display);
@@ -250,7 +255,8 @@ static void make_work(const Step& step, ClassifierWork& work) {
     Guide& g = work.guide;
     const int width = step.target.width;
     g.base_color = view_of(f.base_color, f.width, 3), g.normal = view_of(f.normal, f.width, 3);
-    g.display_base_color = view_of(f.display_base_color, width, 3), g.display_normal = view_of(f.display_normal, width, 3);
+    g.display_base_color = view_of(f.display_base_color, width, 3),
+    g.display_normal = view_of(f.display_normal, width, 3);
     g.display_depth = view_of(f.display_depth, width, 1);
     g.before = static_cast<const uint8_t*>(step.before.planes[3]), g.next = static_cast<uint8_t*>(step.after.planes[3]);
 }
@@ -273,8 +279,8 @@ static ss_stage run_stage(const Step& step, const ClassifierWork& work, int stag
     const auto of_level = [&](int k, auto encode) {
         const Level& level = n.level[k];
         const int rows = ALIGNED >> k;
-        run_tiles_of_rows(step.space.rest.gathered, tiles, TILE / 2 >> k, {level.width, level.height}, band * rows, (band + 1) * rows,
-                          [&](Rect rect) { encode(work, k, rect, thread); });
+        run_tiles_of_rows(step.space.rest.gathered, tiles, TILE / 2 >> k, {level.width, level.height}, band * rows,
+                          (band + 1) * rows, [&](Rect rect) { encode(work, k, rect, thread); });
     };
     if (stage == PREPARE) {
         kernels.prepare(s, sample_at(y0), sample_at(y1));
@@ -318,18 +324,20 @@ static ss_status compute(Step& step) {
     fill_missing(step);
     step.after.glares = may_glare(step);
     make_work(step, work);
-    step.workers().run_bands(divided_up(work.target.height, BAND), BAND_STAGES, step.space.bands, [&](int stage, int band, int thread) {
-        const double began = seconds_now();
-        const ss_stage named = run_stage(step, work, stage, band, thread);
-        work.scratch[thread].spent[named] += seconds_now() - began;
-    });
+    step.workers().run_bands(divided_up(work.target.height, BAND), BAND_STAGES, step.space.bands,
+                             [&](int stage, int band, int thread) {
+                                 const double began = seconds_now();
+                                 const ss_stage named = run_stage(step, work, stage, band, thread);
+                                 work.scratch[thread].spent[named] += seconds_now() - began;
+                             });
     double spent[SS_STAGES] = {};
     for (int thread = 0; thread < step.model.pool.threads(); thread++)
         for (int k = 0; k < SS_STAGES; k++) spent[k] += work.scratch[thread].spent[k];
     step.clock.divide(spent);
     if (!is_unconfirmed(step, work)) return SS_OK;
     step.after.glares = true;
-    run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int) { step.kernels().confirm_none(work, rect); });
+    run_tiles(step, computed_tiles(step), TILE, step.space.display,
+              [&](Rect rect, int) { step.kernels().confirm_none(work, rect); });
     return SS_OK;
 }
 
@@ -337,15 +345,30 @@ static constexpr Layout LAYOUT = {
     .planes = 3,
     .tensors = 10,
     .plane = {{Extent::DISPLAY, HISTORY_VALUES, false}, {Extent::HALF, 8, true}, {Extent::SAMPLES, 2, false}},
-    .tensor = {{"color", 3, 0, 0}, {"state", 3, 0, 3}, {"classes", CLASSES, 1, 0}, {"depth", 2, 2, 0}, {"jitter", 2, OF_JITTER, 0},
-               {"exposure", 1, OF_EXPOSURE, 0}, SS_REST_TENSORS},
+    .tensor = {{"color", 3, 0, 0},
+               {"state", 3, 0, 3},
+               {"classes", CLASSES, 1, 0},
+               {"depth", 2, 2, 0},
+               {"jitter", 2, OF_JITTER, 0},
+               {"exposure", 1, OF_EXPOSURE, 0},
+               SS_REST_TENSORS},
     .rests = true,
     .glare = "state",
 };
 static constexpr Method learned(const char* name, float most, bool larger = false) {
-    return {.name = name, .ratios = {1, most}, .reads_surfaces = true, .reads_motion = true, .larger = larger, .stages = BAND_STAGES, .layout = LAYOUT,
-            .constants = CONSTANTS, .constant_count = sizeof CONSTANTS / sizeof(Constant), .filters = filters, .make_space = make_space,
-            .compute = compute, .read_weights = read_weights};
+    return {.name = name,
+            .ratios = {1, most},
+            .reads_surfaces = true,
+            .reads_motion = true,
+            .larger = larger,
+            .stages = BAND_STAGES,
+            .layout = LAYOUT,
+            .constants = CONSTANTS,
+            .constant_count = sizeof CONSTANTS / sizeof(Constant),
+            .filters = filters,
+            .make_space = make_space,
+            .compute = compute,
+            .read_weights = read_weights};
 }
 extern const Method CLASSIFIER = learned("classifier", 3);
 extern const Method CLASSIFIER_LARGE = learned("classifier-large", 2, true);
@@ -353,15 +376,33 @@ extern const Method CLASSIFIER_LARGE = learned("classifier-large", 2, true);
 static constexpr Layout GUIDED_LAYOUT = {
     .planes = 4,
     .tensors = 11,
-    .plane = {{Extent::DISPLAY, HISTORY_VALUES, false}, {Extent::HALF, 8, true}, {Extent::SAMPLES, 2, false}, {Extent::DISPLAY, 4, true}},
-    .tensor = {{"color", 3, 0, 0}, {"state", 3, 0, 3}, {"classes", CLASSES, 1, 0}, {"depth", 2, 2, 0}, {"jitter", 2, OF_JITTER, 0},
-               {"exposure", 1, OF_EXPOSURE, 0}, {"reflectance", 3, 3, 0}, SS_REST_TENSORS},
+    .plane = {{Extent::DISPLAY, HISTORY_VALUES, false},
+              {Extent::HALF, 8, true},
+              {Extent::SAMPLES, 2, false},
+              {Extent::DISPLAY, 4, true}},
+    .tensor = {{"color", 3, 0, 0},
+               {"state", 3, 0, 3},
+               {"classes", CLASSES, 1, 0},
+               {"depth", 2, 2, 0},
+               {"jitter", 2, OF_JITTER, 0},
+               {"exposure", 1, OF_EXPOSURE, 0},
+               {"reflectance", 3, 3, 0},
+               SS_REST_TENSORS},
     .rests = true,
     .glare = "state",
 };
-extern const Method GBUFFER_FAST = {.name = "gbuffer-fast", .ratios = {1, 4}, .reads_surfaces = true, .reads_motion = true, .reads_gbuffers = true,
-                                    .stages = BAND_STAGES, .layout = GUIDED_LAYOUT, .constants = gbuffer_fast::CONSTANTS,
-                                    .constant_count = sizeof gbuffer_fast::CONSTANTS / sizeof(Constant), .filters = filters,
-                                    .make_space = make_space, .compute = compute, .read_weights = read_weights};
+extern const Method GBUFFER_FAST = {.name = "gbuffer-fast",
+                                    .ratios = {1, 4},
+                                    .reads_surfaces = true,
+                                    .reads_motion = true,
+                                    .reads_gbuffers = true,
+                                    .stages = BAND_STAGES,
+                                    .layout = GUIDED_LAYOUT,
+                                    .constants = gbuffer_fast::CONSTANTS,
+                                    .constant_count = sizeof gbuffer_fast::CONSTANTS / sizeof(Constant),
+                                    .filters = filters,
+                                    .make_space = make_space,
+                                    .compute = compute,
+                                    .read_weights = read_weights};
 
 }  // namespace ss

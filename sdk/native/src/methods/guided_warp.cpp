@@ -19,7 +19,8 @@ static ss_status read_rings(Model& model, const Arrays& arrays, ss_error* error)
     const Array* given = arrays.find("strides", ArrayType::FLOAT, 0);
     const float* strides = given ? static_cast<const float*>(given->values()) : nullptr;
     const size_t count = given ? given->count() : 0;
-    if (count < 1 || count > MAX_RINGS) return fail(error, SS_BAD_MODEL, "the model has %d strides; want 1 to %d", static_cast<int>(count), MAX_RINGS);
+    if (count < 1 || count > MAX_RINGS)
+        return fail(error, SS_BAD_MODEL, "the model has %d strides; want 1 to %d", static_cast<int>(count), MAX_RINGS);
     Rings* rings = model.arena.take<Rings>(1);
     if (!rings) return fail(error, SS_NO_MEMORY, "no memory for a model");
     rings->count = static_cast<int>(count);
@@ -27,7 +28,8 @@ static ss_status read_rings(Model& model, const Arrays& arrays, ss_error* error)
     for (int ring = 0; ring < rings->count; ring++) {
         const float stride = strides[ring];
         if (!(stride >= before && stride <= MAX_STRIDE && stride == static_cast<float>(static_cast<int>(stride))))
-            return fail(error, SS_BAD_MODEL, "strides has %g; want whole numbers up to %d, ascending", stride, MAX_STRIDE);
+            return fail(error, SS_BAD_MODEL, "strides has %g; want whole numbers up to %d, ascending", stride,
+                        MAX_STRIDE);
         rings->strides[ring] = static_cast<int>(stride);
         for (int k = 0; k < 8; k++) {
             rings->across[8 * ring + 1 + k] = stride * NEIGHBOURS[2 * k];
@@ -47,7 +49,8 @@ static bool make_space(const Model&, Space& space) {
     work->previous = space.image_size, work->previous_stride = up_to(work->previous.width, LANES);
     work->samples = space.arena.take<float>(static_cast<size_t>(WARP_PLANES) * work->shaded.height * work->stride);
     work->motion = space.arena.take<float>(static_cast<size_t>(2) * work->previous.height * work->previous_stride);
-    work->rows = space.arena.take<float>(work->shaded.height), work->previous_rows = space.arena.take<float>(work->previous.height);
+    work->rows = space.arena.take<float>(work->shaded.height),
+    work->previous_rows = space.arena.take<float>(work->previous.height);
     space.own = work;
     return true;
 }
@@ -64,12 +67,19 @@ static ss_status check(const Model& model, const ss_frame& f, const ss_shaded& s
     if (ss_status status = check_size(f.width, f.height, "the frame", error)) return status;
     if (ss_status status = check_size(s.width, s.height, "the shaded frame", error)) return status;
     if (s.motion.data)
-        if (ss_status status = check_size(s.motion_width, s.motion_height, "the motion of the previous frame", error)) return status;
+        if (ss_status status = check_size(s.motion_width, s.motion_height, "the motion of the previous frame", error))
+            return status;
     const struct {
         const char* name;
         const ss_image& image;
-    } inputs[] = {{"depth", f.depth}, {"motion", f.motion}, {"base_color", f.base_color}, {"normal", f.normal}, {"color of the shaded frame", s.color},
-                  {"depth of the shaded frame", s.depth}, {"base_color of the shaded frame", s.base_color}, {"normal of the shaded frame", s.normal}};
+    } inputs[] = {{"depth", f.depth},
+                  {"motion", f.motion},
+                  {"base_color", f.base_color},
+                  {"normal", f.normal},
+                  {"color of the shaded frame", s.color},
+                  {"depth of the shaded frame", s.depth},
+                  {"base_color of the shaded frame", s.base_color},
+                  {"normal of the shaded frame", s.normal}};
     for (const auto& input : inputs)
         if (ss_status status = check_input(input.name, input.image, true, error)) return status;
     if (ss_status status = check_input("motion of the previous frame", s.motion, false, error)) return status;
@@ -80,7 +90,8 @@ static ss_status check(const Model& model, const ss_frame& f, const ss_shaded& s
     return check_pre_exposure(s.pre_exposure, error);
 }
 
-ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s, const ss_extrapolated& out, ss_error* error) {
+ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s, const ss_extrapolated& out,
+                            ss_error* error) {
     if (ss_status status = check(model, f, s, error)) return status;
     if (!out.color.data) return fail(error, SS_BAD_ARGUMENT, "color has no data; want an image to write to");
     if (ss_status status = check_output("color", out.color, error)) return status;
@@ -100,21 +111,26 @@ ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s,
     w.config = model.config_of<Config>();
     w.across = rings.across, w.down = rings.down, w.strides = rings.strides, w.rings = rings.count;
     w.frame = {f.width, f.height};
-    w.base_color = view_of(f.base_color, f.width, 3), w.normal = view_of(f.normal, f.width, 3), w.depth = view_of(f.depth, f.width, 1);
+    w.base_color = view_of(f.base_color, f.width, 3), w.normal = view_of(f.normal, f.width, 3),
+    w.depth = view_of(f.depth, f.width, 1);
     w.own_motion = view_of(f.motion, f.width, 2);
     w.shaded_color = view_of(s.color, s.width, 3), w.shaded_base_color = view_of(s.base_color, s.width, 3);
     w.shaded_normal = view_of(s.normal, s.width, 3), w.shaded_depth = view_of(s.depth, s.width, 1);
     w.previous_motion = view_of(s.motion, s.motion_width, 2);
     for (int axis = 0; axis < 2; axis++)
-        w.jitter[axis] = f.jitter[axis], w.shaded_jitter[axis] = s.jitter[axis], w.previous_jitter[axis] = s.motion_jitter[axis];
-    w.pre_exposure = f.pre_exposure > 0.0f ? f.pre_exposure : 1.0f, w.shaded_pre_exposure = s.pre_exposure > 0.0f ? s.pre_exposure : 1.0f;
+        w.jitter[axis] = f.jitter[axis], w.shaded_jitter[axis] = s.jitter[axis],
+        w.previous_jitter[axis] = s.motion_jitter[axis];
+    w.pre_exposure = f.pre_exposure > 0.0f ? f.pre_exposure : 1.0f,
+    w.shaded_pre_exposure = s.pre_exposure > 0.0f ? s.pre_exposure : 1.0f;
     w.color = view_of(out.color, f.width, 3), w.next_motion = view_of(out.motion, f.width, 2);
     w.scratch = scratch, w.scratch_pitch = pitch;
     Canceller canceller(out.cancelled, out.user);
     const Workers workers = {model.pool, canceller};
     const Kernels& kernels = *model.kernels;
     workers.run_rows(s.height, [&](int y0, int y1, int thread) { kernels.warp_read_shaded(w, y0, y1, thread); });
-    if (has_motion) workers.run_rows(s.motion_height, [&](int y0, int y1, int thread) { kernels.warp_read_motion(w, y0, y1, thread); });
+    if (has_motion)
+        workers.run_rows(s.motion_height,
+                         [&](int y0, int y1, int thread) { kernels.warp_read_motion(w, y0, y1, thread); });
     w.has_depth = any(w.rows, s.height);
     w.moved = has_motion && any(w.previous_rows, s.motion_height);
     workers.run_rows(f.height, [&](int y0, int y1, int thread) { kernels.warp_rows(w, y0, y1, thread); });
@@ -122,8 +138,12 @@ ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s,
     return canceller.is_set() ? fail(error, SS_CANCELLED, "the extrapolation was cancelled") : succeed(error);
 }
 
-extern const Method GUIDED_WARP = {.name = "guided-warp", .ratios = {1, 1}, .extrapolates = true, .constants = CONSTANTS,
-                                   .constant_count = sizeof CONSTANTS / sizeof(Constant), .make_space = make_space,
+extern const Method GUIDED_WARP = {.name = "guided-warp",
+                                   .ratios = {1, 1},
+                                   .extrapolates = true,
+                                   .constants = CONSTANTS,
+                                   .constant_count = sizeof CONSTANTS / sizeof(Constant),
+                                   .make_space = make_space,
                                    .read_weights = read_rings};
 
 }  // namespace ss

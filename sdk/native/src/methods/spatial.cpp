@@ -27,11 +27,14 @@ static ss_status compute(Step& step) {
     work.samples = step.samples(), work.tables = step.space.tables, work.target = step.target;
     step.workers().run_rows(step.frame.height, [&](int y0, int y1, int) { step.kernels().spatial_read(work, y0, y1); });
     step.clock.enter(SS_FINISH);
-    run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().spatial_rows(work, rect, thread); });
+    run_tiles(step, computed_tiles(step), TILE, step.space.display,
+              [&](Rect rect, int thread) { step.kernels().spatial_rows(work, rect, thread); });
     return SS_OK;
 }
 
-extern const Method BILINEAR = {.name = "bilinear", .ratios = {1, 4}, .filters = filters<LINEAR>, .make_space = make_space, .compute = compute};
-extern const Method BICUBIC = {.name = "bicubic", .ratios = {1, 4}, .filters = filters<CUBIC>, .make_space = make_space, .compute = compute};
+extern const Method BILINEAR = {
+    .name = "bilinear", .ratios = {1, 4}, .filters = filters<LINEAR>, .make_space = make_space, .compute = compute};
+extern const Method BICUBIC = {
+    .name = "bicubic", .ratios = {1, 4}, .filters = filters<CUBIC>, .make_space = make_space, .compute = compute};
 
 }  // namespace ss

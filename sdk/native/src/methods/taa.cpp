@@ -32,7 +32,8 @@ static ss_status compute(Step& step) {
         step.workers(), step.frame.height, [&](int y0, int y1) { step.kernels().taa_read(work, y0, y1); },
         [&](int y0, int y1) { step.kernels().taa_boxes(work, y0, y1); });
     step.clock.enter(SS_FINISH);
-    run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().taa_rows(work, rect, thread); });
+    run_tiles(step, computed_tiles(step), TILE, step.space.display,
+              [&](Rect rect, int thread) { step.kernels().taa_rows(work, rect, thread); });
     return SS_OK;
 }
 
@@ -44,8 +45,14 @@ static constexpr Layout LAYOUT = {
     .rests = false,
     .glare = nullptr,
 };
-extern const Method TAA = {.name = "taa", .ratios = {1, 4}, .reads_motion = true, .layout = LAYOUT, .constants = taa::CONSTANTS,
-                           .constant_count = sizeof taa::CONSTANTS / sizeof(Constant), .filters = filters,
-                           .make_space = make_space, .compute = compute};
+extern const Method TAA = {.name = "taa",
+                           .ratios = {1, 4},
+                           .reads_motion = true,
+                           .layout = LAYOUT,
+                           .constants = taa::CONSTANTS,
+                           .constant_count = sizeof taa::CONSTANTS / sizeof(Constant),
+                           .filters = filters,
+                           .make_space = make_space,
+                           .compute = compute};
 
 }  // namespace ss

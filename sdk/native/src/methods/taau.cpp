@@ -28,7 +28,8 @@ static bool make_space(const Model& model, Space& space) {
     work->line_pitch = static_cast<size_t>(LINES) * space.samples.pitch + LANES;
     work->lines = space.arena.take<float>(work->line_pitch * model.pool.threads());
     const Size blocks = blocks_of(space.render);
-    work->blocks_across = blocks.width, work->blocks_down = blocks.height, work->blocks_pitch = up_to(blocks.width, LANES);
+    work->blocks_across = blocks.width, work->blocks_down = blocks.height,
+    work->blocks_pitch = up_to(blocks.width, LANES);
     work->block_sums = space.arena.take<float>(static_cast<size_t>(6) * blocks.height * work->blocks_pitch);
     work->kept_pitch = up_to(space.display.width, LANES);
     work->kept_room = space.arena.take<float>(static_cast<size_t>(blocks.height) * work->kept_pitch);
@@ -38,7 +39,7 @@ static bool make_space(const Model& model, Space& space) {
 
 // Writes `history.light`; same as `light_after` of the torch module.
 static void write_light(const Step& step, const TaauWork& work) {
-    const float *before = step.before.values;
+    const float* before = step.before.values;
     float* light = step.after.values;
     const double mean = before[0], flashes = before[3], change = work.change;
     const double slope = change / ((1.0 + (change - 1.0) * mean) * (1.0 + (change - 1.0) * mean));
@@ -46,7 +47,8 @@ static void write_light(const Step& step, const TaauWork& work) {
     double sums[2] = {};
     for (int y = 0; y < step.frame.height; y++)
         for (int k = 0; k < 2; k++) sums[k] += work.sums[2 * y + k];
-    for (int k = 0; k < 2; k++) light[k] = static_cast<float>(sums[k] / (double{1} * step.frame.width * step.frame.height));
+    for (int k = 0; k < 2; k++)
+        light[k] = static_cast<float>(sums[k] / (double{1} * step.frame.width * step.frame.height));
     const double known = flashes > 0.0 ? older : max(last, older);
     const bool flash = known > 0.0 && flashes < 2.0 && light[1] > FLASH * known + LEAST_FLASH;
     light[2] = static_cast<float>(max(last, FLASH_MEMORY * older));
@@ -94,7 +96,8 @@ static void limit_samples(Step& step, TaauWork& work) {
         any |= blocks.selected[block] != 0;
     }
     if (!any) return;
-    work.nearest_rows = rest.nearest_rows, work.nearest_columns = rest.nearest_columns, work.kept_rows = rest.row_blocks;
+    work.nearest_rows = rest.nearest_rows, work.nearest_columns = rest.nearest_columns,
+    work.kept_rows = rest.row_blocks;
     step.workers().run_rows(down, [&](int y0, int y1, int) { step.kernels().taau_compare(work, y0, y1); });
     bool limits = false;
     float* const kept = blocks.windows;
@@ -109,7 +112,8 @@ static void limit_samples(Step& step, TaauWork& work) {
     if (!limits) return;
     work.kept = work.kept_room;
     for (int y = 0; y < down; y++)
-        for (int x = 0; x < step.target.width; x++) work.kept_room[static_cast<size_t>(y) * work.kept_pitch + x] = kept[y * across + rest.column_blocks[x]];
+        for (int x = 0; x < step.target.width; x++)
+            work.kept_room[static_cast<size_t>(y) * work.kept_pitch + x] = kept[y * across + rest.column_blocks[x]];
 }
 
 static ss_status compute(Step& step) {
@@ -124,14 +128,17 @@ static ss_status compute(Step& step) {
     work.previous = previous_frame(step.before, 1);
     work.surface = step.after.plane(1);
     work.scratch = step.space.warps;
-    work.change = step.before.exposure != 0.0f ? s.exposure / (step.before.exposure < 0.0f ? -step.before.exposure : step.before.exposure) : 1.0f;
+    work.change = step.before.exposure != 0.0f
+                      ? s.exposure / (step.before.exposure < 0.0f ? -step.before.exposure : step.before.exposure)
+                      : 1.0f;
     step.workers().run_rows(s.height, [&](int y0, int y1, int thread) { kernels.taau_shade(work, y0, y1, thread); });
     write_light(step, work);
     work.unconfirmed = step.after.values[3];
     work.glares = work.unconfirmed > 0.0f || step.after.glares || step.before.glares;
     limit_samples(step, work);
     step.clock.enter(SS_FINISH);
-    run_tiles(step, computed_tiles(step), TILE, step.space.display, [&](Rect rect, int thread) { step.kernels().taau_rows(work, rect, thread); });
+    run_tiles(step, computed_tiles(step), TILE, step.space.display,
+              [&](Rect rect, int thread) { step.kernels().taau_rows(work, rect, thread); });
     return SS_OK;
 }
 
@@ -139,13 +146,25 @@ static constexpr Layout LAYOUT = {
     .planes = 2,
     .tensors = 10,
     .plane = {{Extent::DISPLAY, 5, false}, {Extent::SAMPLES, 4, false}},
-    .tensor = {{"color", 3, 0, 0}, {"samples", 2, 0, 3}, {"surface", 3, 1, 0}, {"jitter", 2, OF_JITTER, 0},
-               {"exposure", 1, OF_EXPOSURE, 0}, {"light", 4, OF_VALUES, 0}, SS_REST_TENSORS},
+    .tensor = {{"color", 3, 0, 0},
+               {"samples", 2, 0, 3},
+               {"surface", 3, 1, 0},
+               {"jitter", 2, OF_JITTER, 0},
+               {"exposure", 1, OF_EXPOSURE, 0},
+               {"light", 4, OF_VALUES, 0},
+               SS_REST_TENSORS},
     .rests = true,
     .glare = "samples",
 };
-extern const Method TAAU = {.name = "taau", .ratios = {1, 4}, .reads_surfaces = true, .reads_motion = true, .layout = LAYOUT,
-                            .constants = CONSTANTS, .constant_count = sizeof CONSTANTS / sizeof(Constant),
-                            .filters = filters, .make_space = make_space, .compute = compute};
+extern const Method TAAU = {.name = "taau",
+                            .ratios = {1, 4},
+                            .reads_surfaces = true,
+                            .reads_motion = true,
+                            .layout = LAYOUT,
+                            .constants = CONSTANTS,
+                            .constant_count = sizeof CONSTANTS / sizeof(Constant),
+                            .filters = filters,
+                            .make_space = make_space,
+                            .compute = compute};
 
 }  // namespace ss

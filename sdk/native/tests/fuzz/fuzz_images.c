@@ -43,7 +43,8 @@ static void scatter(Input* in, int w, int h) {
     memset(&s, 0, sizeof s);
     s.width = w, s.height = h, s.next_width = 1 + pick(in, 40), s.next_height = 1 + pick(in, 40);
     const size_t pixels = (size_t)w * h, next = (size_t)s.next_width * s.next_height;
-    float *depth = values_of(in, pixels, 0.1f), *next_depth = values_of(in, next, 0.1f), *next_motion = values_of(in, 2 * next, 4.0f);
+    float *depth = values_of(in, pixels, 0.1f), *next_depth = values_of(in, next, 0.1f),
+          *next_motion = values_of(in, 2 * next, 4.0f);
     float *motion = malloc(8 * pixels), *mismatch = malloc(4 * pixels);
     s.depth = depth, s.next_depth = next_depth, s.next_motion = next_motion;
     s.jitter[0] = pick_float(in), s.next_jitter[1] = pick_float(in);
@@ -77,10 +78,12 @@ static void extrapolate(Input* in, int w, int h) {
     }
     if (pick(in, 2)) shaded.motion = image_of(in, &memory[8], shaded.motion_width, shaded.motion_height, 2, 0, 4.0f);
     frame.pre_exposure = pick_float(in), shaded.pre_exposure = pick_float(in);
-    for (int k = 0; k < 2; k++) frame.jitter[k] = shaded.jitter[k] = shaded.motion_jitter[k] = (float)(pick(in, 5) - 2) * 0.25f;
+    for (int k = 0; k < 2; k++)
+        frame.jitter[k] = shaded.jitter[k] = shaded.motion_jitter[k] = (float)(pick(in, 5) - 2) * 0.25f;
     outputs.color = image_of(in, &memory[9], w, h, 3, 1, 1.0f);
     if (pick(in, 2)) outputs.motion = image_of(in, &memory[10], w, h, 2, 1, 1.0f);
-    if (ss_extrapolate(model, &frame, &shaded, &outputs, &error) == SS_OK) check_image(&outputs.color, memory[9], (size_t)w * h * 3);
+    if (ss_extrapolate(model, &frame, &shaded, &outputs, &error) == SS_OK)
+        check_image(&outputs.color, memory[9], (size_t)w * h * 3);
     for (int k = 0; k < 11; k++) free(memory[k]);
 }
 

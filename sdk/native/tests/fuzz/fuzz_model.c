@@ -27,8 +27,9 @@ int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         memset(&frame, 0, sizeof frame);
         memset(&outputs, 0, sizeof outputs);
         frame.width = W, frame.height = H, frame.adds_samples = 1.0f;
-        ss_image* const images[] = {&frame.color, &frame.depth, &frame.motion, &frame.base_color, &frame.normal,
-                                    &frame.display_base_color, &frame.display_normal, &frame.display_depth};
+        ss_image* const images[] = {&frame.color,          &frame.depth,        &frame.motion,
+                                    &frame.base_color,     &frame.normal,       &frame.display_base_color,
+                                    &frame.display_normal, &frame.display_depth};
         for (int k = 0; k < 8; k++) images[k]->data = values;
         outputs.image.data = image;
         ss_upscaler_create(model, DW, DH, &upscaler, &error);

@@ -42,7 +42,9 @@ int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     uint8_t* bytes = malloc(count);
     memcpy(bytes, states[method], count);
     while (in.left) {
-        const size_t at = (next_random(&in) + (size_t)pick(&in, 256) * 256) % (pick(&in, 2) ? count : count < 800 ? count : 800);
+        const size_t at = (next_random(&in) + (size_t)pick(&in, 256) * 256) % (pick(&in, 2)  ? count
+                                                                               : count < 800 ? count
+                                                                                             : 800);
         bytes[at] = (uint8_t)pick(&in, 256);
     }
     const uint64_t sum = checksum_of(bytes, count - 8);

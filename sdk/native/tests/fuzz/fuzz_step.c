@@ -1,7 +1,8 @@
 /* Frames of any contents, sizes, strides and types, on any method and instructions, after a history of any values. */
 #include "input.h"
 
-static const char* const methods[] = {"taau", "classifier", "bilinear", "bicubic", "taa", "classifier-small", "classifier-large", "gbuffer-fast"};
+static const char* const methods[] = {"taau", "classifier",       "bilinear",         "bicubic",
+                                      "taa",  "classifier-small", "classifier-large", "gbuffer-fast"};
 static const char* const instructions[] = {"portable", "avx2", "avxvnni", "avx512", "neon"};
 enum { METHODS = 8, INSTRUCTIONS = 5, INPUTS = 9, OUTPUTS = 3, MAX_SIDE = 70 };
 
@@ -50,15 +51,24 @@ int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         const int ratio = 4 + pick(&in, 10); /* quarters */
         frame.width = dw * 4 / ratio + pick(&in, 2), frame.height = dh * 4 / ratio + pick(&in, 2);
         if (frame.width < 1 || frame.height < 1) frame.width = frame.height = 1;
-        ss_image* const images[INPUTS] = {&frame.color, &frame.depth, &frame.motion, &frame.reactive, &frame.base_color, &frame.normal,
-                                          &frame.display_base_color, &frame.display_normal, &frame.display_depth};
+        ss_image* const images[INPUTS] = {&frame.color,
+                                          &frame.depth,
+                                          &frame.motion,
+                                          &frame.reactive,
+                                          &frame.base_color,
+                                          &frame.normal,
+                                          &frame.display_base_color,
+                                          &frame.display_normal,
+                                          &frame.display_depth};
         const int absent = pick(&in, 256);
         for (int k = 0; k < INPUTS; k++)
             if (k < 3 ? absent != k : absent & 1 || k > 3)
-                *images[k] = image_of(&in, &memory[k], k < 6 ? frame.width : dw, k < 6 ? frame.height : dh, channels[k], 0, scales[k]);
+                *images[k] = image_of(&in, &memory[k], k < 6 ? frame.width : dw, k < 6 ? frame.height : dh, channels[k],
+                                      0, scales[k]);
         if (pick(&in, 4) == 0 && frame.motion.data) memset(memory[2], 0, (size_t)frame.width * frame.height * 4);
         frame.jitter[0] = (float)(pick(&in, 5) - 2) * 0.25f, frame.jitter[1] = (float)(pick(&in, 5) - 2) * 0.25f;
-        frame.exposure = pick(&in, 4) ? 0.0f : pick_float(&in), frame.pre_exposure = pick(&in, 4) ? 0.0f : pick_float(&in);
+        frame.exposure = pick(&in, 4) ? 0.0f : pick_float(&in),
+        frame.pre_exposure = pick(&in, 4) ? 0.0f : pick_float(&in);
         frame.adds_samples = (float)pick(&in, 3);
         outputs.image = image_of(&in, &memory[INPUTS], dw, dh, 3, 1, 1.0f);
         if (pick(&in, 2)) outputs.weight = image_of(&in, &memory[INPUTS + 1], dw, dh, 1, 1, 1.0f);

@@ -29,7 +29,8 @@ static int pick(Input* in, int below) {
 }
 
 static float pick_float(Input* in) {
-    static const float hostile[] = {0.0f, -0.0f, 1.0f, -1.0f, 0.5f, 1e-45f, 1e-30f, 1e30f, 3.4e38f, -3.4e38f, 65504.0f, 65520.0f, 0.18f, 1e6f, INFINITY, NAN};
+    static const float hostile[] = {0.0f,    -0.0f,    1.0f,     -1.0f,    0.5f,  1e-45f, 1e-30f,   1e30f,
+                                    3.4e38f, -3.4e38f, 65504.0f, 65520.0f, 0.18f, 1e6f,   INFINITY, NAN};
     const int index = pick(in, 17);
     return index < 16 ? hostile[index] : (float)(next_random(in) >> 8) * 0x1p-24f;
 }
@@ -62,8 +63,12 @@ static ss_image image_of(Input* in, void** memory, int width, int height, int ch
     }
     image.data = data;
     if (order == 1) image.pixel_stride = channels * size + extra;
-    if (order == 2) image.channel_stride = (ptrdiff_t)width * height * size, image.pixel_stride = size, image.row_stride = width * size;
-    if (order == 3) image.row_stride = -(ptrdiff_t)width * channels * size, image.data = data + (ptrdiff_t)(height - 1) * width * channels * size;
+    if (order == 2)
+        image.channel_stride = (ptrdiff_t)width * height * size, image.pixel_stride = size,
+        image.row_stride = width * size;
+    if (order == 3)
+        image.row_stride = -(ptrdiff_t)width * channels * size,
+        image.data = data + (ptrdiff_t)(height - 1) * width * channels * size;
     return image;
 }
 
