@@ -33,6 +33,7 @@ TESTS = [
     "tests/sdk/test_extrapolat*.py",
     "tests/sdk/test_gbuffers.py",
     "tests/sdk/test_jitter.py",
+    "tests/sdk/test_planted_mistakes.py",
     "tests/test_golden*.py",
 ]
 """Globs of test files. Those that reach no target cost time and find nothing."""
