@@ -6,7 +6,7 @@ plan.json beside the scene's file says what goes wrong: "error" or "crash" befor
 "crash at" or "hang at" a frame's number; "wait at" a number "for" a file. "prints" is text before the first
 frame, "ours" lines that begin with the token, "note" a note; "stubborn" ignores SIGTERM; "daughter" is how
 long a program that it starts holds its output open. "scene" changes its description. It prints "Fra:7" for
-each frame, as Blender does.
+each frame, as Blender does. Told to composite, it copies; "composite error at" stops it at a frame.
 """
 
 import json
@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 SETTINGS = json.loads(os.environ["SUPERSAMPLER_RENDER"])
 RECORDED = Path(__file__).with_name("recorded")
@@ -33,6 +34,9 @@ def stop(error: str) -> None:
 
 def main() -> None:
     settings = SETTINGS
+    if "results" in settings:
+        composite(settings)
+        return
     record = json.loads((RECORDED / "render.json").read_text())
     plan = json.loads(Path(settings["blend"]).with_name("plan.json").read_text())
     print("Blender 4.5.15 LTS", flush=True)
@@ -67,6 +71,18 @@ def main() -> None:
         part = Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.exr"
         shutil.copyfile(RECORDED / f"{number:04d}.exr", part)
         report(frame=number, **record["frames"][number - record["first"]])
+
+
+def composite(settings: dict[str, Any]) -> None:
+    """Copy the results, as if no node changed them."""
+    plan = json.loads(Path(settings["blend"]).with_name("plan.json").read_text())
+    report(note="the output is FFMPEG: PNG images are written instead")
+    for number in range(settings["first"], settings["last"] + 1):
+        if number == plan.get("composite error at"):
+            stop("node 'Render Layers' reads view layer 'B', but 'A' was rendered")
+        part = Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.png"
+        shutil.copyfile(Path(settings["results"]) / f"{number:04d}.exr", part)
+        report(frame=number, extension=".png")
 
 
 def wait_for(path: Path) -> None:

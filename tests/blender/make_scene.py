@@ -22,6 +22,7 @@ DEFAULTS: dict[str, Any] = {
     "markers": [],  # [frame, camera]; another camera is there besides, "Other"
     "still": False,  # nothing moves, not even the camera
     "properties": {},
+    "compositor": None,  # name of the view layer whose inverted image and depth the nodes read
     "script": "",  # Python that Blender is to run when it opens the file
 }
 FIRST, LAST = 5, 10
@@ -58,6 +59,8 @@ def build(options: dict[str, Any]) -> None:
         add_markers(scene, options["markers"])
     if not options["still"]:
         move(bpy.data.objects["Cube.003"], "location", [(1.0, -2.0, 0.3), (2.0, -1.5, 0.5)])
+    if options["compositor"]:
+        add_compositor(scene, options["compositor"])
     if options["script"]:
         text = bpy.data.texts.new("startup.py")
         text.write(options["script"])
@@ -101,6 +104,23 @@ def add_markers(scene: Any, markers: list[Any]) -> None:
     scene.collection.objects.link(other)
     for frame, name in markers:
         scene.timeline_markers.new(name, frame=frame).camera = bpy.data.objects[name]
+
+
+def add_compositor(scene: Any, layer: str) -> None:
+    """Invert the image; show the depth in a viewer; write a file beside."""
+    scene.view_layers[0].use_pass_z, scene.use_nodes = True, True
+    nodes, link = scene.node_tree.nodes, scene.node_tree.links.new
+    nodes.clear()
+    kinds = ("RLayers", "Invert", "Composite", "Viewer", "OutputFile")
+    layers, invert, output, viewer, writer = (nodes.new(f"CompositorNode{kind}") for kind in kinds)
+    link(layers.outputs["Image"], invert.inputs["Color"])
+    link(invert.outputs["Color"], output.inputs["Image"])
+    link(layers.outputs["Depth"], viewer.inputs["Image"])
+    link(layers.outputs["Image"], writer.inputs["Image"])
+    if layer not in scene.view_layers:
+        scene.view_layers.new(layer)
+    layers.layer, writer.base_path = layer, "//beside"
+    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
 
 
 def move(item: Any, name: str, values: list[Any]) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from OpenImageIO import UINT8, ImageBuf
+from OpenImageIO import FLOAT, UINT8, ImageBuf
 from typer.testing import CliRunner, Result
 
 import supersampler
@@ -308,6 +308,54 @@ def test_kept_motion_blur_leaves_the_motion_of_the_camera(tmp_path: Path) -> Non
     assert "motion blur is kept: Cycles then writes no vectors" in done.stderr
     shot, record = rendered(tmp_path)
     np.testing.assert_allclose(shot.read(1).frame.motion, camera_motion_of(shot, record, 1), atol=1e-4)
+
+
+def pixels(path: Path) -> Any:
+    """Return (h, w, 3) of an image."""
+    return np.asarray(ImageBuf(str(path)).get_pixels(FLOAT))[..., :3]
+
+
+def test_the_compositor_of_the_file_runs_on_the_results_and_writes_no_other_file(tmp_path: Path) -> None:
+    done = render(tmp_path, "--samples", 1, "--composite", compositor="ViewLayer")
+    assert done.exit_code == 0, done.output
+    assert "not those of File Output" in done.stderr
+    for name in ("0006.exr", "0007.exr", "0008.exr"):
+        result, composited = pixels(tmp_path / "out" / name), pixels(tmp_path / "out" / "composited" / name)
+        np.testing.assert_allclose(composited, 1.0 - result, atol=1e-6)
+    assert not (tmp_path / "beside").exists()
+
+
+def test_a_compositor_of_another_view_layer_is_refused_after_the_results(tmp_path: Path) -> None:
+    done = render(tmp_path, "--samples", 1, "--composite", compositor="Other Layer")
+    assert done.exit_code == 1
+    assert "reads view layer 'Other Layer', but 'ViewLayer' was rendered" in done.stderr
+    assert (tmp_path / "out" / "0008.exr").exists()
+
+
+BLUR = {
+    "--motion-blur": {"scene.render.use_motion_blur": True, "scene.render.motion_blur_shutter": 1.0},
+    "--depth-of-field": {
+        "scene.camera.data.dof.use_dof": True,
+        "scene.camera.data.dof.aperture_fstop": 0.3,
+        "scene.camera.data.dof.focus_distance": 3.0,
+    },
+}
+
+
+@pytest.mark.parametrize("option", BLUR)
+def test_blur_added_to_sharp_frames_is_nearer_to_blur_that_is_rendered(tmp_path: Path, option: str) -> None:
+    output = {"scene.render.image_settings.file_format": "OPEN_EXR"}
+    done = render(tmp_path, "--samples", 16, option, properties=BLUR[option] | output)
+    assert done.exit_code == 0, done.output
+    (tmp_path / "truth").mkdir()
+    done = render(tmp_path / "truth", "--samples", 64, "--keep-blur", properties=BLUR[option])
+    assert done.exit_code == 0, done.output
+    truth = np.clip(pixels(tmp_path / "truth" / "out" / "0007.exr"), 0.0, 1.0)
+    added, sharp = (
+        np.square(np.clip(pixels(tmp_path / "out" / folder / "0007.exr"), 0.0, 1.0) - truth).mean()
+        for folder in ("composited", "")
+    )
+    assert added < 0.9 * sharp
 
 
 def test_a_marker_that_switches_cameras_is_a_cut(tmp_path: Path) -> None:

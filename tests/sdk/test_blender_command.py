@@ -89,6 +89,56 @@ def test_a_scene_that_the_script_denoises_is_denoised_over_time_and_continues(tm
     assert images(tmp_path) == whole
 
 
+COMPOSITED = ["0005.png", "0006.png", "0007.png", "0008.png"]
+
+
+def composited(folder: Path) -> list[str]:
+    return sorted(path.name for path in (folder / "out" / "composited").glob("*.png"))
+
+
+def test_finished_frames_are_composited_and_again_by_the_same_command(tmp_path: Path) -> None:
+    for _ in range(2):
+        done = blender(tmp_path, "--composite", "--motion-blur", method=(), **DENOISED)
+        assert done.exit_code == 0, done.output
+        assert "PNG images are written instead" in done.stderr
+        assert composited(tmp_path) == COMPOSITED
+    for name, data in zip(COMPOSITED, images(tmp_path).values(), strict=True):
+        assert (tmp_path / "out" / "composited" / name).read_bytes() == data
+
+
+def test_a_compositor_that_fails_keeps_the_results_and_says_where_they_are(tmp_path: Path) -> None:
+    line = one_line(blender(tmp_path, "--composite", method=(), composite_error_at=7, **DENOISED))
+    assert "scene.blend: its compositor ended after 2 frames: node 'Render Layers' reads view layer" in line
+    assert "The frames are complete in " in line
+    assert composited(tmp_path) == COMPOSITED[:2]
+    assert list(images(tmp_path)) == IMAGES
+    assert not list((tmp_path / "out" / "composited").glob(".*"))
+
+
+def test_a_foreign_file_in_the_way_of_a_composited_frame_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "out" / "composited").mkdir(parents=True)
+    foreign = tmp_path / "out" / "composited" / "0006.png"
+    foreign.write_text("mine")
+    line = one_line(blender(tmp_path, "--composite", method=(), **DENOISED))
+    assert "0006.png: is there already, and is not listed by composite.json" in line
+    assert foreign.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--motion-blur", "--keep-blur"), "--keep-blur is given with --motion-blur; want one of the two"),
+        (("--composite", "--format", "png"), "--format is png; want exr, too"),
+        (("--depth-of-field", *METHOD), "--depth-of-field is given with upscaled frames; want --denoise"),
+    ],
+)
+def test_options_of_the_compositor_that_cannot_hold_are_refused_before_the_results(
+    tmp_path: Path, options: tuple[str, ...], message: str
+) -> None:
+    assert message in one_line(blender(tmp_path, *options, method=()))
+    assert not images(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

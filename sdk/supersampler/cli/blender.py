@@ -1,6 +1,6 @@
 """`supersampler blender`: renders a .blend file, and denoises or upscales the frames as they are rendered."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -70,6 +70,20 @@ def blender(
             show_default="exr",
         ),
     ] = None,
+    composite: Annotated[
+        bool,
+        typer.Option("--composite", help="Then run the file's compositor on the results: OUTPUT/composited."),
+    ] = False,
+    motion_blur: Annotated[
+        bool,
+        typer.Option("--motion-blur", help="With --denoise temporal: add motion blur to the results there."),
+    ] = False,
+    depth_of_field: Annotated[
+        bool,
+        typer.Option(
+            "--depth-of-field", help="With --denoise temporal: add depth of field to the results there."
+        ),
+    ] = False,
     advise: Annotated[
         bool,
         typer.Option("--advise", help="Cycles: only try each way on a few small frames, and recommend one."),
@@ -84,19 +98,21 @@ def blender(
     Cycles renders at full size, and the frames are denoised over time. Other engines, and Cycles with
     --scale, render small and with jitter, and the frames are upscaled. Blender runs in the background, in its
     own process. Its rendered frames go to OUTPUT/render, the results to OUTPUT; both keep Blender's frame
-    numbers. Motion blur, depth of field and compositing are turned off, with a message. The same command
-    resumes a stopped run.
+    numbers. Motion blur, depth of field and compositing are turned off in the render, with a message;
+    Blender can add them to the results. The same command resumes a stopped run.
 
     \b
     Examples:
       supersampler blender kitchen.blend -o out --frames 1-48
       supersampler blender kitchen.blend -o out --samples 8 --denoise temporal --format png
       supersampler blender kitchen.blend -o out --scale 2 --display-size 3840x2160 --samples 16
+      supersampler blender kitchen.blend -o out --composite --motion-blur --depth-of-field
       supersampler blender kitchen.blend -o out --advise
     """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.cli.denoise_run import DenoiseJob, run_denoise
     from supersampler.cli.results import ImageOptions
     from supersampler.cli.upscale_run import UpscaleJob, run_upscale
+    from supersampler.integrations.blender.composite import composite as composite_frames
     from supersampler.integrations.blender.render import RenderRequest, rendering
     from supersampler.io.shot.numbered import FrameRange
 
@@ -123,7 +139,17 @@ def blender(
     if advise:
         _advise(request, output / "advise", overwrite=overwrite, note=note)
         return
+    blurs = {"motion_blur": motion_blur, "depth_of_field": depth_of_field}
+    blurs = {name: True for name, is_on in blurs.items() if is_on}
+    if keep_blur and blurs:
+        raise ArgumentError("--keep-blur", got=f"given with {_option(blurs)}", want="one of the two")
+    if (composite or blurs) and "exr" not in formats:
+        hint = "Blender's compositor reads EXR results."
+        raise ArgumentError("--format", got=", ".join(formats), want="exr, too", hint=hint)
     with rendering(request, output / "render", overwrite=overwrite, note=note) as render:
+        if blurs and render.scene.denoise != "temporal":
+            want = "--denoise temporal, whose frames have motion and depth of full size"
+            raise ArgumentError(_option(blurs), got="given with upscaled frames", want=want)
         images = ImageOptions(formats=formats, transform=_transform_of(render.scene, formats))
         same: dict[str, Any] = {
             "shot": render.shot, "output": output, "images": images, "compare": compare,
@@ -133,7 +159,19 @@ def blender(
             run_denoise(DenoiseJob(**same, per_frame="none"))
         else:
             run_upscale(UpscaleJob(**same, model=method))
+        if composite or blurs:
+            results = output / "exr" if len(images.image_formats) > 1 else output
+            folder = output / "composited"
+            for path in composite_frames(
+                request, render, results, folder, nodes=composite, note=note, **blurs
+            ):
+                note(f"composited: {path}")
     echo(f"Frames: {output}")
+
+
+def _option(names: Iterable[str]) -> str:
+    """Return the first option of these parameters."""
+    return "--" + next(iter(names)).replace("_", "-")
 
 
 _LABELS = {

@@ -58,9 +58,9 @@ from supersampler.io.shot.shot import Shot
 Engine = Literal["cycles", "eevee", "workbench"]
 _FRAMES = re.compile(r"\d{4,}\.exr|render\.json")
 _SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy, so it cannot be imported here
-_SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the script
+SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the scripts
 _SCALE = 2.0  # default scale of frames that are upscaled, as `render_frames.SCALE`
-_LAST_LINES = 20  # of Blender's output, which are searched for its error
+LAST_LINES = 20  # of Blender's output, which are searched for its error
 _LINE_BYTES = 1 << 20  # maximum bytes per read
 _POLL = 0.5  # seconds between checks whether the process has ended
 _INSTALL_PATHS = {
@@ -324,7 +324,7 @@ class BlenderRender:
         self._done = False
         self._changed = Condition()
         own = {**settings, "blend": str(blend.resolve()), "token": self._token}
-        self._child = start_script(program, _SCRIPT, {_SETTINGS: json.dumps(own)})
+        self._child = start_script(program, _SCRIPT, {SETTINGS: json.dumps(own)})
         Thread(target=self._read, name="blender", daemon=True).start()
 
     def __enter__(self) -> Self:
@@ -363,23 +363,17 @@ class BlenderRender:
 
     def _read(self) -> None:
         """Read Blender's output until it ends, or until there is an error, which ends Blender."""
-        lines: deque[str] = deque(maxlen=_LAST_LINES)
+        lines = LastLines(maxlen=LAST_LINES)
         error: str | ShotError = ""
         try:
-            for line in _lines(self._child):
-                if line.startswith(self._token):
-                    self._take(line.removeprefix(self._token))
-                else:
-                    self._log.write(line)
-                    lines.append(line)
+            for text in script_messages(self._child, self._token, self._log, lines):
+                self._take(text)
         except (ShotError, _ScriptError) as problem:
             error = problem if isinstance(problem, ShotError) else str(problem)
         except Exception as problem:  # otherwise the other threads would wait forever
             error = f"{type(problem).__name__}: {problem}"
         if not error:
-            code = self._child.wait(GRACE)
-            last = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
-            error = f"Blender ended with {end_text(code)}{last and f': {last}'}"
+            error = end_of_script(self._child, lines)
         self._child.stop()
         with self._changed:
             self._error = error
@@ -440,6 +434,27 @@ def start_script(program: str, script: Path, variables: Mapping[str, str]) -> Ch
         command = [program, "--background", "--python-exit-code", "1", "--python", str(script)]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     return ChildProcess(command, environment={**environment, **variables})
+
+
+LastLines = deque[str]
+"""Last lines of Blender's own output."""
+
+
+def script_messages(child: ChildProcess, token: str, log: LogFile, last: LastLines) -> Iterator[str]:
+    """Yield a script's messages until its output ends; write other lines to the log, and append them."""
+    for line in _lines(child):
+        if line.startswith(token):
+            yield line.removeprefix(token)
+        else:
+            log.write(line)
+            last.append(line)
+
+
+def end_of_script(child: ChildProcess, last: LastLines) -> str:
+    """Return how Blender ended, with the last line of its output that tells more."""
+    code = child.wait(GRACE)
+    line = next((line for line in reversed(last) if "Error" in line), last[-1] if last else "")
+    return f"Blender ended with {end_text(code)}{line and f': {line}'}"
 
 
 def _lines(child: ChildProcess) -> Iterator[str]:

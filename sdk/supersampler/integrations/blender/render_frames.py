@@ -62,12 +62,7 @@ def main(settings: dict[str, Any]) -> None:
             "display_size" is null; "seed": added to the scene's, for other noise; "most": null, or for a
             trial the number of frames in the middle of the scene's range, if "frames" is null.
     """
-    if bpy.app.version < OLDEST:
-        raise BlenderSceneError(f"Blender {bpy.app.version_string} is too old; use 3.6 or later")
-    bpy.ops.wm.open_mainfile(filepath=settings["blend"], load_ui=False)
-    if bpy.app.autoexec_fail:
-        what = f"Python in the file is not run ({bpy.app.autoexec_fail_message})"
-        report(note=f"{what}: Auto Run Python Scripts is off in Blender's preferences")
+    open_scene(settings["blend"])
     scene = chosen_scene(settings["scene"])
     choose_camera(scene, settings["camera"])
     if settings["engine"] is not None:
@@ -96,6 +91,16 @@ def main(settings: dict[str, Any]) -> None:
         render(scene, Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.exr")
         seconds = time.perf_counter() - began
         report(frame=number, shift=own_shift, camera=camera_matrix(scene), seconds=round(seconds, 3))
+
+
+def open_scene(blend: str) -> None:
+    """Open a file, and report whether Python in it does not run."""
+    if bpy.app.version < OLDEST:
+        raise BlenderSceneError(f"Blender {bpy.app.version_string} is too old; use 3.6 or later")
+    bpy.ops.wm.open_mainfile(filepath=blend, load_ui=False)
+    if bpy.app.autoexec_fail:
+        what = f"Python in the file is not run ({bpy.app.autoexec_fail_message})"
+        report(note=f"{what}: Auto Run Python Scripts is off in Blender's preferences")
 
 
 def check_step(scene: Any) -> None:
@@ -241,14 +246,15 @@ def set_blur(scene: Any, *, keep: bool, denoise: str) -> None:
         if focused:
             report(note="depth of field is kept: areas out of focus are denoised less over time")
         return
-    why = "cannot be reprojected" + ("; --keep-blur keeps it" if denoise == "temporal" else "")
+    why = "cannot be reprojected"
+    ways = "; --keep-blur keeps it, {} adds it to the results" if denoise == "temporal" else ""
     if scene.render.use_motion_blur:
         scene.render.use_motion_blur = False
-        report(note=f"motion blur is off: blurred frames {why}")
+        report(note=f"motion blur is off: blurred frames {why}{ways.format('--motion-blur')}")
     for camera in focused:
         camera.data.dof.use_dof = False
     if focused:
-        report(note=f"depth of field is off: blurred depth and motion {why}")
+        report(note=f"depth of field is off: blurred depth and motion {why}{ways.format('--depth-of-field')}")
 
 
 def choose_engine(scene: Any, engine: str) -> None:
@@ -312,7 +318,7 @@ def set_output(scene: Any, denoise: str) -> None:
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
     if render.use_compositing and (getattr(scene, "compositing_node_group", None) or scene.use_nodes):
         frames = "denoised" if denoise == "temporal" else "upscaled"
-        report(note=f"compositing is off: composite the {frames} frames")
+        report(note=f"compositing is off in the render; --composite runs it on the {frames} frames")
     editor = scene.sequence_editor
     strips = editor and (getattr(editor, "strips", None) or getattr(editor, "sequences", None))
     if render.use_sequencer and strips:

@@ -1,0 +1,239 @@
+"""Run the compositor of a .blend file on finished frames, and add motion blur and depth of field to them.
+
+Runs inside Blender, as render_frames.py does, with the same messages: {"note": ...} for a changed setting,
+{"frame": number, "extension": ...} for each composited frame, {"error": ...}. Nothing is rendered: image
+nodes take the place of the Render Layers nodes. The .blend file is never saved.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+from render_frames import (  # type: ignore[import-not-found]
+    SETTINGS,
+    BlenderSceneError,
+    choose_camera,
+    chosen_scene,
+    named,
+    open_scene,
+    report,
+)
+
+import bpy  # isort: skip  # render_frames reports where it is missing
+
+MAX_BLUR = 64.0  # pixels of the depth of field
+
+
+def main(settings: dict[str, Any]) -> None:
+    """Composite with these settings.
+
+    Args:
+        settings: "blend": file to open; "scene": name of a scene; "camera": see render_frames.py; "layer":
+            the rendered view layer; "size": [width, height] of the frames; "first", "last": their numbers;
+            "results": folder of the finished frames, 0001.exr and so on; "renders": folder of the rendered
+            ones, whose passes have the same size, or null; "composite": whether the file's compositor runs;
+            "motion_blur", "depth_of_field": whether it is added; "folder" to write to; "run": part of the
+            files' temporary names; "token": begins each message.
+    """
+    open_scene(settings["blend"])
+    scene = chosen_scene(settings["scene"])
+    choose_camera(scene, settings["camera"])
+    tree = own_tree(scene) if settings["composite"] else new_tree(scene)
+    frames = FrameImages(tree, settings)
+    image = frames.socket("Image")
+    if settings["motion_blur"]:
+        image = add_motion_blur(scene, tree, frames, image)
+    defocus = None
+    if settings["depth_of_field"]:
+        defocus = add_depth_of_field(scene, tree, frames, image)
+        image = defocus.outputs["Image"]
+    replace_render_layers(scene, tree, settings["layer"], frames, image)
+    read_cryptomatte_from_files(tree, frames)
+    extension = set_output(scene, tree, settings["size"])
+    for number in range(settings["first"], settings["last"] + 1):
+        scene.frame_set(number)
+        frames.load(number)
+        if defocus is not None:
+            follow_camera(defocus, scene.camera)
+        name = f".{number:04d}.{settings['run']}.partial{extension}"
+        scene.render.filepath = str(Path(settings["folder"]) / name)
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+        report(frame=number, extension=extension)
+
+
+def own_tree(scene: Any) -> Any:
+    """Return the scene's compositor nodes."""
+    tree = getattr(scene, "compositing_node_group", None) or (scene.use_nodes and scene.node_tree)
+    if not tree or not scene.render.use_compositing:
+        raise BlenderSceneError(f"scene {scene.name!r} has no compositor nodes, or Compositing is off")
+    return tree
+
+
+def new_tree(scene: Any) -> Any:
+    """Replace the scene's compositor nodes by a Render Layers node and an output."""
+    if hasattr(scene, "compositing_node_group"):  # Blender 5
+        tree = bpy.data.node_groups.new("Blur", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        scene.compositing_node_group = tree
+        output = tree.nodes.new("NodeGroupOutput")
+    else:
+        scene.use_nodes = True
+        tree = scene.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("CompositorNodeComposite")
+    layers = tree.nodes.new("CompositorNodeRLayers")
+    tree.links.new(layers.outputs["Image"], output.inputs["Image"])
+    scene.render.use_compositing = True
+    return tree
+
+
+class FrameImages:
+    """Image nodes of the files of a frame: the results, and the render for passes that results lack.
+
+    The first frame is loaded.
+    """
+
+    def __init__(self, tree: Any, settings: dict[str, Any]) -> None:
+        self._tree, self._layer = tree, settings["layer"]
+        self._folders = [Path(folder) for folder in (settings["results"], settings["renders"]) if folder]
+        self._images = [
+            bpy.data.images.load(str(self._file(i, settings["first"]))) for i in range(self.count)
+        ]
+        for image in self._images:
+            image.colorspace_settings.is_data = True  # the results have the render's colour space
+        self._nodes = [node for image in self._images for node in self._nodes_of(image)]
+
+    @property
+    def count(self) -> int:
+        """Number of files of a frame."""
+        return len(self._folders)
+
+    @property
+    def render(self) -> Any:
+        """Image of the render, or None."""
+        return self._images[1] if self.count > 1 else None
+
+    def load(self, number: int) -> None:
+        """Load the files of a frame."""
+        for index, image in enumerate(self._images):
+            image.filepath = str(self._file(index, number))
+            image.reload()
+
+    def socket(self, name: str) -> Any:
+        """Return the socket that holds a pass: of the results, or of the render."""
+        names = (name, "Combined") if name == "Image" else (name,)
+        for node in self._nodes:
+            for output in node.outputs:
+                if output.enabled and output.name in names:
+                    return output
+        raise BlenderSceneError(f"the compositor needs the pass {name!r}, which no frame of full size has")
+
+    def _file(self, index: int, number: int) -> Path:
+        return self._folders[index] / f"{number:04d}.exr"
+
+    def _nodes_of(self, image: Any) -> list[Any]:
+        """Return a node for the channels without a layer, and one for those of the view layer, if any."""
+        nodes = []
+        for layer in (None, self._layer):
+            node = self._tree.nodes.new("CompositorNodeImage")
+            node.image = image
+            try:
+                if layer is not None:
+                    node.layer = layer
+            except TypeError:  # the file has no such layer
+                self._tree.nodes.remove(node)
+                continue
+            nodes.append(node)
+        return nodes
+
+
+def add_motion_blur(scene: Any, tree: Any, frames: FrameImages, image: Any) -> Any:
+    """Add Vector Blur with the scene's shutter; return the socket of the blurred image."""
+    node = tree.nodes.new("CompositorNodeVecBlur")
+    for name, socket in (("Image", image), ("Z", frames.socket("Depth")), ("Speed", frames.socket("Vector"))):
+        tree.links.new(socket, node.inputs[name])
+    shutter = scene.render.motion_blur_shutter
+    if "Shutter" in node.inputs:
+        node.inputs["Shutter"].default_value = shutter
+    else:  # before Blender 4.5, the blur's length is twice the factor
+        node.factor = 0.5 * shutter
+    return node.outputs["Image"]
+
+
+def add_depth_of_field(scene: Any, tree: Any, frames: FrameImages, image: Any) -> Any:
+    """Add Defocus, which reads the focus of the scene's camera; return the node."""
+    node = tree.nodes.new("CompositorNodeDefocus")
+    tree.links.new(image, node.inputs["Image"])
+    tree.links.new(frames.socket("Depth"), node.inputs["Z"])
+    node.scene, node.use_zbuffer, node.use_preview, node.blur_max = scene, True, False, MAX_BLUR
+    return node
+
+
+def follow_camera(defocus: Any, camera: Any) -> None:
+    """Set the lens of the frame's camera; without depth of field nothing blurs."""
+    focus = camera.data.dof
+    defocus.mute = not focus.use_dof
+    defocus.f_stop = focus.aperture_fstop
+
+
+def replace_render_layers(scene: Any, tree: Any, layer: str, frames: FrameImages, image: Any) -> None:
+    """Replace all Render Layers nodes by the frames' files; `image` is the socket of the image."""
+    for node in list(tree.nodes):
+        if (
+            node.type == "GROUP"
+            and node.node_tree
+            and any(n.type == "R_LAYERS" for n in node.node_tree.nodes)
+        ):
+            raise BlenderSceneError(f"group {node.name!r} has a Render Layers node: move it out of the group")
+        if node.type != "R_LAYERS":
+            continue
+        used = [output for output in node.outputs if output.is_linked]
+        if used and not node.mute and (node.layer != layer or node.scene not in (None, scene)):
+            problem = f"node {node.name!r} reads view layer {node.layer!r}, but {layer!r} was rendered"
+            raise BlenderSceneError(problem)
+        for output in () if node.mute else used:
+            source = image if output.name == "Image" else frames.socket(output.name)
+            for link in list(output.links):
+                tree.links.new(source, link.to_socket)
+        tree.nodes.remove(node)
+
+
+def read_cryptomatte_from_files(tree: Any, frames: FrameImages) -> None:
+    """Let Cryptomatte nodes read the render's file; their mattes stay."""
+    for node in tree.nodes:
+        if node.type == "CRYPTOMATTE_V2" and node.source == "RENDER":
+            if frames.render is None:
+                raise BlenderSceneError(f"node {node.name!r} needs mattes, which no frame of full size has")
+            name, mattes = node.layer_name, node.matte_id
+            node.source, node.image = "IMAGE", frames.render
+            node.layer_name, node.matte_id = name, mattes
+
+
+def set_output(scene: Any, tree: Any, size: list[int]) -> str:
+    """Set the size of the frames, and one image file for each; return the extension of its name."""
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *size, 100
+    render.use_border = render.use_sequencer = False
+    render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
+    if getattr(render, "use_multiview", False):
+        render.use_multiview = False
+    if render.is_movie_format:
+        if hasattr(render.image_settings, "media_type"):  # Blender 5
+            render.image_settings.media_type = "IMAGE"
+        report(note=f"the output is {render.image_settings.file_format}: PNG images are written instead")
+        render.image_settings.file_format = "PNG"
+    writers = [node for node in tree.nodes if node.type == "OUTPUT_FILE" and not node.mute]
+    for node in writers:
+        node.mute = True
+    if writers:
+        report(note=f"only the image of the output node is written, not those of {named(writers)}")
+    return str(render.file_extension)
+
+
+if __name__ == "__main__":
+    try:
+        main(SETTINGS)
+    except (BlenderSceneError, RuntimeError) as error:  # Blender's operators raise RuntimeError
+        report(error=" ".join(str(error).split()))
+        sys.exit(1)
