@@ -43,8 +43,7 @@ def from_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: floa
     if kind == "reversed_infinite":
         return values
     if kind == "linear":
-        with np.errstate(divide="ignore"):
-            distance = np.float32(near) / values
+        distance = np.float32(near) / values
         return distance if far is None else np.where(values == 0, np.float32(far), distance)
     if far is not None:
         ratio, surfaces = near / far, values[values > 0]

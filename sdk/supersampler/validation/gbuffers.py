@@ -25,8 +25,7 @@ def gbuffer_mistakes(frame: Frame, names: Collection[str]) -> Iterator[Mistake]:
         array = place.find(frame)
         if array is None:
             continue
-        with np.errstate(invalid="ignore", over="ignore"):  # Inf - Inf
-            bad = ~np.isfinite(array if array.ndim == 2 else array.sum(axis=-1, dtype=np.float32))
+        bad = ~np.isfinite(array if array.ndim == 2 else array.sum(axis=-1, dtype=np.float32))  # Inf - Inf
         if bad.any():
             is_depth = place.key == "depth"
             mistake = mistakes.GBUFFER_DEPTH_NOT_FINITE if is_depth else mistakes.GBUFFER_NOT_FINITE

@@ -113,8 +113,7 @@ class FrameProbe:
 
 
 def _luminance(color: Array) -> Float32:
-    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `FramePair` skips them
-        values: Float32 = color.astype(np.float32, copy=False) @ BT709
+    values: Float32 = color.astype(np.float32, copy=False) @ BT709  # NaN and Inf stay; `FramePair` skips them
     return values
 
 
@@ -139,12 +138,11 @@ def reading_text(field: Literal["motion", "jitter"], reading: Conventions) -> st
 def _inverse_distance(depth: Array, order: DepthOrder) -> NDArray[np.float64]:
     """Return 1 / distance up to a factor and, for a finite far plane, an offset; NaN at the sky."""
     values = depth.astype(np.float64)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if order == "linear":
-            inverse = np.where(values < _SKY_DISTANCE, 1 / values, np.nan)
-        else:
-            inverse = values if order == "reversed" else 1 - values
-        return np.where((inverse > 0) & np.isfinite(inverse), inverse, np.nan)
+    if order == "linear":
+        inverse = np.where(values < _SKY_DISTANCE, 1 / values, np.nan)
+    else:
+        inverse = values if order == "reversed" else 1 - values
+    return np.where((inverse > 0) & np.isfinite(inverse), inverse, np.nan)
 
 
 def plane_curvature(depth: Array, order: DepthOrder) -> float:
@@ -196,9 +194,8 @@ def count_disoccluded(
     if np.isfinite(ratio).sum() >= _MIN_PIXELS:  # a camera that moves forward scales all distances
         scale = np.nanmedian(ratio)
         previous_low, previous_high = scale * previous_low, scale * previous_high
-    with np.errstate(invalid="ignore"):
-        closer = inside & (previous_low > _DISTANCE_RATIO * high)
-        farther = inside & (low > _DISTANCE_RATIO * previous_high)
+    closer = inside & (previous_low > _DISTANCE_RATIO * high)
+    farther = inside & (low > _DISTANCE_RATIO * previous_high)
     return int(closer.sum()), int(farther.sum())
 
 

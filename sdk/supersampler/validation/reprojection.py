@@ -134,8 +134,7 @@ def frame_pairs(frames: Sequence[FrameProbe]) -> list[FramePair]:
 def _tone_mapped(light: Float32, middle: float) -> Float32:
     """Return luminance tone-mapped to [0, 1], padded by one pixel; NaN where it is not finite."""
     tone = np.maximum(light, 0)
-    with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is skipped
-        tone /= tone + np.float32(middle)
+    tone /= tone + np.float32(middle)  # Inf / Inf is NaN, which is skipped
     return np.pad(tone, 1, mode="edge")
 
 

@@ -97,9 +97,8 @@ def _display_range(values: Float32, depth: Array, light: Float32) -> float:
 
 def _are_whole(values: Float32) -> bool:
     """Return whether nearly all values are whole numbers up to 255, at least _MIN_LEVELS distinct ones."""
-    with np.errstate(invalid="ignore"):
-        whole = np.rint(values)
-        near = np.abs(values - whole) < 0.07  # half floats near 255/255
+    whole = np.rint(values)
+    near = np.abs(values - whole) < 0.07  # half floats near 255/255
     if not (near.mean() > 0.99 and 2 < np.max(whole, initial=0) <= 255):
         return False
     return len(np.unique(whole)) >= _MIN_LEVELS
@@ -115,8 +114,7 @@ def mixed_edges(light: Float32, depth: Array) -> float:
     values = np.maximum(light, 0)
     known = values[np.isfinite(values) & (values > 0)]
     middle = np.float32(np.median(known) if known.size else 1.0)
-    with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which compares False
-        tone = np.divide(values, values + middle, dtype=np.float32)
+    tone = np.divide(values, values + middle, dtype=np.float32)  # Inf / Inf is NaN, which compares False
     sharp = mixed = 0
     for tones, depths in ((tone, depth), (tone.T, depth.T)):
         first, second = _edge_profiles(tones, depths)
@@ -134,8 +132,7 @@ def _edge_profiles(tone: Float32, depth: Array) -> tuple[NDArray[Any], NDArray[A
         return np.empty(0), np.empty(0)
 
     def near(a: int, b: int, ratio: float) -> NDArray[np.bool_]:
-        with np.errstate(invalid="ignore"):
-            result: NDArray[np.bool_] = np.maximum(z[a], z[b]) <= ratio * np.minimum(z[a], z[b])
+        result: NDArray[np.bool_] = np.maximum(z[a], z[b]) <= ratio * np.minimum(z[a], z[b])
         return result
 
     z = [depth[1:-1, i : i + width] for i in range(6)]
@@ -160,8 +157,7 @@ def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
     height, width = depth.shape
     rows, columns = pixel_grid((width, height - 1), 4 * GRID_PIXELS)
     here, below = depth[rows, columns], depth[rows + 1, columns]
-    with np.errstate(invalid="ignore"):  # Inf - Inf, reported by `_depth`
-        edge = np.abs(here - below) > 0.1 * np.maximum(here, below)
+    edge = np.abs(here - below) > 0.1 * np.maximum(here, below)  # Inf - Inf, reported by `_depth`
     if edge.sum() < 200:
         return
     upright, turned = (_edge_contrast(each, rows, columns, edge) for each in (light, light[::-1]))
