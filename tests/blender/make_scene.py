@@ -117,6 +117,14 @@ def add_compositor(scene: Any, layer: str) -> None:
     link(invert.outputs["Color"], output.inputs["Image"])
     link(layers.outputs["Depth"], viewer.inputs["Image"])
     link(layers.outputs["Image"], writer.inputs["Image"])
+    inside = bpy.data.node_groups.new("Group", "CompositorNodeTree")
+    inside.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketColor")
+    inner, writes = (inside.nodes.new(kind) for kind in ("NodeGroupInput", "CompositorNodeOutputFile"))
+    inside.links.new(inner.outputs["Image"], writes.inputs["Image"])
+    writes.base_path = "//beside"
+    group = nodes.new("CompositorNodeGroup")
+    group.node_tree = inside
+    link(layers.outputs["Image"], group.inputs["Image"])
     if layer not in scene.view_layers:
         scene.view_layers.new(layer)
     layers.layer, writer.base_path = layer, "//beside"

@@ -6,6 +6,7 @@ nodes take the place of the Render Layers nodes. The .blend file is never saved.
 """
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -177,14 +178,18 @@ def follow_camera(defocus: Any, camera: Any) -> None:
     defocus.f_stop = focus.aperture_fstop
 
 
+def all_nodes(tree: Any) -> Iterator[Any]:
+    """Yield the nodes of a tree and of its groups; `tree` may be None, for an empty group."""
+    for node in tree.nodes if tree else ():
+        yield node
+        if node.type == "GROUP":
+            yield from all_nodes(node.node_tree)
+
+
 def replace_render_layers(scene: Any, tree: Any, layer: str, frames: FrameImages, image: Any) -> None:
     """Replace all Render Layers nodes by the frames' files; `image` is the socket of the image."""
     for node in list(tree.nodes):
-        if (
-            node.type == "GROUP"
-            and node.node_tree
-            and any(n.type == "R_LAYERS" for n in node.node_tree.nodes)
-        ):
+        if node.type == "GROUP" and any(inner.type == "R_LAYERS" for inner in all_nodes(node.node_tree)):
             raise BlenderSceneError(f"group {node.name!r} has a Render Layers node: move it out of the group")
         if node.type != "R_LAYERS":
             continue
@@ -223,7 +228,7 @@ def set_output(scene: Any, tree: Any, size: list[int]) -> str:
             render.image_settings.media_type = "IMAGE"
         report(note=f"the output is {render.image_settings.file_format}: PNG images are written instead")
         render.image_settings.file_format = "PNG"
-    writers = [node for node in tree.nodes if node.type == "OUTPUT_FILE" and not node.mute]
+    writers = [node for node in all_nodes(tree) if node.type == "OUTPUT_FILE" and not node.mute]
     for node in writers:
         node.mute = True
     if writers:
