@@ -4,7 +4,7 @@
 during the build, with Zig as the compiler; then the wheel also has the library as WebAssembly. Environment
 variables: SUPERSAMPLER_TARGET, a name in `TARGETS` of build.py, builds for another platform;
 SUPERSAMPLER_BUILD is a folder to build in, where later builds compile only changed sources, in place of a
-temporary folder.
+temporary folder; what Zig compiles has a subfolder for each platform.
 """
 
 import importlib.util
@@ -39,13 +39,14 @@ class LibraryHook(BuildHookInterface[Any]):
         """Compile the library; `version` is "editable" or "standard"."""
         self._temporary = tempfile.TemporaryDirectory()
         folder = Path(os.environ.get("SUPERSAMPLER_BUILD") or self._temporary.name)
-        compiler, tag, name = native_build.machine_compiler(), native_build.machine_tag(), native_build.NAME
+        compiler, tag = native_build.machine_compiler(), native_build.machine_tag()
+        built = folder / native_build.NAME
         uses_zig = bool(TARGET) or compiler is None
         if uses_zig:
             target = native_build.TARGETS[TARGET] if TARGET else native_build.machine_target()
-            compiler, tag, name = native_build.zig_compiler(target), target.tag, target.library
-        native_build.compile_library(folder, [*compiler, "-DCMAKE_SHARED_LINKER_FLAGS=-s"])
-        built = folder / name
+            compiler, tag = native_build.zig_compiler(target), target.tag
+            built = folder / target.tag / target.library
+        native_build.compile_library(built.parent, [*compiler, "-DCMAKE_SHARED_LINKER_FLAGS=-s"])
         if version == "editable":
             native_build.install(built)
             return

@@ -39,11 +39,14 @@ _spec.loader.exec_module(native_build)
 
 
 def build_wheel(target: str, folder: Path) -> Path:
-    """Build the wheel of a target, and return its path."""
-    before = set(folder.glob("*.whl"))
+    """Build the wheel of a target, in place of earlier ones in `folder`, and return its path."""
+    wheels = f"supersampler-*-{native_build.TARGETS[target].tag}.whl"
+    for earlier in folder.glob(wheels):
+        earlier.unlink()
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(command, cwd=ROOT, env={**os.environ, "SUPERSAMPLER_TARGET": target}, check=True)
-    (made,) = set(folder.glob("*.whl")) - before
+    build = {"SUPERSAMPLER_TARGET": target, "SUPERSAMPLER_BUILD": str(ROOT / "build" / "wheels")}
+    subprocess.run(command, cwd=ROOT, env={**os.environ, **build}, check=True)
+    (made,) = folder.glob(wheels)
     return made
 
 

@@ -16,5 +16,6 @@ else()
   set(CMAKE_SYSTEM_NAME Linux)
 endif()
 set(CMAKE_C_COMPILER ${SS_ZIG} cc -target ${SS_TARGET})
-set(CMAKE_CXX_COMPILER ${SS_ZIG} c++ -target ${SS_TARGET})
+# `zig c++` would first compile its C++ runtime for the target, which takes minutes and which the library does not need.
+set(CMAKE_CXX_COMPILER ${SS_ZIG} cc -target ${SS_TARGET})
 set(CMAKE_C_LINKER_DEPFILE_SUPPORTED FALSE)
