@@ -193,7 +193,7 @@ fuzz-native:
 # Minutes for each platform; QEMU or Wine must be there.
 emulators: $(DEVELOPMENT)
 	.venv-dev/bin/pip install -q --disable-pip-version-check 'ziglang>=0.16,<0.18'
-	.venv-dev/bin/pytest -q -rs --timeout=1800 tests/integrations/test_other_platforms.py
+	.venv-dev/bin/pytest -q -rs tests/integrations/test_other_platforms.py
 
 traces: $(DEVELOPMENT)
 	SUPERSAMPLER_TRACES=all .venv-dev/bin/pytest -q --timeout=1800 tests/export tests/process/test_add_a_method.py

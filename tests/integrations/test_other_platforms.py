@@ -20,6 +20,8 @@ ROOT = Path(__file__).parents[2]
 FRAMES = 2
 ARM_LIBRARIES = Path("/usr/aarch64-linux-gnu")
 
+pytestmark = pytest.mark.timeout(1800)  # QEMU is some twenty times slower than the machine
+
 
 class Platform(NamedTuple):
     """A build for another platform, and the command that runs its programs."""
@@ -38,7 +40,7 @@ class Platform(NamedTuple):
         }
         said = self.folder / "said.txt"  # a pipe would wait for Wine's server
         with said.open("w") as file:
-            done = subprocess.run(command, stdout=file, stderr=file, timeout=250, env=environment)
+            done = subprocess.run(command, stdout=file, stderr=file, timeout=1700, env=environment)
         assert done.returncode == 0, said.read_text()
 
 
