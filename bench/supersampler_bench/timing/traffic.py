@@ -2,9 +2,10 @@
 
 A pass counts as reading or writing each of its resources once: workgroups share what their threads read, and
 neighbouring workgroups find their common border in the cache. Two steps are counted: one in which all pixels
-move, and one in which all are frozen, as in the frame before. Shaders mark resources that only static blocks
-access with `// of static blocks`, and signatures of which a step accesses one or two phases of the jitter
-with `// of 1 phase` and `// of 2 phases`; `PassSpec.at_rest` names what a pass accesses where all is frozen.
+move, and one in which all are frozen, as in the frame before. `PassSpec.static` and `PassSpec.at_rest` name
+what a pass accesses only where blocks are static, and where all is frozen; shaders mark signatures of which
+a step accesses one or two phases of the jitter with `// of 1 phase` and `// of 2 phases`. A test compares
+this with the elements that shaders access.
 """
 
 import re
@@ -12,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from supersampler.backends.gpu.program import TEXTURES, GpuProgram
+from supersampler.backends.gpu.program import TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Constants, Shader
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
@@ -29,7 +30,7 @@ PIXEL_BYTES = {"frame_color": 8, "frame_depth": 4, "frame_motion": 4, "image": 8
 """Bytes per pixel of an engine's textures: rgba16float, r32float, rg16float, rgba16float."""
 UNTOUCHED = ("aux", "params", "frame_reactive")
 """Resources that do not count: a step accesses few of their bytes, or none."""
-_NOTE = re.compile(r"// of (?:static blocks|(\d) phases?)")
+_NOTE = re.compile(r"// of (\d) phases?")
 
 
 class PassCost(NamedTuple):
@@ -50,27 +51,27 @@ def pass_costs(program: GpuProgram, render: Size, display: Size, *, frozen: bool
     for spec in program.passes:
         shader, (width, height) = program.shader(spec, TEXTURES), spec.extent.size(render, display)
         moved = sum(
-            touched_fraction(shader, binding, phases, frozen=frozen)
+            touched_fraction(spec, shader, binding, phases, frozen=frozen)
             * sizes[spec.names.get(binding.name, binding.name)]
             for binding in shader.bindings
             if binding.name not in UNTOUCHED
-            and not (frozen and spec.at_rest is not None and binding.name not in spec.at_rest)
         )
         products = 0 if frozen else round(products_of(spec.constants) * width * height)
         costs.append(PassCost(spec.title, round(moved), products))
     return costs
 
 
-def touched_fraction(shader: Shader, binding: Binding, phases: int, *, frozen: bool = False) -> float:
-    """Return the fraction of a resource that a step accesses, by the note at its declaration.
-
-    Its pixels move, or all are `frozen`.
-    """
+def touched_fraction(
+    spec: PassSpec, shader: Shader, binding: Binding, phases: int, *, frozen: bool = False
+) -> float:
+    """Return the fraction of a resource that a pass accesses where all pixels move, or all are `frozen`."""
+    if not frozen and binding.name in spec.static:
+        return 0.0
+    if frozen and spec.at_rest is not None and binding.name not in spec.at_rest:
+        return 0.0
     line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
     note = _NOTE.search(line[0]) if line else None
-    if note is None:
-        return 1.0
-    return float(frozen) if note[1] is None else int(note[1]) / phases
+    return int(note[1]) / phases if note else 1.0
 
 
 def products_of(constants: Constants) -> float:

@@ -40,6 +40,7 @@ class PassSpec(NamedTuple):
         constants: constants of this pass, in addition to the method's.
         names: resource of each variable that has another name than its resource.
         variants: file to import in place of each name.
+        static: variables of resources that it accesses only where blocks are static.
         at_rest: variables of resources that it accesses where the whole frame is frozen, and the previous one
             was, too; None: all.
     """
@@ -50,6 +51,7 @@ class PassSpec(NamedTuple):
     constants: Constants = MappingProxyType({})
     names: Mapping[str, str] = MappingProxyType({})
     variants: Mapping[str, str] = MappingProxyType({})
+    static: Collection[str] = ()
     at_rest: Collection[str] | None = None
 
     @property
@@ -117,6 +119,8 @@ class GpuProgram:
         return load_shader(spec.shader, self.packages, constants, {**variants, **spec.variants})
 
 
+SHOWS_STATIC = "history_mean", "next_mean", "next_phases", "frame_color"
+"""`PassSpec.static` of a pass that shows the mean of static pixels."""
 SHOWS_FROZEN = "next_tiles", "history_mean", "image"
 """`PassSpec.at_rest` of a pass that shows frozen pixels."""
 SIDE = 16
@@ -152,14 +156,27 @@ def frame_passes(surface: str) -> tuple[PassSpec, ...]:
     """
     blocks = "next_state", "block_sums", "history_blocks", "history_signatures", "next_signatures"
     return (
-        PassSpec("compare_blocks", BLOCKS, (4, 4), at_rest=(*blocks, "frame_color", "frame_motion")),
-        PassSpec("decide_blocks", BLOCKS, (8, 8), at_rest=(*blocks, "next_blocks", "block_states", "awake")),
+        PassSpec(
+            "compare_blocks",
+            BLOCKS,
+            (4, 4),
+            static=("history_mean", "frame_color"),
+            at_rest=(*blocks, "frame_color", "frame_motion"),
+        ),
+        PassSpec(
+            "decide_blocks",
+            BLOCKS,
+            (8, 8),
+            static=("history_mean", "history_signatures", "next_signatures"),
+            at_rest=(*blocks, "next_blocks", "block_states", "awake"),
+        ),
         PassSpec("rest_tiles", TILES, (8, 8)),
         PassSpec(
             "preprocess",
             RENDER,
             (SIDE, SIDE),
             variants={"surface": f"surface_{surface}"},
+            static=("history_surface",),
             at_rest=("next_state",),
         ),
     )

@@ -17,6 +17,7 @@ from supersampler.backends.gpu.program import (
     REST_CHANNELS,
     REST_PLANES,
     SHOWS_FROZEN,
+    SHOWS_STATIC,
     GpuProgram,
     PassSpec,
     frame_passes,
@@ -97,7 +98,12 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     constants |= variant._asdict()
     blend = {"colors": variant.colors, "sharpness_at": variant.colors, "kernel_at": variant.colors + 1}
     levels = [_level_pass(one.constants, tile) for one, tile in zip(network, TILES, strict=True)]
-    compose = PassSpec("compose", constants={**last_layers.constants, **blend}, at_rest=SHOWS_FROZEN)
+    compose = PassSpec(
+        "compose",
+        constants={**last_layers.constants, **blend},
+        static=(*SHOWS_STATIC, "history_classes"),
+        at_rest=SHOWS_FROZEN,
+    )
     last, gather = _with_network(compose, "network_last"), PassSpec("gather", at_rest=("next_tiles",))
     passes = *frame_passes("depth"), gather, *levels, last
     memory: dict[str, PixelMemory] = {

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from supersampler.backends.gpu.history import HistoryLayout
 from supersampler.backends.gpu.memory import LARGE, PixelTexture
-from supersampler.backends.gpu.program import GpuProgram, PassSpec
+from supersampler.backends.gpu.program import SHOWS_STATIC, GpuProgram, PassSpec
 from supersampler.methods.classifier.gpu import LAYOUT, classifier_program
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE, REACH
 from supersampler.methods.model_info import ModelInfo
@@ -26,7 +26,7 @@ def large_program(info: ModelInfo) -> GpuProgram:
         for one in program.method_passes
     ]
     frozen = "block_states", "history_mean", "next_mean", "image"
-    downsample = PassSpec("downsample", constants={"taps": 2 * REACH}, at_rest=frozen)
+    downsample = PassSpec("downsample", constants={"taps": 2 * REACH}, static=SHOWS_STATIC, at_rest=frozen)
     memory = {name: m._replace(extent=m.extent.enlarged) for name, m in program.method_memory.items()}
     return replace(
         program,

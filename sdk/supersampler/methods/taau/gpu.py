@@ -9,6 +9,7 @@ from supersampler.backends.gpu.program import (
     REST_CHANNELS,
     REST_PLANES,
     SHOWS_FROZEN,
+    SHOWS_STATIC,
     GpuProgram,
     PassSpec,
     frame_passes,
@@ -53,8 +54,14 @@ def taau_program(info: ModelInfo) -> GpuProgram:
     passes = (
         *frame_passes("shade"),
         PassSpec("light", ONE, (1, 1)),
-        PassSpec("lag", BLOCKS, (8, 8), at_rest=("block_states", "kept_samples")),
-        PassSpec("blend", tile=(32, 4), at_rest=SHOWS_FROZEN),
+        PassSpec(
+            "lag",
+            BLOCKS,
+            (8, 8),
+            static=("samples", "history_pixels"),
+            at_rest=("block_states", "kept_samples"),
+        ),
+        PassSpec("blend", tile=(32, 4), static=SHOWS_STATIC, at_rest=SHOWS_FROZEN),
     )
     memory = {**FRAME_MEMORY, "kept_samples": PixelTexture(BLOCKS, "rg32float")}
     return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, memory)

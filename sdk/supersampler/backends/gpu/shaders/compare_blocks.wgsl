@@ -15,8 +15,8 @@ const SHARE = 1.0 / f32(BLOCK * BLOCK);
 @group(0) @binding(1) var<storage, read> next_state: State;
 @group(0) @binding(2) var history_mean: texture_2d<f32>;   // of static blocks
 @group(0) @binding(3) var history_blocks: texture_2d<f32>;
-@group(0) @binding(4) var<storage, read> history_signatures: array<vec4f>;      // of 1 phase
-@group(0) @binding(5) var<storage, read_write> next_signatures: array<vec4f>;   // of 1 phase
+@group(0) @binding(4) var<storage, read> history_signatures: array<vec4f>;      // of 2 phases
+@group(0) @binding(5) var<storage, read_write> next_signatures: array<vec4f>;   // of 2 phases
 @group(0) @binding(6) var<storage, read_write> block_sums: array<Sums>;
 
 struct Row {

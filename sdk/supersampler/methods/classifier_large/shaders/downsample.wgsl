@@ -57,8 +57,10 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let exposure = exposure_of(next_state);
     let nearest = (2 * p + 1) * large_size() / (2 * display_size());
     var image = vec3f(0.0);
+    var weight = 0.0;
     if (params.skips <= 0.0 || !stays_frozen(p)) {
         image = bounded(inverse_tone(filtered(p, exposure)) / exposure);
+        weight = textureLoad(large_image, nearest, 0).a;
     }
-    show(p, image, textureLoad(large_image, nearest, 0).a);
+    show(p, image, weight);
 }
