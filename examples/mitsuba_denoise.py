@@ -5,8 +5,9 @@
 
 A camera moves around a Cornell box. Mitsuba's AOV integrator renders colour, albedo, normal and position;
 motion is computed from depth and cameras. The frames are written as a shot of EXR files, which
-`supersampler denoise out/shot -o out/denoised` accepts, too. Prints the PSNR of the middle frame, after the
-display transform, against a reference: as rendered, by Open Image Denoise alone, and denoised over time.
+`supersampler denoise out/shot -o out/denoised --samples 4` accepts, too. Prints the PSNR of the middle frame,
+after the display transform, against a reference: as rendered, by Open Image Denoise alone, and denoised over
+time.
 """
 
 import argparse
@@ -45,7 +46,7 @@ def main() -> None:
         for index in range(options.frames):
             writer.write(rendered(index, options.size, options.samples))
     shot = Shot.open(options.output / "shot")
-    for index, image in enumerate(denoise_sequence(shot)):
+    for index, image in enumerate(denoise_sequence(shot, samples=options.samples)):
         write_exr(options.output / f"{index:04d}.exr", image.astype(np.float16), ["R", "G", "B"])
         if index == middle:
             over_time = image

@@ -16,13 +16,14 @@ from supersampler.frame import Array
 from supersampler.io.shot import ShotWriter
 from supersampler_model.denoising import filter as definition
 from supersampler_model.denoising.training import (
-    Example,
-    blended,
+    LEAST_GAINS,
+    Render,
     constants,
     example_of,
-    examples_of,
     fit,
+    gains,
     planes,
+    render_of,
 )
 
 
@@ -60,15 +61,18 @@ def frames_of(
 
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 2), (13, 17), (80, 48), (150, 37)])
-@pytest.mark.parametrize(("motion", "exposure"), [(1.5, 1.0), (0.4, 0.1), (60.0, 30.0)])
+@pytest.mark.parametrize(
+    ("motion", "exposure", "samples"),
+    [(1.5, 1.0, 4.0), (0.4, 0.1, 0.5), (60.0, 30.0, 1.0), (0.2, 1.0, 1000.0)],
+)
 def test_the_library_computes_the_images_of_the_definition(
-    size: tuple[int, int], motion: float, exposure: float
+    size: tuple[int, int], motion: float, exposure: float, samples: float
 ) -> None:
     ours, theirs = frames_of(size, 6, motion=motion)
     with TemporalFilter(threads=2) as library:
-        image, groups = library.filter(ours[0], ours[1:4], ours[4:], exposure)
+        image, groups = library.filter(ours[0], ours[1:4], ours[4:], exposure, samples)
     with torch.no_grad():
-        color, aovs = definition.TemporalFilter()(theirs[0], theirs[1:4], theirs[4:], exposure)
+        color, aovs = definition.TemporalFilter()(theirs[0], theirs[1:4], theirs[4:], exposure, samples)
     assert aovs is not None
     for array, tensor in ((image, color), (np.concatenate(groups, axis=2)[..., :5], aovs)):
         error = np.abs(array - tensor[0].permute(1, 2, 0).numpy())
@@ -115,19 +119,29 @@ def test_a_change_of_light_counts_more_than_noise_of_its_size() -> None:
     def weight(other: torch.Tensor) -> float:
         gathered = definition.gathered(frame(0.0 * signs), [frame(other)], "to_previous")
         distances = definition.distances(frame(0.0 * signs), gathered[0], 1.0)
-        return definition.TemporalFilter().weight(distances.permute(0, 2, 3, 1)).mean().item()
+        return definition.TemporalFilter().weight(distances, 4.0).mean().item()
 
     assert weight(signs.abs()) < 0.5 * weight(signs)
 
 
-def test_fitting_leaves_costs_that_are_held() -> None:
-    generator = torch.Generator().manual_seed(0)
-    colors, reference = torch.rand(50, 2, 3, generator=generator), torch.rand(50, 3, generator=generator)
-    distances = torch.rand(50, 2, len(definition.COSTS), generator=generator)
-    example = Example(reference + 0.1, colors, distances, torch.ones(50, 2), reference)
-    model = fit([example], held=definition.COSTS[1:], steps=3)
-    changed = (model.log_costs - definition.TemporalFilter().log_costs).abs() > 1e-6
-    assert changed.tolist() == [True] + [False] * (len(definition.COSTS) - 1)
+@pytest.mark.parametrize("guide", ["albedo", "normal", "color"])
+def test_the_more_samples_the_less_a_neighbour_that_differs_counts(guide: str) -> None:
+    still, base = torch.zeros(1, 2, 24, 24), torch.full((1, 3, 24, 24), 0.4)
+
+    def frame(**changed: torch.Tensor) -> definition.WindowFrame:
+        planes = {"color": base, "albedo": base, "normal": base, **changed}
+        color = torch.cat([planes["color"], torch.ones(1, 1, 24, 24)], dim=1)
+        return definition.WindowFrame(color, planes["albedo"], planes["normal"], still, still)
+
+    def weight(other: definition.WindowFrame, samples: float) -> float:
+        gathered = definition.gathered(frame(), [other], "to_previous")
+        distances = definition.distances(frame(), gathered[0], 1.0)
+        return model().weight(distances, samples).mean().item()
+
+    other = frame(**{guide: base + 0.15})
+    assert weight(other, 8.0) < 0.9 * weight(other, 1.0) < 0.9 * weight(frame(), 1.0)
+    assert weight(frame(), 8.0) == pytest.approx(weight(frame(), 1.0))
+    assert weight(other, 1e4) == weight(other, spec.MAX_SAMPLES)
 
 
 def test_fitting_learns_which_neighbours_to_trust() -> None:
@@ -144,11 +158,17 @@ def test_fitting_learns_which_neighbours_to_trust() -> None:
 
     other = generator.random((height, width, 3), np.float32)
     example = example_of(frame(noise()), [frame(noise())], [frame(other)], planes(clean))
-    model, before = fit([example], steps=200), definition.TemporalFilter()
+    render = Render([example], 4.0)
+    fitted, before = fit([render], rounds=60), model()
     with torch.no_grad():
-        trusted, first = model.weight(example.distances), before.weight(example.distances)
-    assert trusted[:, 0].mean() > 2.0 * first[:, 0].mean()
-    assert trusted[:, 0].mean() > 5.0 * trusted[:, 1].mean()
+        trusted, first = (
+            each.weight(example.distances, 4.0).mean(dim=(1, 2, 3)) for each in (fitted, before)
+        )
+        psnr, _, seen = gains(fitted, render)
+    assert trusted[0] > 1.5 * first[0]
+    assert trusted[0] > 5.0 * trusted[1]
+    assert psnr > LEAST_GAINS[0]
+    assert seen > LEAST_GAINS[1]
     assert constants(before)[0] == f"LOG_WEIGHT = {spec.LOG_WEIGHT:.4f}"
 
 
@@ -159,11 +179,16 @@ def test_examples_come_from_the_frames_with_references(tmp_path: Path) -> None:
             writer.write(noisy_frames.noisy(index), reference=reference)
     shot = Shot.open(tmp_path)
     shot.is_denoised = True
-    first, second = examples_of(shot)
-    assert first.colors.shape == (noisy_frames.SIZE[0] * noisy_frames.SIZE[1], 4, 3)
-    before, after = (float(((c - first.reference) ** 2).mean()) for c in (first.own, blended(model(), first)))
-    assert after < 0.5 * before
+    render = render_of(shot, 2.0)
+    first, second = render.examples
+    width, height = noisy_frames.SIZE
+    assert first.colors.shape == (4, 3, height, width)
     assert second.own.shape == first.own.shape
+    assert bool(first.scored.all())
+    psnr, tpsnr, seen = gains(model(), render).tolist()
+    assert psnr > 2.0
+    assert tpsnr > 2.0
+    assert seen > 0.1
 
 
 def model() -> definition.TemporalFilter:

@@ -87,6 +87,13 @@ def test_frames_with_a_noisy_image_are_denoised_already(tmp_path: Path) -> None:
     assert import_blender(denoised_frames(tmp_path / "denoised")[0]).is_denoised
 
 
+@pytest.mark.parametrize(("entry", "samples"), [("4", 4), ("0", None), ("many", None), (None, None)])
+def test_frames_of_cycles_state_their_samples(tmp_path: Path, entry: str | None, samples: int | None) -> None:
+    path = sorted(write_blender(tmp_path, "V").glob("*.exr"))[0]
+    write_exr(path, read_exr(path), metadata={} if entry is None else {"cycles.V.samples": entry})
+    assert import_blender(tmp_path).samples == samples
+
+
 def test_other_guides_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="guides is 'albedo'; want 'surface' or 'denoising'"):
         import_blender(write_blender(tmp_path, "V"), guides="albedo")  # type: ignore[arg-type]

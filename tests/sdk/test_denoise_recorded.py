@@ -33,7 +33,7 @@ def psnr(image: Float32, truth: Float32) -> float:
 @pytest.fixture(scope="module", params=[1, 2])
 def films(request: pytest.FixtureRequest, recorded: Shot) -> tuple[list[Float32], ...]:
     """Return the frames with references as they were recorded, filtered, and their references."""
-    images = list(denoise_sequence(recorded, per_frame="none", passes=request.param, threads=1))
+    images = list(denoise_sequence(recorded, per_frame="none", passes=request.param, samples=4, threads=1))
     indices = recorded.reference_indices
     frames = [shown(recorded.read(index).frame.color) for index in indices]
     truth = [shown(recorded.read_reference(index)) for index in indices]

@@ -103,8 +103,8 @@ def measure_render(
             problem = f"has no pixel that is {BORDER} pixels from missing ones and from the edge"
             raise ShotError(files[number][0], problem, "Render a larger region.")
     frames, frame_cpu = _denoised_frames(shot, span, denoiser, on_frame)
-    both, filter_cpu = _filtered(frames, REACH)
-    one_pass, one_pass_cpu = _filtered(frames, 0)
+    both, filter_cpu = _filtered(frames, REACH, samples)
+    one_pass, one_pass_cpu = _filtered(frames, 0, samples)
     by_number = dict(zip(numbers, frames, strict=True))
     images: dict[str, Images] = {
         FRAME: {number: np.asarray(by_number[number].color, np.float32) for number in references},
@@ -189,10 +189,10 @@ def _denoised_frame(frame: Frame, denoiser: FrameDenoiser) -> Frame:
     return replace(frame, color=clean, gbuffer=known or None)
 
 
-def _filtered(frames: Sequence[Frame], lookahead: int) -> tuple[list[Float32], float]:
+def _filtered(frames: Sequence[Frame], lookahead: int, samples: int) -> tuple[list[Float32], float]:
     """Return the images of the temporal filter, and its CPU seconds per frame that has all neighbours."""
     images, seconds = [], []
-    with TemporalDenoiser(per_frame="none", lookahead=lookahead, threads=1) as denoiser:
+    with TemporalDenoiser(per_frame="none", lookahead=lookahead, samples=samples, threads=1) as denoiser:
         run = denoiser.run(frames)
         for _ in frames:
             before = time.process_time()

@@ -14,15 +14,16 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from supersampler.denoising import spec
-from supersampler.denoising.spec import KNOWN_SHARE, LOG_OFFSET, REACH
+from supersampler.denoising.spec import DEFAULT_SAMPLES, KNOWN_SHARE, LOG_OFFSET, MAX_SAMPLES, REACH
 from supersampler_model.ops.images import neighbours_3x3, size_of
 from supersampler_model.ops.motion import positions_of, read, read_cubic, usable_motion
 
 COSTS = (
     "COLOR_COST", "COLOR_COST_3X3", "COLOR_COST_5X5", "NORMAL_COST", "NORMAL_COST_3X3", "ALBEDO_COST",
-    "ALBEDO_COST_3X3", "AGE_COST", "SHIFT_COST_9X9",
+    "ALBEDO_COST_3X3", "SHIFT_COST_9X9", "AGE_COST",
 )  # fmt: skip
-"""Names of the costs of `supersampler.denoising.spec`, in the order of `distances`."""
+"""Names of the costs of `supersampler.denoising.spec`, in the order of `distances`; all but that of age, the
+last one, are per sample."""
 MANTISSA = 2.0**-23  # value of the last bit of a float's mantissa
 
 
@@ -62,9 +63,10 @@ class TemporalFilter(nn.Module):
         self.log_weight = nn.Parameter(torch.tensor(spec.LOG_WEIGHT))
         self.log_costs = nn.Parameter(torch.tensor([getattr(spec, name) for name in COSTS]).log())
 
-    def weight(self, distances: Tensor) -> Tensor:
-        """Return the weights (n) of neighbours at these distances (n, len(COSTS))."""
-        return torch.exp(self.log_weight - (distances * self.log_costs.exp()).sum(dim=-1))
+    def weight(self, distances: Tensor, samples: float) -> Tensor:
+        """Return the weights (n, 1, h, w) of neighbours at these distances (n, len(COSTS), h, w)."""
+        costs = torch.cat([self.log_costs[:-1].exp() * min(samples, MAX_SAMPLES), self.log_costs[-1:].exp()])
+        return torch.exp(self.log_weight - (distances * costs[:, None, None]).sum(dim=1, keepdim=True))
 
     def forward(
         self,
@@ -72,6 +74,7 @@ class TemporalFilter(nn.Module):
         previous: Sequence[WindowFrame],
         following: Sequence[WindowFrame],
         exposure: float = 1.0,
+        samples: float = DEFAULT_SAMPLES,
     ) -> tuple[Tensor, Tensor | None]:
         """Return the mean of colour, (1, 3, h, w), and of the AOVs.
 
@@ -80,13 +83,14 @@ class TemporalFilter(nn.Module):
             previous: frames before it, the nearest one first.
             following: frames after it, the nearest one first.
             exposure: > 0, multiplies colour before its logarithm.
+            samples: > 0, samples per pixel of the renderer.
         """
         known = frame.color[:, 3:]
         color, aovs, total = frame.color[:, :3] * known, frame.aovs, known
         if aovs is not None:
             aovs = aovs * known
         for other in (*gathered(frame, previous, "to_previous"), *gathered(frame, following, "to_next")):
-            weight = self.weight(distances(frame, other, exposure).permute(0, 2, 3, 1))[:, None] * other.known
+            weight = self.weight(distances(frame, other, exposure), samples) * other.known
             color = color + weight * other.color[:, :3]
             if aovs is not None and other.aovs is not None:
                 aovs = aovs + weight * other.aovs
@@ -145,7 +149,7 @@ def distances(frame: WindowFrame, other: Gathered, exposure: float) -> Tensor:
     albedo = squared(other.albedo - frame.albedo)
     age = torch.full_like(color, other.age / REACH)
     return torch.cat(
-        [color, box(color, 1), box(color, 2), normal, box(normal, 1), albedo, box(albedo, 1), age, shift],
+        [color, box(color, 1), box(color, 2), normal, box(normal, 1), albedo, box(albedo, 1), shift, age],
         dim=1,
     )
 

@@ -1,16 +1,17 @@
 """Fits the constants of the temporal filter to frames of a path tracer with references.
 
-    python -m supersampler_model.denoising.training [--hold NAME,...] SHOT...
+    python -m supersampler_model.denoising.training SHOT:SAMPLES...
 
-prints the lines of `supersampler.denoising.spec`; constants that are held keep their values. Some frames of
-each SHOT have references. Open Image Denoise denoises shots that are not denoised yet. The loss of a pixel is
-its displayed error over the mean error of the unfiltered frame. An error in excess of the unfiltered pixel's
-counts twice.
+prints the lines of `supersampler.denoising.spec`. Some frames in a row of each SHOT have references;
+SAMPLES are its samples per pixel. Open Image Denoise denoises shots that are not denoised yet. The filter
+is fitted to gain in every shot over frames that are denoised one by one: in PSNR, in tPSNR, and in error as
+people see it. A shot in which it would lose costs far more than the others gain.
 """
 
 import sys
 from argparse import ArgumentParser
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,23 +23,43 @@ from supersampler.denoising import temporal
 from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
 from supersampler.frame import Float32
 from supersampler.io.display import ExposureMeter
-from supersampler_model.denoising.filter import COSTS, TemporalFilter, WindowFrame, distances, gathered
+from supersampler_model.denoising.filter import (
+    COSTS,
+    TemporalFilter,
+    WindowFrame,
+    box,
+    distances,
+    gathered,
+    squared,
+)
 
-STEPS, BATCH, LEARNING_RATE = 800, 4096, 0.03
-SMALL_ERROR = 0.02
-"""Displayed error from which on the loss is linear, so that few bright pixels do not dominate."""
+ROUNDS, LEARNING_RATE = 20, 0.08
 MIN_CHANNEL = 1e-4
 """Minimum colour in the display curve, whose slope at 0 is infinite."""
+GAINS = 1.0, 0.4, 6.0
+"""Worth of a dB of PSNR, a dB of tPSNR, and of all visible error."""
+LEAST_GAINS, LOSSES = (0.04, 0.02), (10.0, 300.0)
+"""Least gains of each shot in PSNR and in visible error, and the costs of what is missing."""
+DRIFT_COST = 0.02
+"""Cost of the squared change of the logarithm of each cost: costs that do not matter keep their values."""
 
 
 class Example(NamedTuple):
-    """The n pixels of a frame with a reference, and their k neighbours."""
+    """A frame with a reference, and its k neighbours."""
 
-    own: Tensor  # (n, 3) linear RGB, denoised
-    colors: Tensor  # (n, k, 3) of the neighbours
-    distances: Tensor  # (n, k, len(COSTS))
-    known: Tensor  # (n, k)
-    reference: Tensor  # (n, 3)
+    own: Tensor  # (1, 3, h, w) linear RGB, denoised
+    colors: Tensor  # (k, 3, h, w) of the neighbours
+    distances: Tensor  # (k, len(COSTS), h, w)
+    known: Tensor  # (k, 1, h, w)
+    reference: Tensor  # (1, 3, h, w), 0 where it is not scored
+    scored: Tensor  # (h, w) bool
+
+
+class Render(NamedTuple):
+    """Frames in a row of one shot."""
+
+    examples: Sequence[Example]
+    samples: float
 
 
 def example_of(
@@ -50,17 +71,13 @@ def example_of(
 ) -> Example:
     """Gather a frame's neighbours; `reference` is (1, 3, h, w), NaN in pixels to leave out."""
     others = [*gathered(frame, previous, "to_previous"), *gathered(frame, following, "to_next")]
-    kept = ~torch.isnan(reference[0, 0]).flatten()
-
-    def pixels(image: Tensor) -> Tensor:
-        return image[0].flatten(1).T[kept]
-
     return Example(
-        own=pixels(frame.color[:, :3]),
-        colors=torch.stack([pixels(other.color[:, :3]) for other in others], dim=1),
-        distances=torch.stack([pixels(distances(frame, other, exposure)) for other in others], dim=1),
-        known=torch.stack([pixels(other.known)[:, 0] for other in others], dim=1),
-        reference=pixels(reference),
+        own=frame.color[:, :3],
+        colors=torch.cat([other.color[:, :3] for other in others]),
+        distances=torch.cat([distances(frame, other, exposure) for other in others]),
+        known=torch.cat([other.known for other in others]),
+        reference=reference.nan_to_num(),
+        scored=~torch.isnan(reference[0]).any(dim=0),
     )
 
 
@@ -71,36 +88,65 @@ def displayed(color: Tensor) -> Tensor:
     return torch.where(clamped <= 0.0031308, 12.92 * clamped, curve)
 
 
-def errors(color: Tensor, reference: Tensor) -> Tensor:
-    """Return the displayed error of each pixel, (n,): squared where it is small, linear beyond."""
-    difference = displayed(color) - displayed(reference)
-    return ((difference * difference).mean(dim=1) + SMALL_ERROR**2).sqrt() - SMALL_ERROR
+def blended(model: TemporalFilter, example: Example, samples: float) -> Tensor:
+    """Return the filtered image, (1, 3, h, w)."""
+    weights = model.weight(example.distances, samples) * example.known
+    total = 1.0 + weights.sum(dim=0, keepdim=True)
+    return (example.own + (weights * example.colors).sum(dim=0, keepdim=True)) / total
 
 
-def blended(model: TemporalFilter, example: Example) -> Tensor:
-    """Return the filtered pixels, (n, 3)."""
-    weights = model.weight(example.distances) * example.known
-    total = 1.0 + weights.sum(dim=1)
-    return (example.own + (weights[..., None] * example.colors).sum(dim=1)) / total[:, None]
+def visible(error: Tensor) -> Tensor:
+    """Return the visible error of each pixel, (h, w), of a displayed error (1, 3, h, w).
+
+    Like FLIP, it sees colour more coarsely than luminance, and little of fine noise.
+    """
+    luminance = error.mean(dim=1, keepdim=True)
+    parts = squared(box(luminance, 1)) + squared(box(error - luminance, 3)) / 6.0 + squared(error) / 30.0
+    return (parts[0, 0] + 1e-5) ** 0.35
 
 
-def fit(examples: Sequence[Example], *, held: Sequence[str] = (), steps: int = STEPS) -> TemporalFilter:
-    """Fit a filter to examples, each used equally often; the costs in `held` keep their values."""
-    torch.manual_seed(0)
+def scores(images: Sequence[Tensor], examples: Sequence[Example]) -> Tensor:
+    """Return PSNR, tPSNR (0 of a single frame), and minus the visible error; (3)."""
+    errors = [displayed(image) - displayed(e.reference) for image, e in zip(images, examples, strict=True)]
+    masks = [example.scored for example in examples]
+
+    def decibels(error: Tensor, mask: Tensor) -> Tensor:
+        return -10.0 * error.square().mean(dim=1)[0][mask].mean().log10()
+
+    psnr = torch.stack([decibels(*pair) for pair in zip(errors, masks, strict=True)]).mean()
+    changes = [
+        decibels(after[0] - before[0], after[1] & before[1])
+        for before, after in pairwise(zip(errors, masks, strict=True))
+    ]
+    tpsnr = torch.stack(changes).mean() if changes else torch.zeros(())
+    seen = torch.stack(
+        [visible(error)[mask].mean() for error, mask in zip(errors, masks, strict=True)]
+    ).mean()
+    return torch.stack([psnr, tpsnr, -seen])
+
+
+def gains(model: TemporalFilter, render: Render) -> Tensor:
+    """Return what the filter gains: dB of PSNR, dB of tPSNR, share of the visible error; (3)."""
+    before = scores([example.own for example in render.examples], render.examples)
+    images = [blended(model, example, render.samples) for example in render.examples]
+    return (scores(images, render.examples) - before) / torch.stack([*torch.ones(2), -before[2]])
+
+
+def fit(renders: Sequence[Render], *, rounds: int = ROUNDS) -> TemporalFilter:
+    """Fit a filter to shots, each used once in a round."""
     model = TemporalFilter()
-    is_free = torch.tensor([name not in held for name in COSTS])
-    model.log_costs.register_hook(lambda gradient: gradient * is_free)  # type: ignore[no-untyped-call]
-    scales = [float(errors(example.own, example.reference).mean()) for example in examples]
+    start = model.log_costs.detach().clone()
     optimizer = torch.optim.Adam(model.parameters(), LEARNING_RATE)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
-    for step in range(steps):
-        at = step % len(examples)
-        pixels = torch.randint(len(examples[at].own), (BATCH,))
-        batch = Example(*(values[pixels].float() for values in examples[at]))
-        error = errors(blended(model, batch), batch.reference)
-        worse = torch.relu(error - errors(batch.own, batch.reference))
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, rounds * len(renders))
+    for render in (*renders,) * rounds:
+        found = gains(model, render)
+        missing = torch.relu(torch.tensor(LEAST_GAINS) - found[[0, 2]])
+        drift = (model.log_costs - start).square().sum()
         optimizer.zero_grad()
-        ((error + worse).mean() / scales[at]).backward()  # type: ignore[no-untyped-call]
+        loss = (
+            (missing * torch.tensor(LOSSES)).sum() - (found * torch.tensor(GAINS)).sum() + DRIFT_COST * drift
+        )
+        loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
         schedule.step()
     return model
@@ -112,17 +158,19 @@ def constants(model: TemporalFilter) -> list[str]:
     return [f"LOG_WEIGHT = {model.log_weight.item():.4f}", *(f"{name} = {cost:.4f}" for name, cost in costs)]
 
 
-def examples_of(shot: Shot) -> Iterator[Example]:
-    """Yield an example for each frame of a shot that has a reference of its size."""
+def render_of(shot: Shot, samples: float) -> Render:
+    """Return the frames of a shot that have a reference of its size."""
     frames = [item.frame for item in shot.frames(gbuffers=BUFFERS, references=False)]
     with TemporalDenoiser(per_frame="none" if shot.is_denoised else "oidn") as denoiser:
         windows = [as_tensors(window) for window in denoiser.windows(frames)]
+    examples = []
     for index in shot.reference_indices:
         reference = shot.read_reference(index)
         if reference is not None and reference.shape[:2] == frames[index].depth.shape:
             exposure = ExposureMeter().read_frame(frames[index])
             previous, following = windows[:index][::-1], windows[index + 1 :]
-            yield example_of(windows[index], previous, following, planes(reference), exposure)
+            examples.append(example_of(windows[index], previous, following, planes(reference), exposure))
+    return Render(examples, samples)
 
 
 def as_tensors(window: temporal.WindowFrame) -> WindowFrame:
@@ -140,11 +188,10 @@ def planes(array: Float32) -> Tensor:
 def main() -> None:
     """Fit to the shots of the command line."""
     parser = ArgumentParser(description="Fits the constants of the temporal filter.")
-    parser.add_argument("--hold", default="", metavar="NAME,...", help="costs that keep their values")
-    parser.add_argument("shots", nargs="+", metavar="SHOT", help="frames, some with references")
-    options = parser.parse_args()
-    examples = [example for name in options.shots for example in examples_of(Shot.open(name))]
-    sys.stdout.write("\n".join(constants(fit(examples, held=options.hold.split(",")))) + "\n")
+    parser.add_argument("shots", nargs="+", metavar="SHOT:SAMPLES", help="frames, some with references")
+    given = [text.rpartition(":") for text in parser.parse_args().shots]
+    renders = [render_of(Shot.open(name), float(samples)) for name, _, samples in given]
+    sys.stdout.write("\n".join(constants(fit(renders))) + "\n")
 
 
 if __name__ == "__main__":

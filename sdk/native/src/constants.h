@@ -286,15 +286,17 @@ namespace temporal_filter {
 constexpr int REACH = 8;
 constexpr float LOG_OFFSET = 0.01f;
 constexpr float KNOWN_SHARE = 0.999f;
-constexpr float LOG_WEIGHT = -0.3332f;
-constexpr float COLOR_COST = 0.0406f;
-constexpr float COLOR_COST_3X3 = 0.7726f;
-constexpr float COLOR_COST_5X5 = 1.9646f;
-constexpr float NORMAL_COST = 0.5598f;
-constexpr float NORMAL_COST_3X3 = 1.6067f;
-constexpr float ALBEDO_COST = 0.6355f;
-constexpr float ALBEDO_COST_3X3 = 0.7755f;
-constexpr float AGE_COST = 3.1036f;
-constexpr float SHIFT_COST_9X9 = 12.4576f;
+constexpr int DEFAULT_SAMPLES = 8;
+constexpr int MAX_SAMPLES = 64;
+constexpr float LOG_WEIGHT = -0.6249f;
+constexpr float COLOR_COST = 0.022f;
+constexpr float COLOR_COST_3X3 = 0.1223f;
+constexpr float COLOR_COST_5X5 = 0.2019f;
+constexpr float NORMAL_COST = 0.3178f;
+constexpr float NORMAL_COST_3X3 = 0.6003f;
+constexpr float ALBEDO_COST = 0.5483f;
+constexpr float ALBEDO_COST_3X3 = 0.9074f;
+constexpr float SHIFT_COST_9X9 = 3.4943f;
+constexpr float AGE_COST = 6.0878f;
 }  // namespace temporal_filter
 }  // namespace ss

@@ -244,7 +244,7 @@ struct TemporalFilter {
     static constexpr int SCRATCH = 26 * (TILE_ROWS + 2 * BORDER) * (TILE_COLUMNS + LANES);  // floats
     const ss_temporal_frame* frames;
     int previous, following, groups;
-    float exposure;
+    float exposure, samples;
     Size size;
     float* image;
     float* const* aovs;

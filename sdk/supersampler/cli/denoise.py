@@ -9,7 +9,17 @@ from supersampler.cli import arguments
 from supersampler.cli.arguments import open_with, source_notes, source_of
 from supersampler.cli.terminal import Terminal, echo
 
-_JOB_OPTIONS = ("output", "compare", "per_frame", "passes", "lookahead", "threads", "overwrite", "json")
+_JOB_OPTIONS = (
+    "output",
+    "compare",
+    "per_frame",
+    "passes",
+    "lookahead",
+    "samples",
+    "threads",
+    "overwrite",
+    "json",
+)
 """Parameters that are passed to `DenoiseJob` unchanged."""
 
 
@@ -37,6 +47,13 @@ def denoise(
     lookahead: Annotated[
         int | None,
         typer.Option(min=1, max=8, help="With --passes 2: number of following frames.", show_default="8"),
+    ] = None,
+    samples: Annotated[
+        float | None,
+        typer.Option(
+            help="Samples per pixel of the frames: the more, the less is averaged.",
+            show_default="those of Cycles' frames, otherwise 8",
+        ),
     ] = None,
     frames: arguments.FramesOption = None,
     format: arguments.FormatOption = None,  # noqa: A002  # the option's name

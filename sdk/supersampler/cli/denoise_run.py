@@ -34,12 +34,14 @@ class DenoiseJob(FrameJob):
             "none" if the shot states that its frames are denoised, otherwise "oidn".
         passes: 1 averages with previous frames; 2 also with following frames.
         lookahead: number of following frames; see `denoise_sequence`.
+        samples: samples per pixel; None is what the shot states.
         threads: 0 is one per core.
     """
 
     per_frame: PerFrame | Literal["auto"] = "auto"
     passes: int = 2
     lookahead: int | None = None
+    samples: float | None = None
     threads: int = 0
 
     @property
@@ -53,16 +55,20 @@ class DenoiseJob(FrameJob):
 def run_denoise(job: DenoiseJob) -> Results:
     """Denoise the frames that are not complete yet, and print a summary; for errors see `run_frames`."""
     after = sequence.checked_lookahead(job.passes, job.lookahead)
+    samples = sequence.checked_samples(job.shot.samples if job.samples is None else job.samples)
     plan = frame_run.plan_frames(job.shot, job.numbers, REACH, 2 if after else 1)
     settings = {
         "supersampler": __version__,
         "method": "denoise",
         "per frame": job.denoiser,
         "frames after": after,
+        "samples": samples,
         PREROLL: REACH if job.numbers is not None else None,
         **job.shot_settings(),
     }
-    with TemporalDenoiser(per_frame=job.denoiser, lookahead=after, threads=job.threads) as denoiser:
+    with TemporalDenoiser(
+        per_frame=job.denoiser, lookahead=after, samples=samples, threads=job.threads
+    ) as denoiser:
         begin = partial(_DenoiseRun, job, denoiser, plan)
         return frame_run.run_frames(job, plan, settings, begin)
 

@@ -4,13 +4,14 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from math import inf
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
 
-from supersampler.arguments import ieee_arithmetic
+from supersampler.arguments import as_number, ieee_arithmetic
 from supersampler.denoising.oidn import FrameDenoiser, Oidn
-from supersampler.denoising.spec import REACH
+from supersampler.denoising.spec import DEFAULT_SAMPLES, REACH
 from supersampler.denoising.temporal import (
     TemporalFilter,
     WindowFrame,
@@ -59,14 +60,22 @@ class TemporalDenoiser:
     Args:
         per_frame: denoiser of single frames: "oidn", or "none" for frames that are denoised already.
         lookahead: frames after a frame that are read before its image comes, 0 to REACH.
+        samples: samples per pixel of the frames, > 0.
         threads: threads of the filter and of OIDN; 0 is one per core.
 
     Raises:
         ModuleNotFoundError: pyoidn is not installed: `pip install "supersampler[denoise]"`.
     """
 
-    def __init__(self, *, per_frame: PerFrame = "oidn", lookahead: int = REACH, threads: int = 0) -> None:
-        self._stack, self._lookahead = ExitStack(), lookahead
+    def __init__(
+        self,
+        *,
+        per_frame: PerFrame = "oidn",
+        lookahead: int = REACH,
+        samples: float = DEFAULT_SAMPLES,
+        threads: int = 0,
+    ) -> None:
+        self._stack, self._lookahead, self._samples = ExitStack(), lookahead, samples
         self._denoiser: FrameDenoiser | None = None
         if per_frame == "oidn":
             self._denoiser = self._stack.enter_context(Oidn(threads))
@@ -153,7 +162,7 @@ class TemporalDenoiser:
         following = [item.window for item in list(waiting)[:REACH]]
         before = [item.window for item in reversed(previous)]
         exposure = ExposureMeter().read_frame(first.frame)  # of this frame alone: images depend on no other
-        image, groups = self._filter.filter(first.window, before, following, exposure)
+        image, groups = self._filter.filter(first.window, before, following, exposure, self._samples)
         image *= np.float32(first.frame.pre_exposure)
         count = 0 if first.frame.aovs is None else first.frame.aovs.shape[2]
         aovs = np.concatenate(groups, axis=2)[..., :count] if groups else None
@@ -180,6 +189,7 @@ def denoise_sequence(
     per_frame: PerFrame = "oidn",
     passes: int = 2,
     lookahead: int | None = None,
+    samples: float | None = None,
     threads: int = 0,
 ) -> Iterator[Float32]:
     """Denoise path-traced frames: each by itself, then averaged with up to 8 frames on either side.
@@ -200,6 +210,8 @@ def denoise_sequence(
         passes: 2 uses previous and following frames; 1 previous frames only, for live use.
         lookahead: with two passes, frames after a frame that are read before its image comes, 1 to 8;
             None is 8.
+        samples: samples per pixel of the frames: the more, the less a neighbour that differs counts. None is
+            `Shot.samples`, or 8 where that is unknown.
         threads: threads that compute; 0 is one per core.
 
     Returns:
@@ -216,7 +228,11 @@ def denoise_sequence(
         raise ArgumentError("per_frame", got=shown(per_frame), want='"oidn" or "none"')
     if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
         raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
-    denoiser = TemporalDenoiser(per_frame=per_frame, lookahead=steps, threads=threads)
+    if samples is None and isinstance(frames, Shot):
+        samples = frames.samples
+    denoiser = TemporalDenoiser(
+        per_frame=per_frame, lookahead=steps, samples=checked_samples(samples), threads=threads
+    )
     return _images(denoiser, frames)
 
 
@@ -241,6 +257,14 @@ def checked_lookahead(passes: int, lookahead: int | None) -> int:
         want = f"a whole number of frames from 1 to {REACH}, or None"
         raise ArgumentError("lookahead", got=shown(lookahead), want=want)
     return lookahead
+
+
+def checked_samples(samples: float | None) -> float:
+    """Return samples per pixel, DEFAULT_SAMPLES for None; ArgumentError where it is no positive number."""
+    number = as_number(DEFAULT_SAMPLES if samples is None else samples)
+    if number is None or not 0.0 < number < inf:
+        raise ArgumentError("samples", got=shown(samples), want="a number above 0, or None")
+    return number
 
 
 def missing_guides(frame: Frame) -> list[str]:

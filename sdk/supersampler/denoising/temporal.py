@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from supersampler.arguments import ieee_arithmetic
 from supersampler.backends.cpu.library import TemporalData, TemporalFrame, cpu_library
+from supersampler.denoising.spec import DEFAULT_SAMPLES
 from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
 
@@ -64,6 +65,7 @@ class TemporalFilter:
         previous: Sequence[WindowFrame],
         following: Sequence[WindowFrame],
         exposure: float = 1.0,
+        samples: float = DEFAULT_SAMPLES,
     ) -> tuple[Float32, list[Float32]]:
         """Return the mean colour (h, w, 3), and the means of the AOVs' arrays, (h, w, 4) each.
 
@@ -72,6 +74,7 @@ class TemporalFilter:
             previous: frames before it, the nearest one first; at most REACH are read.
             following: frames after it, the nearest one first; at most REACH are read.
             exposure: > 0, multiplies colour where colours are compared.
+            samples: > 0, samples per pixel of the renderer.
         """
         height, width, _ = frame.color.shape
         image = np.empty((height, width, 4), np.float32)
@@ -83,7 +86,7 @@ class TemporalFilter:
 
         def compute(first: int) -> None:
             work = TemporalData(
-                width, height, records, len(previous), len(following), len(aovs), exposure,
+                width, height, records, len(previous), len(following), len(aovs), exposure, samples,
                 first, min(first + _BAND, height), image.ctypes.data, addressof(outputs),
             )  # fmt: skip
             cpu_library().call("ss_filter_temporal", work)

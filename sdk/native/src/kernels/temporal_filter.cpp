@@ -13,7 +13,26 @@ constexpr int PITCH = TemporalFilter::TILE_COLUMNS + LANES;  // of planes; more 
 constexpr int PLANE = ROWS * PITCH;
 static_assert(LANES >= 2 * BORDER);
 
-enum Plane { OWN_LOGS, OWN_GUIDES = 3, X = 9, Y, ON_SCREEN, COLORS, KNOWN = 15, NORMALS, ALBEDOS, PATCHES, SHIFTS, NORMALS_3, ALBEDOS_3, PATCHES_3, PATCHES_5, SHIFTS_9, SUMS, PLANES };
+enum Plane {
+    OWN_LOGS,
+    OWN_GUIDES = 3,
+    X = 9,
+    Y,
+    ON_SCREEN,
+    COLORS,
+    KNOWN = 15,
+    NORMALS,
+    ALBEDOS,
+    PATCHES,
+    SHIFTS,
+    NORMALS_3,
+    ALBEDOS_3,
+    PATCHES_3,
+    PATCHES_5,
+    SHIFTS_9,
+    SUMS,
+    PLANES
+};
 static_assert(PLANES * PLANE == TemporalFilter::SCRATCH);
 
 // Exponent plus mantissa of positive floats: a piecewise linear logarithm to base 2.
@@ -26,7 +45,11 @@ struct Tile {
     float* planes;
     int columns, rows;  // with the border
     Tile(const TemporalFilter& w, Rect rect)
-        : inner(rect), size(w.size), planes(w.scratch), columns(rect.x1 - rect.x0 + 2 * BORDER), rows(rect.y1 - rect.y0 + 2 * BORDER) {}
+        : inner(rect),
+          size(w.size),
+          planes(w.scratch),
+          columns(rect.x1 - rect.x0 + 2 * BORDER),
+          rows(rect.y1 - rect.y0 + 2 * BORDER) {}
     float* row(int plane, int y) const { return planes + plane * PLANE + y * PITCH; }
     int image_row(int y) const { return clamp(inner.y0 + y - BORDER, 0, size.height - 1); }
     I image_columns(int x) const { return clamped(ramp() + (inner.x0 + x - BORDER), 0, size.width - 1); }
@@ -76,13 +99,17 @@ static void read_own(const TemporalFilter& w, const Tile& t) {
 }
 
 // Follows the motion of the last frame to the next one, which is `frame`; gathers there.
-static void gather_frame(const TemporalFilter& w, const Tile& t, const float* step, const ss_temporal_frame& frame, WarpScratch& s) {
+static void gather_frame(const TemporalFilter& w, const Tile& t, const float* step, const ss_temporal_frame& frame,
+                         WarpScratch& s) {
     const float right = static_cast<float>(t.size.width), bottom = static_cast<float>(t.size.height);
     for (int y = 0; y < t.rows; y++)
         for (int x = 0; x < t.columns; x += W) {
             F px = load(t.row(X, y) + x), py = load(t.row(Y, y) + x);
-            const I from = (clamped(to_int(floor(py + 0.5f)), 0, t.size.height - 1) * t.size.width + clamped(to_int(floor(px + 0.5f)), 0, t.size.width - 1)) * 2;
-            px = clamped(px + gather(step, from), -2.0f, right + 1.0f), py = clamped(py + gather(step, from + 1), -2.0f, bottom + 1.0f);
+            const I from = (clamped(to_int(floor(py + 0.5f)), 0, t.size.height - 1) * t.size.width +
+                            clamped(to_int(floor(px + 0.5f)), 0, t.size.width - 1)) *
+                           2;
+            px = clamped(px + gather(step, from), -2.0f, right + 1.0f),
+            py = clamped(py + gather(step, from + 1), -2.0f, bottom + 1.0f);
             const F inside = select(on_screen(px, py, t.size), load(t.row(ON_SCREEN, y) + x), 0.0f);
             store(t.row(X, y) + x, px);
             store(t.row(Y, y) + x, py);
@@ -109,7 +136,8 @@ static void gather_frame(const TemporalFilter& w, const Tile& t, const float* st
             load_channels(normal, n);
             F of_albedo = F{}, of_normal = F{}, of_color = F{}, shift = F{};
             for (int k = 0; k < 3; k++) {
-                const F da = a[k] - load(t.row(OWN_GUIDES + k, y) + x), dn = n[k] - load(t.row(OWN_GUIDES + 3 + k, y) + x);
+                const F da = a[k] - load(t.row(OWN_GUIDES + k, y) + x),
+                        dn = n[k] - load(t.row(OWN_GUIDES + 3 + k, y) + x);
                 const F dc = log2(c[k] * w.exposure + LOG_OFFSET) - load(t.row(OWN_LOGS + k, y) + x);
                 of_albedo += da * da, of_normal += dn * dn, of_color += dc * dc, shift += dc;
                 store(t.row(COLORS + k, y) + x, c[k]);
@@ -129,31 +157,34 @@ static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_
     box<1>(t, PATCHES, PATCHES_3);
     box<2>(t, PATCHES, PATCHES_5);
     box<4>(t, SHIFTS, SHIFTS_9);
+    const float samples = min(w.samples, static_cast<float>(MAX_SAMPLES));
     const struct {
         int plane;
         float cost;
-    } distances[] = {{PATCHES, COLOR_COST}, {PATCHES_3, COLOR_COST_3X3}, {PATCHES_5, COLOR_COST_5X5}, {NORMALS, NORMAL_COST}, {NORMALS_3, NORMAL_COST_3X3},
-                     {ALBEDOS, ALBEDO_COST}, {ALBEDOS_3, ALBEDO_COST_3X3}};
+    } distances[] = {{PATCHES, COLOR_COST},       {PATCHES_3, COLOR_COST_3X3},  {PATCHES_5, COLOR_COST_5X5},
+                     {NORMALS, NORMAL_COST},      {NORMALS_3, NORMAL_COST_3X3}, {ALBEDOS, ALBEDO_COST},
+                     {ALBEDOS_3, ALBEDO_COST_3X3}};
     const float young = LOG_WEIGHT - AGE_COST * static_cast<float>(age) / REACH;
     for (int y = BORDER; y < t.rows - BORDER; y++)
         for (int x = BORDER; x < t.columns - BORDER; x += W) {
-            F log_weight = spread(young);
-            for (const auto& distance : distances) log_weight -= load(t.row(distance.plane, y) + x) * distance.cost;
             const F shift = load(t.row(SHIFTS_9, y) + x);
-            log_weight -= shift * shift * SHIFT_COST_9X9;
-            const F weight = exponential(log_weight) * load(t.row(KNOWN, y) + x);
+            F cost = shift * shift * SHIFT_COST_9X9;
+            for (const auto& distance : distances) cost += load(t.row(distance.plane, y) + x) * distance.cost;
+            const F weight = exponential(young - cost * samples) * load(t.row(KNOWN, y) + x);
             const ptrdiff_t pixel = static_cast<ptrdiff_t>(t.image_row(y)) * t.size.width + t.inner.x0 + x - BORDER;
             float added[4][W];
             for (int c = 0; c < 3; c++) store(added[c], load(t.row(COLORS + c, y) + x) * weight);
             store(added[3], weight);
             const int count = min(W, t.inner.x1 - t.inner.x0 - (x - BORDER));
             for (int i = 0; i < count; i++)
-                store4(w.image + 4 * (pixel + i), load4(w.image + 4 * (pixel + i)) + F4{added[0][i], added[1][i], added[2][i], added[3][i]});
+                store4(w.image + 4 * (pixel + i),
+                       load4(w.image + 4 * (pixel + i)) + F4{added[0][i], added[1][i], added[2][i], added[3][i]});
             for (int group = 0; group < w.groups; group++) {
                 if (group == 0) prepare_warp(load(t.row(X, y) + x), load(t.row(Y, y) + x), t.size, 4, CATMULL_ROM, s);
                 for (int i = 0; i < count; i++) {
                     F4 corners[4];
-                    for (int k = 0; k < 4; k++) corners[k] = load4(frame.aovs[group] + s.offsets[5 + k / 2][i] + s.offsets[1 + k % 2][i]);
+                    for (int k = 0; k < 4; k++)
+                        corners[k] = load4(frame.aovs[group] + s.offsets[5 + k / 2][i] + s.offsets[1 + k % 2][i]);
                     float* to = w.aovs[group] + 4 * (pixel + i);
                     store4(to, load4(to) + within_corners(cubic4(frame.aovs[group], s, i), corners) * added[3][i]);
                 }
@@ -175,10 +206,12 @@ static void filter_tile(const TemporalFilter& w, const Tile& t) {
     WarpScratch warp;
     const int width = t.inner.x1 - t.inner.x0;
     for (int y = t.inner.y0; y < t.inner.y1; y++)
-        for (ptrdiff_t pixel = static_cast<ptrdiff_t>(y) * t.size.width + t.inner.x0, end = pixel + width; pixel < end; pixel++) {
+        for (ptrdiff_t pixel = static_cast<ptrdiff_t>(y) * t.size.width + t.inner.x0, end = pixel + width; pixel < end;
+             pixel++) {
             const F4 own = load4(w.frames[0].color + 4 * pixel);
             store4(w.image + 4 * pixel, F4{own[0], own[1], own[2], 1.0f} * own[3]);
-            for (int group = 0; group < w.groups; group++) store4(w.aovs[group] + 4 * pixel, load4(w.frames[0].aovs[group] + 4 * pixel) * own[3]);
+            for (int group = 0; group < w.groups; group++)
+                store4(w.aovs[group] + 4 * pixel, load4(w.frames[0].aovs[group] + 4 * pixel) * own[3]);
         }
     read_own(w, t);
     for (int direction = 0; direction < 2; direction++) {
@@ -195,18 +228,21 @@ static void filter_tile(const TemporalFilter& w, const Tile& t) {
         }
     }
     for (int y = t.inner.y0; y < t.inner.y1; y++)
-        for (ptrdiff_t pixel = static_cast<ptrdiff_t>(y) * t.size.width + t.inner.x0, end = pixel + width; pixel < end; pixel++) {
+        for (ptrdiff_t pixel = static_cast<ptrdiff_t>(y) * t.size.width + t.inner.x0, end = pixel + width; pixel < end;
+             pixel++) {
             const F4 sum = load4(w.image + 4 * pixel);
             const float share = sum[3] > 0.0f ? 1.0f / sum[3] : 1.0f;
             store4(w.image + 4 * pixel, F4{sum[0] * share, sum[1] * share, sum[2] * share, sum[3]});
-            for (int group = 0; group < w.groups; group++) store4(w.aovs[group] + 4 * pixel, load4(w.aovs[group] + 4 * pixel) * share);
+            for (int group = 0; group < w.groups; group++)
+                store4(w.aovs[group] + 4 * pixel, load4(w.aovs[group] + 4 * pixel) * share);
         }
 }
 
 void temporal_rows(const TemporalFilter& w, int y0, int y1) {
     for (int y = y0; y < y1; y += TemporalFilter::TILE_ROWS)
         for (int x = 0; x < w.size.width; x += TemporalFilter::TILE_COLUMNS)
-            filter_tile(w, Tile(w, {y, min(y + TemporalFilter::TILE_ROWS, y1), x, min(x + TemporalFilter::TILE_COLUMNS, w.size.width)}));
+            filter_tile(w, Tile(w, {y, min(y + TemporalFilter::TILE_ROWS, y1), x,
+                                    min(x + TemporalFilter::TILE_COLUMNS, w.size.width)}));
 }
 
 // Writes the motion of the closest of 3x3 pixels, (height, width, 2); the same as `nearest_motion`.

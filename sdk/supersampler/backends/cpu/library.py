@@ -182,6 +182,7 @@ class TemporalData(Structure):
         ("following", c_int),
         ("aov_groups", c_int),
         ("exposure", c_float),
+        ("samples", c_float),
         ("first_row", c_int),
         ("end_row", c_int),
         ("image", c_void_p),

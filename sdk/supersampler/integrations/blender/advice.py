@@ -103,7 +103,7 @@ def advise(
         middle, rendered = len(frames) // 2, _seconds(render)
         number = render.shot.first_number + middle
     began = time.perf_counter()
-    temporal = list(denoise_sequence(frames, per_frame="none"))[middle]
+    temporal = list(denoise_sequence(frames, per_frame="none", samples=scene.samples))[middle]
     filtered = (time.perf_counter() - began) / len(frames)
     plain = np.asarray(frames[middle].color, np.float32)
     again = replace(full, frames=FrameRange(number, number), seed=1, samples=_MORE * (scene.samples or 1))

@@ -172,7 +172,8 @@ def import_blender(
     Colour is the Combined pass. Its alpha and the layer's other passes that can be blended (DiffDir, Emit,
     Mist) are AOVs; `Shot.ignored_channels` lists the rest. Depth is Depth or Z, motion is Vector X and Y,
     motion to the next frame Vector Z and W. Normal and DiffCol are G-buffers if they exist.
-    `Shot.is_denoised` is True if the layer has a Noisy Image pass, which Cycles writes when it denoises.
+    `Shot.is_denoised` is True if the layer has a Noisy Image pass, which Cycles writes when it denoises;
+    `Shot.samples` is what Cycles writes into the header.
     Jitter the camera by `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a
     Blackman-Harris filter of 0.01 pixels: one sample at that point.
 
@@ -192,7 +193,8 @@ def import_blender(
     """
     folder = Path(folder)
     first = first_file(folder, options)
-    types = read_header(first).types
+    header = read_header(first)
+    types = header.types
     channel_map = layer_map(first, types, layer, guides=checked_choice("guides", guides, get_args(Guides)))
     layer = channel_map["color"][0].removesuffix(".Combined.R")
     conventions = Conventions.blender() if conventions is None else conventions
@@ -206,11 +208,18 @@ def import_blender(
     used = {name for names in channel_map.values() for name in names}
     shot.ignored_channels = tuple(name for name in types if name not in used)
     shot.is_denoised = f"{layer}.Noisy Image.R" in types
+    shot.samples = _samples(header.metadata.get(f"cycles.{layer}.samples"))
     if channel_map.get("normal") == _channels(layer, "Denoising Normal", "XYZ"):
         surface = _channels(layer, "Normal", "XYZ")
         if {*surface} <= types.keys():
             return shot.with_conversion(partial(_to_world_normals, surface))
     return shot
+
+
+def _samples(entry: object) -> int | None:
+    """Return samples per pixel from an entry of the header, a text; None where it is missing or damaged."""
+    text = str(entry)
+    return int(text) if text.isdecimal() and int(text) > 0 else None
 
 
 def _to_world_normals(surface: Sequence[str], path: Path, raw: RawFrame) -> RawFrame:
@@ -398,6 +407,7 @@ def rendered_shot(
     color = f"{scene.layer}.Combined.R"
     shot = Shot(folder, info, entries, read_raw, stop_waiting=stop_waiting, color_channel=color)
     shot.is_denoised = scene.denoise != "off"
+    shot.samples = scene.samples
     return shot
 
 

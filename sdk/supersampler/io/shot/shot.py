@@ -95,6 +95,7 @@ class Shot:
         ignored_channels: channels of the first frame's file that an importer does not read: ids and other
             data that cannot be blended. For renders of `supersampler blender`, empty until a frame is read.
         is_denoised: whether the frames state that their renderer has denoised them; only Blender's can.
+        samples: samples per pixel of the renderer, None if unknown; only frames of Cycles state it.
     """
 
     def __init__(
@@ -116,6 +117,7 @@ class Shot:
         self._reference = read_reference
         self.ignored_channels: tuple[str, ...] = ()
         self.is_denoised = False
+        self.samples: int | None = None
         self._color_channel, self._own_format = color_channel, own_format
 
     @classmethod
