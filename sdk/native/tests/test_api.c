@@ -539,6 +539,9 @@ static void the_temporal_filter_averages_frames(void) {
     filter.end_row = TH, frames[3].guides = NULL;
     CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "frame 3"), "%s",
           error.message);
+    frames[3].guides = &guides[0][0][0], filter.samples = 0.0f;
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "samples"), "%s",
+          error.message);
     CHECK(ss_filter_temporal(NULL, &error) == SS_BAD_ARGUMENT, "NULL is a filter");
 }
 
