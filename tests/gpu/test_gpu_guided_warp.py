@@ -109,6 +109,13 @@ def test_without_any_depth_in_the_shaded_frame_samples_are_told_apart_by_their_o
     assert differences(extrapolated(ours, frames, "suu"), by_torch(frames, "suu")).max() < 1e-4
 
 
+def test_depths_of_invalid_samples_are_no_depths(ours: Extrapolator) -> None:
+    frames = [in_halves(surfaces(seed)) for seed in range(3)]
+    normal = np.full((18, 32, 3), np.nan, np.float32)
+    frames[0] = replace(frames[0], gbuffer={**(frames[0].gbuffer or {}), "normal": normal})
+    assert differences(extrapolated(ours, frames, "suu"), by_torch(frames, "suu")).max() < 1e-4
+
+
 def test_a_shaded_frame_without_depth_does_not_concern_the_next_one(ours: Extrapolator) -> None:
     frames = [in_halves(surfaces(seed)) for seed in range(3)]
     wanted = extrapolated(ours, frames[1:], "su")

@@ -71,6 +71,15 @@ def test_without_any_depth_in_the_shaded_frame_its_samples_are_told_apart_by_the
     check_alike(extrapolated(cpu_backend, flat, "suu"), images)
 
 
+def test_depths_of_invalid_samples_are_no_depths(
+    onnx_backend: Extrapolator, cpu_backend: Extrapolator
+) -> None:
+    frames = [surfaces(seed) for seed in range(3)]
+    normal = np.full((18, 32, 3), np.nan, np.float32)
+    frames[0] = replace(frames[0], gbuffer={**(frames[0].gbuffer or {}), "normal": normal})
+    check_alike(extrapolated(onnx_backend, frames, "suu"), extrapolated(cpu_backend, frames, "suu"))
+
+
 def test_the_number_of_threads_changes_no_bit() -> None:
     frames = [surfaces(seed, (97, 55)) for seed in range(5)]
     one, two, five = (extrapolated(made("auto", threads), frames, "suusu") for threads in (1, 2, 5))

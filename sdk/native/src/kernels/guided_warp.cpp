@@ -62,13 +62,12 @@ void warp_read_shaded(const WarpWork& w, int y0, int y1, int thread) {
         const Row row(w.shaded_base_color, w.shaded_normal, w.shaded_depth, y, w.shaded.width, scratch);
         const float* color = packed_row(w.shaded_color, 3, y, w.shaded.width, scratch + 7 * w.shaded.width);
         float* to = w.samples + static_cast<ptrdiff_t>(y) * w.stride;
-        float tail[3 * W], depth_tail[W];
+        float tail[3 * W];
         I known = I{};
         for (int x = 0; x < w.shaded.width; x += W) {
             const F3 c = load_rgb(whole_vector<3>(color, x, w.shaded.width, tail)) * (1.0f / w.shaded_pre_exposure);
-            const F d = load(whole_vector<1>(row.depth, x, w.shaded.width, depth_tail));
-            known = known | ((d >= 0.0f) & (d <= MAX_DEPTH));
             const Surface s = row.surface(w.config, x, usable(c));
+            known = known | (s.guides[GUIDES - 1] != INVALID_DEPTH);
             for (int k = 0; k < GUIDES; k++) store(to + k * plane + x, s.guides[k]);
             store(to + GUIDES * plane + x, sanitize(c.r) / s.reflectance.r);
             store(to + (GUIDES + 1) * plane + x, sanitize(c.g) / s.reflectance.g);
