@@ -218,3 +218,8 @@ def test_a_folder_in_place_of_a_file_is_refused_by_name(
     (tmp_path / "taau" / "00_measure.wgsl").unlink()
     (tmp_path / "taau" / "00_measure.wgsl").mkdir()
     assert_refused(run(program, tmp_path), "00_measure.wgsl: ")
+
+
+def test_shaders_that_blend_aovs_are_refused(program: Path, exported: Path) -> None:
+    write_shader_folder("taa", exported / "aovs", aovs=4)
+    assert_refused(run(program, exported, "aovs"), "want one of: frame_color, frame_depth")

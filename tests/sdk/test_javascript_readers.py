@@ -384,6 +384,12 @@ def test_exported_shaders_are_read(method: str, tmp_path: Path) -> None:
     assert answers("shaders", tmp_path / "shaders", [{}], tmp_path) == ["read"]
 
 
+def test_shaders_that_blend_aovs_are_refused(tmp_path: Path) -> None:
+    write_shader_folder("taa", tmp_path / "shaders", aovs=4)
+    [said] = answers("shaders", tmp_path / "shaders", [{}], tmp_path)
+    assert said.startswith("UpscalerError: ")
+
+
 def test_readers_keep_their_promises_about_servers_folders_and_sizes() -> None:
     done = subprocess.run(
         [str(NODE), str(CHECKS)], capture_output=True, text=True, timeout=SECONDS, check=False
