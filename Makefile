@@ -34,6 +34,8 @@ DEVELOPMENT := .venv-dev/installed
 DOCS := .venv-docs/installed
 SOURCES := $(shell find sdk model export bench examples/web -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl' -o -name '*.wgsl' -o -name '*.js' -o -name '*.cpp' -o -name '*.h' -o -name '*.model' -o -name CMakeLists.txt)
 
+C_SOURCES = $(wildcard $(foreach folder,sdk/native/* sdk/native/*/* examples/* tests/fuzz/c_host,$(addprefix $(folder)/,*.c *.cpp *.h)))
+
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
 .PHONY: demo extension test test-all hashes fuzz wheels kit emulators sanitize hostile fuzz-native traces mutation check records docs clean test-integrations blender pyvista mitsuba oidn pygfx mujoco vtk-cpp webgpu web web-tests three cpp
@@ -204,6 +206,7 @@ mutation: $(DEVELOPMENT)
 check: $(DEVELOPMENT)
 	.venv-dev/bin/ruff check .
 	.venv-dev/bin/ruff format --check .
+	.venv-dev/bin/clang-format --dry-run --Werror $(C_SOURCES)
 	.venv-dev/bin/mypy
 
 # Hours; nothing else should run. Ctrl-C stops it, and the same command continues.
