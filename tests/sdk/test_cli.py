@@ -403,7 +403,6 @@ OTHERS = {"--help", "--version", "--debug"} | {
     "--abbrev", "--always", "--dirty",  # git
     "--background", "--python", "--python-exit-code",  # Blender
     "--collect-all",  # PyInstaller
-    "--hold",  # supersampler_model.denoising.training
     "--reference-samples", "--variant",  # denoise_scenes.py, which runs where bpy is
 }  # fmt: skip
 """Options of all commands, and of other programs."""
