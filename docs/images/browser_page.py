@@ -1,7 +1,7 @@
 """Make web-page.jpg: the page of `supersampler demo --web` in Chromium, bilinear next to `classifier`.
 
     pip install -e . playwright
-    PYTHONPATH=tests python docs/images/web_page.py
+    PYTHONPATH=tests python docs/images/browser_page.py
 
 Chromium runs on its software adapter, so no GPU is needed; a frame takes seconds.
 """
