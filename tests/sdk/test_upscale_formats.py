@@ -57,6 +57,12 @@ def decoded(path: Path) -> list[np.ndarray]:
         return [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
 
 
+def assert_same_images(video: Path, other: Path) -> None:
+    """Compare images, as x264 does not always write the same bytes for the same images."""
+    for image, want in zip(decoded(video), decoded(other), strict=True):
+        assert np.abs(image.astype(int) - want).mean() < 0.5
+
+
 def luma_difference(a: np.ndarray, b: np.ndarray) -> float:
     """Return the mean difference of what a video holds at full size."""
     return float(np.abs((a.astype(int) - b) @ BT709).mean())
@@ -102,7 +108,7 @@ def test_a_video_without_images_restarts_after_a_stop(shot: Path, every: Path, t
     assert images(tmp_path) == {}
     upscale(shot, tmp_path, "--format", "mp4")
     assert [*images(tmp_path)] == ["video.mp4"]
-    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
+    assert_same_images(tmp_path / "video.mp4", every / "video.mp4")
     assert f"All {COUNT} frames are there already" in upscale(shot, tmp_path, "--format", "mp4").stderr
 
 
@@ -115,7 +121,7 @@ def test_images_beside_a_video_are_kept_after_a_stop_and_the_video_is_whole(
     assert sorted(path.name for path in before) == ["0000.png", "0001.png"]
     upscale(shot, tmp_path, *formats("png", "mp4"))
     assert {path: path.stat().st_mtime_ns for path in before} == before
-    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
+    assert_same_images(tmp_path / "video.mp4", every / "video.mp4")
 
 
 def test_a_video_can_be_requested_later(shot: Path, every: Path, tmp_path: Path) -> None:
@@ -123,7 +129,7 @@ def test_a_video_can_be_requested_later(shot: Path, every: Path, tmp_path: Path)
     before = files(tmp_path)
     upscale(shot, tmp_path, *formats("exr", "mp4"))
     after = files(tmp_path)
-    assert (tmp_path / "video.mp4").read_bytes() == (every / "video.mp4").read_bytes()
+    assert_same_images(tmp_path / "video.mp4", every / "video.mp4")
     assert {name: after[name] for name in images(tmp_path) if name in before} == {
         name: data for name, data in before.items() if name.endswith(".exr")
     }
