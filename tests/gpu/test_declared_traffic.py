@@ -1,4 +1,4 @@
-"""What passes declare to access, which `bench traffic` counts, is what shaders access."""
+"""Declared accesses of GPU passes, which `bench traffic` counts, match the accesses of the shaders."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -266,6 +267,16 @@ def test_a_view_that_is_missing_is_one_line_before_the_first_result(
     done = blender(tmp_path, "--format", "png", **view)
     assert done.exit_code == 0, done.output
     assert len(list((tmp_path / "out").glob("*.png"))) == 4
+
+
+def test_a_video_waits_for_the_first_frame(tmp_path: Path, view: dict[str, dict[str, str]]) -> None:
+    rendered_late = tmp_path / "go"
+    timer = Timer(1.0, rendered_late.touch)
+    timer.start()
+    done = blender(tmp_path, "--format", "mp4", wait_at=5, **{"for": str(rendered_late)}, **view)
+    timer.join()
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "out" / "video.mp4").stat().st_size > 0
 
 
 def test_no_blender_at_all_is_an_error_that_says_where_to_get_one(monkeypatch: pytest.MonkeyPatch) -> None:

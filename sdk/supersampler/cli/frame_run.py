@@ -332,7 +332,6 @@ class FrameRun(Generic[Job]):
         )  # fmt: skip
 
     def _film(self) -> AbstractContextManager[Callable[[Bytes], None]]:
-        self._shot.read_raw(0)  # waits for a frame that is being rendered
         rate, aspect = self._shot.frame_rate or 24.0, pixel_aspect(self._metadata(0))
         path = self._results.begin_file(self._results.record.video)
         return video_writer(path, self._display_size, rate, aspect)

@@ -12,13 +12,13 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 from render_frames import (  # type: ignore[import-not-found]
-    SETTINGS,
     BlenderSceneError,
     choose_camera,
     chosen_scene,
     named,
     open_scene,
     report,
+    run,
 )
 
 import bpy  # isort: skip  # render_frames reports where it is missing
@@ -89,6 +89,10 @@ def new_tree(scene: Any) -> Any:
     return tree
 
 
+def _name(number: int) -> str:
+    return f"{number:04d}.exr"
+
+
 class FrameImages:
     """Image nodes of the files of a frame: the results, and the render for passes that results lack.
 
@@ -98,27 +102,21 @@ class FrameImages:
     def __init__(self, tree: Any, settings: dict[str, Any]) -> None:
         self._tree, self._layer = tree, settings["layer"]
         self._folders = [Path(folder) for folder in (settings["results"], settings["renders"]) if folder]
-        self._images = [
-            bpy.data.images.load(str(self._file(i, settings["first"]))) for i in range(self.count)
-        ]
+        files = [str(folder / _name(settings["first"])) for folder in self._folders]
+        self._images = [bpy.data.images.load(file) for file in files]
         for image in self._images:
             image.colorspace_settings.is_data = True  # the results have the render's colour space
         self._nodes = [node for image in self._images for node in self._nodes_of(image)]
 
     @property
-    def count(self) -> int:
-        """Number of files of a frame."""
-        return len(self._folders)
-
-    @property
     def render(self) -> Any:
         """Image of the render, or None."""
-        return self._images[1] if self.count > 1 else None
+        return self._images[1] if len(self._images) > 1 else None
 
     def load(self, number: int) -> None:
         """Load the files of a frame."""
-        for index, image in enumerate(self._images):
-            image.filepath = str(self._file(index, number))
+        for folder, image in zip(self._folders, self._images, strict=True):
+            image.filepath = str(folder / _name(number))
             image.reload()
 
     def socket(self, name: str) -> Any:
@@ -129,9 +127,6 @@ class FrameImages:
                 if output.enabled and output.name in names:
                     return output
         raise BlenderSceneError(f"the compositor needs the pass {name!r}, which no frame of full size has")
-
-    def _file(self, index: int, number: int) -> Path:
-        return self._folders[index] / f"{number:04d}.exr"
 
     def _nodes_of(self, image: Any) -> list[Any]:
         """Return a node for the channels without a layer, and one for those of the view layer, if any."""
@@ -237,8 +232,4 @@ def set_output(scene: Any, tree: Any, size: list[int]) -> str:
 
 
 if __name__ == "__main__":
-    try:
-        main(SETTINGS)
-    except (BlenderSceneError, RuntimeError) as error:  # Blender's operators raise RuntimeError
-        report(error=" ".join(str(error).split()))
-        sys.exit(1)
+    run(main)

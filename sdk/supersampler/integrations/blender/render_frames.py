@@ -14,6 +14,7 @@ import json
 import os
 import sys
 import time
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -468,9 +469,14 @@ def named(items: Any) -> str:
     return ", ".join(item.name for item in items) or "none"
 
 
-if __name__ == "__main__":
+def run(script: Callable[[dict[str, Any]], None]) -> None:
+    """Call the `main` of a script with the settings; report its error, and exit."""
     try:
-        main(SETTINGS)
+        script(SETTINGS)
     except (BlenderSceneError, RuntimeError) as error:  # Blender's operators raise RuntimeError
         report(error=" ".join(str(error).split()))
         sys.exit(1)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -405,7 +405,9 @@ def rendered_shot(
         )
 
     color = f"{scene.layer}.Combined.R"
-    shot = Shot(folder, info, entries, read_raw, stop_waiting=stop_waiting, color_channel=color)
+    shot = Shot(
+        folder, info, entries, read_raw, wait=camera_of, stop_waiting=stop_waiting, color_channel=color
+    )
     shot.is_denoised = scene.denoise != "off"
     shot.samples = scene.samples
     return shot

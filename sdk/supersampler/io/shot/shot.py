@@ -106,13 +106,15 @@ class Shot:
         read_arrays: Callable[[int, Collection[str] | None], RawFrame],
         read_reference: Callable[[int], Float32] | None = None,
         *,
+        wait: Callable[[int], object] = lambda _: None,
         stop_waiting: Callable[[], None] = lambda: None,
         color_channel: str = "R",
         own_format: bool = False,
     ) -> None:
         self.path, self.info = path, info
         self._offset = 0  # index of the first frame in the uncropped shot, for the callables
-        self._stop_waiting = stop_waiting  # ends a `read_arrays` that waits for a frame
+        self._wait = wait  # returns when the file of a frame is complete
+        self._stop_waiting = stop_waiting  # ends a call that waits for a frame
         self._entries, self._raw = tuple(entries), read_arrays
         self._reference = read_reference
         self.ignored_channels: tuple[str, ...] = ()
@@ -340,12 +342,17 @@ class Shot:
 
     def read_metadata(self, index: int) -> Metadata:
         """Return the header entries of a frame's EXR file that describe its content; {} for other files."""
-        path = self.source / self._entries[index].file
+        path = self._complete_file(index)
         return read_header(path).metadata if path.suffix.lower() == ".exr" else {}
+
+    def _complete_file(self, index: int) -> Path:
+        """Return the file of a frame, which may still be rendered when this is called."""
+        self._wait(index + self._offset)
+        return self.source / self._entries[index].file
 
     def read_channels(self, index: int, names: Collection[str]) -> dict[str, Channel]:
         """Read channels of a frame's EXR file unchanged, (h, w) each."""
-        path = self.source / self._entries[index].file
+        path = self._complete_file(index)
         channels = read_exr(path, only=names)
         shot_format.check_size(path, channels, self._entries[index].render_size or self.render_size)
         return channels

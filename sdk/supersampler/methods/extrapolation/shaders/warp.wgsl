@@ -39,11 +39,11 @@ fn back_to_shaded(p: vec2i) -> vec2f {
     return clamp(motion + rest, vec2f(-MAX_MOTION), vec2f(MAX_MOTION));
 }
 
-// What is looked for: a surface, and the position around which.
-struct Wanted {
+// The surface of a pixel and its position in the shaded frame, by which samples are selected. Same as `Guide` in torch.
+struct Guide {
     surface: Surface,
-    at: vec2f,
-    center: vec2f,    // the sample nearest to it
+    position: vec2f,
+    nearest: vec2f,    // the sample nearest to it
 }
 
 struct Candidate {
@@ -52,42 +52,42 @@ struct Candidate {
     cost: f32,        // -log of its weight
 }
 
-fn candidate(wanted: Wanted, number: u32) -> Candidate {
-    let position = wanted.center + warp.offsets[number].xy;
+fn candidate(guide: Guide, number: u32) -> Candidate {
+    let position = guide.nearest + warp.offsets[number].xy;
     let index = index_of(clamped(vec2i(position), shaded_size()), shaded_size());
     let surface = unpacked(shaded_surfaces.samples[index]);
-    let away = (position - wanted.at) / DISTANCE_SIGMA;
-    return Candidate(index, surface, 0.5 * (difference(wanted.surface, surface) + dot(away, away)));
+    let offset = (position - guide.position) / DISTANCE_SIGMA;
+    return Candidate(index, surface, 0.5 * (difference(guide.surface, surface) + dot(offset, offset)));
 }
 
 // A key of a candidate holds its cost in steps and, in its lower digits, its number. Keys of the least cost are kept in order.
 const NO_KEY = KEY_INDICES * (MAX_KEY + 1.0);    // greater than all keys
 
-fn with_candidate(keys: vec4f, wanted: Wanted, number: u32) -> vec4f {
-    let key = min(floor(candidate(wanted, number).cost * KEY_STEPS), MAX_KEY) * KEY_INDICES + f32(number);
+fn with_candidate(keys: vec4f, guide: Guide, number: u32) -> vec4f {
+    let key = min(floor(candidate(guide, number).cost * KEY_STEPS), MAX_KEY) * KEY_INDICES + f32(number);
     let is_less = vec4f(key) < keys;
     let kept = select(vec4f(key), vec4f(0.0, keys.xyz), vec4<bool>(false, is_less.xyz));
     return select(keys, kept, is_less);
 }
 
 // Keys of the four nearest candidates. Rings that are too far away for any surface are left out.
-fn find_nearest(wanted: Wanted) -> vec4f {
-    let to_center = max(abs(wanted.center.x - wanted.at.x), abs(wanted.center.y - wanted.at.y));
-    var keys = with_candidate(vec4f(NO_KEY), wanted, 0u);
+fn find_nearest(guide: Guide) -> vec4f {
+    let to_nearest = max(abs(guide.nearest.x - guide.position.x), abs(guide.nearest.y - guide.position.y));
+    var keys = with_candidate(vec4f(NO_KEY), guide, 0u);
     for (var first = 1u; first <= 8u * RINGS; first += 8u) {
         let stride = max(abs(warp.offsets[first].x), abs(warp.offsets[first].y));
-        let gap = (stride - to_center) / DISTANCE_SIGMA;
+        let gap = (stride - to_nearest) / DISTANCE_SIGMA;
         if (floor(gap * gap * (0.5 * RING_MARGIN * KEY_STEPS)) * KEY_INDICES >= keys.w) { break; }
-        for (var k = 0u; k < 8u; k++) { keys = with_candidate(keys, wanted, first + k); }
+        for (var k = 0u; k < 8u; k++) { keys = with_candidate(keys, guide, first + k); }
     }
     return keys;
 }
 
-fn mean_light(wanted: Wanted, keys: vec4f) -> vec3f {
+fn mean_light(guide: Guide, keys: vec4f) -> vec3f {
     let numbers = vec4u(keys - floor(keys / KEY_INDICES) * KEY_INDICES);
     var candidates: array<Candidate, 4>;
     /* unroll */ for (var i = 0; i < 4; i++) {
-        candidates[i] = candidate(wanted, numbers[i]);
+        candidates[i] = candidate(guide, numbers[i]);
     }
     let least = min(min(candidates[0].cost, candidates[1].cost), min(candidates[2].cost, candidates[3].cost));
     var sum = vec4f(0.0);
@@ -109,8 +109,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     let normal = textureLoad(frame_gbuffer_normal, p, 0).xyz;
     let known = shaded_surfaces.has_depth != 0u && is_known(base_color, normal, depth_at(p));
     let surface = unpacked(packed(surface_of(base_color, normal, depth_at(p), known)));
-    let wanted = Wanted(surface, at, floor(at + 0.5));
-    let light = mean_light(wanted, find_nearest(wanted));
+    let guide = Guide(surface, at, floor(at + 0.5));
+    let light = mean_light(guide, find_nearest(guide));
     store_image(p, bounded(light * reflectance(surface)) * params.pre_exposure);
     next_motion[index_of(p, render_size())] = motion;
 }
