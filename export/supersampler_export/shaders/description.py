@@ -57,7 +57,7 @@ class ExportedAovs(NamedTuple):
 
     @classmethod
     def of(cls, channels: int, images: str) -> "ExportedAovs":
-        """Return AOVs of so many channels, or of as many as fill the last texture of four channels."""
+        """Return AOVs of `channels` channels; in textures, rounded up to four channels each."""
         if images == "buffers":
             return cls(channels, min(channels, 1))
         textures = -(-channels // TEXTURE_CHANNELS)

@@ -9,8 +9,8 @@ KNOWN_SHARE = 0.999
 DEFAULT_SAMPLES = 8
 """Samples per pixel that are assumed where the frames do not state theirs."""
 MAX_SAMPLES = 64
-"""Frames of more samples per pixel are filtered as those of so many. Renderers that sample adaptively state
-their limit, which is often thousands."""
+"""Upper limit of the samples per pixel that the filter uses. With adaptive sampling a renderer states its own
+limit, often thousands, and not the samples it took."""
 
 # The weight of a neighbour is exp(LOG_WEIGHT - AGE_COST * age - samples * distance), with the samples per
 # pixel, and the sum of its distances times their costs. The frame itself has 1. The variance of noise falls
