@@ -14,7 +14,7 @@ import pytest
 
 from mutation.mutants import Mutant
 from mutation.session import HERE, Outcome, in_child, run_tests
-from mutation.targets import EXCLUDED, TARGETS, TESTS
+from mutation.targets import EXCLUDED, STRONG, TARGETS, TESTS
 
 SETUP = "(setup)"
 """Stands for all tests of a file: fixtures are made for the first that needs them."""
@@ -91,7 +91,7 @@ class CoverageMap:
     lines: dict[str, dict[int, set[str]]]
 
     def tests_for(self, mutant: Mutant) -> list[str]:
-        """Return the tests for a change, quick ones first: those that run its line.
+        """Return the tests for a change: those that run its line, strong ones and then quick ones first.
 
         A change that runs on import may be noticed by any test that runs its module; those that run more of
         it come first.
@@ -99,9 +99,13 @@ class CoverageMap:
         here, (first, last) = self.lines.get(mutant.path, {}), mutant.lines
         if not mutant.on_import:
             tests = {test for line in range(first, last + 1) for test in here.get(line, ())}
-            return sorted(tests, key=lambda test: (self.seconds[test], test))
+            return sorted(tests, key=lambda test: (not _is_strong(test), self.seconds[test], test))
         run = Counter(test for found in here.values() for test in found)
-        return sorted(run, key=lambda test: ((0.1 + self.seconds[test]) / run[test], test))
+        return sorted(run, key=lambda t: (not _is_strong(t), (0.1 + self.seconds[t]) / run[t], t))
+
+
+def _is_strong(test: str) -> bool:
+    return test.partition("::")[0] in STRONG
 
 
 def record(tree: Path, kept: Path, workers: Executor) -> CoverageMap:

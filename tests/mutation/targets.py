@@ -38,5 +38,8 @@ TESTS = [
 ]
 """Globs of test files. Those that reach no target cost time and find nothing."""
 
+STRONG = ["tests/export/test_shipped_steps.py"]
+"""Files whose tests compare all results of a step: they run first, though others are quicker."""
+
 PACKAGES = ["sdk", "model", "export", "bench"]
 """Folders that packages are imported from."""
