@@ -140,7 +140,8 @@ REST_CHANNELS = {
 }
 FRAME_MEMORY: Mapping[str, PixelMemory] = {
     "awake": PixelBuffer(4),
-    "block_sums": PixelBuffer(64, BLOCKS),
+    "block_marks": PixelBuffer(4, BLOCKS),
+    "block_sums": PixelBuffer(48, BLOCKS),
     "block_states": PixelTexture(BLOCKS, "rg32uint"),
     "samples": PixelTexture(RENDER, "rgba16float"),
     "dilated": PixelTexture(RENDER, "rg32uint"),
@@ -154,20 +155,20 @@ def frame_passes(surface: str) -> tuple[PassSpec, ...]:
 
     `surface`, "depth" or "shade", selects the property of samples that the last pass stores.
     """
-    blocks = "next_state", "block_sums", "history_blocks", "history_signatures", "next_signatures"
+    blocks = "next_state", "block_marks", "history_blocks", "history_signatures", "next_signatures"
     return (
         PassSpec(
             "compare_blocks",
             BLOCKS,
             (4, 4),
-            static=("history_mean", "frame_color"),
+            static=("history_mean", "frame_color", "block_sums"),
             at_rest=(*blocks, "frame_color", "frame_motion"),
         ),
         PassSpec(
             "decide_blocks",
             BLOCKS,
             (8, 8),
-            static=("history_mean", "history_signatures", "next_signatures"),
+            static=("history_mean", "history_signatures", "next_signatures", "block_sums"),
             at_rest=(*blocks, "next_blocks", "block_states", "awake"),
         ),
         PassSpec("rest_tiles", TILES, (8, 8)),

@@ -1,8 +1,12 @@
-// Means over the samples of a block: output of `compare_blocks`, input of `decide_blocks`.
+// What `compare_blocks` finds and `decide_blocks` reads, by block.
 
-struct Sums {
+struct Sums {            // means over the samples of a block
     difference: vec4f,   // of samples and mean, RGB; part of the samples that count
     color: vec4f,        // of the samples, RGB; square of the difference
     expected: vec4f,     // of the mean, RGB; square of the colour
-    marks: vec4f,        // 1 where the block restarts; 1 where it moves
 }
+
+// Bits of a block's marks.
+const RESTARTS = 1u;
+const MOVES = 2u;
+const HAS_SUMS = 4u;     // else its sums are 0, and not written

@@ -17,10 +17,11 @@ const SHARE = 1.0 / f32(BLOCK * BLOCK);
 @group(0) @binding(3) var history_blocks: texture_2d<f32>;
 @group(0) @binding(4) var<storage, read> history_signatures: array<vec4f>;      // of 2 phases
 @group(0) @binding(5) var<storage, read_write> next_signatures: array<vec4f>;   // of 2 phases
-@group(0) @binding(6) var<storage, read_write> block_sums: array<Sums>;
+@group(0) @binding(6) var<storage, read_write> block_sums: array<Sums>;   // of static blocks
+@group(0) @binding(7) var<storage, read_write> block_marks: array<u32>;
 
 struct Row {
-    parts: array<vec4f, 4>,   // signature; the first three of Sums
+    parts: array<vec4f, 4>,   // signature; Sums
 }
 
 var<workgroup> rows: array<Row, SIDE * SIDE * ROWS>;
@@ -130,17 +131,21 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) in
     // A block that moves and had no mean is not compared before its signature of this phase is written again.
     let known = next_state.cycle > 0.0 && next_state.cycle <= abs(before) && is_sampled() && !is_noisy();
     let here = signature_index(next_state.slot, block);
-    var changed = 0.0;   // a number: NVIDIA's driver 580 gets a bool wrong that an `if` may assign with `||`
+    var marks = select(0u, MOVES, is_moving);
     if (known) {
-        if (differs(sums[0], history_signatures[here])) { changed = 1.0; }
+        if (differs(sums[0], history_signatures[here])) { marks |= RESTARTS; }
     } else if (is_sampled() && before < 0.0) {
-        changed = 1.0;
+        marks |= RESTARTS;
     }
     if (has_blocks() && next_state.last_slot != next_state.slot) {
         let last = signature_index(next_state.last_slot, block);   // the other set lacks it
         next_signatures[last] = history_signatures[last];
     }
     next_signatures[here] = sums[0];
-    let marks = vec4f(changed, select(0.0, 1.0, is_moving), 0.0, 0.0);
-    block_sums[index_of(block, blocks_size())] = Sums(sums[1], sums[2], sums[3], marks);
+    let place = index_of(block, blocks_size());
+    if (has_mean) {
+        block_sums[place] = Sums(sums[1], sums[2], sums[3]);
+        marks |= HAS_SUMS;
+    }
+    block_marks[place] = marks;
 }

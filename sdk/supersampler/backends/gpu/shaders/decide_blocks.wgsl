@@ -11,7 +11,7 @@ const NEAR = SIDE + 2;     // with the neighbours
 const THREADS = SIDE * SIDE;
 
 @group(0) @binding(1) var<storage, read> next_state: State;
-@group(0) @binding(2) var<storage, read> block_sums: array<Sums>;
+@group(0) @binding(2) var<storage, read> block_sums: array<Sums>;   // of static blocks
 @group(0) @binding(3) var history_mean: texture_2d<f32>;   // of static blocks
 @group(0) @binding(4) var history_blocks: texture_2d<f32>;   // age, negative where frozen; tests
 @group(0) @binding(5) var<storage, read> history_signatures: array<vec4f>;      // of 1 phase
@@ -19,9 +19,10 @@ const THREADS = SIDE * SIDE;
 @group(0) @binding(7) var next_blocks: texture_storage_2d<rgba32float, write>;
 @group(0) @binding(8) var block_states: texture_storage_2d<rg32uint, write>;   // flags, and bits of a float: see at_rest.wgsl
 @group(0) @binding(9) var<storage, read_write> awake: array<atomic<u32>>;
+@group(0) @binding(10) var<storage, read> block_marks: array<u32>;
 
 var<workgroup> sums: array<Sums, WIDE * WIDE>;
-var<workgroup> marks: array<vec2f, NEAR * NEAR>;   // 1 where a block restarts; 1 where it moves
+var<workgroup> marks: array<u32, NEAR * NEAR>;
 
 struct Window {
     count: f32,          // samples
@@ -171,24 +172,25 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local
     let size = blocks_size();
     for (var i = i32(index); i < WIDE * WIDE; i += THREADS) {
         let block = clamped(origin - AROUND + vec2i(i % WIDE, i / WIDE), size);   // at edges they repeat
-        sums[i] = block_sums[index_of(block, size)];
+        let at = index_of(block, size);
+        sums[i] = Sums();
+        if ((block_marks[at] & HAS_SUMS) != 0u) { sums[i] = block_sums[at]; }
     }
     workgroupBarrier();
     for (var i = i32(index); i < NEAR * NEAR; i += THREADS) {
-        let cell = vec2i(i % NEAR, i / NEAR);
-        let block = origin - 1 + cell;
-        marks[i] = vec2f(0.0);
+        let block = origin - 1 + vec2i(i % NEAR, i / NEAR);
+        marks[i] = 0u;
         if (inside(block, size)) {
-            marks[i] = sums[(cell.y + AROUND - 1) * WIDE + cell.x + AROUND - 1].marks.xy;
-            if (is_noisy() && drifts(block, origin)) { marks[i].x = 1.0; }
+            marks[i] = block_marks[index_of(block, size)];
+            if (is_noisy() && drifts(block, origin)) { marks[i] |= RESTARTS; }
         }
     }
     workgroupBarrier();
     let block = origin + vec2i(local.xy);
     if (!inside(block, size)) { return; }
-    var around = vec2f(0.0);   // a pixel near the border of a block has samples of its neighbour
+    var around = 0u;   // a pixel near the border of a block has samples of its neighbour
     for (var i = 0; i < 9; i++) {
-        around = max(around, marks[(i32(local.y) + i / 3) * NEAR + i32(local.x) + i % 3]);
+        around |= marks[(i32(local.y) + i / 3) * NEAR + i32(local.x) + i % 3];
     }
-    decide(block, origin, around.x > 0.0, around.y > 0.0);
+    decide(block, origin, (around & RESTARTS) != 0u, (around & MOVES) != 0u);
 }

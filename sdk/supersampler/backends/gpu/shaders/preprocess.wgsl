@@ -146,10 +146,7 @@ fn shade(p: vec2i, origin: vec2i) -> vec3f {
             glares = max(glares, n.z);
         }
     }
-    sums /= 9.0;
-    let mean = sums.xy / max(sums.z, 1e-6);
-    let deviation = sqrt(max(mean.y - mean.x * mean.x, 0.0));
-    return vec3f(mean.x, select(1.0, deviation, sums.z > MIN_WEIGHT), glares);
+    return vec3f(shade_of(sums / 9.0), glares);
 }
 
 @compute @workgroup_size(SIDE, SIDE)

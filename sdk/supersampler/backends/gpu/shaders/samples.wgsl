@@ -16,3 +16,10 @@ fn toned_sample(samples: texture_2d<f32>, p: vec2i) -> vec4f {
 fn usable_in(alpha: f32) -> f32 { return f32(u32(alpha) & 1u); }
 fn glares_in(alpha: f32) -> bool { return (u32(alpha) & 2u) != 0u; }
 fn mask_in(alpha: f32) -> f32 { return f32(u32(alpha) >> 2u) / MASK_STEPS; }
+
+// Mean and deviation of luma from means over 3x3 samples: luma, its square; 1 where usable.
+fn shade_of(means: vec3f) -> vec2f {
+    let mean = means.xy / max(means.z, 1e-6);
+    let deviation = sqrt(max(mean.y - mean.x * mean.x, 0.0));
+    return vec2f(mean.x, select(1.0, deviation, means.z > MIN_WEIGHT));
+}

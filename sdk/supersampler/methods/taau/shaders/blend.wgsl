@@ -17,7 +17,6 @@
 @group(0) @binding(3) var samples: texture_2d<f32>;
 @group(0) @binding(4) var dilated: texture_2d<u32>;
 @group(0) @binding(5) var history_surface: texture_2d<u32>;    // see surface_shade.wgsl
-@group(0) @binding(6) var next_surface: texture_2d<u32>;
 @group(0) @binding(7) var history_pixels: texture_2d<u32>;     // linear RGB, number of samples
 @group(0) @binding(8) var<storage, read> history_power: array<f32>;
 @group(0) @binding(9) var next_pixels: texture_storage_2d<rg32uint, write>;
@@ -83,7 +82,8 @@ fn gather_current(p: vec2i) -> Current {
     var square = vec3f(0.0);
     var slope = vec2f(0.0);
     let sample = nearest(at);
-    var steps = vec3f(0.0);    // sums over 3x3 samples: to the right less to the left, below less above; usable
+    var steps = vec2f(0.0);    // sums of luma over 3x3 samples: to the right less to the left, below less above
+    var around = vec3f(0.0);   // sums over these: luma, its square; 1 where usable
     /* unroll */ for (var j = 0; j < 4; j++) {
         /* unroll */ for (var i = 0; i < 4; i++) {
             let tap = usable_tile_sample(vec2i(first) + vec2i(i, j));
@@ -94,15 +94,18 @@ fn gather_current(p: vec2i) -> Current {
             square += line_x.mean[i] * line_y.mean[j] * color * color;
             slope += vec2f(line_x.slope[i] * line_y.mean[j], line_x.mean[i] * line_y.slope[j]) * color.x;
             let away = vec2i(first) + vec2i(i, j) - sample;
-            if (all(abs(away) <= vec2i(1))) { steps += vec3f(vec2f(away) * color.x, tap.a); }
+            if (all(abs(away) <= vec2i(1))) {
+                steps += vec2f(away) * color.x;
+                around += vec3f(color.x, color.x * color.x, tap.a);
+            }
         }
     }
     var center = moment.xyz / max(moment.w, 1e-6);
     var variance = max(square / max(moment.w, 1e-6) - center * center, vec3f(0.0));
-    let shade = shade_in(textureLoad(next_surface, sample, 0));
+    let shade = shade_of(around / 9.0);
     let alpha = textureLoad(samples, sample, 0).a;
-    let whole = moment.w > FULL_WEIGHT && steps.z > 9.0 * FULL_WEIGHT;
-    let explained = dot(steps.xy, steps.xy) * (6.0 / 9.0 / 36.0) / max(shade.y * shade.y, 1e-7);
+    let whole = moment.w > FULL_WEIGHT && around.z > 9.0 * FULL_WEIGHT;
+    let explained = dot(steps, steps) * (6.0 / 9.0 / 36.0) / max(shade.y * shade.y, 1e-7);
     let fit = select(0.0, clamp((explained - UNFIT) / (FIT - UNFIT), 0.0, 1.0), whole);
     center.x -= fit * dot(slope, vec2f(line_x.shift, line_y.shift));
     variance.x = max(variance.x - fit * dot(slope, slope), 0.0);
@@ -128,9 +131,10 @@ fn frame_alone(p: vec2i, now: Current) -> vec3f {
 
 fn occluding_at(p: vec2i) -> f32 { return bitcast<f32>(textureLoad(history_surface, p, 0).x); }
 
-// Mean and deviation of luma around a sample.
-fn shade_in(words: vec4u) -> vec2f { return unpack2x16float(words.y); }
-fn shade_at(p: vec2i) -> vec2f { return shade_in(textureLoad(history_surface, clamped(p, previous_size()), 0)); }
+// Mean and deviation of luma around a sample of the previous frame.
+fn shade_at(p: vec2i) -> vec2f {
+    return unpack2x16float(textureLoad(history_surface, clamped(p, previous_size()), 0).y);
+}
 
 fn power_at(p: vec2i) -> f32 { return history_power[index_of(clamped(p, display_size()), display_size())]; }
 
