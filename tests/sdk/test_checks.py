@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from noise import noise
+from plain_frames import plain_frame
 from supersampler import Upscaler
 from supersampler.arguments import Validate
 from supersampler.conventions import Conventions
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
-from supersampler.frame import Float32, Frame
+from supersampler.frame import Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
@@ -247,108 +247,7 @@ def test_an_exposure_outside_the_usable_range_is_reported(exposure: float) -> No
         strict.check(noise(0, exposure=exposure), (64, 36), ())
 
 
-# --- the thresholds of the single-frame checks: no warning just below each ---
-
-
-SIZE = (80, 60)  # all of its 4800 pixels are looked at
-PIXELS = SIZE[0] * SIZE[1]
-
-
-def frame(**fields: Any) -> Frame:
-    """A smooth slope in even light, at rest; a correct frame."""
-    w, h = SIZE
-    y, x = np.mgrid[:h, :w].astype(np.float32)
-    plain: dict[str, Any] = {
-        "color": np.repeat((0.4 + 0.001 * x)[..., None], 3, axis=2),
-        "depth": 0.1 + 0.001 * x + 0.002 * y,
-        "motion": np.zeros((h, w, 2), np.float32),
-        "jitter": (0.1, -0.2),
-    }
-    return Frame(**{**plain, **fields})
-
-
-def complaint(made: Frame) -> str:
-    """The first mistake that is found; "" for none. Hints are warnings."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", FrameWarning)
-            FrameChecker("strict").check(made, (160, 120))
-    except (FrameError, FrameWarning) as found:
-        return str(found)
-    return ""
-
-
-def spread(value: float, share: float, fill: Float32) -> Float32:
-    """`fill`, (h, w, ...), with a share of its pixels at one value."""
-    made = fill.copy()
-    made.reshape(PIXELS, -1)[: round(share * PIXELS)] = value
-    return made
-
-
-def test_a_plain_frame_is_fine() -> None:
-    assert complaint(frame()) == ""
-
-
-@pytest.mark.parametrize(("share", "found"), [(0.009, False), (0.012, True)])
-def test_colours_may_be_negative_in_a_hundredth_of_the_values(share: float, found: bool) -> None:
-    color = spread(-0.01, share, frame().color)  # type: ignore[arg-type]
-    assert ("negative" in complaint(frame(color=color))) is found
-    assert complaint(frame(color=spread(-1e-7, 0.5, color * 0 + 0.4))) == ""
-
-
-@pytest.mark.parametrize("field", ["color", "depth", "motion"])
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_single_nan_is_found_and_located(field: str, value: float) -> None:
-    array = getattr(frame(), field).copy()
-    array[7, 5] = value
-    said = complaint(frame(**{field: array}))
-    assert "in 1 pixels, first at (x=5, y=7)" in said
-    assert field in said.split(":")[0]
-
-
-def test_depth_may_be_0_and_not_less() -> None:
-    depth = frame().depth.copy()
-    depth[3, 4] = 0.0
-    assert complaint(frame(depth=depth)) == ""
-    depth[3, 4] = -0.01
-    assert "negative, as small as -0.01" in complaint(frame(depth=depth))
-
-
-@pytest.mark.parametrize(("share", "found"), [(0.01, False), (0.03, True)])
-def test_a_sky_of_1_is_that_of_forward_depth(share: float, found: bool) -> None:
-    depth = spread(1.0, share, frame().depth)
-    assert ("forward" in complaint(frame(depth=depth))) is found
-    depth[-1] = 0.0  # a sky of reversed depth, too
-    assert complaint(frame(depth=depth)) == ""
-
-
-@pytest.mark.parametrize(("share", "found"), [(0.04, False), (0.06, True)])
-@pytest.mark.parametrize(("axis", "length"), [(0, 81.0), (1, -61.0)])
-def test_motion_across_the_whole_image_is_too_long_in_a_twentieth_of_the_pixels(
-    axis: int, length: float, share: float, found: bool
-) -> None:
-    motion = frame().motion.copy()
-    motion[..., axis] = spread(length, share, motion[..., axis])
-    assert ("longer than the whole image" in complaint(frame(motion=motion))) is found
-    motion[..., axis] = np.clip(motion[..., axis], -59.0, 79.0)
-    assert "longer" not in complaint(frame(motion=motion))
-
-
-def parallax(by: float) -> NDArray[np.float32]:
-    """The right half moves otherwise than the left one."""
-    motion = frame().motion.copy()
-    motion[:, SIZE[0] // 2 :, 0] = by
-    return motion
-
-
-def test_one_depth_everywhere_is_doubted_where_motion_is_not_that_of_a_card() -> None:
-    card = np.full_like(frame().depth, 0.3)
-    ramp = frame().motion.copy()
-    ramp[..., 0] = 0.05 * np.arange(SIZE[0])
-    assert complaint(frame(depth=card, motion=ramp)) == ""
-    assert "same everywhere" in complaint(frame(depth=card, motion=parallax(4.0)))
-    assert complaint(frame(depth=card, motion=parallax(0.9))) == ""
-    assert complaint(frame(depth=0.0 * card, motion=parallax(4.0))) == "", "the sky"
+# --- which frames are read ---
 
 
 def test_three_frames_of_a_start_are_read_and_each_kind_is_warned_of_once() -> None:
@@ -360,7 +259,7 @@ def test_three_frames_of_a_start_are_read_and_each_kind_is_warned_of_once() -> N
         fields["jitter"] = halton_jitter(next(jitters), 2.0)  # one that stays is a mistake of its own
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", FrameWarning)
-            checker.check(frame(**fields), (160, 120))
+            checker.check(plain_frame(**fields), (160, 120))
         return len(caught)
 
     for _ in range(2):
@@ -376,9 +275,9 @@ def test_three_frames_of_a_start_are_read_and_each_kind_is_warned_of_once() -> N
 def test_frames_kept_for_checks_are_freed_after_the_last_read() -> None:
     checker = FrameChecker("warn")
     for index in range(3):
-        checker.check(frame(jitter=halton_jitter(index, 2.0)), (160, 120))
+        checker.check(plain_frame(jitter=halton_jitter(index, 2.0)), (160, 120))
         assert checker._seen.previous is not None
-    checker.check(frame(jitter=halton_jitter(3, 2.0)), (160, 120))
+    checker.check(plain_frame(jitter=halton_jitter(3, 2.0)), (160, 120))
     assert checker._seen.previous is None
 
 

@@ -1,19 +1,19 @@
 """Tests of the checks on shots of Blender, VTK and our own renderer: planted mistakes are named."""
 
-import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from supersampler.arguments import Validate
+from plain_frames import complaints
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.conventions.jitter import halton_jitter
-from supersampler.errors import FrameError, FrameWarning
+from supersampler.errors import FrameError
 from supersampler.frame import Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker, detect_conventions
@@ -25,14 +25,8 @@ TESTS = Path(__file__).parents[1]
 FOLDERS = {"blender": TESTS / "blender" / "checked", "vtk": TESTS / "vtk" / "recorded"}
 
 
-@dataclass(frozen=True)
-class Shots:
-    """Frames of one renderer: right ones, with a part of the stated jitter, and with filtered colour."""
-
-    right: list[Frame]
-    half: list[Frame]
-    fixed: list[Frame]
-    filtered: list[Frame]
+Shots = Callable[[str], list[Frame]]
+"""Frames of one renderer: "right", "half" or "fixed" with half or none of the stated jitter, "filtered"."""
 
 
 def own_frames(part: float, count: int, frame_rate: float) -> list[Frame]:
@@ -63,27 +57,22 @@ def own_filtered() -> list[Frame]:
     return [Frame(color=color, depth=surfaces.depth, motion=motion, jitter=(0.0, 0.0), reset=True)]
 
 
-@pytest.fixture(scope="module", params=["blender", "vtk", "own"])
+OWN: dict[str, Callable[[], list[Frame]]] = {
+    "right": lambda: own_frames(1.0, 4, 5.0),
+    "half": lambda: own_frames(0.5, 3, 30.0),
+    "fixed": lambda: own_frames(0.0, 3, 30.0),
+    "filtered": own_filtered,
+}
+
+
+@cache
+def frames_of(renderer: str, name: str) -> list[Frame]:
+    return OWN[name]() if renderer == "own" else [item.frame for item in Shot.open(FOLDERS[renderer] / name)]
+
+
+@pytest.fixture(params=["blender", "vtk", "own"])
 def shots(request: pytest.FixtureRequest) -> Shots:
-    if request.param == "own":
-        return Shots(
-            own_frames(1.0, 4, 5.0), own_frames(0.5, 3, 30.0), own_frames(0.0, 3, 30.0), own_filtered()
-        )
-    names = ("right", "half", "fixed", "filtered")
-    return Shots(*([item.frame for item in Shot.open(FOLDERS[request.param] / name)] for name in names))
-
-
-def messages(frames: list[Frame], validate: Validate = "warn") -> str:
-    """All messages about the frames, one a line; a refused frame ends them."""
-    checker, (width, height) = FrameChecker(validate), frames[0].size
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", FrameWarning)
-        try:
-            for frame in frames:
-                checker.check(frame, (2 * width, 2 * height))
-        except FrameError as error:
-            return "\n".join([*(str(each.message) for each in caught), str(error)])
-    return "\n".join(str(each.message) for each in caught)
+    return partial(frames_of, request.param)
 
 
 def notes(frames: list[Frame]) -> str:
@@ -130,9 +119,9 @@ PLANTED: dict[str, tuple[Callable[[Frame], Frame], str]] = {
 
 
 def test_correct_frames_pass_silently(shots: Shots) -> None:
-    assert messages(shots.right) == ""
-    assert messages(shots.right, "strict") == ""
-    detection = detect_conventions([Conventions().converter().from_frame(frame) for frame in shots.right])
+    assert complaints(*shots("right")) == ""
+    assert complaints(*shots("right"), validate="strict") == ""
+    detection = detect_conventions([Conventions().converter().from_frame(frame) for frame in shots("right")])
     assert detection.agrees
     assert detection.notes == ()
 
@@ -140,7 +129,7 @@ def test_correct_frames_pass_silently(shots: Shots) -> None:
 @pytest.mark.parametrize("name", PLANTED)
 def test_a_planted_mistake_is_the_only_one_named(shots: Shots, name: str) -> None:
     change, message = PLANTED[name]
-    said = messages([change(frame) for frame in shots.right])
+    said = complaints(*[change(frame) for frame in shots("right")])
     assert message in said
     assert len(said.splitlines()) == 1
 
@@ -148,10 +137,10 @@ def test_a_planted_mistake_is_the_only_one_named(shots: Shots, name: str) -> Non
 @pytest.mark.parametrize("name", ["motion zero", "bytes", "bottom-up", "reset"])
 def test_an_implausible_frame_is_refused(shots: Shots, name: str) -> None:
     change, message = PLANTED[name]
-    checker, size = FrameChecker("strict"), shots.right[0].size
+    checker, size = FrameChecker("strict"), shots("right")[0].size
 
     def check_all() -> None:
-        for frame in shots.right:
+        for frame in shots("right"):
             checker.check(change(frame), (2 * size[0], 2 * size[1]))
 
     with pytest.raises(FrameError, match=message):
@@ -161,20 +150,20 @@ def test_an_implausible_frame_is_refused(shots: Shots, name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in PLANTED if name != "bottom-up"])
 def test_check_notes_a_planted_mistake(shots: Shots, name: str) -> None:
     change, message = PLANTED[name]
-    assert message in notes([change(frame) for frame in shots.right])
+    assert message in notes([change(frame) for frame in shots("right")])
 
 
 @pytest.mark.parametrize("preset", [Conventions(), Conventions.vtk()])
 def test_check_blames_the_rows_where_all_is_bottom_up(shots: Shots, preset: Conventions) -> None:
     turned, upright = replace(preset, bottom_up=True), replace(preset, bottom_up=False)
-    raws = [turned.converter().from_frame(frame) for frame in shots.right]
+    raws = [turned.converter().from_frame(frame) for frame in shots("right")]
     detection = detect_conventions(raws, conventions=upright)
     assert detection.conventions == turned
     assert "Rows seem to be bottom-up" in detection.summary()
 
 
 def test_check_blames_the_rows_of_vtk_where_nothing_is_stated(shots: Shots) -> None:
-    raws = [Conventions.vtk().converter().from_frame(frame) for frame in shots.right]
+    raws = [Conventions.vtk().converter().from_frame(frame) for frame in shots("right")]
     found = detect_conventions(raws).conventions
     assert found.bottom_up
     assert not found.motion_flip_y
@@ -183,32 +172,32 @@ def test_check_blames_the_rows_of_vtk_where_nothing_is_stated(shots: Shots) -> N
 
 
 def test_jitter_missing_from_the_image_is_reported(shots: Shots) -> None:
-    assert messages(shots.fixed).startswith("frame.jitter is not in the image")
-    assert "frame.jitter is not in the image" in notes(shots.fixed)
-    assert "motion_jittered" not in notes(shots.fixed)
+    assert complaints(*shots("fixed")).startswith("frame.jitter is not in the image")
+    assert "frame.jitter is not in the image" in notes(shots("fixed"))
+    assert "motion_jittered" not in notes(shots("fixed"))
 
 
 def test_a_fraction_of_the_jitter_is_estimated(shots: Shots) -> None:
-    factor = float(messages(shots.half).removeprefix("frame.jitter is ").split()[0])
+    factor = float(complaints(*shots("half")).removeprefix("frame.jitter is ").split()[0])
     assert factor == pytest.approx(0.5, abs=0.2)
-    assert "times as large in the image as stated" in notes(shots.half)
+    assert "times as large in the image as stated" in notes(shots("half"))
 
 
 def test_a_wide_pixel_filter_is_hinted_at(shots: Shots) -> None:
-    assert "of the depth edges" in messages(shots.filtered, "strict")
+    assert "of the depth edges" in complaints(*shots("filtered"), validate="strict")
 
 
 def test_coarse_motion_is_reported_with_its_step(shots: Shots) -> None:
-    larger = [replace(frame, motion=frame.motion.astype(np.float32) * 3) for frame in shots.right]
-    assert "frame.motion is in steps of 0.5 pixels" in messages([coarse_motion(frame) for frame in larger])
-    assert "in steps" not in messages(larger)
+    larger = [replace(frame, motion=frame.motion.astype(np.float32) * 3) for frame in shots("right")]
+    assert "frame.motion is in steps of 0.5 pixels" in complaints(*[coarse_motion(frame) for frame in larger])
+    assert "in steps" not in complaints(*larger)
 
 
 def test_a_depth_buffer_with_a_far_plane_needs_its_planes(shots: Shots) -> None:
-    near, far = 0.5 / float(max(frame.depth.max() for frame in shots.right)), 1e4
-    unit = [replace(frame, depth=frame.depth * np.float32(near)) for frame in shots.right]
+    near, far = 0.5 / float(max(frame.depth.max() for frame in shots("right"))), 1e4
+    unit = [replace(frame, depth=frame.depth * np.float32(near)) for frame in shots("right")]
     frames = [misread(frame, depth="forward", near=near, far=far) for frame in unit]
-    said = messages(frames)
+    said = complaints(*frames)
     assert "frame.depth is of another kind" in said
     assert "Conventions(depth='forward', near=, far=) with the planes of the camera" in said
     assert "linear" not in said
@@ -221,7 +210,7 @@ def test_depth_that_is_linear_along_planes_is_not_said_to_be_a_distance() -> Non
     color = np.random.default_rng(0).random((60, 80, 3), np.float32)
     motion = np.zeros((60, 80, 2), np.float32)
     frames = [Frame(color=color, depth=depth, motion=motion, jitter=halton_jitter(i, 2.0)) for i in range(2)]
-    assert "depth" not in messages(frames)
+    assert "depth" not in complaints(*frames)
     raws = [RawFrame(color=f.color, depth=f.depth, motion=f.motion, jitter=f.jitter) for f in frames]
     detection = detect_conventions(raws)
     assert detection.conventions.depth == "reversed_infinite"
@@ -236,13 +225,12 @@ def test_resets_on_different_images_are_not_a_mistake() -> None:
         depth, motion = np.full((60, 80), 0.5, np.float32), np.zeros((60, 80, 2), np.float32)
         jitter = halton_jitter(index, 2.0)
         frames.append(Frame(color=color, depth=depth, motion=motion, jitter=jitter, reset=True))
-    assert messages(frames) == ""
+    assert complaints(*frames) == ""
 
 
 def test_coarse_depth_is_not_judged() -> None:
     """Its kind stays as stated: one step may be a distance."""
-    shot = [item.frame for item in Shot.open(FOLDERS["vtk"] / "right")]
-    coarse = [replace(frame, depth=in_steps(frame.depth, 255)) for frame in shot]
+    coarse = [replace(frame, depth=in_steps(frame.depth, 255)) for frame in frames_of("vtk", "right")]
     stated = Conventions(depth="linear")
     raws = [Conventions().converter().from_frame(frame) for frame in coarse]
     detection = detect_conventions(raws, conventions=stated)
@@ -258,8 +246,8 @@ def test_a_thin_margin_never_contradicts_what_is_stated() -> None:
 
 
 def test_colour_upside_down_is_blamed_and_motion_is_not(shots: Shots) -> None:
-    frames = [colored(frame, lambda color: color[::-1]) for frame in shots.right]
-    said = messages(frames)
+    frames = [colored(frame, lambda color: color[::-1]) for frame in shots("right")]
+    said = complaints(*frames)
     assert "frame.color is upside down relative to depth" in said
     assert len(said.splitlines()) == 1
     assert "frame.color is upside down relative to depth" in notes(frames)

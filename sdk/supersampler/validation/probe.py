@@ -117,10 +117,19 @@ def _luminance(color: Array) -> Float32:
     return values
 
 
+def tone_mapped(light: Float32, like: Float32) -> Float32:
+    """Return luminance in [0, 1], 0.5 at the median of lit pixels of `like`; NaN where it is not finite."""
+    values = like[pixel_grid((like.shape[1], like.shape[0]))]
+    lit = values[np.isfinite(values) & (values > 0)]
+    tone = np.maximum(light, 0)
+    tone /= tone + np.float32(np.median(lit) if lit.size else np.inf)  # Inf / Inf is NaN
+    return tone
+
+
 def pixel_grid(size: tuple[int, int], count: int = GRID_PIXELS) -> PixelGrid:
-    """Return a regular grid of about `count` pixels at most in an image of (width, height)."""
+    """Return a regular grid in the middle of an image of (width, height), of about `count` pixels at most."""
     step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / count))))
-    columns, rows = (np.arange(step // 2, extent, step) for extent in size)
+    columns, rows = (np.arange((extent - 1) % step // 2, extent, step) for extent in size)
     return rows.repeat(len(columns)), np.tile(columns, len(rows))
 
 

@@ -23,6 +23,7 @@ _OVERRULES = 1.33  # minimum ratio of errors for a verdict that contradicts the 
 _TIE = 1.02  # within this ratio of errors, the stated hypothesis ranks first
 _MAX_RATIO = 0.8  # maximum ratio of errors for a significant improvement
 _MIN_DIFFERENCE = 0.25  # minimum difference of the depth errors, without the error of planes
+_MIN_SKY = 1e-3  # minimum fraction of pixels with the sky's value
 _MIN_CURVATURE = 1e-4  # minimum curvature that distinguishes kinds of depth
 _NO_TEXTURE = "no two neighbouring frames have enough texture to compare"
 _DEPTH_TEXT = {
@@ -145,7 +146,7 @@ def _is_stated(hypothesis: Hypothesis, stated: Conventions) -> bool:
 
 def jitters_in_the_pixel(frames: Sequence[FrameProbe], stated: Conventions) -> list[Overrides]:
     """Return the readings of the jitter that keep samples inside their pixels; none for constant jitter."""
-    if np.ptp([frame.jitter for frame in frames], axis=0).max() == 0:
+    if len({frame.jitter for frame in frames}) == 1:
         return []
 
     def largest(overrides: Overrides) -> float:
@@ -234,7 +235,7 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[FrameProbe], found: 
     max_curvature = float(np.nanmax([*curved.values(), 0.0]))
     hypotheses, without_planes = [], {}
     for order in probe.ORDERS:
-        no_sky = 0.5 if max(skies.values()) < 1e-3 else float(skies[order] < 1e-3)
+        no_sky = float(skies[order] < _MIN_SKY) if max(skies.values()) >= _MIN_SKY else 0.5
         without_planes[order] = _wrongly_hidden(pairs, order, found) + no_sky
         of_planes = 0.0
         if max_curvature >= _MIN_CURVATURE:

@@ -7,7 +7,7 @@ filter; otherwise the blur of wrong motion could give the smaller error.
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -16,14 +16,21 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions
 from supersampler.errors import FrameError
 from supersampler.frame import Float32
-from supersampler.validation.probe import DepthOrder, FrameProbe, PixelGrid, count_disoccluded, pixel_grid
+from supersampler.validation.probe import (
+    DepthOrder,
+    FrameProbe,
+    PixelGrid,
+    count_disoccluded,
+    pixel_grid,
+    tone_mapped,
+)
 
 MIN_TEXTURED = 1000
 """Minimum number of textured pixels for significant errors."""
 
 _TEXTURE = 0.01  # minimum difference of tone-mapped luminance between neighbours
 # Motion of the image without motion vectors: tiles of the image are searched in the previous image.
-_MAX_TILES = 5  # along each axis
+_TILES = 5  # along each axis
 _TILE_SIDES = (64, 32)  # pixels; the first one that fits is used
 _MIN_MOVE = 2  # pixels; shorter shifts may come from the jitter
 _MAX_RATIO = 0.7  # maximum ratio of the errors with and without the shift
@@ -45,10 +52,9 @@ class FramePair:
         if now.light is None or before.light is None:
             raise FrameError("color", got=None, want="shaded frames")
         self.pixels = rows, columns = pixel_grid((now.light.shape[1], now.light.shape[0]))
-        known = now.light[rows, columns]
-        known = known[np.isfinite(known) & (known > 0)]
-        middle = float(np.median(known)) if known.size else 1.0
-        self._tone, self._tone_before = _tone_mapped(now.light, middle), _tone_mapped(before.light, middle)
+        self._tone, self._tone_before = (
+            np.pad(tone_mapped(light, now.light), 1, mode="edge") for light in (now.light, before.light)
+        )
         self._here = here = _sample(self._tone, columns, rows)
         right, below = _sample(self._tone, columns + 1, rows), _sample(self._tone, columns, rows + 1)
         change = np.maximum(np.abs(right - here), np.abs(below - here))
@@ -95,8 +101,8 @@ class FramePair:
     @property
     def lacks_motion(self) -> bool:
         """Whether the motion is 0 everywhere although most of the image moves."""
-        inner = slice(1, -1), slice(1, -1)
-        return not self.now.motion.any() and _image_moves(self._tone[inner], self._tone_before[inner])
+        tones = (np.nan_to_num(tone) for tone in (self._tone, self._tone_before))
+        return not self.now.motion.any() and _image_moves(*tones)
 
     @property
     def variance(self) -> float:
@@ -131,15 +137,8 @@ def frame_pairs(frames: Sequence[FrameProbe]) -> list[FramePair]:
     ]
 
 
-def _tone_mapped(light: Float32, middle: float) -> Float32:
-    """Return luminance tone-mapped to [0, 1], padded by one pixel; NaN where it is not finite."""
-    tone = np.maximum(light, 0)
-    tone /= tone + np.float32(middle)  # Inf / Inf is NaN, which is skipped
-    return np.pad(tone, 1, mode="edge")
-
-
 def _sample(padded: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.floating[Any]]:
-    """Sample a result of `_tone_mapped` at (x, y) with a quadratic B-spline of 3 x 3 pixels; NaN outside."""
+    """Sample an image, padded by one pixel, at (x, y) with a quadratic B-spline of 3 x 3; NaN outside."""
     height, width = padded.shape[0] - 2, padded.shape[1] - 2
     inside = (x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5)  # False where NaN
     x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
@@ -159,43 +158,37 @@ def _spline(fraction: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray
 
 def _image_moves(tone: Float32, tone_before: Float32) -> bool:
     """Return whether at least half of the textured tiles have moved, and a fifth fit clearly better there."""
-    height, width = tone.shape
+    height, width = tone.shape[0] - 2, tone.shape[1] - 2
     side = next((side for side in _TILE_SIDES if min(height, width) >= 1.5 * side), 0)
-    if side == 0:
-        return False
-    tops, lefts = (  # away from the borders where there is room
-        np.linspace(0, extent - side, min(_MAX_TILES, extent * 2 // side)).astype(np.intp)
-        for extent in (height, width)
-    )
+    tops, lefts = (np.linspace(1, 1 + extent - side, _TILES).astype(np.intp) for extent in (height, width))
     count = moved = clearly = 0
-    for top in tops:
-        for left in lefts:
-            tile = slice(top, top + side), slice(left, left + side)
-            if np.var(tone[tile]) < _MIN_CONTRAST:  # False for NaN, which is then found nowhere
-                continue
-            count += 1
-            x, y = _tile_shift(tone[tile], tone_before[tile])
-            if max(abs(x), abs(y)) >= _MIN_MOVE:
-                moved += 1
-                clearly += _fits_better(tone, tone_before, tile, (x, y))
+    for top, left in product(tops, lefts) if side else ():
+        tile = slice(top, top + side), slice(left, left + side)
+        if np.var(tone[tile]) < _MIN_CONTRAST:
+            continue
+        count += 1
+        shift = _tile_shift(tone[tile], tone_before[tile])
+        if np.abs(shift).max() >= _MIN_MOVE:
+            moved += 1
+            clearly += _fits_better(tone, tone_before, tile, shift)
     return count >= _MIN_TILES and 2 * moved >= count and 5 * clearly >= count
 
 
-def _tile_shift(tile: Float32, before: Float32) -> tuple[int, int]:
+def _tile_shift(tile: Float32, before: Float32) -> NDArray[np.intp]:
     """Return the (x, y) shift at which a tile correlates best with the tile of the previous image."""
     side = tile.shape[0]
-    window = np.hanning(side)[:, None] * np.hanning(side)
-    now, earlier = (np.fft.rfft2((each - each.mean()) * window) for each in (tile, before))
-    peak = np.fft.irfft2(earlier * np.conj(now), s=(side, side))
+    window = np.outer(np.hanning(side), np.hanning(side))
+    now, earlier = (np.fft.fft2((each - each.mean()) * window) for each in (tile, before))
+    peak = np.fft.fftshift(np.fft.ifft2(earlier * np.conj(now)).real)
     y, x = np.unravel_index(np.argmax(peak), peak.shape)
-    return int((x + side // 2) % side) - side // 2, int((y + side // 2) % side) - side // 2
+    return np.array([x, y]) - side // 2
 
 
-def _fits_better(tone: Float32, before: Float32, tile: tuple[slice, slice], shift: tuple[int, int]) -> bool:
+def _fits_better(tone: Float32, before: Float32, tile: tuple[slice, slice], shift: NDArray[np.intp]) -> bool:
     """Return whether the on-screen part of a shifted tile fits clearly better than without the shift."""
-    rows, columns = (np.arange(part.start, part.stop) for part in tile)
-    rows = rows[(rows + shift[1] >= 0) & (rows + shift[1] < tone.shape[0])]
-    columns = columns[(columns + shift[0] >= 0) & (columns + shift[0] < tone.shape[1])]
-    here = tone[np.ix_(rows, columns)]
-    moved = np.square(here - before[np.ix_(rows + shift[1], columns + shift[0])]).mean()
-    return bool(moved < _MAX_RATIO * np.square(here - before[np.ix_(rows, columns)]).mean())
+    y, x = np.mgrid[tile] - 1  # without the padding
+    here = _sample(tone, x, y)
+    moved, still = (
+        float(np.nanmean((here - _sample(before, x + dx, y + dy)) ** 2)) for dx, dy in (shift, (0, 0))
+    )
+    return moved < _MAX_RATIO * still

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from supersampler.conventions.encodings import srgb_encoded
@@ -11,22 +12,28 @@ from supersampler.frame import Array, Float32, Frame
 from supersampler.io.display import usable_exposure
 from supersampler.validation import mistakes
 from supersampler.validation.mistakes import Mistake, where
-from supersampler.validation.probe import GRID_PIXELS, pixel_grid, plane_curvature, sky_fraction
+from supersampler.validation.probe import (
+    GRID_PIXELS,
+    pixel_grid,
+    plane_curvature,
+    sky_fraction,
+    tone_mapped,
+)
 
 _MAX_MIXED = 0.55  # maximum fraction of mixed edges in point samples; filtered colour has more
 # Displayed colours, as fractions of the display's range.
 _FULL = 0.9  # minimum of the brightest value
 _MIDDLE = (0.3, 0.85)  # range of the median of the pixels' largest channels
-_MIN_SPREAD = 0.2  # of the brightest value: minimum difference of the 10th and 90th percentiles
-_MIN_DEPTHS = 100  # minimum number of distinct depths
+_MIN_SPREAD = 0.2  # of the brightest value: minimum difference of the quantiles 0.1 and 0.9
+_MIN_DEPTHS = 100  # minimum number of distinct depths; test patterns, of any colours, have fewer
 _MIN_SURFACE = 1000  # minimum number of pixels that are not sky
 _MAX_CHANGE = 0.5  # standard deviations: maximum mean change from pixel to pixel
 _MIN_LEVELS = 16  # minimum number of distinct values
 # Depth edges, across which a wide pixel filter mixes colours.
 _MIN_EDGES = 60  # minimum number of edges; of 31 edges of point samples, 65 % were mixed by chance
 _MIN_CONTRAST = 0.15  # minimum difference of tone-mapped luminance across an edge
-_FLAT = 0.04  # of the contrast: maximum change on either side of an edge
-_MIXED = 0.12  # of the contrast: minimum difference of a mixed pixel from both sides
+_FLAT = 0.05  # of the contrast: maximum change on either side of an edge
+_MIXED = 0.12, 0.7  # of the contrast: range of a mixed pixel's difference from its side
 _DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # minimum ratio of depths across an edge, maximum along a side
 # Buffers with few, evenly spaced values: stored in 8 bits, or in half floats around an offset.
 _MIN_VALUES, _MAX_VALUES = 6, 300  # distinct values of such a buffer
@@ -34,17 +41,17 @@ _PIXELS_EACH = 8  # minimum mean number of pixels with the same value
 _UNEVEN = 0.1  # of a step: maximum deviation from even spacing
 _MIN_UNEVEN = 0.02  # minimum fraction of pixels whose second difference is a step: rounding
 _COARSE_MOTION = 0.2  # render pixels: minimum step of coarse motion
+_MAX_RESIDUAL = 0.5  # render pixels: maximum root mean square deviation from affine motion
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
     """Yield the mistakes in one frame; `light` is the luminance of its colour."""
-    if frame.color is not None and light is not None:
-        yield from _color(frame, frame.color, light)
     yield from _depth(frame.depth)
     yield from _motion(frame)
     if frame.exposure is not None and usable_exposure(frame.exposure) is None:
         yield mistakes.EXPOSURE_OUT_OF_RANGE.found(exposure=frame.exposure)
-    if light is not None:
+    if frame.color is not None and light is not None:
+        yield from _color(frame, frame.color, light)
         yield from upside_down(frame.depth, light)
         mixed = mixed_edges(light, frame.depth)
         if mixed > _MAX_MIXED:
@@ -63,12 +70,14 @@ def _color(frame: Frame, color: Array, light: Float32) -> Iterator[Mistake]:
     negative = float(np.mean(values < -1e-6))
     if negative > 0.01:
         yield mistakes.COLOR_NEGATIVE.found(share=negative)
-    full = (values == 1.0).sum(axis=1)  # clipped lights are rarely white
-    if _are_whole(values) or _are_whole(srgb_encoded(values)):
-        yield mistakes.COLOR_BYTES.found(high=np.max(values))
+    full = values == 1.0
+    clipped = full.any(axis=1) & ~full.all(axis=1)  # clipped lights are rarely white
+    stored = values, srgb_encoded(values)  # the latter by Conventions(srgb=True)
+    if whole := [each.max() for each in stored if _are_whole(each)]:
+        yield mistakes.COLOR_BYTES.found(high=whole[0])
     elif _are_whole(values * 255):
         yield mistakes.COLOR_EIGHT_BIT
-    elif np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
+    elif values.max() <= 1.0 and np.mean(clipped) > 0.005:
         yield mistakes.COLOR_CLIPPED
     elif top := _display_range(values, frame.depth[pixels], light):
         yield mistakes.COLOR_DISPLAYED.found(top=f"{top:g}", scale="" if top == 1 else "Divide by 255. ")
@@ -79,17 +88,14 @@ def _display_range(values: Float32, depth: Array, light: Float32) -> float:
 
     Highlights of linear scenes exceed such a bound, or most of the scene is much darker than its half.
     """
-    surface = values[depth > 0].max(axis=1, initial=0.0)
-    if len(surface) < _MIN_SURFACE or not np.isfinite(surface).all():
+    surface = values[depth > 0].max(axis=1)
+    if len(surface) < _MIN_SURFACE or len(np.unique(depth)) < _MIN_DEPTHS:
         return 0.0
-    if len(np.unique(depth)) < _MIN_DEPTHS:  # a test pattern, with any colours
-        return 0.0
-    dark, middle, bright = np.percentile(surface, (10, 50, 90)).tolist()
+    dark, middle, bright = np.quantile(surface, (0.1, 0.5, 0.9)).tolist()
     high = float(values.max())
     if bright - dark < _MIN_SPREAD * high:  # an even image, for example with a few lamps
         return 0.0
-    across = np.abs(np.diff(light, axis=1))
-    if not float(np.mean(across)) < _MAX_CHANGE * float(np.std(light)):  # noise, with any distribution
+    if not np.mean(np.abs(np.diff(light))) < _MAX_CHANGE * np.std(light):  # noise, or NaN
         return 0.0
     fits = (top for top in (1.0, 255.0) if _FULL * top <= high <= top)
     return next((top for top in fits if _MIDDLE[0] <= middle / top <= _MIDDLE[1]), 0.0)
@@ -99,9 +105,7 @@ def _are_whole(values: Float32) -> bool:
     """Return whether nearly all values are whole numbers up to 255, at least _MIN_LEVELS distinct ones."""
     whole = np.rint(values)
     near = np.abs(values - whole) < 0.07  # half floats near 255/255
-    if not (near.mean() > 0.99 and 2 < np.max(whole, initial=0) <= 255):
-        return False
-    return len(np.unique(whole)) >= _MIN_LEVELS
+    return bool(near.mean() > 0.99 and whole.max() <= 255 and len(np.unique(whole)) >= _MIN_LEVELS)
 
 
 def mixed_edges(light: Float32, depth: Array) -> float:
@@ -111,45 +115,30 @@ def mixed_edges(light: Float32, depth: Array) -> float:
     colour is filtered. Only edges with even colour in 2x3 pixels of both sides count, as textures, noise and
     soft shadows look mixed.
     """
-    values = np.maximum(light, 0)
-    known = values[np.isfinite(values) & (values > 0)]
-    middle = np.float32(np.median(known) if known.size else 1.0)
-    tone = np.divide(values, values + middle, dtype=np.float32)  # Inf / Inf is NaN, which compares False
-    sharp = mixed = 0
-    for tones, depths in ((tone, depth), (tone.T, depth.T)):
-        first, second = _edge_profiles(tones, depths)
-        at_first, at_second = np.abs(first) < _MIXED, np.abs(second - 1) < _MIXED
-        sharp += int((at_first & at_second).sum())
-        mixed += int((at_second & (first >= _MIXED) & (first < 0.7)).sum())
-        mixed += int((at_first & (second <= 1 - _MIXED) & (second > 0.3)).sum())
-    return mixed / (sharp + mixed) if sharp + mixed >= _MIN_EDGES else 0.0
+    tone = tone_mapped(light, light)
+    away = np.concatenate([_edge_profiles(tone, depth), _edge_profiles(tone.T, depth.T)], axis=1)
+    own, mixed = np.abs(away) < _MIXED[0], (away >= _MIXED[0]) & (away < _MIXED[1])
+    sharp_edges, mixed_edges = int(own.all(axis=0).sum()), int((own & mixed[::-1]).sum())
+    count = sharp_edges + mixed_edges
+    return mixed_edges / count if count >= _MIN_EDGES else 0.0
 
 
-def _edge_profiles(tone: Float32, depth: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the two pixels at each edge along rows, from 0 (colour of one side) to 1 (the other side)."""
-    height, width = tone.shape[0] - 2, tone.shape[1] - 5
-    if height < 1 or width < 1:
-        return np.empty(0), np.empty(0)
+def _edge_profiles(tone: Float32, depth: Array) -> NDArray[np.floating[Any]]:
+    """Return (2, n) differences of the two pixels at each edge along rows from their sides.
 
-    def near(a: int, b: int, ratio: float) -> NDArray[np.bool_]:
-        result: NDArray[np.bool_] = np.maximum(z[a], z[b]) <= ratio * np.minimum(z[a], z[b])
-        return result
-
-    z = [depth[1:-1, i : i + width] for i in range(6)]
-    edge = ~near(2, 3, _DEPTH_RATIO)
-    for a, b in ((0, 1), (1, 2), (3, 4), (4, 5)):
-        edge &= near(a, b, _SAME_SURFACE)
-    rows, columns = np.nonzero(edge)
-    around = np.stack([[tone[rows + y, columns + x] for x in range(6)] for y in range(3)])  # (3, 6, n)
-    line = around[1]
-    contrast = line[5] - line[0]
-    allowed = _FLAT * np.abs(contrast)
-    even = np.abs(contrast) > _MIN_CONTRAST
-    even &= (np.abs(line[1] - line[0]) < allowed) & (np.abs(line[5] - line[4]) < allowed)
-    sides = [0, 1, 4, 5]
-    even &= (np.abs(around[:, sides] - line[sides]) < 2 * allowed).all(axis=(0, 1))
-    line, contrast = line[:, even], contrast[even]
-    return (line[2] - line[0]) / contrast, (line[3] - line[0]) / contrast
+    They are fractions of the contrast: 0 is the colour of a pixel's own side, 1 that of the other side.
+    """
+    if tone.shape[0] < 3 or tone.shape[1] < 6:
+        return np.empty((2, 0))
+    near, far = np.minimum(depth[:, :-1], depth[:, 1:]), np.maximum(depth[:, :-1], depth[:, 1:])
+    edge, same = far > _DEPTH_RATIO * near, far <= _SAME_SURFACE * near
+    at_edge = same[:, :-4] & same[:, 1:-3] & edge[:, 2:-2] & same[:, 3:-1] & same[:, 4:]
+    around = sliding_window_view(tone, (3, 6))[at_edge[1:-1]]  # (n, 3, 6)
+    start, end = around[:, 1:2, :1], around[:, 1:2, 5:]
+    profile = (around - start) / (end - start)
+    flat = np.abs(profile[:, :, [0, 1, 4, 5]] - (0.0, 0.0, 1.0, 1.0)) < _FLAT
+    even = flat.all(axis=(1, 2)) & (np.abs(end - start)[:, 0, 0] > _MIN_CONTRAST)
+    return np.stack([profile[even, 1, 2], 1.0 - profile[even, 1, 3]])
 
 
 def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
@@ -160,22 +149,17 @@ def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
     edge = np.abs(here - below) > 0.1 * np.maximum(here, below)  # Inf - Inf, reported by `_depth`
     if edge.sum() < 200:
         return
-    upright, turned = (_edge_contrast(each, rows, columns, edge) for each in (light, light[::-1]))
+    tone = tone_mapped(light, light)
+    upright, turned = (_edge_contrast(each, rows, columns, edge) for each in (tone, tone[::-1]))
     if turned > 1.5 and turned > 1.5 * upright:
         yield mistakes.COLOR_UPSIDE_DOWN.found(times=turned / max(upright, 1e-6))
 
 
 def _edge_contrast(
-    light: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDArray[np.bool_]
+    tone: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDArray[np.bool_]
 ) -> float:
     """Return the mean change of brightness from row to row at edges, relative to all pixels."""
-    here, below = np.maximum(light[rows, columns], 0), np.maximum(light[rows + 1, columns], 0)
-    known = np.isfinite(here) & np.isfinite(below)
-    if not (edge & known).any():
-        return 0.0
-    here, below, edge = here[known], below[known], edge[known]
-    middle = max(float(np.median(here)), 1e-6)
-    change = np.abs(here / (here + middle) - below / (below + middle))
+    change = np.nan_to_num(np.abs(tone[rows, columns] - tone[rows + 1, columns]))
     return float(change[edge].mean() / max(float(change.mean()), 1e-6))
 
 
@@ -226,22 +210,24 @@ def depth_values(depth: Array) -> int:
     for values in (line, 1.0 / line):
         count, step = _even_values(values[1])
         # The values of a plane are even, too, but have no second differences.
-        change = np.abs(np.diff(values, 2, axis=0)) / max(step, 1e-30)
-        if count and np.mean((change > 0.5) & (change < 2.5)) > _MIN_UNEVEN:
+        if not count:
+            continue
+        change = np.rint(np.abs(np.diff(values, 2, axis=0)) / step)
+        if np.mean(np.isin(change, (1, 2))) > _MIN_UNEVEN:
             return count
     return 0
 
 
 def _even_values(values: NDArray[np.floating[Any]]) -> tuple[int, float]:
     """Return the number of distinct values and their spacing; (0, 0.0) if they are too many or uneven."""
-    distinct = np.unique(values[np.isfinite(values)].astype(np.float64))
+    distinct = np.unique(values.astype(np.float64))
     if not _MIN_VALUES <= len(distinct) <= min(_MAX_VALUES, len(values) // _PIXELS_EACH):
         return 0, 0.0
     extent = distinct[-1] - distinct[0]
-    step = extent / max(1.0, np.rint(extent / np.diff(distinct).min()))
-    position = (distinct - distinct[0]) / step
-    even = bool((np.abs(position - np.rint(position)) < _UNEVEN).all()) and position[-1] <= 4 * _MAX_VALUES
-    return (len(distinct), float(step)) if even else (0, 0.0)
+    steps = np.rint(extent / np.diff(distinct).min())
+    position = (distinct - distinct[0]) * (steps / extent)
+    even = np.abs(position - np.rint(position)).max() < _UNEVEN and steps <= 4 * _MAX_VALUES
+    return (len(distinct), float(extent / steps)) if even else (0, 0.0)
 
 
 # --- motion ---
@@ -265,9 +251,7 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
 
 
 def _is_not_affine(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
-    """Return whether motion deviates by more than half a pixel from an affine function of the position."""
-    if len(rows) < 8:
-        return False
+    """Return whether motion deviates from an affine function of the position."""
     basis = np.stack([np.ones(len(rows)), rows, columns], axis=1)
     fit = basis @ np.linalg.lstsq(basis, vectors, rcond=None)[0]
-    return float(np.sqrt(np.mean((vectors - fit) ** 2))) > 0.5
+    return bool(np.mean((vectors - fit) ** 2) > _MAX_RESIDUAL**2)

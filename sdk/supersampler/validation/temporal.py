@@ -30,6 +30,7 @@ _MAX_RATIO_LATER = 0.75  # maximum ratio after several pairs, with summed errors
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded pixels
 _MAX_DISOCCLUDED = 15  # maximum per pair of frames, as jitter alone can hide thin geometry
+_MIN_SIDE_OF_UNITS = 64  # pixels; in smaller images a jitter in pixels may be as small as in another unit
 _MIN_REPEATS = 3  # minimum number of frames with the same jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
@@ -136,7 +137,7 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         yield mistake.found(times=times, reading=text, call=call)
         return  # disocclusions need the right motion
     yield from seen.following
-    if np.ptp(seen.jitters, axis=0).max() > 0:
+    if len(set(seen.jitters)) > 1:
         yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied, min(size))
     kind = _other_order(seen.surfaces)
     if kind and not _planes_are_reversed(seen.previous, kind):
@@ -190,11 +191,11 @@ def _better_reading(seen: FramesSeen) -> str:
 def _jitter_values(jitters: tuple[tuple[float, float], ...], size: Size) -> Iterator[Mistake]:
     if len(jitters) < _MIN_REPEATS:
         return
-    values = np.array(jitters)
-    if np.ptp(values, axis=0).max() == 0:
-        yield mistakes.JITTER_CONSTANT.found(jitter=jitters[-1], frames=len(jitters))
-    elif min(size) >= 64 and (np.abs(values) <= 1.0 / np.array(size)).all():
-        yield mistakes.JITTER_TOO_SMALL.found(high=np.abs(values).max())
+    distinct, largest = set(jitters), np.abs(jitters).max(axis=0)
+    if len(distinct) == 1:
+        yield mistakes.JITTER_CONSTANT.found(jitter=distinct.pop(), frames=len(jitters))
+    elif min(size) >= _MIN_SIDE_OF_UNITS and (largest <= 1.0 / np.array(size)).all():
+        yield mistakes.JITTER_TOO_SMALL.found(high=largest.max())
 
 
 def _added(sums: Mapping[Any, Any], more: Mapping[Any, Any]) -> dict[Any, Any]:
@@ -286,7 +287,7 @@ def wrong_amplitude(errors: AmplitudeErrors, pairs: int, side: int) -> Amplitude
     The error is nearly a quadratic function of the factors; the estimate is its minimum. `side` is the
     shorter side of the frames in pixels.
     """
-    if pairs < _MIN_PAIRS or not errors:
+    if pairs < _MIN_PAIRS:
         return None
     x, y = np.array(list(errors)).T
     values, (variance, *_) = np.array(list(errors.values())).T
@@ -297,7 +298,7 @@ def wrong_amplitude(errors: AmplitudeErrors, pairs: int, side: int) -> Amplitude
         return None
     found = np.linalg.solve(hessian, -c[3:5])
     lowest, few = values.min(), pairs < _MIN_PAIRS_OF_AN_AXIS
-    uneven = np.abs(found - 1.0).min() < _RIGHT or np.prod(found - 1.0) < 0
+    uneven = found.max() > 1.0 - _RIGHT and found.min() < 1.0 + _RIGHT
     if uneven and (few or side < _MIN_SIDE_OF_AN_AXIS):
         return None
     gain = _MIN_GAIN_OF_AN_AXIS if uneven else _MIN_GAIN_OF_FEW if few else _MIN_GAIN

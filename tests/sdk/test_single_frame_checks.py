@@ -1,0 +1,553 @@
+"""Tests of the checks of a single frame: a mistake is named, and a correct frame just short of it is not."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from plain_frames import HEIGHT, WIDTH, complaints, plain_frame
+from supersampler.arguments import ieee_arithmetic
+from supersampler.conventions.encodings import srgb_decoded
+from supersampler.errors import FrameWarning
+from supersampler.frame import Float32, Frame
+from supersampler.validation import FrameChecker
+from supersampler.validation.probe import GRID_PIXELS, pixel_grid
+from supersampler.validation.single_frame import depth_values, mixed_edges
+
+PIXELS = WIDTH * HEIGHT
+Y, X = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
+INDEX = np.arange(PIXELS).reshape(HEIGHT, WIDTH)
+
+
+def spread(value: float, share: float, fill: Float32) -> Float32:
+    """Return `fill`, (h, w, ...), with a share of its pixels at one value."""
+    made = fill.copy()
+    made.reshape(PIXELS, -1)[: round(share * PIXELS)] = value
+    return made
+
+
+def grey(values: NDArray[Any]) -> Float32:
+    """Return (h, w, 3) colour of these (h, w) values."""
+    return np.repeat(values.astype(np.float32)[..., None], 3, axis=2)
+
+
+def test_a_plain_frame_is_fine() -> None:
+    assert complaints(plain_frame()) == ""
+
+
+@given(st.tuples(st.integers(1, 20_000), st.integers(1, 4_000)), st.booleans())
+def test_the_grid_is_regular_and_in_the_middle_and_never_empty(size: tuple[int, int], turned: bool) -> None:
+    size = size[::-1] if turned else size
+    rows, columns = pixel_grid(size)
+    for indices, extent in ((rows, size[1]), (columns, size[0])):
+        distinct = np.unique(indices)
+        assert abs(distinct[0] - (extent - 1 - distinct[-1])) <= 1
+        assert len(np.unique(np.diff(distinct))) <= 1
+    assert len(rows) == len({*zip(rows.tolist(), columns.tolist(), strict=True)})
+    if size[0] * size[1] <= GRID_PIXELS:
+        assert len(rows) == size[0] * size[1]
+    elif min(size) > 200:
+        assert 0.4 * GRID_PIXELS < len(rows) < 1.2 * GRID_PIXELS
+
+
+@pytest.mark.parametrize("size", [(1, 13_000), (13_000, 1)])
+def test_a_frame_of_one_row_or_column_is_fine(size: tuple[int, int]) -> None:
+    shape = size[::-1]
+    color, motion = np.full((*shape, 3), 0.4, np.float32), np.zeros((*shape, 2), np.float32)
+    assert complaints(plain_frame(color=color, depth=np.full(shape, 0.1, np.float32), motion=motion)) == ""
+
+
+@pytest.mark.parametrize("field", ["color", "depth", "motion"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_single_nan_is_found_and_located(field: str, value: float) -> None:
+    array = getattr(plain_frame(), field).copy()
+    array[7, 5] = value
+    said = complaints(plain_frame(**{field: array}))
+    assert said.startswith(f"frame.{field} is NaN or Inf in 1 pixels, first at (x=5, y=7)")
+    assert len(said.splitlines()) == 1
+
+
+# --- colour ---
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.01, False), (0.012, True)])
+def test_colours_may_be_negative_in_a_hundredth_of_the_values(share: float, found: bool) -> None:
+    color = spread(-0.01, share, grey(0 * X + 0.4))
+    assert ("negative in 1% of its values" in complaints(plain_frame(color=color))) is found
+    rounded = spread(-1e-7, 0.5, grey(0 * X + 0.4))
+    assert complaints(plain_frame(color=rounded)) == ""
+
+
+BYTES = np.rint(255 * X / (WIDTH - 1))
+
+
+def whole_numbers(most: int) -> Float32:
+    return grey(INDEX % (most + 1))
+
+
+@pytest.mark.parametrize(
+    ("color", "high"),
+    [
+        (grey(BYTES), 255), (srgb_decoded(grey(BYTES)), 255), (whole_numbers(15), 15),
+        (spread(0.5, 0.008, grey(BYTES)), 255),
+    ],
+)  # fmt: skip
+def test_whole_numbers_up_to_255_are_taken_for_bytes(color: Float32, high: int) -> None:
+    said = complaints(plain_frame(color=color))
+    assert f"frame.color is in whole numbers up to {high}" in said
+    assert "Divide by 255" in said
+
+
+@pytest.mark.parametrize(
+    "color",
+    [
+        whole_numbers(14), whole_numbers(256), grey(BYTES) + np.float32(0.1),
+        spread(0.5, 0.012, grey(BYTES)), grey(BYTES) / 256,
+    ],
+    ids=["a test pattern", "brighter than bytes", "between whole numbers", "blended", "other steps"],
+)  # fmt: skip
+def test_colours_of_other_steps_are_not_taken_for_bytes(color: Float32) -> None:
+    said = complaints(plain_frame(color=color))
+    assert "whole numbers" not in said
+    assert "steps of 1/255" not in said
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+def test_steps_of_an_8_bit_image_are_found_in_floats_and_half_floats(dtype: Any) -> None:
+    assert "in steps of 1/255" in complaints(plain_frame(color=(grey(BYTES) / 255).astype(dtype)))
+
+
+@pytest.mark.parametrize("full", [1, 2])
+def test_colour_with_one_or_two_channels_at_1_in_places_is_taken_for_clipped(full: int) -> None:
+    def color(share: float, high: float = 1.0) -> Float32:
+        made = grey(0.3 + 0.001 * X).reshape(PIXELS, 3)
+        made[: round(share * PIXELS), :full] = 1.0
+        made[-1] = high
+        return made.reshape(HEIGHT, WIDTH, 3)
+
+    assert "frame.color is never above 1, and often 1" in complaints(plain_frame(color=color(0.006)))
+    assert complaints(plain_frame(color=color(0.005))) == ""
+    assert complaints(plain_frame(color=color(0.006, high=1.1))) == "", "a brighter pixel"
+    white = spread(1.0, 0.1, grey(0.3 + 0.001 * X))
+    assert complaints(plain_frame(color=white)) == "", "white paper"
+
+
+def displayed(
+    low: float = 0.05, high: float = 0.999, power: float = 1.0, sky: int = 0, depth: Float32 | None = None
+) -> str:
+    """Return what is said about a gradient of colour over a slope, of which the first pixels are sky."""
+    slope = plain_frame().depth.copy() if depth is None else depth
+    slope.reshape(-1)[:sky] = 0.0
+    tinted = grey(low + (high - low) * (X / (WIDTH - 1)) ** power) * np.float32([1.0, 0.7, 0.5])
+    return complaints(plain_frame(color=tinted, depth=slope))
+
+
+def shown_as(top: int) -> str:
+    return f"frame.color is never above {top}, and as bright as a displayed image"
+
+
+@pytest.mark.parametrize("top", [1, 255])
+def test_colour_that_fills_the_range_of_a_display_at_its_brightness_is_hinted_at(top: int) -> None:
+    said = displayed(0.05 * top, 0.999 * top)
+    assert shown_as(top) in said
+    assert ("Divide by 255" in said) is (top == 255)
+    assert shown_as(top) in displayed(0.05 * top, 0.92 * top)
+    assert displayed(0.05 * top, 0.88 * top) == "", "does not fill the range"
+    assert displayed(0.05 * top, 1.05 * top) == "", "exceeds the range"
+    assert shown_as(top) in displayed(0.05 * top, 0.999 * top, power=1.5), "the median is 0.39"
+    assert displayed(0.05 * top, 0.999 * top, power=2.1) == "", "the median is 0.27: the darkness of a scene"
+    assert shown_as(top) in displayed(0.05 * top, 0.999 * top, power=0.3), "the median is 0.82"
+    assert displayed(0.05 * top, 0.999 * top, power=0.2) == "", "the median is 0.88"
+    assert shown_as(top) in displayed(0.7 * top, 0.95 * top)
+    assert displayed(0.735 * top, 0.95 * top) == "", "an even image"
+
+
+def test_colour_is_judged_by_a_thousand_pixels_of_surfaces() -> None:
+    assert shown_as(1) in displayed(sky=PIXELS - 1000)
+    assert displayed(sky=PIXELS - 999) == ""
+
+
+def test_colour_of_a_test_pattern_or_of_noise_is_not_judged() -> None:
+    for count, judged in ((99, False), (100, True)):
+        depth = (0.1 + 0.001 * quantised(count)).astype(np.float32)
+        assert (shown_as(1) in displayed(depth=depth)) is judged
+    noise = np.random.default_rng(0).random((HEIGHT, WIDTH))
+    for part, judged in ((0.25, True), (0.5, False), (1.0, False)):
+        color = grey(0.999 * (part * noise + (1.0 - part) * X / (WIDTH - 1)))
+        assert (shown_as(1) in complaints(plain_frame(color=color))) is judged
+
+
+def test_hints_never_raise_and_mistakes_do() -> None:
+    bytes_in_floats = plain_frame(color=grey(BYTES) / 255)
+    coarse = plain_frame(depth=(0.1 + 0.01 * quantised(32)).astype(np.float32))
+    shown = plain_frame(color=grey(0.05 + 0.94 * X / (WIDTH - 1)))
+    for hinted in (bytes_in_floats, coarse, shown):
+        with pytest.warns(FrameWarning):
+            FrameChecker("strict").check(hinted, (2 * WIDTH, 2 * HEIGHT))
+    assert "frame.color is in whole numbers" in complaints(plain_frame(color=grey(BYTES)), validate="strict")
+
+
+# --- colour at depth edges ---
+
+
+def edge(
+    first: float = 0.0,
+    second: float = 1.0,
+    count: int = 100,
+    *,
+    tones: tuple[float, float] = (0.5, 0.8),
+    depths: tuple[float, ...] = (0.5, 0.5, 0.5, 0.1, 0.1, 0.1),
+) -> tuple[Float32, Float32]:
+    """Return tone and depth around one vertical edge that counts `count` times.
+
+    The two pixels at the edge are at `first` and `second` of the contrast of tones.
+    """
+    profile = np.array([0.0, 0.0, first, second, 1.0, 1.0])
+    tone = np.concatenate([np.zeros(3), profile]) * (tones[1] - tones[0]) + tones[0]
+    depth = np.array([depths[0]] * 3 + [*depths])
+    rows = np.ones((count + 2, 1))
+    return (rows * tone).astype(np.float32), (rows * depth).astype(np.float32)
+
+
+TURNS: list[Callable[[Float32], Float32]] = [
+    lambda image: image, lambda image: image.T, lambda image: image[:, ::-1], lambda image: image[::-1].T,
+]  # fmt: skip
+
+
+def share_mixed(tone: Float32, depth: Float32) -> float:
+    """Return the mixed fraction of an image of these tones in any orientation and brightness."""
+    found = {
+        round(ieee_arithmetic(mixed_edges)(turn(brightness * tone / (1 - tone)), turn(depth)), 6)
+        for turn in TURNS for brightness in (np.float32(1e-3), np.float32(1.0), np.float32(1e3))
+    }  # fmt: skip
+    assert len(found) == 1
+    return found.pop()
+
+
+@pytest.mark.parametrize("part", [0.15, 0.4, 0.65])
+@pytest.mark.parametrize("mixed", [30, 45])
+def test_the_fraction_of_edges_with_a_mixed_pixel_on_either_side_is_measured(part: float, mixed: int) -> None:
+    tone, depth = edge()
+    tone[1 : 1 + mixed] = edge(first=part)[0][1 : 1 + mixed]
+    assert share_mixed(tone, depth) == mixed / 100
+    tone[60:80] = edge(second=1.0 - part)[0][60:80]
+    assert share_mixed(tone, depth) == (mixed + 20) / 100
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [(1.0, 1.0), (0.75, 1.0), (0.0, 0.0), (0.0, 0.25), (0.5, 0.5), (-0.2, 1.0), (0.0, 1.2)],
+)
+def test_a_pixel_of_the_other_side_or_an_even_brighter_one_is_neither_sharp_nor_mixed(
+    first: float, second: float
+) -> None:
+    tone, depth = edge(first=0.4)
+    assert share_mixed(tone, depth) == 1.0
+    tone[1:36] = edge(first, second)[0][1:36]
+    assert share_mixed(tone, depth) == 1.0
+    tone[36:70] = edge()[0][36:70]
+    tone[70:] = edge(first, second)[0][70:]
+    assert share_mixed(tone, depth) == 0.0
+
+
+def test_fewer_than_60_edges_prove_nothing() -> None:
+    assert share_mixed(*edge(0.4, count=60)) == 1.0
+    assert share_mixed(*edge(0.4, count=59)) == 0.0
+
+
+@pytest.mark.parametrize(("tones", "seen"), [
+    ((0.5, 0.66), True), ((0.5, 0.34), True), ((0.5, 0.64), False), ((0.5, 0.36), False), ((0.5, 0.5), False),
+])  # fmt: skip
+def test_edges_without_contrast_are_left_out(tones: tuple[float, float], seen: bool) -> None:
+    assert (share_mixed(*edge(0.4, tones=tones)) > 0) is seen
+
+
+@pytest.mark.parametrize(("far", "seen"), [(0.45, True), (0.46, False), (0.56, True), (0.54, False)])
+def test_an_edge_is_a_jump_of_depth_by_a_tenth(far: float, seen: bool) -> None:
+    depths = 0.5, 0.5, 0.5, far, far, far
+    assert (share_mixed(*edge(0.4, depths=depths)) > 0) is seen
+    assert share_mixed(*edge(0.4, depths=(0.5, 0.5, 0.5, 0.0, 0.0, 0.0))) == 1.0, "the sky"
+
+
+@pytest.mark.parametrize("place", [1, 2, 4, 5])
+@pytest.mark.parametrize(("slope", "seen"), [(1.02, True), (1.05, False)])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_both_sides_of_an_edge_are_one_surface_each(
+    place: int, slope: float, seen: bool, direction: int
+) -> None:
+    depths = np.array([0.5, 0.5, 0.5, 0.1, 0.1, 0.1])
+    depths[place : 3 if place < 3 else 6] *= slope**direction
+    assert (share_mixed(*edge(0.4, depths=tuple(depths))) > 0) is seen
+
+
+@pytest.mark.parametrize("column", [0, 1, 4, 5])
+@pytest.mark.parametrize("row", [0, 1, 2])
+def test_edges_of_textured_surfaces_are_left_out(row: int, column: int) -> None:
+    """In every third row, one pixel on a side differs from that side."""
+    for by, seen in ((0.04, True), (-0.04, True), (0.07, False), (-0.07, False)):
+        tone, depth = edge(0.4, count=198)
+        tone[row::3, 3 + column] += np.float32(by * 0.3)
+        share = ieee_arithmetic(mixed_edges)(tone / (1 - tone), depth)
+        assert (share > 0) is seen
+
+
+def test_black_and_infinite_pixels_are_no_edges() -> None:
+    tone, depth = edge(0.4)
+    assert ieee_arithmetic(mixed_edges)(0 * tone, depth) == 0.0
+    assert ieee_arithmetic(mixed_edges)(np.inf * tone, depth) == 0.0
+    light = tone / (1 - tone)
+    light[1:31, 4] = np.inf
+    assert ieee_arithmetic(mixed_edges)(light, depth) == 1.0, "of the 68 others"
+
+
+@pytest.mark.parametrize(("share", "found"), [(52, False), (58, True)])
+def test_colour_that_is_mixed_at_most_depth_edges_is_taken_for_filtered(share: int, found: bool) -> None:
+    tone, depth = edge()
+    tone[1 : 1 + share] = edge(first=0.4)[0][1 : 1 + share]
+    motion = np.zeros((*depth.shape, 2), np.float32)
+    said = complaints(plain_frame(color=grey(tone / (1 - tone)), depth=depth, motion=motion))
+    assert (f"frame.color is mixed at {share}% of the depth edges" in said) is found
+
+
+# --- colour upside down relative to depth ---
+
+
+def bands(edges: list[int], height: int = HEIGHT) -> NDArray[np.intp]:
+    """Return (h, w) numbers, 0 or 1, that change below these rows."""
+    return np.broadcast_to(
+        np.isin(np.arange(height), np.array(edges) + 1).cumsum()[:, None] % 2, (height, WIDTH)
+    )
+
+
+def banded(image: list[int], depth: list[int], jump: float = 0.2, texture: float = 0.01) -> str:
+    """Return what is said about edges of the image below these rows, and of the depth below those."""
+    color = grey(0.2 + 0.5 * bands(image) + texture * (np.arange(HEIGHT)[:, None] % 2))
+    return complaints(plain_frame(color=color, depth=(0.25 + 0.25 * jump * bands(depth)).astype(np.float32)))
+
+
+ROWS = [5, 14, 22, 41]
+FLIPPED = [58 - row for row in ROWS]
+TURNED = "frame.color is upside down relative to depth"
+
+
+def test_colour_whose_edges_fit_depth_only_if_flipped_is_upside_down() -> None:
+    assert TURNED in banded(FLIPPED, ROWS)
+    assert banded(ROWS, ROWS) == ""
+    assert banded([*ROWS, *FLIPPED], ROWS) == "", "edges fit either way"
+    assert banded([9, 30], ROWS) == "", "edges fit neither way"
+
+
+def test_where_colour_is_upside_down_is_judged_by_200_edges_of_depth() -> None:
+    assert TURNED in banded(FLIPPED[:3], ROWS[:3])
+    assert TURNED not in banded(FLIPPED[:2], ROWS[:2])
+    assert TURNED not in banded(FLIPPED, ROWS, jump=0.1), "slopes"
+    assert TURNED in banded(FLIPPED, ROWS, jump=0.13)
+
+
+def test_colour_is_upside_down_only_if_edges_stand_out_clearly() -> None:
+    """Between the rows of an image with strong texture, edges change little more than the rest."""
+    assert TURNED in banded(FLIPPED, ROWS, texture=0.2)
+    assert TURNED not in banded(FLIPPED, ROWS, texture=0.5)
+    part = banded([*FLIPPED, *ROWS[:3]], ROWS)
+    assert TURNED not in part, "upright it fits nearly as well"
+
+
+def test_how_clearly_colour_is_upside_down_is_said_and_bad_pixels_are_left_out() -> None:
+    assert "edges agree 4.0x better" in banded([*FLIPPED, ROWS[0]], ROWS, texture=0.0)
+    light, depth = 0.2 + 0.5 * bands(FLIPPED), (1.0 + 0.2 * bands(ROWS)).astype(np.float32) / 4
+    assert complaints(plain_frame(color=grey(0 * light), depth=depth)) == ""
+    light[3, 7] = np.inf
+    assert TURNED in complaints(plain_frame(color=grey(light), depth=depth))
+
+
+# --- depth ---
+
+
+def test_depth_may_be_0_and_not_less() -> None:
+    depth = plain_frame().depth.copy()
+    depth[3, 4] = 0.0
+    assert complaints(plain_frame(depth=depth)) == ""
+    depth[3, 4] = -0.01
+    assert "negative, as small as -0.01" in complaints(plain_frame(depth=depth))
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.01, False), (0.03, True)])
+def test_a_sky_of_1_is_that_of_forward_depth(share: float, found: bool) -> None:
+    depth = spread(1.0, share, plain_frame().depth)
+    assert ("it looks forward" in complaints(plain_frame(depth=depth))) is found
+    depth[-1] = 0.0  # a sky of reversed depth, too
+    assert complaints(plain_frame(depth=depth)) == ""
+    assert complaints(plain_frame(depth=spread(1.0, share, 5 * plain_frame().depth))) == "", "not the largest"
+
+
+def kind_of(depth: NDArray[Any]) -> str:
+    """Return which kind the depth is said to have; "" if nothing is said."""
+    said = complaints(plain_frame(depth=depth.astype(np.float32)))
+    return said.partition("it looks ")[2].partition(";")[0]
+
+
+DISTANCE = 3.0 / (1.0 - 0.95 * (0.7 * X / WIDTH + 0.3 * Y / HEIGHT))
+"""A plane, from 3 to 50."""
+
+
+@pytest.mark.parametrize(
+    ("depth", "kind"),
+    [
+        (1.0 - 0.25 / DISTANCE, "forward"),
+        (spread(1.0, 0.01, (1.0 - 0.25 / DISTANCE).astype(np.float32)), "forward"),
+        (1.0 - 0.35 / DISTANCE, ""),
+        (0.955 + 0.03 * X / WIDTH, ""),
+        (0.91 + 0.08 * X / WIDTH, ""),
+        (0.92 + 0.2 * DISTANCE, ""),
+    ],
+    ids=["forward", "little sky", "near", "a wall", "a slope", "distances"],
+)
+def test_depths_crowded_just_below_1_are_forward_and_even_ones_may_be_a_wall(
+    depth: NDArray[Any], kind: str
+) -> None:
+    assert kind_of(depth) == kind
+
+
+@pytest.mark.parametrize(
+    ("depth", "kind"),
+    [
+        (DISTANCE, "linear"),
+        (spread(1e6, 0.01, (0.01 * DISTANCE).astype(np.float32)), "linear"),
+        (spread(9e5, 0.01, (0.01 * DISTANCE).astype(np.float32)), ""),
+        (spread(0.0, 0.1, DISTANCE.astype(np.float32)), ""),
+        (1e-3 * DISTANCE, ""),
+        (200.0 / DISTANCE, ""),
+        (1.0 / (1.0 / DISTANCE + 0.02 * np.sin(X / 3) * np.sin(Y / 3)), ""),
+        (1.0 / (0.3 + 1e-5 * DISTANCE), ""),
+        (0 * X + 1.0, ""),
+        (0 * X + 5.0, ""),
+    ],
+    ids=[
+        "planes", "sky", "no sky", "a sky of 0", "within 1", "near / distance in another unit",
+        "no planes", "hardly a slope", "one depth of 1", "one depth",
+    ],
+)  # fmt: skip
+def test_depth_is_linear_if_it_is_beyond_1_and_its_inverse_is_even_along_planes_or_at_a_huge_sky(
+    depth: NDArray[Any], kind: str
+) -> None:
+    assert kind_of(depth) == kind
+
+
+# --- few, evenly spaced values ---
+
+
+def quantised(count: int) -> NDArray[np.intp]:
+    """Return `count` whole numbers from 0, that rise by single steps along rows."""
+    return INDEX * count // PIXELS if count > WIDTH else X.astype(np.intp) * count // WIDTH
+
+
+def coarse(depth: NDArray[Any]) -> str:
+    """Return the number of values that are said to be few; "" if nothing is said."""
+    said = complaints(plain_frame(depth=depth.astype(np.float32)))
+    return said.partition("frame.depth is in ")[2].partition(" evenly")[0]
+
+
+CHANCE = np.sort(np.random.default_rng(3).random(32))
+
+
+@pytest.mark.parametrize(
+    ("depth", "count"),
+    [
+        (0.1 + 0.01 * quantised(32), "32"),
+        (1.0 / (2.0 + 0.1 * quantised(32)), "32"),
+        (np.where(Y < 20, 0.0, 0.1 + 0.01 * quantised(32)), "32"),
+        (0.1 + 0.002 * quantised(300), "300"),
+        (0.1 + 0.002 * quantised(301), ""),
+        (0.1 + 0.1 * quantised(6), "6"),
+        (0.1 + 0.1 * quantised(5), ""),
+        (0.1 + 0.01 * (quantised(16) * 2), "16"),
+        (0.1 + 0.5 * CHANCE[quantised(32)], ""),
+        (0.1 + 0.5 * np.array([*CHANCE[:16], CHANCE[15] + 2e-7])[quantised(17)], ""),
+        (0.1 + 0.01 * np.array([0, 1, 4, 8, 12, 16, 20, 24])[quantised(8)], "8"),
+        (0.1 + 0.01 * np.array([0, 1, 4, 8.15, 12, 16, 20, 24])[quantised(8)], ""),
+        (0.1 + 0.01 * quantised(80), ""),
+        (0.1 + 0.01 * (quantised(32) + 4 * (quantised(32) % 2)), ""),
+    ],
+    ids=[
+        "even", "even inverses", "with sky", "300", "301", "6", "5", "every second", "uneven",
+        "nearly the same", "some steps", "between steps", "a plane", "edges",
+    ],
+)  # fmt: skip
+def test_depth_with_few_evenly_spaced_values_is_coarse(depth: NDArray[Any], count: str) -> None:
+    assert coarse(depth) == count
+
+
+@pytest.mark.parametrize(("rows", "found"), [(25, False), (40, True)])
+def test_even_values_are_coarse_only_if_they_are_rounded_in_places(rows: int, found: bool) -> None:
+    """Rows of one value each, some of which rise by one step at one column."""
+    levels = (np.arange(HEIGHT) * 8 // HEIGHT)[:, None] + ((X == 40) & (rows > Y))
+    assert (coarse(0.1 + 0.01 * levels) != "") is found
+
+
+def test_few_pixels_with_many_values_prove_nothing() -> None:
+    def depth(count: int) -> Float32:
+        levels = (np.arange(128) * count // 128).reshape(8, 16)
+        return np.pad(0.1 + 0.01 * levels, ((0, 0), (1, 1)), mode="edge").astype(np.float32)
+
+    assert depth_values(depth(16)) == 16
+    assert depth_values(depth(17)) == 0
+    assert depth_values(depth(16)[:, :2]) == 0
+
+
+# --- motion ---
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.05, False), (0.06, True)])
+@pytest.mark.parametrize(("axis", "length"), [(0, 81.0), (1, -61.0)])
+def test_motion_across_the_whole_image_is_too_long_in_a_twentieth_of_the_pixels(
+    axis: int, length: float, share: float, found: bool
+) -> None:
+    motion = plain_frame().motion.copy()
+    motion[..., axis] = spread(length, share, motion[..., axis])
+    said = complaints(plain_frame(motion=motion))
+    assert ("longer than the whole image in 6% of the pixels" in said) is found
+    motion[..., axis] = np.clip(motion[..., axis], -59.0, 79.0)
+    assert "longer" not in complaints(plain_frame(motion=motion))
+
+
+@pytest.mark.parametrize(("side", "found"), [(15, False), (16, True)])
+def test_motion_across_a_tiny_image_is_fine(side: int, found: bool) -> None:
+    fields = {
+        name: getattr(plain_frame(), name)[:side, : side + 4].copy() for name in ("color", "depth", "motion")
+    }
+    fields["motion"][..., 0] = 40.0
+    assert ("longer than" in complaints(Frame(**fields, jitter=(0.1, 0.2)))) is found
+
+
+def test_vectors_in_even_steps_of_a_fifth_of_a_pixel_are_coarse() -> None:
+    def said(x: NDArray[Any] | float, y: NDArray[Any] | float) -> str:
+        motion = np.stack(np.broadcast_arrays(x, y, X)[:2], axis=-1).astype(np.float32)
+        return complaints(plain_frame(motion=motion))
+
+    assert "frame.motion is in steps of 0.5 pixels" in said(0.5 * quantised(16), 0.0)
+    assert "frame.motion is in steps of 0.25 pixels" in said(0.0, 1.0 - 0.25 * quantised(16))
+    assert said(0.19 * quantised(16), 0.0) == ""
+    assert said(8.0 * CHANCE[quantised(16)], 0.0) == ""
+
+
+def parallax(by: float, axis: int = 0) -> Float32:
+    """Return motion of the right half that differs from that of the left one."""
+    motion = plain_frame().motion.copy()
+    motion[:, WIDTH // 2 :, axis] = by
+    return motion
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_one_depth_everywhere_is_doubted_where_motion_is_not_that_of_a_card(axis: int) -> None:
+    card = np.full_like(plain_frame().depth, 0.3)
+    ramp = plain_frame().motion.copy()
+    ramp[..., axis] = 3.0 + 0.05 * X - 0.07 * Y
+    assert complaints(plain_frame(depth=card, motion=ramp)) == ""
+    assert "same everywhere" in complaints(plain_frame(depth=card, motion=parallax(4.0, axis)))
+    assert complaints(plain_frame(depth=card, motion=parallax(2.0, axis))) == ""
+    assert complaints(plain_frame(depth=0.0 * card, motion=parallax(4.0, axis))) == "", "the sky"
+    assert complaints(plain_frame(motion=parallax(4.0, axis))) == "", "a slope"
