@@ -127,9 +127,9 @@ def tone_mapped(light: Float32, like: Float32) -> Float32:
 
 
 def pixel_grid(size: tuple[int, int], count: int = GRID_PIXELS) -> PixelGrid:
-    """Return a regular grid in the middle of an image of (width, height), of about `count` pixels at most."""
+    """Return a regular grid of about `count` pixels at most in an image of (width, height)."""
     step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / count))))
-    columns, rows = (np.arange((extent - 1) % step // 2, extent, step) for extent in size)
+    columns, rows = (np.arange(step // 2 if step // 2 < extent else 0, extent, step) for extent in size)
     return rows.repeat(len(columns)), np.tile(columns, len(rows))
 
 
