@@ -296,6 +296,15 @@ def test_edges_of_textured_surfaces_are_left_out(row: int, column: int) -> None:
         assert (share > 0) is seen
 
 
+def test_edges_of_narrow_images_are_seen_and_narrower_ones_have_none() -> None:
+    tone, depth = edge(0.4)
+    assert share_mixed(tone[:, 3:], depth[:, 3:]) == 1.0
+    assert share_mixed(tone[:, 4:], depth[:, 4:]) == 0.0
+    rows = np.tile(edge(0.4, count=1), (1, 1, 70))  # 70 mixed edges, and 69 sharp ones from tile to tile
+    assert share_mixed(*rows) == pytest.approx(70 / 139, abs=1e-6)
+    assert share_mixed(*rows[:, :2]) == 0.0
+
+
 def test_black_and_infinite_pixels_are_no_edges() -> None:
     tone, depth = edge(0.4)
     assert ieee_arithmetic(mixed_edges)(0 * tone, depth) == 0.0
@@ -353,6 +362,8 @@ def test_colour_is_upside_down_only_if_edges_stand_out_clearly() -> None:
     """Between the rows of an image with strong texture, edges change little more than the rest."""
     assert TURNED in banded(FLIPPED, ROWS, texture=0.2)
     assert TURNED not in banded(FLIPPED, ROWS, texture=0.5)
+    everywhere_else = [row for row in range(HEIGHT - 1) if row not in ROWS]
+    assert TURNED not in banded(everywhere_else, ROWS), "edges stand out no more than the rest"
     part = banded([*FLIPPED, *ROWS[:3]], ROWS)
     assert TURNED not in part, "upright it fits nearly as well"
 
@@ -417,18 +428,19 @@ def test_depths_crowded_just_below_1_are_forward_and_even_ones_may_be_a_wall(
     ("depth", "kind"),
     [
         (DISTANCE, "linear"),
+        (0.3 * DISTANCE, "linear"),
         (spread(1e6, 0.01, (0.01 * DISTANCE).astype(np.float32)), "linear"),
         (spread(9e5, 0.01, (0.01 * DISTANCE).astype(np.float32)), ""),
         (spread(0.0, 0.1, DISTANCE.astype(np.float32)), ""),
         (1e-3 * DISTANCE, ""),
         (200.0 / DISTANCE, ""),
         (1.0 / (1.0 / DISTANCE + 0.02 * np.sin(X / 3) * np.sin(Y / 3)), ""),
-        (1.0 / (0.3 + 1e-5 * DISTANCE), ""),
+        (1.0 / (0.3 + 1e-4 * X), ""),
         (0 * X + 1.0, ""),
         (0 * X + 5.0, ""),
     ],
     ids=[
-        "planes", "sky", "no sky", "a sky of 0", "within 1", "near / distance in another unit",
+        "planes", "within 2", "sky", "no sky", "a sky of 0", "within 1", "near / distance in another unit",
         "no planes", "hardly a slope", "one depth of 1", "one depth",
     ],
 )  # fmt: skip

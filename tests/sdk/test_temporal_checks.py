@@ -11,14 +11,16 @@ from supersampler.conventions import Conventions
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.validation import FrameChecker
-from supersampler.validation.probe import (
-    FrameProbe,
-)
+from supersampler.validation.probe import FrameProbe
 from supersampler.validation.rankings import SURE, Detection, Hypothesis, Verdict, ranked
+from supersampler.validation.reprojection import FramePair
 from supersampler.validation.temporal import (
     FACTORS,
     FramesSeen,
+    jitter_in_vectors,
+    motion_next_mistakes,
     temporal_mistakes,
+    vectors_have_jitter,
     wrong_amplitude,
 )
 
@@ -145,3 +147,288 @@ def test_a_jitter_that_is_wrong_in_one_axis_takes_more_frames_and_pixels(x: floa
     assert wrong_amplitude(errors(x, y, 0.06), 6, 96) is None
     assert wrong_amplitude(errors(x, y, 0.12), 5, 96) is None
     assert wrong_amplitude(errors(x, y, 0.12), 6, 95) is None
+
+
+@pytest.mark.parametrize("part", [0.5, 1.6])
+@pytest.mark.parametrize("few", [True, False])
+def test_a_jitter_in_images_that_hardly_differ_or_are_unrelated_is_not_judged(part: float, few: bool) -> None:
+    pairs, found = (2, 6)[not few], errors(part, part, 0.2)
+    assert wrong_amplitude(found, pairs, 96) is not None
+    assert wrong_amplitude(found, 1, 96) is None, "one pair"
+    dark = {factors: (2e-4 * error, VARIANCE) for factors, (error, _) in found.items()}
+    assert wrong_amplitude(dark, 3, 96) is None
+    assert wrong_amplitude(dark, 2, 96) is None
+    brighter = {factors: (3e-4 * error, VARIANCE) for factors, (error, _) in found.items()}
+    assert wrong_amplitude(brighter, 2, 96) is not None
+    for variance, related in ((0.11, False), (0.12, True)):  # the least error is 0.08
+        unlike = {factors: (error, variance) for factors, (error, _) in found.items()}
+        assert (wrong_amplitude(unlike, pairs, 96) is not None) is related
+    saddle = {(a, b): (0.1 - 0.02 * (a - b) ** 2, VARIANCE) for a, b in FACTORS}
+    assert wrong_amplitude(saddle, 6, 96) is None
+
+
+@pytest.mark.parametrize(("x", "y", "found"), [
+    (0.0, 0.0, True), (-0.1, -0.1, True), (-0.2, 0.6, True), (-0.3, 0.6, False),
+    (2.9, 2.9, True), (2.0, 3.1, False), (1.35, 1.35, False), (1.42, 1.42, True), (1.29, 1.49, False),
+    (0.73, 0.73, True), (0.6, 0.74, True),
+])  # fmt: skip
+def test_factors_that_no_mistake_explains_are_not_reported(x: float, y: float, found: bool) -> None:
+    assert (wrong_amplitude(errors(x, y, 0.3), 6, 96) is not None) is found
+
+
+def told(seen: FramesSeen) -> str:
+    """Return what is said about frames of 100 x 90 pixels whose jitter changes."""
+    seen = replace(
+        seen, jitters=((0.1, 0.2), (0.3, -0.4)), amplitudes=seen.amplitudes or errors(0.9, 1.1, 0.0)
+    )
+    found = temporal_mistakes(seen, (100, 90), (200, 180))
+    return "\n".join(str(mistake.error()) for mistake in found)
+
+
+def test_a_part_of_the_jitter_in_the_image_is_told_by_axis_where_they_differ() -> None:
+    def said(x: float, y: float) -> str:
+        return told(FramesSeen(pairs=2, amplitudes=errors(x, y, 0.2)))
+
+    assert said(0.5, 0.5).startswith("frame.jitter is 0.50 times as large in the image")
+    assert "0.40 times as" in said(0.3, 0.5)
+    assert "0.35 (0.20 in x, 0.50 in y) times as" in said(0.2, 0.5)
+    assert "0.35 (0.50 in x, 0.20 in y) times as" in said(0.5, 0.2)
+    assert said(0.9, 0.9) == ""
+
+
+@pytest.mark.parametrize(("varied", "jittered"), [
+    ((1.0, 1.0), True), ((1.9, 1.0), True), ((0.6, 1.0), True), ((0.4, 1.0), False), ((2.1, 1.0), False),
+    ((0.0, 0.0), False), ((-1.0, 1.0), False),
+])  # fmt: skip
+def test_an_image_without_jitter_has_it_in_its_vectors_if_they_change_alike(
+    varied: tuple[float, float], jittered: bool
+) -> None:
+    assert vectors_have_jitter(varied) is jittered
+    for factor in (0.0, 0.4):
+        said = told(FramesSeen(pairs=2, amplitudes=errors(factor, factor, 0.5), varied=varied))
+        assert ("motion_jittered=True" in said) is jittered
+    assert "2.0 times better" in told(
+        FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.5), varied=(1.0, 1.0))
+    )
+    assert "not in the image" in told(FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.5)))
+    more = FramesSeen(pairs=2, amplitudes=errors(0.6, 0.6, 0.5), varied=varied)
+    assert "0.60 times as large" in told(more)
+
+
+# --- another reading of motion or jitter ---
+
+
+FLIPPED, NEGATED, JITTERED = (
+    repr(Conventions(**fields))
+    for fields in ({"motion_flip_y": True}, {"jitter_sign": -1}, {"motion_jittered": True})
+)
+
+
+@pytest.mark.parametrize(("pairs", "ratio"), [(1, 0.65), (2, 0.75), (5, 0.75)])
+def test_a_reading_that_fits_clearly_better_is_named(pairs: int, ratio: float) -> None:
+    def said(part: float, own: float = 0.1) -> str:
+        return told(FramesSeen(pairs=pairs, errors={FLIPPED: (own, part * own)}))
+
+    assert "frame.motion is misread" in said(ratio - 0.01)
+    assert f"Try {FLIPPED}" in said(ratio - 0.01)
+    assert "2.0 times better if it is pixels, previous minus current, y flipped" in said(0.5)
+    assert said(ratio + 0.01) == ""
+    assert "misread" in said(0.5, own=1.1e-5 * pairs)
+    assert said(0.5, own=1e-5 * pairs) == "", "noise"
+
+
+def test_the_reading_that_fits_best_is_named() -> None:
+    errors_of = {FLIPPED: (0.2, 0.1), NEGATED: (0.1, 0.02)}
+    said = told(FramesSeen(pairs=2, errors=errors_of))
+    assert said.startswith(
+        "frame.jitter is misread: frames fit 5.0 times better if it is uv, centre + jitter"
+    )
+    rows = repr(Conventions(motion_flip_y=True, jitter_flip_y=True))
+    said = told(FramesSeen(pairs=2, errors={**errors_of, rows: (0.4, 0.02)}))
+    assert "frame.color is bottom-up with depth and motion: frames then fit 20.0 times better" in said
+    assert rows in said
+
+
+def test_after_two_frames_motion_that_is_all_zero_may_be_missing() -> None:
+    frame = FrameProbe.of_frame(even((0.1, 0.2), (100, 90)))
+    seen = FramesSeen(previous=frame, pairs=1, errors={NEGATED: (0.2, 0.02)})
+    assert told(seen) == ""
+    assert "misread" in told(replace(seen, pairs=2))
+    assert "misread" in told(replace(seen, previous=replace(frame, motion=frame.motion + 1)))
+    assert "frame.motion is 0 everywhere" in told(replace(seen, lacks_motion=True))
+    assert "misread" not in told(replace(seen, lacks_motion=True, pairs=2))
+
+
+def test_jitter_is_sought_in_vectors_that_change_with_it_in_two_pairs() -> None:
+    seen = FramesSeen(pairs=2, errors={JITTERED: (0.2, 0.02)}, varied=(1.0, 1.0))
+    assert "with jitter in it" in told(seen)
+    assert told(replace(seen, pairs=1)) == ""
+    assert told(replace(seen, varied=(0.1, 1.0))) == ""
+    in_another_unit = repr(Conventions(motion_unit="uv", motion_jittered=True))
+    assert "with jitter in it" in told(FramesSeen(pairs=2, errors={in_another_unit: (0.2, 0.02)}))
+
+
+def test_how_motion_changes_with_the_jitter_is_summed() -> None:
+    """Three jitters, whose changes are (0.5, -0.25) and (-0.25, 0.75), and vectors with a part of them."""
+    jitters, change = [(-0.25, 0.0), (0.25, -0.25), (0.0, 0.5)], np.array([-0.75, 1.0])
+    before, now = (FrameProbe.of_frame(even(jitter, (100, 90))) for jitter in jitters[1:])
+    light = np.random.default_rng(0).random((90, 100)).astype(np.float32)
+    motion = np.zeros((90, 100, 2), np.float32)
+    first = replace(before, light=light, motion=motion + np.float32([3, 4]))
+    second = replace(now, light=light, motion=motion + np.float32([3, 4]) + np.float32(0.5 * change))
+    pair = FramePair(first, second)
+    sums = jitter_in_vectors((1.0, 2.0), pair, jitters[:2], Conventions())
+    assert sums == pytest.approx((1.0 + 0.5 * 1.5625, 2.0 + 1.5625))
+    opposite = jitter_in_vectors((1.0, 2.0), pair, jitters[:2], Conventions(jitter_sign=-1))
+    assert opposite == pytest.approx((1.0 - 0.5 * 1.5625, 2.0 + 1.5625))
+    assert jitter_in_vectors((1.0, 2.0), pair, jitters[1:2], Conventions()) == (1.0, 2.0), "no third frame"
+    smaller = FramePair(replace(first, motion=motion[:45]), second)
+    assert jitter_in_vectors((1.0, 2.0), smaller, jitters[:2], Conventions()) == (1.0, 2.0)
+
+
+# --- depth of surfaces that hide others ---
+
+
+@pytest.mark.parametrize(
+    ("as_reversed", "as_forward", "kind"),
+    [
+        ((0.0, 20.0), (0.0, 0.0), "linear"), ((0.0, 19.0), (0.0, 0.0), ""),
+        ((4.9, 20.0), (0.0, 0.0), "linear"), ((5.0, 20.0), (0.0, 0.0), ""),
+        ((0.0, 0.0), (20.0, 0.0), "forward"), ((0.0, 0.0), (19.0, 0.0), ""),
+        ((0.0, 0.0), (20.0, 4.9), "forward"), ((0.0, 0.0), (20.0, 5.0), ""),
+        ((2.0, 0.0), (20.0, 2.9), "forward"), ((2.1, 0.0), (20.0, 2.9), ""), ((20.0, 0.0), (0.0, 20.0), ""),
+    ],
+)  # fmt: skip
+def test_depth_is_of_the_kind_in_which_closer_surfaces_hide_others(
+    as_reversed: tuple[float, float], as_forward: tuple[float, float], kind: str
+) -> None:
+    """20 disoccluded pixels are enough, four times as many as those that contradict."""
+    said = told(FramesSeen(pairs=2, surfaces={"reversed": as_reversed, "forward": as_forward}))
+    assert ("as if depth were" in said) == bool(kind)
+    assert kind in said
+    wrong_motion = FramesSeen(pairs=2, surfaces={"reversed": as_reversed}, errors={FLIPPED: (0.2, 0.02)})
+    assert "as if depth were" not in told(wrong_motion)
+
+
+def test_one_pair_of_frames_is_no_more_than_15_disoccluded_pixels() -> None:
+    """A card of linear depth is in front of a wall, disappears, and comes back in a strip of two rows."""
+    y, x = np.mgrid[:90, :100]
+    light = np.random.default_rng(0).random((90, 100, 3)).astype(np.float32)
+
+    def after(seen: FramesSeen, rows: int, step: float = 0.0) -> FramesSeen:
+        wall = np.float32(5.0) + np.float32(0.01) * x + np.float32(0.013) * y
+        depth = np.where((x < 40) & (y < rows), 2.0, np.rint(wall / step) * step if step else wall)
+        made = replace(even((0.1 * len(seen.jitters), 0.2), (100, 90)), color=light)
+        return seen.after(FrameProbe.of_frame(replace(made, depth=depth.astype(np.float32))), (200, 180))
+
+    gone = after(after(after(FramesSeen(), rows=40), rows=0), rows=0)
+    assert gone.surfaces["reversed"] == (0.0, 15.0)
+    assert gone.surfaces["forward"] == (0.0, 0.0), "negative"
+    back = after(gone, rows=10)
+    assert back.surfaces["reversed"] == (15.0, 15.0)
+    assert after(back, rows=10, step=0.25).surfaces == {}, "too coarse"
+    few = after(after(FramesSeen(), rows=0), rows=2)
+    assert few.surfaces["reversed"] == (38.0, 0.0) or few.surfaces["reversed"][0] <= 15.0
+
+
+# --- the state of the checks ---
+
+
+def test_the_last_64_jitters_are_kept_and_an_unshaded_frame_is_no_neighbour() -> None:
+    size, seen = (40, 30), FramesSeen()
+    for index in range(70):
+        seen = seen.after(FrameProbe.of_frame(even((0.001 * index, 0.0), size)), size)
+    assert len(seen.jitters) == 64
+    assert seen.jitters[-1] == (0.001 * 69, 0.0)
+    assert seen.previous is not None
+    assert seen.pairs == 0, "there is no texture"
+    seen = seen.after(FrameProbe.of_frame(replace(even((0.3, 0.3), size), color=None)), size)
+    assert seen.previous is None
+    assert len(seen.jitters) == 64
+    assert seen.jitters[-1] == (0.001 * 69, 0.0)
+
+
+# --- motion to the next frame ---
+
+
+def steps(
+    there: tuple[float, float], back: tuple[float, float], **fields: Any
+) -> tuple[FrameProbe, FrameProbe]:
+    """Return frames of a card that moves by `there` in the first, and came by `back` in the second."""
+    first, second = (FrameProbe.of_frame(even(jitter, (100, 90))) for jitter in ((0.4, -0.4), (-0.4, 0.4)))
+    motion = np.zeros((90, 100, 2), np.float32)
+    return (
+        replace(first, motion_next=motion + np.float32(there)),
+        replace(second, motion=motion + np.float32(back), **fields),
+    )
+
+
+def next_told(before: FrameProbe, now: FrameProbe) -> str:
+    return "\n".join(str(mistake.error()) for mistake in motion_next_mistakes(before, now))
+
+
+@pytest.mark.parametrize(("there", "said"), [
+    ((8.0, -6.0), ""), ((-8.0, 6.0), "current minus next."), ((8.0, 6.0), "; it fits if it is y flipped."),
+    ((-8.0, -6.0), "current minus next, y flipped."), ((8.0, -8.4), ""), ((10.4, -6.0), ""),
+    ((8.0, -10.0), "leads back 4.0 pixels off, with vectors of 12.8"), ((25.0, -20.0), "leads back"),
+    ((0.0, 0.0), "leads back 10.0 pixels off, with vectors of 10.0"),
+])  # fmt: skip
+def test_motion_to_the_next_frame_leads_to_where_motion_leads_back(
+    there: tuple[float, float], said: str
+) -> None:
+    """Motion of (-8, 6) pixels leads back; a quarter of its length may differ."""
+    found = next_told(*steps(there, (-8.0, 6.0)))
+    assert said.replace(".", "") in found.replace(".", "")
+    assert bool(found) is bool(said)
+    assert ("it fits if" in found) is ("flipped" in said or "minus" in said)
+
+
+def test_motion_to_the_next_frame_may_differ_by_a_quarter_of_a_pixel_and_half_a_pixel_is_not_read() -> None:
+    assert next_told(*steps((0.7, 0.0), (-0.47, 0.0))) == ""
+    assert "off" in next_told(*steps((0.7, 0.0), (-0.4, 0.0)))
+    assert "off" in next_told(*steps((0.0, 0.4), (0.0, -0.7)))
+    assert next_told(*steps((0.45, 0.0), (0.4, 0.0))) == ""
+
+
+def test_motion_to_the_next_frame_is_compared_without_a_cut_and_at_one_size() -> None:
+    before, now = steps((8.0, 6.0), (-8.0, 6.0))
+    assert next_told(before, now) != ""
+    assert next_told(before, replace(now, reset=True)) == ""
+    assert next_told(replace(before, motion_next=None), now) == ""
+    smaller = replace(now, depth=now.depth[:80], motion=now.motion[:80])
+    assert next_told(before, smaller) == ""
+    nowhere = np.full_like(now.motion, np.nan)
+    assert next_told(replace(before, motion_next=nowhere), now) == ""
+    assert next_told(before, replace(now, motion=nowhere)) == ""
+
+
+@pytest.mark.parametrize(
+    ("depth", "compared"), [(0.104, True), (0.106, False), (0.096, True), (0.094, False)]
+)
+def test_motion_is_compared_on_one_surface(depth: float, compared: bool) -> None:
+    before, now = steps((8.0, 6.0), (-8.0, 6.0), depth=np.full((90, 100), depth, np.float32))
+    assert bool(next_told(before, now)) is compared
+
+
+def test_motion_to_the_next_frame_is_followed_from_sample_to_sample() -> None:
+    """With the change of the jitter, it leads 4 columns and -2 rows on, to pixels that move back alike."""
+    before, now = steps((3.0, -1.0), (-3.0, 1.0))
+    rows, columns = np.mgrid[:90, :100]
+    right = (rows % 3 == 0) & (columns % 3 == 0)
+    motion = np.where(right[..., None], now.motion, np.float32([4.0, 5.0]))
+    start = np.roll(right, (2, -4), (0, 1))
+    following = np.where(start[..., None], before.motion_next, np.float32(np.nan))
+    assert next_told(replace(before, motion_next=following), replace(now, motion=motion)) == ""
+    other = np.roll(following, 1, 0), np.roll(following, 1, 1)
+    for wrong in other:
+        assert next_told(replace(before, motion_next=wrong), replace(now, motion=motion)) != ""
+
+
+@pytest.mark.parametrize(("count", "judged"), [(199, False), (200, True)])
+def test_200_pixels_prove_that_motion_to_the_next_frame_is_wrong(count: int, judged: bool) -> None:
+    before, now = steps((8.0, 6.0), (-8.0, 6.0))
+    following = np.full((90, 100, 2), np.nan, np.float32)
+    following[20:40, 20:40].reshape(-1, 2)[:] = np.nan
+    rows, columns = np.unravel_index(np.arange(count), (20, 20))
+    following[20 + rows, 20 + columns] = 8.0, 6.0
+    assert bool(next_told(replace(before, motion_next=following), now)) is judged

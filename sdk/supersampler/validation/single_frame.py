@@ -223,7 +223,7 @@ def _even_values(values: NDArray[np.floating[Any]]) -> tuple[int, float]:
     distinct = np.unique(values.astype(np.float64))
     if not _MIN_VALUES <= len(distinct) <= min(_MAX_VALUES, len(values) // _PIXELS_EACH):
         return 0, 0.0
-    extent = distinct[-1] - distinct[0]
+    extent = np.ptp(distinct)
     steps = np.rint(extent / np.diff(distinct).min())
     position = (distinct - distinct[0]) * (steps / extent)
     even = np.abs(position - np.rint(position)).max() < _UNEVEN and steps <= 4 * _MAX_VALUES
