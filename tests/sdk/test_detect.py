@@ -15,6 +15,7 @@ from supersampler.frame import Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import Detection, detect_conventions
 from supersampler.validation.probe import FrameProbe
+from supersampler.validation.rankings import jitters_in_the_pixel, rank_depth, rank_jitter, rank_motion
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 FIELDS = (
@@ -214,3 +215,86 @@ def raw(jitter: tuple[float, float] = (0.0, 0.0), **fields: Any) -> RawFrame:
 def test_depth_and_motion_of_another_shape_are_refused(fields: dict[str, Any]) -> None:
     with pytest.raises(FrameError, match="motion"):
         FrameProbe.of_raw(raw(**fields), Conventions())
+
+
+def seen(depth: Any = None, jitter: tuple[float, float] = (0.0, 0.0)) -> FrameProbe:
+    """Return a frame of 80 x 60 pixels without texture."""
+    depth = np.full((60, 80), 0.1) if depth is None else depth
+    light, motion = np.ones((60, 80), np.float32), np.zeros((60, 80, 2), np.float32)
+    return FrameProbe(light, depth.astype(np.float32), motion, jitter, False)
+
+
+@pytest.mark.parametrize(("x", "y", "units"), [
+    (0.4, -0.3, {"pixels"}), (0.0, 0.5005, {"pixels"}), (-0.5005, 0.0, {"pixels"}), (0.503, 0.0, set()),
+    (0.0, -0.503, set()), (0.01, 0.01, {"pixels", "ndc"}), (0.005, -0.006, {"pixels", "uv", "ndc"}),
+    (0.0, 0.0124, {"pixels", "ndc"}), (0.0, 0.0124 + 0.005, {"pixels"}),
+])  # fmt: skip
+def test_units_of_the_jitter_that_leave_the_pixel_are_not_tried(x: float, y: float, units: set[str]) -> None:
+    found = jitters_in_the_pixel([seen(jitter=(0.0, 0.0)), seen(jitter=(x, y)), seen()], Conventions())
+    assert {reading["jitter_unit"] for reading in found} == units
+    assert len(found) == 4 * len(units)
+    assert jitters_in_the_pixel([seen(jitter=(x, y))] * 3, Conventions()) == [], "it never changes"
+
+
+def test_without_pairs_of_frames_motion_and_jitter_are_uncertain() -> None:
+    assert rank_motion([], [], Conventions()).reason.startswith("no two neighbouring frames have enough")
+    assert rank_jitter([], [{"jitter_sign": 1}], Conventions()).reason.startswith("no two neighbouring")
+    three = rank_jitter([], [{"jitter_sign": 1}], Conventions(motion_jittered=True))
+    assert three.reason.startswith("with jitter in motion, three")
+    assert rank_jitter([], [], Conventions()).reason.startswith("it never changes")
+
+
+Y, X = np.mgrid[:60, :80]
+SLOPE = 0.05 + 0.002 * X + 0.003 * Y
+KINDS = {"reversed": SLOPE, "forward": 1.0 - SLOPE, "linear": 1.0 / SLOPE}
+SKIES = {"reversed": 0.0, "forward": 1.0, "linear": 2e6}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("sky", [False, True])
+def test_planes_and_the_sky_tell_the_kind_of_depth(kind: str, sky: bool) -> None:
+    depth = KINDS[kind].copy()
+    depth[:10] = SKIES[kind] if sky else depth[:10]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        verdict = rank_depth([], [seen(KINDS[kind]), seen(depth)], Conventions(depth="linear"))
+    assert verdict.certain is (sky or kind == "linear")
+    if verdict.certain:
+        assert verdict.ranked[0].overrides["depth"].startswith(kind)
+    else:
+        assert "fit alike" in verdict.reason, "reversed and forward depth are linear along the same planes"
+
+
+@pytest.mark.parametrize("kind", SKIES)
+@pytest.mark.parametrize(("share", "certain"), [(0.0004, False), (0.0015, True)])
+def test_a_thousandth_of_sky_tells_the_kind_of_depth_without_planes(
+    kind: str, share: float, certain: bool
+) -> None:
+    card = np.where(X < 40, 0.3, 0.6)
+    card.reshape(-1)[: round(share * card.size)] = SKIES[kind]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        verdict = rank_depth(
+            [], [seen(card)], Conventions(depth=f"{kind}_infinite" if kind != "linear" else kind)
+        )
+    assert verdict.certain is certain
+    assert not certain or verdict.ranked[0].overrides["depth"].startswith(kind)
+
+
+@pytest.mark.parametrize(("far", "written"), [(2e6, 2e6), (1e6, 1e6), (np.inf, None), (9e5, None)])
+def test_the_sky_of_linear_depth_is_its_far_plane(far: float, written: float | None) -> None:
+    depth = KINDS["linear"].copy()
+    depth[:10] = far
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ranked = rank_depth([], [seen(depth), seen(KINDS["linear"])], Conventions()).ranked
+    overrides = next(found.overrides for found in ranked if found.overrides["depth"] == "linear")
+    assert overrides["far"] == written
+    stated = Conventions(depth="forward", far=100.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ranked = rank_depth([], [seen(depth)], stated).ranked
+    kinds = {found.overrides["depth"]: found.overrides["far"] for found in ranked}
+    assert kinds == {"linear": written, "reversed_infinite": None, "forward": 100.0}
+
+
+def test_coarse_depth_has_no_kind() -> None:
+    coarse = 0.1 + 0.01 * (X * 32 // 80)
+    verdict = rank_depth([], [seen(), seen(coarse)], Conventions())
+    assert verdict.reason == "it has only 32 evenly spaced values"

@@ -62,11 +62,13 @@ def test_a_frame_of_one_row_or_column_is_fine(size: tuple[int, int]) -> None:
     assert complaints(plain_frame(color=color, depth=np.full(shape, 0.1, np.float32), motion=motion)) == ""
 
 
-@pytest.mark.parametrize("field", ["color", "depth", "motion"])
+@pytest.mark.parametrize(
+    ("field", "channel"), [("color", 0), ("color", 2), ("depth", ...), ("motion", 0), ("motion", 1)]
+)
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_a_single_nan_is_found_and_located(field: str, value: float) -> None:
+def test_a_single_nan_is_found_and_located(field: str, channel: Any, value: float) -> None:
     array = getattr(plain_frame(), field).copy()
-    array[7, 5] = value
+    array[7, 5, channel] = value
     said = complaints(plain_frame(**{field: array}))
     assert said.startswith(f"frame.{field} is NaN or Inf in 1 pixels, first at (x=5, y=7)")
     assert len(said.splitlines()) == 1

@@ -240,9 +240,7 @@ def test_a_reading_that_fits_clearly_better_is_named(pairs: int, ratio: float) -
 def test_the_reading_that_fits_best_is_named() -> None:
     errors_of = {FLIPPED: (0.2, 0.1), NEGATED: (0.1, 0.02)}
     said = told(FramesSeen(pairs=2, errors=errors_of))
-    assert said.startswith(
-        "frame.jitter is misread: frames fit 5.0 times better if it is uv, centre + jitter"
-    )
+    assert said.startswith("frame.jitter is misread: frames fit 5.0 times better if it is pixels, centre - j")
     rows = repr(Conventions(motion_flip_y=True, jitter_flip_y=True))
     said = told(FramesSeen(pairs=2, errors={**errors_of, rows: (0.4, 0.02)}))
     assert "frame.color is bottom-up with depth and motion: frames then fit 20.0 times better" in said
