@@ -272,9 +272,7 @@ def test_a_thousandth_of_sky_tells_the_kind_of_depth_without_planes(
     card = np.where(X < 40, 0.3, 0.6)
     card.reshape(-1)[: round(share * card.size)] = SKIES[kind]
     with np.errstate(divide="ignore", invalid="ignore"):
-        verdict = rank_depth(
-            [], [seen(card)], Conventions(depth=f"{kind}_infinite" if kind != "linear" else kind)
-        )
+        verdict = rank_depth([], [seen(card)], Conventions())
     assert verdict.certain is certain
     assert not certain or verdict.ranked[0].overrides["depth"].startswith(kind)
 

@@ -88,7 +88,7 @@ def test_samples_end_at_the_border_of_the_outer_pixels(axis: int) -> None:
 
 
 def test_luminance_is_tone_mapped_around_the_median_of_lit_pixels() -> None:
-    light = np.float32([[0.0, -1.0, 0.1], [0.2, np.nan, 0.6], [0.0, np.inf, 0.0]])
+    light = np.array([[0.0, -1.0, 0.1], [0.2, np.nan, 0.6], [0.0, np.inf, 0.0]], np.float32)
     tones = ieee_arithmetic(tone_mapped)(light, 2 * light)
     np.testing.assert_allclose(tones, [[0, 0, 0.2], [1 / 3, np.nan, 0.6], [0, np.nan, 0]], rtol=1e-6)
     black = np.zeros((3, 3), np.float32)
@@ -261,7 +261,7 @@ def test_bad_pixels_do_not_hide_that_an_image_moves() -> None:
 # --- depth ---
 
 
-RISING = np.float32([[0.1, 0.2, 0.5]] * 3)
+RISING = np.array([[0.1, 0.2, 0.5]] * 3, np.float32)
 """1 / distance whose differences are 0.1 and 0.3: they change by half of their sum."""
 
 
@@ -277,7 +277,7 @@ def test_curvature_is_the_change_of_differences_of_inverse_distance(
 
 def plane(size: int = 60) -> Float32:
     y, x = np.mgrid[:size, :size]
-    return (0.3 + 0.001 * x + 0.002 * y).astype(np.float32)
+    return np.asarray(0.3 + 0.001 * x + 0.002 * y, np.float32)
 
 
 @pytest.mark.parametrize(
@@ -312,7 +312,7 @@ def test_curvature_is_that_of_the_middle_of_the_image() -> None:
     assert plane_curvature(depth[:130, :900], "reversed") > 0.1
 
 
-def disocclusion(near: float = 0.2, far: float = 0.1) -> tuple[Float32, Float32]:
+def disocclusion(near: float = 0.2, far: float = 0.1) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return depth now and before of a card, of 20 x 20 pixels, that has moved away over a background."""
     now = np.full((60, 80), far, np.float32)
     before = now.copy()
@@ -321,7 +321,7 @@ def disocclusion(near: float = 0.2, far: float = 0.1) -> tuple[Float32, Float32]
 
 
 def counted(
-    now: Float32, before: Float32, order: DepthOrder = "reversed", offset: Any = (0.0, 0.0)
+    now: NDArray[Any], before: NDArray[Any], order: DepthOrder = "reversed", offset: Any = (0.0, 0.0)
 ) -> Pixels:
     pixels = pixel_grid((80, 60))
     with np.errstate(all="ignore"):

@@ -145,7 +145,7 @@ def displayed(
     """Return what is said about a gradient of colour over a slope, of which the first pixels are sky."""
     slope = plain_frame().depth.copy() if depth is None else depth
     slope.reshape(-1)[:sky] = 0.0
-    tinted = grey(low + (high - low) * (X / (WIDTH - 1)) ** power) * np.float32([1.0, 0.7, 0.5])
+    tinted = grey(low + (high - low) * (X / (WIDTH - 1)) ** power) * np.array([1.0, 0.7, 0.5], np.float32)
     return complaints(plain_frame(color=tinted, depth=slope))
 
 

@@ -271,9 +271,9 @@ def test_how_motion_changes_with_the_jitter_is_summed() -> None:
     jitters, change = [(-0.25, 0.0), (0.25, -0.25), (0.0, 0.5)], np.array([-0.75, 1.0])
     before, now = (FrameProbe.of_frame(even(jitter, (100, 90))) for jitter in jitters[1:])
     light = np.random.default_rng(0).random((90, 100)).astype(np.float32)
-    motion = np.zeros((90, 100, 2), np.float32)
-    first = replace(before, light=light, motion=motion + np.float32([3, 4]))
-    second = replace(now, light=light, motion=motion + np.float32([3, 4]) + np.float32(0.5 * change))
+    motion = np.full((90, 100, 2), (3.0, 4.0), np.float32)
+    first = replace(before, light=light, motion=motion)
+    second = replace(now, light=light, motion=np.asarray(motion + 0.5 * change, np.float32))
     pair = FramePair(first, second)
     sums = jitter_in_vectors((1.0, 2.0), pair, jitters[:2], Conventions())
     assert sums == pytest.approx((1.0 + 0.5 * 1.5625, 2.0 + 1.5625))
@@ -354,11 +354,8 @@ def steps(
 ) -> tuple[FrameProbe, FrameProbe]:
     """Return frames of a card that moves by `there` in the first, and came by `back` in the second."""
     first, second = (FrameProbe.of_frame(even(jitter, (100, 90))) for jitter in ((0.4, -0.4), (-0.4, 0.4)))
-    motion = np.zeros((90, 100, 2), np.float32)
-    return (
-        replace(first, motion_next=motion + np.float32(there)),
-        replace(second, motion=motion + np.float32(back), **fields),
-    )
+    motion, motion_next = (np.full((90, 100, 2), each, np.float32) for each in (back, there))
+    return replace(first, motion_next=motion_next), replace(second, motion=motion, **fields)
 
 
 def next_told(before: FrameProbe, now: FrameProbe) -> str:
@@ -413,9 +410,10 @@ def test_motion_to_the_next_frame_is_followed_from_sample_to_sample() -> None:
     before, now = steps((3.0, -1.0), (-3.0, 1.0))
     rows, columns = np.mgrid[:90, :100]
     right = (rows % 3 == 0) & (columns % 3 == 0)
-    motion = np.where(right[..., None], now.motion, np.float32([4.0, 5.0]))
+    motion = np.where(right[..., None], now.motion, np.array([4.0, 5.0], np.float32))
     start = np.roll(right, (2, -4), (0, 1))
-    following = np.where(start[..., None], before.motion_next, np.float32(np.nan))
+    following = np.full_like(motion, np.nan)
+    following[start] = 3.0, -1.0
     assert next_told(replace(before, motion_next=following), replace(now, motion=motion)) == ""
     other = np.roll(following, 1, 0), np.roll(following, 1, 1)
     for wrong in other:

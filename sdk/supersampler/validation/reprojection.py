@@ -180,8 +180,9 @@ def _tile_shift(tile: Float32, before: Float32) -> NDArray[np.intp]:
     window = np.outer(np.hanning(side), np.hanning(side))
     now, earlier = (np.fft.fft2((each - each.mean()) * window) for each in (tile, before))
     peak = np.fft.fftshift(np.fft.ifft2(earlier * np.conj(now)).real)
-    y, x = np.unravel_index(np.argmax(peak), peak.shape)
-    return np.array([x, y]) - side // 2
+    row, column = np.unravel_index(np.argmax(peak), peak.shape)
+    shift: NDArray[np.intp] = np.array([column, row]) - side // 2
+    return shift
 
 
 def _fits_better(tone: Float32, before: Float32, tile: tuple[slice, slice], shift: NDArray[np.intp]) -> bool:

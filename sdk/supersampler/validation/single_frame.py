@@ -208,26 +208,23 @@ def depth_values(depth: Array) -> int:
     line = np.stack([depth[rows, columns + x] for x in range(3)]).astype(np.float64)
     line = line[:, ((line > 0.0) & (line < 1e6)).all(axis=0)]  # no sky
     for values in (line, 1.0 / line):
-        count, step = _even_values(values[1])
-        # The values of a plane are even, too, but have no second differences.
-        if not count:
-            continue
-        change = np.rint(np.abs(np.diff(values, 2, axis=0)) / step)
-        if np.mean(np.isin(change, (1, 2))) > _MIN_UNEVEN:
-            return count
+        if step := _even_step(values[1]):
+            bends = np.rint(np.abs(np.diff(values, 2, axis=0)) / step)  # planes with even values have none
+            if np.mean(np.isin(bends, (1, 2))) > _MIN_UNEVEN:
+                return len(np.unique(values[1]))
     return 0
 
 
-def _even_values(values: NDArray[np.floating[Any]]) -> tuple[int, float]:
-    """Return the number of distinct values and their spacing; (0, 0.0) if they are too many or uneven."""
+def _even_step(values: NDArray[np.floating[Any]]) -> float:
+    """Return the spacing of the distinct values; 0.0 if these are too many, or uneven."""
     distinct = np.unique(values.astype(np.float64))
     if not _MIN_VALUES <= len(distinct) <= min(_MAX_VALUES, len(values) // _PIXELS_EACH):
-        return 0, 0.0
+        return 0.0
     extent = np.ptp(distinct)
     steps = np.rint(extent / np.diff(distinct).min())
     position = (distinct - distinct[0]) * (steps / extent)
     even = np.abs(position - np.rint(position)).max() < _UNEVEN and steps <= 4 * _MAX_VALUES
-    return (len(distinct), float(extent / steps)) if even else (0, 0.0)
+    return float(extent / steps) if even else 0.0
 
 
 # --- motion ---
@@ -243,7 +240,7 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
     off = float(np.mean((np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)))
     if off > 0.05 and min(frame.size) >= 16:
         yield mistakes.MOTION_TOO_LONG.found(share=off)
-    step = max(_even_values(vectors[:, axis])[1] for axis in (0, 1))
+    step = max(_even_step(vectors[:, axis]) for axis in (0, 1))
     if step >= _COARSE_MOTION:
         yield mistakes.MOTION_COARSE.found(step=step)
     if frame.depth.min() == frame.depth.max() > 0 and _is_not_affine(vectors, *pixels):
