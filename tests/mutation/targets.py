@@ -24,6 +24,7 @@ TESTS = [
     "tests/model/data/test_class_map.py",
     "tests/model/data/test_thin.py",
     "tests/export/*.py",
+    "tests/sdk/test_backward_motion.py",
     "tests/sdk/test_bad_arguments.py",
     "tests/sdk/test_camera_motion.py",
     "tests/sdk/test_checks*.py",

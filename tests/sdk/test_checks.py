@@ -19,7 +19,8 @@ from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.io.shot import Shot
-from supersampler.validation import FrameChecker
+from supersampler.validation import FrameChecker, mistakes
+from supersampler.validation.mistakes import Mistake
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
 
 DISPLAY = (640, 360)
@@ -205,6 +206,14 @@ def test_an_upscaler_warns_of_jitter_that_stops_if_its_method_converges() -> Non
             for frame in rest(10):
                 upscaler.step(frame)
         assert any("nothing moved" in str(warning.message) for warning in caught) == warns
+
+
+@pytest.mark.parametrize("name", [name for name, each in vars(mistakes).items() if isinstance(each, Mistake)])
+def test_a_mistake_is_one_of_a_field_and_says_what_is_wanted(name: str) -> None:
+    mistake = getattr(mistakes, name)
+    assert mistake.field in {*Frame.__dataclass_fields__, "{place}"}
+    assert mistake.want
+    assert mistake.got != mistake.want
 
 
 def test_clipped_colour_is_a_hint_that_never_raises(frames: list[Frame]) -> None:

@@ -220,11 +220,12 @@ def _even_step(values: NDArray[np.floating[Any]]) -> float:
     distinct = np.unique(values.astype(np.float64))
     if not _MIN_VALUES <= len(distinct) <= min(_MAX_VALUES, len(values) // _PIXELS_EACH):
         return 0.0
-    extent = np.ptp(distinct)
-    steps = np.rint(extent / np.diff(distinct).min())
-    position = (distinct - distinct[0]) * (steps / extent)
-    even = np.abs(position - np.rint(position)).max() < _UNEVEN and steps <= 4 * _MAX_VALUES
-    return float(extent / steps) if even else 0.0
+    spacing = np.diff(distinct)
+    count = np.rint(spacing.sum() / spacing.min())
+    step = spacing.sum() / count
+    steps = np.cumsum(spacing) / step
+    even = np.abs(steps - np.rint(steps)).max() < _UNEVEN and count <= 4 * _MAX_VALUES
+    return float(step) if even else 0.0
 
 
 # --- motion ---
