@@ -32,7 +32,7 @@ _MIN_LEVELS = 16  # minimum number of distinct values
 # Depth edges, across which a wide pixel filter mixes colours.
 _MIN_EDGES = 60  # minimum number of edges; of 31 edges of point samples, 65 % were mixed by chance
 _MIN_CONTRAST = 0.15  # minimum difference of tone-mapped luminance across an edge
-_FLAT = 0.05  # of the contrast: maximum change on either side of an edge
+_FLAT = 0.06  # of the contrast: maximum change on either side of an edge
 _MIXED = 0.12, 0.7  # of the contrast: range of a mixed pixel's difference from its side
 _DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # minimum ratio of depths across an edge, maximum along a side
 # Buffers with few, evenly spaced values: stored in 8 bits, or in half floats around an offset.
