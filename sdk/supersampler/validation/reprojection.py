@@ -159,10 +159,13 @@ def _spline(fraction: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray
 def _image_moves(tone: Float32, tone_before: Float32) -> bool:
     """Return whether at least half of the textured tiles have moved, and a fifth fit clearly better there."""
     height, width = tone.shape[0] - 2, tone.shape[1] - 2
-    side = next((side for side in _TILE_SIDES if min(height, width) >= 1.5 * side), 0)
+    sides = [side for side in _TILE_SIDES if min(height, width) >= 1.5 * side]
+    if not sides:
+        return False
+    side = sides[0]
     tops, lefts = (np.linspace(1, 1 + extent - side, _TILES).astype(np.intp) for extent in (height, width))
     count = moved = clearly = 0
-    for top, left in product(tops, lefts) if side else ():
+    for top, left in product(tops, lefts):
         tile = slice(top, top + side), slice(left, left + side)
         if np.var(tone[tile]) < _MIN_CONTRAST:
             continue
