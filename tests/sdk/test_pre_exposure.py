@@ -14,12 +14,10 @@ from method_backends import BACKENDS, DISPLAY, RENDER, frame_for, make
 from noise import noise
 from supersampler import Frame, FrameError, Upscaler
 from supersampler.backends.onnx.tensors import tensors_of_frame
-from supersampler.conventions import Conventions, RawFrame
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import extrapolation_names
 from supersampler.sequence.frame_store import FrameStore
-from supersampler.validation.probe import FrameProbe
 
 POWERS = st.lists(st.integers(-20, 20).map(lambda power: 2.0**power), min_size=3, max_size=5)
 
@@ -136,18 +134,6 @@ def test_two_passes_and_the_display_of_a_run_are_in_the_unit_of_the_frame() -> N
     )
     for plain, image in zip(*made, strict=True):
         np.testing.assert_array_equal(image, 4.0 * plain)
-
-
-def test_checks_compare_the_light_of_frames_without_it() -> None:
-    frame = noise(0, RENDER)
-    color = np.asarray(frame.color) * np.float32(4.0)
-    exposed = replace(frame, color=color, pre_exposure=4.0)
-    raw = RawFrame(color=color, depth=frame.depth, motion=frame.motion, pre_exposure=4.0)
-    plain = FrameProbe.of_frame(frame).light
-    assert plain is not None
-    for evidence in (FrameProbe.of_frame(exposed), FrameProbe.of_raw(raw, Conventions())):
-        assert evidence.light is not None
-        np.testing.assert_allclose(evidence.light, plain, rtol=1e-6)
 
 
 @pytest.mark.parametrize("memory", [0.0, 2.0**20])

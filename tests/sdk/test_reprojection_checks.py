@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from supersampler.arguments import ieee_arithmetic
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import FrameError
-from supersampler.frame import Float32
+from supersampler.frame import Float32, Frame
 from supersampler.validation.probe import (
     DepthOrder,
     FrameProbe,
@@ -363,6 +363,18 @@ def test_places_off_the_screen_are_not_the_nearest_ones_on_it(part: Any, offset:
     assert counted(now, before, offset=offset) == (count, 0)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("flip", [False, True])
+def test_a_surface_at_the_border_is_seen_by_the_pixels_next_to_it(axis: int, flip: bool) -> None:
+    """The outer row or column is closer, so that only the third to ninth are disoccluded."""
+    now, before = np.full((2, 60, 80), 0.1, np.float32)
+    near_now, near_before = (
+        np.moveaxis(np.flip(each, axis) if flip else each, axis, 0) for each in (now, before)
+    )
+    near_now[0], near_before[:10] = 0.2, 0.15
+    assert counted(now, before) == (7 * (80, 60)[axis], 0)
+
+
 def test_the_sky_neither_hides_nor_is_hidden() -> None:
     now, before = disocclusion()
     assert counted(0 * now, before) == (0, 0)
@@ -378,7 +390,11 @@ def test_a_raw_frame_is_read_as_stated() -> None:
     motion = rng.random((6, 8, 2), np.float32)
     raw = RawFrame(color=color, depth=depth, motion=motion, jitter=(0.1, 0.2), reset=True, pre_exposure=4.0)
     plain = FrameProbe.of_raw(raw, OURS)
+    frame = FrameProbe.of_frame(
+        Frame(color=color, depth=depth, motion=motion, jitter=(0.1, 0.2), pre_exposure=4.0)
+    )
     assert plain.light is not None
+    np.testing.assert_array_equal(frame.light, plain.light)
     np.testing.assert_allclose(plain.light, color @ [0.2126, 0.7152, 0.0722] / 4, rtol=1e-5)
     assert (plain.jitter, plain.reset, plain.size) == ((0.1, 0.2), True, (8, 6))
     turned = FrameProbe.of_raw(raw, Conventions(bottom_up=True))

@@ -60,10 +60,8 @@ class FrameProbe:
 
     @classmethod
     def of_frame(cls, frame: Frame) -> "FrameProbe":
-        """Return the probe of a `Frame`; its arrays are not copied."""
-        light = None if frame.color is None else _luminance(frame.color)
-        if light is not None and frame.pre_exposure != 1.0:
-            light = light / np.float32(frame.pre_exposure)
+        """Return the probe of a `Frame`; depth and motion are not copied."""
+        light = None if frame.color is None else _luminance(frame.color, frame.pre_exposure)
         return cls(light, frame.depth, frame.motion, frame.jitter, frame.reset, frame.motion_next)
 
     @classmethod
@@ -81,7 +79,7 @@ class FrameProbe:
         light = None
         if raw.color is not None:
             color = rows("color", raw.color)
-            light = _luminance(srgb_decoded(color) if stated.srgb else color) / np.float32(raw.pre_exposure)
+            light = _luminance(srgb_decoded(color) if stated.srgb else color, raw.pre_exposure)
         return cls(light, depth, motion, raw.jitter or (0.0, 0.0), raw.reset)
 
     @property
@@ -112,9 +110,9 @@ class FrameProbe:
         return result
 
 
-def _luminance(color: Array) -> Float32:
+def _luminance(color: Array, pre_exposure: float) -> Float32:
     values: Float32 = color.astype(np.float32, copy=False) @ BT709  # NaN and Inf stay; `FramePair` skips them
-    return values
+    return values / np.float32(pre_exposure)
 
 
 def tone_mapped(light: Float32, like: Float32) -> Float32:
