@@ -188,6 +188,16 @@ def test_frames_of_two_sizes_are_read_size_by_size() -> None:
     assert "three consecutive frames of one size" in detect_conventions(alternating).jitter.reason
 
 
+def test_frames_that_are_all_reset_are_compared_and_it_is_noted() -> None:
+    scene = Plane(checker, (2.0, 1.0))
+    frames = [replace(scene.frame(i, (96, 54), halton_jitter(i, 2.0)), reset=True) for i in range(2)]
+    detection = detect_conventions(planted(frames, Conventions()))
+    assert detection.motion.ranked
+    assert any("frame.reset is True in 2 consecutive frames" in note for note in detection.notes)
+    one = [frames[0], replace(frames[1], reset=False)]
+    assert not any("frame.reset" in note for note in detect_conventions(planted(one, Conventions())).notes)
+
+
 def test_one_frame_is_too_few(frames: list[Frame]) -> None:
     with pytest.raises(ArgumentError, match="frames is 1; want at least 2 frames"):
         detect_conventions(planted(frames[:1], Conventions()))

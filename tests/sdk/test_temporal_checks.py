@@ -247,6 +247,44 @@ def test_the_reading_that_fits_best_is_named() -> None:
     assert rows in said
 
 
+def seen_after_a_part_moves(rows: int, motion: float) -> FramesSeen:
+    """Return the state after 40 columns of some rows have moved right by 4 pixels, as `motion` may say."""
+    before, now = (even((0.1 * index, 0.2), (100, 90)) for index in range(2))
+    noise = np.random.default_rng(0).random((90, 100, 3)).astype(np.float32)
+    color, vectors = noise.copy(), np.zeros((90, 100, 2), np.float32)
+    part = slice(20, 20 + rows), slice(20, 60)
+    color[part], vectors[part] = noise[20 : 20 + rows, 16:56], (motion, 0.0)
+    first = FramesSeen().after(FrameProbe.of_frame(replace(before, color=noise)), (200, 180))
+    return first.after(FrameProbe.of_frame(replace(now, color=color, motion=vectors)), (200, 180))
+
+
+def test_readings_of_motion_are_compared_where_something_moves_and_readings_of_jitter_everywhere() -> None:
+    reversed_motion, errors_of = repr(Conventions(motion_direction="current_minus_previous")), {}
+    for motion in (4.0, -4.0):
+        errors_of[motion] = seen_after_a_part_moves(30, motion).errors
+    own, other = errors_of[4.0][reversed_motion]
+    assert other < 0.3 * own
+    assert errors_of[-4.0][reversed_motion] == pytest.approx((other, own))
+    everywhere, _ = errors_of[4.0][NEGATED]
+    assert everywhere == pytest.approx(own * 30 * 40 / (90 * 100), rel=0.2)
+    assert set(errors_of[4.0]) > set(seen_after_a_part_moves(6, 4.0).errors), "240 pixels are too few"
+    assert reversed_motion in seen_after_a_part_moves(7, 4.0).errors
+    assert all("motion_" not in call or "jitter" in call for call in seen_after_a_part_moves(6, 4.0).errors)
+
+
+def test_a_reading_that_explains_the_image_no_better_than_no_motion_is_no_better() -> None:
+    """Nothing moves where vectors say so: all readings are wrong, and shorter vectors are the least so."""
+    noise = np.random.default_rng(0).random((90, 100, 3)).astype(np.float32)
+    seen = FramesSeen()
+    for index in range(2):
+        frame = replace(
+            even((0.1 * index, 0.2), (100, 90)), color=noise, motion=np.full((90, 100, 2), 2.0, np.float32)
+        )
+        seen = seen.after(FrameProbe.of_frame(frame), (200, 180))
+    own, shorter = seen.errors[repr(Conventions(motion_scale=(0.5, 0.5)))]
+    assert shorter == own
+
+
 def test_after_two_frames_motion_that_is_all_zero_may_be_missing() -> None:
     frame = FrameProbe.of_frame(even((0.1, 0.2), (100, 90)))
     seen = FramesSeen(previous=frame, pairs=1, errors={NEGATED: (0.2, 0.02)})
