@@ -209,11 +209,10 @@ def test_an_upscaler_warns_of_jitter_that_stops_if_its_method_converges() -> Non
 
 
 @pytest.mark.parametrize("name", [name for name, each in vars(mistakes).items() if isinstance(each, Mistake)])
-def test_a_mistake_is_one_of_a_field_and_says_what_is_wanted(name: str) -> None:
-    mistake = getattr(mistakes, name)
-    assert mistake.field in {*Frame.__dataclass_fields__, "{place}"}
-    assert mistake.want
-    assert mistake.got != mistake.want
+def test_the_error_of_a_mistake_names_a_field_of_a_frame(name: str) -> None:
+    error = getattr(mistakes, name).error()
+    assert error.name in {*Frame.__dataclass_fields__, "{place}"}
+    assert str(error).startswith(f"frame.{error.name} is ")
 
 
 def test_clipped_colour_is_a_hint_that_never_raises(frames: list[Frame]) -> None:
