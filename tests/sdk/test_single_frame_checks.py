@@ -109,7 +109,7 @@ def test_whole_numbers_up_to_255_are_taken_for_bytes(color: Float32, high: int) 
     "color",
     [
         whole_numbers(14), whole_numbers(256), grey(BYTES) + np.float32(0.1),
-        spread(0.5, 0.012, grey(BYTES)), grey(BYTES) / 256,
+        spread(0.5, 0.01, grey(BYTES)), grey(BYTES) / 256,
     ],
     ids=["a test pattern", "brighter than bytes", "between whole numbers", "blended", "other steps"],
 )  # fmt: skip

@@ -28,6 +28,7 @@ _MIN_SPREAD = 0.2  # of the brightest value: minimum difference of the quantiles
 _MIN_DEPTHS = 100  # minimum number of distinct depths; test patterns, of any colours, have fewer
 _MIN_SURFACE = 1000  # minimum number of pixels that are not sky
 _MAX_CHANGE = 0.5  # standard deviations: maximum mean change from pixel to pixel
+_WHOLE = 0.07  # maximum deviation from a whole number: 255 times the rounding error of half floats near 1
 _MIN_LEVELS = 16  # minimum number of distinct values
 # Depth edges, across which a wide pixel filter mixes colours.
 _MIN_EDGES = 60  # minimum number of edges; of 31 edges of point samples, 65 % were mixed by chance
@@ -104,7 +105,7 @@ def _display_range(values: Float32, depth: Array, light: Float32) -> float:
 def _are_whole(values: Float32) -> bool:
     """Return whether nearly all values are whole numbers up to 255, at least _MIN_LEVELS distinct ones."""
     whole = np.rint(values)
-    near = np.abs(values - whole) < 0.07  # half floats near 255/255
+    near = np.abs(values - whole) < _WHOLE
     return bool(near.mean() > 0.99 and whole.max() <= 255 and len(np.unique(whole)) >= _MIN_LEVELS)
 
 
