@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -34,6 +33,16 @@ _MIN_SIDE_OF_UNITS = 64  # pixels; in smaller images a jitter in pixels may be a
 _MIN_REPEATS = 3  # minimum number of frames with the same jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
+_READINGS: Mapping[str, Conventions] = {
+    repr(reading): reading
+    for reading in (
+        *(Conventions(**o, motion_jittered=j) for o, j in product(probe.MOTION_READINGS, (False, True))),
+        *(Conventions(**o) for o in probe.JITTER_READINGS if o["jitter_unit"] == "pixels"),
+        _BOTTOM_UP,
+    )
+    if reading != Conventions()
+}
+"""Readings of motion or jitter that do not depend on sizes, by their Python expressions."""
 # Amplitude of the jitter in the image.
 _MIN_PAIRS, _MIN_PAIRS_OF_AN_AXIS = 2, 6  # of two pairs, one axis may hardly have a change of jitter
 _MIN_GAIN = 0.04  # minimum relative decrease of the error with the best factors
@@ -144,14 +153,10 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
 
 
-@lru_cache(maxsize=16)
 def _readings(size: Size, display_size: Size) -> Mapping[str, Conventions]:
     """Return the other readings of motion or jitter, by their Python expressions."""
-    readings = product(probe.MOTION_READINGS, (False, True))
-    found = [Conventions(**motion, motion_jittered=jittered) for motion, jittered in readings]
-    found += [Conventions(**jitter) for jitter in probe.JITTER_READINGS if jitter["jitter_unit"] == "pixels"]
-    found += [Conventions(motion_scale=(size[0] / display_size[0], size[1] / display_size[1])), _BOTTOM_UP]
-    return {repr(reading): reading for reading in found if reading != Conventions()}
+    in_display_pixels = Conventions(motion_scale=(size[0] / display_size[0], size[1] / display_size[1]))
+    return {**_READINGS, repr(in_display_pixels): in_display_pixels}
 
 
 def _errors(pair: FramePair, display_size: Size) -> Sums:
