@@ -280,6 +280,12 @@ def test_three_frames_of_a_start_are_read_and_each_kind_is_warned_of_once() -> N
         checker.reset()
 
 
+def test_a_warning_points_at_the_line_that_hands_in_the_frame() -> None:
+    with pytest.warns(FrameWarning) as caught:
+        FrameChecker().check(plain_frame(exposure=1e12), (160, 120))
+    assert caught[0].filename == __file__
+
+
 def test_frames_kept_for_checks_are_freed_after_the_last_read() -> None:
     checker = FrameChecker("warn")
     for index in range(3):
