@@ -118,10 +118,9 @@ def mixed_edges(light: Float32, depth: Array) -> float:
     """
     tone = tone_mapped(light, light)
     away = np.concatenate([_edge_profiles(tone, depth), _edge_profiles(tone.T, depth.T)], axis=1)
-    own, mixed = np.abs(away) < _MIXED[0], (away >= _MIXED[0]) & (away < _MIXED[1])
-    sharp_edges, mixed_edges = int(own.all(axis=0).sum()), int((own & mixed[::-1]).sum())
-    count = sharp_edges + mixed_edges
-    return mixed_edges / count if count >= _MIN_EDGES else 0.0
+    own, between = np.abs(away) < _MIXED[0], (away >= _MIXED[0]) & (away < _MIXED[1])
+    sharp, mixed = int(own.all(axis=0).sum()), int((own & between[::-1]).sum())
+    return mixed / (sharp + mixed) if sharp + mixed >= _MIN_EDGES else 0.0
 
 
 def _edge_profiles(tone: Float32, depth: Array) -> NDArray[np.floating[Any]]:
