@@ -108,8 +108,17 @@ def test_depth_of_display_size_is_in_the_unit_of_the_frames(scale: float, found:
 
 def test_a_distance_grows_where_depth_falls() -> None:
     assert "a distance: it grows" in complaint("gbuffer_display_depth", np.float32(0.03) / doubled(SLOPE))
+    unrelated = np.exp(np.random.default_rng(0).uniform(-0.7, 0.7, SLOPE.shape)).astype(np.float32)
+    assert "distance: it" not in complaint("gbuffer_display_depth", np.float32(0.2) * doubled(unrelated))
     flat = np.full((HEIGHT, WIDTH), 0.3, np.float32)
     assert "distance: it" not in complaint("gbuffer_display_depth", np.float32(0.09) / doubled(flat), flat)
+
+
+def test_depths_are_compared_where_both_have_surfaces() -> None:
+    sky = np.where(np.arange(HEIGHT)[:, None] < 40, np.float32(0.0), SLOPE)
+    assert complaint("gbuffer_display_depth", doubled(SLOPE), sky) == ""
+    assert complaint("gbuffer_display_depth", doubled(sky), SLOPE) == ""
+    assert "3 times" in complaint("gbuffer_display_depth", np.float32(3.0) * doubled(SLOPE), sky)
 
 
 def test_depth_is_0_at_the_sky_and_never_less() -> None:

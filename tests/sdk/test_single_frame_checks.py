@@ -438,12 +438,14 @@ def test_depths_crowded_just_below_1_are_forward_and_even_ones_may_be_a_wall(
         (200.0 / DISTANCE, ""),
         (1.0 / (1.0 / DISTANCE + 0.02 * np.sin(X / 3) * np.sin(Y / 3)), ""),
         (1.0 / (0.3 + 1e-4 * X), ""),
+        (2.0 / (1.0 - 0.0118 * X + 2e-5 * (X - 40) ** 2), "linear"),
+        (2.0 / (1.0 - 0.0118 * X + 4e-5 * (X - 40) ** 2), ""),
         (0 * X + 1.0, ""),
         (0 * X + 5.0, ""),
     ],
     ids=[
         "planes", "within 2", "sky", "no sky", "a sky of 0", "within 1", "near / distance in another unit",
-        "no planes", "hardly a slope", "one depth of 1", "one depth",
+        "no planes", "hardly a slope", "hardly curved", "curved", "one depth of 1", "one depth",
     ],
 )  # fmt: skip
 def test_depth_is_linear_if_it_is_beyond_1_and_its_inverse_is_even_along_planes_or_at_a_huge_sky(

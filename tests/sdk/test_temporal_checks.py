@@ -111,7 +111,9 @@ def test_planes_decide_where_what_flickers_seems_to_hide_closer_things(kind: str
     plane = 0.1 + 0.002 * x + 0.003 * y
     frame = replace(even((0.1, 0.2), (40, 40)), depth=plane if kind == "reversed" else 1.0 / plane)
     seen = FramesSeen(
-        previous=FrameProbe.of_frame(frame), surfaces={"reversed": (0.0, 30.0)}, jitters=(frame.jitter,)
+        previous=FrameProbe.of_frame(frame),
+        surfaces={"reversed": (0.0, 30.0), "forward": (0.0, 0.0)},
+        jitters=(frame.jitter,),
     )
     found = temporal_mistakes(seen, (40, 40), (80, 80))
     assert any("as if depth were linear" in str(mistake.error()) for mistake in found) == doubted
@@ -342,7 +344,8 @@ def test_depth_is_of_the_kind_in_which_closer_surfaces_hide_others(
     said = told(FramesSeen(pairs=2, surfaces={"reversed": as_reversed, "forward": as_forward}))
     assert ("as if depth were" in said) == bool(kind)
     assert kind in said
-    wrong_motion = FramesSeen(pairs=2, surfaces={"reversed": as_reversed}, errors={FLIPPED: (0.2, 0.02)})
+    surfaces: Any = {"reversed": as_reversed, "forward": as_forward}
+    wrong_motion = FramesSeen(pairs=2, surfaces=surfaces, errors={FLIPPED: (0.2, 0.02)})
     assert "as if depth were" not in told(wrong_motion)
 
 

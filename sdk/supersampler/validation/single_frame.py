@@ -30,6 +30,8 @@ _MIN_SURFACE = 1000  # minimum number of pixels that are not sky
 _MAX_CHANGE = 0.5  # standard deviations: maximum mean change from pixel to pixel
 _WHOLE = 0.07  # maximum deviation from a whole number: 255 times the rounding error of half floats near 1
 _MIN_LEVELS = 16  # minimum number of distinct values
+_MIN_CURVATURE = 2e-3  # minimum curvature of 1 / distance that disproves a kind of depth
+_PLANE = 0.1  # of it: maximum curvature in the right kind
 # Depth edges, across which a wide pixel filter mixes colours.
 _MIN_EDGES = 60  # minimum number of edges; of 31 edges of point samples, 65 % were mixed by chance
 _MIN_CONTRAST = 0.15  # minimum difference of tone-mapped luminance across an edge
@@ -199,7 +201,7 @@ def _other_kind(depth: Float32, low: float, high: float) -> str:
     if low == 0 or np.median(values) <= 1:
         return ""
     as_reversed, as_linear = plane_curvature(depth, "reversed"), plane_curvature(depth, "linear")
-    return "linear" if as_reversed > 2e-3 and as_linear < 0.1 * as_reversed else ""
+    return "linear" if as_reversed > _MIN_CURVATURE and as_linear < _PLANE * as_reversed else ""
 
 
 def depth_values(depth: Array) -> int:

@@ -220,10 +220,12 @@ def _surfaces(pair: FramePair) -> dict[DepthOrder, tuple[float, float]]:
 
 
 def _other_order(surfaces: Mapping[DepthOrder, tuple[float, float]]) -> DepthOrder | None:
-    closer, farther = surfaces.get("reversed", (0, 0))
+    if not surfaces:
+        return None
+    closer, farther = surfaces["reversed"]
     if farther >= _MIN_DISOCCLUDED and farther > 4 * closer:
         return "linear"
-    closer_if_forward, farther_if_forward = surfaces.get("forward", (0, 0))
+    closer_if_forward, farther_if_forward = surfaces["forward"]
     if closer_if_forward >= _MIN_DISOCCLUDED and closer_if_forward > 4 * (farther_if_forward + closer):
         return "forward"
     return None
