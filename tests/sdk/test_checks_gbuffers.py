@@ -54,6 +54,7 @@ def test_fractions_are_in_0_to_1_but_for_rounding_and_a_hundredth(
 
 def test_whole_numbers_are_taken_for_bytes() -> None:
     assert "bytes" in complaint("gbuffer_metallic", spread(255.0, 0.5, fill=0.0))
+    assert "bytes" in complaint("gbuffer_metallic", spread(3.0, 0.5, fill=0.0))
     assert "bytes" not in complaint("gbuffer_metallic", spread(2.5, 0.5, fill=0.0))
     assert "bytes" not in complaint("gbuffer_metallic", spread(2.0, 0.5, fill=0.0))
     assert "bytes" not in complaint("gbuffer_metallic", spread(-3.0, 0.5, fill=3.0))
@@ -84,6 +85,8 @@ def test_infinities_of_both_signs_in_one_pixel_are_reported_without_a_warning_of
 def test_normals_in_colours_are_recognised() -> None:
     encoded = 0.5 * normals(1.0) + 0.5
     assert "2 * normal - 1" in complaint("gbuffer_normal", encoded)
+    encoded[:20] = 0.0
+    assert "2 * normal - 1" in complaint("gbuffer_normal", encoded), "the sky is not encoded"
     shorter = 0.5 * normals(0.8) + 0.5
     assert "2 * normal - 1" not in complaint("gbuffer_normal", shorter)
     assert "neither 1 nor 0" in complaint("gbuffer_normal", shorter)
@@ -119,6 +122,18 @@ def test_depths_are_compared_where_both_have_surfaces() -> None:
     assert complaint("gbuffer_display_depth", doubled(SLOPE), sky) == ""
     assert complaint("gbuffer_display_depth", doubled(sky), SLOPE) == ""
     assert "3 times" in complaint("gbuffer_display_depth", np.float32(3.0) * doubled(SLOPE), sky)
+
+
+@pytest.mark.parametrize("jitter", [(0.5, 0.0), (0.0, 0.5), (-0.5, -0.5)])
+def test_samples_on_the_border_of_a_pixel_are_read_in_the_image(jitter: tuple[float, float]) -> None:
+    assert complaint("gbuffer_display_depth", doubled(SLOPE), jitter=jitter) == ""
+
+
+def test_the_hint_of_a_nan_depends_on_the_buffer() -> None:
+    bad = doubled(SLOPE)
+    bad[3, 4] = np.nan
+    assert "Is it a distance?" in complaint("gbuffer_display_depth", bad)
+    assert "Clear the target to 0" in complaint("gbuffer_roughness", spread(np.nan, 0.1))
 
 
 def test_depth_is_0_at_the_sky_and_never_less() -> None:

@@ -84,7 +84,7 @@ def _at_samples(array: Array, frame: Frame, rows: NDArray[np.intp], columns: NDA
     indices = []
     for axis, (index, jitter) in enumerate(((rows, frame.jitter[1]), (columns, frame.jitter[0]))):
         position = np.floor((index + 0.5 + jitter) * (array.shape[axis] / frame.depth.shape[axis]))
-        indices.append(np.clip(position.astype(np.intp), 0, array.shape[axis] - 1))
+        indices.append(np.minimum(position.astype(np.intp), array.shape[axis] - 1))
     depth: Float32 = array[indices[0], indices[1]].astype(np.float32)
     return depth
 
