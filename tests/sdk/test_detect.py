@@ -270,6 +270,8 @@ def test_planes_and_the_sky_tell_the_kind_of_depth(kind: str, sky: bool) -> None
     assert verdict.certain is (sky or kind == "linear")
     if verdict.certain:
         assert verdict.ranked[0].overrides["depth"].startswith(kind)
+        no_disocclusion, no_sky = 0.5, 0.5 * (not sky)
+        assert verdict.ranked[0].error == pytest.approx(no_disocclusion + no_sky, abs=0.01)
     else:  # as it is for forward depth
         assert verdict.reason == "only its planes look reversed, which may be a parallel projection"
 
