@@ -83,6 +83,8 @@ def test_jitter_that_counts_shaded_frames_is_fine(ratio: float, start: int) -> N
     frames = jittered(lambda i: i // 2)
     own = [replace(f, jitter=halton_jitter(start + i // 2, ratio)) for i, f in enumerate(frames)]
     assert warnings_of_jitter(own) == []
+    elsewhere = [replace(f, jitter=(0.4, 0.4)) if f.color is None else f for f in own]
+    assert warnings_of_jitter(elsewhere) == [], "the jitter of frames that are not shaded is not used"
 
 
 def test_an_object_moving_in_front_of_another_passes() -> None:
