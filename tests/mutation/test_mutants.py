@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from mutation import __main__ as tool
-from mutation.coverage_map import targets_of
+from mutation.coverage_map import CoverageMap, targets_of
 from mutation.mutants import Mutant, mutants_of, sample
+from mutation.targets import STRONG
 
 CODE = '''"""Text of 3 words."""
 LIMIT: int = 4
@@ -110,3 +111,11 @@ def test_each_equivalent_mutant_is_of_code_that_is_there() -> None:
     for where, *change in tool.equivalents():
         assert f"def {where.rpartition('.')[2]}(" in code or not where, where
         assert all(" ".join(before.split("#")[0].split()) in code for before in change[:1]), change
+
+
+def test_tests_that_compare_all_results_run_first_though_others_are_quicker() -> None:
+    strong, slow, quick = f"{STRONG[0]}::test_step", "tests/test_slow.py::test", "tests/test_quick.py::test"
+    seconds = {strong: 3.0, slow: 2.0, quick: 0.1}
+    coverage = CoverageMap(seconds, {"module.py": {line: {*seconds} for line in range(1, 10)}})
+    for mutant in (mutant for place in mutants_of("module.py", CODE.encode()) for mutant in place):
+        assert coverage.tests_for(mutant) == [strong, quick, slow]

@@ -1,4 +1,4 @@
-// What `compare_blocks` finds and `decide_blocks` reads, by block.
+// Output of `compare_blocks` and input of `decide_blocks`: sums and marks of each block.
 
 struct Sums {            // means over the samples of a block
     difference: vec4f,   // of samples and mean, RGB; part of the samples that count

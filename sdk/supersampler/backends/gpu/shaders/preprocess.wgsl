@@ -146,7 +146,7 @@ fn shade(p: vec2i, origin: vec2i) -> vec3f {
             glares = max(glares, n.z);
         }
     }
-    return vec3f(shade_of(sums / 9.0), glares);
+    return vec3f(shade_of(sums), glares);
 }
 
 @compute @workgroup_size(SIDE, SIDE)

@@ -17,9 +17,9 @@ fn usable_in(alpha: f32) -> f32 { return f32(u32(alpha) & 1u); }
 fn glares_in(alpha: f32) -> bool { return (u32(alpha) & 2u) != 0u; }
 fn mask_in(alpha: f32) -> f32 { return f32(u32(alpha) >> 2u) / MASK_STEPS; }
 
-// Mean and deviation of luma from means over 3x3 samples: luma, its square; 1 where usable.
-fn shade_of(means: vec3f) -> vec2f {
-    let mean = means.xy / max(means.z, 1e-6);
+// Mean and deviation of luma from sums over 3x3 samples: luma, its square; 1 where usable.
+fn shade_of(sums: vec3f) -> vec2f {
+    let mean = sums.xy / max(sums.z, 1.0);
     let deviation = sqrt(max(mean.y - mean.x * mean.x, 0.0));
-    return vec2f(mean.x, select(1.0, deviation, means.z > MIN_WEIGHT));
+    return vec2f(mean.x, select(1.0, deviation, sums.z > 0.0));
 }

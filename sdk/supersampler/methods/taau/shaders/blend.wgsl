@@ -83,7 +83,7 @@ fn gather_current(p: vec2i) -> Current {
     var slope = vec2f(0.0);
     let sample = nearest(at);
     var steps = vec2f(0.0);    // sums of luma over 3x3 samples: to the right less to the left, below less above
-    var around = vec3f(0.0);   // sums over these: luma, its square; 1 where usable
+    var around = vec3f(0.0);   // sums over these, see `shade_of`
     /* unroll */ for (var j = 0; j < 4; j++) {
         /* unroll */ for (var i = 0; i < 4; i++) {
             let tap = usable_tile_sample(vec2i(first) + vec2i(i, j));
@@ -102,7 +102,7 @@ fn gather_current(p: vec2i) -> Current {
     }
     var center = moment.xyz / max(moment.w, 1e-6);
     var variance = max(square / max(moment.w, 1e-6) - center * center, vec3f(0.0));
-    let shade = shade_of(around / 9.0);
+    let shade = shade_of(around);
     let alpha = textureLoad(samples, sample, 0).a;
     let whole = moment.w > FULL_WEIGHT && around.z > 9.0 * FULL_WEIGHT;
     let explained = dot(steps, steps) * (6.0 / 9.0 / 36.0) / max(shade.y * shade.y, 1e-7);
