@@ -15,7 +15,7 @@ from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import FrameWarning
 from supersampler.frame import Float32, Frame
 from supersampler.validation import FrameChecker
-from supersampler.validation.probe import GRID_PIXELS, pixel_grid
+from supersampler.validation.probe import GRID_PIXELS, pixel_grid, tone_mapped
 from supersampler.validation.single_frame import depth_values, mixed_edges
 
 PIXELS = WIDTH * HEIGHT
@@ -28,6 +28,11 @@ def spread(value: float, share: float, fill: Float32) -> Float32:
     made = fill.copy()
     made.reshape(PIXELS, -1)[: round(share * PIXELS)] = value
     return made
+
+
+def mixed(light: Float32, depth: Float32) -> float:
+    """Return the fraction of mixed edges in luminance."""
+    return mixed_edges(tone_mapped(light, light), depth)
 
 
 def grey(values: NDArray[Any]) -> Float32:
@@ -224,7 +229,7 @@ TURNS: list[Callable[[Float32], Float32]] = [
 def share_mixed(tone: Float32, depth: Float32) -> float:
     """Return the mixed fraction of an image of these tones in any orientation and brightness."""
     found = {
-        round(ieee_arithmetic(mixed_edges)(turn(brightness * tone / (1 - tone)), turn(depth)), 6)
+        round(ieee_arithmetic(mixed)(turn(brightness * tone / (1 - tone)), turn(depth)), 6)
         for turn in TURNS for brightness in (np.float32(1e-3), np.float32(1.0), np.float32(1e3))
     }  # fmt: skip
     assert len(found) == 1
@@ -294,7 +299,7 @@ def test_edges_of_textured_surfaces_are_left_out(row: int, column: int) -> None:
     for by, seen in ((0.04, True), (-0.04, True), (0.07, False), (-0.07, False)):
         tone, depth = edge(0.4, count=198)
         tone[row::3, 3 + column] += np.float32(by * 0.3)
-        share = ieee_arithmetic(mixed_edges)(tone / (1 - tone), depth)
+        share = ieee_arithmetic(mixed)(tone / (1 - tone), depth)
         assert (share > 0) is seen
 
 
@@ -309,11 +314,11 @@ def test_edges_of_narrow_images_are_seen_and_narrower_ones_have_none() -> None:
 
 def test_black_and_infinite_pixels_are_no_edges() -> None:
     tone, depth = edge(0.4)
-    assert ieee_arithmetic(mixed_edges)(0 * tone, depth) == 0.0
-    assert ieee_arithmetic(mixed_edges)(np.inf * tone, depth) == 0.0
+    assert ieee_arithmetic(mixed)(0 * tone, depth) == 0.0
+    assert ieee_arithmetic(mixed)(np.inf * tone, depth) == 0.0
     light = tone / (1 - tone)
     light[1:31, 4] = np.inf
-    assert ieee_arithmetic(mixed_edges)(light, depth) == 1.0, "of the 68 others"
+    assert ieee_arithmetic(mixed)(light, depth) == 1.0, "of the 68 others"
 
 
 @pytest.mark.parametrize(("share", "found"), [(52, False), (58, True)])

@@ -11,7 +11,7 @@ from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.validation import mistakes, rankings
 from supersampler.validation.checker import frame_mistakes
 from supersampler.validation.mistakes import Mistake
-from supersampler.validation.probe import FrameProbe
+from supersampler.validation.probe import FrameProbe, tone_mapped
 from supersampler.validation.rankings import Detection
 from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.single_frame import upside_down
@@ -83,7 +83,7 @@ def detect_conventions(
 
 def _turned(frame: FrameProbe) -> bool:
     """Return whether colour is upside down relative to depth: then no reading of the motion fits."""
-    return frame.light is not None and any(upside_down(frame.depth, frame.light))
+    return frame.light is not None and any(upside_down(frame.depth, tone_mapped(frame.light, frame.light)))
 
 
 def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:

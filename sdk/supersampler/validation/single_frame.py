@@ -55,8 +55,9 @@ def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mista
         yield mistakes.EXPOSURE_OUT_OF_RANGE.found(exposure=frame.exposure)
     if frame.color is not None and light is not None:
         yield from _color(frame, frame.color, light)
-        yield from upside_down(frame.depth, light)
-        mixed = mixed_edges(light, frame.depth)
+        tone = tone_mapped(light, light)
+        yield from upside_down(frame.depth, tone)
+        mixed = mixed_edges(tone, frame.depth)
         if mixed > _MAX_MIXED:
             yield mistakes.COLOR_FILTERED.found(share=mixed)
 
@@ -111,14 +112,13 @@ def _are_whole(values: Float32) -> bool:
     return bool(near.mean() > 0.99 and whole.max() <= 255 and len(np.unique(whole)) >= _MIN_LEVELS)
 
 
-def mixed_edges(light: Float32, depth: Array) -> float:
+def mixed_edges(tone: Float32, depth: Array) -> float:
     """Return the fraction of depth edges with a pixel of mixed colour; 0.0 if there are too few edges.
 
     Depth is sampled at a point. A pixel on one side of a depth edge has the colour of that side, unless
     colour is filtered. Only edges with even colour in 2x3 pixels of both sides count, as textures, noise and
-    soft shadows look mixed.
+    soft shadows look mixed. `tone` is luminance of `tone_mapped`.
     """
-    tone = tone_mapped(light, light)
     away = np.concatenate([_edge_profiles(tone, depth), _edge_profiles(tone.T, depth.T)], axis=1)
     own, between = np.abs(away) < _MIXED[0], (away >= _MIXED[0]) & (away < _MIXED[1])
     sharp, mixed = int(own.all(axis=0).sum()), int((own & between[::-1]).sum())
@@ -143,15 +143,14 @@ def _edge_profiles(tone: Float32, depth: Array) -> NDArray[np.floating[Any]]:
     return np.stack([profile[even, 1, 2], 1.0 - profile[even, 1, 3]])
 
 
-def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
-    """Yield a mistake if the edges of colour and depth agree only with one of them flipped."""
+def upside_down(depth: Float32, tone: Float32) -> Iterator[Mistake]:
+    """Yield a mistake if edges of `tone` (of `tone_mapped`) and depth agree only with one of them flipped."""
     height, width = depth.shape
     rows, columns = pixel_grid((width, height - 1), 4 * GRID_PIXELS)
     here, below = depth[rows, columns], depth[rows + 1, columns]
     edge = np.abs(here - below) > 0.1 * np.maximum(here, below)  # Inf - Inf, reported by `_depth`
     if edge.sum() < 200:
         return
-    tone = tone_mapped(light, light)
     upright, turned = (_edge_contrast(each, rows, columns, edge) for each in (tone, tone[::-1]))
     if turned > 1.5 and turned > 1.5 * upright:
         yield mistakes.COLOR_UPSIDE_DOWN.found(times=turned / max(upright, 1e-6))
