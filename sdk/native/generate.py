@@ -48,6 +48,7 @@ def constants_header() -> str:
         lines += _method(methods()[name])
     lines += ["\nnamespace temporal_filter {"]
     lines += [_line(name, value) for name, value in numbers_of(denoising.__name__).items()]
+    lines += _weights(denoising.OF_DENOISED, denoising.OF_NOISY)
     lines += ["}  // namespace temporal_filter"]
     return "\n".join([*lines, "}  // namespace ss", ""])
 
@@ -70,6 +71,13 @@ def _method(spec: MethodSpec) -> Iterator[str]:
     for name, (low, high) in ranges.items():
         yield f'    {{"{name}", {_literal(float(low))}, {_literal(float(high))}}},'
     yield f"}};\n}}  // namespace {spec.name.replace('-', '_')}"
+
+
+def _weights(denoised: denoising.Weights, noisy: denoising.Weights) -> Iterator[str]:
+    """Yield the lines of the temporal filter's weights, and of their struct."""
+    yield f"struct Weights {{\n    float {', '.join(denoising.Weights._fields)};\n}};"
+    for name, weights in (("OF_DENOISED", denoised), ("OF_NOISY", noisy)):
+        yield f"constexpr Weights {name} = {{{', '.join(map(_literal, weights))}}};"
 
 
 def _line(name: str, value: Number | tuple[float, ...]) -> str:

@@ -8,6 +8,7 @@ import pytest
 from noisy_frames import decibels, noisy
 from supersampler import denoise_sequence
 from supersampler.denoising.oidn import Oidn
+from supersampler.denoising.sequence import guides_of
 
 pytest.importorskip("pyoidn", reason='needs Open Image Denoise: pip install "supersampler[denoise]"')
 
@@ -20,11 +21,12 @@ def test_color_and_guides_lose_their_noise() -> None:
     normal = np.asarray((frame.gbuffer or {})["normal"], np.float32)
     color = np.asarray(frame.color, np.float32)
     with Oidn(threads=1) as oidn:
-        image, guide, other = oidn.denoise(color, noisy_albedo, normal)
-        alone, nothing, _ = oidn.denoise(color, None, None)
+        guide, other = oidn.clean_guides(noisy_albedo, normal)
+        image, alone = oidn.denoise(color, guide, other), oidn.denoise(color, None, None)
+        nothing = oidn.clean_guides(None, None)
     assert guide is not None
     assert other is not None
-    assert nothing is None
+    assert nothing == (None, None)
     assert np.abs(guide - albedo).mean() < 0.5 * np.abs(noisy_albedo - albedo).mean()
     np.testing.assert_allclose(other, normal, atol=0.05)
     assert min(decibels(image, 0), decibels(alone, 0)) > decibels(color, 0) + 2.0
@@ -35,10 +37,9 @@ def test_neighbours_add_to_what_the_denoiser_gives() -> None:
     frames = [noisy(index, noise=0.3) for index in range(9)]
     images = list(denoise_sequence(frames, threads=1))
     with Oidn(threads=1) as oidn:
-        guides = frames[4].gbuffer or {}
-        arrays = (np.asarray(array, np.float32) for array in (frames[4].color, *guides.values()))
-        alone, _, _ = oidn.denoise(*arrays)
-    assert decibels(images[4], 4) > decibels(alone, 4) + 0.5
+        guides = oidn.clean_guides(*guides_of(frames[4]))
+        alone = oidn.denoise(np.asarray(frames[4].color, np.float32), *guides)
+    assert decibels(images[4], 4) > decibels(alone, 4) + 1.5
 
 
 def test_missing_samples_are_filled() -> None:

@@ -10,7 +10,7 @@ import noisy_frames
 from supersampler import Shot
 from supersampler.backends.cpu.library import cpu_library
 from supersampler.denoising import spec, temporal
-from supersampler.denoising.spec import REACH
+from supersampler.denoising.spec import OF_DENOISED, OF_NOISY, REACH
 from supersampler.denoising.temporal import TemporalFilter
 from supersampler.frame import Array
 from supersampler.io.shot import ShotWriter
@@ -65,14 +65,16 @@ def frames_of(
     ("motion", "exposure", "samples"),
     [(1.5, 1.0, 4.0), (0.4, 0.1, 0.5), (60.0, 30.0, 1.0), (0.2, 1.0, 1000.0)],
 )
+@pytest.mark.parametrize("noisy", [False, True])
 def test_the_library_computes_the_images_of_the_definition(
-    size: tuple[int, int], motion: float, exposure: float, samples: float
+    size: tuple[int, int], motion: float, exposure: float, samples: float, noisy: bool
 ) -> None:
     ours, theirs = frames_of(size, 6, motion=motion)
     with TemporalFilter(threads=2) as library:
-        image, groups = library.filter(ours[0], ours[1:4], ours[4:], exposure, samples)
+        image, groups = library.filter(ours[0], ours[1:4], ours[4:], exposure, samples, noisy=noisy)
+    defined = definition.TemporalFilter(OF_NOISY if noisy else OF_DENOISED)
     with torch.no_grad():
-        color, aovs = definition.TemporalFilter()(theirs[0], theirs[1:4], theirs[4:], exposure, samples)
+        color, aovs = defined(theirs[0], theirs[1:4], theirs[4:], exposure, samples)
     assert aovs is not None
     for array, tensor in ((image, color), (np.concatenate(groups, axis=2)[..., :5], aovs)):
         error = np.abs(array - tensor[0].permute(1, 2, 0).numpy())
@@ -169,7 +171,7 @@ def test_fitting_learns_which_neighbours_to_trust() -> None:
     assert trusted[0] > 5.0 * trusted[1]
     assert psnr > LEAST_GAINS[0]
     assert seen > LEAST_GAINS[1]
-    assert constants(before)[0] == f"LOG_WEIGHT = {spec.LOG_WEIGHT:.4f}"
+    assert constants(before) == OF_DENOISED
 
 
 def test_examples_come_from_the_frames_with_references(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Measure the temporal denoiser on a path tracer's frames, beside the per-frame denoiser."""
 
+import hashlib
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -7,18 +8,17 @@ from dataclasses import replace
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.denoising.oidn import FrameDenoiser
-from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser, guides_of
+from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
 from supersampler.denoising.spec import REACH
-from supersampler.denoising.temporal import packed_color
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame
-from supersampler.io.display import ExposureMeter
 from supersampler.io.shot import Shot
 from supersampler.sequence.backward_motion import scattered_motion
 from supersampler_bench.quality import metrics
@@ -102,15 +102,16 @@ def measure_render(
         if not each.scored.any():
             problem = f"has no pixel that is {BORDER} pixels from missing ones and from the edge"
             raise ShotError(files[number][0], problem, "Render a larger region.")
-    frames, frame_cpu = _denoised_frames(shot, span, denoiser, on_frame)
-    both, filter_cpu = _filtered(frames, REACH, samples)
-    one_pass, one_pass_cpu = _filtered(frames, 0, samples)
-    by_number = dict(zip(numbers, frames, strict=True))
+    frames = _frames(shot, span)
+    metered = None if denoiser is None else Metered(denoiser)
+    singles, frame_cpu = _denoised_singly(frames, metered, on_frame)
+    ways = {lookahead: _denoised(frames, lookahead, samples, metered) for lookahead in (REACH, 0)}
+    by_number = dict(zip(numbers, singles, strict=True))
     images: dict[str, Images] = {
         FRAME: {number: np.asarray(by_number[number].color, np.float32) for number in references},
         MEDIAN: {number: median_of_three(by_number, number) for number in references},
-        ONE_PASS: {number: one_pass[number - numbers[0]] for number in references},
-        DENOISER: {number: both[number - numbers[0]] for number in references},
+        ONE_PASS: {number: ways[0].images[number - numbers[0]] for number in references},
+        DENOISER: {number: ways[REACH].images[number - numbers[0]] for number in references},
     }
     return RenderRow(
         scene=scene,
@@ -124,8 +125,9 @@ def measure_render(
         per_frame="none" if denoiser is None else "oidn",
         render_cpu=render_cost(render, numbers),
         frame_cpu=frame_cpu,
-        filter_cpu=filter_cpu,
-        one_pass_cpu=one_pass_cpu,
+        mean_cpu=ways[REACH].denoiser_cpu,
+        filter_cpu=ways[REACH].filter_cpu,
+        one_pass_cpu=ways[0].filter_cpu,
         methods=[_scores(method, found, references) for method, found in images.items()],
     )
 
@@ -159,46 +161,87 @@ def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
     return mean_of([by_number.get(number) for number in numbers])
 
 
-def _denoised_frames(
-    shot: Shot, span: range, denoiser: FrameDenoiser | None, on_frame: Callable[[], None]
-) -> tuple[list[Frame], float]:
-    """Return the frames, denoised one by one and without AOVs, and the denoiser's CPU seconds per frame."""
+class Metered:
+    """Denoises frames, each only once, and counts the CPU seconds that this takes.
+
+    Attributes:
+        seconds: CPU seconds of the denoiser.
+    """
+
+    def __init__(self, denoiser: FrameDenoiser) -> None:
+        self._denoiser, self.seconds = denoiser, 0.0
+        self._known: dict[bytes, Any] = {}
+
+    def clean_guides(
+        self, albedo: Float32 | None, normal: Float32 | None
+    ) -> tuple[Float32 | None, Float32 | None]:
+        """See `FrameDenoiser`."""
+        found: tuple[Float32 | None, Float32 | None] = self._once(self._denoiser.clean_guides, albedo, normal)
+        return found
+
+    def denoise(self, color: Float32, albedo: Float32 | None, normal: Float32 | None) -> Float32:
+        """See `FrameDenoiser`."""
+        found: Float32 = self._once(self._denoiser.denoise, color, albedo, normal)
+        return found
+
+    def _once(self, work: Callable[..., Any], *images: Float32 | None) -> Any:
+        digest = hashlib.blake2b(work.__name__.encode())
+        for image in images:
+            digest.update(b"none" if image is None else image.tobytes())
+        key = digest.digest()
+        if key not in self._known:
+            before = time.process_time()
+            self._known[key] = work(*images)
+            self.seconds += time.process_time() - before
+        return self._known[key]
+
+
+class _Way(NamedTuple):
+    """Images of the temporal denoiser, and CPU seconds per frame."""
+
+    images: list[Float32]
+    denoiser_cpu: float  # of denoising the means; 0 if the frames came denoised
+    filter_cpu: float  # of the temporal filter, at frames that have all neighbours
+
+
+def _frames(shot: Shot, span: range) -> list[Frame]:
+    """Return the frames without AOVs; all are read before anything is measured."""
     read = shot.frames(span.start, span.stop, gbuffers=BUFFERS, references=False)
-    # Read all frames first, so that the time of threads that read ahead does not count.
     frames = [replace(item.frame, aovs=None) for item in read]
     frames[0] = replace(frames[0], reset=True)
-    done, seconds = [], 0.0
-    for frame in frames:
-        exposure = ExposureMeter().read_frame(frame)  # as `TemporalDenoiser` measures it, before denoising
-        before = time.process_time()
-        clean = frame if denoiser is None else _denoised_frame(frame, denoiser)
-        seconds += time.process_time() - before
-        done.append(replace(clean, exposure=exposure))
-        on_frame()
-    return done, 0.0 if denoiser is None else seconds / len(frames)
+    return frames
 
 
-def _denoised_frame(frame: Frame, denoiser: FrameDenoiser) -> Frame:
-    if frame.color is None:
-        raise ArgumentError("RENDER", got="a frame without colour", want="the colour of every frame")
-    color = packed_color(frame.color, 1.0 / frame.pre_exposure)
-    clean, albedo, normal = denoiser.denoise(np.ascontiguousarray(color[..., :3]), *guides_of(frame))
-    clean = np.where(color[..., 3:] > 0.0, clean * np.float32(frame.pre_exposure), np.float32(np.nan))
-    guides = {"base_color": albedo, "normal": normal}
-    known = {name: guide for name, guide in guides.items() if guide is not None}
-    return replace(frame, color=clean, gbuffer=known or None)
+def _denoised_singly(
+    frames: Sequence[Frame], denoiser: Metered | None, on_frame: Callable[[], None]
+) -> tuple[list[Frame], float]:
+    """Return the frames, denoised one by one, and the denoiser's CPU seconds per frame."""
+    done = []
+    with TemporalDenoiser(per_frame=denoiser or "none", threads=1) as stages:
+        for frame, window in zip(frames, stages.windows(frames), strict=True):
+            color = window.color[..., :3] * np.float32(frame.pre_exposure)
+            done.append(
+                replace(frame, color=np.where(window.color[..., 3:] > 0.0, color, np.float32(np.nan)))
+            )
+            on_frame()
+    return done, 0.0 if denoiser is None else denoiser.seconds / len(frames)
 
 
-def _filtered(frames: Sequence[Frame], lookahead: int, samples: int) -> tuple[list[Float32], float]:
-    """Return the images of the temporal filter, and its CPU seconds per frame that has all neighbours."""
-    images, seconds = [], []
-    with TemporalDenoiser(per_frame="none", lookahead=lookahead, samples=samples, threads=1) as denoiser:
-        run = denoiser.run(frames)
+def _denoised(frames: Sequence[Frame], lookahead: int, samples: int, denoiser: Metered | None) -> _Way:
+    """Run the temporal denoiser; frames that were denoised before take no time again."""
+    images, seconds, spent = [], [], 0.0
+    with TemporalDenoiser(
+        per_frame=denoiser or "none", lookahead=lookahead, samples=samples, threads=1
+    ) as stages:
+        run = stages.run(frames)
         for _ in frames:
-            before = time.process_time()
+            before, own = time.process_time(), 0.0 if denoiser is None else denoiser.seconds
             images.append(next(run).image)
-            seconds.append(time.process_time() - before)
-    return images, float(np.mean(seconds[REACH : len(frames) - lookahead] or seconds))
+            own = 0.0 if denoiser is None else denoiser.seconds - own
+            seconds.append(time.process_time() - before - own)
+            spent += own
+    steady = seconds[REACH : len(frames) - lookahead] or seconds
+    return _Way(images, spent / len(frames), float(np.mean(steady)))
 
 
 def median_of_three(frames: Mapping[int, Frame], number: int) -> Float32:

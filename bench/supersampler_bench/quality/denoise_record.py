@@ -15,8 +15,8 @@ FRAME, MEDIAN, ONE_PASS = "frame", "median", f"{DENOISER}:1-pass"
 METHODS = {
     FRAME: "per-frame denoiser alone",
     MEDIAN: "median of three",
-    ONE_PASS: "temporal filter, 1 pass",
-    DENOISER: "temporal filter, 2 passes",
+    ONE_PASS: "temporal denoiser, 1 pass",
+    DENOISER: "temporal denoiser, 2 passes",
 }
 """Names of the compared ways, and their titles in tables."""
 
@@ -52,6 +52,7 @@ class RenderRow:
     per_frame: str  # "oidn"; "none" if the frames came denoised
     render_cpu: float | None  # of the renderer; None if unknown
     frame_cpu: float  # of the per-frame denoiser; 0 if the frames came denoised
+    mean_cpu: float  # of the denoiser of noisy means; 0 if the frames came denoised
     filter_cpu: float  # of the temporal filter, at frames that have all neighbours
     one_pass_cpu: float  # of the temporal filter with one pass
     methods: list[DenoiseScores]
@@ -60,9 +61,16 @@ class RenderRow:
         """Return the scores of one of METHODS."""
         return next(scores for scores in self.methods if scores.method == method)
 
-    def temporal_cpu(self, method: str) -> float | None:
-        """Return the CPU seconds per frame after the per-frame denoiser; None if they were not measured."""
+    def own_cpu(self, method: str) -> float | None:
+        """Return the CPU seconds per frame of the temporal filter; None if they were not measured."""
         return {FRAME: 0.0, ONE_PASS: self.one_pass_cpu, DENOISER: self.filter_cpu}.get(method)
+
+    def whole_cpu(self, method: str) -> float | None:
+        """Return all CPU seconds per frame, with those of the renderer; None if they were not measured."""
+        own = self.own_cpu(method)
+        if own is None or self.render_cpu is None:
+            return None
+        return self.render_cpu + self.frame_cpu + own + (0.0 if method == FRAME else self.mean_cpu)
 
 
 @dataclass(frozen=True)
@@ -85,7 +93,7 @@ class DenoiseRecord(BenchRecord):
         scenes = sorted({row.scene for row in self.renders})
         caption = (
             f"Means over those of the scenes {', '.join(scenes)} that have the number of samples. CPU s per "
-            "frame: renderer, per-frame denoiser and temporal filter together, one thread each. The filter's "
+            "frame: renderer, denoiser and temporal filter together, one thread each. The filter's "
             f"time is of frames with all neighbours, without AOVs. {self._conditions()}"
         )
         return table(headings, rows, caption)
@@ -93,12 +101,18 @@ class DenoiseRecord(BenchRecord):
     def scenes_table(self) -> str:
         """Return the table of PSNR, tPSNR and costs of each render."""
         headings = ["scene", "samples:", *(f"{title}:" for title in METHODS.values())]
-        costs = ["renderer, CPU s:", "per-frame denoiser, CPU s:", "filter, CPU s:"]
+        costs = [
+            "renderer, CPU s:",
+            "per-frame denoiser, CPU s:",
+            "denoiser of means, CPU s:",
+            "filter, CPU s:",
+        ]
         rows = [
             [
                 row.scene, row.samples,
                 *(f"{figure(s.psnr, 2)} / {figure(s.tpsnr, 2)}" for s in map(row.scores, METHODS)),
-                figure(row.render_cpu, 1), figure(row.frame_cpu, 1), figure(row.filter_cpu, 2),
+                figure(row.render_cpu, 1), figure(row.frame_cpu, 1), figure(row.mean_cpu, 1),
+                figure(row.filter_cpu, 2),
             ]
             for row in self._ordered()
         ]  # fmt: skip
@@ -122,11 +136,7 @@ class DenoiseRecord(BenchRecord):
         found: list[list[object]] = []
         for method, title in METHODS.items():
             scores = [row.scores(method) for row in renders]
-            own = [row.temporal_cpu(method) for row in renders]
-            whole = [
-                None if row.render_cpu is None or cpu is None else row.render_cpu + row.frame_cpu + cpu
-                for row, cpu in zip(renders, own, strict=True)
-            ]
+            own, whole = zip(*((row.own_cpu(method), row.whole_cpu(method)) for row in renders), strict=True)
             a_megapixel = [
                 None if cpu is None or method == FRAME else 1e6 * cpu / (row.size[0] * row.size[1])
                 for row, cpu in zip(renders, own, strict=True)

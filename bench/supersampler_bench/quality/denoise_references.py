@@ -71,7 +71,8 @@ def read_reference(files: Sequence[Path], denoiser: FrameDenoiser | None) -> Ref
     color = means["color"]
     if denoiser is not None and is_denoised:
         box = bounding_box(known)
-        color[box] = denoiser.denoise(color[box], means["albedo"][box], means["normal"][box])[0]
+        guides = denoiser.clean_guides(means["albedo"][box], means["normal"][box])
+        color[box] = denoiser.denoise(color[box], *guides)
     color[~known] = 0.0
     return Reference(color, ~dilated(~known, BORDER, edge=True), is_denoised)
 

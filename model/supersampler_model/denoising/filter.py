@@ -13,17 +13,20 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from supersampler.denoising import spec
-from supersampler.denoising.spec import DEFAULT_SAMPLES, KNOWN_SHARE, LOG_OFFSET, MAX_SAMPLES, REACH
+from supersampler.denoising.spec import (
+    DEFAULT_SAMPLES,
+    KNOWN_SHARE,
+    LOG_OFFSET,
+    MAX_SAMPLES,
+    OF_DENOISED,
+    REACH,
+    Weights,
+)
 from supersampler_model.ops.images import neighbours_3x3, size_of
 from supersampler_model.ops.motion import positions_of, read, read_cubic, usable_motion
 
-COSTS = (
-    "COLOR_COST", "COLOR_COST_3X3", "COLOR_COST_5X5", "NORMAL_COST", "NORMAL_COST_3X3", "ALBEDO_COST",
-    "ALBEDO_COST_3X3", "SHIFT_COST_9X9", "AGE_COST",
-)  # fmt: skip
-"""Names of the costs of `supersampler.denoising.spec`, in the order of `distances`; all but that of age, the
-last one, are per sample."""
+COSTS = Weights._fields[1:]
+"""Names of the costs, in the order of `distances`; all but that of age, the last one, are per sample."""
 MANTISSA = 2.0**-23  # value of the last bit of a float's mantissa
 
 
@@ -58,10 +61,10 @@ class Gathered:
 class TemporalFilter(nn.Module):
     """Averages a frame and its neighbours, by weights that fall with their distance."""
 
-    def __init__(self) -> None:
+    def __init__(self, weights: Weights = OF_DENOISED) -> None:
         super().__init__()
-        self.log_weight = nn.Parameter(torch.tensor(spec.LOG_WEIGHT))
-        self.log_costs = nn.Parameter(torch.tensor([getattr(spec, name) for name in COSTS]).log())
+        self.log_weight = nn.Parameter(torch.tensor(weights.log_weight))
+        self.log_costs = nn.Parameter(torch.tensor(weights[1:]).log())
 
     def weight(self, distances: Tensor, samples: float) -> Tensor:
         """Return the weights (n, 1, h, w) of neighbours at these distances (n, len(COSTS), h, w)."""
@@ -147,7 +150,7 @@ def distances(frame: WindowFrame, other: Gathered, exposure: float) -> Tensor:
     shift = box(difference.mean(dim=1, keepdim=True), 4).square()
     normal = squared(other.normal - frame.normal)
     albedo = squared(other.albedo - frame.albedo)
-    age = torch.full_like(color, other.age / REACH)
+    age = torch.full_like(color, float(other.age))
     return torch.cat(
         [color, box(color, 1), box(color, 2), normal, box(normal, 1), albedo, box(albedo, 1), shift, age],
         dim=1,

@@ -2,7 +2,7 @@
 
     python -m supersampler_model.denoising.training SHOT:SAMPLES...
 
-prints the lines of `supersampler.denoising.spec`. Some frames in a row of each SHOT have references;
+prints `OF_DENOISED` of `supersampler.denoising.spec`. Some frames in a row of each SHOT have references;
 SAMPLES are its samples per pixel. Open Image Denoise denoises shots that are not denoised yet. The filter
 is fitted to gain in every shot over frames that are denoised one by one: in PSNR, in tPSNR, and in error as
 people see it. A shot in which it would lose costs far more than the others gain.
@@ -21,10 +21,10 @@ from torch import Tensor
 from supersampler import Shot
 from supersampler.denoising import temporal
 from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
+from supersampler.denoising.spec import Weights
 from supersampler.frame import Float32
 from supersampler.io.display import ExposureMeter
 from supersampler_model.denoising.filter import (
-    COSTS,
     TemporalFilter,
     WindowFrame,
     box,
@@ -152,10 +152,10 @@ def fit(renders: Sequence[Render], *, rounds: int = ROUNDS) -> TemporalFilter:
     return model
 
 
-def constants(model: TemporalFilter) -> list[str]:
-    """Return a filter's constants as lines of `supersampler.denoising.spec`."""
-    costs = zip(COSTS, model.log_costs.exp().tolist(), strict=True)
-    return [f"LOG_WEIGHT = {model.log_weight.item():.4f}", *(f"{name} = {cost:.4f}" for name, cost in costs)]
+def constants(model: TemporalFilter) -> Weights:
+    """Return a filter's constants, rounded as in `supersampler.denoising.spec`."""
+    values = (model.log_weight.item(), *model.log_costs.exp().tolist())
+    return Weights(*(round(value, 4) for value in values))
 
 
 def render_of(shot: Shot, samples: float) -> Render:
@@ -191,7 +191,7 @@ def main() -> None:
     parser.add_argument("shots", nargs="+", metavar="SHOT:SAMPLES", help="frames, some with references")
     given = [text.rpartition(":") for text in parser.parse_args().shots]
     renders = [render_of(Shot.open(name), float(samples)) for name, _, samples in given]
-    sys.stdout.write("\n".join(constants(fit(renders))) + "\n")
+    sys.stdout.write(f"{constants(fit(renders))}\n")
 
 
 if __name__ == "__main__":

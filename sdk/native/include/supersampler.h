@@ -295,6 +295,7 @@ typedef struct ss_temporal {
     int aov_groups;         /* arrays of AOVs in each frame */
     float exposure;         /* > 0, multiplies colour where colours are compared */
     float samples;          /* > 0, per pixel, of the renderer: the more, the less a neighbour that differs counts */
+    int noisy;              /* 1: larger weights, for AOVs that are to be denoised afterwards, such as noisy colour; or 0 */
     int first_row, end_row; /* rows that are computed; several threads may compute rows of one image */
     float* image;           /* (height, width, 4) the mean, and the sum of the weights, of which 1 is the frame's own */
     float* const* aovs;     /* the means of the AOVs, (height, width, 4) each */

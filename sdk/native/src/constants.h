@@ -283,20 +283,16 @@ constexpr Constant CONSTANTS[] = {
 }  // namespace guided_warp
 
 namespace temporal_filter {
-constexpr int REACH = 8;
+constexpr int REACH = 5;
+constexpr int SMOOTHING_REACH = 2;
 constexpr float LOG_OFFSET = 0.01f;
 constexpr float KNOWN_SHARE = 0.999f;
 constexpr int DEFAULT_SAMPLES = 8;
 constexpr int MAX_SAMPLES = 64;
-constexpr float LOG_WEIGHT = -0.6249f;
-constexpr float COLOR_COST = 0.022f;
-constexpr float COLOR_COST_3X3 = 0.1223f;
-constexpr float COLOR_COST_5X5 = 0.2019f;
-constexpr float NORMAL_COST = 0.3178f;
-constexpr float NORMAL_COST_3X3 = 0.6003f;
-constexpr float ALBEDO_COST = 0.5483f;
-constexpr float ALBEDO_COST_3X3 = 0.9074f;
-constexpr float SHIFT_COST_9X9 = 3.4943f;
-constexpr float AGE_COST = 6.0878f;
+struct Weights {
+    float log_weight, color, color_3x3, color_5x5, normal, normal_3x3, albedo, albedo_3x3, shift_9x9, age;
+};
+constexpr Weights OF_DENOISED = {-0.6249f, 0.022f, 0.1223f, 0.2019f, 0.3178f, 0.6003f, 0.5483f, 0.9074f, 3.4943f, 0.761f};
+constexpr Weights OF_NOISY = {0.0f, 0.022f, 0.1223f, 0.2019f, 0.6356f, 1.2006f, 1.0966f, 1.8148f, 3.4943f, 0.875f};
 }  // namespace temporal_filter
 }  // namespace ss

@@ -99,8 +99,9 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
     float* scratch = static_cast<float*>(malloc(sizeof(float) * TemporalFilter::SCRATCH));
     if (!scratch) return fail(error, SS_NO_MEMORY, "no memory for the temporal filter");
     const IeeeArithmetic arithmetic;
-    const TemporalFilter work = {t->frames,  t->previous,           t->following, t->aov_groups, t->exposure,
-                                 t->samples, {t->width, t->height}, t->image,     t->aovs,       scratch};
+    const TemporalFilter work = {t->frames,  t->previous,   t->following,          t->aov_groups, t->exposure,
+                                 t->samples, t->noisy != 0, {t->width, t->height}, t->image,      t->aovs,
+                                 scratch};
     memset(scratch, 0, sizeof(float) * TemporalFilter::SCRATCH);
     find_kernels(nullptr)->temporal_rows(work, t->first_row, t->end_row);
     free(scratch);

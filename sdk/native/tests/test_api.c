@@ -520,7 +520,7 @@ static void the_temporal_filter_averages_frames(void) {
         aovs[k][0] = &color[k][0][0][0];
         frames[k] = (ss_temporal_frame){&color[k][0][0][0], &guides[0][0][0], &step[0][0][0], &step[0][0][0], aovs[k]};
     }
-    ss_temporal filter = {TW, TH, frames, 2, 2, 1, 1.0f, 4.0f, 0, TH, &image[0][0][0][0], mean};
+    ss_temporal filter = {TW, TH, frames, 2, 2, 1, 1.0f, 4.0f, 0, 0, TH, &image[0][0][0][0], mean};
     CHECK(ss_filter_temporal(&filter, &error) == SS_OK, "%s", error.message);
     filter.image = &image[1][0][0][0];
     for (int y = 0; y < TH; y += 5) {  // as threads would

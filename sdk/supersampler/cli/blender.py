@@ -156,7 +156,7 @@ def blender(
             "overwrite": overwrite, "holds_shot": True, "console": console,
         }  # fmt: skip
         if render.scene.denoise == "temporal":
-            run_denoise(DenoiseJob(**same, per_frame="none"))
+            run_denoise(DenoiseJob(**same))
         else:
             run_upscale(UpscaleJob(**same, model=method))
         if composite or blurs:

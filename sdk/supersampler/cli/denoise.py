@@ -34,8 +34,8 @@ def denoise(
     per_frame: Annotated[
         Literal["auto", "oidn", "none"],
         typer.Option(
-            help="Denoiser of single frames. oidn: Open Image Denoise. none: the frames are denoised "
-            "already. auto: none if the files state that (Blender's Noisy Image)."
+            help="Denoiser of single frames. oidn: Open Image Denoise; of frames that Cycles has denoised it "
+            "takes Noisy Image. none: the frames are denoised already. auto: oidn where it is installed."
         ),
     ] = "auto",
     passes: Annotated[
@@ -46,7 +46,7 @@ def denoise(
     ] = 2,
     lookahead: Annotated[
         int | None,
-        typer.Option(min=1, max=8, help="With --passes 2: number of following frames.", show_default="8"),
+        typer.Option(min=1, max=5, help="With --passes 2: number of following frames.", show_default="5"),
     ] = None,
     samples: Annotated[
         float | None,
@@ -79,9 +79,9 @@ def denoise(
 ) -> None:
     """Denoise SHOT, the frames of a path tracer, into a folder of images of the same size.
 
-    Each frame is denoised by itself, then averaged with up to 8 previous and 8 following frames, which motion
-    aligns. Frames need colour, depth and motion; albedo and normal keep edges sharp. Alpha and AOVs are
-    averaged with the same weights. A missing frame is a cut. The same command resumes a stopped run.
+    The noise of a frame and of up to 5 previous and 5 following frames, which motion aligns, is averaged
+    before it is denoised. Frames need colour, depth and motion; albedo and normal keep edges sharp. Alpha and
+    AOVs are averaged with the same weights. A missing frame is a cut. The same command resumes a stopped run.
 
     \b
     Examples:

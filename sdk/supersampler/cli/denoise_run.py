@@ -13,6 +13,7 @@ from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_run import FrameJob, FramePlan, FrameRun, OnStep, SteppedFrame
 from supersampler.cli.results import PREROLL, Results
 from supersampler.denoising import sequence
+from supersampler.denoising.oidn import has_oidn
 from supersampler.denoising.sequence import PerFrame, TemporalDenoiser
 from supersampler.denoising.spec import REACH
 from supersampler.errors import FrameError, MissingFramesError, ShotError
@@ -31,7 +32,8 @@ class DenoiseJob(FrameJob):
 
     Attributes:
         per_frame: denoiser of single frames: "oidn"; "none" for frames that are already denoised; "auto" is
-            "none" if the shot states that its frames are denoised, otherwise "oidn".
+            "none" for a shot that states that, unless it has the colour from before, too, and OIDN is
+            installed; otherwise "oidn".
         passes: 1 averages with previous frames; 2 also with following frames.
         lookahead: number of following frames; see `denoise_sequence`.
         samples: samples per pixel; None is what the shot states.
@@ -49,11 +51,14 @@ class DenoiseJob(FrameJob):
         """The denoiser that runs on each frame first: "oidn" or "none"."""
         if self.per_frame != "auto":
             return self.per_frame
-        return "none" if self.shot.is_denoised else "oidn"
+        has_noise = not self.shot.is_denoised or (self.shot.noisy_channels and has_oidn())
+        return "oidn" if has_noise else "none"
 
 
 def run_denoise(job: DenoiseJob) -> Results:
     """Denoise the frames that are not complete yet, and print a summary; for errors see `run_frames`."""
+    if job.denoiser == "oidn":
+        job = replace(job, shot=job.shot.with_noise())
     after = sequence.checked_lookahead(job.passes, job.lookahead)
     samples = sequence.checked_samples(job.shot.samples if job.samples is None else job.samples)
     plan = frame_run.plan_frames(job.shot, job.numbers, REACH, 2 if after else 1)

@@ -1,6 +1,7 @@
 """`Oidn`: Intel Open Image Denoise, which denoises each frame by itself, from the package pyoidn."""
 
 from collections.abc import Mapping
+from importlib.util import find_spec
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -11,19 +12,27 @@ from supersampler.frame import Float32
 
 
 class FrameDenoiser(Protocol):
-    """Denoises one frame; guides come back without their noise."""
+    """Denoises one frame."""
 
-    def denoise(
-        self, color: Float32, albedo: Float32 | None, normal: Float32 | None
-    ) -> tuple[Float32, Float32 | None, Float32 | None]:
-        """Return colour, albedo and normal, (h, w, 3) each; a guide that is None stays None."""
+    def clean_guides(
+        self, albedo: Float32 | None, normal: Float32 | None
+    ) -> tuple[Float32 | None, Float32 | None]:
+        """Return albedo and normal, (h, w, 3) each, without noise; a guide that is None stays None."""
+
+    def denoise(self, color: Float32, albedo: Float32 | None, normal: Float32 | None) -> Float32:
+        """Return colour (h, w, 3) without noise; the guides are those of `clean_guides`."""
+
+
+def has_oidn() -> bool:
+    """Return whether pyoidn is installed."""
+    return find_spec("pyoidn") is not None
 
 
 class Oidn:
     """Open Image Denoise on the CPU; one thread at a time may use it.
 
-    Albedo and normal are denoised first: at few samples they are as noisy as colour (Cycles calls this the
-    prefilter ACCURATE).
+    Albedo and normal must be denoised first, by `clean_guides`: at few samples they are as noisy as colour
+    (Cycles calls this the prefilter ACCURATE).
 
     Args:
         threads: threads of OIDN; 0 is one per core.
@@ -49,18 +58,23 @@ class Oidn:
     def __exit__(self, *_: object) -> None:
         self._device.release()
 
-    def denoise(
-        self, color: Float32, albedo: Float32 | None, normal: Float32 | None
-    ) -> tuple[Float32, Float32 | None, Float32 | None]:
-        """Return colour, albedo and normal, (h, w, 3) each; a guide that is None stays None.
+    def clean_guides(
+        self, albedo: Float32 | None, normal: Float32 | None
+    ) -> tuple[Float32 | None, Float32 | None]:
+        """Return albedo and normal, (h, w, 3) each, without noise; a guide that is None stays None."""
+        return (
+            None if albedo is None else self._filtered({"albedo": albedo}),
+            None if normal is None else self._filtered({"normal": normal}),
+        )
+
+    def denoise(self, color: Float32, albedo: Float32 | None, normal: Float32 | None) -> Float32:
+        """Return colour (h, w, 3) without noise; the guides are those of `clean_guides`.
 
         OIDN uses the normal only where there is an albedo.
         """
-        albedo = None if albedo is None else self._filtered({"albedo": albedo})
-        normal = None if normal is None else self._filtered({"normal": normal})
         guides = {"albedo": albedo, "normal": normal if albedo is not None else None}
         images = {"color": color, **{name: image for name, image in guides.items() if image is not None}}
-        return self._filtered(images, hdr=True, clean=albedo is not None), albedo, normal
+        return self._filtered(images, hdr=True, clean=albedo is not None)
 
     def _filtered(
         self, images: Mapping[str, NDArray[Any]], *, hdr: bool = False, clean: bool = False

@@ -1,9 +1,9 @@
-"""Denoise the frames of a sequence: each by itself, then with its neighbours along their motion."""
+"""Denoise the frames of a sequence, each with its neighbours along their motion."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Literal, NamedTuple, Self
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from supersampler.arguments import as_number, ieee_arithmetic
 from supersampler.denoising.oidn import FrameDenoiser, Oidn
-from supersampler.denoising.spec import DEFAULT_SAMPLES, REACH
+from supersampler.denoising.spec import DEFAULT_SAMPLES, REACH, SMOOTHING_REACH
 from supersampler.denoising.temporal import (
     TemporalFilter,
     WindowFrame,
@@ -47,18 +47,30 @@ class Denoised(NamedTuple):
 
 
 @dataclass(eq=False)
-class _Waiting:
-    frame: Frame
-    window: WindowFrame
+class _Item:
+    """A frame on its way through the stages."""
+
+    frame: Frame  # as it came
+    noisy: Float32  # its colour, as `WindowFrame.color`
+    window: WindowFrame  # with its denoised colour
+    guides: tuple[Float32 | None, Float32 | None]  # albedo and normal without noise, (h, w, 3) each
+    exposure: float  # of this frame alone: images depend on no other
 
 
 class TemporalDenoiser:
     """Denoises frames in order; a context, which ends its threads.
 
-    At most 2 * REACH + 1 frames are in memory, of 64 bytes a pixel and 16 for every four AOVs.
+    Noisy frames pass three stages. Each frame is denoised by itself. These images give the weights by which
+    the noisy colours of a frame and its neighbours are averaged, along their motion; the mean is denoised
+    again. It is then averaged with those of up to SMOOTHING_REACH frames on either side. Frames that are
+    denoised already pass the last stage only, with REACH frames on either side.
+
+    At most 2 * REACH + 1 frames are in memory, of 80 bytes a pixel and 16 for every four AOVs, and half as
+    many means of them.
 
     Args:
-        per_frame: denoiser of single frames: "oidn", or "none" for frames that are denoised already.
+        per_frame: denoiser of single frames: "oidn", another one, or "none" for frames that are denoised
+            already.
         lookahead: frames after a frame that are read before its image comes, 0 to REACH.
         samples: samples per pixel of the frames, > 0.
         threads: threads of the filter and of OIDN; 0 is one per core.
@@ -70,13 +82,13 @@ class TemporalDenoiser:
     def __init__(
         self,
         *,
-        per_frame: PerFrame = "oidn",
+        per_frame: PerFrame | FrameDenoiser = "oidn",
         lookahead: int = REACH,
         samples: float = DEFAULT_SAMPLES,
         threads: int = 0,
     ) -> None:
         self._stack, self._lookahead, self._samples = ExitStack(), lookahead, samples
-        self._denoiser: FrameDenoiser | None = None
+        self._denoiser = None if isinstance(per_frame, str) else per_frame
         if per_frame == "oidn":
             self._denoiser = self._stack.enter_context(Oidn(threads))
         self._filter = self._stack.enter_context(TemporalFilter(threads=threads))
@@ -97,37 +109,31 @@ class TemporalDenoiser:
         Raises:
             FrameError: a frame has no colour, is jittered, or differs in size from the one before.
         """
-        previous: deque[_Waiting] = deque(maxlen=REACH)
-        waiting: deque[_Waiting] = deque()
-        last: _Waiting | None = None
-        for index, frame in enumerate(frames):
-            if frame.reset:
-                yield from self._emptied(previous, waiting)
-                previous.clear()  # frees memory: no motion leads there
-                last = None
-            last = self._prepared(frame, last)
-            if index < skip:
-                previous.append(last)
-                continue
-            waiting.append(last)
-            while len(waiting) > self._lookahead:
-                yield self._next(previous, waiting)
-        yield from self._emptied(previous, waiting)
+        items, reach, ahead = self._linked(frames), REACH, self._lookahead
+        if self._denoiser is not None:
+            reach, ahead = SMOOTHING_REACH, SMOOTHING_REACH * ahead // REACH
+            first = max(0, skip - reach)
+            items, skip = self._accumulated(items, self._lookahead - ahead, first), skip - first
+        for near in _neighbourhoods(items, reach, ahead, skip):
+            image, aovs = self._averaged(near, lambda item: item.window)
+            frame = near.item.frame
+            image *= np.float32(frame.pre_exposure)
+            count = 0 if frame.aovs is None else frame.aovs.shape[2]
+            yield Denoised(frame, image, np.concatenate(aovs, axis=2)[..., :count] if aovs else None)
 
     def windows(self, frames: Iterable[Frame]) -> list[WindowFrame]:
-        """Return all frames of one shot as the filter reads them."""
-        found: list[_Waiting] = []
-        for frame in frames:
-            found.append(self._prepared(frame, None if frame.reset or not found else found[-1]))
-        return [item.window for item in found]
+        """Return all frames of one shot, each denoised by itself, as the filter reads them."""
+        return [item.window for item in self._linked(frames)]
 
-    def _emptied(self, previous: deque[_Waiting], waiting: deque[_Waiting]) -> Iterator[Denoised]:
-        while waiting:
-            yield self._next(previous, waiting)
+    def _linked(self, frames: Iterable[Frame]) -> Iterator[_Item]:
+        """Yield each frame, denoised by itself and linked to the one before."""
+        last: _Item | None = None
+        for frame in frames:
+            last = self._prepared(frame, None if frame.reset else last)
+            yield last
 
     @ieee_arithmetic
-    def _prepared(self, frame: Frame, last: _Waiting | None) -> _Waiting:
-        """Denoise a frame by itself, and link it to the one before."""
+    def _prepared(self, frame: Frame, last: _Item | None) -> _Item:
         if frame.color is None:
             raise FrameError("color", got=None, want="the colour of every frame: (h, w, 3)")
         if frame.jitter != (0.0, 0.0):
@@ -136,38 +142,89 @@ class TemporalDenoiser:
         if last is not None and frame.size != last.frame.size:
             hint = "Mark a cut, or denoise each size apart."
             raise FrameError("color", got=frame.size, want=f"{last.frame.size}, the size before", hint=hint)
-        factor = 1.0 / frame.pre_exposure
-        color, (albedo, normal) = packed_color(frame.color, factor), guides_of(frame)
+        noisy, guides = packed_color(frame.color, 1.0 / frame.pre_exposure), guides_of(frame)
         if self._denoiser is not None:
-            known = color[..., 3:].copy()
-            color[..., :3], albedo, normal = self._denoiser.denoise(
-                np.ascontiguousarray(color[..., :3]), albedo, normal
-            )
-            color = packed_color(color[..., :3])
-            color *= known
-        height, width = frame.depth.shape
-        window = WindowFrame(
-            color, packed_guides(albedo, normal, (height, width)), aovs=packed_aovs(frame.aovs)
+            guides = self._denoiser.clean_guides(*guides)
+        color = self._denoised(noisy, guides)
+        packed = packed_guides(*guides, frame.depth.shape)
+        item = _Item(
+            frame=frame,
+            noisy=noisy,
+            window=WindowFrame(color, packed, aovs=packed_aovs(frame.aovs)),
+            guides=guides,
+            exposure=ExposureMeter().read_frame(frame),
         )
         if last is not None:
-            window.to_previous = nearest_motion(frame.depth, frame.motion)
+            item.window.to_previous = nearest_motion(frame.depth, frame.motion)
             given = last.frame.motion_next
             following = scattered_motion(last.frame, frame) if given is None else given
             last.window.to_next = nearest_motion(last.frame.depth, following)
-        return _Waiting(frame, window)
+        return item
 
-    def _next(self, previous: deque[_Waiting], waiting: deque[_Waiting]) -> Denoised:
-        """Return the images of the first waiting frame, and move it to the previous frames."""
-        first = waiting.popleft()
-        following = [item.window for item in list(waiting)[:REACH]]
-        before = [item.window for item in reversed(previous)]
-        exposure = ExposureMeter().read_frame(first.frame)  # of this frame alone: images depend on no other
-        image, groups = self._filter.filter(first.window, before, following, exposure, self._samples)
-        image *= np.float32(first.frame.pre_exposure)
-        count = 0 if first.frame.aovs is None else first.frame.aovs.shape[2]
-        aovs = np.concatenate(groups, axis=2)[..., :count] if groups else None
-        previous.append(first)
-        return Denoised(first.frame, image, aovs)
+    def _denoised(self, color: Float32, guides: tuple[Float32 | None, Float32 | None]) -> Float32:
+        """Return `WindowFrame.color` without noise; missing samples stay missing."""
+        if self._denoiser is None:
+            return color
+        clean = packed_color(self._denoiser.denoise(np.ascontiguousarray(color[..., :3]), *guides))
+        clean[color[..., 3] <= 0.0] = 0.0
+        return clean
+
+    def _accumulated(self, items: Iterable[_Item], ahead: int, skip: int) -> Iterator[_Item]:
+        """Yield the frames with the denoised means of their noisy colours, from the frame `skip` on."""
+
+        def with_noise(item: _Item) -> WindowFrame:
+            return replace(item.window, aovs=[item.noisy, *item.window.aovs])
+
+        for near in _neighbourhoods(items, REACH - SMOOTHING_REACH, ahead, skip):
+            _, (mean, *aovs) = self._averaged(near, with_noise, noisy=True)
+            color = self._denoised(mean, near.item.guides)
+            yield replace(near.item, window=replace(near.item.window, color=color, aovs=aovs))
+
+    def _averaged(
+        self, near: "_Neighbourhood", window: Callable[[_Item], WindowFrame], *, noisy: bool = False
+    ) -> tuple[Float32, list[Float32]]:
+        """Return the mean colour and the means of the AOVs; `window` returns the images of a frame."""
+        item, *sides = near
+        previous, following = (list(map(window, side)) for side in sides)
+        return self._filter.filter(
+            window(item), previous, following, item.exposure, self._samples, noisy=noisy
+        )
+
+
+class _Neighbourhood(NamedTuple):
+    item: _Item
+    previous: list[_Item]  # the nearest one first
+    following: list[_Item]
+
+
+def _neighbourhoods(items: Iterable[_Item], behind: int, ahead: int, skip: int) -> Iterator[_Neighbourhood]:
+    """Yield each frame with those before it and after it; nothing crosses a cut.
+
+    Args:
+        items: frames in order.
+        behind: maximum number of previous frames.
+        ahead: maximum number of following frames.
+        skip: frames at the beginning that are neighbours only.
+    """
+    previous: deque[_Item] = deque(maxlen=behind)
+    waiting: deque[_Item] = deque()
+
+    def first() -> _Neighbourhood:
+        item = waiting.popleft()
+        found = _Neighbourhood(item, list(previous)[::-1], list(waiting))
+        previous.append(item)
+        return found
+
+    for index, item in enumerate(items):
+        if item.frame.reset:
+            while waiting:
+                yield first()
+            previous.clear()  # frees memory: no motion leads there
+        (previous if index < skip else waiting).append(item)
+        while len(waiting) > ahead:
+            yield first()
+    while waiting:
+        yield first()
 
 
 def guides_of(frame: Frame) -> tuple[Float32 | None, Float32 | None]:
@@ -192,10 +249,11 @@ def denoise_sequence(
     samples: float | None = None,
     threads: int = 0,
 ) -> Iterator[Float32]:
-    """Denoise path-traced frames: each by itself, then averaged with up to 8 frames on either side.
+    """Denoise path-traced frames, each with up to 5 frames on either side.
 
-    Each neighbouring frame is resampled once, along the motion of the frames between. Its weight depends on
-    how well albedo, normal and patches of colour agree. Frames have the size of the images, and no jitter.
+    The noise of a frame and its neighbours is averaged along their motion before it is denoised, and the
+    denoised images are averaged again, so that they do not flicker. The weight of a neighbour depends on how
+    well albedo, normal and patches of colour agree. Frames have the size of the images, and no jitter.
 
     >>> for image in denoise_sequence(shot):
     ...     show(image)  # (h, w, 3) float32, linear RGB
@@ -204,12 +262,13 @@ def denoise_sequence(
     colour may blur into each other. A frame without `motion_next` gets it from the motion of the next frame.
 
     Args:
-        frames: a `Shot`, or Frames in order, all of one size. `reset` marks the first one after a cut.
-        per_frame: "oidn" denoises each frame first, by Open Image Denoise (`pip install
+        frames: a `Shot`, or Frames in order, all of one size. `reset` marks the first one after a cut. Of a
+            shot that Cycles has denoised, "oidn" takes the colour from before.
+        per_frame: "oidn" denoises frames and means of frames by Open Image Denoise (`pip install
             "supersampler[denoise]"`); "none" is for frames that are denoised already.
         passes: 2 uses previous and following frames; 1 previous frames only, for live use.
-        lookahead: with two passes, frames after a frame that are read before its image comes, 1 to 8;
-            None is 8.
+        lookahead: with two passes, frames after a frame that are read before its image comes, 1 to 5;
+            None is 5.
         samples: samples per pixel of the frames: the more, the less a neighbour that differs counts. None is
             `Shot.samples`, or 8 where that is unknown.
         threads: threads that compute; 0 is one per core.
@@ -228,8 +287,9 @@ def denoise_sequence(
         raise ArgumentError("per_frame", got=shown(per_frame), want='"oidn" or "none"')
     if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
         raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
-    if samples is None and isinstance(frames, Shot):
-        samples = frames.samples
+    if isinstance(frames, Shot):
+        samples = frames.samples if samples is None else samples
+        frames = frames.with_noise() if per_frame == "oidn" else frames
     denoiser = TemporalDenoiser(
         per_frame=per_frame, lookahead=steps, samples=checked_samples(samples), threads=threads
     )

@@ -1,7 +1,9 @@
 """Constants of the temporal denoiser, which its torch definition and its kernel share."""
 
-REACH = 8
-"""Frames to either side that a frame takes samples from."""
+from typing import NamedTuple
+
+REACH, SMOOTHING_REACH = 5, 2
+"""Frames to either side that an image depends on, and those of them whose denoised means are averaged."""
 LOG_OFFSET = 0.01
 """Added to exposed colour before its logarithm: differences in the dark below it do not matter."""
 KNOWN_SHARE = 0.999
@@ -12,19 +14,30 @@ MAX_SAMPLES = 64
 """Upper limit of the samples per pixel that the filter uses. With adaptive sampling a renderer states its own
 limit, often thousands, and not the samples it took."""
 
-# The weight of a neighbour is exp(LOG_WEIGHT - AGE_COST * age - samples * distance), with the samples per
-# pixel, and the sum of its distances times their costs. The frame itself has 1. The variance of noise falls
-# with the samples: what may be noise at one sample is a difference at eight.
-# supersampler_model.denoising.training has fitted the constants.
-LOG_WEIGHT = -0.6249
-COLOR_COST, COLOR_COST_3X3, COLOR_COST_5X5 = 0.0220, 0.1223, 0.2019
-"""Costs of the squared difference of log colour: at the pixel, and averaged over 3x3 and 5x5 pixels."""
-NORMAL_COST, NORMAL_COST_3X3 = 0.3178, 0.6003
-"""Costs of the squared difference of normals: at the pixel, and averaged over 3x3 pixels."""
-ALBEDO_COST, ALBEDO_COST_3X3 = 0.5483, 0.9074
-"""Costs of the squared difference of albedo: at the pixel, and averaged over 3x3 pixels."""
-SHIFT_COST_9X9 = 3.4943
-"""Cost of the squared mean difference of log colour over 9x9 pixels and three channels. Noise averages out, a
-change of light does not."""
-AGE_COST = 6.0878
-"""Cost of the distance in time, in frames divided by REACH."""
+
+class Weights(NamedTuple):
+    """Constants of the weights of neighbours, fitted by `supersampler_model.denoising.training`.
+
+    The weight of a neighbour is exp(log_weight - age * its age - samples * its distance), with the samples
+    per pixel, and the sum of its distances times their costs. The frame itself has 1. The variance of noise
+    falls with the samples: what may be noise at one sample is a difference at eight.
+    """
+
+    log_weight: float
+    color: float  # costs of the squared difference of log colour: at the pixel,
+    color_3x3: float  # and averaged over 3x3
+    color_5x5: float  # and 5x5 pixels
+    normal: float  # costs of the squared difference of normals
+    normal_3x3: float
+    albedo: float  # costs of the squared difference of albedo
+    albedo_3x3: float
+    shift_9x9: float
+    """Cost of the squared mean difference of log colour over 9x9 pixels and three channels. Noise averages
+    out, a change of light does not."""
+    age: float  # cost of a frame of distance in time
+
+
+OF_DENOISED = Weights(-0.6249, 0.0220, 0.1223, 0.2019, 0.3178, 0.6003, 0.5483, 0.9074, 3.4943, 0.7610)
+"""Weights that average denoised frames."""
+OF_NOISY = Weights(0.0, 0.0220, 0.1223, 0.2019, 0.6356, 1.2006, 1.0966, 1.8148, 3.4943, 0.8750)
+"""Weights that average noisy frames: noise that neighbours leave is denoised afterwards."""

@@ -66,6 +66,8 @@ class TemporalFilter:
         following: Sequence[WindowFrame],
         exposure: float = 1.0,
         samples: float = DEFAULT_SAMPLES,
+        *,
+        noisy: bool = False,
     ) -> tuple[Float32, list[Float32]]:
         """Return the mean colour (h, w, 3), and the means of the AOVs' arrays, (h, w, 4) each.
 
@@ -75,6 +77,7 @@ class TemporalFilter:
             following: frames after it, the nearest one first; at most REACH are read.
             exposure: > 0, multiplies colour where colours are compared.
             samples: > 0, samples per pixel of the renderer.
+            noisy: whether the AOVs are to be denoised afterwards: the weights are OF_NOISY.
         """
         height, width, _ = frame.color.shape
         image = np.empty((height, width, 4), np.float32)
@@ -87,7 +90,7 @@ class TemporalFilter:
         def compute(first: int) -> None:
             work = TemporalData(
                 width, height, records, len(previous), len(following), len(aovs), exposure, samples,
-                first, min(first + _BAND, height), image.ctypes.data, addressof(outputs),
+                noisy, first, min(first + _BAND, height), image.ctypes.data, addressof(outputs),
             )  # fmt: skip
             cpu_library().call("ss_filter_temporal", work)
 

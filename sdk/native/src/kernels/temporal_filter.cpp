@@ -157,18 +157,19 @@ static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_
     box<1>(t, PATCHES, PATCHES_3);
     box<2>(t, PATCHES, PATCHES_5);
     box<4>(t, SHIFTS, SHIFTS_9);
+    const Weights& c = w.noisy ? OF_NOISY : OF_DENOISED;
     const float samples = min(w.samples, static_cast<float>(MAX_SAMPLES));
     const struct {
         int plane;
         float cost;
-    } distances[] = {{PATCHES, COLOR_COST},       {PATCHES_3, COLOR_COST_3X3},  {PATCHES_5, COLOR_COST_5X5},
-                     {NORMALS, NORMAL_COST},      {NORMALS_3, NORMAL_COST_3X3}, {ALBEDOS, ALBEDO_COST},
-                     {ALBEDOS_3, ALBEDO_COST_3X3}};
-    const float young = LOG_WEIGHT - AGE_COST * static_cast<float>(age) / REACH;
+    } distances[] = {{PATCHES, c.color},       {PATCHES_3, c.color_3x3},  {PATCHES_5, c.color_5x5},
+                     {NORMALS, c.normal},      {NORMALS_3, c.normal_3x3}, {ALBEDOS, c.albedo},
+                     {ALBEDOS_3, c.albedo_3x3}};
+    const float young = c.log_weight - c.age * static_cast<float>(age);
     for (int y = BORDER; y < t.rows - BORDER; y++)
         for (int x = BORDER; x < t.columns - BORDER; x += W) {
             const F shift = load(t.row(SHIFTS_9, y) + x);
-            F cost = shift * shift * SHIFT_COST_9X9;
+            F cost = shift * shift * c.shift_9x9;
             for (const auto& distance : distances) cost += load(t.row(distance.plane, y) + x) * distance.cost;
             const F weight = exponential(young - cost * samples) * load(t.row(KNOWN, y) + x);
             const ptrdiff_t pixel = static_cast<ptrdiff_t>(t.image_row(y)) * t.size.width + t.inner.x0 + x - BORDER;

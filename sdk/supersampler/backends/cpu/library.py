@@ -183,6 +183,7 @@ class TemporalData(Structure):
         ("aov_groups", c_int),
         ("exposure", c_float),
         ("samples", c_float),
+        ("noisy", c_int),
         ("first_row", c_int),
         ("end_row", c_int),
         ("image", c_void_p),

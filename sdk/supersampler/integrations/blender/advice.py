@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from supersampler.denoising import denoise_sequence
+from supersampler.denoising.oidn import has_oidn
+from supersampler.denoising.sequence import PerFrame
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.integrations.blender.render import Rendering, RenderRequest, rendering
@@ -99,13 +101,15 @@ def advise(
         size = round(size[0] * PART), round(size[1] * PART)
     full = replace(request, denoise="temporal", frames=numbers, display_size=size, part=PART, most=FRAMES)
     with rendering(full, folder / "full", overwrite=overwrite, note=note) as render:
-        scene, frames = render.scene, [item.frame for item in render.shot]
+        shot = render.shot.with_noise() if has_oidn() else render.shot
+        scene, frames = render.scene, [item.frame for item in shot]
         middle, rendered = len(frames) // 2, _seconds(render)
         number = render.shot.first_number + middle
+        plain = np.asarray(render.shot.read(middle).frame.color, np.float32)
     began = time.perf_counter()
-    temporal = list(denoise_sequence(frames, per_frame="none", samples=scene.samples))[middle]
+    per_frame: PerFrame = "none" if shot.is_denoised else "oidn"
+    temporal = list(denoise_sequence(frames, per_frame=per_frame, samples=scene.samples))[middle]
     filtered = (time.perf_counter() - began) / len(frames)
-    plain = np.asarray(frames[middle].color, np.float32)
     again = replace(full, frames=FrameRange(number, number), seed=1, samples=_MORE * (scene.samples or 1))
     with rendering(again, folder / "again", overwrite=overwrite, note=lambda _: None) as render:
         render.shot.read(0)

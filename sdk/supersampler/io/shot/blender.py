@@ -207,7 +207,9 @@ def import_blender(
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     used = {name for names in channel_map.values() for name in names}
     shot.ignored_channels = tuple(name for name in types if name not in used)
-    shot.is_denoised = f"{layer}.Noisy Image.R" in types
+    noisy = _channels(layer, "Noisy Image", "RGB")
+    if {*noisy} <= types.keys():
+        shot.is_denoised, shot.noisy_channels = True, tuple(noisy)
     shot.samples = _samples(header.metadata.get(f"cycles.{layer}.samples"))
     if channel_map.get("normal") == _channels(layer, "Denoising Normal", "XYZ"):
         surface = _channels(layer, "Normal", "XYZ")
@@ -409,6 +411,8 @@ def rendered_shot(
         folder, info, entries, read_raw, wait=camera_of, stop_waiting=stop_waiting, color_channel=color
     )
     shot.is_denoised = scene.denoise != "off"
+    if scene.denoise == "temporal":
+        shot.noisy_channels = tuple(_channels(scene.layer, "Noisy Image", "RGB"))
     shot.samples = scene.samples
     return shot
 

@@ -2,7 +2,7 @@
 
 import os
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
@@ -95,6 +95,7 @@ class Shot:
         ignored_channels: channels of the first frame's file that an importer does not read: ids and other
             data that cannot be blended. For renders of `supersampler blender`, empty until a frame is read.
         is_denoised: whether the frames state that their renderer has denoised them; only Blender's can.
+        noisy_channels: channels of the colour before the renderer denoised it; empty if there are none.
         samples: samples per pixel of the renderer, None if unknown; only frames of Cycles state it.
     """
 
@@ -117,8 +118,9 @@ class Shot:
         self._stop_waiting = stop_waiting  # ends a call that waits for a frame
         self._entries, self._raw = tuple(entries), read_arrays
         self._reference = read_reference
-        self.ignored_channels: tuple[str, ...] = ()
+        self._ignored_channels: list[str] = []  # of all copies: the first frame may be read later
         self.is_denoised = False
+        self.noisy_channels: tuple[str, ...] = ()
         self.samples: int | None = None
         self._color_channel, self._own_format = color_channel, own_format
 
@@ -232,6 +234,28 @@ class Shot:
 
         shot._raw = converted
         return shot
+
+    def with_noise(self) -> "Shot":
+        """Return a shot with the colour from before the renderer denoised it; itself, if that is unknown."""
+        names = self.noisy_channels
+        if not names:
+            return self
+
+        def noisy(path: Path, raw: RawFrame) -> RawFrame:
+            return replace(raw, color=shot_format.take(path, read_exr(path, only=names), names))
+
+        shot = self.with_conversion(noisy)
+        shot.is_denoised, shot.noisy_channels = False, ()
+        return shot
+
+    @property
+    def ignored_channels(self) -> tuple[str, ...]:
+        """See `Shot`."""
+        return tuple(self._ignored_channels)
+
+    @ignored_channels.setter
+    def ignored_channels(self, names: Iterable[str]) -> None:
+        self._ignored_channels[:] = names
 
     def __len__(self) -> int:
         return len(self._entries)
