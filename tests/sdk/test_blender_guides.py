@@ -87,6 +87,20 @@ def test_frames_with_a_noisy_image_are_denoised_already(tmp_path: Path) -> None:
     assert import_blender(denoised_frames(tmp_path / "denoised")[0]).is_denoised
 
 
+def test_the_noise_that_cycles_has_removed_comes_back(tmp_path: Path) -> None:
+    plain = import_blender(write_blender(tmp_path / "plain", "V"))
+    assert plain.with_noise() is plain
+    shot = import_blender(denoised_frames(tmp_path / "denoised")[0])
+    noisy = shot.with_noise()
+    assert shot.is_denoised
+    assert not noisy.is_denoised
+    assert (np.asarray(noisy.read(1).frame.color) == 9.0).all()
+    assert (np.asarray(shot.read(1).frame.color) != 9.0).any()
+    assert noisy.ignored_channels == shot.ignored_channels
+    shot.ignored_channels = ("late",)  # as renders set it when their first frame is read
+    assert noisy.ignored_channels == ("late",)
+
+
 @pytest.mark.parametrize(("entry", "samples"), [("4", 4), ("0", None), ("many", None), (None, None)])
 def test_frames_of_cycles_state_their_samples(tmp_path: Path, entry: str | None, samples: int | None) -> None:
     path = sorted(write_blender(tmp_path, "V").glob("*.exr"))[0]

@@ -9,10 +9,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from noisy_frames import decibels, noisy, truth
-from supersampler.cli import app
+from supersampler.cli import app, denoise_run
+from supersampler.denoising.sequence import PerFrame
 from supersampler.frame import Float32
 from supersampler.io.images import read_exr, write_exr
-from supersampler.io.shot import ShotWriter
+from supersampler.io.shot import Shot, ShotWriter
 from upscale_runs import interrupt_at
 
 COUNT = 12
@@ -86,6 +87,27 @@ def test_results_of_other_settings_are_not_mixed(tmp_path: Path) -> None:
     result = denoise(shot, tmp_path / "out", "--passes", "1")
     assert result.exit_code == 1
     assert "images of another run are there: frames after was 5, is now 0" in result.output
+
+
+@pytest.mark.parametrize(
+    ("denoised", "channels", "installed", "per_frame", "denoiser"),
+    [
+        (False, (), False, "auto", "oidn"),  # which then says that it is missing
+        (True, (), True, "auto", "none"),
+        (True, ("V.Noisy Image.R",), True, "auto", "oidn"),
+        (True, ("V.Noisy Image.R",), False, "auto", "none"),
+        (True, ("V.Noisy Image.R",), True, "none", "none"),
+        (True, (), False, "oidn", "oidn"),
+    ],
+)
+def test_noise_is_denoised_where_the_frames_have_it_and_oidn_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, denoised: bool, channels: tuple[str, ...],
+    installed: bool, per_frame: PerFrame, denoiser: str,
+) -> None:  # fmt: skip
+    shot = Shot.open(write_noisy(tmp_path / "shot", 1))
+    shot.is_denoised, shot.noisy_channels = denoised, channels
+    monkeypatch.setattr(denoise_run, "has_oidn", lambda: installed)
+    assert denoise_run.chosen_denoiser(shot, per_frame) == denoiser
 
 
 def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:

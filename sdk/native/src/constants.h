@@ -293,6 +293,6 @@ struct Weights {
     float log_weight, color, color_3x3, color_5x5, normal, normal_3x3, albedo, albedo_3x3, shift_9x9, age;
 };
 constexpr Weights OF_DENOISED = {-0.6249f, 0.022f, 0.1223f, 0.2019f, 0.3178f, 0.6003f, 0.5483f, 0.9074f, 3.4943f, 0.761f};
-constexpr Weights OF_NOISY = {0.0f, 0.022f, 0.1223f, 0.2019f, 0.6356f, 1.2006f, 1.0966f, 1.8148f, 3.4943f, 0.875f};
+constexpr Weights OF_NOISY = {0.0f, 0.022f, 0.1223f, 0.2019f, 0.95f, 1.8f, 1.65f, 2.7f, 1.05f, 0.875f};
 }  // namespace temporal_filter
 }  // namespace ss

@@ -48,11 +48,15 @@ class DenoiseJob(FrameJob):
 
     @property
     def denoiser(self) -> PerFrame:
-        """The denoiser that runs on each frame first: "oidn" or "none"."""
-        if self.per_frame != "auto":
-            return self.per_frame
-        has_noise = not self.shot.is_denoised or (self.shot.noisy_channels and has_oidn())
-        return "oidn" if has_noise else "none"
+        """The denoiser that runs: "oidn" or "none"."""
+        return chosen_denoiser(self.shot, self.per_frame)
+
+
+def chosen_denoiser(shot: Shot, per_frame: PerFrame | Literal["auto"]) -> PerFrame:
+    """Return the denoiser that `DenoiseJob.per_frame` stands for."""
+    if per_frame != "auto":
+        return per_frame
+    return "oidn" if not shot.is_denoised or (shot.noisy_channels and has_oidn()) else "none"
 
 
 def run_denoise(job: DenoiseJob) -> Results:

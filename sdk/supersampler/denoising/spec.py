@@ -16,7 +16,7 @@ limit, often thousands, and not the samples it took."""
 
 
 class Weights(NamedTuple):
-    """Constants of the weights of neighbours, fitted by `supersampler_model.denoising.training`.
+    """Constants of the weights of neighbours.
 
     The weight of a neighbour is exp(log_weight - age * its age - samples * its distance), with the samples
     per pixel, and the sum of its distances times their costs. The frame itself has 1. The variance of noise
@@ -38,6 +38,8 @@ class Weights(NamedTuple):
 
 
 OF_DENOISED = Weights(-0.6249, 0.0220, 0.1223, 0.2019, 0.3178, 0.6003, 0.5483, 0.9074, 3.4943, 0.7610)
-"""Weights that average denoised frames."""
-OF_NOISY = Weights(0.0, 0.0220, 0.1223, 0.2019, 0.6356, 1.2006, 1.0966, 1.8148, 3.4943, 0.8750)
-"""Weights that average noisy frames: noise that neighbours leave is denoised afterwards."""
+"""Weights that average denoised frames, fitted by `supersampler_model.denoising.training`."""
+OF_NOISY = Weights(0.0, 0.0220, 0.1223, 0.2019, 0.95, 1.8, 1.65, 2.7, 1.05, 0.875)
+"""Weights that average noisy frames, which are then denoised. Neighbours count more, as they remove more noise,
+but less across edges, where an error of motion blurs what OIDN would have kept. OF_DENOISED with its groups of
+costs scaled: the best of those tried on other renders of `denoise_scenes.py` (--variant 1)."""
