@@ -1,4 +1,4 @@
-"""Make denoise.webp: a film of a part of a scene with noise, denoised frame by frame, and over time as well.
+"""Make denoise.webp: a film of a part of a scene with noise, denoised frame by frame, and over time.
 
 pip install ".[bench,denoise]"
 python docs/images/denoise_film.py RENDERS      # a folder of denoise_scenes.py, with room-4
@@ -43,7 +43,7 @@ def alone(shot: Shot) -> list[Float32]:
     """Return the frames, each denoised by itself."""
     with Oidn() as oidn:
         return [
-            oidn.denoise(np.asarray(item.frame.color, np.float32), *guides_of(item.frame))[0]
+            oidn.denoise(np.asarray(item.frame.color, np.float32), *oidn.clean_guides(*guides_of(item.frame)))
             for item in shot.frames()
         ]
 
