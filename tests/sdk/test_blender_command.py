@@ -17,13 +17,19 @@ from typer.testing import CliRunner, Result
 from blender_files import NUMBERS, RECORDED, fake_blender, is_running, scene_file
 from blender_motion import camera_motion_of
 from supersampler import ArgumentError, ShotError
-from supersampler.cli import app
+from supersampler.cli import app, denoise_run
 from supersampler.integrations.blender.render import find_blender
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import open_source
 from supersampler.io.shot.blender import read_render_record
 from supersampler.upscaler import Upscaler
 from supersampler.validation import detect_conventions
+
+@pytest.fixture(autouse=True)
+def without_oidn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recorded frames have no Noisy Image, which OIDN would denoise where it is installed."""
+    monkeypatch.setattr(denoise_run, "has_oidn", lambda: False)
+
 
 METHOD = ("--method", "bilinear")
 IMAGES = ["0005.exr", "0006.exr", "0007.exr", "0008.exr"]
