@@ -28,7 +28,7 @@ from supersampler_model.denoising.training import (
 
 
 def frames_of(
-    size: tuple[int, int], count: int, *, motion: float = 1.5
+    size: tuple[int, int], count: int, *, motion: float = 1.5, noisy: bool = False
 ) -> tuple[list[temporal.WindowFrame], list[definition.WindowFrame]]:
     """Return the same random frames for the library and for torch; one has a missing sample."""
     width, height = size
@@ -50,11 +50,18 @@ def frames_of(
         packed = temporal.WindowFrame(
             temporal.packed_color(color), temporal.packed_guides(albedo, normal, (height, width)),
             back, on, temporal.packed_aovs(aovs),
+            temporal.packed_color(2.0 * generator.random((height, width, 3))) if noisy else None,
         )  # fmt: skip
         ours.append(packed)
         theirs.append(
             definition.WindowFrame(
-                planes(packed.color), planes(albedo), planes(normal), planes(back), planes(on), planes(aovs)
+                planes(packed.color),
+                planes(albedo),
+                planes(normal),
+                planes(back),
+                planes(on),
+                planes(aovs),
+                None if packed.noisy is None else planes(packed.noisy),
             )
         )
     return ours, theirs
@@ -69,14 +76,14 @@ def frames_of(
 def test_the_library_computes_the_images_of_the_definition(
     size: tuple[int, int], motion: float, exposure: float, samples: float, noisy: bool
 ) -> None:
-    ours, theirs = frames_of(size, 6, motion=motion)
+    ours, theirs = frames_of(size, 6, motion=motion, noisy=noisy)
     with TemporalFilter(threads=2) as library:
-        image, groups = library.filter(ours[0], ours[1:4], ours[4:], exposure, samples, noisy=noisy)
+        image, groups = library.filter(ours[0], ours[1:4], ours[4:], exposure, samples)
     defined = definition.TemporalFilter(OF_NOISY if noisy else OF_DENOISED)
     with torch.no_grad():
         color, aovs = defined(theirs[0], theirs[1:4], theirs[4:], exposure, samples)
     assert aovs is not None
-    for array, tensor in ((image, color), (np.concatenate(groups, axis=2)[..., :5], aovs)):
+    for array, tensor in ((image[..., :3], color), (np.concatenate(groups, axis=2)[..., :5], aovs)):
         error = np.abs(array - tensor[0].permute(1, 2, 0).numpy())
         assert error.mean() < 2e-6
         assert np.quantile(error, 0.999) < 2e-5

@@ -25,6 +25,7 @@ from supersampler.io.shot.blender import read_render_record
 from supersampler.upscaler import Upscaler
 from supersampler.validation import detect_conventions
 
+
 @pytest.fixture(autouse=True)
 def without_oidn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Recorded frames have no Noisy Image, which OIDN would denoise where it is installed."""

@@ -44,6 +44,7 @@ class WindowFrame:
     to_previous: Tensor | None  # (1, 2, h, w)
     to_next: Tensor | None  # (1, 2, h, w)
     aovs: Tensor | None = None  # (1, k, h, w) other channels
+    noisy: Tensor | None = None  # (1, 4, h, w) before denoising, averaged in place of `color`
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class Gathered:
     """One neighbour of a frame, gathered along its motion."""
 
     color: Tensor  # (1, 4, h, w) from `sharp`
+    averaged: Tensor  # (1, 4, h, w) the same, or of the noisy colour
     albedo: Tensor  # (1, 3, h, w), bilinear
     normal: Tensor  # (1, 3, h, w), bilinear
     aovs: Tensor | None  # (1, k, h, w) from `sharp`
@@ -59,7 +61,10 @@ class Gathered:
 
 
 class TemporalFilter(nn.Module):
-    """Averages a frame and its neighbours, by weights that fall with their distance."""
+    """Averages a frame and its neighbours, by weights that fall with their distance.
+
+    The weights are OF_DENOISED, or OF_NOISY for frames with noisy colour.
+    """
 
     def __init__(self, weights: Weights = OF_DENOISED) -> None:
         super().__init__()
@@ -89,12 +94,12 @@ class TemporalFilter(nn.Module):
             samples: > 0, samples per pixel of the renderer.
         """
         known = frame.color[:, 3:]
-        color, aovs, total = frame.color[:, :3] * known, frame.aovs, known
+        color, aovs, total = averaged_of(frame)[:, :3] * known, frame.aovs, known
         if aovs is not None:
             aovs = aovs * known
         for other in (*gathered(frame, previous, "to_previous"), *gathered(frame, following, "to_next")):
             weight = self.weight(distances(frame, other, exposure), samples) * other.known
-            color = color + weight * other.color[:, :3]
+            color = color + weight * other.averaged[:, :3]
             if aovs is not None and other.aovs is not None:
                 aovs = aovs + weight * other.aovs
             total = total + weight
@@ -125,9 +130,16 @@ def gathered(frame: WindowFrame, others: Sequence[WindowFrame], motion: str) -> 
         albedo, normal = read(other.albedo, place), read(other.normal, place)
         aovs = None if other.aovs is None else sharp(other.aovs, place)
         complete = known[:, None] * (read(other.color[:, 3:], place) > KNOWN_SHARE)
-        found.append(Gathered(sharp(other.color, place), albedo, normal, aovs, complete, age))
+        color = sharp(other.color, place)
+        averaged = color if other.noisy is None else sharp(other.noisy, place)
+        found.append(Gathered(color, averaged, albedo, normal, aovs, complete, age))
         last = other
     return found
+
+
+def averaged_of(frame: WindowFrame) -> Tensor:
+    """Return the colour that is averaged, (1, 4, h, w)."""
+    return frame.color if frame.noisy is None else frame.noisy
 
 
 def sharp(image: Tensor, place: Tensor) -> Tensor:

@@ -279,6 +279,7 @@ SS_API ss_status ss_resample_ids(ss_model* model, const ss_ids* views, int count
 /* One frame of the temporal filter: packed arrays of the size of the image. */
 typedef struct ss_temporal_frame {
     const float* color;  /* (height, width, 4) linear RGB, denoised, and 1; 0 in all four where a sample is missing */
+    const float* noisy;  /* (height, width, 4) the same before denoising, which is averaged in place of it; or NULL */
     const float* guides; /* (height, width, 8) albedo, 0, normal, 0 */
     /* (height, width, 2) pixels, previous minus current: `ss_nearest_motion`; NULL at a cut */
     const float* to_previous;
@@ -295,13 +296,13 @@ typedef struct ss_temporal {
     int aov_groups;         /* arrays of AOVs in each frame */
     float exposure;         /* > 0, multiplies colour where colours are compared */
     float samples;          /* > 0, per pixel, of the renderer: the more, the less a neighbour that differs counts */
-    int noisy;              /* 1: larger weights, for AOVs that are to be denoised afterwards, such as noisy colour; or 0 */
     int first_row, end_row; /* rows that are computed; several threads may compute rows of one image */
     float* image;           /* (height, width, 4) the mean, and the sum of the weights, of which 1 is the frame's own */
     float* const* aovs;     /* the means of the AOVs, (height, width, 4) each */
 } ss_temporal;
 
-/* Averages a frame and its neighbours along their motion, for frames of a path tracer at the size of the result. */
+/* Averages a frame and its neighbours along their motion, for frames of a path tracer at the size of the result. With
+ * noisy colours, neighbours count more: the mean is to be denoised. */
 SS_API ss_status ss_filter_temporal(const ss_temporal* filter, ss_error* error);
 
 /* Writes the motion of the closest of the 3x3 pixels around each, (height, width, 2). depth: (height, width) reversed,

@@ -94,14 +94,14 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
     if (!(t->samples > 0.0f))
         return fail(error, SS_BAD_ARGUMENT, "samples is %g; want more than 0", static_cast<double>(t->samples));
     for (int k = 0; k <= t->previous + t->following; k++)
-        if (!t->frames[k].color || !t->frames[k].guides || (t->aov_groups && !t->frames[k].aovs))
-            return fail(error, SS_BAD_ARGUMENT, "frame %d of the window lacks color, guides or aovs", k);
+        if (!t->frames[k].color || !t->frames[k].guides || (t->aov_groups && !t->frames[k].aovs) ||
+            (t->frames[0].noisy && !t->frames[k].noisy))
+            return fail(error, SS_BAD_ARGUMENT, "frame %d of the window lacks color, noisy, guides or aovs", k);
     float* scratch = static_cast<float*>(malloc(sizeof(float) * TemporalFilter::SCRATCH));
     if (!scratch) return fail(error, SS_NO_MEMORY, "no memory for the temporal filter");
     const IeeeArithmetic arithmetic;
-    const TemporalFilter work = {t->frames,  t->previous,   t->following,          t->aov_groups, t->exposure,
-                                 t->samples, t->noisy != 0, {t->width, t->height}, t->image,      t->aovs,
-                                 scratch};
+    const TemporalFilter work = {t->frames,  t->previous,           t->following, t->aov_groups, t->exposure,
+                                 t->samples, {t->width, t->height}, t->image,     t->aovs,       scratch};
     memset(scratch, 0, sizeof(float) * TemporalFilter::SCRATCH);
     find_kernels(nullptr)->temporal_rows(work, t->first_row, t->end_row);
     free(scratch);

@@ -245,7 +245,6 @@ struct TemporalFilter {
     const ss_temporal_frame* frames;
     int previous, following, groups;
     float exposure, samples;
-    bool noisy;
     Size size;
     float* image;
     float* const* aovs;

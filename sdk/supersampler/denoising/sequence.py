@@ -1,7 +1,7 @@
 """Denoise the frames of a sequence, each with its neighbours along their motion."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from math import inf
@@ -51,9 +51,8 @@ class _Item:
     """A frame on its way through the stages."""
 
     frame: Frame  # as it came
-    noisy: Float32  # its colour, as `WindowFrame.color`
-    window: WindowFrame  # with its denoised colour
-    guides: tuple[Float32 | None, Float32 | None]  # albedo and normal without noise, (h, w, 3) each
+    window: WindowFrame
+    guides: tuple[Float32 | None, Float32 | None]  # albedo and normal in `window.guides`, (h, w, 3) each
     exposure: float  # of this frame alone: images depend on no other
 
 
@@ -115,9 +114,8 @@ class TemporalDenoiser:
             first = max(0, skip - reach)
             items, skip = self._accumulated(items, self._lookahead - ahead, first), skip - first
         for near in _neighbourhoods(items, reach, ahead, skip):
-            image, aovs = self._averaged(near, lambda item: item.window)
-            frame = near.item.frame
-            image *= np.float32(frame.pre_exposure)
+            (image, aovs), frame = self._averaged(near), near.item.frame
+            image = image[..., :3] * np.float32(frame.pre_exposure)
             count = 0 if frame.aovs is None else frame.aovs.shape[2]
             yield Denoised(frame, image, np.concatenate(aovs, axis=2)[..., :count] if aovs else None)
 
@@ -145,13 +143,14 @@ class TemporalDenoiser:
         noisy, guides = packed_color(frame.color, 1.0 / frame.pre_exposure), guides_of(frame)
         if self._denoiser is not None:
             guides = self._denoiser.clean_guides(*guides)
-        color = self._denoised(noisy, guides)
         packed = packed_guides(*guides, frame.depth.shape)
+        parts = packed[..., :3], packed[..., 4:7]
+        albedo, normal = (None if guide is None else part for guide, part in zip(guides, parts, strict=True))
+        color, aovs = self._denoised(noisy, (albedo, normal)), packed_aovs(frame.aovs)
         item = _Item(
             frame=frame,
-            noisy=noisy,
-            window=WindowFrame(color, packed, aovs=packed_aovs(frame.aovs)),
-            guides=guides,
+            window=WindowFrame(color, packed, aovs=aovs, noisy=noisy if self._denoiser else None),
+            guides=(albedo, normal),
             exposure=ExposureMeter().read_frame(frame),
         )
         if last is not None:
@@ -171,24 +170,16 @@ class TemporalDenoiser:
 
     def _accumulated(self, items: Iterable[_Item], ahead: int, skip: int) -> Iterator[_Item]:
         """Yield the frames with the denoised means of their noisy colours, from the frame `skip` on."""
-
-        def with_noise(item: _Item) -> WindowFrame:
-            return replace(item.window, aovs=[item.noisy, *item.window.aovs])
-
         for near in _neighbourhoods(items, REACH - SMOOTHING_REACH, ahead, skip):
-            _, (mean, *aovs) = self._averaged(near, with_noise, noisy=True)
-            color = self._denoised(mean, near.item.guides)
-            yield replace(near.item, window=replace(near.item.window, color=color, aovs=aovs))
+            mean, aovs = self._averaged(near)
+            color, window = self._denoised(mean, near.item.guides), near.item.window
+            yield replace(near.item, window=replace(window, color=color, noisy=None, aovs=aovs))
 
-    def _averaged(
-        self, near: "_Neighbourhood", window: Callable[[_Item], WindowFrame], *, noisy: bool = False
-    ) -> tuple[Float32, list[Float32]]:
-        """Return the mean colour and the means of the AOVs; `window` returns the images of a frame."""
+    def _averaged(self, near: "_Neighbourhood") -> tuple[Float32, list[Float32]]:
+        """Return the result of the temporal filter."""
         item, *sides = near
-        previous, following = (list(map(window, side)) for side in sides)
-        return self._filter.filter(
-            window(item), previous, following, item.exposure, self._samples, noisy=noisy
-        )
+        previous, following = ([other.window for other in side] for side in sides)
+        return self._filter.filter(item.window, previous, following, item.exposure, self._samples)
 
 
 class _Neighbourhood(NamedTuple):

@@ -33,6 +33,8 @@ class WindowFrame:
         guides: (h, w, 8) albedo, 0, normal, 0; all 0 where there are none.
         to_previous, to_next: (h, w, 2) pixels, from `nearest_motion`; None at a cut.
         aovs: arrays (h, w, 4), which hold the AOVs in order; the last one is filled up with zeros.
+        noisy: (h, w, 4) as `color`, before denoising; it is averaged in place of `color`, by the weights
+            OF_NOISY.
     """
 
     color: Float32
@@ -40,6 +42,7 @@ class WindowFrame:
     to_previous: Float32 | None = None
     to_next: Float32 | None = None
     aovs: Sequence[Float32] = field(default_factory=list)
+    noisy: Float32 | None = None
 
 
 class TemporalFilter:
@@ -66,10 +69,8 @@ class TemporalFilter:
         following: Sequence[WindowFrame],
         exposure: float = 1.0,
         samples: float = DEFAULT_SAMPLES,
-        *,
-        noisy: bool = False,
     ) -> tuple[Float32, list[Float32]]:
-        """Return the mean colour (h, w, 3), and the means of the AOVs' arrays, (h, w, 4) each.
+        """Return the mean colour and the sum of the weights (h, w, 4), and the means of the AOVs' arrays.
 
         Args:
             frame: the frame, whose own weight is 1.
@@ -77,7 +78,6 @@ class TemporalFilter:
             following: frames after it, the nearest one first; at most REACH are read.
             exposure: > 0, multiplies colour where colours are compared.
             samples: > 0, samples per pixel of the renderer.
-            noisy: whether the AOVs are to be denoised afterwards: the weights are OF_NOISY.
         """
         height, width, _ = frame.color.shape
         image = np.empty((height, width, 4), np.float32)
@@ -90,12 +90,12 @@ class TemporalFilter:
         def compute(first: int) -> None:
             work = TemporalData(
                 width, height, records, len(previous), len(following), len(aovs), exposure, samples,
-                noisy, first, min(first + _BAND, height), image.ctypes.data, addressof(outputs),
+                first, min(first + _BAND, height), image.ctypes.data, addressof(outputs),
             )  # fmt: skip
             cpu_library().call("ss_filter_temporal", work)
 
         list(self._threads.map(compute, range(0, height, _BAND)))
-        return np.ascontiguousarray(image[..., :3]), aovs
+        return image, aovs
 
 
 def _addresses(arrays: Sequence[NDArray[Any]]) -> CArray[c_void_p]:
@@ -106,8 +106,9 @@ def _record(frame: WindowFrame, aovs: CArray[c_void_p]) -> TemporalFrame:
     previous, following = (
         None if step is None else step.ctypes.data for step in (frame.to_previous, frame.to_next)
     )
+    noisy = None if frame.noisy is None else frame.noisy.ctypes.data
     return TemporalFrame(
-        frame.color.ctypes.data, frame.guides.ctypes.data, previous, following, addressof(aovs)
+        frame.color.ctypes.data, noisy, frame.guides.ctypes.data, previous, following, addressof(aovs)
     )
 
 

@@ -98,6 +98,13 @@ static void read_own(const TemporalFilter& w, const Tile& t) {
         }
 }
 
+// Reads an image for lane i; the same as `sharp`.
+SS_INLINE F4 sharp4(const float* image, const WarpScratch& s, int i) {
+    F4 corners[4];
+    for (int k = 0; k < 4; k++) corners[k] = load4(image + s.offsets[5 + k / 2][i] + s.offsets[1 + k % 2][i]);
+    return within_corners(cubic4(image, s, i), corners);
+}
+
 // Follows the motion of the last frame to the next one, which is `frame`; gathers there.
 static void gather_frame(const TemporalFilter& w, const Tile& t, const float* step, const ss_temporal_frame& frame,
                          WarpScratch& s) {
@@ -115,7 +122,7 @@ static void gather_frame(const TemporalFilter& w, const Tile& t, const float* st
             store(t.row(Y, y) + x, py);
             store(t.row(ON_SCREEN, y) + x, inside);
             prepare_warp(px, py, t.size, 4, CATMULL_ROM, s);
-            float color[4 * W], albedo[4 * W], normal[4 * W], complete[W];
+            float color[4 * W], albedo[4 * W], normal[4 * W], noisy[4 * W], complete[W];
             for (int i = 0; i < W; i++) {
                 F4 corners[4], guides[2][4];
                 for (int k = 0; k < 4; k++) {
@@ -125,13 +132,15 @@ static void gather_frame(const TemporalFilter& w, const Tile& t, const float* st
                     guides[1][k] = load4(frame.guides + 2 * at + 4);
                 }
                 store4(color + 4 * i, within_corners(cubic4(frame.color, s, i), corners));
+                if (frame.noisy) store4(noisy + 4 * i, sharp4(frame.noisy, s, i));
                 const float tx = s.weights[8][i], ty = s.weights[9][i];
                 store4(albedo + 4 * i, linear4(guides[0][0], guides[0][1], guides[0][2], guides[0][3], tx, ty));
                 store4(normal + 4 * i, linear4(guides[1][0], guides[1][1], guides[1][2], guides[1][3], tx, ty));
                 complete[i] = linear4(corners[0], corners[1], corners[2], corners[3], tx, ty)[3];
             }
-            F c[4], a[4], n[4];
+            F c[4], a[4], n[4], averaged[4];
             load_channels(color, c);
+            load_channels(frame.noisy ? noisy : color, averaged);
             load_channels(albedo, a);
             load_channels(normal, n);
             F of_albedo = F{}, of_normal = F{}, of_color = F{}, shift = F{};
@@ -140,7 +149,7 @@ static void gather_frame(const TemporalFilter& w, const Tile& t, const float* st
                         dn = n[k] - load(t.row(OWN_GUIDES + 3 + k, y) + x);
                 const F dc = log2(c[k] * w.exposure + LOG_OFFSET) - load(t.row(OWN_LOGS + k, y) + x);
                 of_albedo += da * da, of_normal += dn * dn, of_color += dc * dc, shift += dc;
-                store(t.row(COLORS + k, y) + x, c[k]);
+                store(t.row(COLORS + k, y) + x, averaged[k]);
             }
             store(t.row(KNOWN, y) + x, select(load(complete) > KNOWN_SHARE, inside, 0.0f));
             store(t.row(ALBEDOS, y) + x, of_albedo);
@@ -157,7 +166,7 @@ static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_
     box<1>(t, PATCHES, PATCHES_3);
     box<2>(t, PATCHES, PATCHES_5);
     box<4>(t, SHIFTS, SHIFTS_9);
-    const Weights& c = w.noisy ? OF_NOISY : OF_DENOISED;
+    const Weights& c = frame.noisy ? OF_NOISY : OF_DENOISED;
     const float samples = min(w.samples, static_cast<float>(MAX_SAMPLES));
     const struct {
         int plane;
@@ -183,11 +192,8 @@ static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_
             for (int group = 0; group < w.groups; group++) {
                 if (group == 0) prepare_warp(load(t.row(X, y) + x), load(t.row(Y, y) + x), t.size, 4, CATMULL_ROM, s);
                 for (int i = 0; i < count; i++) {
-                    F4 corners[4];
-                    for (int k = 0; k < 4; k++)
-                        corners[k] = load4(frame.aovs[group] + s.offsets[5 + k / 2][i] + s.offsets[1 + k % 2][i]);
                     float* to = w.aovs[group] + 4 * (pixel + i);
-                    store4(to, load4(to) + within_corners(cubic4(frame.aovs[group], s, i), corners) * added[3][i]);
+                    store4(to, load4(to) + sharp4(frame.aovs[group], s, i) * added[3][i]);
                 }
             }
         }
@@ -209,7 +215,7 @@ static void filter_tile(const TemporalFilter& w, const Tile& t) {
     for (int y = t.inner.y0; y < t.inner.y1; y++)
         for (ptrdiff_t pixel = static_cast<ptrdiff_t>(y) * t.size.width + t.inner.x0, end = pixel + width; pixel < end;
              pixel++) {
-            const F4 own = load4(w.frames[0].color + 4 * pixel);
+            const F4 own = load4((w.frames[0].noisy ? w.frames[0].noisy : w.frames[0].color) + 4 * pixel);
             store4(w.image + 4 * pixel, F4{own[0], own[1], own[2], 1.0f} * own[3]);
             for (int group = 0; group < w.groups; group++)
                 store4(w.aovs[group] + 4 * pixel, load4(w.frames[0].aovs[group] + 4 * pixel) * own[3]);

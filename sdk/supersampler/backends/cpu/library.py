@@ -168,7 +168,9 @@ class IdData(Structure):
 class TemporalFrame(Structure):
     """`ss_temporal_frame`."""
 
-    _fields_ = tuple((name, c_void_p) for name in ("color", "guides", "to_previous", "to_next", "aovs"))
+    _fields_ = tuple(
+        (name, c_void_p) for name in ("color", "noisy", "guides", "to_previous", "to_next", "aovs")
+    )
 
 
 class TemporalData(Structure):
@@ -183,7 +185,6 @@ class TemporalData(Structure):
         ("aov_groups", c_int),
         ("exposure", c_float),
         ("samples", c_float),
-        ("noisy", c_int),
         ("first_row", c_int),
         ("end_row", c_int),
         ("image", c_void_p),
