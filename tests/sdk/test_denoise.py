@@ -10,7 +10,7 @@ import pytest
 from noisy_frames import SIZE, decibels, noisy
 from supersampler import ArgumentError, Frame, FrameError, denoise_sequence
 from supersampler.denoising.sequence import Denoised, TemporalDenoiser
-from supersampler.denoising.spec import REACH, SMOOTHING_REACH
+from supersampler.denoising.spec import REACH
 from supersampler.frame import Float32
 
 
@@ -64,7 +64,7 @@ def test_an_image_of_noisy_frames_depends_on_no_frame_beyond_its_reach() -> None
     assert (run(changed)[REACH].image != whole[REACH].image).any()
 
 
-@pytest.mark.parametrize("skip", [1, SMOOTHING_REACH, REACH])
+@pytest.mark.parametrize("skip", [1, 2, 3, REACH])
 def test_skipped_frames_are_neighbours_of_noisy_frames(skip: int) -> None:
     frames = [noisy(index) for index in range(2 * REACH)]
     for one, other in zip(run(frames)[skip:], run(frames, skip=skip), strict=True):
@@ -86,6 +86,26 @@ def test_images_of_noisy_frames_come_as_soon_as_the_lookahead_is_read(lookahead:
     assert read == list(range(lookahead + 1))
     late = run((noisy(index) for index in range(lookahead + 2)), lookahead=lookahead)
     np.testing.assert_array_equal(run(map(noisy, range(9)), lookahead=lookahead)[0].image, late[0].image)
+
+
+def test_one_pass_denoises_each_frame_once() -> None:
+    frames, blur = [noisy(index) for index in range(4)], Blur()
+    with TemporalDenoiser(per_frame=blur, lookahead=0, threads=2) as denoiser:
+        images = [item.image for item in denoiser.run(frames)]
+    assert len(blur.colors) == len(frames)
+    clean = [replace(f, color=Blur().denoise(np.asarray(f.color), None, None)) for f in frames]
+    for image, other in zip(images, denoised(clean, passes=1), strict=True):
+        np.testing.assert_allclose(image, other, atol=2e-4)  # but for the exposure of noisy frames
+
+
+@pytest.mark.parametrize("lookahead", [1, 2, REACH])
+def test_light_that_changes_evenly_does_not_lag(lookahead: int) -> None:
+    frames = []
+    for index in range(2 * REACH + 1):
+        flat, still = np.full((30, 48, 3), 0.5 + 0.01 * index, np.float32), np.zeros((30, 48, 2), np.float32)
+        frames.append(noisy(index, color=flat, motion=still, motion_next=still))
+    image = run(frames, lookahead=lookahead)[REACH].image
+    np.testing.assert_allclose(image, np.asarray(frames[REACH].color), rtol=2e-3)
 
 
 def test_no_noise_crosses_a_cut() -> None:

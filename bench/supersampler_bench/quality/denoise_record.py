@@ -70,7 +70,7 @@ class RenderRow:
         own = self.own_cpu(method)
         if own is None or self.render_cpu is None:
             return None
-        return self.render_cpu + self.frame_cpu + own + (0.0 if method == FRAME else self.mean_cpu)
+        return self.render_cpu + self.frame_cpu + own + (self.mean_cpu if method == DENOISER else 0.0)
 
 
 @dataclass(frozen=True)

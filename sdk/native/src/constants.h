@@ -284,7 +284,7 @@ constexpr Constant CONSTANTS[] = {
 
 namespace temporal_filter {
 constexpr int REACH = 5;
-constexpr int SMOOTHING_REACH = 2;
+constexpr float ACCUMULATED = 2.0f;
 constexpr float LOG_OFFSET = 0.01f;
 constexpr float KNOWN_SHARE = 0.999f;
 constexpr int DEFAULT_SAMPLES = 8;

@@ -11,7 +11,7 @@ import numpy as np
 
 from supersampler.arguments import as_number, ieee_arithmetic
 from supersampler.denoising.oidn import FrameDenoiser, Oidn
-from supersampler.denoising.spec import DEFAULT_SAMPLES, REACH, SMOOTHING_REACH
+from supersampler.denoising.spec import ACCUMULATED, DEFAULT_SAMPLES, REACH
 from supersampler.denoising.temporal import (
     TemporalFilter,
     WindowFrame,
@@ -59,10 +59,11 @@ class _Item:
 class TemporalDenoiser:
     """Denoises frames in order; a context, which ends its threads.
 
-    Noisy frames pass three stages. Each frame is denoised by itself. These images give the weights by which
-    the noisy colours of a frame and its neighbours are averaged, along their motion; the mean is denoised
-    again. It is then averaged with those of up to SMOOTHING_REACH frames on either side. Frames that are
-    denoised already pass the last stage only, with REACH frames on either side.
+    Each frame is denoised by itself. These images give the weights by which the noisy colours of a frame and
+    its neighbours are averaged, along their motion. The mean is denoised, and averaged with the denoised
+    means of neighbours. Both averages have as many frames on one side as on the other, because light that
+    changes would lag otherwise; `lookahead` is the sum. Without it, and where frames are denoised already,
+    the denoised frames are averaged, each with REACH frames before it.
 
     At most 2 * REACH + 1 frames are in memory, of 80 bytes a pixel and 16 for every four AOVs, and half as
     many means of them.
@@ -108,13 +109,14 @@ class TemporalDenoiser:
         Raises:
             FrameError: a frame has no colour, is jittered, or differs in size from the one before.
         """
-        items, reach, ahead = self._linked(frames), REACH, self._lookahead
-        if self._denoiser is not None:
-            reach, ahead = SMOOTHING_REACH, SMOOTHING_REACH * ahead // REACH
+        items, reach, ahead, samples = self._linked(frames), REACH, self._lookahead, self._samples
+        if self._accumulates:
+            reach = ahead = self._lookahead // 2
             first = max(0, skip - reach)
             items, skip = self._accumulated(items, self._lookahead - ahead, first), skip - first
+            samples *= ACCUMULATED
         for near in _neighbourhoods(items, reach, ahead, skip):
-            (image, aovs), frame = self._averaged(near), near.item.frame
+            (image, aovs), frame = self._averaged(near, samples), near.item.frame
             image = image[..., :3] * np.float32(frame.pre_exposure)
             count = 0 if frame.aovs is None else frame.aovs.shape[2]
             yield Denoised(frame, image, np.concatenate(aovs, axis=2)[..., :count] if aovs else None)
@@ -149,7 +151,7 @@ class TemporalDenoiser:
         color, aovs = self._denoised(noisy, (albedo, normal)), packed_aovs(frame.aovs)
         item = _Item(
             frame=frame,
-            window=WindowFrame(color, packed, aovs=aovs, noisy=noisy if self._denoiser else None),
+            window=WindowFrame(color, packed, aovs=aovs, noisy=noisy if self._accumulates else None),
             guides=(albedo, normal),
             exposure=ExposureMeter().read_frame(frame),
         )
@@ -168,18 +170,23 @@ class TemporalDenoiser:
         clean[color[..., 3] <= 0.0] = 0.0
         return clean
 
-    def _accumulated(self, items: Iterable[_Item], ahead: int, skip: int) -> Iterator[_Item]:
+    @property
+    def _accumulates(self) -> bool:
+        """Whether noisy colours are averaged before they are denoised again."""
+        return self._denoiser is not None and self._lookahead > 0
+
+    def _accumulated(self, items: Iterable[_Item], reach: int, skip: int) -> Iterator[_Item]:
         """Yield the frames with the denoised means of their noisy colours, from the frame `skip` on."""
-        for near in _neighbourhoods(items, REACH - SMOOTHING_REACH, ahead, skip):
-            mean, aovs = self._averaged(near)
+        for near in _neighbourhoods(items, reach, reach, skip):
+            mean, aovs = self._averaged(near, self._samples)
             color, window = self._denoised(mean, near.item.guides), near.item.window
             yield replace(near.item, window=replace(window, color=color, noisy=None, aovs=aovs))
 
-    def _averaged(self, near: "_Neighbourhood") -> tuple[Float32, list[Float32]]:
+    def _averaged(self, near: "_Neighbourhood", samples: float) -> tuple[Float32, list[Float32]]:
         """Return the result of the temporal filter."""
         item, *sides = near
         previous, following = ([other.window for other in side] for side in sides)
-        return self._filter.filter(item.window, previous, following, item.exposure, self._samples)
+        return self._filter.filter(item.window, previous, following, item.exposure, samples)
 
 
 class _Neighbourhood(NamedTuple):
@@ -257,7 +264,8 @@ def denoise_sequence(
             shot that Cycles has denoised, "oidn" takes the colour from before.
         per_frame: "oidn" denoises frames and means of frames by Open Image Denoise (`pip install
             "supersampler[denoise]"`); "none" is for frames that are denoised already.
-        passes: 2 uses previous and following frames; 1 previous frames only, for live use.
+        passes: 2 uses previous and following frames; 1 previous frames only, for live use: each frame is
+            denoised once, and averaged with the frames before it.
         lookahead: with two passes, frames after a frame that are read before its image comes, 1 to 5;
             None is 5.
         samples: samples per pixel of the frames: the more, the less a neighbour that differs counts. None is

@@ -2,8 +2,10 @@
 
 from typing import NamedTuple
 
-REACH, SMOOTHING_REACH = 5, 2
-"""Frames to either side that an image depends on, and those of them whose denoised means are averaged."""
+REACH = 5
+"""Frames to either side that an image depends on."""
+ACCUMULATED = 2.0
+"""Factor of the samples per pixel for the denoised mean of noisy frames."""
 LOG_OFFSET = 0.01
 """Added to exposed colour before its logarithm: differences in the dark below it do not matter."""
 KNOWN_SHARE = 0.999
