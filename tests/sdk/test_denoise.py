@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from noisy_frames import SIZE, decibels, noisy
+from noisy_frames import SIZE, decibels, noisy, truth
 from supersampler import ArgumentError, Frame, FrameError, denoise_sequence
 from supersampler.denoising.sequence import Denoised, TemporalDenoiser
 from supersampler.denoising.spec import REACH
@@ -54,6 +54,16 @@ def test_noisy_frames_are_averaged_before_they_are_denoised_again() -> None:
     assert decibels(means[REACH], REACH) > decibels(alone[REACH], REACH) + 3.0
     blurred = [Blur().denoise(color, None, None) for color in (alone[REACH], means[REACH])]
     assert decibels(images[REACH], REACH) > decibels(blurred[1], REACH) > decibels(blurred[0], REACH)
+
+
+def test_detail_that_the_denoiser_removes_from_every_frame_comes_back() -> None:
+    frames, blur = [noisy(index, noise=0.0) for index in range(2 * REACH + 1)], Blur()
+    with TemporalDenoiser(per_frame=blur, threads=2) as denoiser:
+        list(denoiser.run(frames))
+    lost = Blur().denoise(np.asarray(frames[REACH].color), None, None)
+    means = [color for color in blur.colors if not any((color == np.asarray(f.color)).all() for f in frames)]
+    mean = max(means, key=lambda color: decibels(color, REACH))
+    assert decibels(mean, REACH) > decibels(lost, REACH) + 6.0
 
 
 def test_an_image_of_noisy_frames_depends_on_no_frame_beyond_its_reach() -> None:
@@ -116,19 +126,26 @@ def test_no_noise_crosses_a_cut() -> None:
         np.testing.assert_array_equal(item.image, alone.image)
 
 
-def test_aovs_of_noisy_frames_lose_noise_and_missing_samples_are_filled() -> None:
+def test_aovs_of_noisy_frames_lose_noise() -> None:
     frames = []
     for index in range(2 * REACH + 1):
-        frame = noisy(index, noise=0.2)
-        color = np.array(frame.color)
-        if index == REACH:
-            color[12, 20] = np.nan
-        frames.append(replace(frame, color=color, aovs=np.concatenate([np.asarray(frame.color)] * 2, axis=2)))
-    item = run(frames)[REACH]
-    assert item.aovs is not None
-    assert np.isfinite(item.image).all()
-    for aov in (item.aovs[..., :3], item.aovs[..., 3:]):
-        assert decibels(aov, REACH) > decibels(np.asarray(noisy(REACH, noise=0.2).color), REACH) + 3.0
+        color = np.asarray(noisy(index, noise=0.2).color)
+        frames.append(noisy(index, noise=0.2, aovs=np.concatenate([color] * 2, axis=2)))
+    aovs = run(frames)[REACH].aovs
+    assert aovs is not None
+    for aov in (aovs[..., :3], aovs[..., 3:]):
+        assert decibels(aov, REACH) > decibels(np.asarray(frames[REACH].color), REACH) + 7.0
+
+
+def test_missing_samples_of_noisy_frames_are_filled_and_darken_no_neighbour() -> None:
+    frames = [noisy(index, noise=0.0) for index in range(2 * REACH + 1)]
+    whole = [item.image for item in run(frames)]
+    color = np.array(frames[REACH].color)
+    color[10:13, 20:23] = np.nan
+    frames[REACH] = replace(frames[REACH], color=color)
+    images = [item.image for item in run(frames)]
+    np.testing.assert_allclose(images[REACH - 1], whole[REACH - 1], rtol=0.01)
+    np.testing.assert_allclose(images[REACH], whole[REACH], rtol=0.01)
 
 
 def test_a_moving_texture_loses_most_of_its_noise() -> None:
