@@ -1,6 +1,7 @@
 """Mutate a random sample of places and print the changes that no test notices.
 
-MUTATIONS=300 places, run from the FIRST=1 on, at most MINUTES=60 minutes, SEED=0, ONLY=part of a path.
+MUTATIONS=300 places, run from the FIRST=1 on, at most MINUTES=60 minutes, SEED=0, ONLY=part of a path,
+BUDGET=15 seconds of tests for one mutant.
 One worker for each core. The map of lines that tests run is kept in out/mutation.
 """
 
@@ -23,7 +24,7 @@ OUT = ROOT / "out" / "mutation"
 TREES = [OUT / f"tree-{number}" for number in range(os.cpu_count() or 1)]
 """A copy of the repository for each worker: one mutant at a time is in it."""
 TREE = TREES[0]
-BUDGET = 15.0
+BUDGET = float(os.environ.get("BUDGET", "15"))
 """Seconds of tests for one mutant, as they take by themselves; quick ones come first."""
 KILLED, SURVIVED, UNREACHED = "killed", "survived", "no test runs it"
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from noisy_frames import SIZE, decibels, noisy, truth
+from noisy_frames import SIZE, decibels, noisy
 from supersampler import ArgumentError, Frame, FrameError, denoise_sequence
 from supersampler.denoising.sequence import Denoised, TemporalDenoiser
 from supersampler.denoising.spec import REACH

@@ -518,7 +518,8 @@ static void the_temporal_filter_averages_frames(void) {
           "NULL is a depth");
     for (int k = 0; k < WINDOW; k++) {
         aovs[k][0] = &color[k][0][0][0];
-        frames[k] = (ss_temporal_frame){&color[k][0][0][0], NULL, &guides[0][0][0], &step[0][0][0], &step[0][0][0], aovs[k]};
+        frames[k] =
+            (ss_temporal_frame){&color[k][0][0][0], NULL, &guides[0][0][0], &step[0][0][0], &step[0][0][0], aovs[k]};
     }
     ss_temporal filter = {TW, TH, frames, 2, 2, 1, 1.0f, 4.0f, 0, TH, &image[0][0][0][0], mean};
     CHECK(ss_filter_temporal(&filter, &error) == SS_OK, "%s", error.message);
@@ -535,7 +536,8 @@ static void the_temporal_filter_averages_frames(void) {
         }
     CHECK(image[0][10][16][3] > 1.5f, "no neighbour has a weight: %g", image[0][10][16][3]);
     for (int k = 0; k < WINDOW; k++) frames[k].noisy = k ? NULL : frames[k].color;
-    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "noisy"), "%s", error.message);
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "noisy"), "%s",
+          error.message);
     for (int k = 0; k < WINDOW; k++) frames[k].noisy = frames[k].color;
     filter.first_row = 0, filter.end_row = TH;
     CHECK(ss_filter_temporal(&filter, &error) == SS_OK, "%s", error.message);

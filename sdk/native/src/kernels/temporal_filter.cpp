@@ -171,9 +171,8 @@ static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_
     const struct {
         int plane;
         float cost;
-    } distances[] = {{PATCHES, c.color},       {PATCHES_3, c.color_3x3},  {PATCHES_5, c.color_5x5},
-                     {NORMALS, c.normal},      {NORMALS_3, c.normal_3x3}, {ALBEDOS, c.albedo},
-                     {ALBEDOS_3, c.albedo_3x3}};
+    } distances[] = {{PATCHES, c.color},        {PATCHES_3, c.color_3x3}, {PATCHES_5, c.color_5x5}, {NORMALS, c.normal},
+                     {NORMALS_3, c.normal_3x3}, {ALBEDOS, c.albedo},      {ALBEDOS_3, c.albedo_3x3}};
     const float young = c.log_weight - c.age * static_cast<float>(age);
     for (int y = BORDER; y < t.rows - BORDER; y++)
         for (int x = BORDER; x < t.columns - BORDER; x += W) {
