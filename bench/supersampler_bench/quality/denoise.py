@@ -166,10 +166,11 @@ class Metered:
 
     Attributes:
         seconds: CPU seconds of the denoiser.
+        spent: all CPU seconds of calls, with those of recognising frames.
     """
 
     def __init__(self, denoiser: FrameDenoiser) -> None:
-        self._denoiser, self.seconds = denoiser, 0.0
+        self._denoiser, self.seconds, self.spent = denoiser, 0.0, 0.0
         self._known: dict[bytes, Any] = {}
 
     def clean_guides(
@@ -185,6 +186,7 @@ class Metered:
         return found
 
     def _once(self, work: Callable[..., Any], *images: Float32 | None) -> Any:
+        began = time.process_time()
         digest = hashlib.blake2b(work.__name__.encode())
         for image in images:
             digest.update(b"none" if image is None else image.tobytes())
@@ -193,6 +195,7 @@ class Metered:
             before = time.process_time()
             self._known[key] = work(*images)
             self.seconds += time.process_time() - before
+        self.spent += time.process_time() - began
         return self._known[key]
 
 
@@ -229,19 +232,20 @@ def _denoised_singly(
 
 def _denoised(frames: Sequence[Frame], lookahead: int, samples: int, denoiser: Metered | None) -> _Way:
     """Run the temporal denoiser; frames that were denoised before take no time again."""
-    images, seconds, spent = [], [], 0.0
+    images, seconds = [], []
+    own = 0.0 if denoiser is None else denoiser.seconds
     with TemporalDenoiser(
         per_frame=denoiser or "none", lookahead=lookahead, samples=samples, threads=1
     ) as stages:
         run = stages.run(frames)
         for _ in frames:
-            before, own = time.process_time(), 0.0 if denoiser is None else denoiser.seconds
+            before, spent = time.process_time(), 0.0 if denoiser is None else denoiser.spent
             images.append(next(run).image)
-            own = 0.0 if denoiser is None else denoiser.seconds - own
-            seconds.append(time.process_time() - before - own)
-            spent += own
+            spent = 0.0 if denoiser is None else denoiser.spent - spent
+            seconds.append(time.process_time() - before - spent)
+    own = 0.0 if denoiser is None else denoiser.seconds - own
     steady = seconds[REACH : len(frames) - lookahead] or seconds
-    return _Way(images, spent / len(frames), float(np.mean(steady)))
+    return _Way(images, own / len(frames), float(np.mean(steady)))
 
 
 def median_of_three(frames: Mapping[int, Frame], number: int) -> Float32:

@@ -125,12 +125,12 @@ def packed_color(color: NDArray[Any], factor: float = 1.0) -> Float32:
 
 
 def packed_guides(albedo: NDArray[Any] | None, normal: NDArray[Any] | None, size: tuple[int, int]) -> Float32:
-    """Return albedo and normal (h, w, 3) as `WindowFrame.guides`; NaN becomes 0. `size` is (h, w)."""
+    """Return albedo and normal (h, w, 3), without NaN, as `WindowFrame.guides`. `size` is (h, w)."""
     packed = np.zeros((*size, 8), np.float32)
     for first, guide in ((0, albedo), (4, normal)):
         if guide is not None:
-            packed[..., first : first + 3] = np.nan_to_num(guide, nan=0.0, posinf=1.0, neginf=-1.0)
-    return np.clip(packed, -1.0, 1.0, out=packed)
+            np.clip(guide, -1.0, 1.0, out=packed[..., first : first + 3])
+    return packed
 
 
 def packed_aovs(aovs: NDArray[Any] | None) -> list[Float32]:
