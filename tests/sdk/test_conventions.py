@@ -101,6 +101,12 @@ def test_a_sequence_comes_back_as_it_was_under_any_conventions(
         assert (again.motion_next is None) == conventions.motion_jittered
 
 
+def test_light_is_not_scaled_unless_pre_exposure_is_given() -> None:
+    plain = np.zeros((4, 6), np.float32)
+    raw = RawFrame(color=np.ones((4, 6, 3), np.float32), depth=plain, motion=np.zeros((4, 6, 2), np.float32))
+    assert Conventions().converter().to_frame(raw).pre_exposure == 1.0
+
+
 @settings(deadline=None, max_examples=50)
 @given(any_conventions())
 def test_json_and_repr_keep_every_field(conventions: Conventions) -> None:

@@ -158,6 +158,15 @@ def test_in_a_crop_half_size_pixels_are_the_first_of_each_two_however_it_is_turn
     torch.testing.assert_close(share, share.mean().expand_as(share), rtol=0.01, atol=0.0)
 
 
+def test_crops_are_of_one_frame_and_mostly_of_those_whose_light_changes() -> None:
+    full = torch.zeros(3, sum(FULL_CHANNELS), 40, 40)
+    full[1, -1] = 1.0
+    frames = LightFrames(torch.zeros(3, sum(HALF_CHANNELS), 20, 20), full)
+    crops = [draw_light(np.random.default_rng(seed), frames, 12) for seed in range(40)]
+    assert {crop.changed.shape for crop in crops} == {(1, 1, 24, 24)}
+    assert sum(bool(crop.changed.all()) for crop in crops) > 30
+
+
 def test_a_restarted_stream_continues(dataset: Dataset) -> None:
     lights = LightCache(random_flow())
     stream = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
@@ -184,6 +193,17 @@ def test_gradients_reach_all_weights_and_crops_of_a_batch_do_not_mix() -> None:
     torch.testing.assert_close(both.images[1:], alone.images, rtol=1e-3, atol=1e-3)
     both.images.mean().backward()  # type: ignore[no-untyped-call]
     assert [n for n, p in task.method.named_parameters() if p.grad is None or not p.grad.any()] == []
+
+
+def test_errors_where_the_light_changed_weigh_more() -> None:
+    task = FlowTask(random_flow())
+    crop = whole(found_of(task.method, shadow(4)), 0)
+    changed = torch.zeros_like(crop.changed)
+    changed[..., :10] = 1.0
+    weight = task.step([crop._replace(changed=changed)], [[]]).weight
+    assert isinstance(weight, torch.Tensor)
+    assert weight[..., :10].unique().tolist() == [1.0 + task.losses.changed]
+    assert weight[..., 10:].unique().tolist() == [1.0]
 
 
 def test_the_flow_network_learns_how_a_shadow_moves() -> None:

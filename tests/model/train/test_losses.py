@@ -128,6 +128,13 @@ def test_images_are_compared_exposed_toned_and_in_srgb() -> None:
     torch.testing.assert_close(display_values(image, torch.tensor([2.0])).flatten(), torch.tensor(expected))
 
 
+def test_black_has_a_finite_gradient() -> None:
+    image = torch.zeros(1, 3, 2, 2, requires_grad=True)
+    display_values(image, torch.ones(1)).sum().backward()  # type: ignore[no-untyped-call]
+    assert image.grad is not None
+    torch.testing.assert_close(image.grad, torch.full((1, 3, 2, 2), 12.92))
+
+
 def test_a_window_is_even_about_its_pixel_and_eleven_wide() -> None:
     image = torch.full((1, 3, 25, 25), 0.5)
     spark = image.clone()
