@@ -20,7 +20,7 @@ from supersampler.denoising.spec import DEFAULT_SAMPLES
 from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
 
-_BAND = 16
+_BAND = 32
 """Rows of a task of a thread: those of a tile of the library."""
 
 
