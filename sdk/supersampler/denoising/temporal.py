@@ -18,7 +18,7 @@ from supersampler.arguments import ieee_arithmetic
 from supersampler.backends.cpu.library import TemporalData, TemporalFrame, cpu_library
 from supersampler.denoising.spec import DEFAULT_SAMPLES
 from supersampler.frame import Float32
-from supersampler.io.display import MAX_HALF
+from supersampler.io.display import MAX_HALF, missing_pixels
 
 _BAND = 32
 """Rows of a task of a thread: those of a tile of the library."""
@@ -114,13 +114,11 @@ def _record(frame: WindowFrame, aovs: CArray[c_void_p]) -> TemporalFrame:
 
 def packed_color(color: NDArray[Any], factor: float = 1.0) -> Float32:
     """Return colour (h, w, 3) times a factor as `WindowFrame.color`; values are clamped to [0, MAX_HALF]."""
-    packed = np.zeros((*color.shape[:2], 4), np.float32)
-    known = ~np.isnan(color).any(axis=-1)
     with np.errstate(invalid="ignore", over="ignore"):
-        np.multiply(color, np.float32(factor), out=packed[..., :3], dtype=np.float32)
-        np.clip(packed[..., :3], 0.0, MAX_HALF, out=packed[..., :3])
-    packed[..., 3] = 1.0
-    packed[~known] = 0.0
+        values = np.multiply(color, np.float32(factor), dtype=np.float32)
+    packed = np.ones((*color.shape[:2], 4), np.float32)
+    packed[..., :3] = np.clip(values, 0.0, MAX_HALF, out=values)  # faster than in `packed`, of four channels
+    packed[missing_pixels(values)] = 0.0
     return packed
 
 
@@ -129,7 +127,7 @@ def packed_guides(albedo: NDArray[Any] | None, normal: NDArray[Any] | None, size
     packed = np.zeros((*size, 8), np.float32)
     for first, guide in ((0, albedo), (4, normal)):
         if guide is not None:
-            np.clip(guide, -1.0, 1.0, out=packed[..., first : first + 3])
+            packed[..., first : first + 3] = np.clip(guide, -1.0, 1.0)
     return packed
 
 
