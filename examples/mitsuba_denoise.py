@@ -37,7 +37,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("-o", "--output", type=Path, required=True, help="folder to write")
     parser.add_argument("--samples", type=int, default=4, help="samples per pixel")
-    parser.add_argument("--frames", type=int, default=17)
+    parser.add_argument("--frames", type=int, default=11)
     parser.add_argument("--size", type=int, default=256, help="width and height, pixels")
     parser.add_argument("--reference-samples", type=int, default=1024)
     options = parser.parse_args()
@@ -52,9 +52,9 @@ def main() -> None:
             over_time = image
     truth = np.asarray(rendered(middle, options.size, options.reference_samples, seed=10**6).color)
     frame = shot.read(middle).frame
-    guides = frame.gbuffer or {}
+    color, *guides = (np.asarray(a, np.float32) for a in (frame.color, *(frame.gbuffer or {}).values()))
     with Oidn() as oidn:
-        alone, _, _ = oidn.denoise(*(np.asarray(a, np.float32) for a in (frame.color, *guides.values())))
+        alone = oidn.denoise(color, *oidn.clean_guides(*guides))
     exposure = auto_exposure(truth)
     shown = display_transform(truth, exposure)
     images = {"as rendered": frame.color, "Open Image Denoise": alone, "over time": over_time}
