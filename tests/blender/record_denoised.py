@@ -33,7 +33,8 @@ def main(renders: Path) -> None:
     with Oidn(threads=1) as oidn:
         for number in NUMBERS:
             frame = shot.read(number - shot.first_number).frame
-            color, albedo, normal = oidn.denoise(np.asarray(frame.color, np.float32), *guides_of(frame))
+            albedo, normal = oidn.clean_guides(*guides_of(frame))
+            color = oidn.denoise(np.asarray(frame.color, np.float32), albedo, normal)
             part = replace(
                 frame, color=color[PART], depth=frame.depth[PART], motion=frame.motion[PART],
                 motion_next=half(frame.motion_next, 64), aovs=None, reset=number == NUMBERS[0],
