@@ -46,7 +46,7 @@ def denoise(
     ] = 2,
     lookahead: Annotated[
         int | None,
-        typer.Option(min=1, max=5, help="With --passes 2: number of following frames.", show_default="5"),
+        typer.Option(help="With --passes 2: number of following frames.", show_default="all that help"),
     ] = None,
     samples: Annotated[
         float | None,

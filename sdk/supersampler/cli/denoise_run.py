@@ -195,7 +195,7 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
         return {
             "method": "temporal denoiser",
             "size": size_text(self._display_size).replace("x", " × "),
-            "each frame first": {"oidn": "Open Image Denoise", "none": "as it came"}[self._job.denoiser],
+            "denoiser": {"oidn": "Open Image Denoise", "none": "as it came"}[self._job.denoiser],
         }
 
     def layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:

@@ -23,8 +23,8 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.integrations.blender.render import Rendering, RenderRequest, rendering
 from supersampler.io.display import BT709
-from supersampler.io.images import read_exr
-from supersampler.io.shot.blender import RenderedScene, frame_file
+from supersampler.io.shot import Shot
+from supersampler.io.shot.blender import RenderedScene
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.upscaler import Upscaler
 
@@ -105,15 +105,14 @@ def advise(
         scene, frames = render.scene, [item.frame for item in shot]
         middle, rendered = len(frames) // 2, _seconds(render)
         number = render.shot.first_number + middle
-        plain = np.asarray(render.shot.read(middle).frame.color, np.float32)
+        plain, first_noisy = (_color(each, middle) for each in (render.shot, render.shot.with_noise()))
     began = time.perf_counter()
     per_frame: PerFrame = "none" if shot.is_denoised else "oidn"
     temporal = list(denoise_sequence(frames, per_frame=per_frame, samples=scene.samples))[middle]
     filtered = (time.perf_counter() - began) / len(frames)
     again = replace(full, frames=FrameRange(number, number), seed=1, samples=_MORE * (scene.samples or 1))
     with rendering(again, folder / "again", overwrite=overwrite, note=lambda _: None) as render:
-        render.shot.read(0)
-        noisy = [_noisy(folder / name / frame_file(number), scene.layer) for name in ("full", "again")]
+        noisy = first_noisy, _color(render.shot.with_noise(), 0)
     upscaled, small = _upscaled(full, folder, scene, number, overwrite=overwrite)
     times = {"plain": rendered, "temporal": rendered + filtered, "upscaled": small}
     images = {"plain": plain, "temporal": temporal, "upscaled": upscaled}
@@ -159,11 +158,9 @@ def _seconds(render: Rendering) -> float:
     return min(camera.seconds for camera in render.cameras())
 
 
-def _noisy(path: Path, layer: str) -> Float32:
-    """Return the colour of a frame before it was denoised, (h, w, 3)."""
-    names = [f"{layer}.Noisy Image.{axis}" for axis in "RGB"]
-    channels = read_exr(path, only=names)
-    return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
+def _color(shot: Shot, index: int) -> Float32:
+    """Return the colour of a frame, (h, w, 3)."""
+    return np.asarray(shot.read(index).frame.color, np.float32)
 
 
 def _relative_squares(image: Float32, other: Float32, weight: Float32) -> Float32:
