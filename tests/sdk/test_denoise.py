@@ -9,6 +9,7 @@ import pytest
 
 from noisy_frames import SIZE, decibels, noisy
 from supersampler import ArgumentError, Frame, FrameError, denoise_sequence
+from supersampler.denoising.oidn import Guides
 from supersampler.denoising.sequence import Denoised, TemporalDenoiser
 from supersampler.denoising.spec import REACH
 from supersampler.frame import Float32
@@ -24,9 +25,7 @@ class Blur:
     def __init__(self) -> None:
         self.colors: list[Float32] = []
 
-    def clean_guides(
-        self, albedo: Float32 | None, normal: Float32 | None
-    ) -> tuple[Float32 | None, Float32 | None]:
+    def clean_guides(self, albedo: Float32 | None, normal: Float32 | None) -> Guides:
         return albedo, normal
 
     def denoise(self, color: Float32, *_: Float32 | None) -> Float32:

@@ -1,6 +1,5 @@
 """Measure the temporal denoiser on a path tracer's frames, beside the per-frame denoiser."""
 
-import hashlib
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -8,17 +7,17 @@ from dataclasses import replace
 from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from supersampler.conventions.encodings import srgb_encoded
-from supersampler.denoising.oidn import FrameDenoiser
+from supersampler.denoising.oidn import FrameDenoiser, Guides
 from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
 from supersampler.denoising.spec import REACH
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame
+from supersampler.io.display import ExposureMeter, missing_pixels
 from supersampler.io.shot import Shot
 from supersampler.sequence.backward_motion import scattered_motion
 from supersampler_bench.quality import metrics
@@ -104,14 +103,15 @@ def measure_render(
             raise ShotError(files[number][0], problem, "Render a larger region.")
     frames = _frames(shot, span)
     metered = None if denoiser is None else Metered(denoiser)
-    singles, frame_cpu = _denoised_singly(frames, metered, on_frame)
-    ways = {lookahead: _denoised(frames, lookahead, samples, metered) for lookahead in (REACH, 0)}
+    both, filter_cpu = _denoised(frames, metered, REACH, samples, on_frame)
+    singles = frames if metered is None else metered.singles(frames)
+    one_pass, one_pass_cpu = _denoised(singles, None, 0, samples)
     by_number = dict(zip(numbers, singles, strict=True))
     images: dict[str, Images] = {
         FRAME: {number: np.asarray(by_number[number].color, np.float32) for number in references},
         MEDIAN: {number: median_of_three(by_number, number) for number in references},
-        ONE_PASS: {number: ways[0].images[number - numbers[0]] for number in references},
-        DENOISER: {number: ways[REACH].images[number - numbers[0]] for number in references},
+        ONE_PASS: {number: one_pass[number - numbers[0]] for number in references},
+        DENOISER: {number: both[number - numbers[0]] for number in references},
     }
     return RenderRow(
         scene=scene,
@@ -124,10 +124,10 @@ def measure_render(
         scored=float(np.mean([each.scored.mean() for each in references.values()])),
         per_frame="none" if denoiser is None else "oidn",
         render_cpu=render_cost(render, numbers),
-        frame_cpu=frame_cpu,
-        mean_cpu=ways[REACH].denoiser_cpu,
-        filter_cpu=ways[REACH].filter_cpu,
-        one_pass_cpu=ways[0].filter_cpu,
+        frame_cpu=0.0 if metered is None else metered.frame_cpu / len(frames),
+        mean_cpu=0.0 if metered is None else metered.mean_cpu / len(frames),
+        filter_cpu=filter_cpu,
+        one_pass_cpu=one_pass_cpu,
         methods=[_scores(method, found, references) for method, found in images.items()],
     )
 
@@ -162,49 +162,49 @@ def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
 
 
 class Metered:
-    """Denoises frames, each only once, and counts the CPU seconds that this takes.
+    """Counts the CPU seconds of a denoiser, and keeps the frames that it denoises by themselves.
 
     Attributes:
-        seconds: CPU seconds of the denoiser.
-        spent: all CPU seconds of calls, with those of recognising frames.
+        frame_cpu: CPU seconds of frames, with their guides.
+        mean_cpu: CPU seconds of means of frames, which have no guides of their own.
     """
 
     def __init__(self, denoiser: FrameDenoiser) -> None:
-        self._denoiser, self.seconds, self.spent = denoiser, 0.0, 0.0
-        self._known: dict[bytes, Any] = {}
+        self._denoiser, self.frame_cpu, self.mean_cpu = denoiser, 0.0, 0.0
+        self._guides: Guides | None = None  # of the frame that comes next
+        self._singles: list[tuple[Float32, Guides]] = []
 
-    def clean_guides(
-        self, albedo: Float32 | None, normal: Float32 | None
-    ) -> tuple[Float32 | None, Float32 | None]:
+    def clean_guides(self, albedo: Float32 | None, normal: Float32 | None) -> Guides:
         """See `FrameDenoiser`."""
-        found: tuple[Float32 | None, Float32 | None] = self._once(self._denoiser.clean_guides, albedo, normal)
-        return found
+        before = time.process_time()
+        self._guides = self._denoiser.clean_guides(albedo, normal)
+        self.frame_cpu += time.process_time() - before
+        return self._guides
 
     def denoise(self, color: Float32, albedo: Float32 | None, normal: Float32 | None) -> Float32:
         """See `FrameDenoiser`."""
-        found: Float32 = self._once(self._denoiser.denoise, color, albedo, normal)
-        return found
+        before = time.process_time()
+        image = self._denoiser.denoise(color, albedo, normal)
+        seconds = time.process_time() - before
+        if self._guides is None:
+            self.mean_cpu += seconds
+        else:
+            self.frame_cpu += seconds
+            self._singles.append((image, self._guides))
+            self._guides = None
+        return image
 
-    def _once(self, work: Callable[..., Any], *images: Float32 | None) -> Any:
-        began = time.process_time()
-        digest = hashlib.blake2b(work.__name__.encode())
-        for image in images:
-            digest.update(b"none" if image is None else image.tobytes())
-        key = digest.digest()
-        if key not in self._known:
-            before = time.process_time()
-            self._known[key] = work(*images)
-            self.seconds += time.process_time() - before
-        self.spent += time.process_time() - began
-        return self._known[key]
-
-
-class _Way(NamedTuple):
-    """Images of the temporal denoiser, and CPU seconds per frame."""
-
-    images: list[Float32]
-    denoiser_cpu: float  # of denoising the means; 0 if the frames came denoised
-    filter_cpu: float  # of the temporal filter, at frames that have all neighbours
+    def singles(self, frames: Sequence[Frame]) -> list[Frame]:
+        """Return the frames, which have been denoised, each denoised by itself."""
+        done = []
+        for frame, (clean, (albedo, normal)) in zip(frames, self._singles, strict=True):
+            color = clean * np.float32(frame.pre_exposure)
+            color[missing_pixels(np.asarray(frame.color))] = np.nan
+            known = {"base_color": albedo, "normal": normal}
+            gbuffer = {name: guide for name, guide in known.items() if guide is not None}
+            exposure = ExposureMeter().read_frame(frame)  # as `TemporalDenoiser` measures it, with noise
+            done.append(replace(frame, color=color, gbuffer=gbuffer or None, exposure=exposure))
+        return done
 
 
 def _frames(shot: Shot, span: range) -> list[Frame]:
@@ -215,37 +215,30 @@ def _frames(shot: Shot, span: range) -> list[Frame]:
     return frames
 
 
-def _denoised_singly(
-    frames: Sequence[Frame], denoiser: Metered | None, on_frame: Callable[[], None]
-) -> tuple[list[Frame], float]:
-    """Return the frames, denoised one by one, and the denoiser's CPU seconds per frame."""
-    done = []
-    with TemporalDenoiser(per_frame=denoiser or "none", threads=1) as stages:
-        for frame, window in zip(frames, stages.windows(frames), strict=True):
-            color = window.color[..., :3] * np.float32(frame.pre_exposure)
-            done.append(
-                replace(frame, color=np.where(window.color[..., 3:] > 0.0, color, np.float32(np.nan)))
-            )
-            on_frame()
-    return done, 0.0 if denoiser is None else denoiser.seconds / len(frames)
-
-
-def _denoised(frames: Sequence[Frame], lookahead: int, samples: int, denoiser: Metered | None) -> _Way:
-    """Run the temporal denoiser; frames that were denoised before take no time again."""
+def _denoised(
+    frames: Sequence[Frame],
+    denoiser: Metered | None,
+    lookahead: int,
+    samples: int,
+    on_frame: Callable[[], None] = lambda: None,
+) -> tuple[list[Float32], float]:
+    """Return the images, and the filter's CPU seconds per frame that has all neighbours."""
     images, seconds = [], []
-    own = 0.0 if denoiser is None else denoiser.seconds
+
+    def spent() -> float:
+        own = 0.0 if denoiser is None else denoiser.frame_cpu + denoiser.mean_cpu
+        return time.process_time() - own
+
     with TemporalDenoiser(
         per_frame=denoiser or "none", lookahead=lookahead, samples=samples, threads=1
     ) as stages:
         run = stages.run(frames)
         for _ in frames:
-            before, spent = time.process_time(), 0.0 if denoiser is None else denoiser.spent
+            before = spent()
             images.append(next(run).image)
-            spent = 0.0 if denoiser is None else denoiser.spent - spent
-            seconds.append(time.process_time() - before - spent)
-    own = 0.0 if denoiser is None else denoiser.seconds - own
-    steady = seconds[REACH : len(frames) - lookahead] or seconds
-    return _Way(images, own / len(frames), float(np.mean(steady)))
+            seconds.append(spent() - before)
+            on_frame()
+    return images, float(np.mean(seconds[REACH : len(frames) - lookahead] or seconds))
 
 
 def median_of_three(frames: Mapping[int, Frame], number: int) -> Float32:

@@ -1,8 +1,8 @@
-"""`Oidn`: Intel Open Image Denoise, which denoises each frame by itself, from the package pyoidn."""
+"""`Oidn`: Intel Open Image Denoise, which denoises single images, from the package pyoidn."""
 
 from collections.abc import Mapping
 from importlib.util import find_spec
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from supersampler.errors import SupersamplerError
 from supersampler.frame import Float32
 
+Guides: TypeAlias = tuple[Float32 | None, Float32 | None]
+"""Albedo and normal of a frame, (h, w, 3) each; None where it has none."""
+
 
 class FrameDenoiser(Protocol):
     """Denoises one frame."""
 
-    def clean_guides(
-        self, albedo: Float32 | None, normal: Float32 | None
-    ) -> tuple[Float32 | None, Float32 | None]:
+    def clean_guides(self, albedo: Float32 | None, normal: Float32 | None) -> Guides:
         """Return albedo and normal, (h, w, 3) each, without noise; a guide that is None stays None."""
 
     def denoise(self, color: Float32, albedo: Float32 | None, normal: Float32 | None) -> Float32:
@@ -58,9 +59,7 @@ class Oidn:
     def __exit__(self, *_: object) -> None:
         self._device.release()
 
-    def clean_guides(
-        self, albedo: Float32 | None, normal: Float32 | None
-    ) -> tuple[Float32 | None, Float32 | None]:
+    def clean_guides(self, albedo: Float32 | None, normal: Float32 | None) -> Guides:
         """Return albedo and normal, (h, w, 3) each, without noise; a guide that is None stays None."""
         return (
             None if albedo is None else self._filtered({"albedo": albedo}),

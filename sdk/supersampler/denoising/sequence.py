@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, Self
 import numpy as np
 
 from supersampler.arguments import as_number, ieee_arithmetic
-from supersampler.denoising.oidn import FrameDenoiser, Oidn
+from supersampler.denoising.oidn import FrameDenoiser, Guides, Oidn
 from supersampler.denoising.spec import ACCUMULATED, DEFAULT_SAMPLES, REACH
 from supersampler.denoising.temporal import (
     TemporalFilter,
@@ -52,7 +52,7 @@ class _Item:
 
     frame: Frame  # as it came
     window: WindowFrame
-    guides: tuple[Float32 | None, Float32 | None]  # albedo and normal in `window.guides`, (h, w, 3) each
+    guides: Guides  # in `window.guides`
     exposure: float  # of this frame alone: images depend on no other
 
 
@@ -162,7 +162,7 @@ class TemporalDenoiser:
             last.window.to_next = nearest_motion(last.frame.depth, following)
         return item
 
-    def _denoised(self, color: Float32, guides: tuple[Float32 | None, Float32 | None]) -> Float32:
+    def _denoised(self, color: Float32, guides: Guides) -> Float32:
         """Return `WindowFrame.color` without noise; missing samples stay missing."""
         if self._denoiser is None:
             return color
@@ -225,7 +225,7 @@ def _neighbourhoods(items: Iterable[_Item], behind: int, ahead: int, skip: int) 
         yield first()
 
 
-def guides_of(frame: Frame) -> tuple[Float32 | None, Float32 | None]:
+def guides_of(frame: Frame) -> Guides:
     """Return albedo and normal of a frame, (h, w, 3) float32 without NaN; None where it has none."""
     buffers = frame.gbuffer or {}
 

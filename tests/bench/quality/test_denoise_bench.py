@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from noisy_frames import SIZE, noisy, truth
 from supersampler import ArgumentError
+from supersampler.denoising.oidn import Guides
 from supersampler.errors import ShotError
 from supersampler.frame import Float32
 from supersampler.io.images import write_exr
@@ -46,9 +47,7 @@ class HalfDenoiser:
     def __init__(self) -> None:
         self.sizes: list[tuple[int, ...]] = []
 
-    def clean_guides(
-        self, albedo: Float32 | None, normal: Float32 | None
-    ) -> tuple[Float32 | None, Float32 | None]:
+    def clean_guides(self, albedo: Float32 | None, normal: Float32 | None) -> Guides:
         return albedo, normal
 
     def denoise(self, color: Float32, *_: Float32 | None) -> Float32:
