@@ -52,7 +52,7 @@ class _Item:
 
     frame: Frame  # as it came
     window: WindowFrame
-    guides: Guides  # in `window.guides`
+    guides: Guides  # without noise
     exposure: float  # of this frame alone: images depend on no other
 
 
@@ -65,8 +65,8 @@ class TemporalDenoiser:
     changes would lag otherwise; `lookahead` is the sum. Without it, and where frames are denoised already,
     the denoised frames are averaged, each with REACH frames before it.
 
-    At most 2 * REACH + 1 frames are in memory, of 80 bytes a pixel and 16 for every four AOVs, and half as
-    many means of them.
+    At most 2 * REACH + 1 frames are in memory, of 104 bytes a pixel and 16 for every four AOVs, and half as
+    many means of them, of 16 bytes a pixel and 16 for every four AOVs.
 
     Args:
         per_frame: denoiser of single frames: "oidn", another one, or "none" for frames that are denoised
@@ -145,16 +145,13 @@ class TemporalDenoiser:
         noisy, guides = packed_color(frame.color, 1.0 / frame.pre_exposure), guides_of(frame)
         if self._denoiser is not None:
             guides = self._denoiser.clean_guides(*guides)
-        packed = packed_guides(*guides, frame.depth.shape)
-        parts = packed[..., :3], packed[..., 4:7]
-        albedo, normal = (None if guide is None else part for guide, part in zip(guides, parts, strict=True))
-        color, aovs = self._denoised(noisy, (albedo, normal)), packed_aovs(frame.aovs)
-        item = _Item(
-            frame=frame,
-            window=WindowFrame(color, packed, aovs=aovs, noisy=noisy if self._accumulates else None),
-            guides=(albedo, normal),
-            exposure=ExposureMeter().read_frame(frame),
+        window = WindowFrame(
+            color=self._denoised(noisy, guides),
+            guides=packed_guides(*guides, frame.depth.shape),
+            aovs=packed_aovs(frame.aovs),
+            noisy=noisy if self._accumulates else None,
         )
+        item = _Item(frame, window, guides, ExposureMeter().read_frame(frame))
         if last is not None:
             item.window.to_previous = nearest_motion(frame.depth, frame.motion)
             given = last.frame.motion_next

@@ -5,7 +5,7 @@ from typing import NamedTuple
 REACH = 5
 """Frames to either side that an image depends on."""
 ACCUMULATED = 2.0
-"""Factor of the samples per pixel for the denoised mean of noisy frames."""
+"""Factor of the samples per pixel where means are averaged: a mean is of more samples than a frame."""
 LOG_OFFSET = 0.01
 """Added to exposed colour before its logarithm: differences in the dark below it do not matter."""
 KNOWN_SHARE = 0.999
@@ -23,20 +23,28 @@ class Weights(NamedTuple):
     The weight of a neighbour is exp(log_weight - age * its age - samples * its distance), with the samples
     per pixel, and the sum of its distances times their costs. The frame itself has 1. The variance of noise
     falls with the samples: what may be noise at one sample is a difference at eight.
+
+    Attributes:
+        log_weight: logarithm of the weight of a neighbour that agrees, without its age.
+        color, color_3x3, color_5x5: costs of the squared difference of log colour, at the pixel and averaged
+            over 3x3 and 5x5 pixels.
+        normal, normal_3x3: costs of the squared difference of normals, likewise.
+        albedo, albedo_3x3: costs of the squared difference of albedo, likewise.
+        shift_9x9: cost of the squared mean difference of log colour over 9x9 pixels and three channels. Noise
+            averages out, a change of light does not.
+        age: cost of a frame of distance in time.
     """
 
     log_weight: float
-    color: float  # costs of the squared difference of log colour: at the pixel,
-    color_3x3: float  # and averaged over 3x3
-    color_5x5: float  # and 5x5 pixels
-    normal: float  # costs of the squared difference of normals
+    color: float
+    color_3x3: float
+    color_5x5: float
+    normal: float
     normal_3x3: float
-    albedo: float  # costs of the squared difference of albedo
+    albedo: float
     albedo_3x3: float
     shift_9x9: float
-    """Cost of the squared mean difference of log colour over 9x9 pixels and three channels. Noise averages
-    out, a change of light does not."""
-    age: float  # cost of a frame of distance in time
+    age: float
 
 
 OF_DENOISED = Weights(-0.6249, 0.0220, 0.1223, 0.2019, 0.3178, 0.6003, 0.5483, 0.9074, 3.4943, 0.7610)
