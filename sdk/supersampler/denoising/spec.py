@@ -51,5 +51,6 @@ OF_DENOISED = Weights(-0.6249, 0.0220, 0.1223, 0.2019, 0.3178, 0.6003, 0.5483, 0
 """Weights that average denoised frames, fitted by `supersampler_model.denoising.training`."""
 OF_NOISY = Weights(0.0, 0.0220, 0.1223, 0.2019, 0.95, 1.8, 1.65, 2.7, 1.05, 0.875)
 """Weights that average noisy frames, whose mean is denoised afterwards. They are those of OF_DENOISED with
-groups of costs scaled by the best factors of a search on renders of `denoise_scenes.py --variant 1`. Neighbours
-count more, because they remove noise, but less across edges, where errors of motion would blur detail."""
+groups of costs scaled by the best factors of a search on renders of `denoise_scenes.py --variant 1`.
+Neighbours count more, because they remove noise, but less across edges, where errors of motion would blur
+detail."""
