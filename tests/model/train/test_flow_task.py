@@ -202,6 +202,7 @@ def test_errors_where_the_light_changed_weigh_more() -> None:
     changed[..., :10] = 1.0
     weight = task.step([crop._replace(changed=changed)], [[]]).weight
     assert isinstance(weight, torch.Tensor)
+    assert task.losses.changed > 0.0
     assert set(weight[..., :10].flatten().tolist()) == {1.0 + task.losses.changed}
     assert set(weight[..., 10:].flatten().tolist()) == {1.0}
 
