@@ -30,6 +30,7 @@ from supersampler_model.denoising.filter import (
     box,
     distances,
     gathered,
+    relit,
     squared,
 )
 
@@ -48,7 +49,7 @@ class Example(NamedTuple):
     """A frame with a reference, and its k neighbours."""
 
     own: Tensor  # (1, 3, h, w) linear RGB, denoised
-    colors: Tensor  # (k, 3, h, w) of the neighbours
+    colors: Tensor  # (k, 3, h, w) of the neighbours, in the light of the frame
     distances: Tensor  # (k, len(COSTS), h, w)
     known: Tensor  # (k, 1, h, w)
     reference: Tensor  # (1, 3, h, w), 0 where it is not scored
@@ -67,13 +68,14 @@ def example_of(
     previous: Sequence[WindowFrame],
     following: Sequence[WindowFrame],
     reference: Tensor,
+    samples: float,
     exposure: float = 1.0,
 ) -> Example:
     """Gather a frame's neighbours; `reference` is (1, 3, h, w), NaN in pixels to leave out."""
     others = [*gathered(frame, previous, "to_previous"), *gathered(frame, following, "to_next")]
     return Example(
         own=frame.color[:, :3],
-        colors=torch.cat([other.color[:, :3] for other in others]),
+        colors=torch.cat([relit(frame, other, exposure, samples) for other in others]),
         distances=torch.cat([distances(frame, other, exposure) for other in others]),
         known=torch.cat([other.known for other in others]),
         reference=reference.nan_to_num(),
@@ -169,7 +171,8 @@ def render_of(shot: Shot, samples: float) -> Render:
         if reference is not None and reference.shape[:2] == frames[index].depth.shape:
             exposure = ExposureMeter().read_frame(frames[index])
             previous, following = windows[:index][::-1], windows[index + 1 :]
-            examples.append(example_of(windows[index], previous, following, planes(reference), exposure))
+            ideal = planes(reference)
+            examples.append(example_of(windows[index], previous, following, ideal, samples, exposure))
     return Render(examples, samples)
 
 

@@ -286,13 +286,16 @@ namespace temporal_filter {
 constexpr int REACH = 5;
 constexpr float ACCUMULATED = 2.0f;
 constexpr float LOG_OFFSET = 0.01f;
+constexpr float LIGHT_LIMIT = 0.17f;
+constexpr float LIGHT_NOISE = 0.024f;
+constexpr float AGREEMENT = 0.35f;
 constexpr float KNOWN_SHARE = 0.999f;
 constexpr int DEFAULT_SAMPLES = 8;
 constexpr int MAX_SAMPLES = 64;
 struct Weights {
     float log_weight, color, color_3x3, color_5x5, normal, normal_3x3, albedo, albedo_3x3, shift_9x9, age;
 };
-constexpr Weights OF_DENOISED = {-0.6249f, 0.022f, 0.1223f, 0.2019f, 0.3178f, 0.6003f, 0.5483f, 0.9074f, 3.4943f, 0.761f};
-constexpr Weights OF_NOISY = {0.0f, 0.022f, 0.1223f, 0.2019f, 0.95f, 1.8f, 1.65f, 2.7f, 1.05f, 0.875f};
+constexpr Weights OF_DENOISED = {-0.6249f, 0.022f, 0.1223f, 0.2019f, 0.3178f, 0.6003f, 0.5483f, 0.9074f, 1.0483f, 0.761f};
+constexpr Weights OF_NOISY = {0.0f, 0.022f, 0.1223f, 0.2019f, 0.95f, 1.8f, 1.65f, 2.7f, 0.315f, 0.875f};
 }  // namespace temporal_filter
 }  // namespace ss

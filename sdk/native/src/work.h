@@ -241,7 +241,7 @@ struct RestWork;
 struct TemporalFilter {
     // BORDER: pixels around a tile that its patches reach
     static constexpr int TILE_ROWS = 32, TILE_COLUMNS = 128, BORDER = 4;
-    static constexpr int SCRATCH = 26 * (TILE_ROWS + 2 * BORDER) * (TILE_COLUMNS + LANES);  // floats
+    static constexpr int SCRATCH = 32 * (TILE_ROWS + 2 * BORDER) * (TILE_COLUMNS + LANES);  // floats
     const ss_temporal_frame* frames;
     int previous, following, groups;
     float exposure, samples;

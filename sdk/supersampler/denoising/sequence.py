@@ -8,10 +8,11 @@ from math import inf
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from supersampler.arguments import as_number, ieee_arithmetic
 from supersampler.denoising.oidn import FrameDenoiser, Guides, Oidn
-from supersampler.denoising.spec import ACCUMULATED, DEFAULT_SAMPLES, REACH
+from supersampler.denoising.spec import ACCUMULATED, AGREEMENT, DEFAULT_SAMPLES, REACH
 from supersampler.denoising.temporal import (
     TemporalFilter,
     WindowFrame,
@@ -163,8 +164,10 @@ class TemporalDenoiser:
         """Return `WindowFrame.color` without noise; missing samples stay missing."""
         if self._denoiser is None:
             return color
-        clean = packed_color(self._denoiser.denoise(np.ascontiguousarray(color[..., :3]), *guides))
-        clean[color[..., 3] <= 0.0] = 0.0
+        missing = color[..., 3] <= 0.0
+        given = filled(color) if missing.any() else np.ascontiguousarray(color[..., :3])
+        clean = packed_color(self._denoiser.denoise(given, *guides))
+        clean[missing] = 0.0
         return clean
 
     @property
@@ -173,10 +176,21 @@ class TemporalDenoiser:
         return self._denoiser is not None and self._lookahead > 0
 
     def _accumulated(self, items: Iterable[_Item], reach: int, skip: int) -> Iterator[_Item]:
-        """Yield the frames with the denoised means of their noisy colours, from the frame `skip` on."""
+        """Yield the frames with the denoised means of their noisy colours, from the frame `skip` on.
+
+        Where no neighbour agrees, the frame denoised by itself remains.
+        """
         for near in _neighbourhoods(items, reach, reach, skip):
             mean, aovs = self._averaged(near, self._samples)
-            color, window = self._denoised(mean, near.item.guides), near.item.window
+            window = near.item.window
+            share = np.clip((mean[..., 3:] - 1.0) / AGREEMENT, 0.0, 1.0)
+            share[window.color[..., 3] <= 0.0] = 1.0
+            color = window.color
+            if share.any():
+                color = self._denoised(mean, near.item.guides)
+                color -= window.color
+                color *= share
+                color += window.color
             yield replace(near.item, window=replace(window, color=color, noisy=None, aovs=aovs))
 
     def _averaged(self, near: "_Neighbourhood", samples: float) -> tuple[Float32, list[Float32]]:
@@ -220,6 +234,19 @@ def _neighbourhoods(items: Iterable[_Item], behind: int, ahead: int, skip: int) 
             yield first()
     while waiting:
         yield first()
+
+
+def filled(color: Float32) -> Float32:
+    """Return colour (h, w, 3) of `WindowFrame.color`, with missing samples filled by the known ones nearby.
+
+    A denoiser would spread their black. Samples without any in the 5x5 pixels around stay black.
+    """
+    known = color[..., 3:] > 0.0
+    total = np.concatenate([np.where(known, color[..., :3], 0.0), known], axis=2, dtype=np.float32)
+    for axis in (0, 1):
+        widths = [(2, 2) if each == axis else (0, 0) for each in range(3)]
+        total = sliding_window_view(np.pad(total, widths), 5, axis).sum(axis=-1)
+    return np.where(known, color[..., :3], total[..., :3] / np.maximum(total[..., 3:], 1.0))
 
 
 def guides_of(frame: Frame) -> Guides:

@@ -8,6 +8,14 @@ ACCUMULATED = 2.0
 """Factor of the samples per pixel where means are averaged: a mean is of more samples than a frame."""
 LOG_OFFSET = 0.01
 """Added to exposed colour before its logarithm: differences in the dark below it do not matter."""
+LIGHT_LIMIT = 0.17
+"""Largest relative difference of colour at a pixel that counts as a change of light."""
+LIGHT_NOISE = 0.024
+"""Squared mean relative difference over 9x9 pixels, times samples per pixel, of which half is taken for a
+change of light and half for noise."""
+AGREEMENT = 0.35
+"""Sum of the weights of neighbours from which the denoised mean counts fully. A mean of less would be
+denoised with the noise of one frame that looks like detail, because it is less than around it."""
 KNOWN_SHARE = 0.999
 """Smallest interpolated share of known samples at the end of a path that counts."""
 DEFAULT_SAMPLES = 8
@@ -31,7 +39,8 @@ class Weights(NamedTuple):
         normal, normal_3x3: costs of the squared difference of normals, likewise.
         albedo, albedo_3x3: costs of the squared difference of albedo, likewise.
         shift_9x9: cost of the squared mean difference of log colour over 9x9 pixels and three channels. Noise
-            averages out, a change of light does not.
+            averages out, a change of light does not. Small changes are corrected (`LIGHT_NOISE`), so this is
+            the cost of large ones.
         age: cost of a frame of distance in time.
     """
 
@@ -47,9 +56,10 @@ class Weights(NamedTuple):
     age: float
 
 
-OF_DENOISED = Weights(-0.6249, 0.0220, 0.1223, 0.2019, 0.3178, 0.6003, 0.5483, 0.9074, 3.4943, 0.7610)
-"""Weights that average denoised frames, fitted by `supersampler_model.denoising.training`."""
-OF_NOISY = Weights(0.0, 0.0220, 0.1223, 0.2019, 0.95, 1.8, 1.65, 2.7, 1.05, 0.875)
+OF_DENOISED = Weights(-0.6249, 0.0220, 0.1223, 0.2019, 0.3178, 0.6003, 0.5483, 0.9074, 1.0483, 0.7610)
+"""Weights that average denoised frames, fitted by `supersampler_model.denoising.training`. shift_9x9 is 0.3 of
+what fits where changes of light are not corrected."""
+OF_NOISY = Weights(0.0, 0.0220, 0.1223, 0.2019, 0.95, 1.8, 1.65, 2.7, 0.315, 0.875)
 """Weights that average noisy frames, whose mean is denoised afterwards. They are those of OF_DENOISED with
 groups of costs scaled by the best factors of a search on renders of `denoise_scenes.py --variant 1`.
 Neighbours count more, because they remove noise, but less across edges, where errors of motion would blur

@@ -115,9 +115,11 @@ def _record(frame: WindowFrame, aovs: CArray[c_void_p]) -> TemporalFrame:
 def packed_color(color: NDArray[Any], factor: float = 1.0) -> Float32:
     """Return colour (h, w, 3) times a factor as `WindowFrame.color`; values are clamped to [0, MAX_HALF]."""
     with np.errstate(invalid="ignore", over="ignore"):
-        values = np.multiply(color, np.float32(factor), dtype=np.float32)
-    packed = np.ones((*color.shape[:2], 4), np.float32)
-    packed[..., :3] = np.clip(values, 0.0, MAX_HALF, out=values)  # faster than in `packed`, of four channels
+        values = np.asarray(color, np.float32)
+        values = values if factor == 1.0 else values * np.float32(factor)
+    values = np.clip(values, 0.0, MAX_HALF)  # faster than in `packed`, of four channels
+    packed = np.empty((*color.shape[:2], 4), np.float32)
+    packed[..., :3], packed[..., 3] = values, 1.0
     packed[missing_pixels(values)] = 0.0
     return packed
 

@@ -125,7 +125,9 @@ def auto_exposure(color: NDArray[Any]) -> float:
     usable = color[~missing] if missing.any() else color.reshape(-1, 3)
     if not usable.size:
         return EXPOSURE_KEY / DARKEST
-    luminance = usable.astype(np.float32, copy=False).clip(0.0, MAX_HALF) @ BT709
+    red, green, blue = usable.astype(np.float32, copy=False).clip(0.0, MAX_HALF).T
+    # no product of matrices: BLAS would start threads, which wait busily afterwards
+    luminance = BT709[0] * red + BT709[1] * green + BT709[2] * blue
     logs = np.log(np.maximum(luminance, DARKEST))
     return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
 

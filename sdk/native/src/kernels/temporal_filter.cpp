@@ -14,24 +14,26 @@ constexpr int PLANE = ROWS * PITCH;
 static_assert(LANES >= 2 * BORDER);
 
 enum Plane {
-    OWN_LOGS,
-    OWN_GUIDES = 3,
-    X = 9,
+    OWN_COLORS,
+    OWN_KNOWN = 3,
+    OWN_GUIDES,
+    X = 10,
     Y,
     ON_SCREEN,
     COLORS,
-    KNOWN = 15,
+    KNOWN = 16,
     NORMALS,
     ALBEDOS,
     PATCHES,
     SHIFTS,
-    NORMALS_3,
+    LIGHTS,
+    NORMALS_3 = LIGHTS + 3,
     ALBEDOS_3,
     PATCHES_3,
     PATCHES_5,
     SHIFTS_9,
-    SUMS,
-    PLANES
+    LIGHTS_9,
+    PLANES = LIGHTS_9 + 3
 };
 static_assert(PLANES * PLANE == TemporalFilter::SCRATCH);
 
@@ -63,25 +65,26 @@ SS_INLINE void load_pixels(const float* image, I offset, F (&v)[4]) {
 }
 
 // Mean of the values up to `reach` pixels around each pixel of the tile, without its border: `plane` to `to`.
+// Sums of rows stay in registers on the way down a column.
 template <int reach>
 static void box(const Tile& t, int plane, int to) {
-    constexpr float share = 1.0f / ((2 * reach + 1) * (2 * reach + 1));
-    for (int y = 0; y < t.rows; y++)
-        for (int x = 0; x < t.inner.x1 - t.inner.x0; x += W) {
-            const float* from = t.row(plane, y) + x + BORDER;
+    constexpr int SIDE = 2 * reach + 1;
+    constexpr float share = 1.0f / (SIDE * SIDE);
+    for (int x = BORDER; x < t.columns - BORDER; x += W) {
+        F rows[SIDE] = {};
+        for (int y = BORDER - reach; y < t.rows - BORDER + reach; y++) {
+            const float* from = t.row(plane, y) + x;
             F sum = load(from);
             for (int k = 1; k <= reach; k++) sum += load(from - k) + load(from + k);
-            store(t.row(SUMS, y) + x, sum);
+            for (int k = 0; k < SIDE - 1; k++) rows[k] = rows[k + 1];
+            rows[SIDE - 1] = sum;
+            for (int k = 0; k < SIDE - 1; k++) sum += rows[k];
+            if (y >= BORDER + reach) store(t.row(to, y - reach) + x, sum * share);
         }
-    for (int y = BORDER; y < t.rows - BORDER; y++)
-        for (int x = 0; x < t.inner.x1 - t.inner.x0; x += W) {
-            F sum = load(t.row(SUMS, y) + x);
-            for (int k = 1; k <= reach; k++) sum += load(t.row(SUMS, y - k) + x) + load(t.row(SUMS, y + k) + x);
-            store(t.row(to, y) + x + BORDER, sum * share);
-        }
+    }
 }
 
-// Reads the frame itself: logarithms of colour, guides.
+// Reads the frame itself: exposed colour, where it is known, guides.
 static void read_own(const TemporalFilter& w, const Tile& t) {
     for (int y = 0; y < t.rows; y++)
         for (int x = 0; x < t.columns; x += W) {
@@ -90,8 +93,9 @@ static void read_own(const TemporalFilter& w, const Tile& t) {
             load_pixels(w.frames[0].color, pixel * 4, color);
             load_pixels(w.frames[0].guides, pixel * 8, albedo);
             load_pixels(w.frames[0].guides + 4, pixel * 8, normal);
+            store(t.row(OWN_KNOWN, y) + x, color[3]);
             for (int c = 0; c < 3; c++) {
-                store(t.row(OWN_LOGS + c, y) + x, log2(color[c] * w.exposure + LOG_OFFSET));
+                store(t.row(OWN_COLORS + c, y) + x, color[c] * w.exposure + LOG_OFFSET);
                 store(t.row(OWN_GUIDES + c, y) + x, albedo[c]);
                 store(t.row(OWN_GUIDES + 3 + c, y) + x, normal[c]);
             }
@@ -143,20 +147,29 @@ static void gather_frame(const TemporalFilter& w, const Tile& t, const float* st
             load_channels(frame.noisy ? noisy : color, averaged);
             load_channels(albedo, a);
             load_channels(normal, n);
+            const F known = select(load(complete) > KNOWN_SHARE, inside, 0.0f), both = known * load(t.row(OWN_KNOWN, y) + x);
             F of_albedo = F{}, of_normal = F{}, of_color = F{}, shift = F{};
             for (int k = 0; k < 3; k++) {
                 const F da = a[k] - load(t.row(OWN_GUIDES + k, y) + x),
                         dn = n[k] - load(t.row(OWN_GUIDES + 3 + k, y) + x);
-                const F dc = log2(c[k] * w.exposure + LOG_OFFSET) - load(t.row(OWN_LOGS + k, y) + x);
+                const F own = load(t.row(OWN_COLORS + k, y) + x), found = c[k] * w.exposure + LOG_OFFSET;
+                const F dc = log2(found) - log2(own), light = 2.0f * (own - found) / (own + found);
+                store(t.row(LIGHTS + k, y) + x, clamped(light, -LIGHT_LIMIT, LIGHT_LIMIT) * both);
                 of_albedo += da * da, of_normal += dn * dn, of_color += dc * dc, shift += dc;
                 store(t.row(COLORS + k, y) + x, averaged[k]);
             }
-            store(t.row(KNOWN, y) + x, select(load(complete) > KNOWN_SHARE, inside, 0.0f));
+            store(t.row(KNOWN, y) + x, known);
             store(t.row(ALBEDOS, y) + x, of_albedo);
             store(t.row(NORMALS, y) + x, of_normal);
             store(t.row(PATCHES, y) + x, of_color * (1.0f / 3.0f));
             store(t.row(SHIFTS, y) + x, shift * (1.0f / 3.0f));
         }
+}
+
+// Returns a channel of a neighbour's colour in the light of the frame; the same as `relit`.
+SS_INLINE F relit(const Tile& t, int channel, int y, int x, float samples) {
+    const F change = load(t.row(LIGHTS_9 + channel, y) + x), significance = change * change * samples;
+    return load(t.row(COLORS + channel, y) + x) * exponential(change * significance / (significance + LIGHT_NOISE));
 }
 
 // Adds what a neighbour has, by its weights.
@@ -166,6 +179,7 @@ static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_
     box<1>(t, PATCHES, PATCHES_3);
     box<2>(t, PATCHES, PATCHES_5);
     box<4>(t, SHIFTS, SHIFTS_9);
+    for (int c = 0; c < 3; c++) box<4>(t, LIGHTS + c, LIGHTS_9 + c);
     const Weights& c = frame.noisy ? OF_NOISY : OF_DENOISED;
     const float samples = min(w.samples, static_cast<float>(MAX_SAMPLES));
     const struct {
@@ -182,7 +196,7 @@ static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_
             const F weight = exponential(young - cost * samples) * load(t.row(KNOWN, y) + x);
             const ptrdiff_t pixel = static_cast<ptrdiff_t>(t.image_row(y)) * t.size.width + t.inner.x0 + x - BORDER;
             float added[4][W];
-            for (int c = 0; c < 3; c++) store(added[c], load(t.row(COLORS + c, y) + x) * weight);
+            for (int c = 0; c < 3; c++) store(added[c], relit(t, c, y, x, samples) * weight);
             store(added[3], weight);
             const int count = min(W, t.inner.x1 - t.inner.x0 - (x - BORDER));
             for (int i = 0; i < count; i++)
