@@ -166,7 +166,7 @@ def test_where_no_neighbour_agrees_the_frame_denoised_by_itself_remains() -> Non
     calls: list[Float32] = []
 
     class MeansAreRed(Blur):
-        def denoise(self, color: Float32, albedo: Float32 | None, normal: Float32 | None) -> Float32:
+        def denoise(self, color: Float32, *_: Float32 | None) -> Float32:
             calls.append(color)
             alone = any(np.array_equal(color, np.asarray(frame.color)) for frame in frames)
             return color if alone else np.broadcast_to(np.array([1e3, 0, 0], np.float32), color.shape)

@@ -279,7 +279,7 @@ def _scores(method: str, images: Images, references: Mapping[int, Reference]) ->
     masks = {number: each.scored[box] for number, each in references.items()}
     shown = {number: displayed(image[box]) for number, image in images.items()}
     truth = {number: displayed(each.color[box]) for number, each in references.items()}
-    flip: list[float | None] = []
+    flip: list[float] = []
     if find_spec("flip_evaluator") is not None:
         for number, mask in masks.items():
             error = metrics.flip_map(shown[number], truth[number])
@@ -289,9 +289,5 @@ def _scores(method: str, images: Images, references: Mapping[int, Reference]) ->
         for a, b in pairwise(sorted(references))
         if b == a + 1
     ]
-    return DenoiseScores(
-        method=method,
-        psnr=mean_of([metrics.psnr(shown[number], truth[number], masks[number]) for number in references]),
-        tpsnr=mean_of(changes),
-        flip=mean_of(flip),
-    )
+    psnr = [metrics.psnr(shown[number], truth[number], masks[number]) for number in references]
+    return DenoiseScores(method, mean_of(psnr), mean_of(changes), mean_of(flip), psnr, flip)

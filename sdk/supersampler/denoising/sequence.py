@@ -61,10 +61,11 @@ class TemporalDenoiser:
     """Denoises frames in order; a context, which ends its threads.
 
     Each frame is denoised by itself. These images give the weights by which the noisy colours of a frame and
-    its neighbours are averaged, along their motion. The mean is denoised, and averaged with the denoised
-    means of neighbours. Both averages have as many frames on one side as on the other, because light that
-    changes would lag otherwise; `lookahead` is the sum. Without it, and where frames are denoised already,
-    the denoised frames are averaged, each with REACH frames before it.
+    its neighbours are averaged, along their motion. The mean is denoised; where no neighbour agrees, the
+    frame denoised by itself replaces it. The results are averaged with those of neighbours. Both averages
+    have as many frames on one side as on the other, which are `lookahead` together: the means of fast
+    changes of light would lag otherwise. Without `lookahead`, and where frames are denoised already, the
+    denoised frames are averaged, each with REACH frames before it.
 
     At most 2 * REACH + 1 frames are in memory, of 104 bytes a pixel and 16 for every four AOVs, and half as
     many means of them, of 16 bytes a pixel and 16 for every four AOVs.
@@ -176,10 +177,7 @@ class TemporalDenoiser:
         return self._denoiser is not None and self._lookahead > 0
 
     def _accumulated(self, items: Iterable[_Item], reach: int, skip: int) -> Iterator[_Item]:
-        """Yield the frames with the denoised means of their noisy colours, from the frame `skip` on.
-
-        Where no neighbour agrees, the frame denoised by itself remains.
-        """
+        """Yield the frames with the denoised means of their noisy colours, from the frame `skip` on."""
         for near in _neighbourhoods(items, reach, reach, skip):
             mean, aovs = self._averaged(near, self._samples)
             window = near.item.window
