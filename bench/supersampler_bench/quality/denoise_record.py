@@ -123,8 +123,8 @@ class DenoiseRecord(BenchRecord):
         gains = self._gains("frames_psnr")
         if gains.size:
             caption += (
-                f" Two passes gain {gains.min():.2f} to {gains.max():.2f} dB of PSNR over the per-frame denoiser "
-                f"in the {gains.size} frames that are scored."
+                f" In the {gains.size} scored frames, two passes gain {gains.min():.2f} to {gains.max():.2f} "
+                "dB of PSNR over the per-frame denoiser."
             )
         return table([*headings, *costs], rows, caption)
 
@@ -138,8 +138,8 @@ class DenoiseRecord(BenchRecord):
         caption, gains = "FLIP, lower is better.", -self._gains("frames_flip")
         if gains.size:
             caption += (
-                f" Two passes lower it by {gains.min():.4f} to {gains.max():.4f} in the {gains.size} frames that "
-                "are scored."
+                f" In the {gains.size} scored frames, two passes gain {gains.min():.4f} to {gains.max():.4f} "
+                "over the per-frame denoiser."
             )
         return table(headings, rows, caption)
 
