@@ -109,11 +109,37 @@ SS_INLINE F4 sharp4(const float* image, const WarpScratch& s, int i) {
     return within_corners(cubic4(image, s, i), corners);
 }
 
-// Follows the motion of the last frame to the next one, which is `frame`; gathers there.
+// Gathers the guides of a neighbour, and compares them with those of the frame.
+static void compare_guides(const Tile& t, const float* guides, const WarpScratch& s, int y, int x) {
+    float albedo[4 * W], normal[4 * W];
+    for (int i = 0; i < W; i++) {
+        F4 corners[2][4];
+        for (int k = 0; k < 4; k++) {
+            const float* from = guides + 2 * (s.offsets[5 + k / 2][i] + s.offsets[1 + k % 2][i]);
+            corners[0][k] = load4(from), corners[1][k] = load4(from + 4);
+        }
+        const float tx = s.weights[8][i], ty = s.weights[9][i];
+        store4(albedo + 4 * i, linear4(corners[0][0], corners[0][1], corners[0][2], corners[0][3], tx, ty));
+        store4(normal + 4 * i, linear4(corners[1][0], corners[1][1], corners[1][2], corners[1][3], tx, ty));
+    }
+    F a[4], n[4], of_albedo = F{}, of_normal = F{};
+    load_channels(albedo, a);
+    load_channels(normal, n);
+    for (int k = 0; k < 3; k++) {
+        const F da = a[k] - load(t.row(OWN_GUIDES + k, y) + x), dn = n[k] - load(t.row(OWN_GUIDES + 3 + k, y) + x);
+        of_albedo += da * da, of_normal += dn * dn;
+    }
+    store(t.row(ALBEDOS, y) + x, of_albedo);
+    store(t.row(NORMALS, y) + x, of_normal);
+}
+
+// Follows the motion of the last frame to the next one, which is `frame`; gathers there, in the border only what
+// patches reach.
 static void gather_frame(const TemporalFilter& w, const Tile& t, const float* step, const ss_temporal_frame& frame,
                          WarpScratch& s) {
     const float right = static_cast<float>(t.size.width), bottom = static_cast<float>(t.size.height);
-    for (int y = 0; y < t.rows; y++)
+    for (int y = 0; y < t.rows; y++) {
+        const int outside = max(BORDER - y, y - (t.rows - BORDER - 1));  // rows from the tile; > 0 in the border
         for (int x = 0; x < t.columns; x += W) {
             F px = load(t.row(X, y) + x), py = load(t.row(Y, y) + x);
             const I from = (clamped(to_int(floor(py + 0.5f)), 0, t.size.height - 1) * t.size.width +
@@ -126,44 +152,38 @@ static void gather_frame(const TemporalFilter& w, const Tile& t, const float* st
             store(t.row(Y, y) + x, py);
             store(t.row(ON_SCREEN, y) + x, inside);
             prepare_warp(px, py, t.size, 4, CATMULL_ROM, s);
-            float color[4 * W], albedo[4 * W], normal[4 * W], noisy[4 * W], complete[W];
+            float color[4 * W], complete[W];
             for (int i = 0; i < W; i++) {
-                F4 corners[4], guides[2][4];
-                for (int k = 0; k < 4; k++) {
-                    const int at = s.offsets[5 + k / 2][i] + s.offsets[1 + k % 2][i];
-                    corners[k] = load4(frame.color + at);
-                    guides[0][k] = load4(frame.guides + 2 * at);
-                    guides[1][k] = load4(frame.guides + 2 * at + 4);
-                }
+                F4 corners[4];
+                for (int k = 0; k < 4; k++)
+                    corners[k] = load4(frame.color + s.offsets[5 + k / 2][i] + s.offsets[1 + k % 2][i]);
                 store4(color + 4 * i, within_corners(cubic4(frame.color, s, i), corners));
-                if (frame.noisy) store4(noisy + 4 * i, sharp4(frame.noisy, s, i));
-                const float tx = s.weights[8][i], ty = s.weights[9][i];
-                store4(albedo + 4 * i, linear4(guides[0][0], guides[0][1], guides[0][2], guides[0][3], tx, ty));
-                store4(normal + 4 * i, linear4(guides[1][0], guides[1][1], guides[1][2], guides[1][3], tx, ty));
-                complete[i] = linear4(corners[0], corners[1], corners[2], corners[3], tx, ty)[3];
+                complete[i] =
+                    linear4(corners[0], corners[1], corners[2], corners[3], s.weights[8][i], s.weights[9][i])[3];
             }
-            F c[4], a[4], n[4], averaged[4];
+            F c[4];
             load_channels(color, c);
-            load_channels(frame.noisy ? noisy : color, averaged);
-            load_channels(albedo, a);
-            load_channels(normal, n);
-            const F known = select(load(complete) > KNOWN_SHARE, inside, 0.0f), both = known * load(t.row(OWN_KNOWN, y) + x);
-            F of_albedo = F{}, of_normal = F{}, of_color = F{}, shift = F{};
+            const F known = select(load(complete) > KNOWN_SHARE, inside, 0.0f);
+            const F both = known * load(t.row(OWN_KNOWN, y) + x);
+            F of_color = F{}, shift = F{};
             for (int k = 0; k < 3; k++) {
-                const F da = a[k] - load(t.row(OWN_GUIDES + k, y) + x),
-                        dn = n[k] - load(t.row(OWN_GUIDES + 3 + k, y) + x);
                 const F own = load(t.row(OWN_COLORS + k, y) + x), found = c[k] * w.exposure + LOG_OFFSET;
                 const F dc = log2(found) - log2(own), light = 2.0f * (own - found) / (own + found);
                 store(t.row(LIGHTS + k, y) + x, clamped(light, -LIGHT_LIMIT, LIGHT_LIMIT) * both);
-                of_albedo += da * da, of_normal += dn * dn, of_color += dc * dc, shift += dc;
-                store(t.row(COLORS + k, y) + x, averaged[k]);
+                of_color += dc * dc, shift += dc;
             }
             store(t.row(KNOWN, y) + x, known);
-            store(t.row(ALBEDOS, y) + x, of_albedo);
-            store(t.row(NORMALS, y) + x, of_normal);
             store(t.row(PATCHES, y) + x, of_color * (1.0f / 3.0f));
             store(t.row(SHIFTS, y) + x, shift * (1.0f / 3.0f));
+            if (outside <= 1) compare_guides(t, frame.guides, s, y, x);
+            if (outside > 0) continue;
+            if (frame.noisy) {
+                for (int i = 0; i < W; i++) store4(color + 4 * i, sharp4(frame.noisy, s, i));
+                load_channels(color, c);
+            }
+            for (int k = 0; k < 3; k++) store(t.row(COLORS + k, y) + x, c[k]);
         }
+    }
 }
 
 // Returns a channel of a neighbour's colour in the light of the frame; the same as `relit`.
