@@ -89,14 +89,15 @@ class DenoiseRecord(BenchRecord):
         """Return the table of means over scenes, at each number of samples."""
         headings = [
             "samples:", "method", "PSNR dB ↑:", "tPSNR dB ↑:", "FLIP ↓:", "CPU s per frame:",
-            "filter alone:", "filter, CPU s per megapixel:",
+            "dB at equal time:", "filter alone:", "filter, CPU s per megapixel:",
         ]  # fmt: skip
         counts = sorted({row.samples for row in self.renders})
         rows = [row for samples in counts for row in self._mean_rows(samples)]
         scenes = sorted({row.scene for row in self.renders})
         caption = (
             f"Means over those of the scenes {', '.join(scenes)} that have the number of samples. CPU s per "
-            "frame: renderer, denoiser and temporal filter together, one thread each. The filter's "
+            "frame: renderer, denoiser and temporal filter together, one thread each. dB at equal time: PSNR "
+            "above that of the per-frame denoiser alone with as many samples as take as long. The filter's "
             f"time is of frames with all neighbours, without AOVs. {self._conditions()}"
         )
         return table(headings, rows, caption)
@@ -170,9 +171,25 @@ class DenoiseRecord(BenchRecord):
                 mean_of([getattr(each, name) for each in scores]) for name in ("psnr", "tpsnr", "flip")
             )
             of_filter = None if method == FRAME else mean_of(own)
-            costs = (figure(cost, 2) for cost in (mean_of(whole), of_filter, mean_of(a_megapixel)))
+            ahead = None if method == FRAME else self._ahead(psnr, mean_of(whole))
+            costs = (figure(cost, 2) for cost in (mean_of(whole), ahead, of_filter, mean_of(a_megapixel)))
             found.append([samples, title, figure(psnr, 2), figure(tpsnr, 2), figure(flip, 4), *costs])
         return found
+
+    def _ahead(self, psnr: float | None, seconds: float | None) -> float | None:
+        """Return the dB above the mean PSNR of the per-frame denoiser alone at the same CPU time.
+
+        Time is linear in the samples per pixel, and PSNR in their logarithm. None where a figure is missing,
+        or no render takes as long.
+        """
+        counts = sorted({row.samples for row in self.renders})
+        alone = [[row for row in self.renders if row.samples == samples] for samples in counts]
+        times = [mean_of([row.whole_cpu(FRAME) for row in rows]) for rows in alone]
+        values = [mean_of([row.scores(FRAME).psnr for row in rows]) for rows in alone]
+        if psnr is None or seconds is None or None in times or None in values:
+            return None
+        samples = np.interp(seconds, times, counts, left=np.nan, right=np.nan)  # type: ignore[arg-type]
+        return psnr - float(np.interp(np.log(samples), np.log(counts), values))  # type: ignore[arg-type]
 
     def _conditions(self) -> str:
         """Return sentences that say what was measured, and how."""

@@ -1,6 +1,7 @@
 """`bench denoise`: ways to denoise a path tracer's frames, against references of some frames."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,14 @@ from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench.cli import app
 from supersampler_bench.quality.denoise import measure_render, median_of_three, render_cost
-from supersampler_bench.quality.denoise_record import FRAME, MEDIAN, ONE_PASS, DenoiseRecord, RenderRow
+from supersampler_bench.quality.denoise_record import (
+    FRAME,
+    MEDIAN,
+    METHODS,
+    ONE_PASS,
+    DenoiseRecord,
+    RenderRow,
+)
 from supersampler_bench.quality.denoise_references import (
     DEFAULT_PATTERN,
     bounding_box,
@@ -162,6 +170,19 @@ def test_the_command_prints_tables_and_writes_a_record_that_has_the_same_tables(
     assert "| wall | 4 |" in tables["denoise scenes"]
     assert "| 2.5 |" in tables["denoise scenes"]
     assert data["model_digests"][DENOISER]
+
+
+def test_ways_are_compared_with_the_denoiser_alone_at_the_same_time(render: Path) -> None:
+    def row(samples: int, alone: float, with_filter: float) -> RenderRow:
+        psnr = {FRAME: alone, DENOISER: with_filter}
+        methods = [replace(base.scores(name), psnr=psnr.get(name)) for name in METHODS]
+        return replace(base, samples=samples, render_cpu=float(samples), mean_cpu=1.0, methods=methods)
+
+    base = replace(measured(render), filter_cpu=0.0, one_pass_cpu=0.0)
+    record = DenoiseRecord([row(1, 20.0, 25.0), row(2, 30.0, 35.0)])
+    lines = [line for line in record.table().splitlines() if METHODS[DENOISER] in line]
+    cells = [[cell.strip() for cell in line.split("|")] for line in lines]
+    assert [each[7] for each in cells] == ["-5.00", "–"]  # 1 + 1 s: 30 dB alone; 3 s: no render takes as long
 
 
 def test_a_record_is_outdated_if_the_constants_of_the_filter_have_changed(render: Path) -> None:
