@@ -301,8 +301,9 @@ typedef struct ss_temporal {
     float* const* aovs;     /* the means of the AOVs, (height, width, 4) each */
 } ss_temporal;
 
-/* Averages a frame and its neighbours along their motion, for frames of a path tracer at the size of the result. With
- * noisy colours, neighbours count more: the mean is to be denoised. */
+/* Averages a frame and its neighbours along their motion, for frames of a path tracer at the size of the result. The
+ * colour of a neighbour is scaled to the light of the frame where that changed a little; AOVs are not. With noisy
+ * colours, neighbours count more: the mean is to be denoised. */
 SS_API ss_status ss_filter_temporal(const ss_temporal* filter, ss_error* error);
 
 /* Writes the motion of the closest of the 3x3 pixels around each, (height, width, 2). depth: (height, width) reversed,

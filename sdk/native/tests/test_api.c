@@ -532,7 +532,8 @@ static void the_temporal_filter_averages_frames(void) {
     for (int y = 0; y < TH; y++)
         for (int x = 0; x < TW; x++) {
             CHECK(fabsf(image[0][y][x][0] - 0.5f) < 0.0011f, "pixel %d %d: %g", x, y, image[0][y][x][0]);
-            CHECK(image[0][y][x][3] >= 1.0f && fabsf(means[y][x][0] - image[0][y][x][0]) < 1e-6f, "pixel %d %d", x, y);
+            // apart from the change of light, which AOVs keep
+            CHECK(image[0][y][x][3] >= 1.0f && fabsf(means[y][x][0] - image[0][y][x][0]) < 1e-4f, "pixel %d %d", x, y);
         }
     CHECK(image[0][10][16][3] > 1.5f, "no neighbour has a weight: %g", image[0][10][16][3]);
     for (int k = 0; k < WINDOW; k++) frames[k].noisy = k ? NULL : frames[k].color;
