@@ -290,4 +290,4 @@ def _scores(method: str, images: Images, references: Mapping[int, Reference]) ->
         if b == a + 1
     ]
     psnr = [metrics.psnr(shown[number], truth[number], masks[number]) for number in references]
-    return DenoiseScores(method, mean_of(psnr), mean_of(changes), mean_of(flip), psnr, flip)
+    return DenoiseScores(method, psnr, mean_of(changes), flip)

@@ -1,10 +1,9 @@
 """Record and tables of `bench denoise`: error and cost of ways to denoise a path tracer's frames."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler.cli.arguments import size_text
 from supersampler.frame import Size
@@ -30,14 +29,22 @@ def mean_of(values: Sequence[float | None]) -> float | None:
 
 @dataclass(frozen=True)
 class DenoiseScores:
-    """Scores of one way to denoise: means over the frames with references, and of each of these."""
+    """Scores of one way to denoise."""
 
     method: str  # one of METHODS
-    psnr: float | None  # dB, of sRGB values
-    tpsnr: float | None  # dB; None without references of consecutive frames
-    flip: float | None  # None without flip-evaluator
-    frames_psnr: list[float] = field(default_factory=list)
-    frames_flip: list[float] = field(default_factory=list)
+    frames_psnr: list[float]  # of each frame with a reference, dB, of sRGB values
+    tpsnr: float | None  # dB, mean; None without references of consecutive frames
+    frames_flip: list[float]  # of each frame with a reference; empty without flip-evaluator
+
+    @property
+    def psnr(self) -> float | None:
+        """Mean PSNR of the frames, dB."""
+        return mean_of(self.frames_psnr)
+
+    @property
+    def flip(self) -> float | None:
+        """Mean FLIP of the frames; None without flip-evaluator."""
+        return mean_of(self.frames_flip)
 
 
 @dataclass(frozen=True)
@@ -120,13 +127,9 @@ class DenoiseRecord(BenchRecord):
             ]
             for row in self._ordered()
         ]  # fmt: skip
-        caption = "PSNR / tPSNR, dB, and CPU seconds per frame."
-        gains = self._gains("frames_psnr")
-        if gains.size:
-            caption += (
-                f" In the {gains.size} scored frames, two passes gain {gains.min():.2f} to {gains.max():.2f} "
-                "dB of PSNR over the per-frame denoiser."
-            )
+        caption = (
+            f"PSNR / tPSNR, dB, and CPU seconds per frame. {self._gains('frames_psnr', 2, ' dB of PSNR')}"
+        )
         return table([*headings, *costs], rows, caption)
 
     def flip_table(self) -> str:
@@ -136,21 +139,20 @@ class DenoiseRecord(BenchRecord):
             [row.scene, row.samples, *(figure(row.scores(method).flip, 4) for method in METHODS)]
             for row in self._ordered()
         ]
-        caption, gains = "FLIP, lower is better.", -self._gains("frames_flip")
-        if gains.size:
-            caption += (
-                f" In the {gains.size} scored frames, two passes gain {gains.min():.4f} to {gains.max():.4f} "
-                "over the per-frame denoiser."
-            )
+        caption = f"FLIP, lower is better. {self._gains('frames_flip', 4, '')}".rstrip()
         return table(headings, rows, caption)
 
-    def _gains(self, name: str) -> NDArray[np.float64]:
-        """Return the differences of a field of DenoiseScores, two passes minus per-frame denoiser."""
-        return np.concatenate(
-            [
-                np.subtract(getattr(row.scores(DENOISER), name), getattr(row.scores(FRAME), name))
-                for row in self.renders
-            ]
+    def _gains(self, name: str, digits: int, unit: str) -> str:
+        """Return a sentence on the gains in single frames, from a field of DenoiseScores."""
+        pairs = [
+            (getattr(row.scores(DENOISER), name), getattr(row.scores(FRAME), name)) for row in self.renders
+        ]
+        gains = np.concatenate([np.subtract(*pair) for pair in pairs])
+        if not gains.size:
+            return ""
+        return (
+            f"Two passes minus per-frame denoiser, in the {gains.size} scored frames: "
+            f"{gains.min():+.{digits}f} to {gains.max():+.{digits}f}{unit}."
         )
 
     def _ordered(self) -> list[RenderRow]:
@@ -171,12 +173,12 @@ class DenoiseRecord(BenchRecord):
                 mean_of([getattr(each, name) for each in scores]) for name in ("psnr", "tpsnr", "flip")
             )
             of_filter = None if method == FRAME else mean_of(own)
-            ahead = None if method == FRAME else self._ahead(psnr, mean_of(whole))
-            costs = (figure(cost, 2) for cost in (mean_of(whole), ahead, of_filter, mean_of(a_megapixel)))
+            gain = None if method == FRAME else self._gain_at_equal_time(psnr, mean_of(whole))
+            costs = (figure(cost, 2) for cost in (mean_of(whole), gain, of_filter, mean_of(a_megapixel)))
             found.append([samples, title, figure(psnr, 2), figure(tpsnr, 2), figure(flip, 4), *costs])
         return found
 
-    def _ahead(self, psnr: float | None, seconds: float | None) -> float | None:
+    def _gain_at_equal_time(self, psnr: float | None, seconds: float | None) -> float | None:
         """Return the dB above the mean PSNR of the per-frame denoiser alone at the same CPU time.
 
         Time is linear in the samples per pixel, and PSNR in their logarithm. None where a figure is missing,

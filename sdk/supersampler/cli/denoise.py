@@ -79,9 +79,10 @@ def denoise(
 ) -> None:
     """Denoise SHOT, the frames of a path tracer, into a folder of images of the same size.
 
-    The noise of a frame and of up to 5 previous and 5 following frames, which motion aligns, is averaged
-    before it is denoised. Frames need colour, depth and motion; albedo and normal keep edges sharp. Alpha and
-    AOVs are averaged with the same weights. A missing frame is a cut. The same command resumes a stopped run.
+    Noise is averaged over neighbouring frames, along their motion, before a denoiser removes it. An image
+    depends on up to 5 previous and 5 following frames. Frames need colour, depth and motion; albedo and
+    normal keep edges sharp. Alpha and AOVs are averaged with the same weights. A missing frame is a cut. The
+    same command resumes a stopped run.
 
     \b
     Examples:

@@ -63,9 +63,10 @@ class TemporalDenoiser:
     Each frame is denoised by itself. These images give the weights by which the noisy colours of a frame and
     its neighbours are averaged, along their motion. The mean is denoised; where no neighbour agrees, the
     frame denoised by itself replaces it. The results are averaged with those of neighbours. Both averages
-    have as many frames on one side as on the other, which are `lookahead` together: the means of fast
-    changes of light would lag otherwise. Without `lookahead`, and where frames are denoised already, the
-    denoised frames are averaged, each with REACH frames before it.
+    have as many frames on one side as on the other, because fast changes of light would lag otherwise;
+    `lookahead` is the sum of these numbers. With lookahead 0 the denoised frames are averaged, each with
+    REACH frames before it. Frames that are denoised already are averaged with `lookahead` frames after and
+    REACH before.
 
     At most 2 * REACH + 1 frames are in memory, of 104 bytes a pixel and 16 for every four AOVs, and half as
     many means of them, of 16 bytes a pixel and 16 for every four AOVs.

@@ -9,13 +9,14 @@ ACCUMULATED = 2.0
 LOG_OFFSET = 0.01
 """Added to exposed colour before its logarithm: differences in the dark below it do not matter."""
 LIGHT_LIMIT = 0.17
-"""Largest relative difference of colour at a pixel that counts as a change of light."""
+"""Limit of the relative difference of colour at a pixel, where a change of light is measured: larger
+differences are clamped."""
 LIGHT_NOISE = 0.024
-"""Squared mean relative difference over 9x9 pixels, times samples per pixel, of which half is taken for a
-change of light and half for noise."""
+"""Squared change of light times samples per pixel at which half of the change is corrected. Smaller changes
+may be noise."""
 AGREEMENT = 0.35
-"""Sum of the weights of neighbours from which the denoised mean counts fully. A mean of less would be
-denoised with the noise of one frame that looks like detail, because it is less than around it."""
+"""Sum of the weights of all neighbours above which the denoised mean is used alone. Below it, the mean is
+blended with the frame denoised by itself: OIDN takes noise for detail where little was averaged."""
 KNOWN_SHARE = 0.999
 """Smallest interpolated share of known samples at the end of a path that counts."""
 DEFAULT_SAMPLES = 8
@@ -36,11 +37,11 @@ class Weights(NamedTuple):
         log_weight: logarithm of the weight of a neighbour that agrees, without its age.
         color, color_3x3, color_5x5: costs of the squared difference of log colour, at the pixel and averaged
             over 3x3 and 5x5 pixels.
-        normal, normal_3x3: costs of the squared difference of normals, likewise.
-        albedo, albedo_3x3: costs of the squared difference of albedo, likewise.
+        normal, normal_3x3: costs of the squared difference of normals, at the pixel and averaged over 3x3.
+        albedo, albedo_3x3: costs of the squared difference of albedo, at the pixel and averaged over 3x3.
         shift_9x9: cost of the squared mean difference of log colour over 9x9 pixels and three channels. Noise
-            averages out, a change of light does not. Small changes are corrected (`LIGHT_NOISE`), so this is
-            the cost of large ones.
+            averages out, a change of light does not. Small changes are corrected (`LIGHT_NOISE`), so this cost
+            matters for large ones.
         age: cost of a frame of distance in time.
     """
 

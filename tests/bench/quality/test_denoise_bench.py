@@ -175,7 +175,7 @@ def test_the_command_prints_tables_and_writes_a_record_that_has_the_same_tables(
 def test_ways_are_compared_with_the_denoiser_alone_at_the_same_time(render: Path) -> None:
     def row(samples: int, alone: float, with_filter: float) -> RenderRow:
         psnr = {FRAME: alone, DENOISER: with_filter}
-        methods = [replace(base.scores(name), psnr=psnr.get(name)) for name in METHODS]
+        methods = [replace(base.scores(name), frames_psnr=[psnr.get(name, 0.0)]) for name in METHODS]
         return replace(base, samples=samples, render_cpu=float(samples), mean_cpu=1.0, methods=methods)
 
     base = replace(measured(render), filter_cpu=0.0, one_pass_cpu=0.0)
