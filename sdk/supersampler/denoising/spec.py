@@ -40,8 +40,8 @@ class Weights(NamedTuple):
         normal, normal_3x3: costs of the squared difference of normals, at the pixel and averaged over 3x3.
         albedo, albedo_3x3: costs of the squared difference of albedo, at the pixel and averaged over 3x3.
         shift_9x9: cost of the squared mean difference of log colour over 9x9 pixels and three channels. Noise
-            averages out, a change of light does not. Small changes are corrected (`LIGHT_NOISE`), so this cost
-            matters for large ones.
+            averages out, a change of light does not. Small changes are corrected (`LIGHT_NOISE`), so this
+            cost matters for large ones.
         age: cost of a frame of distance in time.
     """
 
