@@ -179,10 +179,10 @@ def test_ways_are_compared_with_the_denoiser_alone_at_the_same_time(render: Path
         return replace(base, samples=samples, render_cpu=float(samples), mean_cpu=1.0, methods=methods)
 
     base = replace(measured(render), filter_cpu=0.0, one_pass_cpu=0.0)
-    record = DenoiseRecord([row(1, 20.0, 25.0), row(2, 30.0, 35.0)])
+    record = DenoiseRecord([row(1, 20.0, 26.0), row(4, 30.0, 35.0)])
     lines = [line for line in record.table().splitlines() if METHODS[DENOISER] in line]
     cells = [[cell.strip() for cell in line.split("|")] for line in lines]
-    assert [each[7] for each in cells] == ["-5.00", "–"]  # 1 + 1 s: 30 dB alone; 3 s: no render takes as long
+    assert [each[7] for each in cells] == ["1.00", "–"]  # 2 s: 25 dB alone with 2 samples; 5 s: none takes as long
 
 
 def test_a_record_is_outdated_if_the_constants_of_the_filter_have_changed(render: Path) -> None:
