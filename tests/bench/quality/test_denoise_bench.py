@@ -182,7 +182,7 @@ def test_ways_are_compared_with_the_denoiser_alone_at_the_same_time(render: Path
     record = DenoiseRecord([row(1, 20.0, 26.0), row(4, 30.0, 35.0)])
     lines = [line for line in record.table().splitlines() if METHODS[DENOISER] in line]
     cells = [[cell.strip() for cell in line.split("|")] for line in lines]
-    assert [each[7] for each in cells] == ["1.00", "–"]  # 2 s: 25 dB alone with 2 samples; 5 s: none takes as long
+    assert [each[7] for each in cells] == ["1.00", "–"]  # alone, 2 s give 25 dB; none takes 5 s
 
 
 def test_a_record_is_outdated_if_the_constants_of_the_filter_have_changed(render: Path) -> None:
