@@ -105,6 +105,14 @@ def to_uint16(shown: Array) -> NDArray[np.uint16]:
 
 
 @ieee_arithmetic
+def luminance(color: Float32) -> Float32:
+    """Return the BT.709 luminance (...) of linear RGB (..., 3); NaN and Inf stay."""
+    red, green, blue = np.moveaxis(color, -1, 0)
+    # not a product of matrices: BLAS would start threads, which wait busily afterwards
+    return np.asarray(BT709[0] * red + BT709[1] * green + BT709[2] * blue)
+
+
+@ieee_arithmetic
 def auto_exposure(color: NDArray[Any]) -> float:
     """Return the exposure that maps an image's log-average luminance to 0.18.
 
@@ -125,10 +133,8 @@ def auto_exposure(color: NDArray[Any]) -> float:
     usable = color[~missing] if missing.any() else color.reshape(-1, 3)
     if not usable.size:
         return EXPOSURE_KEY / DARKEST
-    red, green, blue = usable.astype(np.float32, copy=False).clip(0.0, MAX_HALF).T
-    # no product of matrices: BLAS would start threads, which wait busily afterwards
-    luminance = BT709[0] * red + BT709[1] * green + BT709[2] * blue
-    logs = np.log(np.maximum(luminance, DARKEST))
+    light = luminance(usable.astype(np.float32, copy=False).clip(0.0, MAX_HALF))
+    logs = np.log(np.maximum(light, DARKEST))
     return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
 
 

@@ -12,7 +12,7 @@ from supersampler.conventions.conventions import Direction, Unit
 from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import FrameError
 from supersampler.frame import Array, Float32, Frame, Size, as_array
-from supersampler.io.display import BT709
+from supersampler.io.display import luminance
 
 PixelGrid = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Rows and columns (n,) of pixels."""
@@ -111,7 +111,7 @@ class FrameProbe:
 
 
 def _luminance(color: Array, pre_exposure: float) -> Float32:
-    values: Float32 = color.astype(np.float32, copy=False) @ BT709  # NaN and Inf stay; `FramePair` skips them
+    values = luminance(color.astype(np.float32, copy=False))  # `FramePair` skips NaN and Inf
     return values / np.float32(pre_exposure)
 
 

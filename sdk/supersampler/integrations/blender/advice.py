@@ -22,7 +22,7 @@ from supersampler.denoising.sequence import PerFrame
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 from supersampler.integrations.blender.render import Rendering, RenderRequest, rendering
-from supersampler.io.display import BT709
+from supersampler.io.display import luminance
 from supersampler.io.shot import Shot
 from supersampler.io.shot.blender import RenderedScene
 from supersampler.io.shot.numbered import FrameRange
@@ -116,7 +116,7 @@ def advise(
     upscaled, small = _upscaled(full, folder, scene, number, overwrite=overwrite)
     times = {"plain": rendered, "temporal": rendered + filtered, "upscaled": small}
     images = {"plain": plain, "temporal": temporal, "upscaled": upscaled}
-    weight = 1.0 / (np.square(plain @ BT709) + _DARK**2)
+    weight = np.reciprocal(np.square(luminance(plain)) + np.float32(_DARK**2))
     squares = {name: _relative_squares(image, noisy[1], weight) for name, image in images.items()}
     variance = float(_relative_squares(noisy[0], noisy[1], weight).mean()) / (_MORE + 1)
     errors = {name: max(0.0, float(found.mean()) - variance) ** 0.5 for name, found in squares.items()}
