@@ -1,6 +1,6 @@
 """Write the frames of a shot as raw float32 files, for hosts that cannot read EXR files.
 
-    python examples/raw_frames.py plaza out/raw --frames 32
+    python examples/raw_frames.py plaza out/raw
 
 frames.json lists files, sizes, jitter, exposure and resets. Rows start at the top. Colour has four channels
 (alpha is 1), depth one and motion two, like textures of rgba32float, r32float and rg32float.
@@ -21,7 +21,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("shot", help="name of a shot, or its folder")
     parser.add_argument("output", type=Path, help="folder to write to")
-    parser.add_argument("--frames", type=int, default=32)
+    parser.add_argument("--frames", type=int, help="number of frames; all if not given")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
 

@@ -24,7 +24,7 @@ from supersampler_bench.record import BenchRecord
 from supersampler_bench.specs import incompatibility
 from supersampler_bench.timing.latency import plaza_frames
 
-FRAMES, STILL_FRAMES = 24, 48
+FRAMES, STILL_FRAMES = 16, 48
 """Frames of a run, and of a run in which most of the frame is static."""
 SIZES: tuple[tuple[Size, Size], ...] = (
     ((64, 36), (128, 72)),

@@ -63,7 +63,7 @@ def test_images_histories_runs_and_input_frames_that_differ_are_named(record: Ha
     image, history = differences(
         replace(record, hashed=[cpu, onnx]), replace(record, hashed=[replace(cpu, frames=frames), forgotten])
     )
-    assert image == "taa, cpu fp32, 32x18 to 48x27: 2 of 24 images differ, the first is frame 5"
+    assert image == "taa, cpu fp32, 32x18 to 48x27: 2 of 16 images differ, the first is frame 5"
     assert history.endswith("these history tensors differ: history.color")
     other = replace(record, inputs={**record.inputs, "32x18 to 48x27, at rest": "0"}, hashed=[onnx])
     inputs, missing = differences(record, other)

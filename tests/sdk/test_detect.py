@@ -41,11 +41,11 @@ JITTER_READINGS = [
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
     shot = Shot.open("plaza")
-    return [cropped(shot.read(index).frame, 224, 126) for index in range(14, 18)]
+    return [cropped(shot.read(index).frame, 288, 162) for index in range(12, 16)]
 
 
 def planted(frames: list[Frame], conventions: Conventions) -> list[RawFrame]:
-    converter = conventions.converter(display_size=(448, 252))
+    converter = conventions.converter(display_size=(576, 324))
     return [converter.from_frame(frame) for frame in frames]
 
 

@@ -150,9 +150,9 @@ def _lights(rng: Rng, stage: Stage) -> None:
 
 NAME = "plaza"
 DISPLAY_SIZE = (640, 360)
-FRAMES = 32
+FRAMES = 16
 _FORM = ShotForm(
-    name=NAME, ratios=(2.0,), variants=False, gbuffers=False, small=True, first_reference=15,
+    name=NAME, ratios=(2.0,), variants=False, gbuffers=False, small=True, first_reference=11,
     license="Apache-2.0", compression="zip:9", reference_compression="dwab:90",
 )  # fmt: skip
 

@@ -97,7 +97,7 @@ def test_a_record_holds_its_provenance_and_is_strict_json(tmp_path: Path) -> Non
     assert record["machine"]["cores"] >= 1
     [shot] = record["shots"]
     assert len(shot["shot_json_sha256"]) == 64
-    assert shot["reference_frames"][0] == 15
+    assert shot["reference_frames"][0] == 11
     assert shot["masks"] == "truth classes"
     assert shot["methods"][1]["summary"]["warm_cropped"]["psnr"] == 21.0
     assert shot["methods"][1]["summary"]["all_full"]["tpsnr"] is None
@@ -117,7 +117,7 @@ def test_the_markdown_table_says_what_was_measured() -> None:
     title = caption(ShotRow.of(Shot.open("plaza")))
     lines = markdown_table(title, [MethodRow.of(r) for r in RESULTS]).split("\n")
     assert len({line.count("|") for line in lines[:4]}) == 1
-    assert lines[-1].startswith("plaza, 320x180 to 640x360: 17 reference frames of 32, without the")
+    assert lines[-1].startswith("plaza, 320x180 to 640x360: 5 reference frames of 16, without the")
 
 
 def test_the_quality_command_prints_writes_a_record_and_draws_errors(tmp_path: Path) -> None:
