@@ -124,6 +124,30 @@ def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_
     assert copy_shot(shot, tmp_path / "out").info.aov_names == shot.info.aov_names
 
 
+@pytest.mark.parametrize(
+    ("color", "alpha"),
+    [(["rgba.red", "rgba.green", "rgba.blue"], "rgba.alpha"), (["r", "g", "b"], "a"), (COLOR, "A")],
+)
+def test_alpha_of_the_colour_has_one_name(tmp_path: Path, color: list[str], alpha: str) -> None:
+    write_one(tmp_path, alpha, "glow.alpha", *color, *DEPTH, *MOTION)
+    shot = open_source(tmp_path, conventions=OURS)
+    raw = shot.read_raw(0)
+    assert raw.color is not None
+    np.testing.assert_array_equal(raw.color[0, 0], np.array([2, 3, 4]) / 16)
+    assert set(shot.info.aov_names) == {"A", "glow.alpha"}
+
+
+def test_colour_by_an_unknown_name_is_said_to_be_missing(tmp_path: Path) -> None:
+    lit = [f"lit.{part}" for part in ("red", "green", "blue")]
+    write_one(tmp_path / "lit", *lit, "fog", *DEPTH, *MOTION)
+    with pytest.raises(
+        ShotError, match=r"no colour by a known name; lit\.red, lit\.green, lit\.blue may be it"
+    ):
+        open_source(tmp_path / "lit", conventions=OURS)
+    unshaded = write_one(tmp_path / "unshaded", "fog", "smoke", *DEPTH, *MOTION, "N.X", "N.Y", "N.Z")
+    assert open_source(unshaded, conventions=OURS).read_raw(0).color is None
+
+
 def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) -> None:
     write_one(tmp_path / "in", *COLOR, *DEPTH, *MOTION, "crypto00.R", "P.X")
     primaries = TypedValues("float[8]", (0.5, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3))
@@ -153,4 +177,4 @@ def test_the_documentation_lists_every_name() -> None:
         for base in filter(None, bases):
             assert f"`{base}`" in row
         for ending in endings:
-            assert " ".join(f".{letter.upper()}" for letter in ending) in row
+            assert " ".join(f".{part}" for part in ending) in row.lower()

@@ -11,9 +11,9 @@ from supersampler.io.images import ImageHeader, read_header
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.shot import Shot
 
-_XYZ, _RGB = ("xyz", "rgb"), ("rgb",)
+_XYZ, _RGB = ("xyz", "rgb"), ("rgb", ("red", "green", "blue"))
 _VALUE = ("y", "v", "x")
-_NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+_NAMES: Mapping[str, tuple[tuple[str, ...], tuple[Sequence[str], ...]]] = {
     "color": (("", "rgb", "rgba", "beauty", "combined", "color", "colour"), _RGB),
     "depth": (("depth", "z", "zdepth"), ("z", "v", "r", "y", "x")),
     "motion": (
@@ -33,10 +33,11 @@ _NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "metallic": (("metallic", "metalness"), (*_VALUE, "r")),
     "specular": (("specular",), _VALUE),
 }  # fmt: skip
-"""Our name to the names before a channel's last dot, and the letters after it; docs/shots.md lists them.
+"""Our name to the names before a channel's last dot, and the letters or words after it, as in docs/shots.md.
 
-Letters may be in any case. The names in _ALONE may also have no letter after them: `Z`, `roughness`.
+They may be in any case. The names in _ALONE may also have no letter after them: `Z`, `roughness`.
 """
+_ALPHA = ("a", "alpha")
 _LUMINANCE = "Y"
 """Channel of EXR files without colours."""
 _ALONE = ("depth", "roughness", "metallic", "specular")
@@ -137,10 +138,25 @@ def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
         if ours in _ALONE and is_alone:
             groups.append([name])
         for ending in endings:
-            group = [".".join([*before, letter]) for letter in ending]
+            group = [".".join([*before, part]) for part in ending]
             if base in bases and last == ending[0] and all(member in by_lower for member in group):
                 groups.append([by_lower[member] for member in group])
     return groups
+
+
+def _triple(types: Mapping[str, str], used: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return the first three channels of one layer that have no known meaning and can be blended, if any."""
+    layers: dict[str, list[str]] = {}
+    for name in blended_and_ignored(types, used)[0]:
+        layers.setdefault(name.rpartition(".")[0], []).append(name)
+    return next((names[:3] for names in layers.values() if len(names) >= 3), [])
+
+
+def _output_name(name: str, color: str) -> str:
+    """Return an AOV's name beside the output's R, G and B: beauty.A and beauty.alpha become A."""
+    layer = color.rpartition(".")[0]
+    own = name.removeprefix(f"{layer}.") if layer else name
+    return "A" if own.lower() in _ALPHA else own
 
 
 def import_named_channels(
@@ -171,6 +187,10 @@ def import_named_channels(
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."
         raise ShotError(first, f"has no depth or no motion among {', '.join(types)}", hint)
+    if "color" not in channel_map and (likely := _triple(types, channel_map)):
+        hint = "Rename it, or map it in a channels.json (docs/shots.md)."
+        problem = f"has no colour by a known name; {', '.join(likely)} may be it"
+        raise ShotError(first, problem, hint)
     if conventions.motion_jittered:  # it contains the next frame's jitter
         channel_map.pop("motion_next", None)
     aovs, ignored = blended_and_ignored(types, channel_map)
@@ -178,8 +198,7 @@ def import_named_channels(
         channel_map["aovs"] = aovs
     if reference is not None:
         channel_map["reference"] = [f"{reference}:{axis}" for axis in "RGB"]
-    layer = channel_map.get("color", ["R"])[0][:-1]
-    names = [name.removeprefix(layer) for name in aovs]  # output colour is R, G, B: beauty.A becomes A
+    names = [_output_name(name, channel_map.get("color", ["R"])[0]) for name in aovs]
     if len({*names, *"RGB"}) != len(names) + 3:
         names = aovs
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
