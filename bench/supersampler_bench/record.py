@@ -21,6 +21,8 @@ from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import replacing
 from supersampler.io.machine import installed_versions, machine
+from supersampler.io.shot.format import FILE_NAME as SHOT_FILE
+from supersampler.io.shot.shot import SHIPPED
 from supersampler.methods.model_file import extrapolation_names, model_names, shipped_model
 
 JsonRecord: TypeAlias = Mapping[str, Any]
@@ -144,7 +146,7 @@ def model_digests() -> Mapping[str, str]:
 
 
 def age_of(record: JsonRecord) -> str:
-    """Return a sentence that names the models of a record that have changed since; "" if none has."""
+    """Return a sentence that names models and shipped shots of a record that have changed since, or ""."""
     now = model_digests()
     named = {
         text.split(":")[0] for text in _texts({**record, "model_digests": None, "command": None})
@@ -154,8 +156,16 @@ def age_of(record: JsonRecord) -> str:
     if then is None:
         return f"{when}, before records named the models' versions." if named else ""
     changed = sorted(name for name in named if then.get(name) != now[name])
+    changed += [row["name"] for row in record.get("shots", []) if _is_other_shot(row)]
     at = f" at commit {record['commit'][:8]}" if record.get("commit") else ""
     return f"{when}{at} with another version of {', '.join(changed)}." if changed else ""
+
+
+def _is_other_shot(row: JsonRecord) -> bool:
+    """Return whether a shot of a record ships, and has changed since."""
+    file = SHIPPED / row["name"] / SHOT_FILE
+    then: str | None = row["shot_json_sha256"]
+    return file.is_file() and then != hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _texts(values: object) -> Iterator[str]:

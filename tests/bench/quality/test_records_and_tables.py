@@ -191,3 +191,10 @@ def test_a_table_says_which_models_have_changed_since_it_was_measured() -> None:
     del record["model_digests"]
     assert age_of(record).endswith("before records named the models' versions.")
     assert age_of({"rows": ["some text"], "date": "2026-01-01"}) == ""
+
+
+def test_a_table_says_when_the_shipped_shot_has_changed_since_it_was_measured() -> None:
+    record = QualityRecord.of([shot_row(Shot.open("plaza"), RESULTS)]).to_json()
+    assert age_of(record) == ""
+    record["shots"][0]["shot_json_sha256"] = "other"
+    assert age_of(record).endswith("with another version of plaza.")
