@@ -47,7 +47,7 @@ GAP = 8
 def input_and_output() -> Pixels:
     """Return the image input-and-output."""
     upscaler = Upscaler("classifier", scale=2)
-    for item in islice(Shot.open("plaza"), 28):
+    for item in Shot.open("plaza"):
         image = upscaler.step(item.frame)
     if item.frame.color is None or item.reference is None:
         raise SystemExit(f"frame {item.index} has no colour or no reference")
@@ -58,7 +58,7 @@ def input_and_output() -> Pixels:
 
 def both_ways() -> Pixels:
     """Return the image both-ways."""
-    shot, index, (width, height) = Shot.open("plaza"), 18, (120, 68)
+    shot, index, (width, height) = Shot.open("plaza"), 13, (120, 68)
     size, reference = shot.display_size, shot.read_reference(index)
     if size is None or reference is None:
         raise SystemExit(f"frame {index} has no reference")
