@@ -13,14 +13,14 @@
 # make fuzz-native  frames, models and images of any bytes for the CPU library, by clang's libFuzzer: SECONDS=60 for each
 # make traces  the graph of every shipped method is what the exporter writes today, and docs/how-to/add-a-method.md adds one
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
-# make test-integrations   `supersampler blender` with a real Blender, PyVista, Mitsuba: each where it can be had
+# make test-integrations   `supersampler blender` with a real Blender, PyVista, Mitsuba: each where it can be installed
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
 # make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
-# make pyvista   the second: PyVista from PyPI, OpenGL in software will do
+# make pyvista   the second: PyVista from PyPI, software OpenGL is enough
 # make mitsuba   the third: the examples with Mitsuba from PyPI, of which one needs an LLVM of the system
 # make oidn    frames are denoised by Open Image Denoise, pyoidn from PyPI
-# make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, Vulkan in software will do
-# make mujoco  examples/mujoco_cameras.py with MuJoCo from PyPI: OpenGL in software will do, by EGL or OSMesa
+# make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, software Vulkan is enough
+# make mujoco  examples/mujoco_cameras.py with MuJoCo from PyPI: software OpenGL is enough, by EGL or OSMesa
 # make vtk-cpp  examples/vtk_cpp with Debian's libvtk9-dev, xvfb and xauth
 # make webgpu  the fifth: exported shaders in Node with Dawn, from npm
 # make web     the page of `demo --web` in Chromium (Debian's chromium, or SUPERSAMPLER_CHROMIUM), with three.js from npm; then:

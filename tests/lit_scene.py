@@ -86,7 +86,7 @@ class LitScene:
         return Frame(**{**fields, **over})
 
     def uncovered(self, index: int, size: Size = (64, 36)) -> NDArray[np.bool_]:
-        """(h, w), True where the disc hides nothing any more, but did a frame ago."""
+        """(h, w), True where the disc hid the background a frame ago and no longer does."""
         x, y = places(size)
         now, motion = self.surface(index, x, y)["disc"], self.surface(index, x, y)["motion"]
         before = self.surface(index - 1, x + motion[..., 0], y + motion[..., 1])["disc"]

@@ -1,4 +1,4 @@
-"""Tests of examples/mujoco_cameras.py with MuJoCo, OpenGL in software will do: `make mujoco` runs them."""
+"""Tests of examples/mujoco_cameras.py with MuJoCo; software OpenGL is enough: `make mujoco` runs them."""
 
 import importlib.util
 import os

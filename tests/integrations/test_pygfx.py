@@ -1,4 +1,4 @@
-"""Tests of examples/pygfx_live.py with pygfx, Vulkan in software will do: `make pygfx` runs them."""
+"""Tests of examples/pygfx_live.py with pygfx; software Vulkan is enough: `make pygfx` runs them."""
 
 import importlib.util
 import subprocess

@@ -1,4 +1,4 @@
-"""Tests of supersampling in PyVista and VTK, with OpenGL (in software will do): `make pyvista` runs them."""
+"""Tests of supersampling in PyVista and VTK, with OpenGL (software is enough): `make pyvista` runs them."""
 
 import asyncio
 import importlib.util

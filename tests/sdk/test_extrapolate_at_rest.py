@@ -60,7 +60,7 @@ def test_unshaded_frames_add_no_samples_to_the_mean_of_what_stands_still(
 def test_where_each_jitter_comes_twice_all_that_stands_still_converges_and_stays_so(
     executor: ExecutorName, unshaded: bool
 ) -> None:
-    """The second frame of a jitter is extrapolated, or shaded again; it is no part of the period."""
+    """The second frame of a jitter is extrapolated, or shaded again; it is not part of the period."""
     upscaler = Upscaler(
         shared_model("taau", executor=executor),
         display_size=(48, 32), extrapolation="guided-warp", validate="off",

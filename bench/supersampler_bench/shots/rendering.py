@@ -51,8 +51,13 @@ def rendered_sequence(
 ) -> Iterator[tuple[Frame, Float32 | None]]:
     """Render a test shot of `count` frames; yield frames and, for the last ones, references (H, W, 3).
 
-    `size`: (width, height) of the frames. `references`: number of references. `gbuffers`: see
-    `rendered_frame`.
+    Args:
+        renderer: at display size.
+        family: of the test shot.
+        count: number of frames.
+        size: (width, height) of the frames.
+        references: number of references.
+        gbuffers: see `rendered_frame`.
     """
     sequence = make_sequence(SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count))
     for index in range(count):
@@ -62,7 +67,7 @@ def rendered_sequence(
 
 
 def held_sequence(family: str, count: int, *, time_stands: bool) -> HeldSequence:
-    """Return a test shot of any length whose camera stays as it is at HELD_FRAME; see `HeldSequence`."""
+    """Return a test shot of any length whose camera stays where it is at HELD_FRAME; see `HeldSequence`."""
     spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
     return HeldSequence(spec, HELD_FRAME, time_stands=time_stands)
 

@@ -1,6 +1,6 @@
 /** The browser's GPU. */
 
-/** WebGPU is not to be had; the message is for the person at the page. */
+/** WebGPU is not available; the message is shown on the page. */
 export class NoGpuError extends Error {
   /** @param {string} message */
   constructor(message) {

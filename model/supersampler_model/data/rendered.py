@@ -87,7 +87,7 @@ class Rendered:
 
 
 def labels_of(now: Rendered, before: Rendered | None) -> Labels:
-    """Return a frame's labels. Both frames are compared at its exposure, which is no change of light."""
+    """Return a frame's labels. Both frames are compared at its exposure: a new exposure is not new light."""
     previous = None if before is None else before.label_inputs(now.exposure)
     return label(now.label_inputs(now.exposure), previous)
 

@@ -28,7 +28,7 @@ static void* allocate_default(void*, size_t bytes) {
     if (bytes < 2 * HUGE_PAGE) return malloc(bytes);
     void* memory = nullptr;
     if (posix_memalign(&memory, HUGE_PAGE, bytes) != 0) return nullptr;
-    madvise(memory, bytes, MADV_HUGEPAGE);  // where that fails, small pages will do
+    madvise(memory, bytes, MADV_HUGEPAGE);  // without them, small pages are used
     return memory;
 }
 #else
@@ -127,9 +127,9 @@ ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_o
     *model = nullptr;
     if (reinterpret_cast<uintptr_t>(bytes) % alignof(uint64_t))
         return fail(error, SS_BAD_ARGUMENT,
-                    "bytes are at an address that is no multiple of 8; want memory as from malloc");
+                    "bytes are at an address that is not a multiple of 8; want memory as from malloc");
     const Arrays arrays(bytes, count);
-    if (arrays.message()) return fail(error, SS_BAD_MODEL, "the bytes are no model: %s", arrays.message());
+    if (arrays.message()) return fail(error, SS_BAD_MODEL, "the bytes are not a model: %s", arrays.message());
     const Array* name = arrays.find("method", ArrayType::TEXT, 0);
     const Method* method = nullptr;
     if (name && memchr(name->values(), 0, name->bytes()))

@@ -25,7 +25,7 @@ static void* append(char*& to, const Array& array) {
     memcpy(to, &array, sizeof array);
     char* values = to + sizeof array;
     to = values + filled_up(array.bytes());
-    memset(to - 8, 0, 8);  // what fills the last values up
+    memset(to - 8, 0, 8);  // padding
     return values;
 }
 
@@ -70,7 +70,7 @@ ss_status ss_state_save(const ss_upscaler* handle, void* bytes, size_t count, ss
     return succeed(error);
 }
 
-// Returns whether all values are numbers of a history, which kernels take for indices nowhere unless they are finite.
+// Returns whether all magnitudes are at most `most`, and none is NaN: kernels may compute indices from the values.
 static bool are_finite(const Array& array, float most) {
     const float* values = static_cast<const float*>(array.values());
     for (size_t k = 0; k < array.count(); k++)
@@ -86,7 +86,7 @@ static ss_status read_history(const Arrays& arrays, History& history, ss_error* 
         const Array* array = arrays.find(name, ArrayType::FLOAT, extent(0), extent(1), extent(2), extent(3));
         if (!array) return fail(error, SS_BAD_STATE, "the state has no tensor %s of the model", name);
         if (!are_finite(*array, strcmp(name, "jitter") == 0 ? 0.5f : 3.4e38f))
-            return fail(error, SS_BAD_STATE, "%s of the state has values that no frame leaves", name);
+            return fail(error, SS_BAD_STATE, "%s of the state has values that no frame can produce", name);
         if (ss_status status = ss_history_write(reinterpret_cast<ss_history*>(&history), k,
                                                 static_cast<const float*>(array->values()), error))
             return status;
@@ -98,14 +98,14 @@ ss_status ss_state_load(ss_upscaler* handle, const void* bytes, size_t count, ss
     if (!handle || !bytes) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", handle ? "bytes" : "upscaler");
     if (reinterpret_cast<uintptr_t>(bytes) % alignof(uint64_t))
         return fail(error, SS_BAD_ARGUMENT,
-                    "bytes are at an address that is no multiple of 8; want memory as from malloc");
+                    "bytes are at an address that is not a multiple of 8; want memory as from malloc");
     Upscaler& u = *reinterpret_cast<Upscaler*>(handle);
     const Arrays arrays(bytes, count);
-    if (arrays.message()) return fail(error, SS_BAD_STATE, "the bytes are no state: %s", arrays.message());
+    if (arrays.message()) return fail(error, SS_BAD_STATE, "the bytes are not a state: %s", arrays.message());
     const Array *method = arrays.find("method", ArrayType::TEXT, 0),
                 *array = arrays.find("sizes", ArrayType::FLOAT, SIZES);
     if (!method || !array || !memchr(method->values(), 0, method->bytes()))
-        return fail(error, SS_BAD_STATE, "the bytes are no state: they are a model");
+        return fail(error, SS_BAD_STATE, "the bytes are a model, not a state");
     if (strcmp(static_cast<const char*>(method->values()), u.model.method->name) != 0)
         return fail(error, SS_BAD_STATE, "the state is of %.64s; want one of %s",
                     static_cast<const char*>(method->values()), u.model.method->name);

@@ -173,7 +173,7 @@ void ThreadPool::start_threads() {
     Guard guard(lock_);
     while (started_ < threads_ - 1) {
         handles_[started_] = CreateThread(nullptr, 0, thread_main, this, 0, nullptr);
-        if (!handles_[started_]) break;  // fewer will do
+        if (!handles_[started_]) break;  // fewer threads are enough
         started_++;
     }
 }

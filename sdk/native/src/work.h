@@ -86,7 +86,7 @@ struct Guide {
 
 // A separable filter of the four samples around a display pixel.
 enum FilterKind { LINEAR, CUBIC, DISTANCE, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };
-// DISTANCE is no filter: it stores the distances of the samples.
+// DISTANCE is not a filter: it stores the distances of the samples.
 struct Filter {
     FilterKind kind;
     float sigma = 0.0f;

@@ -42,7 +42,7 @@ class RawFrame:
         depth: (h, w) at render size, of the kind `Conventions.depth`.
         motion: (h, w, 2), x then y; (H, W, 2) if `Conventions.motion_resolution` is "display".
         color: (h, w, 3) at render size, linear or sRGB; None on an unshaded frame.
-        jitter: (x, y) in the unit `Conventions.jitter_unit`; None is no jitter.
+        jitter: (x, y) in the unit `Conventions.jitter_unit`; None means no jitter.
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies the colour before the tone curve, or None.
         pre_exposure: factor that the renderer has already multiplied the colour by.

@@ -64,7 +64,7 @@ def scaled(size: Size, ratio: float) -> Size | None:
 
 
 def display_size_of(render_size: Size, scale: float) -> Size:
-    """Return a render size times `scale`, rounded to whole pixels; ArgumentError if that is no image size."""
+    """Return a render size times `scale`, in whole pixels; ArgumentError if that is not an image size."""
     return checked_size("display_size", (round(render_size[0] * scale), round(render_size[1] * scale)))
 
 

@@ -342,7 +342,7 @@ def checked_lookahead(passes: int, lookahead: int | None) -> int:
 
 
 def checked_samples(samples: float | None) -> float:
-    """Return samples per pixel, DEFAULT_SAMPLES for None; ArgumentError where it is no positive number."""
+    """Return samples per pixel, DEFAULT_SAMPLES for None; ArgumentError if it is not positive."""
     number = as_number(DEFAULT_SAMPLES if samples is None else samples)
     if number is None or not 0.0 < number < inf:
         raise ArgumentError("samples", got=shown(samples), want="a number above 0, or None")

@@ -261,7 +261,7 @@ def test_statistics_hold_the_samples(renderer: Renderer) -> None:
     assert (truth.color_min <= truth.color * 1.0001).all()
     assert (truth.color <= truth.color_max * 1.0001).all()
     inside = (truth.depth_min * 0.999 <= seen.depth) & (seen.depth <= truth.depth_max * 1.001)
-    assert inside.mean() > 0.998  # the centre itself is no sample
+    assert inside.mean() > 0.998  # the centre itself is not a sample
     assert (truth.normal_spread <= 2.0 * np.sqrt(3.0) + 1e-3).all()
     smooth = unlit(replace(scene, instances=scene.instances[:1]))
     assert renderer.reference(smooth).normal_mapped_spread.max() > 0.05  # the floor has bumps...

@@ -204,12 +204,12 @@ def test_a_buffer_that_is_not_a_regular_file_is_refused(tmp_path: Path) -> None:
 def test_a_small_file_that_claims_a_large_size_is_refused_before_allocation(tmp_path: Path) -> None:
     file = cube()
     attributes(file, POSITION=file.add("accessors", componentType=5126, count=1 << 26, type="VEC3"))
-    assert "accessor 4: all arrays come to more than" in message_of(file, tmp_path)
+    assert "accessor 4: all arrays together have more than" in message_of(file, tmp_path)
     file = cube()
     sampler = {"input": file.array(np.arange(5000.0)), "output": file.array(np.ones((5000, 3)))}
     channels = [{"sampler": 0, "target": {"node": 0, "path": "scale"}}] * 2000
     file.add("animations", samplers=[sampler], channels=channels)
-    assert "all arrays come to more than" in message_of(file, tmp_path)
+    assert "all arrays together have more than" in message_of(file, tmp_path)
 
 
 def test_a_panorama_of_another_format_is_refused(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ class _Files:
         """
         path = self._folder / name
         if not _FRAMES.fullmatch(name):
-            raise ShotError(path, "is no name of a composited frame")
+            raise ShotError(path, "is not the name of a composited frame")
         check_ours(path, lambda path: path.name in self._listed, f"listed by {RECORD_FILE}")
         self._listed.add(name)
         write_text(self._folder / RECORD_FILE, json.dumps(sorted(self._listed)))

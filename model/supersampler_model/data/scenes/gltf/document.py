@@ -146,7 +146,7 @@ class Document:
         self._sizes[kind] += count
         limit = LARGEST_ARRAYS + ARRAYS_A_BYTE * self._sizes["read"] if kind == "arrays" else LARGEST_IMAGES
         if self._sizes[kind] > limit:
-            raise MalformedError(f"all {kind} come to more than {limit} numbers")
+            raise MalformedError(f"all {kind} together have more than {limit} numbers")
 
     def load(self, uri: Any) -> bytes:
         """Return the data of a buffer's or an image's URI: a data URI, or a file beside this one.

@@ -27,7 +27,7 @@ class Ground:
         self._origin = np.maximum(low - room, triangles.min(axis=(0, 1)) - 0.5 * STEP)
         extent = np.minimum(high + room, triangles.max(axis=(0, 1)) + STEP) - self._origin
         self.cell = max(STEP, float(extent[[0, 2]].max()) / CELLS)
-        self._climb = max(1, int(self.cell / STEP))  # levels from a cell to the next that are no wall
+        self._climb = max(1, int(self.cell / STEP))  # levels from a cell to the next that are not a wall
         sides = np.array([self.cell, STEP, self.cell])
         counts = np.ceil(extent / sides).astype(int).clip(1, (CELLS + 1, 400, CELLS + 1))
         counts[1] += int(HEADROOM / STEP)
