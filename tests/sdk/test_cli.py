@@ -448,7 +448,7 @@ def test_messages_name_only_options_that_exist(folder: str) -> None:
 # --- what is printed where an extra is missing or the reader of a pipe has gone: a line, or nothing ---
 
 
-IMPORTED_AS = {"flip-evaluator": "flip_evaluator"}
+IMPORTED_AS = {"flip-evaluator": "flip_evaluator", "cvvdp": "pycvvdp"}
 NOT_COMMANDS = {"docs", "dev"}
 CLOSED = """
 import os, sys
@@ -473,6 +473,7 @@ def test_every_package_of_an_extra_is_known_to_the_error_message() -> None:
     ("missing", "words", "extra"),
     [
         ("matplotlib", ["bench", "quality", "plaza", "--methods", "bilinear", "-o", "x"], "bench"),
+        ("pycvvdp", ["bench", "quality", "plaza", "--cvvdp"], "cvvdp"),
         ("onnx", ["bench", "cost"], "train"),
         ("torch", ["bench", "parity"], "train"),
         ("moderngl", ["bench", "parity", "--methods", "bilinear", "--frames", "10"], "render"),

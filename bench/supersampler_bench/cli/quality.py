@@ -49,6 +49,9 @@ def quality(
     ] = "bilinear,bicubic,taa,taau,classifier-small,classifier,classifier-large",
     ratio: RATIO = "2",
     cache: CACHE = None,
+    cvvdp: Annotated[
+        bool, typer.Option("--cvvdp", help="ColorVideoVDP, too: a second for each image, or more.")
+    ] = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for error heat maps.")] = None,
     json: JSON = None,
 ) -> None:
@@ -66,10 +69,14 @@ def quality(
       supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.quality.color_video_vdp import metric
     from supersampler_bench.quality.score_table import QualityRecord, terminal_tables
 
+    if cvvdp:
+        metric()  # before anything is measured without it
     _, opened = opened_shots(shot, cache, ratio)
-    record = QualityRecord.of([_measured(one, origin, split_list(methods), output) for one, origin in opened])
+    rows = [_measured(one, origin, split_list(methods), output, cvvdp=cvvdp) for one, origin in opened]
+    record = QualityRecord.of(rows)
     console = Terminal()
     for titled in [*record.shot_tables(), *record.mean_tables().values()]:
         console.print(*terminal_tables(*titled))
@@ -77,18 +84,21 @@ def quality(
         write_json(record, json)
 
 
-def _measured(shot: Shot, origin: dict[str, Any], methods: list[str], output: Path | None) -> "ShotRow":
+def _measured(
+    shot: Shot, origin: dict[str, Any], methods: list[str], output: Path | None, *, cvvdp: bool
+) -> "ShotRow":
     from supersampler_bench.quality.measure import measure_quality, runnable
     from supersampler_bench.quality.scores import shot_row
 
     methods = runnable(shot, methods, warn)
     with counted(shot.name, len(shot)) as advance:
         if output is None:
-            return shot_row(shot, measure_quality(shot, methods, on_frame=advance), origin)
+            return shot_row(shot, measure_quality(shot, methods, cvvdp=cvvdp, on_frame=advance), origin)
         from supersampler_bench.report.figures import ErrorMaps, draw_shot  # needs matplotlib
 
         maps = ErrorMaps(methods)
-        measured = shot_row(shot, measure_quality(shot, methods, watch=maps, on_frame=advance), origin)
+        scores = measure_quality(shot, methods, cvvdp=cvvdp, watch=maps, on_frame=advance)
+        measured = shot_row(shot, scores, origin)
     draw_shot(measured, maps, output)
     return measured
 

@@ -23,6 +23,7 @@ from supersampler.upscaler import Upscaler
 from supersampler_bench.fsr1 import EASU, EASU_RCAS, Fsr1
 from supersampler_bench.fsr2 import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality import masks, metrics, strred
+from supersampler_bench.quality.color_video_vdp import Clip
 from supersampler_bench.quality.corners import (
     CornerTruth,
     CornerTruths,
@@ -37,6 +38,7 @@ from supersampler_bench.quality.metrics import Bool
 from supersampler_bench.quality.scores import (
     BORDER,
     CLASS_MASKS,
+    WARM_UP_FRAMES,
     Counts,
     FrameScores,
     MethodScores,
@@ -86,6 +88,7 @@ def measure_quality(
     shot: Shot,
     methods: Sequence[str],
     *,
+    cvvdp: bool = False,
     watch: Callable[[ScoredImage], None] = lambda _: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[MethodScores]:
@@ -95,21 +98,31 @@ def measure_quality(
     frames of display size, or are among OUTSIDE.
     """
     steppers = [stepper_of(method, shot) for method in methods]
-    return measure_steppers(shot, steppers, watch=watch, on_frame=on_frame)
+    return measure_steppers(shot, steppers, cvvdp=cvvdp, watch=watch, on_frame=on_frame)
 
 
 def measure_steppers(
     shot: Shot,
     steppers: Sequence[Stepper],
     *,
+    cvvdp: bool = False,
     watch: Callable[[ScoredImage], None] = lambda _: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[MethodScores]:
-    """Return the scores of each stepper, in order; `watch` is called with each image that is scored."""
+    """Return the scores of each stepper, in order.
+
+    Args:
+        shot: the shot.
+        steppers: compute the images.
+        cvvdp: whether ColorVideoVDP is measured, too; see `color_video_vdp.metric`.
+        watch: called with each image that is scored.
+        on_frame: called after each frame.
+    """
     gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
     frames: list[list[FrameScores]] = [[] for _ in steppers]
     truths = _Truths(shot)
     before: list[Float32 | None] = [None] * len(steppers)
+    clips = [Clip(shot.frame_rate) for _ in steppers]
     for item in shot.frames(gbuffers=gbuffers):
         truth = truths.next(item)
         for i, stepper in enumerate(steppers):
@@ -119,9 +132,11 @@ def measure_steppers(
                 flip = metrics.flip_map(image, truth.shown)
                 frames[i].append(_score(image, stepped, before[i], flip, truth))
                 watch(ScoredImage(i, item.index, image, flip))
+                if cvvdp and item.index >= WARM_UP_FRAMES:
+                    clips[i].add(item.index, *(metrics.crop(one, BORDER) for one in (image, truth.shown)))
             before[i] = stepped.image if truth is not None else None
         on_frame()
-    return [MethodScores(s.name, frames[i]) for i, s in enumerate(steppers)]
+    return [MethodScores(s.name, frames[i], jod=clips[i].jod()) for i, s in enumerate(steppers)]
 
 
 def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], None]) -> list[str]:

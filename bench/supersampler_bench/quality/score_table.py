@@ -7,6 +7,7 @@ from typing import ClassVar, Self, TypeAlias
 
 from rich.table import Column as TableColumn
 from rich.table import Table
+from rich.text import Text
 
 from supersampler.cli.arguments import size_text
 from supersampler_bench.markdown import figure, sizes_text, table
@@ -66,7 +67,11 @@ COLUMNS = (
     Column("psnr_moving", "PSNR dB, moving", 2),
 )
 """Columns of the first table, which README shows."""
-CLIP_COLUMNS = (*COLUMNS[:5], Column("strred", "STRRED", 1, higher=False))
+CLIP_COLUMNS = (
+    *COLUMNS[:5],
+    Column("strred", "STRRED", 1, higher=False),
+    Column("jod", "ColorVideoVDP JOD", 2, rare=True),
+)
 """Columns of the second table: metrics of all pixels and of whole clips."""
 CORNER_COLUMNS = (
     Column("psnr", "PSNR dB", 2),
@@ -87,8 +92,9 @@ def markdown_table(
 
     `title` is the caption without its full stop. With `everything`, the warm-up and the border count, too.
     """
-    shown = _shown_columns(columns, rows)
-    cells = zip(*(_cells(column, rows, "**{}**", everything) for column in shown), strict=True)
+    shown = _shown_columns(columns, rows, everything)
+    figures = ([f"**{text}**" if best else text for text, best in _cells(c, rows, everything)] for c in shown)
+    cells = zip(*figures, strict=True)
     headings = ["method", *(f"{column.heading}:" for column in shown)]
     named = ([row.method, *figures] for row, figures in zip(rows, cells, strict=True))
     return table(headings, named, f"{title}.")
@@ -101,7 +107,7 @@ def terminal_tables(title: str, rows: Sequence[MethodRow]) -> Iterator[Table]:
     """
     shown = _terminal_table("", (row.method for row in rows), title)
     for column in _shown_columns(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS, *CORNER_COLUMNS)), rows):
-        shown.add_row(column.heading, *_cells(column, rows, "[bold]{}[/bold]"))
+        shown.add_row(column.heading, *(Text(f, "bold" if best else "") for f, best in _cells(column, rows)))
     yield shown
     if kinds := list(_kind_rows(rows)):
         shown = _terminal_table("fraction of the error, PSNR", (name for name, *_ in kinds), title)
@@ -121,16 +127,19 @@ def _terminal_table(corner: str, names: Iterable[str], title: str) -> Table:
     return Table(corner, *(TableColumn(name, justify="right") for name in names), caption=title)
 
 
-def _shown_columns(columns: Iterable[Column], rows: Sequence[MethodRow]) -> list[Column]:
+def _shown_columns(
+    columns: Iterable[Column], rows: Sequence[MethodRow], everything: bool = False
+) -> list[Column]:
     """Return the columns without the rare ones in which no row has a value."""
-    return [c for c in columns if not c.rare or {*_cells(c, rows, "{}", everything=True)} != {"–"}]
+    return [c for c in columns if not c.rare or any(text != "–" for text, _ in _cells(c, rows, everything))]
 
 
-def _cells(column: Column, rows: Sequence[MethodRow], bold: str, everything: bool = False) -> list[str]:
+def _cells(column: Column, rows: Sequence[MethodRow], everything: bool = False) -> list[tuple[str, bool]]:
+    """Return the figure of each row as text, and whether it is the best one."""
     figures = [column.figure(row.summary["all_full" if everything else "warm_cropped"]) for row in rows]
     known = [float(f) for f in figures if f != "–"]  # rounded: equal figures are equally good
     best = max(known, default=None) if column.higher else min(known, key=abs, default=None)
-    return [bold.format(f) if f != "–" and float(f) == best else f for f in figures]
+    return [(f, f != "–" and float(f) == best) for f in figures]
 
 
 def confusions_of(rows: Sequence[MethodRow]) -> list[tuple[str, Counts]]:

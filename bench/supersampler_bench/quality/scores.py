@@ -102,6 +102,8 @@ class MethodScores:
 
     method: str
     frames: list[FrameScores]
+    jod: float = field(default=float("nan"), kw_only=True)
+    """ColorVideoVDP of the frames after the warm-up, without the border; NaN if not measured."""
 
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
         """Return the mean of each metric over the frames that have it; NaN if none does.
@@ -117,7 +119,8 @@ class MethodScores:
         scores = [f.cropped if cropped else f.full for f in self._counted(warm)]
         summary = {name: _pooled(name, scores) for name in FRAME_METRICS}
         first = [f.cropped if cropped else f.full for f in self.frames]
-        return {**summary, **_shares(scores), "psnr_first": _pooled("psnr_first", first)}
+        jod = self.jod if warm and cropped else float("nan")
+        return {**summary, **_shares(scores), "psnr_first": _pooled("psnr_first", first), "jod": jod}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
         """Return the class counts of the pixels that `summary` counts; None if classes are unknown."""

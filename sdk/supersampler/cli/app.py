@@ -41,6 +41,7 @@ EXTRAS = {
     "tensorboard": "train",
     "matplotlib": "bench",
     "flip_evaluator": "bench",
+    "pycvvdp": "cvvdp",
     "pyoidn": "denoise",
     "wgpu": "gpu",
     "moderngl": "render",

@@ -133,6 +133,7 @@ def test_the_quality_command_prints_writes_a_record_and_draws_errors(tmp_path: P
     assert answer.exit_code == 0, answer.output
     assert "aliasing: geometry" in answer.stdout
     assert "STRRED" in answer.stdout
+    assert "[bold]" not in answer.stdout
     record = QualityRecord.from_json(read_record(values))
     assert [len(method.frames) for method in record.shots[0].methods] == [10, 10]
     assert f"{record.shots[0].methods[1].known()['psnr']:.2f}" in answer.stdout
