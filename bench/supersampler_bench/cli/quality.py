@@ -50,7 +50,7 @@ def quality(
     ratio: RATIO = "2",
     cache: CACHE = None,
     cvvdp: Annotated[
-        bool, typer.Option("--cvvdp", help="ColorVideoVDP, too: a second for each image, or more.")
+        bool, typer.Option("--cvvdp", help="Also measure ColorVideoVDP, which takes seconds per image.")
     ] = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for error heat maps.")] = None,
     json: JSON = None,
@@ -73,7 +73,7 @@ def quality(
     from supersampler_bench.quality.score_table import QualityRecord, terminal_tables
 
     if cvvdp:
-        metric()  # before anything is measured without it
+        metric()  # fails before the measurement, which takes minutes
     _, opened = opened_shots(shot, cache, ratio)
     rows = [_measured(one, origin, split_list(methods), output, cvvdp=cvvdp) for one, origin in opened]
     record = QualityRecord.of(rows)

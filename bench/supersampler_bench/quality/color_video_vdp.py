@@ -1,4 +1,4 @@
-"""ColorVideoVDP (Mantiuk et al. 2024): a perceptual score of a clip, which flicker lowers, too.
+"""ColorVideoVDP (Mantiuk et al. 2024): a perceptual score of a clip, which flicker lowers.
 
 Its package, cvvdp, has the fitted parameters. It is optional, because it needs the torchvision of
 the installed torch.

@@ -144,8 +144,8 @@ def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
     return groups
 
 
-def _triple(types: Mapping[str, str], used: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return the first three channels of one layer that have no known meaning and can be blended, if any."""
+def _likely_color(types: Mapping[str, str], used: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return three channels of one layer that may be colour by an unknown name; [] if there are none."""
     layers: dict[str, list[str]] = {}
     for name in blended_and_ignored(types, used)[0]:
         layers.setdefault(name.rpartition(".")[0], []).append(name)
@@ -187,7 +187,7 @@ def import_named_channels(
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."
         raise ShotError(first, f"has no depth or no motion among {', '.join(types)}", hint)
-    if "color" not in channel_map and (likely := _triple(types, channel_map)):
+    if "color" not in channel_map and (likely := _likely_color(types, channel_map)):
         hint = "Rename it, or map it in a channels.json (docs/shots.md)."
         problem = f"has no colour by a known name; {', '.join(likely)} may be it"
         raise ShotError(first, problem, hint)
