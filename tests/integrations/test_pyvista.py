@@ -33,6 +33,7 @@ from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels, upsamp
 SIZE = (240, 160)
 SMALL = (120, 80)
 XVFB = shutil.which("Xvfb")
+SERVER = vtkWebApplication()  # outlives each window: its observer of a window refers to it even when it is gone
 GALLERY = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pyvista_gallery.py"))["SCENES"]
 
 
@@ -507,11 +508,9 @@ def test_the_server_side_of_trame_and_jupyter_sends_the_same_images(plotter: Any
     """Both ask `vtkWebApplication`, which comes with VTK, for a JPEG of the window."""
     window = supersampled(plotter)
     window.converge()
-    server = vtkWebApplication()
-    server.SetImageEncoding(0)  # bytes, not base64
-    (tmp_path / "sent.jpg").write_bytes(
-        vtk_to_numpy(server.StillRender(plotter.render_window, 100)).tobytes()
-    )
+    SERVER.SetImageEncoding(0)  # bytes, not base64
+    jpeg = vtk_to_numpy(SERVER.StillRender(plotter.render_window, 100))
+    (tmp_path / "sent.jpg").write_bytes(jpeg.tobytes())
     sent = np.asarray(ImageBuf(str(tmp_path / "sent.jpg")).get_pixels("float"))
     assert window.is_converged
     assert np.abs(sent[..., :3] - seen(plotter)).mean() < 0.01
