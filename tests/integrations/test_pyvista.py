@@ -33,7 +33,9 @@ from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels, upsamp
 SIZE = (240, 160)
 SMALL = (120, 80)
 XVFB = shutil.which("Xvfb")
-SERVER = vtkWebApplication()  # outlives each window: its observer of a window refers to it even when it is gone
+SERVER = (
+    vtkWebApplication()
+)  # outlives each window: its observer of a window refers to it even when it is gone
 GALLERY = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pyvista_gallery.py"))["SCENES"]
 
 

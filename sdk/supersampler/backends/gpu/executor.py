@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -35,7 +36,7 @@ from supersampler.backends.gpu.memory import (
     write_to,
 )
 from supersampler.backends.gpu.passes import Pass, Resource
-from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram
+from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram, PassSpec
 from supersampler.errors import DeviceError
 from supersampler.frame import Float32, Size
 
@@ -96,11 +97,13 @@ class GpuExecutor:
         """Return the compiled passes for frames and images in buffers, or in textures."""
         key = tuple(variants.values())
         if key not in self._compiled:
-            with raising(self.device, "compiling shaders"):
-                self._compiled[key] = [
-                    Pass(self.device, self.program.shader(spec, variants), spec.tile, spec.names)
-                    for spec in self.program.passes
-                ]
+            with raising(self.device, "compiling shaders"), ThreadPoolExecutor() as threads:
+
+                def compiled(spec: PassSpec) -> Pass:
+                    return Pass(self.device, self.program.shader(spec, variants), spec.tile, spec.names)
+
+                longest_first = reversed(self.program.passes)
+                self._compiled[key] = [*threads.map(compiled, longest_first)][::-1]
         return self._compiled[key]
 
     def zeros(self, display: Size, render: Size) -> GpuHistory:

@@ -69,16 +69,16 @@ class Pass:
 def _pipeline(device: "wgpu.GPUDevice", shader: Shader) -> tuple[Any, list[Any]]:
     with _lock:
         known = _pipelines.setdefault(device, {})
-        if shader.code not in known:
-            layouts = [
-                device.create_bind_group_layout(entries=[b.layout() for b in group])
-                for _, group in groupby(shader.bindings, key=lambda b: b.group)
-            ]
-            module = device.create_shader_module(label=shader.name, code=shader.code)
-            pipeline = device.create_compute_pipeline(
-                label=shader.name,
-                layout=device.create_pipeline_layout(bind_group_layouts=layouts),
-                compute={"module": module, "entry_point": "main"},
-            )
-            known[shader.code] = pipeline, layouts
-        return known[shader.code]
+    if shader.code not in known:  # threads compile at the same time, at worst the same shader twice
+        layouts = [
+            device.create_bind_group_layout(entries=[b.layout() for b in group])
+            for _, group in groupby(shader.bindings, key=lambda b: b.group)
+        ]
+        module = device.create_shader_module(label=shader.name, code=shader.code)
+        pipeline = device.create_compute_pipeline(
+            label=shader.name,
+            layout=device.create_pipeline_layout(bind_group_layouts=layouts),
+            compute={"module": module, "entry_point": "main"},
+        )
+        known.setdefault(shader.code, (pipeline, layouts))
+    return known[shader.code]

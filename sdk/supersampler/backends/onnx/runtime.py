@@ -15,7 +15,6 @@ import time
 from _thread import get_ident
 from collections.abc import Sequence
 from functools import cache
-from importlib import metadata
 from importlib.util import find_spec
 from threading import Event
 from types import ModuleType, TracebackType
@@ -163,6 +162,8 @@ def _distribution() -> str | None:
     Raises:
         ProviderError: there are two, which overwrite each other's files.
     """
+    from importlib import metadata  # takes 10 ms; the CPU backend need not wait
+
     found = [name for name in _DISTRIBUTIONS if any(metadata.distributions(name=name))]
     if len(found) > 1:
         raise ProviderError(
