@@ -19,8 +19,7 @@ from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.arguments import ExecutorName, Precision
 from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import model_names
-from supersampler_bench.markdown import sizes_text
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, sizes_text
 from supersampler_bench.specs import incompatibility
 from supersampler_bench.timing.latency import plaza_frames
 

@@ -20,8 +20,7 @@ from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.registry import methods
-from supersampler_bench.markdown import table
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, table
 from supersampler_bench.shots.rendering import rendered_sequence
 from supersampler_bench.specs import gbuffers_of
 from supersampler_export.half import to_half

@@ -1,11 +1,12 @@
-"""Records: the values of a measurement with machine, versions, models, date and command, as a JSON file."""
+"""Records: values of a measurement with machine, versions, models, date and command, as JSON and tables."""
 
 import hashlib
 import json
+import math
 import platform
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cache
@@ -16,8 +17,10 @@ from typing import Any, ClassVar, Self, TypeAlias
 import msgspec
 
 from supersampler.backends.cpu.library import VERSION
+from supersampler.cli.arguments import size_text
 from supersampler.denoising import spec as denoising_spec
 from supersampler.errors import ArgumentError
+from supersampler.frame import Size
 from supersampler.io.child_process import run
 from supersampler.io.files import replacing
 from supersampler.io.machine import installed_versions, machine
@@ -222,3 +225,21 @@ def write_json(record: BenchRecord | JsonRecord, path: Path) -> None:
     text = msgspec.json.encode(values, enc_hook=lambda number: number.item())  # of numpy
     with replacing(path) as partial:
         partial.write_bytes(msgspec.json.format(text, indent=1) + b"\n")
+
+
+def table(headings: Sequence[str], rows: Iterable[Iterable[object]], caption: str = "") -> str:
+    """Return a Markdown table with its caption below; a heading that ends with ":" is aligned right."""
+    rule = ["---:" if heading.endswith(":") else "---" for heading in headings]
+    lines = [[heading.removesuffix(":") for heading in headings], rule, *rows]
+    text = "\n".join(f"| {' | '.join(map(str, cells))} |" for cells in lines)
+    return f"{text}\n\n{caption}" if caption else text
+
+
+def figure(value: float | None, digits: int, unit: str = "") -> str:
+    """Return a number with `digits` decimals; a dash for None or NaN."""
+    return "–" if value is None or math.isnan(value) else f"{value:.{digits}f}{unit}"
+
+
+def sizes_text(render: Size, display: Size) -> str:
+    """Return "960x540 to 1920x1080"."""
+    return f"{size_text(render)} to {size_text(display)}"

@@ -25,8 +25,8 @@ from supersampler.integrations.pyvista import enable_supersampling
 from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels
 from supersampler.io.display import decibels, to_uint8
 from supersampler.io.images import encode_jpeg
-from supersampler_bench.markdown import table as markdown_table
 from supersampler_bench.record import Provenance
+from supersampler_bench.record import table as markdown_table
 
 ROOT = Path(__file__).parents[2]
 PAGE, HEADING = ROOT / "docs" / "tutorials" / "pyvista.md", "## Cost and quality"

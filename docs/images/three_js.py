@@ -19,11 +19,11 @@ from supersampler.integrations.web import serving, site_files
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
-from supersampler_bench.markdown import update_block
 from supersampler_bench.quality.metrics import crop, psnr, tpsnr
 from supersampler_bench.quality.scores import BORDER, WARM_UP_FRAMES
 from supersampler_bench.quality.three_js import NATIVE, TITLES, ThreeRecord, ThreeScores
 from supersampler_bench.record import write_json
+from supersampler_bench.report.doc_tables import update_block
 from supersampler_export.shaders.folder import shader_files
 from web_page import chromium, pixels
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from supersampler.integrations.rgba import encode_rgba
+from supersampler.backends.cpu.library import encode_rgba
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 2), (5, 3), (6, 3), (7, 2), (9, 4), (17, 3), (1030, 2)])

@@ -42,7 +42,7 @@ def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) ->
     Example:
       supersampler bench cost --methods classifier,my_classifier
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing import cost as bench
+    from supersampler_bench.timing import traffic as bench
 
     publish(bench.CostRecord([bench.cost_of(name) for name in split_list(methods)]), "cost", json)
 
@@ -289,9 +289,8 @@ def device(
     Example:
       supersampler bench device --json device.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing.gpu_images import compare_images
     from supersampler_bench.timing.gpu_record import GpuRecord
-    from supersampler_bench.timing.gpu_steps import measure_gpu
+    from supersampler_bench.timing.gpu_steps import compare_images, measure_gpu
     from supersampler_bench.timing.gpu_stopwatch import device_with_timestamps
     from supersampler_bench.timing.other_runtimes import measure_other_runtimes
 

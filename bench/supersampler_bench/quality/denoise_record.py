@@ -7,9 +7,8 @@ import numpy as np
 
 from supersampler.cli.arguments import size_text
 from supersampler.frame import Size
-from supersampler_bench.markdown import figure, table
 from supersampler_bench.quality.scores import BORDER
-from supersampler_bench.record import DENOISER, BenchRecord
+from supersampler_bench.record import DENOISER, BenchRecord, figure, table
 
 FRAME, MEDIAN, ONE_PASS = "frame", "median", f"{DENOISER}:1-pass"
 METHODS = {

@@ -10,7 +10,6 @@ from rich.table import Table
 from rich.text import Text
 
 from supersampler.cli.arguments import size_text
-from supersampler_bench.markdown import figure, sizes_text, table
 from supersampler_bench.quality.corners import KINDS
 from supersampler_bench.quality.scores import (
     BORDER,
@@ -25,6 +24,7 @@ from supersampler_bench.quality.scores import (
     overlap,
     shots_by_ratio,
 )
+from supersampler_bench.record import figure, sizes_text, table
 
 Titled: TypeAlias = tuple[str, Sequence[MethodRow]]
 """Caption and rows of a table."""

@@ -11,10 +11,9 @@ from supersampler.cli.arguments import size_text
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
-from supersampler_bench.markdown import figure, table
 from supersampler_bench.quality.masks import dilated
 from supersampler_bench.quality.metrics import Bool, psnr
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, figure, table
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendering import held_sequence, rendered_frame
 from supersampler_model.data.renderer.renderer import Renderer

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from supersampler.cli.arguments import size_text
 from supersampler.frame import Size
-from supersampler_bench.markdown import figure, table
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, figure, table
 
 NATIVE = "three-traa"
 """The method that renders at display size."""

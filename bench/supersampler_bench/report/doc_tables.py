@@ -11,9 +11,8 @@ from pathlib import Path
 
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
-from supersampler.io.files import is_there
+from supersampler.io.files import is_there, replacing
 from supersampler_bench import parity  # noqa: F401  # each module registers its record
-from supersampler_bench.markdown import find_block, update_block
 from supersampler_bench.quality import denoise_record, extrapolation, score_table, still, three_js  # noqa: F401
 from supersampler_bench.record import (
     BENCHES,
@@ -25,7 +24,7 @@ from supersampler_bench.record import (
     write_json,
 )
 from supersampler_bench.stress import runner  # noqa: F401
-from supersampler_bench.timing import against, cost, gpu_record, latency, pareto, skip, traffic, views  # noqa: F401
+from supersampler_bench.timing import against, gpu_record, latency, pareto, skip, traffic, views  # noqa: F401
 
 RESULTS = Path("bench/results")
 """Folder of the records of published numbers, in the repository."""
@@ -215,3 +214,32 @@ def clock(seconds: float) -> str:
     if minutes < 2:
         return f"{seconds:.0f} s"
     return f"{minutes // 60} h {minutes % 60:02d} min" if minutes >= 60 else f"{minutes} min"
+
+
+def update_block(path: Path, name: str, text: str) -> None:
+    """Replace the text between `<!-- bench:NAME -->` and `<!-- /bench -->`, atomically; see `find_block`."""
+    content, start, stop = find_block(path, name)
+    end = "\r\n" if "\r\n" in content else "\n"
+    inner = end.join(["", *text.split("\n"), ""])
+    with replacing(path) as partial:
+        partial.write_text(content[:start] + inner + content[stop:], encoding="utf-8", newline="")
+
+
+def find_block(path: Path, name: str) -> tuple[str, int, int]:
+    """Return the text of a Markdown file, and the start and end of the block `name` in it.
+
+    Raises:
+        ArgumentError: the file cannot be read, or does not have exactly one such block.
+    """
+    opening, closing = f"<!-- bench:{name} -->", "<!-- /bench -->"
+    try:
+        with path.open(encoding="utf-8", newline="") as file:  # newline="": line ends stay as they are
+            content = file.read()
+    except OSError as error:
+        raise ArgumentError("update", got=f"{path} ({error})", want="a Markdown file") from error
+    found = list(re.finditer(f"(?<={re.escape(opening)}).*?(?={re.escape(closing)})", content, re.DOTALL))
+    if len(found) != 1:
+        got = f"{path} with {len(found)} blocks of {name!r}"
+        hint = f"Write the lines {opening} and {closing} where the table should stand."
+        raise ArgumentError("update", got=got, want="one", hint=hint)
+    return content, *found[0].span()

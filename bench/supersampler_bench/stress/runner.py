@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler_bench.markdown import table
-from supersampler_bench.record import BenchRecord, JsonRecord
+from supersampler_bench.record import BenchRecord, JsonRecord, table
 from supersampler_bench.stress import hostile, long_runs  # noqa: F401  # they fill FAMILIES
 from supersampler_bench.stress.scenario import FAMILIES, Figure, Scenario, Subject
 

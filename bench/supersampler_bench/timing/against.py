@@ -23,8 +23,7 @@ from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.child_process import end_text, run
-from supersampler_bench.markdown import table
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, table
 from supersampler_bench.specs import parse_spec
 from supersampler_model.data.shots import render_size
 

@@ -4,11 +4,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from supersampler.io.machine import installed_versions
-from supersampler_bench.markdown import sizes_text, table
-from supersampler_bench.record import BenchRecord
-from supersampler_bench.timing.gpu_images import GpuImages
+from supersampler_bench.record import BenchRecord, sizes_text, table
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
-from supersampler_bench.timing.gpu_steps import GpuStep
+from supersampler_bench.timing.gpu_steps import GpuImages, GpuStep
 from supersampler_bench.timing.other_runtimes import RuntimeStep
 
 if TYPE_CHECKING:

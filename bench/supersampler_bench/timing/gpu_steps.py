@@ -1,4 +1,4 @@
-"""Step time of the GPU backend, and time of each pass, by timestamps."""
+"""Steps of the GPU backend: their times and those of passes, by timestamps; differences of their images."""
 
 import itertools
 import time
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler
 from supersampler.errors import ArgumentError
-from supersampler.frame import Size
+from supersampler.frame import Float32, Size
+from supersampler.io.display import display_transform
 from supersampler_bench.specs import compatible
 from supersampler_bench.timing.gpu_stopwatch import EachDispatch, Stopwatch
 from supersampler_bench.timing.latency import plaza_frames, quantiles, take_turns
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 BURST = 10
 """Steps per command buffer, which keep the device busy."""
 WALL_STEPS = 20
+IMAGE_SIZES = (161, 91), (321, 181)
+"""Odd sizes, so that workgroups and 2x2 pixels extend beyond the border."""
+IMAGE_FRAMES = 8
 _SAMPLED, _COPY_DST = 4, 2  # usages, as WebGPU numbers them
 _CHANNELS = {"color": ("rgba16float", 4), "depth": ("r32float", 1), "motion": ("rg16float", 2)}
 Textures = tuple[Frame, dict[str, Any]]
@@ -66,6 +70,19 @@ class GpuStep:
     def multiply_adds(self) -> int:
         """Multiply-adds of the network in all passes."""
         return sum(one.multiply_adds for one in self.passes)
+
+
+@dataclass(frozen=True)
+class GpuImages:
+    """Differences from images of the CPU backend, in [0, 1] after the display transform."""
+
+    method: str
+    render: Size
+    display: Size
+    frames: int
+    mean: float
+    p999: float  # largest 99.9th percentile of a frame
+    largest: float
 
 
 def measure_gpu(
@@ -174,3 +191,28 @@ class _GpuRunner:
             upscaler.step(frame, out=image)
             times.append(1e3 * (time.perf_counter() - began))
         return times[2:]
+
+
+def compare_images(
+    device: "wgpu.GPUDevice", methods: Sequence[str], *, on_left_out: Callable[[str], None] = lambda _: None
+) -> Iterator[GpuImages]:
+    """Step both backends through the shipped shot, whose exposure both measure."""
+    render, display = IMAGE_SIZES
+    frames = plaza_frames(render, count=IMAGE_FRAMES)
+    frames = [replace(frame, exposure=None, reset=not i) for i, frame in enumerate(frames)]
+    for method in compatible(methods, render, display, on_left_out):
+        try:
+            on_gpu = _stepper(method, display, executor="gpu", device=device)
+        except ArgumentError as error:  # it has no shaders
+            on_left_out(f"{method}: {error}")
+            continue
+        steps = _stepper(method, display, executor="cpu"), on_gpu
+        pairs = [[display_transform(step(frame)) for step in steps] for frame in frames]
+        off = [np.abs(one - other) for one, other in pairs]
+        p999 = max(float(np.quantile(one, 0.999)) for one in off)
+        yield GpuImages(method, render, display, IMAGE_FRAMES, float(np.mean(off)), p999, float(np.max(off)))
+
+
+def _stepper(method: str, display: Size, **where: Any) -> Callable[[Frame], Float32]:
+    model = Model.load(method, **where)
+    return Upscaler(model, display_size=display, skip=False, validate="off").step

@@ -16,8 +16,7 @@ from supersampler.arguments import ExecutorName, Precision
 from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
-from supersampler_bench.markdown import table
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, table
 from supersampler_bench.specs import compatible, with_default_gbuffers
 from supersampler_model.data.shots import render_size
 

@@ -12,9 +12,8 @@ from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, model_names, read_model_info
-from supersampler_bench.markdown import table
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, QualityRecord
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, table
 from supersampler_bench.specs import Spec, gbuffers_of, parse_spec
 from supersampler_bench.timing.latency import Setting, measure_settings
 

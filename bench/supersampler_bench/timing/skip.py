@@ -13,9 +13,8 @@ from supersampler.cli.arguments import size_text
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
-from supersampler_bench.markdown import table
 from supersampler_bench.quality.metrics import psnr
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, table
 from supersampler_bench.shots.rendering import HELD_FRAME, held_sequence, rendered_frame, rendered_sequence
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.shots import render_size

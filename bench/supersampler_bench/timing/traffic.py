@@ -8,10 +8,14 @@ a step accesses one or two phases of the jitter with `// of 1 phase` and `// of 
 this with the elements that shaders access.
 """
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
+
+import onnx
 
 from supersampler.backends.gpu.program import TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Constants, Shader
@@ -22,8 +26,7 @@ from supersampler.methods.classifier.gpu_network import CHUNK, CORNERS
 from supersampler.methods.classifier.network_file import INPUT_PLANES
 from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.markdown import sizes_text, table
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, sizes_text, table
 from supersampler_model.data.shots import render_size
 
 PIXEL_BYTES = {"frame_color": 8, "frame_depth": 4, "frame_motion": 4, "image": 8}
@@ -145,3 +148,45 @@ class TrafficRecord(BenchRecord):
         )
         names = ["method", "size", "passes:", "GB:", "10^9 multiply-adds:", "GB at rest:"]
         return table(names, rows, caption)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Cost of one run of `network.onnx`."""
+
+    method: str
+    multiply_adds: float  # of convolutions and matrix products, per display pixel
+    parameters: int
+    operators: int  # nodes of the graph
+
+
+def cost_of(name_or_path: str) -> Cost:
+    """Return the cost of a model's network.
+
+    Raises:
+        ArgumentError: the model has no network.
+    """
+    folder = find_model(name_or_path)
+    path = folder / "network.onnx"
+    if not path.is_file():
+        raise ArgumentError("--methods", got=name_or_path, want="methods with a network")
+    graph = onnx.load(path).graph
+    parameters = sum(math.prod(tensor.dims) for tensor in graph.initializer)
+    counted = read_model_info(folder).multiply_adds
+    return Cost(Path(name_or_path).name, counted, parameters, len(graph.node))
+
+
+@dataclass(frozen=True)
+class CostRecord(BenchRecord):
+    """Costs of networks."""
+
+    networks: list[Cost]
+    BENCH = "cost"
+
+    def table(self) -> str:
+        """Return the table of networks."""
+        rows = [
+            [c.method, f"{c.multiply_adds:,.0f}", f"{c.parameters:,}", c.operators] for c in self.networks
+        ]
+        headings = ["method", "multiply-adds a display pixel:", "parameters:", "operators:"]
+        return table(headings, rows, "The network alone (`network.onnx`).")

@@ -12,8 +12,7 @@ from supersampler import Frame, Model, Shot, Upscaler
 from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler_bench.markdown import table
-from supersampler_bench.record import BenchRecord
+from supersampler_bench.record import BenchRecord, table
 from supersampler_model.data.shots import render_size
 
 WARM_UP = 10  # rounds that are not timed

@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
-from supersampler_bench.markdown import update_block
 from supersampler_bench.quality.score_table import (
     NO_CLASSES,
     NO_KINDS,
@@ -31,6 +30,7 @@ from supersampler_bench.quality.scores import (
     shot_row,
 )
 from supersampler_bench.record import Provenance, age_of, read_record, write_json
+from supersampler_bench.report.doc_tables import update_block
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"

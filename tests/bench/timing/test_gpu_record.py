@@ -12,10 +12,16 @@ from gpu_steps import device_or_skip
 from supersampler.cli import app
 from supersampler_bench.report.doc_tables import blocks_of
 from supersampler_bench.timing import gpu_limits
-from supersampler_bench.timing.gpu_images import GpuImages, compare_images
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
 from supersampler_bench.timing.gpu_record import GpuRecord
-from supersampler_bench.timing.gpu_steps import BURST, GpuPass, GpuStep, measure_gpu
+from supersampler_bench.timing.gpu_steps import (
+    BURST,
+    GpuImages,
+    GpuPass,
+    GpuStep,
+    compare_images,
+    measure_gpu,
+)
 from supersampler_bench.timing.gpu_stopwatch import Stopwatch, device_with_timestamps
 from supersampler_bench.timing.other_runtimes import RuntimeStep, measure_other_runtimes
 

@@ -14,9 +14,9 @@ from supersampler_bench.cli import app
 from supersampler_bench.record import read_record
 from supersampler_bench.timing import latency
 from supersampler_bench.timing.against import FirstFrame, StartupRecord, measure_startup
-from supersampler_bench.timing.cost import CostRecord, cost_of
 from supersampler_bench.timing.latency import measure_latency, plaza_frames
 from supersampler_bench.timing.skip import MOVES, SkipRecord, frame_count, measure_skipping
+from supersampler_bench.timing.traffic import CostRecord, cost_of
 from supersampler_bench.timing.views import ViewsRecord, measure_views
 from supersampler_model.methods.classifier import SmallClassifier
 

@@ -322,3 +322,11 @@ def aligned(shape: tuple[int, ...]) -> NDArray[np.float32]:
     room = np.zeros(size + _LINE, np.uint8)
     first = -room.ctypes.data % _LINE
     return room[first : first + size].view(np.float32).reshape(shape)
+
+
+def encode_rgba(image: NDArray[np.float32], pixels: NDArray[np.int32]) -> None:
+    """Write an image (h, w, 3) to opaque pixels (h, w), bottom row first; values are clamped to [0, 1]."""
+    height, width = pixels.shape
+    source, row = readable(image), pixels.strides[0]
+    last = pixels.ctypes.data + (height - 1) * row
+    cpu_library().call("ss_encode_rgba", Image.of(source), width, height, last, -row)
