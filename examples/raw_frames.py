@@ -2,8 +2,9 @@
 
     python examples/raw_frames.py plaza out/raw
 
-frames.json lists files, sizes, jitter, exposure and resets. Rows start at the top. Colour has four channels
-(alpha is 1), depth one and motion two, like textures of rgba32float, r32float and rg32float.
+frames.json lists files, sizes, jitter, exposure and resets. Rows start at the top. Depth has one channel and
+motion two, like textures of r32float and rg32float; all others have four, like rgba32float (colour and
+G-buffers with an alpha of 1). Four channels of AOVs are one image: aovs0, aovs1 and so on.
 """
 
 import argparse
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from supersampler import Shot
+from supersampler import Frame, Shot
 
 
 def main() -> None:
@@ -30,9 +31,7 @@ def main() -> None:
         frame = item.frame
         if frame.color is None or frame.depth is None:
             raise SystemExit(f"frame {item.index} has no colour or no depth")
-        alpha = np.ones((*frame.color.shape[:2], 1), np.float32)
-        color = np.concatenate([frame.color, alpha], axis=2)
-        pixels = {"color": color, "depth": frame.depth, "motion": frame.motion}
+        pixels = images_of(frame)
         files = {name: f"{item.index:04d}.{name}.f32" for name in pixels}
         for name, file in files.items():
             np.asarray(pixels[name], "<f4").tofile(options.output / file)
@@ -41,6 +40,25 @@ def main() -> None:
     description = {"display": shot.display_size, "frames": frames}
     (options.output / "frames.json").write_text(json.dumps(description, indent=1))
     print(f"{len(frames)} frames: {options.output}")
+
+
+def images_of(frame: Frame) -> dict[str, np.ndarray]:
+    """Return the images of a frame, by the names of frames.json."""
+    found = {"color": frame.color, "depth": frame.depth, "motion": frame.motion}
+    for group in ("gbuffer", "gbuffer_display"):
+        found |= {f"{group}_{name}": image for name, image in (getattr(frame, group) or {}).items()}
+    if frame.aovs is not None:
+        starts = range(0, frame.aovs.shape[2], 4)
+        found |= {f"aovs{start // 4}": frame.aovs[..., start : start + 4] for start in starts}
+    return {name: texels(image) for name, image in found.items() if image is not None}
+
+
+def texels(image: np.ndarray) -> np.ndarray:
+    """Return an image with one, two or four channels; those that are added are 1."""
+    image = np.atleast_3d(image)
+    if image.shape[2] == 3:
+        image = np.pad(image, ((0, 0), (0, 0), (0, 1)), constant_values=1.0)
+    return image
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """A small shot in raw files, for hosts of exported shaders, and the images of the GPU backend."""
 
 import json
+import runpy
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,7 +20,10 @@ DISPLAY = (41, 25)
 SIZES = ((20, 12), (20, 12), (27, 17), (21, 13), (21, 13), *((20, 12),) * 12)
 RESET, GIVEN, STILL = 4, 2, 6
 """Frames with a reset; with an exposure that is given; from which on nothing moves."""
-FORMATS = {"color": ("rgba32float", 4), "depth": ("r32float", 1), "motion": ("rg32float", 2)}
+FORMATS = {1: "r32float", 2: "rg32float", 4: "rgba32float"}
+AOVS = 6
+"""Channels; a host has them in two textures, of which the last two channels are zeros."""
+IMAGES_OF = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "raw_frames.py"))["images_of"]
 
 
 def frames() -> list[Frame]:
@@ -30,7 +34,25 @@ def frames() -> list[Frame]:
     for index in range(STILL, len(made)):
         jitter, motion = halton_jitter(index // 2, 2.0), np.zeros_like(made[index].motion)
         made[index] = replace(made[index], jitter=jitter, motion=motion)
-    return made
+    return [with_buffers(frame, index) for index, frame in enumerate(made)]
+
+
+def with_buffers(frame: Frame, index: int) -> Frame:
+    """Return the frame with random G-buffers and AOVs, some of them missing samples."""
+    random = np.random.default_rng(min(index, STILL))
+
+    def image(size: Size, channels: int) -> NDArray[np.float32]:
+        return random.random((*size[::-1], channels), np.float32)
+
+    display = {
+        "base_color": image(DISPLAY, 3),
+        "normal": image(DISPLAY, 3),
+        "depth": image(DISPLAY, 1)[..., 0],
+    }
+    render = {"base_color": image(frame.size, 3), "normal": image(frame.size, 3)}
+    aovs = np.pad(image(frame.size, AOVS), ((0, 0), (0, 0), (0, -AOVS % 4)))
+    aovs[random.random(aovs.shape) < 0.1] = np.nan
+    return replace(frame, gbuffer=render, gbuffer_display=display, aovs=aovs)
 
 
 def write_raw(folder: Path) -> None:
@@ -38,63 +60,59 @@ def write_raw(folder: Path) -> None:
     folder.mkdir()
     described = []
     for index, frame in enumerate(frames()):
-        files = {name: f"{index}.{name}" for name in FORMATS}
+        images = IMAGES_OF(frame)
+        files = {name: f"{index}.{name}" for name in images}
         for name, file in files.items():
-            texels(frame, name).tofile(folder / file)
+            np.asarray(images[name], np.float32).tofile(folder / file)
         rest = {"jitter": frame.jitter, "exposure": frame.exposure, "reset": frame.reset, "size": frame.size}
         described.append({**rest, **files})
     (folder / "frames.json").write_text(json.dumps({"display": DISPLAY, "frames": described}))
 
 
-def texels(frame: Frame, name: str) -> NDArray[np.float32]:
-    """Return an image of a frame as a texture of FORMATS holds it."""
-    image = np.atleast_3d(getattr(frame, name))
-    values = np.ones((*image.shape[:2], FORMATS[name][1]), np.float32)
-    values[..., : image.shape[2]] = image
-    return values
+def wanted_images(
+    method: str, shot: Sequence[Frame] = (), display: Size = DISPLAY, *, aovs: int = 0
+) -> dict[str, bytes]:
+    """Return what a host writes, by file name: half floats (height, width, RGBA) of the GPU backend.
 
-
-def wanted_images(method: str, shot: Sequence[Frame] = (), display: Size = DISPLAY) -> list[bytes]:
-    """Return the images of the GPU backend, half floats (height, width, RGBA); of `frames` without a shot."""
+    `shot`: frames other than `frames`. `aovs`: number of textures of AOVs that are blended.
+    """
     device = default_device()
     upscaler = Upscaler(Model.load(method, executor="gpu", device=device), display_size=display)
-    images = []
-    for frame in shot or frames():
-        textures = {name: _texture(device, frame, name) for name in FORMATS}
+    inputs, size, images = [one.name for one in upscaler.model.info.inputs], (*display, 1), {}
+    names = ["rgba16f", *(f"aovs{i}.rgba16f" for i in range(aovs))]
+    for index, frame in enumerate(shot or frames()):
+        textures = {name: _texture(device, image) for name, image in IMAGES_OF(frame).items()}
+        written = [device.create_texture(size=size, format="rgba16float", usage=8 | 1) for _ in range(aovs)]
+        given: Any = {
+            name: texture for name, texture in textures.items() if name in inputs or name == "depth"
+        }
         image: Any = upscaler.step_textures(
-            textures, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset
-        )
-        size = (*display, 1)
-        images.append(
-            bytes(device.queue.read_texture({"texture": image}, {"bytes_per_row": 8 * size[0]}, size))
-        )
+            given, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset,
+            aovs=[textures[f"aovs{i}"] for i in range(aovs)], aovs_out=written,
+        )  # fmt: skip
+        for name, texture in zip(names, [image, *written], strict=True):
+            pixels = device.queue.read_texture({"texture": texture}, {"bytes_per_row": 8 * size[0]}, size)
+            images[f"{index:04d}.{name}"] = bytes(pixels)
     return images
 
 
-def _texture(device: Any, frame: Frame, name: str) -> Any:
-    texel, channels = FORMATS[name]
-    values, size = texels(frame, name), (*frame.size, 1)
-    texture = device.create_texture(size=size, format=texel, usage=4 | 2)  # sampled, written by a copy
-    layout = {"bytes_per_row": 4 * channels * size[0], "rows_per_image": size[1]}
+def _texture(device: Any, image: NDArray[np.float32]) -> Any:
+    height, width, channels = image.shape
+    size, usage = (width, height, 1), 4 | 2  # sampled, written by a copy
+    texture = device.create_texture(size=size, format=FORMATS[channels], usage=usage)
+    layout = {"bytes_per_row": 4 * channels * width, "rows_per_image": height}
+    values = np.ascontiguousarray(image, np.float32)
     device.queue.write_texture({"texture": texture}, values, layout, size)
     return texture
 
 
-def read_images(folder: Path) -> list[bytes]:
-    """Return the images that a host wrote, in order."""
-    return [file.read_bytes() for file in sorted(folder.glob("*.rgba16f"))]
+def read_images(folder: Path) -> dict[str, bytes]:
+    """Return the images that a host wrote, by file name."""
+    return {file.name: file.read_bytes() for file in folder.glob("*.rgba16f")}
 
 
-def difference(one: bytes, other: bytes) -> float:
-    """Return the mean difference of two images, each in [0, 1) after a tone curve."""
-    toned = [v / (1.0 + v) for v in (np.frombuffer(i, np.float16).astype(np.float32) for i in (one, other))]
-    return float(np.abs(toned[0] - toned[1]).mean())
-
-
-if (
-    __name__ == "__main__"
-):  # python raw_shots.py METHOD FOLDER: the images, for the adapter of this environment
+if __name__ == "__main__":  # python raw_shots.py METHOD FOLDER AOVS: the images, for this adapter
     method, folder = sys.argv[1], Path(sys.argv[2])
     folder.mkdir()
-    for index, image in enumerate(wanted_images(method)):
-        (folder / f"{index:04d}.rgba16f").write_bytes(image)
+    for name, image in wanted_images(method, aovs=int(sys.argv[3])).items():
+        (folder / name).write_bytes(image)

@@ -3,7 +3,7 @@
  *   ./upscale SHADERS FRAMES OUTPUT
  *
  * SHADERS: folder that `supersampler export METHOD --target wgsl` wrote. FRAMES: folder that ../raw_frames.py
- * wrote. OUTPUT: folder for images: raw half floats (height, width, RGBA), linear. */
+ * wrote. OUTPUT: folder for images: raw half floats (height, width, RGBA), linear; AOVs beside them. */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -64,6 +64,13 @@ static WGPUDevice open_device(WGPUInstance instance) {
     return device;
 }
 
+static void submit(WGPUQueue queue, WGPUCommandEncoder encoder) {
+    WGPUCommandBuffer commands = wgpuCommandEncoderFinish(encoder, NULL);
+    wgpuQueueSubmit(queue, 1, &commands);
+    wgpuCommandBufferRelease(commands);
+    wgpuCommandEncoderRelease(encoder);
+}
+
 static WGPUTexture new_texture(WGPUDevice device, WGPUTextureFormat format, uint32_t width, uint32_t height,
                                WGPUTextureUsage usage) {
     return wgpuDeviceCreateTexture(device, &(WGPUTextureDescriptor){
@@ -76,7 +83,7 @@ static WGPUTexture new_texture(WGPUDevice device, WGPUTextureFormat format, uint
                                            });
 }
 
-/* Load an image of a frame: float32, row by row. An engine has it in a texture already. */
+/* Load the images of a frame: float32, row by row. An engine has them in textures already. */
 static WGPUTexture load(WGPUDevice device, WGPUQueue queue, const char* folder, const char* file,
                         const uint32_t size[2], uint32_t channels) {
     const WGPUTextureFormat formats[] = {0, WGPUTextureFormat_R32Float, WGPUTextureFormat_RG32Float, 0,
@@ -94,9 +101,27 @@ static WGPUTexture load(WGPUDevice device, WGPUQueue queue, const char* folder, 
     return texture;
 }
 
-/* Wait for the copied image, and write it without the padding of its rows. */
-static void write_image(WGPUDevice device, WGPUBuffer copy, uint32_t width, uint32_t height, uint32_t pitch,
-                        const char* folder, int index) {
+static void load_frame(WGPUDevice device, WGPUQueue queue, const char* folder, const Shot* shot, const ShotFrame* item,
+                       Frame* frame) {
+    for (int i = 0; i < INPUTS; i++) {
+        bool is_depth = i == INPUT_DEPTH || i == INPUT_REACTIVE || i == INPUT_DISPLAY_DEPTH;
+        bool is_display = i >= INPUT_DISPLAY_BASE_COLOR && i <= INPUT_DISPLAY_DEPTH;
+        uint32_t channels = is_depth ? 1 : i == INPUT_MOTION ? 2 : 4;
+        if (item->inputs[i])
+            frame->inputs[i] =
+                load(device, queue, folder, item->inputs[i], is_display ? shot->display : item->size, channels);
+    }
+}
+
+/* Copy an image from its texture, and write it without the padding of its rows. */
+static void write_image(WGPUDevice device, WGPUQueue queue, WGPUTexture image, WGPUBuffer copy, uint32_t width,
+                        uint32_t height, uint32_t pitch, const char* folder, const char* name) {
+    WGPUCommandEncoder encoder = wgpuDeviceCreateCommandEncoder(device, NULL);
+    wgpuCommandEncoderCopyTextureToBuffer(
+        encoder, &(WGPUTexelCopyTextureInfo){.texture = image, .aspect = WGPUTextureAspect_All},
+        &(WGPUTexelCopyBufferInfo){.buffer = copy, .layout = {.bytesPerRow = pitch, .rowsPerImage = height}},
+        &(WGPUExtent3D){width, height, 1});
+    submit(queue, encoder);
     bool done = false;
     size_t row = (size_t)TEXEL * width, size = (size_t)pitch * height;
     wgpuBufferMapAsync(copy, WGPUMapMode_Read, 0, size,
@@ -104,10 +129,9 @@ static void write_image(WGPUDevice device, WGPUBuffer copy, uint32_t width, uint
                            .mode = WGPUCallbackMode_AllowProcessEvents, .callback = on_mapped, .userdata1 = &done});
     while (!done) wgpuDevicePoll(device, true, NULL);
     const char* rows = wgpuBufferGetConstMappedRange(copy, 0, size);
-    char *packed = malloc(row * height), name[32];
+    char* packed = malloc(row * height);
     if (packed == NULL) fail("no memory");
     for (uint32_t y = 0; y < height; y++) memcpy(packed + y * row, rows + (size_t)y * pitch, row);
-    snprintf(name, sizeof name, "%04d.rgba16f", index);
     write_file(folder, name, packed, row * height);
     free(packed);
     wgpuBufferUnmap(copy);
@@ -122,46 +146,43 @@ int main(int count, char** arguments) {
     Shot shot = shot_load(frames);
     uint32_t width = shot.display[0], height = shot.display[1];
     uint32_t pitch = (TEXEL * width + ROW - 1) / ROW * ROW;
-    WGPUTexture image = new_texture(device, WGPUTextureFormat_RGBA16Float, width, height,
-                                    WGPUTextureUsage_StorageBinding | WGPUTextureUsage_CopySrc);
     WGPUBuffer copy = wgpuDeviceCreateBuffer(device, &(WGPUBufferDescriptor){
                                                          .usage = WGPUBufferUsage_CopyDst | WGPUBufferUsage_MapRead,
                                                          .size = (uint64_t)pitch * height,
                                                      });
     Upscaler* upscaler = upscaler_load(device, shaders, width, height);
+    WGPUTexture outputs[OUTPUTS] = {0};
+    for (int i = 0; i <= upscaler_aovs(upscaler); i++)
+        outputs[i] = new_texture(device, WGPUTextureFormat_RGBA16Float, width, height,
+                                 WGPUTextureUsage_StorageBinding | WGPUTextureUsage_CopySrc);
 
     for (int i = 0; i < shot.count; i++) {
         const ShotFrame* item = &shot.frames[i];
         Frame frame = {
-            .color = load(device, queue, frames, item->color, item->size, 4),
-            .depth = load(device, queue, frames, item->depth, item->size, 1),
-            .motion = load(device, queue, frames, item->motion, item->size, 2),
             .size = {item->size[0], item->size[1]},
             .jitter = {item->jitter[0], item->jitter[1]},
             .exposure = item->exposure,
             .reset = item->reset,
         };
+        load_frame(device, queue, frames, &shot, item, &frame);
         WGPUCommandEncoder encoder = wgpuDeviceCreateCommandEncoder(device, NULL);
-        upscaler_encode(upscaler, encoder, &frame, image);
-        wgpuCommandEncoderCopyTextureToBuffer(
-            encoder, &(WGPUTexelCopyTextureInfo){.texture = image, .aspect = WGPUTextureAspect_All},
-            &(WGPUTexelCopyBufferInfo){.buffer = copy, .layout = {.bytesPerRow = pitch, .rowsPerImage = height}},
-            &(WGPUExtent3D){width, height, 1});
-        WGPUCommandBuffer commands = wgpuCommandEncoderFinish(encoder, NULL);
-        wgpuQueueSubmit(queue, 1, &commands);
-        write_image(device, copy, width, height, pitch, output, i);
-        wgpuCommandBufferRelease(commands);
-        wgpuCommandEncoderRelease(encoder);
-        wgpuTextureRelease(frame.color);
-        wgpuTextureRelease(frame.depth);
-        wgpuTextureRelease(frame.motion);
+        upscaler_encode(upscaler, encoder, &frame, outputs);
+        submit(queue, encoder);
+        for (int k = 0; k < OUTPUTS && outputs[k]; k++) {
+            char name[32];
+            if (k == OUTPUT_IMAGE) snprintf(name, sizeof name, "%04d.rgba16f", i);
+            else snprintf(name, sizeof name, "%04d.aovs%d.rgba16f", i, k - OUTPUT_AOVS);
+            write_image(device, queue, outputs[k], copy, width, height, pitch, output, name);
+        }
+        for (int k = 0; k < INPUTS; k++)
+            if (frame.inputs[k]) wgpuTextureRelease(frame.inputs[k]);
     }
     printf("%d images: %s\n", shot.count, output);
 
     upscaler_free(upscaler);
     shot_free(&shot);
     wgpuBufferRelease(copy);
-    wgpuTextureRelease(image);
+    for (int k = 0; k < OUTPUTS && outputs[k]; k++) wgpuTextureRelease(outputs[k]);
     wgpuQueueRelease(queue);
     wgpuDeviceRelease(device);
     wgpuInstanceRelease(instance);

@@ -6,7 +6,21 @@
 
 enum { LEAST_BYTES = 16 };
 
-const char* const given_names[GIVEN] = {"frame_color", "frame_depth", "frame_motion", "frame_reactive", "image"};
+#define AOVS_OF(name) name "0", name "1", name "2", name "3", name "4", name "5", name "6", name "7"
+const char* const given_names[GIVEN] = {
+    "frame_color",
+    "frame_depth",
+    "frame_motion",
+    "frame_reactive",
+    "frame_gbuffer_base_color",
+    "frame_gbuffer_normal",
+    "frame_gbuffer_display_base_color",
+    "frame_gbuffer_display_normal",
+    "frame_gbuffer_display_depth",
+    AOVS_OF("frame_aovs"),
+    "image",
+    AOVS_OF("aovs"),
+};
 
 WGPUStringView view_of(const char* text) { return (WGPUStringView){text, WGPU_STRLEN}; }
 
@@ -45,10 +59,13 @@ static int read_pair(const cJSON* json, const cJSON* item, int side) {
     refuse(item, "name", "one of \"pairs\" of \"history\", [history, next]");
 }
 
-bool is_given(const Resource* resource) { return resource->role == FRAME || resource->role == IMAGE; }
+static bool is_output(const Resource* resource) { return resource->role == IMAGE || resource->role == AOVS; }
+
+bool is_given(const Resource* resource) { return resource->role == FRAME || is_output(resource); }
 
 Resource read_resource(const cJSON* json, const cJSON* item) {
-    static const char* const roles[ROLES] = {"params", "weights", "history", "next", "work", "aux", "frame", "image"};
+    static const char* const roles[ROLES] = {"params", "weights", "history", "next", "work",
+                                             "aux",    "frame",   "image",   "aovs"};
     static const char* const kinds[KINDS] = {"uniform", "buffer", "texture"};
     Resource resource = {
         .name = text_of(item, "name"),
@@ -59,12 +76,15 @@ Resource read_resource(const cJSON* json, const cJSON* item) {
     bool is_texture = resource.kind == TEXTURE;
     if (is_given(&resource) && !is_texture) refuse(item, "kind", "\"texture\"");
     if (resource.role == WEIGHTS && is_texture) refuse(item, "kind", "\"uniform\" or \"buffer\"");
-    if (resource.role == FRAME) resource.index = choice_of(item, "name", given_names, GIVEN - 1);
-    if (resource.role == IMAGE) resource.index = GIVEN - 1 + choice_of(item, "name", given_names + GIVEN - 1, 1);
+    if (resource.role == FRAME) resource.index = choice_of(item, "name", given_names, INPUTS);
+    const char* const* outputs = given_names + INPUTS;
+    if (resource.role == IMAGE) resource.index = INPUTS + choice_of(item, "name", outputs, OUTPUT_AOVS);
+    if (resource.role == AOVS)
+        resource.index = INPUTS + OUTPUT_AOVS + choice_of(item, "name", outputs + OUTPUT_AOVS, MOST_AOVS);
     if (resource.role == HISTORY) resource.index = read_pair(json, item, 0);
     if (resource.role == NEXT) resource.index = read_pair(json, item, 1);
     if (is_texture && resource.role != FRAME) resource.format = read_format(item);
-    if (resource.role == IMAGE && resource.format != WGPUTextureFormat_RGBA16Float)
+    if (is_output(&resource) && resource.format != WGPUTextureFormat_RGBA16Float)
         refuse(item, "format", "\"rgba16float\", that of the image which the caller gives");
     if (!is_texture) resource.bytes = whole_of(item, "bytes", 0, LARGEST_PIXEL);
     if (resource.role == AUX) resource.bytes = 0; /* it is not written */
@@ -96,7 +116,7 @@ WGPUBindGroupLayoutEntry layout_entry(const cJSON* binding, const Resource* reso
     } else {
         entry.texture.sampleType = is_uint ? WGPUTextureSampleType_Uint : WGPUTextureSampleType_UnfilterableFloat;
         entry.texture.viewDimension = WGPUTextureViewDimension_2D;
-        fits = resource->kind == TEXTURE && resource->role != IMAGE && is_uint == (kind == SAMPLED_UINT);
+        fits = resource->kind == TEXTURE && !is_output(resource) && is_uint == (kind == SAMPLED_UINT);
     }
     if (!fits) refuse(binding, "resource", "a resource that binds as \"%s\"", kinds[kind]);
     return entry;

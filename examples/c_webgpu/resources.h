@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "webgpu.h"
+#include "upscaler.h"
 
 enum {
     MOST_PAIRS = 32,         /* of histories */
@@ -32,17 +32,17 @@ typedef struct {
 
 typedef struct {
     const char* name;
-    enum { PARAMS, WEIGHTS, HISTORY, NEXT, WORK, AUX, FRAME, IMAGE, ROLES } role;
+    enum { PARAMS, WEIGHTS, HISTORY, NEXT, WORK, AUX, FRAME, IMAGE, AOVS, ROLES } role;
     enum { UNIFORM, BUFFER, TEXTURE, KINDS } kind;
     WGPUTextureFormat format; /* of a texture; Undefined for FRAME */
     Size size;                /* of all but WEIGHTS, which have one pixel */
     uint32_t bytes;           /* of a buffer, for each pixel of its size */
-    int index;                /* of the pair of HISTORY and NEXT; of FRAME and IMAGE in `given_names` */
+    int index;                /* of the pair of HISTORY and NEXT; of FRAME, IMAGE and AOVS in `given_names` */
     Memory held;
 } Resource;
 
-/* Names of what the caller gives: FRAME, and IMAGE last. */
-enum { GIVEN = 5 };
+/* Names of what the caller gives: inputs of FRAME, then outputs, IMAGE and AOVS. */
+enum { GIVEN = INPUTS + OUTPUTS };
 extern const char* const given_names[GIVEN];
 
 WGPUStringView view_of(const char* text);

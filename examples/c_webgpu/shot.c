@@ -2,18 +2,19 @@
 
 #include <float.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "files.h"
+#include "resources.h"
 
 enum { MOST_FRAMES = 1 << 16 };
 
 static ShotFrame read_frame(const cJSON* item) {
-    ShotFrame frame = {
-        .color = file_of(item, "color"),
-        .depth = file_of(item, "depth"),
-        .motion = file_of(item, "motion"),
-        .reset = flag_of(item, "reset"),
-    };
+    ShotFrame frame = {.reset = flag_of(item, "reset")};
+    for (int i = 0; i < INPUTS; i++) {
+        const char* name = given_names[i] + strlen("frame_");
+        if (i <= INPUT_MOTION || cJSON_HasObjectItem(item, name)) frame.inputs[i] = file_of(item, name);
+    }
     two_wholes_of(item, "size", LARGEST_SIDE, frame.size);
     two_numbers_of(item, "jitter", -0.5f, 0.5f, frame.jitter);
     if (!cJSON_IsNull(member(item, "exposure"))) /* null: measured */

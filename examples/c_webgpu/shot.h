@@ -7,9 +7,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "upscaler.h"
+
 /* A frame: its files, and fields of Frame in upscaler.h. */
 typedef struct {
-    const char *color, *depth, *motion;
+    const char* inputs[INPUTS]; /* NULL: it has none */
     uint32_t size[2];
     float jitter[2], exposure;
     bool reset;

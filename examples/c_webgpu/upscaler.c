@@ -30,6 +30,7 @@ struct Upscaler {
     Pass passes[MOST_PASSES];
     int resource_count, pass_count;
     int params;                  /* index of the resource */
+    int aovs;                    /* textures that are blended */
     Memory pairs[MOST_PAIRS][2]; /* histories: [current] is read, [1 - current] is written */
     int current;
     uint32_t display[2], previous[2];
@@ -67,6 +68,7 @@ static void load_resource(Upscaler* upscaler, const char* folder, const cJSON* i
         wgpuQueueWriteBuffer(upscaler->queue, resource.held.buffer, 0, data, resource.bytes);
         free(data);
     }
+    upscaler->aovs += resource.role == AOVS;
     upscaler->resources[upscaler->resource_count++] = resource;
 }
 
@@ -164,11 +166,11 @@ static void write_params(Upscaler* upscaler, const Frame* frame) {
         frame->jitter[0],
         frame->jitter[1],
         frame->exposure,
-        1.0f, /* adds_samples */
-        0.0f,
+        1.0f,                         /* adds_samples */
+        upscaler->aovs ? 1.0f : 0.0f, /* writes_aux */
         frame->pre_exposure > 0.0f ? frame->pre_exposure : 1.0f,
-        frame->reactive ? 1.0f : 0.0f,
-        2.0f, /* skips: the sets of history take turns */
+        frame->inputs[INPUT_REACTIVE] ? 1.0f : 0.0f,
+        upscaler->aovs ? 0.0f : 2.0f, /* skips: the sets of history take turns */
     };
     WGPUBuffer buffer = upscaler->resources[upscaler->params].held.buffer;
     wgpuQueueWriteBuffer(upscaler->queue, buffer, 0, params, sizeof params);
@@ -219,7 +221,10 @@ static void signatures_at(const uint32_t render[2], const uint32_t display[2], u
     size[1] = (uint32_t)((render[1] + 3) / 4 * phases);
 }
 
-void upscaler_encode(Upscaler* upscaler, WGPUCommandEncoder encoder, const Frame* frame, WGPUTexture image) {
+int upscaler_aovs(const Upscaler* upscaler) { return upscaler->aovs; }
+
+void upscaler_encode(Upscaler* upscaler, WGPUCommandEncoder encoder, const Frame* frame,
+                     const WGPUTexture outputs[OUTPUTS]) {
     if (frame->reset || !upscaler->has_history) { /* new memory is zeros, which mean no history */
         for (int pair = 0; pair < MOST_PAIRS; pair++) release(&upscaler->pairs[pair][upscaler->current]);
         memcpy(upscaler->previous, frame->size, sizeof upscaler->previous);
@@ -232,8 +237,10 @@ void upscaler_encode(Upscaler* upscaler, WGPUCommandEncoder encoder, const Frame
     };
     signatures_at(frame->size, upscaler->display, bases[SIGNATURES]);
     signatures_at(upscaler->previous, upscaler->display, bases[PREVIOUS_SIGNATURES]);
-    WGPUTexture mask = frame->reactive ? frame->reactive : upscaler->no_mask;
-    const WGPUTexture given[GIVEN] = {frame->color, frame->depth, frame->motion, mask, image};
+    WGPUTexture given[GIVEN];
+    memcpy(given, frame->inputs, INPUTS * sizeof *given);
+    memcpy(given + INPUTS, outputs, OUTPUTS * sizeof *given);
+    if (given[INPUT_REACTIVE] == NULL) given[INPUT_REACTIVE] = upscaler->no_mask;
     Memory* bound[MOST_RESOURCES];
     for (int i = 0; i < upscaler->resource_count; i++) {
         Resource* resource = &upscaler->resources[i];
@@ -241,6 +248,7 @@ void upscaler_encode(Upscaler* upscaler, WGPUCommandEncoder encoder, const Frame
         if (resource->role == HISTORY) bound[i] = &upscaler->pairs[resource->index][upscaler->current];
         if (resource->role == NEXT) bound[i] = &upscaler->pairs[resource->index][1 - upscaler->current];
         if (is_given(resource)) {
+            if (given[resource->index] == NULL) fail("%s is NULL; a pass of the folder binds it", resource->name);
             bound[i]->view = wgpuTextureCreateView(given[resource->index], NULL);
         } else if (resource->role != WEIGHTS) {
             uint32_t size[2];

@@ -5,7 +5,7 @@
  *   node run.mjs SHADERS FRAMES OUTPUT
  *
  * SHADERS: folder that `supersampler export METHOD --target wgsl` wrote. FRAMES: folder that ../raw_frames.py wrote.
- * OUTPUT: folder for images, raw half floats (height, width, RGBA).
+ * OUTPUT: folder for images, raw half floats (height, width, RGBA); AOVs beside them.
  */
 
 import { mkdir, readFile, writeFile } from "node:fs/promises";
@@ -15,8 +15,8 @@ import { Upscaler, UpscalerError } from "../web/supersampler.js";
 import { parsedJson } from "../web/supersampler_folder.js";
 
 Object.assign(globalThis, globals);
-const FORMATS = { color: "rgba32float", depth: "r32float", motion: "rg32float" };
-const CHANNELS = { color: 4, depth: 1, motion: 2 };
+const FORMATS = { 1: "r32float", 2: "rg32float", 4: "rgba32float" }; // by channels
+const CHANNELS = { depth: 1, gbuffer_display_depth: 1, motion: 2 }; // all others have four
 const FRAMES = 1 << 20;
 const ROW = 256; // rows of a copied texture begin at multiples of this many bytes
 
@@ -45,19 +45,20 @@ const [width, height] = shot.at("display").pair(side);
 const list = shot
   .at("frames")
   .items(1, FRAMES)
-  .map((frame) => ({
-    ...frame.object(),
-    ...Object.fromEntries(Object.keys(FORMATS).map((name) => [name, frame.at(name).file()])),
-    size: frame.at("size").pair(side),
-  }));
+  .map((frame) => ({ field: frame, ...frame.object(), size: frame.at("size").pair(side) }));
 const upscaler = await Upscaler.load(device, (name) => readFile(join(shaders, name)), {
   displaySize: [width, height],
 });
-const image = device.createTexture({
-  size: [width, height],
-  format: "rgba16float",
-  usage: GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.COPY_SRC,
-});
+const inputs = upscaler.info.inputs.map((one) => one.name).filter((name) => name !== "reactive");
+const blended = inputs.filter((name) => name.startsWith("aovs"));
+const [image, ...aovs] = ["image", ...blended].map((label) =>
+  device.createTexture({
+    label,
+    size: [width, height],
+    format: "rgba16float",
+    usage: GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.COPY_SRC,
+  }),
+);
 const pitch = Math.ceil((8 * width) / ROW) * ROW;
 const copy = device.createBuffer({
   size: pitch * height,
@@ -67,42 +68,47 @@ const textures = {};
 
 await mkdir(output, { recursive: true });
 for (const [index, frame] of list.entries()) {
-  for (const name of Object.keys(FORMATS)) await upload(name, frame);
+  for (const name of inputs) await upload(name, frame);
   const encoder = device.createCommandEncoder();
-  upscaler.encode(encoder, textures, image, {
+  const given = { ...textures, aovs: blended.map((name) => textures[name]) };
+  upscaler.encode(encoder, given, image, {
     jitter: frame.jitter,
     exposure: frame.exposure,
     reset: frame.reset,
+    aovs,
   });
-  encoder.copyTextureToBuffer({ texture: image }, { buffer: copy, bytesPerRow: pitch }, [width, height]);
   device.queue.submit([encoder.finish()]);
-  await writeFile(join(output, `${String(index).padStart(4, "0")}.rgba16f`), await pixels());
+  const name = join(output, String(index).padStart(4, "0"));
+  await writeFile(`${name}.rgba16f`, await pixels(image));
+  for (const [i, texture] of aovs.entries()) await writeFile(`${name}.aovs${i}.rgba16f`, await pixels(texture));
 }
 const { description, device: name } = adapter.info;
 console.log(`${list.length} images on ${description || name}: ${output}`);
 upscaler.destroy();
 process.exit(0); // Dawn's event loop would keep Node
 
-/** Write an image of a frame to its texture, of the frame's size. */
+/** Write an image of a frame to its texture. */
 async function upload(name, frame) {
-  const [w, h] = frame.size;
+  const [w, h] = name.startsWith("gbuffer_display") ? [width, height] : frame.size;
+  const channels = CHANNELS[name] ?? 4;
   if (textures[name]?.width !== w || textures[name]?.height !== h) {
     const usage = GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST;
-    textures[name] = device.createTexture({ size: [w, h], format: FORMATS[name], usage });
+    textures[name] = device.createTexture({ size: [w, h], format: FORMATS[channels], usage });
   }
-  const data = await readFile(join(frames, frame[name]));
-  const wanted = 4 * CHANNELS[name] * w * h;
+  const file = frame.field.at(name).file();
+  const data = await readFile(join(frames, file));
+  const wanted = 4 * channels * w * h;
   if (data.length !== wanted) {
-    throw new UpscalerError(frame[name], `${data.length} bytes`, wanted, "Write the frames again.");
+    throw new UpscalerError(file, `${data.length} bytes`, wanted, "Write the frames again.");
   }
-  device.queue.writeTexture({ texture: textures[name] }, data, { bytesPerRow: 4 * CHANNELS[name] * w }, [
-    w,
-    h,
-  ]);
+  device.queue.writeTexture({ texture: textures[name] }, data, { bytesPerRow: 4 * channels * w }, [w, h]);
 }
 
-/** Return the image without the padding of rows. */
-async function pixels() {
+/** Return an image without the padding of rows. */
+async function pixels(texture) {
+  const encoder = device.createCommandEncoder();
+  encoder.copyTextureToBuffer({ texture }, { buffer: copy, bytesPerRow: pitch }, [width, height]);
+  device.queue.submit([encoder.finish()]);
   await copy.mapAsync(GPUMapMode.READ);
   const rows = new Uint8Array(copy.getMappedRange());
   const packed = new Uint8Array(8 * width * height);

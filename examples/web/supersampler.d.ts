@@ -5,7 +5,7 @@ export type Size = [width: number, height: number];
 /** Contents of upscaler.json; docs/how-to/run-the-shaders.md describes them. */
 export interface UpscalerInfo {
   format: "supersampler-shaders";
-  version: 2;
+  version: 3;
   method: string;
   precision: "fp32" | "int8";
   target: "wgsl";
@@ -14,7 +14,7 @@ export interface UpscalerInfo {
   licence: string;
   attributions: string[];
   inputs: {
-    name: "color" | "depth" | "motion" | "reactive";
+    name: "color" | "depth" | "motion" | "reactive" | GBuffer | `aovs${number}`;
     unit: string;
     range: [number, number];
     formats: string[];
@@ -22,13 +22,22 @@ export interface UpscalerInfo {
   [other: string]: unknown;
 }
 
-export interface UpscalerFrame {
+export type GBuffer =
+  | "gbuffer_base_color"
+  | "gbuffer_normal"
+  | "gbuffer_display_base_color"
+  | "gbuffer_display_normal"
+  | "gbuffer_display_depth";
+
+export interface UpscalerFrame extends Partial<Record<GBuffer, GPUTexture>> {
   color: GPUTexture;
   /** Not read by every method; see `info.inputs`. */
   depth?: GPUTexture;
   motion?: GPUTexture;
   /** May be missing, whatever the method. */
   reactive?: GPUTexture | null;
+  /** Four channels each; as many as the folder was exported with. */
+  aovs?: GPUTexture[];
 }
 
 export interface EncodeOptions {
@@ -38,6 +47,8 @@ export interface EncodeOptions {
   preExposure?: number;
   addsSamples?: 0 | 1 | 2;
   reset?: boolean;
+  /** Textures like the output, for the blended aovs of the frame. */
+  aovs?: GPUTexture[];
   timestamps?: GPUComputePassTimestampWrites;
 }
 

@@ -9,8 +9,8 @@
  */
 
 import {
-  CHANNELS,
   UpscalerError,
+  aovsOf,
   basesOf,
   bytesOf,
   checkDevice,
@@ -64,6 +64,7 @@ export class Upscaler {
     /** (width, height) of the images. */
     this.displaySize = displaySize;
     this._passes = passes;
+    this._aovs = aovsOf(info);
     this._byName = new Map(info.resources.map((one) => [one.name, one]));
     this._memory = new Map(); // by name; of history and next: by name and set, "history_pixels/0"
     this._pairs = info.history.pairs;
@@ -85,10 +86,11 @@ export class Upscaler {
    * Encode one step. Submit steps in order, each once; call `reset` after an encoder that is not submitted.
    *
    * @param {GPUCommandEncoder} encoder of the device.
-   * @param {{color: GPUTexture, depth: GPUTexture, motion: GPUTexture, reactive?: GPUTexture}} frame textures with
-   *   TEXTURE_BINDING, of float formats: colour rgba16float or rgba32float, depth r32float (or a z-buffer depth32float,
-   *   reversed with an infinite far plane), motion rg16float or rg32float, reactive r8unorm, r16float or r32float. Units
-   *   are those of `info.inputs`. A method that does not read one takes none; reactive may be missing.
+   * @param {import("./supersampler.js").UpscalerFrame} frame textures with TEXTURE_BINDING, of float formats: color
+   *   rgba16float or rgba32float, depth r32float (or a z-buffer depth32float, reversed with an infinite far plane),
+   *   motion rg16float or rg32float, reactive r8unorm, r16float or r32float; for `gbuffer-fast` gbuffer_normal and
+   *   others; aovs, a list, as long as the folder was exported with. `info.inputs` has formats and units. A method that
+   *   does not read one takes none; reactive may be missing.
    * @param {GPUTexture} output rgba16float with STORAGE_BINDING, of display size.
    * @param {object} options
    * @param {[number, number]} options.jitter (x, y) in render pixels, in [-0.5, 0.5].
@@ -99,6 +101,7 @@ export class Upscaler {
    * @param {number} [options.addsSamples] 1 if not given; 0 where the colour was not sampled in this frame; 2 for the
    *   frames of a path tracer.
    * @param {boolean} [options.reset] true on the first frame after a cut.
+   * @param {GPUTexture[]} [options.aovs] textures like output, for the blended aovs of the frame.
    * @param {GPUComputePassTimestampWrites} [options.timestamps] of the compute pass.
    * @throws {UpscalerError} an argument is not as described; the history is unchanged.
    */
@@ -106,12 +109,23 @@ export class Upscaler {
     encoder,
     frame,
     output,
-    { jitter, renderSize, exposure = null, preExposure = 1, addsSamples = 1, reset = false, timestamps } = {},
+    {
+      jitter,
+      renderSize,
+      exposure = null,
+      preExposure = 1,
+      addsSamples = 1,
+      reset = false,
+      aovs = [],
+      timestamps,
+    } = {},
   ) {
     this._checkUsable();
     const offset = checkedJitter(jitter);
     const images = this._checkedFrame(frame, renderSize);
-    checkedOutput(output, this.displaySize, images);
+    this._checkCount("options.aovs", aovs);
+    const outputs = new Map([["image", output], ...this._aovs.map((name, i) => [name, aovs[i]])]);
+    for (const [name, texture] of outputs) checkOutput(name, texture, this.displaySize, images, outputs);
     const factors = {
       exposure: checkedExposure(exposure),
       preExposure: checkedPreExposure(preExposure),
@@ -122,7 +136,7 @@ export class Upscaler {
     const size = basesOf(images.size, before ?? images.size, this.displaySize);
     checkMemory(this.device, this.info, size, "render size", "render");
     if (reset) this.reset();
-    const bound = this._allocated(size, images.textures, output);
+    const bound = this._allocated(size, images.textures, outputs);
     if (!before && this._dirty) this._clear(encoder);
     this._writeParams(encoder, bound.get("params"), size, offset, {
       ...factors,
@@ -175,14 +189,15 @@ export class Upscaler {
 
   /** Return the frame's textures by the names of resources, and the render size. */
   _checkedFrame(frame, renderSize) {
-    const read = this.info.inputs.map((one) => one.name);
+    this._checkCount("frame.aovs", frame?.aovs);
     const textures = new Map();
-    for (const name of CHANNELS.filter((channel) => read.includes(channel))) {
-      const texture = frame?.[name];
+    for (const { name } of this.info.inputs) {
+      const place = this._aovs.indexOf(name);
+      const texture = place < 0 ? frame?.[name] : frame.aovs[place];
       if (name === "reactive" && (texture === undefined || texture === null)) continue;
       if (!texture?.createView) throw new UpscalerError(`frame.${name}`, shown(texture), "a GPUTexture");
       const isDepth = texture.format.startsWith("depth32float");
-      const isFloat = isDepth ? name === "depth" : /^r.*(float|norm)|^bgra8unorm/.test(texture.format);
+      const isFloat = isDepth ? name.endsWith("depth") : /^r.*(float|norm)|^bgra8unorm/.test(texture.format);
       if (!isFloat || !(texture.usage & TEXTURE.TEXTURE_BINDING) || texture.sampleCount !== 1) {
         const formats = this.info.inputs.find((one) => one.name === name).formats.join(" or ");
         throw new UpscalerError(`frame.${name}`, textureText(texture), `${formats} with TEXTURE_BINDING`);
@@ -193,29 +208,41 @@ export class Upscaler {
     const whole = [color.width, color.height];
     const size = renderSize === undefined ? whole : checkedSize("renderSize", renderSize, Infinity);
     for (const [name, texture] of textures) {
-      const fits =
-        renderSize === undefined
-          ? same([texture.width, texture.height], size)
-          : texture.width >= size[0] && texture.height >= size[1];
+      const ofDisplay = this._byName.get(name).size.of === "display";
+      const wanted = ofDisplay ? this.displaySize : size;
+      const mayBeLarger = renderSize !== undefined && !ofDisplay;
+      const fits = mayBeLarger
+        ? texture.width >= wanted[0] && texture.height >= wanted[1]
+        : same([texture.width, texture.height], wanted);
       if (!fits) {
-        const want = renderSize === undefined ? `${size.join("x")}, as color` : `at least ${size.join("x")}`;
+        const whose = ofDisplay ? ", as the display" : ", as color";
+        const want = mayBeLarger ? `at least ${wanted.join("x")}` : `${wanted.join("x")}${whose}`;
         throw new UpscalerError(name.replace("_", "."), textureText(texture), want);
       }
     }
     return { textures, size };
   }
 
+  /** Throw unless there is a texture for each of the folder's AOVs. */
+  _checkCount(name, textures) {
+    const count = textures?.length ?? 0;
+    if (count !== this._aovs.length) {
+      const hint = "`supersampler export METHOD --target wgsl --aovs CHANNELS` sets the number.";
+      throw new UpscalerError(name, `${count} textures`, `${this._aovs.length}`, hint);
+    }
+  }
+
   /** Return what each resource is bound to, by name; allocates what is missing or too small. */
-  _allocated(size, textures, output) {
+  _allocated(size, textures, outputs) {
     const bound = new Map(
-      [["frame_reactive", this._noMask()], ...textures, ["image", output]].map(([name, texture]) => [
+      [["frame_reactive", this._noMask()], ...textures, ...outputs].map(([name, texture]) => [
         name,
         { resource: texture },
       ]),
     );
     const sets = { history: this._current, next: 1 - this._current };
     for (const one of this.info.resources) {
-      if (one.role === "frame" || one.role === "image") continue;
+      if (bound.has(one.name)) continue;
       const pair = this._pairs.findIndex((names) => names.includes(one.name));
       const key = one.role in sets ? `${pair}/${sets[one.role]}` : one.name;
       bound.set(one.name, this._held(key, one, sizeOf(one.size, size)));
@@ -292,10 +319,10 @@ export class Upscaler {
       jitter,
       exposure: [exposure],
       adds_samples: [addsSamples],
-      writes_aux: [0],
+      writes_aux: [this._aovs.length ? 1 : 0],
       pre_exposure: [preExposure],
       has_reactive: [hasReactive ? 1 : 0],
-      skips: [2],
+      skips: [this._aovs.length ? 0 : 2],
     };
     const { bytes, fields } = this.info.params;
     const staging = this.device.createBuffer({ size: bytes, usage: BUFFER.COPY_SRC, mappedAtCreation: true });
@@ -396,7 +423,8 @@ function checkedSamples(addsSamples) {
   return addsSamples;
 }
 
-function checkedOutput(output, display, images) {
+function checkOutput(resource, output, display, images, outputs) {
+  const name = resource === "image" ? "output" : `options.${resource}`;
   const good =
     output?.createView &&
     output.format === "rgba16float" &&
@@ -404,10 +432,11 @@ function checkedOutput(output, display, images) {
     same([output.width, output.height], display);
   if (!good) {
     const got = output?.createView ? textureText(output) : shown(output);
-    throw new UpscalerError("output", got, `rgba16float ${display.join("x")} with STORAGE_BINDING`);
+    throw new UpscalerError(name, got, `rgba16float ${display.join("x")} with STORAGE_BINDING`);
   }
-  if ([...images.textures.values()].includes(output)) {
-    throw new UpscalerError("output", "a texture of the frame", "another texture");
+  const textures = [...images.textures.values(), ...outputs.values()];
+  if (textures.filter((one) => one === output).length > 1) {
+    throw new UpscalerError(name, "a texture of the frame or another output", "another texture");
   }
 }
 

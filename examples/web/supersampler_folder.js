@@ -10,7 +10,10 @@ const COMPUTE = 4; // GPUShaderStage.COMPUTE
 const UPDATE = "Update the browser or the driver.";
 const EXPORT = "Export the folder again.";
 
-export const CHANNELS = ["color", "depth", "motion", "reactive"];
+const GBUFFERS = ["base_color", "normal", "display_base_color", "display_normal", "display_depth"];
+const AOVS = Array.from({ length: 64 }, (_, i) => `aovs${i}`); // of four channels each
+/** Names of the textures of a frame. */
+const INPUTS = ["color", "depth", "motion", "reactive", ...GBUFFERS.map((name) => `gbuffer_${name}`), ...AOVS];
 /** Fields of params, with their numbers of values. */
 const PARAMS = {
   render: 2,
@@ -34,6 +37,7 @@ const ROLES = {
   aux: ["buffer"],
   frame: ["texture"],
   image: ["texture"],
+  aovs: ["texture"],
 };
 /** Kinds of bindings, by the kind of their resource. */
 const BINDINGS = {
@@ -236,6 +240,11 @@ export class Field {
   }
 }
 
+/** Return the names of the textures of AOVs that a folder blends. */
+export function aovsOf(info) {
+  return info.inputs.map((one) => one.name).filter((name) => AOVS.includes(name));
+}
+
 /** Return the content of a JSON file. */
 export function parsedJson(text, fail) {
   try {
@@ -291,7 +300,7 @@ function checkFacts(file) {
   requires.at("wgsl_language_features").texts();
   const limits = requires.at("limits");
   for (const name of Object.keys(limits.object())) limits.at(name).number(0, Number.MAX_VALUE);
-  for (const input of file.at("inputs").items(1, CHANNELS.length)) {
+  for (const input of file.at("inputs").items(1, INPUTS.length)) {
     input.at("unit").text();
     input.at("range").pair((end) => end.number(-Number.MAX_VALUE, Number.MAX_VALUE));
     input.at("formats").texts();
@@ -316,15 +325,17 @@ function checkFacts(file) {
 function checkedResources(file) {
   const inputs = file
     .at("inputs")
-    .items(1, CHANNELS.length)
-    .map((input) => input.at("name").oneOf(CHANNELS));
+    .items(1, INPUTS.length)
+    .map((input) => input.at("name").oneOf(INPUTS));
   file
     .at("inputs")
     .as(
       "a list with color, without one twice",
       () => inputs.includes("color") && new Set(inputs).size === inputs.length,
     );
-  const names = { params: ["params"], frame: inputs.map((name) => `frame_${name}`), image: ["image"] };
+  const aovs = inputs.filter((name) => AOVS.includes(name));
+  const given = { frame: inputs.map((name) => `frame_${name}`), image: ["image"], aovs };
+  const names = { params: ["params"], ...given };
   const resources = new Map();
   for (const one of file.at("resources").items(1, RESOURCES)) {
     const name = one.at("name").text();
@@ -333,7 +344,7 @@ function checkedResources(file) {
     one.at("name").oneOf(names[role] ?? [name]);
     one.at("name").as("a name of one resource", () => !resources.has(name));
     checkSize(one.at("size"));
-    const formats = { frame: [undefined], image: ["rgba16float"] };
+    const formats = { frame: [undefined], image: ["rgba16float"], aovs: ["rgba16float"] };
     if (kind === "texture") one.at("format").oneOf(formats[role] ?? Object.keys(TEXELS));
     else one.at("bytes").whole(0, BUFFER_BYTES);
     if (role === "weights") one.at("file").file();
@@ -346,6 +357,8 @@ function checkedResources(file) {
     resources.set(name, one.value);
   }
   file.at("resources").as("a list with params", () => resources.get("params")?.role === "params");
+  const isWhole = aovs.every((name) => resources.get(name)?.role === "aovs");
+  file.at("resources").as(`a list with ${aovs.join(", ")}`.slice(0, TEXT), () => isWhole);
   return resources;
 }
 

@@ -2,23 +2,35 @@
 
 import subprocess
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from c_host import built_or_skip
 from gpu_steps import device_or_skip
-from raw_shots import SIZES, read_images, wanted_images, write_raw
+from raw_shots import AOVS, SIZES, read_images, wanted_images, write_raw
 from supersampler_export.shaders.folder import write_shader_folder
 
 
-@pytest.fixture(scope="module", params=["taa", "classifier", "classifier-large"])
-def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """A method, and a folder with its shaders and the frames of a shot."""
+class Exported(NamedTuple):
+    """Shaders of a method that blend this many channels of AOVs, and frames, in a folder."""
+
+    method: str
+    aovs: int
+    root: Path
+
+
+@pytest.fixture(
+    scope="module",
+    params=[("taa", 0), ("taau", AOVS), ("classifier", 0), ("classifier-large", 0), ("gbuffer-fast", AOVS)],
+)
+def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    """A folder with the shaders of a method and the frames of a shot."""
     device_or_skip()
-    root = tmp_path_factory.mktemp("exported")
-    write_shader_folder(request.param, root / "shaders")
+    (method, aovs), root = request.param, tmp_path_factory.mktemp("exported")
+    write_shader_folder(method, root / "shaders", aovs=aovs)
     write_raw(root / "frames")
-    return request.param, root
+    return Exported(method, aovs, root)
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +40,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built_or_skip(tmp_path_factory.mktemp("c"))
 
 
-def run(command: list[str], root: Path, name: str) -> list[bytes]:
+def run(command: list[str], root: Path, name: str) -> dict[str, bytes]:
     out = root / name
     out.mkdir()
     empty = root / f"{name} starts here"
@@ -39,13 +51,10 @@ def run(command: list[str], root: Path, name: str) -> list[bytes]:
     return read_images(out)
 
 
-def test_a_host_in_c_computes_the_images_of_the_gpu_backend(
-    exported: tuple[str, Path], program: Path
-) -> None:
-    method, root = exported
-    images = run([str(program)], root, "c")
-    assert len(images) == len(SIZES)
-    assert images == wanted_images(method)
+def test_a_host_in_c_computes_the_images_of_the_gpu_backend(exported: Exported, program: Path) -> None:
+    images, textures = run([str(program)], exported.root, "c"), -(-exported.aovs // 4)
+    assert len(images) == (1 + textures) * len(SIZES)
+    assert images == wanted_images(exported.method, aovs=textures)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from c_host import built_or_skip
-from raw_shots import SIZES, read_images, wanted_images, write_raw
+from raw_shots import AOVS, SIZES, read_images, wanted_images, write_raw
 from supersampler import Shot
 from supersampler_export.shaders.folder import write_shader_folder
 
@@ -46,16 +46,19 @@ def run(command: list[Any], environment: dict[str, str] | None = None) -> str:
     return done.stdout
 
 
-@pytest.mark.parametrize("method", ["taa", "taau", "classifier"])
+@pytest.mark.parametrize(
+    ("method", "aovs"), [("taa", 0), ("taau", AOVS), ("classifier", 0), ("gbuffer-fast", AOVS)]
+)
 def test_dawn_computes_the_images_of_wgpu_on_the_same_adapter(
-    method: str, frames: Path, environment: dict[str, str], tmp_path: Path
+    method: str, aovs: int, frames: Path, environment: dict[str, str], tmp_path: Path
 ) -> None:
-    write_shader_folder(method, tmp_path / "shaders")
+    write_shader_folder(method, tmp_path / "shaders", aovs=aovs)
+    textures = -(-aovs // 4)
     script = EXAMPLES / "node_dawn" / "run.mjs"
     run(["node", script, tmp_path / "shaders", frames, tmp_path / "dawn"], environment)
-    run([sys.executable, TESTS / "raw_shots.py", method, tmp_path / "wgpu"], environment)
+    run([sys.executable, TESTS / "raw_shots.py", method, tmp_path / "wgpu", textures], environment)
     images = read_images(tmp_path / "dawn")
-    assert len(images) == len(SIZES)
+    assert len(images) == (1 + textures) * len(SIZES)
     assert images == read_images(tmp_path / "wgpu")
 
 

@@ -241,6 +241,15 @@ found["an exposure that is none"] = await refuses(
   encode(images, image(), { exposure: -1 }),
   "exposure is -1",
 );
+const aovs = [filled("rgba32float", 4, RENDER, 1, RENDER)];
+found["AOVs that the folder does not blend"] = await refuses(
+  encode({ ...images, aovs }, image()),
+  "frame.aovs is 1 textures; want 0",
+);
+found["outputs of AOVs that the folder does not blend"] = await refuses(
+  encode(images, image(), { aovs: [image()] }),
+  "options.aovs is 1 textures; want 0",
+);
 found["a size that is none"] = await refuses(() => load(from, [0, 10]), "displaySize is [0,10]");
 found["a missing file"] = await refuses(() => load(async () => ({ ok: false, status: 404 })), "HTTP 404");
 found["another file"] = await refuses(() => load(async () => "<html>"), "no JSON");

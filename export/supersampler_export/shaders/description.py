@@ -137,7 +137,7 @@ def described(
         "sizes": texts.SIZES,
         "resources": [
             one
-            for one in (*_resources(program, images, used), *_aov_resources(aovs, images))
+            for one in (*_resources(program, images, aovs, used), *_aov_resources(aovs, images))
             if one["name"] in used
         ],
         "step": texts.STEP,
@@ -185,7 +185,9 @@ def _size(extent: SizeRule) -> dict[str, Any]:
     return {"of": of, "divide": divide, "multiply": [across, down]}
 
 
-def _resources(program: GpuProgram, images: str, used: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+def _resources(
+    program: GpuProgram, images: str, aovs: ExportedAovs, used: Mapping[str, str]
+) -> Iterator[dict[str, Any]]:
     """Yield all resources, frame and image last; `used` has the kind of each resource's bindings."""
     yield {"name": "params", "role": "params", "kind": "uniform", **_buffer(PixelBuffer(_params()["bytes"]))}
     for name, words in program.weights.items():
@@ -197,7 +199,8 @@ def _resources(program: GpuProgram, images: str, used: Mapping[str, str]) -> Ite
             yield {"name": f"{role}_{name}", "role": role, **_memory(one)}
     for name, one in program.work.items():
         yield {"name": name, "role": "work", **_memory(one)}
-    yield {"name": "aux", "role": "aux", **_memory(program.outputs["aux"])}
+    role = "work" if aovs.channels else "aux"  # passes of AOVs read it
+    yield {"name": "aux", "role": role, **_memory(program.outputs["aux"])}
     for name, one in frame_memory(program.layout.spec.inputs).items():
         in_texture = images == "textures" or isinstance(one, PixelTexture)
         given = {"kind": "texture", "size": _size(one.extent)} if in_texture else _memory(one)

@@ -133,7 +133,7 @@ AOV_LAYOUTS = {
     "textures": "the four channels of a texture of AOVs each",
     "buffers": "float32 (display height, display width, channels), until the step after the next one",
 }
-AOV_STEP = "Set params.writes_aux = 1 and params.skips = 0, and give `aux` its full size."
+AOV_STEP = "Set params.writes_aux = 1 and params.skips = 0."
 AUX = "float32 (display height, display width, 2): weight of the history in the image; 1 where it is frozen"
 STEP = (
     "Write params, then dispatch the passes in order. A pass covers a size: dispatch ceil(size / tile) "

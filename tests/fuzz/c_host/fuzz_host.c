@@ -75,31 +75,31 @@ static WGPUTexture texture(WGPUDevice device, const uint32_t size[2], WGPUTextur
     return wgpuDeviceCreateTexture(device, &described);
 }
 
-static void step(WGPUDevice device, Upscaler* upscaler, const ShotFrame* item, WGPUTexture image) {
+static void step(WGPUDevice device, Upscaler* upscaler, const ShotFrame* item, const WGPUTexture outputs[OUTPUTS]) {
     Frame frame = {
-        .color = texture(device, item->size, WGPUTextureFormat_RGBA32Float),
-        .depth = texture(device, item->size, WGPUTextureFormat_R32Float),
-        .motion = texture(device, item->size, WGPUTextureFormat_RG32Float),
         .size = {item->size[0], item->size[1]},
         .jitter = {item->jitter[0], item->jitter[1]},
         .exposure = item->exposure,
         .reset = item->reset,
     };
+    for (int i = 0; i < INPUTS; i++)
+        if (i != INPUT_REACTIVE) frame.inputs[i] = texture(device, item->size, WGPUTextureFormat_RGBA32Float);
     WGPUCommandEncoder encoder = wgpuDeviceCreateCommandEncoder(device, NULL);
-    upscaler_encode(upscaler, encoder, &frame, image);
+    upscaler_encode(upscaler, encoder, &frame, outputs);
     wgpuCommandEncoderRelease(encoder);
-    wgpuTextureRelease(frame.color);
-    wgpuTextureRelease(frame.depth);
-    wgpuTextureRelease(frame.motion);
+    for (int i = 0; i < INPUTS; i++)
+        if (frame.inputs[i]) wgpuTextureRelease(frame.inputs[i]);
 }
 
 static void load_and_step(void) {
     WGPUDevice device = stub_device();
     Shot shot = shot_load(".");
     Upscaler* upscaler = upscaler_load(device, ".", shot.display[0], shot.display[1]);
-    WGPUTexture image = texture(device, shot.display, WGPUTextureFormat_RGBA16Float);
-    for (int i = 0; i < shot.count && i < STEPS; i++) step(device, upscaler, &shot.frames[i], image);
-    wgpuTextureRelease(image);
+    WGPUTexture outputs[OUTPUTS] = {0};
+    for (int i = 0; i <= upscaler_aovs(upscaler); i++)
+        outputs[i] = texture(device, shot.display, WGPUTextureFormat_RGBA16Float);
+    for (int i = 0; i < shot.count && i < STEPS; i++) step(device, upscaler, &shot.frames[i], outputs);
+    for (int i = 0; i <= upscaler_aovs(upscaler); i++) wgpuTextureRelease(outputs[i]);
     upscaler_free(upscaler);
     shot_free(&shot);
     wgpuDeviceRelease(device);
