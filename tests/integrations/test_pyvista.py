@@ -61,7 +61,7 @@ def supersampled(plotter: Any, **options: Any) -> SupersampledWindow:
 def seen(plotter: Any) -> Float32:
     """Return what the window shows, (h, w, 3) in [0, 1], without rendering."""
     size = plotter.render_window.GetActualSize()
-    pixels = WindowPixels(plotter.render_window).read_color(Rectangle(0, 0, *size))
+    pixels = WindowPixels(plotter.render_window).read_color(Rectangle(0, 0, *size))[..., :3]
     return pixels.astype(np.float32) / np.float32(255)
 
 

@@ -39,7 +39,7 @@ def enable_supersampling(
         force: see `SupersampledWindow`.
 
     Raises:
-        ArgumentError: `plotter` is not a plotter or is closed; or `scale` is below 1.
+        ArgumentError: `plotter` is not a plotter or is closed; for others see `SupersampledWindow`.
         ModelError: see `Upscaler`.
     """
     window, renderers = getattr(plotter, "render_window", None), getattr(plotter, "renderers", None)

@@ -6,27 +6,35 @@ window shows the mean of full-size renders. Every other frame is rendered as wit
 """
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
-from vtkmodules.vtkRenderingCore import vtkActor2D, vtkProp3D
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkRenderer
+from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLRenderWindow
 
 from supersampler.arguments import checked_scale, ieee_arithmetic
 from supersampler.conventions import halton_jitter
+from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Frame
 from supersampler.integrations.vtk_pace import Pace
-from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels, upsampled_depth
+from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels, nearest_samples, upsampled_depth
 from supersampler.integrations.vtk_scene import (
     SceneView,
     appearance,
+    has_oblique_lines,
+    is_on_top,
     is_upscaled,
     move_background,
     visible,
 )
+from supersampler.methods.model_info import ModelInfo
 from supersampler.model import Model
 from supersampler.upscaler import Upscaler
 
@@ -36,6 +44,22 @@ _STILL_SCALE = 2.0  # their jitter is that of this scale: a longer sequence than
 _MIN_SAMPLES = 4  # multi-samples of plain renders
 _DELAY = 10  # ms between renders at rest, for the events of the window
 _PAUSE = 100  # ms after a frame that moved, as the next one may move, too
+_enabled: "WeakKeyDictionary[Any, ref[SupersampledWindow]]" = WeakKeyDictionary()  # by window
+
+
+class _Drawing(NamedTuple):
+    """Which props a renderer draws, and how, in one render of the window.
+
+    Attributes:
+        shows: whether a prop is drawn.
+        jitter: see `Frame`; of a render of `size`, (width, height).
+        aspect: width / height that the camera projects to; None is that of the viewport.
+    """
+
+    shows: Callable[[Any], bool]
+    jitter: tuple[float, float] = (0.0, 0.0)
+    size: tuple[int, ...] = (1, 1)
+    aspect: float | None = None
 
 
 class ViewportHistory:
@@ -57,15 +81,28 @@ class ViewportHistory:
         self._looks: tuple[Any, ...] = ()  # `appearance` after the last frame
         self._small: SceneView | None = None  # of this frame, if it moves
         self._upscaled: SceneView | None = None  # of the upscaler's last frame; None resets it
-        self._sum: Float32 | None = None  # of renders at rest, in 0 to 255; None while the view moves
+        self._sum: Float32 | None = None  # of renders at rest, RGBA in 0 to 255; None while the view moves
         self._weight = 0  # samples of a pixel in `_sum`
-        self._depth: Float32 | None = None  # of this frame, at full size
+        self._color: Float32 | None = None  # of this frame at its size, in [0, 1]
+        self._depth: Float32 | None = None  # of this frame, or of the plain one at rest
         self._image: Float32 | None = None
+        self._alpha: NDArray[np.uint8] | None = None  # of the image
+        self._drawing: _Drawing | None = None  # of this render; None draws everything
+        self._stack = ExitStack()  # restores what was changed for the drawing
+        self._observers = [  # renderers may share a camera and props: each is changed only while it is drawn
+            renderer.AddObserver("StartEvent", lambda *_: self._start_drawing()),
+            renderer.AddObserver("EndEvent", lambda *_: self._stack.close()),
+        ]
 
     @property
     def is_converged(self) -> bool:
         """Whether further frames of the same scene show the same image."""
         return self._sum is not None and self.renders >= _STILL_RENDERS
+
+    @property
+    def has_pixels(self) -> bool:
+        """Whether the viewport is not empty."""
+        return bool(min(self._renderer.GetSize()) > 0)
 
     @property
     def has_surfaces(self) -> bool:
@@ -74,20 +111,54 @@ class ViewportHistory:
 
     @property
     def has_layers(self) -> bool:
-        """Whether lines, points or 3D text are rendered on top."""
-        return any(isinstance(prop, vtkProp3D) and not is_upscaled(prop) for prop in visible(self._renderer))
+        """Whether lines, points or 3D text are rendered on top of images that move."""
+        return any(not is_upscaled(prop) and not is_on_top(prop) for prop in visible(self._renderer))
+
+    def has_lines_on_top(self, mode: Mode) -> bool:
+        """Whether what is rendered on top has edges that need multi-sampling."""
+        return (mode == "moved" and self.has_layers) or any(map(has_oblique_lines, visible(self._renderer)))
 
     def reset(self) -> None:
         """Drop all history: the next frame is plain."""
         self._view = self._upscaled = self._sum = None
 
+    def disable(self) -> None:
+        """Stop changing what the renderer draws."""
+        self.draw(None)
+        while self._observers:
+            self._renderer.RemoveObserver(self._observers.pop())
+
+    def draw(self, drawing: _Drawing | None) -> None:
+        """Set what the renderer draws from now on; None is everything."""
+        self._stack.close()
+        self._drawing = drawing
+
+    def _start_drawing(self) -> None:
+        self._stack.close()
+        if self._drawing is None:
+            return
+        shows, jitter, size, aspect = self._drawing
+        camera = self._renderer.GetActiveCamera()
+        with ExitStack() as stack:
+            stack.enter_context(_hidden(prop for prop in visible(self._renderer) if not shows(prop)))
+            if aspect is not None and not camera.GetUseExplicitAspectRatio():
+                stack.enter_context(changed(camera, "ExplicitAspectRatio", aspect))
+                stack.enter_context(changed(camera, "UseExplicitAspectRatio", 1))
+            x, y = camera.GetWindowCenter()
+            center = x + 2.0 * jitter[0] / size[0], y - 2.0 * jitter[1] / size[1]  # jitter y points down
+            stack.enter_context(changed(camera, "WindowCenter", *center))
+            self._stack = stack.pop_all()
+
     def mode(self) -> Mode:
         """Return how this frame is to be rendered, from what has changed since the last one."""
+        if not self._renderer.IsActiveCameraCreated():
+            self._renderer.ResetCamera()  # as VTK does before it renders without a camera
         view = SceneView.of(self._renderer)
         left, bottom = self._renderer.GetOrigin()
         self._part = Rectangle(left, bottom, *view.size)
         before, self._view = self._view, view
-        if before is None or before.size != view.size or self._looks != appearance(self._renderer):
+        is_other = before is None or before.size != view.size or self._looks != appearance(self._renderer)
+        if before is None or is_other or not view.knows_motion(before):
             self._upscaled = self._sum = None
             return "plain"
         if not view.is_same(before):
@@ -97,38 +168,45 @@ class ViewportHistory:
 
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
         """Prepare the renderer for a frame; `stack` restores it."""
-        props = visible(self._renderer)
-        if mode == "moved":
+        stack.callback(self.draw, None)
+        if mode == "moved" and self._view is not None:
             if self._upscaled is None:  # one sample of each pixel is better than one of four
                 scale = 1.0
             left, bottom, right, top = self._renderer.GetViewport()
             small = left + (right - left) / scale, bottom + (top - bottom) / scale
             stack.enter_context(changed(self._renderer, "Viewport", left, bottom, *small))
-            stack.enter_context(hidden(prop for prop in props if not is_upscaled(prop)))
-            self._small = SceneView.of(self._renderer, halton_jitter(self._frames, scale))
-            stack.enter_context(_jittered(self._renderer, self._small.jitter, self._small.size))
+            size, jitter = tuple(self._renderer.GetSize()), halton_jitter(self._frames, scale)
+            self._small = replace(self._view, size=size, jitter=jitter)
+            self.draw(_Drawing(is_upscaled, jitter, size, self._view.aspect))
         elif mode == "still":
-            is_final = self.is_converged
-            stack.enter_context(hidden(p for p in props if is_final or isinstance(p, vtkActor2D)))
             x, y = halton_jitter(self.renders // 2, _STILL_SCALE)
             jitter = (x, y) if self.renders % 2 else (-x, -y)  # pairs whose mean is the pixel's centre
-            stack.enter_context(_jittered(self._renderer, jitter, self._part[2:]))
+            is_final = self.is_converged
+            self.draw(_Drawing(lambda prop: not (is_final or is_on_top(prop)), jitter, self._part[2:]))
         else:
-            stack.enter_context(hidden(prop for prop in props if isinstance(prop, vtkActor2D)))
+            self.draw(_Drawing(lambda prop: not is_on_top(prop)))
 
-    def read(self) -> Frame | None:
-        """Return the small frame that was rendered, or None if the camera has jumped."""
-        if (view := self._small) is None:
+    def read(self) -> None:
+        """Read the small frame that was rendered."""
+        if self._small is None:
+            return
+        part = self._small_part = self._part._replace(width=self._small.size[0], height=self._small.size[1])
+        pixels = self._pixels.read_color(part)
+        self._color = pixels[..., :3] * np.float32(1.0 / 255.0)
+        self._alpha = nearest_samples(pixels[..., 3], self._part[2:], self._small.jitter)
+        self._depth = self._pixels.read_depth(part)
+
+    def frame(self) -> Frame | None:
+        """Return the frame that was read, or None if the camera has jumped."""
+        view, color, buffer = self._small, self._color, self._depth
+        if view is None or color is None or buffer is None:
             return None
-        part = self._small_part = self._part._replace(width=view.size[0], height=view.size[1])
-        color = self._pixels.read_color(part) * np.float32(1.0 / 255.0)
-        buffer = self._depth = self._pixels.read_depth(part)
         placed = buffer.copy()
         reactive = view.place_translucent(placed)
         if self._upscaled is None:
             self._unit, motion = view.near, np.zeros((*buffer.shape, 2), np.float32)
         else:
-            motion = self._motion(view, placed, self._upscaled)
+            motion = self._motion(view, buffer, placed, self._upscaled)
             if view.is_jump(motion, self._upscaled):
                 self._upscaled = None
                 return None
@@ -158,39 +236,49 @@ class ViewportHistory:
             if self.renders % 2:
                 return  # half of a pair of jitters: its mean is not at the pixel's centre
         if self._sum is not None:
-            self._image = self._sum * np.float32(1.0 / (255.0 * self._weight))
+            mean = self._sum * np.float32(1.0 / self._weight)
+            self._alpha = np.rint(mean[..., 3]).astype(np.uint8)
+            self._image = mean[..., :3] * np.float32(1.0 / 255.0)
 
     def paint(self, mode: Mode) -> None:
-        """Write the image, and the depth for what is rendered on top."""
-        if self._image is not None:
-            self._pixels.write_color(self._image, self._part)
-        if self._depth is not None and any(not is_upscaled(prop) for prop in visible(self._renderer)):
-            depth = self._depth
-            if mode == "moved" and self._small is not None:
-                depth = upsampled_depth(depth, self._part[2:], self._small.jitter)
+        """Write image and depth, for what is rendered on top and for programs that read them."""
+        if self._image is not None and self._alpha is not None:
+            self._pixels.write_color(self._image, self._alpha, self._part)
+        depth = self._depth
+        if depth is not None and mode == "moved" and self._small is not None:
+            size = self._part[2:]
+            enlarged = upsampled_depth if self.has_layers else nearest_samples
+            depth = enlarged(depth, size, self._small.jitter)
+        if depth is not None:
             self._pixels.write_depth(depth, self._part)
 
     def show(self, mode: Mode, stack: ExitStack) -> None:
         """Prepare the renderer for what is on top of the image."""
         for name in ("PreserveColorBuffer", "PreserveDepthBuffer"):
             stack.enter_context(changed(self._renderer, name, 1))
-        covered = (p for p in visible(self._renderer) if isinstance(p, vtkProp3D))
-        stack.enter_context(hidden(p for p in covered if mode != "moved" or is_upscaled(p)))
+        stack.callback(self.draw, None)
+        self.draw(_Drawing(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop)))
 
     def finish(self) -> None:
         """Note what the scene looks like now, as rendering may modify it."""
         self._looks = appearance(self._renderer)
 
-    def _motion(self, view: SceneView, buffer: Float32, previous: SceneView) -> Float32:
-        motion = view.motion(buffer, previous)
+    def _motion(self, view: SceneView, buffer: Float32, placed: Float32, previous: SceneView) -> Float32:
+        motion = view.motion(placed, previous)
         # copied whole: the two parts one by one take ten times as long
-        vectors = motion.view(np.uint64)[..., 0]
-        for props, of_these in view.moved_props(buffer, previous):
-            with hidden(prop for prop in visible(self._renderer) if prop not in props):
-                self._window.Render()
-                mine = self._pixels.read_depth(self._small_part) == self._depth
-            np.copyto(vectors, of_these.view(np.uint64)[..., 0], where=mine)
-        move_background(vectors, buffer)
+        vectors = _words(motion)
+        background = buffer == 1.0
+        for props, of_these in view.moved_props(placed, previous):
+            self.draw(_Drawing(props.__contains__, view.jitter, view.size, view.aspect))
+            self._window.Render()
+            mine = self._pixels.read_depth(self._small_part) == buffer
+            mine &= ~background | view.translucent_pixels(props)
+            np.copyto(vectors, _words(of_these), where=mine)
+        sky = view.sky_motion(buffer, previous)
+        if sky is None:
+            move_background(vectors, placed)
+        else:
+            np.copyto(vectors, _words(sky), where=placed == 1.0)
         return motion
 
 
@@ -209,16 +297,17 @@ class SupersampledWindow:
     2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
     Colours are display values, as VTK blends and resolves them.
 
-    Frames are plain, too, where a renderer has a render pass or is not in layer 0, and for hardware
-    selection, stereo and tiles. Where upscaling is measured not to pay, frames that move are plain; a warning
-    says so.
+    Frames are plain, too, where a renderer has a render pass, a projection matrix of the program, or is not
+    in layer 0, and for stereo and tiles. Where upscaling is measured not to pay, frames that move are plain;
+    a warning says so. An exception while a frame is upscaled leaves a plain image, too.
 
     Attributes:
         viewports: the history of each renderer.
         pace: times of frames, and the scale that is chosen by them.
 
     Args:
-        window: a `vtkRenderWindow` with OpenGL.
+        window: a `vtkRenderWindow` with OpenGL. One that is supersampled already is from now on supersampled
+            by this.
         renderers: the renderers of the scene; their viewports do not overlap.
         scale: window size / render size of frames that move, >= 1; None chooses it by times: see `Pace`.
         model: see `Upscaler`.
@@ -228,7 +317,8 @@ class SupersampledWindow:
             rest has not converged. On screen the window's interactor has a timer.
 
     Raises:
-        ArgumentError: `scale` is below 1.
+        ArgumentError: `window` or `renderers` are none; `scale` is no ratio of the model; or the model reads
+            G-buffers.
         ModelError: see `Upscaler`.
     """
 
@@ -243,20 +333,23 @@ class SupersampledWindow:
         force: bool = False,
         wake: Callable[[int], None] | None = None,
     ) -> None:
-        self._wake_up = wake
-        self.pace = Pace(None if scale is None else checked_scale(scale), force=force)
-        self._window, self._nested, self._out = window, False, False
+        self._renderers = _checked_renderers(window, renderers)
         loaded = model if isinstance(model, Model) else Model.load(model, threads=threads)
+        self.pace = Pace(_checked_scale(scale, loaded.info), loaded.info.ratios, force=force)
+        earlier = _enabled[window]() if window in _enabled else None
+        if earlier is not None:
+            earlier.disable()
+        self._wake_up = wake
+        self._window, self._nested, self._out = window, False, False
         pixels = WindowPixels(window)
-        self._renderers = tuple(renderers)
         self.viewports = tuple(ViewportHistory(window, r, pixels, loaded) for r in self._renderers)
-        self._modes: tuple[Mode, ...] = ()  # of the viewports, while a frame is rendered
+        self._modes: tuple[tuple[ViewportHistory, Mode], ...] = ()  # while a frame is rendered
         self._stack = ExitStack()  # restores what was changed for the frame
         self._began = self._ended = 0.0  # times of the last frame
         self._timed: Any = None  # interactor whose timer renders on at rest
         self._timer: int | None = None  # the one that is running
         self._given_samples = window.GetMultiSamples()
-        self._samples = max(_MIN_SAMPLES, self._given_samples)
+        _enabled[window] = ref(self)
         self._observers = [
             window.AddObserver("StartEvent", lambda *_: self._before_render()),
             window.AddObserver("EndEvent", lambda *_: self._after_render()),
@@ -270,7 +363,7 @@ class SupersampledWindow:
     @property
     def is_converged(self) -> bool:
         """Whether further frames of the same scene show the same image."""
-        return all(viewport.is_converged for viewport in self.viewports)
+        return all(viewport.is_converged for viewport in self.viewports if viewport.has_pixels)
 
     def converge(self) -> None:
         """Render until the image has converged, as before a screenshot."""
@@ -286,98 +379,133 @@ class SupersampledWindow:
 
     def disable(self) -> None:
         """Restore the window's own rendering."""
+        self._stack.close()
+        self._modes = ()
         while self._observers:
             self._window.RemoveObserver(self._observers.pop())
+        for viewport in self.viewports:
+            viewport.disable()
         self._window.SetMultiSamples(self._given_samples)
+
+    @property
+    def _samples(self) -> int:
+        """Multi-samples of plain renders; depth peeling works with the program's own number only."""
+        peels = any(renderer.GetUseDepthPeeling() for renderer in self._renderers)
+        return int(self._given_samples if peels else max(_MIN_SAMPLES, self._given_samples))
+
+    @property
+    def _is_left_alone(self) -> bool:
+        """Whether this render shows no image: one of this class, or of ids for hardware selection."""
+        return self._nested or any(renderer.GetSelector() for renderer in self._renderers)
 
     @ieee_arithmetic
     def _before_render(self) -> None:
-        if self._nested:
+        if self._is_left_alone:
             return
         self._began = perf_counter()
+        self._stack.close()
         self._modes = ()
         self._window.SetMultiSamples(self._samples)
         if self._is_special():
             self.reset()
             return
-        modes = [viewport.mode() for viewport in self.viewports]
-        if "moved" in modes and (self._out or not any(v.has_surfaces for v in self.viewports)):
+        viewports = [viewport for viewport in self.viewports if viewport.has_pixels]
+        modes = [viewport.mode() for viewport in viewports]
+        if "moved" in modes and (self._out or not any(v.has_surfaces for v in viewports)):
             return
         is_timed = self.pace.is_timed or "moved" not in modes
         if "plain" in modes or not is_timed:
             modes = ["plain" for _ in modes]
-        self._begin(tuple(modes))
+        if modes:
+            self._begin(tuple(zip(viewports, modes, strict=True)))
 
-    def _begin(self, modes: tuple[Mode, ...]) -> None:
+    def _begin(self, modes: tuple[tuple[ViewportHistory, Mode], ...]) -> None:
         """Prepare window and renderers for what is rendered below 2D props and other renderers."""
         self._modes = modes
-        self._window.SetMultiSamples(self._samples if "plain" in modes else 0)
+        self._window.SetMultiSamples(self._samples if self._shows("plain") else 0)
         with ExitStack() as stack:
             stack.enter_context(changed(self._window, "SwapBuffers", 0))
-            for renderer in self._window.GetRenderers():
-                if renderer not in self._renderers:
-                    stack.enter_context(changed(renderer, "Draw", 0))
-            for viewport, mode in zip(self.viewports, modes, strict=True):
+            for renderer in self._others():
+                stack.enter_context(changed(renderer, "Draw", 0))
+            for viewport, mode in modes:
                 viewport.begin(mode, self.pace.scale, stack)
             self._stack = stack.pop_all()
 
+    def _shows(self, mode: Mode) -> bool:
+        return any(mode == of_viewport for _, of_viewport in self._modes)
+
+    def _others(self) -> list[Any]:
+        """Return the renderers that are not supersampled: axes, overlays."""
+        return [renderer for renderer in self._window.GetRenderers() if renderer not in self._renderers]
+
     @ieee_arithmetic
     def _after_render(self) -> None:
-        if self._nested:
+        if self._is_left_alone:
             return
         if not self._modes:
             self._watch()
-            self._wake()
             return
         self._nested = True
         try:
             with self._stack:
-                frames = [
-                    v.read() for v, mode in zip(self.viewports, self._modes, strict=True) if mode == "moved"
-                ]
-            if None in frames:
-                self._begin(tuple("plain" for _ in self._modes))
-                with self._stack:
-                    self._window.Render()
+                frames = self._read()
+            if None in frames.values():
+                self._render_plain()
+                frames = {}
             self._show(frames)
+        except Exception:
+            self.reset()
+            self._render_plain()
+            self._show({})
+            raise
         finally:
             self._nested = False
         self._time()
         self._ended = perf_counter()
         self._wake()
 
-    def _show(self, frames: list[Frame | None]) -> None:
-        waiting = iter(frames)
-        for viewport, mode in zip(self.viewports, self._modes, strict=True):
-            frame = next(waiting) if mode == "moved" else None
-            if frame is not None:
+    def _read(self) -> dict[ViewportHistory, Frame | None]:
+        """Return the frames of viewports that have moved; None where the camera has jumped."""
+        moved = [viewport for viewport, mode in self._modes if mode == "moved"]
+        for viewport in moved:
+            viewport.read()
+        return {viewport: viewport.frame() for viewport in moved}
+
+    def _render_plain(self) -> None:
+        self._begin(tuple((viewport, "plain") for viewport, _ in self._modes))
+        with self._stack:
+            self._window.Render()
+
+    def _show(self, frames: Mapping[ViewportHistory, Frame | None]) -> None:
+        for viewport, mode in self._modes:
+            if (frame := frames.get(viewport)) is not None:
                 viewport.upscale(frame)
             else:
-                viewport.average(mode, self._samples)
-        is_plain = "plain" in self._modes
-        if not is_plain:
-            layers = any(
-                v.has_layers for v, mode in zip(self.viewports, self._modes, strict=True) if mode == "moved"
-            )
-            self._window.SetMultiSamples(self._samples if layers else 0)
+                viewport.average(mode, max(1, self._samples))
+        if not self._shows("plain"):
+            lines = any(viewport.has_lines_on_top(mode) for viewport, mode in self._modes)
+            lines = lines or any(renderer.GetDraw() and visible(renderer) for renderer in self._others())
+            self._window.SetMultiSamples(self._samples if lines else 0)
             self._window.Start()  # makes the buffers of this number of samples
-            for viewport, mode in zip(self.viewports, self._modes, strict=True):
+            for viewport, mode in self._modes:
                 viewport.paint(mode)
             self._window.End()
         with ExitStack() as stack:
-            for viewport, mode in zip(self.viewports, self._modes, strict=True):
+            for viewport, mode in self._modes:
                 viewport.show(mode, stack)
             self._window.Render()
-        for viewport in self.viewports:
+        for viewport, _ in self._modes:
             viewport.finish()
 
     def _is_special(self) -> bool:
         """Return whether this frame is none of a moving or resting view."""
-        window = self._window
+        window, renderers = self._window, self._renderers
+        cameras = [r.GetActiveCamera() for r in renderers if r.IsActiveCameraCreated()]
         return bool(
             window.GetStereoRender()
             or window.GetTileScale() != (1, 1)
-            or any(r.GetSelector() or r.GetPass() or r.GetLayer() for r in self._renderers)
+            or any(renderer.GetPass() or renderer.GetLayer() for renderer in renderers)
+            or any(camera.GetUseExplicitProjectionTransformMatrix() for camera in cameras)
         )
 
     def _wake(self) -> None:
@@ -397,7 +525,7 @@ class SupersampledWindow:
     @property
     def _pause(self) -> int:
         """Time in ms from the last frame to the next one at rest."""
-        return _DELAY if self._modes and "moved" not in self._modes else _PAUSE
+        return _PAUSE if self._shows("moved") else _DELAY
 
     def _on_timer(self) -> None:
         if self._timer is None or not self._observers:
@@ -411,9 +539,9 @@ class SupersampledWindow:
     def _time(self) -> None:
         """Note how long the frame took; stay out if upscaling does not pay."""
         seconds = perf_counter() - self._began
-        if set(self._modes) == {"moved"}:
+        if not self._shows("plain") and not self._shows("still"):
             self.pace.add(self.pace.scale, seconds)
-        elif "moved" not in self._modes and "plain" in self._modes:
+        elif not self._shows("moved") and self._shows("plain"):
             self.pace.add(None, seconds)
         if not self._out and not self.pace.pays:
             self._out = True
@@ -434,16 +562,48 @@ class SupersampledWindow:
                 self._out = False
                 self.pace.restart()
         self._ended = perf_counter()
+        if not self._is_special():
+            self._wake()
 
 
-def _jittered(
-    renderer: Any, jitter: tuple[float, float], size: tuple[int, ...]
-) -> AbstractContextManager[None]:
-    """Move the samples of a renderer by a jitter, in pixels of a render of the size, within the block."""
-    camera = renderer.GetActiveCamera()
-    x, y = camera.GetWindowCenter()
-    center = x + 2.0 * jitter[0] / size[0], y - 2.0 * jitter[1] / size[1]  # jitter y points down
-    return changed(camera, "WindowCenter", *center)
+def _checked_renderers(window: Any, renderers: Iterable[Any]) -> tuple[Any, ...]:
+    """Return the renderers of a window.
+
+    Raises:
+        ArgumentError: `window` is no window with OpenGL, or these are not its renderers.
+    """
+    if not isinstance(window, vtkOpenGLRenderWindow):
+        raise ArgumentError("window", got=shown(window), want="a vtkRenderWindow with OpenGL")
+    found = [renderers] if isinstance(renderers, vtkRenderer) else renderers
+    found = tuple(found) if isinstance(found, Iterable) else (found,)
+    of_window = list(window.GetRenderers())
+    strangers = [one for one in found if one not in of_window]
+    if strangers or not found:
+        got = shown(strangers[0]) if strangers else "empty"
+        raise ArgumentError("renderers", got=got, want="renderers of the window")
+    return found
+
+
+def _checked_scale(scale: float | None, info: ModelInfo) -> float | None:
+    """Return the scale.
+
+    Raises:
+        ArgumentError: it is below 1, or the model has not this ratio or reads G-buffers.
+    """
+    if info.gbuffers:
+        raise ArgumentError(
+            "model", got=repr(info.method), want="one that reads no G-buffers, which VTK lacks"
+        )
+    low, high = info.ratios
+    if scale is not None and not low <= checked_scale(scale) <= high:
+        raise ArgumentError("scale", got=shown(scale), want=f"{low} to {high} for {info.method!r}")
+    return scale
+
+
+def _words(motion: Float32) -> NDArray[np.uint64]:
+    """Return motion (h, w, 2) as one word a pixel."""
+    words: NDArray[np.uint64] = motion.view(np.uint64)[..., 0]
+    return words
 
 
 @contextmanager
@@ -462,7 +622,7 @@ def changed(vtk_object: Any, name: str, *values: Any) -> Iterator[None]:
 
 
 @contextmanager
-def hidden(props: Iterable[Any]) -> Iterator[None]:
+def _hidden(props: Iterable[Any]) -> Iterator[None]:
     """Hide props within the block."""
     found = [prop for prop in props if prop.GetVisibility()]
     for prop in found:

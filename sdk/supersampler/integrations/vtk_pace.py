@@ -12,15 +12,17 @@ class Pace:
     Args:
         scale: window size / render size of frames that move; None chooses the largest render size whose
             frames take at most 0.4 of the time of a plain one, at least half the window's.
+        ratios: least and largest scale of the model.
         force: whether to upscale where that takes more than 0.9 of the time of a plain frame.
 
     Attributes:
         plain: seconds of a plain frame; None until the second one, as the first compiles shaders.
     """
 
-    def __init__(self, scale: float | None, *, force: bool) -> None:
+    def __init__(self, scale: float | None, ratios: tuple[float, float], *, force: bool) -> None:
         self.plain: float | None = None
-        self._scales = _SCALES if scale is None else (scale,)
+        allowed = [one for one in _SCALES if ratios[0] <= one <= ratios[1]]
+        self._scales = tuple(allowed) if scale is None else (scale,)
         self._force = force
         self._moved: dict[float, float] = {}
         self._warm: set[object] = set()

@@ -11,6 +11,7 @@ from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLFramebufferObject, vtkTextur
 from supersampler.backends.cpu.library import encode_rgba
 from supersampler.frame import Float32, Size
 
+Float64 = NDArray[np.float64]
 _READ_FRAMEBUFFER, _DRAW_FRAMEBUFFER = 0x8CA8, 0x8CA9  # OpenGL's constants
 _COLOR_BUFFER_BIT, _NEAREST, _SCISSOR_TEST = 0x4000, 0x2600, 0x0C11
 _MAX_STEP = 0.02  # of the depth buffer between neighbouring samples of one surface
@@ -44,9 +45,9 @@ class WindowPixels:
         self._texture, self._buffer = vtkTextureObject(), vtkOpenGLFramebufferObject()
 
     def read_color(self, part: Rectangle) -> NDArray[np.uint8]:
-        """Return (h, w, 3), valid until the next call."""
-        self._window.GetPixelData(*part.last, 0, self._color, 0)
-        pixels: NDArray[np.uint8] = vtk_to_numpy(self._color).reshape(part.height, part.width, 3)[::-1]
+        """Return (h, w, 4), RGBA, valid until the next call."""
+        self._window.GetRGBACharPixelData(*part.last, 0, self._color, 0)
+        pixels: NDArray[np.uint8] = vtk_to_numpy(self._color).reshape(part.height, part.width, 4)[::-1]
         return pixels
 
     def read_depth(self, part: Rectangle) -> Float32:
@@ -58,12 +59,14 @@ class WindowPixels:
         """Write (h, w) to the depth buffer."""
         self._depth.SetNumberOfValues(depth.size)
         vtk_to_numpy(self._depth).reshape(depth.shape)[:] = depth[::-1]
+        self._window.GetState().vtkglDepthMask(True)  # translucent surfaces leave it off
         self._window.SetZbufferData(*part.last, self._depth)
 
-    def write_color(self, image: Float32, part: Rectangle) -> None:
-        """Write (h, w, 3) display values."""
+    def write_color(self, image: Float32, alpha: NDArray[np.uint8], part: Rectangle) -> None:
+        """Write (h, w, 3) display values, and alpha (h, w)."""
         encoded = np.empty((part.height, part.width), np.int32)
         encode_rgba(image, encoded)
+        encoded.view(np.uint8)[:, 3::4] = alpha[::-1]
         self._texture.SetContext(self._window)
         self._buffer.SetContext(self._window)
         state = self._window.GetState()
@@ -85,6 +88,24 @@ class WindowPixels:
             state.PopFramebufferBindings()
 
 
+def nearest_samples(image: NDArray[Any], size: Size, jitter: tuple[float, float]) -> NDArray[Any]:
+    """Return the nearest sample of a jittered image (h, w) at each pixel of a larger one.
+
+    `size`: (width, height) of the larger image. `jitter`: see `Frame`.
+    """
+    rows, columns = (
+        np.clip(np.rint(_places(axis, image.shape, size, jitter)), 0, image.shape[axis] - 1).astype(np.intp)
+        for axis in (0, 1)
+    )
+    return image.take(rows, 0).take(columns, 1)
+
+
+def _places(axis: int, shape: tuple[int, ...], size: Size, jitter: tuple[float, float]) -> Float64:
+    """Return where the pixels of a larger image are among jittered samples, along an axis."""
+    count, length = size[1 - axis], shape[axis]
+    return np.asarray((np.arange(count) + 0.5) * (length / count) - 0.5 - jitter[1 - axis])
+
+
 def upsampled_depth(buffer: Float32, size: Size, jitter: tuple[float, float]) -> Float32:
     """Return a jittered depth buffer at the pixel centres of a larger image.
 
@@ -101,9 +122,8 @@ def upsampled_depth(buffer: Float32, size: Size, jitter: tuple[float, float]) ->
     """
     low = high = mean = nearest = buffer
     for axis in (0, 1):
-        count, length = size[1 - axis], buffer.shape[axis]
-        place = (np.arange(count) + 0.5) * (length / count) - 0.5 - jitter[1 - axis]
-        place = np.clip(place, 0.0, length - 1.0)
+        length = buffer.shape[axis]
+        place = np.clip(_places(axis, buffer.shape, size, jitter), 0.0, length - 1.0)
         before = place.astype(np.intp)
         after = np.minimum(before + 1, length - 1)
         weight = np.expand_dims((place - before).astype(np.float32), 1 - axis)

@@ -22,6 +22,15 @@ _FARTHEST = 0.99999  # depth of a surface at most; 1 is the background
 _REACTIVE = 0.3  # of volumes; 0 has more errors, and so has 1
 _SURFACE = 2  # `vtkProperty.GetRepresentation`
 _GENERATED = ("vtkCubeAxesActor", "vtkAxisActor", "vtkPolarAxesActor")  # actors that draw lines and text
+_MIN_VOLUME = 1e-9  # of what a matrix makes of a cube, relative to its edges; below it, it is flat
+_UPRIGHT = ("vtkTextActor", "vtkScalarBarActor", "vtkCornerAnnotation", "vtkLegendBoxActor")
+_SURFACE_TEXTURES = ("albedoTex", "materialTex", "normalTex", "emissiveTex", "anisotropyTex", "coatNormalTex")
+_RENDERER_LOOKS = (
+    "Ambient", "Background", "Background2", "BackgroundAlpha", "EnvironmentRight", "EnvironmentUp",
+    "GradientBackground", "GradientMode", "MaximumNumberOfPeels", "OcclusionRatio", "TexturedBackground",
+    "TwoSidedLighting", "UseDepthPeeling", "UseDepthPeelingForVolumes", "UseHiddenLineRemoval",
+    "UseImageBasedLighting", "UseSphericalHarmonics",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +44,8 @@ class SceneView:
         near: distance of the near plane; of the far plane `far`.
         parallel: whether the projection is parallel.
         matrices: matrices of the visible actors and volumes, from their own space to the world's.
+        aspect: width / height that the camera projects to.
+        sky: `view_projection` without the camera's position; None without a skybox.
     """
 
     size: Size
@@ -44,24 +55,31 @@ class SceneView:
     far: float
     parallel: bool
     matrices: dict[vtkProp3D, Matrix]
+    aspect: float
+    sky: Matrix | None
 
     @classmethod
-    def of(cls, renderer: Any, jitter: tuple[float, float] = (0.0, 0.0)) -> Self:
+    def of(cls, renderer: Any) -> Self:
         """Read the view of a renderer, before the camera is jittered."""
-        camera = renderer.GetActiveCamera()
-        matrix = _array(camera.GetCompositeProjectionTransformMatrix(renderer.GetTiledAspectRatio(), -1, 1))
+        camera, aspect = renderer.GetActiveCamera(), renderer.GetTiledAspectRatio()
+        matrix = _array(camera.GetCompositeProjectionTransformMatrix(aspect, -1, 1))
         near, far = camera.GetClippingRange()
-        kinds = vtkActor, vtkVolume
-        props = [p for p in visible(renderer) if isinstance(p, kinds) and not isinstance(p, vtkFollower)]
-        matrices = {prop: _array(prop.GetMatrix()) for prop in props}
-        size = tuple(renderer.GetSize())
-        return cls(size, jitter, matrix, near, far, bool(camera.GetParallelProjection()), matrices)
+        props = visible(renderer)
+        matrices = {prop: _array(prop.GetMatrix()) for prop in props if _has_motion(prop)}
+        sky = None
+        if any(prop.IsA("vtkSkybox") for prop in props):
+            sky = _array(camera.GetModelViewTransformMatrix())
+            sky[:3, 3] = 0.0
+            sky = _array(camera.GetProjectionTransformMatrix(aspect, -1, 1)) @ sky
+        return cls(
+            size=tuple(renderer.GetSize()), jitter=(0.0, 0.0), view_projection=matrix, near=near, far=far,
+            parallel=bool(camera.GetParallelProjection()), matrices=matrices, aspect=aspect, sky=sky,
+        )  # fmt: skip
 
     def is_same(self, other: "SceneView") -> bool:
         """Return whether neither the camera nor a prop has moved."""
         return np.array_equal(self.view_projection, other.view_projection) and all(
-            prop in other.matrices and np.array_equal(matrix, other.matrices[prop])
-            for prop, matrix in self.matrices.items()
+            _is_equal(other.matrices.get(prop), matrix) for prop, matrix in self.matrices.items()
         )
 
     def frame_depth(self, buffer: Float32, unit: float) -> Float32:
@@ -77,7 +95,18 @@ class SceneView:
 
     def motion(self, buffer: Float32, previous: "SceneView") -> Float32:
         """Return `Frame.motion` of static props: that of the camera."""
-        return self._motion(buffer, previous.view_projection)
+        return self._motion(buffer, self.view_projection, previous.view_projection)
+
+    def sky_motion(self, buffer: Float32, previous: "SceneView") -> Float32 | None:
+        """Return `Frame.motion` of a skybox, which is infinitely far away; None without one."""
+        if self.sky is None or previous.sky is None:
+            return None
+        return self._motion(buffer, self.sky, previous.sky)
+
+    def knows_motion(self, previous: "SceneView") -> bool:
+        """Return whether all props that moved have a matrix with an inverse."""
+        moved = (p for p, matrix in self.matrices.items() if not _is_equal(previous.matrices.get(p), matrix))
+        return not any(_is_flat(self.matrices[prop]) for prop in moved)
 
     def moved_props(
         self, buffer: Float32, previous: "SceneView"
@@ -86,12 +115,12 @@ class SceneView:
         moves: dict[bytes, list[vtkProp3D]] = {}
         for prop, matrix in self.matrices.items():
             before = previous.matrices.get(prop) if is_upscaled(prop) else None
-            if before is not None and not np.array_equal(before, matrix):
+            if before is not None and not _is_equal(before, matrix):
                 move = before @ np.linalg.inv(matrix)
                 moves.setdefault(move.round(12).tobytes(), []).append(prop)
         for props in moves.values():
             move = previous.matrices[props[0]] @ np.linalg.inv(self.matrices[props[0]])
-            yield props, self._motion(buffer, previous.view_projection @ move)
+            yield props, self._motion(buffer, self.view_projection, previous.view_projection @ move)
 
     def is_jump(self, motion: Float32, previous: "SceneView") -> bool:
         """Return whether the camera jumped, so that the history is useless."""
@@ -116,12 +145,20 @@ class SceneView:
         """
         mask = np.zeros(buffer.shape, np.float32)
         for prop in self.matrices:
-            if is_upscaled(prop) and is_translucent(prop):
+            if is_upscaled(prop) and _is_translucent(prop):
                 columns, rows, depth = self._enclosing(prop.GetBounds())
                 part = buffer[rows, columns]
                 if isinstance(prop, vtkVolume):
                     mask[rows, columns][part == 1.0] = _REACTIVE
                 part[part == 1.0] = min(depth, _FARTHEST)
+        return mask
+
+    def translucent_pixels(self, props: Collection[vtkProp3D]) -> NDArray[np.bool_]:
+        """Return (h, w), whether a pixel is in the box of a volume or a translucent surface among these."""
+        mask = np.zeros(self.size[::-1], np.bool_)
+        for prop in filter(_is_translucent, props):
+            columns, rows, _ = self._enclosing(prop.GetBounds())
+            mask[rows, columns] = True
         return mask
 
     def _enclosing(self, bounds: tuple[float, ...]) -> tuple[slice, slice, float]:
@@ -137,10 +174,8 @@ class SceneView:
         low, high = np.clip([places.min(axis=0) - 1, places.max(axis=0) + 2], 0, self.size).astype(int)
         return slice(low[0], high[0]), slice(low[1], high[1]), depth
 
-    def _motion(self, buffer: Float32, previous: Matrix) -> Float32:
-        return camera_motion(
-            buffer, self.view_projection, previous, jitter=self.jitter, clip="minus_one_to_one"
-        )
+    def _motion(self, buffer: Float32, now: Matrix, previous: Matrix) -> Float32:
+        return camera_motion(buffer, now, previous, jitter=self.jitter, clip="minus_one_to_one")
 
 
 def visible(renderer: Any) -> list[Any]:
@@ -162,26 +197,58 @@ def is_upscaled(prop: Any) -> bool:
     return not any(m.GetNumberOfLines() or m.GetNumberOfVerts() for m in _meshes(prop.GetMapper()))
 
 
-def is_translucent(prop: Any) -> bool:
+def is_on_top(prop: Any) -> bool:
+    """Return whether a prop is drawn on top of each image: text, scalar bars, charts, widgets."""
+    return not isinstance(prop, vtkProp3D)
+
+
+def has_oblique_lines(prop: Any) -> bool:
+    """Return whether a prop on top may have edges that are not along rows or columns of pixels."""
+    return is_on_top(prop) and not any(prop.IsA(name) for name in _UPRIGHT)
+
+
+def _has_motion(prop: Any) -> bool:
+    """Return whether the motion of a prop follows from its matrix."""
+    return isinstance(prop, (vtkActor, vtkVolume)) and not isinstance(prop, vtkFollower)
+
+
+def _is_translucent(prop: Any) -> bool:
     """Return whether a prop writes no depth."""
     return isinstance(prop, vtkVolume) or bool(prop.HasTranslucentPolygonalGeometry())
+
+
+def _is_equal(one: Matrix | None, other: Matrix) -> bool:
+    return one is not None and np.array_equal(one, other)
+
+
+def _is_flat(matrix: Matrix) -> bool:
+    edges = np.linalg.norm(matrix[:3, :3], axis=0).prod()
+    return not abs(np.linalg.det(matrix[:3, :3])) > _MIN_VOLUME * edges
 
 
 def appearance(renderer: Any) -> tuple[Any, ...]:
     """Return what an image depends on, apart from the camera and the matrices of props, to be compared.
 
-    Props, their properties, data and colours count by identity and modification time; lights and the
-    background by value, as VTK modifies them while it renders.
+    Props, their properties, data and textures count by identity and modification time; lights and the
+    renderer by value, as VTK modifies them while it renders.
     """
     lights = tuple(_light(light) for light in renderer.GetLights())
-    look = renderer.GetBackground(), renderer.GetBackground2(), renderer.GetGradientBackground()
-    texture = _modified(renderer.GetBackgroundTexture()), _modified(renderer.GetEnvironmentTexture())
-    props = tuple((prop, *_state(prop)) for prop in renderer.GetViewProps() if isinstance(prop, vtkProp3D))
-    return lights, look, texture, renderer.GetAmbient(), renderer.GetUseDepthPeeling(), props
+    looks = tuple(_value(renderer, name) for name in _RENDERER_LOOKS)
+    textures = [_texture(t) for t in (renderer.GetBackgroundTexture(), renderer.GetEnvironmentTexture())]
+    props = tuple((p, *_state(p)) for p in renderer.GetViewProps() if not is_on_top(p))
+    return lights, looks, *textures, props
+
+
+def _value(vtk_object: Any, name: str) -> Any:
+    """Return a property of a VTK object; None where this version has no such one."""
+    get = getattr(vtk_object, f"Get{name}", None)
+    return None if get is None else get()
 
 
 def _light(light: Any) -> tuple[Any, ...]:
     place = () if light.LightTypeIsHeadlight() else (light.GetPosition(), light.GetFocalPoint())
+    if light.LightTypeIsSceneLight():  # VTK sets the matrices of others when the camera moves
+        place += (light.GetTransformedPosition(), light.GetTransformedFocalPoint())
     return (
         light.GetSwitch(), light.GetLightType(), light.GetIntensity(), light.GetAmbientColor(),
         light.GetDiffuseColor(), light.GetSpecularColor(), light.GetPositional(), light.GetConeAngle(),
@@ -193,31 +260,52 @@ def _state(prop: Any) -> tuple[Any, ...]:
     """Return the visibility of a prop and the modification times of what it shows."""
     if not prop.GetVisibility():
         return (0,)
-    mapper = prop.GetMapper() if isinstance(prop, (vtkActor, vtkVolume)) else None
-    if mapper is None:
-        return 1, prop.GetMTime()
-    mapper.Update()
-    parts = [prop.GetProperty(), mapper, *_data(mapper)]
+    state: list[Any] = [1] if _has_motion(prop) else [1, prop.GetRedrawMTime()]
+    state += [_value(prop, name) for name in ("ForceOpaque", "ForceTranslucent")]
+    parts = [
+        _value(prop, name) for name in ("Property", "BackfaceProperty", "ShaderProperty", "TextProperty")
+    ]
+    textures = [_value(prop, "Texture")]
     if isinstance(prop, vtkActor):
-        parts += [prop.GetTexture(), prop.GetBackfaceProperty()]
-    return (1, *map(_modified, parts))
+        textures += [prop.GetProperty().GetTexture(name) for name in _SURFACE_TEXTURES]
+    if (mapper := _value(prop, "Mapper")) is not None:
+        parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper)]
+    for part in _value(prop, "Parts") or ():  # of an assembly
+        matrix = _value(part, "Matrix")
+        state += [part, None if matrix is None else _array(matrix).tobytes(), _state(part)]
+    return (*state, *map(_modified, parts), *map(_texture, textures))
 
 
 def _modified(vtk_object: Any) -> tuple[Any, int]:
     return vtk_object, 0 if vtk_object is None else vtk_object.GetMTime()
 
 
+def _texture(texture: Any) -> tuple[Any, ...]:
+    """Return the modification times of a texture and of its images."""
+    if texture is None:
+        return (None,)
+    return (*_modified(texture), *map(_modified, _inputs(texture)))
+
+
+def _inputs(algorithm: Any) -> Iterator[Any]:
+    """Yield the data of all inputs of a mapper or a texture, as of now."""
+    for port in range(algorithm.GetNumberOfInputPorts()):
+        for index in range(algorithm.GetNumberOfInputConnections(port)):
+            algorithm.GetInputAlgorithm(port, index).Update()
+            yield algorithm.GetInputDataObject(port, index)
+
+
 def _data(mapper: Any) -> Iterator[Any]:
     """Yield the data sets of a mapper, each block on its own."""
-    data = mapper.GetInputDataObject(0, 0) if mapper.GetNumberOfInputPorts() else None
-    if data is None or not data.IsA("vtkCompositeDataSet"):
-        yield data
-        return
-    blocks = data.NewIterator()
-    blocks.InitTraversal()
-    while not blocks.IsDoneWithTraversal():
-        yield blocks.GetCurrentDataObject()
-        blocks.GoToNextItem()
+    for data in _inputs(mapper):
+        if data is None or not data.IsA("vtkCompositeDataSet"):
+            yield data
+            continue
+        blocks = data.NewIterator()
+        blocks.InitTraversal()
+        while not blocks.IsDoneWithTraversal():
+            yield blocks.GetCurrentDataObject()
+            blocks.GoToNextItem()
 
 
 def _meshes(mapper: Any) -> Iterator[Any]:
