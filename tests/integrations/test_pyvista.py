@@ -23,7 +23,17 @@ if importlib.util.find_spec("pyvista") is None:
 
 import pyvista as pv
 from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkRenderingCore import vtkLight
+from vtkmodules.vtkCommonDataModel import vtkPlane
+from vtkmodules.vtkCommonMath import vtkMatrix4x4
+from vtkmodules.vtkRenderingCore import (
+    vtkActor,
+    vtkAssembly,
+    vtkBillboardTextActor3D,
+    vtkFollower,
+    vtkGlyph3DMapper,
+    vtkLight,
+    vtkRenderer,
+)
 from vtkmodules.vtkWebCore import vtkWebApplication
 
 from supersampler.integrations.pyvista import enable_supersampling
@@ -285,7 +295,129 @@ CHANGES: dict[str, Callable[[Any], Any]] = {
     "background": lambda plotter: plotter.renderer.SetBackground(0.2, 0.4, 0.2),
     "a mesh": lambda plotter: plotter.add_mesh(pv.Sphere(radius=0.4), color="red", render=False),
     "a surface that gets edges": lambda plotter: plotter.actors["floor"].GetProperty().EdgeVisibilityOn(),
+    "a forced pass": lambda plotter: plotter.actors["floor"].ForceTranslucentOn(),
+    "a gradient": lambda plotter: plotter.renderer.GradientBackgroundOn(),
+    "sides with light": lambda plotter: plotter.renderer.TwoSidedLightingOff(),
 }
+
+
+def image_of(values: Any) -> Any:
+    """An image of VTK with these RGB bytes in 4x4 pixels."""
+    image = pv.ImageData(dimensions=(4, 4, 1))
+    image.point_data.active_scalars_name = None
+    image["rgb"] = np.tile(np.array(values, np.uint8), (16, 1))
+    return image
+
+
+def textured(plotter: Any) -> Callable[[], None]:
+    texture = pv.Texture(image_of((200, 20, 20)))
+    plotter.add_mesh(pv.Plane(center=(0, 0, 0.3)), texture=texture, lighting=False)
+
+    def change() -> None:
+        image = texture.GetInput()
+        image.GetPointData().GetScalars().Fill(40)
+        image.Modified()
+
+    return change
+
+
+def clipped(plotter: Any) -> Callable[[], None]:
+    plane = vtkPlane()
+    actor = plotter.add_mesh(pv.Sphere(radius=0.6, center=(0, 0, 0.6)), color="red")
+    actor.mapper.AddClippingPlane(plane)
+    return lambda: plane.SetOrigin(0.4, 0.0, 0.0)
+
+
+def glyphs(plotter: Any) -> Callable[[], None]:
+    mapper, source = vtkGlyph3DMapper(), pv.Sphere(radius=0.2)
+    mapper.SetInputData(pv.PolyData(np.array([(0, 0, 0.5), (1, 0, 0.5)], np.float32)))
+    mapper.SetSourceData(source)
+    actor = vtkActor()
+    actor.SetMapper(mapper)
+    plotter.renderer.AddActor(actor)
+
+    def change() -> None:
+        source.points *= 2.0
+        source.Modified()
+
+    return change
+
+
+def assembled(plotter: Any) -> Callable[[], None]:
+    mesh, assembly = pv.Cube(center=(0, 0, 0.6), x_length=0.5), vtkAssembly()
+    assembly.AddPart(pv.Actor(mapper=pv.DataSetMapper(mesh)))
+    plotter.renderer.AddActor(assembly)
+
+    def change() -> None:
+        mesh.points[:, 2] *= 1.5
+        mesh.Modified()
+
+    return change
+
+
+def followed(plotter: Any) -> Callable[[], None]:
+    follower = vtkFollower()
+    follower.SetMapper(pv.DataSetMapper(pv.Disc(inner=0.0, outer=0.5)))
+    follower.SetCamera(plotter.camera)
+    follower.SetPosition(0.0, 0.0, 0.5)
+    plotter.renderer.AddActor(follower)
+    return lambda: follower.SetPosition(0.5, 0.5, 0.5)
+
+
+def written(plotter: Any) -> Callable[[], None]:
+    text = vtkBillboardTextActor3D()
+    text.SetInput("text")
+    text.SetPosition(0.0, 0.0, 0.5)
+    plotter.renderer.AddActor(text)
+    return lambda: text.GetTextProperty().SetColor(1.0, 0.0, 0.0)
+
+
+def lit(plotter: Any) -> Callable[[], None]:
+    light, matrix = vtkLight(), vtkMatrix4x4()
+    light.SetLightTypeToSceneLight()
+    light.SetPosition(3.0, 0.0, 3.0)
+    light.SetTransformMatrix(matrix)
+    plotter.renderer.AddLight(light)
+    plotter.add_mesh(pv.Sphere(radius=0.6, center=(0, 0, 0.6)))
+
+    def change() -> None:
+        matrix.SetElement(0, 3, -6.0)
+        light.SetTransformMatrix(matrix)
+
+    return change
+
+
+def backed(plotter: Any) -> Callable[[], None]:
+    plotter.renderer.SetBackgroundTexture(pv.Texture(image_of((20, 200, 20))))
+    return plotter.renderer.TexturedBackgroundOn
+
+
+PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
+    "pixels of a texture": textured,
+    "a clipping plane": clipped,
+    "the shape of glyphs": glyphs,
+    "points in an assembly": assembled,
+    "the place of a follower": followed,
+    "the colour of a text": written,
+    "the matrix of a light": lit,
+    "a background image": backed,
+}
+
+
+@pytest.mark.parametrize("prepare", PREPARED.values(), ids=PREPARED.keys())
+def test_changes_behind_a_prop_show_at_once(
+    plotter: Any, prepare: Callable[[Any], Callable[[], None]]
+) -> None:
+    change = prepare(plotter)
+    window = supersampled(plotter)
+    window.converge()
+    before = seen(plotter)
+    change()
+    ours = shown(plotter)
+    window.disable()
+    expected = plain(plotter)
+    assert np.abs(before - expected).mean() > 0.002
+    np.testing.assert_array_equal(ours, expected)
 
 
 @pytest.mark.parametrize("while_moving", [False, True], ids=["at rest", "moving"])
@@ -554,3 +686,11 @@ def test_other_things_than_an_open_plotter_are_refused(plotter: Any) -> None:
     closed.close()
     with pytest.raises(ArgumentError, match="plotter is closed"):
         enable_supersampling(closed)
+    with pytest.raises(ArgumentError, match=r"scale is 3\.5; want 1\.0 to 3\.0 for 'classifier'"):
+        enable_supersampling(plotter, scale=3.5)
+    with pytest.raises(ArgumentError, match="one that reads no G-buffers"):
+        enable_supersampling(plotter, model="gbuffer-fast")
+    with pytest.raises(ArgumentError, match="window is None; want a vtkRenderWindow"):
+        SupersampledWindow(None, [])
+    with pytest.raises(ArgumentError, match="want renderers of the window"):
+        SupersampledWindow(plotter.render_window, [vtkRenderer()])
