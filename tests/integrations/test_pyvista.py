@@ -31,9 +31,12 @@ from vtkmodules.vtkRenderingCore import (
     vtkBillboardTextActor3D,
     vtkFollower,
     vtkGlyph3DMapper,
+    vtkHardwareSelector,
     vtkLight,
     vtkRenderer,
+    vtkRenderWindow,
 )
+from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLSkybox
 from vtkmodules.vtkWebCore import vtkWebApplication
 
 from supersampler.integrations.pyvista import enable_supersampling
@@ -694,3 +697,325 @@ def test_other_things_than_an_open_plotter_are_refused(plotter: Any) -> None:
         SupersampledWindow(None, [])
     with pytest.raises(ArgumentError, match="want renderers of the window"):
         SupersampledWindow(plotter.render_window, [vtkRenderer()])
+
+
+def side_by_side() -> Any:
+    """A plotter of two subplots that show the same floor."""
+    plotter = pv.Plotter(off_screen=True, window_size=(320, 160), shape=(1, 2))
+    checks = (np.indices((24, 24)).sum(axis=0) % 2).ravel()
+    for column in range(2):
+        plotter.subplot(0, column)
+        plane = pv.Plane(i_size=4, j_size=4, i_resolution=24, j_resolution=24)
+        plotter.add_mesh(plane, scalars=checks, cmap="gray", show_scalar_bar=False, lighting=False)
+        plotter.camera_position = [(1.5, -3.0, 2.0), (0, 0, 0), (0, 0, 1)]
+    return plotter
+
+
+def test_linked_views_are_those_of_views_alone() -> None:
+    images = []
+    for is_linked in (False, True):
+        plotter = side_by_side()
+        if is_linked:
+            plotter.link_views()
+        plotter.show(auto_close=False)
+        window = supersampled(plotter)
+        plotter.render()
+        for _ in range(4):
+            for camera in {id(r.camera): r.camera for r in plotter.renderers}.values():
+                camera.Azimuth(0.5)
+            plotter.render()
+        images.append(seen(plotter))
+        window.converge()
+        images.append(seen(plotter))
+        plotter.close()
+    np.testing.assert_array_equal(images[2], images[0])
+    np.testing.assert_array_equal(images[3], images[1])
+
+
+def test_actors_in_two_viewports_are_seen_in_both() -> None:
+    plotter = side_by_side()
+    sphere = plotter.add_mesh(pv.Sphere(radius=0.5), color="red", lighting=False)
+    plotter.renderers[0].AddActor(sphere)
+    plotter.show(auto_close=False)
+    window = supersampled(plotter)
+    plotter.render()
+    for index in range(4):
+        plotter.renderers[0].camera.Azimuth(0.5)
+        sphere.SetPosition(0.0, 0.05 * index, 0.0)
+        plotter.render()
+    ours = seen(plotter)
+    window.disable()
+    none = plain(plotter)
+    assert np.abs(ours - none).mean() < 0.05
+    plotter.close()
+
+
+def test_a_window_of_vtk_sets_its_camera_to_the_scene_as_without() -> None:
+    images = []
+    for is_ours in (False, True):
+        window, renderer, actor = vtkRenderWindow(), vtkRenderer(), vtkActor()
+        window.SetOffScreenRendering(1)
+        window.SetSize(120, 90)
+        window.SetMultiSamples(4)
+        window.AddRenderer(renderer)
+        actor.SetMapper(pv.DataSetMapper(pv.Cube()))
+        renderer.AddActor(actor)
+        if is_ours:
+            SupersampledWindow(window, renderer)
+        window.Render()
+        images.append(WindowPixels(window).read_color(Rectangle(0, 0, 120, 90)).copy())
+    np.testing.assert_array_equal(*images)
+
+
+@pytest.mark.parametrize("kind", ["line", "edges", "label"])
+def test_lines_stay_beside_a_translucent_surface(plotter: Any, kind: str) -> None:
+    plotter.remove_actor("floor", render=False)
+    add: dict[str, Callable[[], Any]] = {
+        "line": lambda: plotter.add_mesh(pv.Line((-1, 0, 0), (1, 0, 0)), color="black", line_width=4),
+        "edges": lambda: plotter.add_mesh(pv.Cube(), show_edges=True, color="white", lighting=False),
+        "label": lambda: plotter.add_point_labels([(-0.7, 0, 0.0)], ["a"], always_visible=False),
+    }
+    add[kind]()
+    plotter.add_mesh(pv.Sphere(radius=0.2, center=(1.2, 0, 0)), opacity=0.3)
+    window = supersampled(plotter)
+    plotter.render()
+    moving(plotter)
+    ours = seen(plotter)
+    window.disable()
+    expected = plain(plotter)
+    assert np.abs(ours - expected).mean() < 0.15 * (1 - expected).mean()
+
+
+def test_a_slider_that_moves_at_rest_has_one_knob(plotter: Any) -> None:
+    slider = plotter.add_slider_widget(print, (0.0, 1.0))
+    window = supersampled(plotter)
+    window.converge()
+    slider.GetRepresentation().SetValue(0.9)
+    ours = shown(plotter)
+    window.converge()
+    rest = seen(plotter)
+    window.disable()
+    expected = plain(plotter)
+    for image in (ours, rest):
+        assert np.abs(image - expected).max(axis=-1)[-60:].mean() < 0.02
+
+
+def test_surfaces_are_peeled_as_without(plotter: Any) -> None:
+    plotter.remove_actor("floor", render=False)
+    for radius, color in ((0.4, "red"), (0.7, "lime"), (1.0, "blue")):
+        plotter.add_mesh(pv.Sphere(radius=radius), color=color, opacity=0.4, lighting=False)
+    plotter.render_window.SetMultiSamples(0)
+    plotter.renderer.enable_depth_peeling(10)
+    before = shown(plotter)
+    window = supersampled(plotter)
+    np.testing.assert_array_equal(shown(plotter), before)
+    window.converge()
+    assert np.abs(seen(plotter) - before)[40:120, 80:160].mean() < 0.01
+
+
+def test_a_projection_matrix_of_the_program_is_rendered_as_without(plotter: Any) -> None:
+    camera = plotter.camera
+    camera.SetExplicitProjectionTransformMatrix(camera.GetProjectionTransformMatrix(1.5, -1, 1))
+    camera.SetUseExplicitProjectionTransformMatrix(True)
+    window = supersampled(plotter)
+    moving(plotter)
+    ours = seen(plotter)
+    window.converge()
+    rest = seen(plotter)
+    window.disable()
+    expected = plain(plotter)
+    np.testing.assert_array_equal(ours, expected)
+    np.testing.assert_array_equal(rest, expected)
+
+
+@pytest.mark.parametrize(("size", "scale"), [((240, 160), 1.75), ((241, 161), 2), ((482, 271), 1.75)])
+def test_a_moving_image_is_where_the_view_is(plotter: Any, size: tuple[int, int], scale: float) -> None:
+    plotter.render_window.SetSize(*size)
+    window = supersampled(plotter, scale=scale)
+    plotter.render()
+    moving(plotter)
+    place_of = window.viewports[0]
+    for _ in range(8):
+        plotter.render_window.Modified()
+        turn(plotter, 0.02)
+        plotter.render()
+    assert place_of.upscaler is not None
+    ours = seen(plotter)
+    window.disable()
+    expected = plain(plotter)
+    for columns in (slice(8, size[0] // 4), slice(-size[0] // 4, -8)):
+        one, other = ours[:, columns].mean(axis=-1), expected[:, columns].mean(axis=-1)
+        slope = np.gradient(other, axis=1)
+        shift = (slope * (one - other)).sum() / np.square(slope).sum()
+        assert abs(shift) < 0.08
+
+
+@pytest.mark.parametrize("is_moving", [False, True])
+def test_a_transparent_background_stays_transparent(plotter: Any, is_moving: bool) -> None:
+    plotter.camera.zoom(0.5)
+    window = supersampled(plotter)
+    window.converge()
+    if is_moving:
+        moving(plotter)
+    image = plotter.screenshot(transparent_background=True, return_img=True)
+    window.disable()
+    plain(plotter)
+    expected = plotter.screenshot(transparent_background=True, return_img=True)
+    assert image.shape == expected.shape == (SIZE[1], SIZE[0], 4)
+    assert (expected[..., 3] == 0).mean() > 0.3
+    off = np.abs(image[..., 3].astype(int) - expected[..., 3])
+    assert (off > 64).mean() < 0.02
+
+
+def test_a_volume_at_rest_does_not_move_with_something_else(plotter: Any) -> None:
+    grid = pv.ImageData(dimensions=(16, 16, 16), spacing=(0.1, 0.1, 0.1), origin=(-0.75, -0.75, 0.0))
+    grid["density"] = np.exp(-6 * np.square(grid.points - (0.0, 0.0, 0.75)).sum(axis=1))
+    plotter.remove_actor("floor", render=False)
+    plotter.add_volume(grid, scalars="density", opacity="linear", show_scalar_bar=False)
+    ball = plotter.add_mesh(pv.Sphere(radius=0.1, center=(1.2, 0, 0)), color="red")
+    window = supersampled(plotter)
+    plotter.render()
+    for index in range(3):
+        ball.SetPosition(0.0, 0.0, 0.1 * index + 0.1)
+        frame = stepped(window, plotter)
+    column, row = np.floor(place(plotter, (0.0, 0.0, 0.75))).astype(int)
+    assert np.abs(frame.motion).max() > 0.5
+    np.testing.assert_allclose(frame.motion[row - 8 : row + 8, column - 8 : column + 8], 0.0, atol=1e-6)
+
+
+def test_axes_in_the_corner_are_those_of_plain_pyvista(plotter: Any) -> None:
+    plotter.remove_actor("floor", render=False)
+    plotter.add_axes()
+    plotter.add_mesh(pv.Sphere(radius=0.1))
+    window = supersampled(plotter)
+    plotter.render()
+    moving(plotter)
+    ours = seen(plotter)
+    window.converge()
+    rest = seen(plotter)
+    window.disable()
+    expected = plain(plotter)
+    corner = slice(120, 160), slice(0, 48)
+    assert (1 - expected[corner]).mean() > 0.02
+    np.testing.assert_array_equal(ours[corner], expected[corner])
+    np.testing.assert_array_equal(rest[corner], expected[corner])
+
+
+def test_a_skybox_moves_with_the_directions_of_the_camera(plotter: Any) -> None:
+    texture = pv.Texture(np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8))
+    cube = pv.Texture(texture)
+    sky = vtkOpenGLSkybox()
+    sky.SetProjectionToSphere()
+    sky.SetTexture(cube)
+    plotter.remove_actor("floor", render=False)
+    plotter.add_mesh(pv.Sphere(radius=0.2))
+    plotter.renderer.AddActor(sky)
+    window = supersampled(plotter)
+    plotter.render()
+    moving(plotter)
+    plotter.camera.Yaw(1.0)
+    frame = stepped(window, plotter)
+    corner = frame.motion[4:12, 4:12]
+    assert frame.depth[4:12, 4:12].max() == 0.0
+    focal = 0.5 * SMALL[1] / np.tan(np.radians(0.5 * plotter.camera.view_angle))
+    assert np.abs(corner[..., 0]).mean() == pytest.approx(focal * np.radians(1.0), rel=0.3)
+
+
+def selected(plotter: Any) -> set[int]:
+    selector = vtkHardwareSelector()
+    selector.SetRenderer(plotter.renderer)
+    selector.SetArea(60, 40, 180, 120)
+    selector.SetFieldAssociation(1)
+    node = selector.Select().GetNode(0)
+    return set(vtk_to_numpy(node.GetSelectionList()).tolist())
+
+
+def test_cells_are_selected_as_without(plotter: Any) -> None:
+    before = selected(plotter)
+    window = supersampled(plotter)
+    window.converge()
+    image = seen(plotter)
+    assert selected(plotter) == before
+    np.testing.assert_array_equal(shown(plotter), image)
+
+
+@pytest.mark.parametrize("is_moving", [False, True])
+def test_depth_can_be_read_of_any_image(plotter: Any, is_moving: bool) -> None:
+    window = supersampled(plotter)
+    window.converge()
+    if is_moving:
+        moving(plotter)
+    pixels, whole = WindowPixels(plotter.render_window), Rectangle(0, 0, *SIZE)
+    ours = pixels.read_depth(whole)
+    window.disable()
+    plotter.render_window.SetMultiSamples(0)
+    plotter.render()
+    off = np.abs(ours - pixels.read_depth(whole))
+    assert np.median(off) < 2e-4
+    assert (off > 0.01).mean() < 0.03
+
+
+def test_a_surface_that_a_matrix_flattens_shows_at_once(plotter: Any) -> None:
+    ball = plotter.add_mesh(pv.Sphere(radius=0.4, center=(0, 0, 0.5)), color="red")
+    window = supersampled(plotter)
+    window.converge()
+    for scale in ((1.0, 1.0, 0.0), (0.0, 0.0, 0.0)):
+        ball.SetScale(*scale)
+        ours = shown(plotter)
+        window.disable()
+        np.testing.assert_array_equal(ours, plain(plotter))
+        window = supersampled(plotter)
+        window.converge()
+
+
+def test_a_viewport_without_pixels_leaves_the_others_alone() -> None:
+    plotter = side_by_side()
+    plotter.show(auto_close=False)
+    window = supersampled(plotter)
+    plotter.renderers[0].SetViewport(0, 0, 0, 0)
+    plotter.renderers[1].SetViewport(0, 0, 1, 1)
+    plotter.render()
+    window.converge()
+    assert window.is_converged
+    plotter.renderers[1].camera.Azimuth(1.0)
+    plotter.render()
+    assert window.viewports[1].upscaler is not None
+    plotter.close()
+
+
+def test_enabled_twice_the_second_counts(plotter: Any) -> None:
+    supersampled(plotter)
+    plotter.render()
+    window = supersampled(plotter)
+    window.converge()
+    assert window.is_converged
+    window.disable()
+    assert plotter.render_window.GetMultiSamples() > 0
+
+
+def test_disabled_within_a_frame_the_window_is_as_before(plotter: Any) -> None:
+    window = supersampled(plotter)
+    plotter.render()
+    plotter.renderer.AddObserver("EndEvent", lambda *_: window.disable())
+    turn(plotter)
+    plotter.render()
+    assert plotter.render_window.GetSwapBuffers() == 1
+    np.testing.assert_array_equal(shown(plotter), plain(plotter))
+
+
+def test_an_error_within_a_frame_leaves_a_plain_image(
+    plotter: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    window = supersampled(plotter)
+    plotter.render()
+    moving(plotter)
+    with monkeypatch.context() as patched:
+        patched.setattr(window.viewports[0], "upscale", lambda _: 1 / 0)
+        turn(plotter)
+        ours = shown(plotter)
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    moving(plotter)
+    assert window.viewports[0].upscaler is not None
+    turn(plotter, -2.0)
+    window.disable()
+    np.testing.assert_array_equal(ours, plain(plotter))
