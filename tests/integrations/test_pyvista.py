@@ -734,19 +734,17 @@ def test_linked_views_are_those_of_views_alone() -> None:
 
 def test_actors_in_two_viewports_are_seen_in_both() -> None:
     plotter = side_by_side()
-    sphere = plotter.add_mesh(pv.Sphere(radius=0.5), color="red", lighting=False)
-    plotter.renderers[0].AddActor(sphere)
+    plotter.renderers[0].RemoveAllViewProps()
+    plotter.renderers[0].AddActor(plotter.renderers[1].GetViewProps().GetLastProp())
     plotter.show(auto_close=False)
     window = supersampled(plotter)
-    plotter.render()
-    for index in range(4):
+    window.converge()
+    for _ in range(4):
         plotter.renderers[0].camera.Azimuth(0.5)
-        sphere.SetPosition(0.0, 0.05 * index, 0.0)
         plotter.render()
     ours = seen(plotter)
     window.disable()
-    none = plain(plotter)
-    assert np.abs(ours - none).mean() < 0.05
+    assert np.abs(ours - plain(plotter)).mean() < 0.05
     plotter.close()
 
 
@@ -787,6 +785,7 @@ def test_lines_stay_beside_a_translucent_surface(plotter: Any, kind: str) -> Non
 
 
 def test_a_slider_that_moves_at_rest_has_one_knob(plotter: Any) -> None:
+    plotter.remove_actor("floor", render=False)
     slider = plotter.add_slider_widget(print, (0.0, 1.0))
     window = supersampled(plotter)
     window.converge()
@@ -796,8 +795,9 @@ def test_a_slider_that_moves_at_rest_has_one_knob(plotter: Any) -> None:
     rest = seen(plotter)
     window.disable()
     expected = plain(plotter)
-    for image in (ours, rest):
-        assert np.abs(image - expected).max(axis=-1)[-60:].mean() < 0.02
+    assert (1 - expected).mean() > 0.005
+    np.testing.assert_array_equal(ours, expected)
+    np.testing.assert_array_equal(rest, expected)
 
 
 def test_surfaces_are_peeled_as_without(plotter: Any) -> None:
@@ -950,9 +950,10 @@ def test_depth_can_be_read_of_any_image(plotter: Any, is_moving: bool) -> None:
     window.disable()
     plotter.render_window.SetMultiSamples(0)
     plotter.render()
-    off = np.abs(ours - pixels.read_depth(whole))
-    assert np.median(off) < 2e-4
-    assert (off > 0.01).mean() < 0.03
+    expected = pixels.read_depth(whole)
+    off = np.abs(ours - expected) / (np.median(expected[expected < 1]) - expected.min())
+    assert np.median(off) < 0.01
+    assert (off > 0.05).mean() < 0.03
 
 
 def test_a_surface_that_a_matrix_flattens_shows_at_once(plotter: Any) -> None:
