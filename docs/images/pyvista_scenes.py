@@ -76,7 +76,7 @@ class Viewer:
 
     def image(self) -> Float32:
         """Return what the window shows, (h, w, 3) display values."""
-        return self._pixels.read_color(Rectangle(0, 0, *SIZE)) * np.float32(1.0 / 255.0)
+        return self._pixels.read_color(Rectangle(0, 0, *SIZE))[..., :3] * np.float32(1.0 / 255.0)
 
     def reference(self) -> Float32:
         """Return the view with 64 samples a pixel; text, which has its own anti-aliasing, as it is."""
