@@ -1,4 +1,4 @@
-"""Upscale a shot in fifty lines without supersampler, as an engine integration would.
+"""Upscale a shot in sixty lines without supersampler, as an engine integration would.
 
     python examples/bare_onnxruntime.py [MODEL_FOLDER SHOT_FOLDER OUT_FOLDER]
 
@@ -27,12 +27,18 @@ if description["conventions"]:
     sys.exit(f"{shot} has other conventions; convert it: supersampler import {shot} -o CONVERTED")
 session = ort.InferenceSession(str(model / "step.onnx"), providers=["CPUExecutionProvider"])
 (w, h), (display_w, display_h) = description["render_size"], description["display_size"]
+large_w, large_h = (7 * display_w + 4) // 5, (7 * display_h + 4) // 5
 sizes = {
     "display_height": display_h, "display_width": display_w, "previous_height": h, "previous_width": w,
     "half_height": (display_h + 1) // 2, "half_width": (display_w + 1) // 2,
+    "large_height": large_h, "large_width": large_w,
+    "large_half_height": (large_h + 1) // 2, "large_half_width": (large_w + 1) // 2,
     "previous_blocks_down": (h + 3) // 4, "previous_blocks_across": (w + 3) // 4,
     "previous_phases": 9 * display_w * display_h // (w * h) + 2,
 }  # fmt: skip
+unknown = {n for t in contract["history"] for n in t["shape"] if isinstance(n, str)} - set(sizes)
+if unknown:
+    sys.exit(f"{model} has sizes that this example does not know: {', '.join(sorted(unknown))}")
 out.mkdir(parents=True, exist_ok=True)
 
 for entry in description["frames"]:

@@ -35,10 +35,13 @@ struct Frame {
 // Dimensions of the graph by their names, for a frame, an image, and the frame before.
 inline std::map<std::string, int64_t> extents(Size render, Size display, Size previous) {
   const auto blocks = [](int64_t samples) { return (samples + 3) / 4; };
+  const auto large = [](int64_t side) { return (7 * side + 4) / 5; };  // of the history of classifier-large
   const auto phases = [&](Size size) { return 9 * display.width * display.height / (size.width * size.height) + 2; };
   return {{"render_width", render.width},       {"render_height", render.height},
           {"display_width", display.width},     {"display_height", display.height},
           {"half_width", (display.width + 1) / 2}, {"half_height", (display.height + 1) / 2},
+          {"large_width", large(display.width)}, {"large_height", large(display.height)},
+          {"large_half_width", (large(display.width) + 1) / 2}, {"large_half_height", (large(display.height) + 1) / 2},
           {"previous_width", previous.width},   {"previous_height", previous.height},
           {"blocks_across", blocks(render.width)}, {"blocks_down", blocks(render.height)}, {"phases", phases(render)},
           {"previous_blocks_across", blocks(previous.width)}, {"previous_blocks_down", blocks(previous.height)},
@@ -180,7 +183,12 @@ class Upscaler {
     std::vector<int64_t> shape_for(const std::map<std::string, int64_t>& sizes) const {
       std::vector<int64_t> found = shape;
       for (size_t i = 0; i < found.size(); ++i)
-        if (found[i] < 0) found[i] = sizes.at(names[i]);
+        if (found[i] < 0) {
+          const auto size = sizes.find(names[i]);
+          if (size == sizes.end())
+            throw std::invalid_argument(name + " has the size '" + names[i] + "', which this code does not know");
+          found[i] = size->second;
+        }
       return found;
     }
   };
