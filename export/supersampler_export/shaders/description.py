@@ -201,7 +201,7 @@ def _resources(
         yield {"name": name, "role": "work", **_memory(one)}
     role = "work" if aovs.channels else "aux"  # passes of AOVs read it
     yield {"name": "aux", "role": role, **_memory(program.outputs["aux"])}
-    for name, one in frame_memory(program.layout.spec.inputs).items():
+    for name, one in frame_memory(texts.INPUTS).items():
         in_texture = images == "textures" or isinstance(one, PixelTexture)
         given = {"kind": "texture", "size": _size(one.extent)} if in_texture else _memory(one)
         yield {"name": name, "role": "frame", **given}
