@@ -2,9 +2,10 @@
 
     python examples/raw_frames.py plaza out/raw
 
-frames.json lists files, sizes, jitter, exposure and resets. Rows start at the top. Depth has one channel and
-motion two, like textures of r32float and rg32float; all others have four, like rgba32float (colour and
-G-buffers with an alpha of 1). Four channels of AOVs are one image: aovs0, aovs1 and so on.
+frames.json lists files, sizes, jitter, exposure, pre-exposure and resets. Rows start at the top. Depth and
+reactive mask have one channel and motion two, like textures of r32float and rg32float; all others have four,
+like rgba32float (colour and G-buffers with an alpha of 1). Four channels of AOVs are one image: aovs0, aovs1
+and so on; the last one is filled with zeros.
 """
 
 import argparse
@@ -15,6 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from supersampler import Frame, Shot
+
+VALUES = ("jitter", "exposure", "pre_exposure", "reset", "size")
+"""Attributes of a frame in frames.json."""
 
 
 def main() -> None:
@@ -35,7 +39,7 @@ def main() -> None:
         files = {name: f"{item.index:04d}.{name}.f32" for name in pixels}
         for name, file in files.items():
             np.asarray(pixels[name], "<f4").tofile(options.output / file)
-        values = {name: getattr(frame, name) for name in ("jitter", "exposure", "reset", "size")}
+        values = {name: getattr(frame, name) for name in VALUES}
         frames.append({**values, **files})
     description = {"display": shot.display_size, "frames": frames}
     (options.output / "frames.json").write_text(json.dumps(description, indent=1))
@@ -44,12 +48,13 @@ def main() -> None:
 
 def images_of(frame: Frame) -> dict[str, np.ndarray]:
     """Return the images of a frame, by the names of frames.json."""
-    found = {"color": frame.color, "depth": frame.depth, "motion": frame.motion}
+    found = {name: getattr(frame, name) for name in ("color", "depth", "motion", "reactive")}
     for group in ("gbuffer", "gbuffer_display"):
         found |= {f"{group}_{name}": image for name, image in (getattr(frame, group) or {}).items()}
     if frame.aovs is not None:
-        starts = range(0, frame.aovs.shape[2], 4)
-        found |= {f"aovs{start // 4}": frame.aovs[..., start : start + 4] for start in starts}
+        channels = frame.aovs.shape[2]
+        aovs = np.pad(frame.aovs, ((0, 0), (0, 0), (0, -channels % 4)))
+        found |= {f"aovs{start // 4}": aovs[..., start : start + 4] for start in range(0, channels, 4)}
     return {name: texels(image) for name, image in found.items() if image is not None}
 
 

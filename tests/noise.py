@@ -1,12 +1,16 @@
 """Random frames of plausible content, for tests that need no particular scene."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from supersampler import Frame
+from supersampler import Frame, Shot
+from supersampler.io.shot import ShotWriter
 
 Size = tuple[int, int]
+MASKED_DISPLAY = (65, 37)
+"""(width, height) of the images of `masked_shot`."""
 
 
 def noise(seed: int, size: Size = (32, 18), **overrides: Any) -> Frame:
@@ -25,3 +29,17 @@ def noise(seed: int, size: Size = (32, 18), **overrides: Any) -> Frame:
         "reset": seed == 0,
     }
     return Frame(**{**fields, **overrides})
+
+
+def masked_shot(folder: Path) -> Shot:
+    """Write four frames: one has a reactive mask, two a pre-exposure, one an exposure."""
+    mask = np.linspace(0.0, 1.0, 32 * 18, dtype=np.float32).reshape(18, 32)
+    changes: list[dict[str, Any]] = [{}, {"pre_exposure": 4.0}, {"reactive": mask}, {"pre_exposure": 0.25}]
+    changes[3]["exposure"] = 0.5
+    with ShotWriter(folder, name="masked", display_size=MASKED_DISPLAY, frame_rate=30.0) as writer:
+        for index, changed in enumerate(changes):
+            frame = noise(index, **changed)
+            assert frame.color is not None
+            frame.color[...] *= frame.pre_exposure
+            writer.write(frame)
+    return Shot.open(folder)

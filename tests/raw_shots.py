@@ -18,12 +18,15 @@ from supersampler.backends.gpu.device import default_device
 
 DISPLAY = (41, 25)
 SIZES = ((20, 12), (20, 12), (27, 17), (21, 13), (21, 13), *((20, 12),) * 12)
-RESET, GIVEN, STILL = 4, 2, 6
-"""Frames with a reset; with an exposure that is given; from which on nothing moves."""
+RESET, GIVEN, MASKED, STILL = 4, 2, 3, 6
+"""Frames with a reset; with an exposure that is given; with a reactive mask; from which on nothing moves."""
+PRE_EXPOSED = {2: 4.0, 3: 0.25, 9: 2.0}
+"""Factors of the colour, by frame."""
 FORMATS = {1: "r32float", 2: "rg32float", 4: "rgba32float"}
 AOVS = 6
 """Channels; a host has them in two textures, of which the last two channels are zeros."""
-IMAGES_OF = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "raw_frames.py"))["images_of"]
+RAW = runpy.run_path(str(Path(__file__).parents[1] / "examples" / "raw_frames.py"))
+"""The example that writes such files."""
 
 
 def frames() -> list[Frame]:
@@ -31,6 +34,12 @@ def frames() -> list[Frame]:
     made = [moving(min(index, STILL), size) for index, size in enumerate(SIZES)]
     made[RESET] = replace(made[RESET], reset=True)
     made[GIVEN] = replace(made[GIVEN], exposure=1.5)
+    mask = np.linspace(0.0, 1.0, made[MASKED].depth.size, dtype=np.float32).reshape(made[MASKED].depth.shape)
+    made[MASKED] = replace(made[MASKED], reactive=mask)
+    for index, factor in PRE_EXPOSED.items():
+        color = made[index].color
+        assert color is not None
+        made[index] = replace(made[index], color=color * np.float32(factor), pre_exposure=factor)
     for index in range(STILL, len(made)):
         jitter, motion = halton_jitter(index // 2, 2.0), np.zeros_like(made[index].motion)
         made[index] = replace(made[index], jitter=jitter, motion=motion)
@@ -50,7 +59,7 @@ def with_buffers(frame: Frame, index: int) -> Frame:
         "depth": image(DISPLAY, 1)[..., 0],
     }
     render = {"base_color": image(frame.size, 3), "normal": image(frame.size, 3)}
-    aovs = np.pad(image(frame.size, AOVS), ((0, 0), (0, 0), (0, -AOVS % 4)))
+    aovs = image(frame.size, AOVS)
     aovs[random.random(aovs.shape) < 0.1] = np.nan
     return replace(frame, gbuffer=render, gbuffer_display=display, aovs=aovs)
 
@@ -60,12 +69,11 @@ def write_raw(folder: Path) -> None:
     folder.mkdir()
     described = []
     for index, frame in enumerate(frames()):
-        images = IMAGES_OF(frame)
+        images = RAW["images_of"](frame)
         files = {name: f"{index}.{name}" for name in images}
         for name, file in files.items():
             np.asarray(images[name], np.float32).tofile(folder / file)
-        rest = {"jitter": frame.jitter, "exposure": frame.exposure, "reset": frame.reset, "size": frame.size}
-        described.append({**rest, **files})
+        described.append({**{name: getattr(frame, name) for name in RAW["VALUES"]}, **files})
     (folder / "frames.json").write_text(json.dumps({"display": DISPLAY, "frames": described}))
 
 
@@ -81,14 +89,14 @@ def wanted_images(
     inputs, size, images = [one.name for one in upscaler.model.info.inputs], (*display, 1), {}
     names = ["rgba16f", *(f"aovs{i}.rgba16f" for i in range(aovs))]
     for index, frame in enumerate(shot or frames()):
-        textures = {name: _texture(device, image) for name, image in IMAGES_OF(frame).items()}
+        textures = {name: _texture(device, image) for name, image in RAW["images_of"](frame).items()}
         written = [device.create_texture(size=size, format="rgba16float", usage=8 | 1) for _ in range(aovs)]
         given: Any = {
             name: texture for name, texture in textures.items() if name in inputs or name == "depth"
         }
         image: Any = upscaler.step_textures(
-            given, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset,
-            aovs=[textures[f"aovs{i}"] for i in range(aovs)], aovs_out=written,
+            given, jitter=frame.jitter, exposure=frame.exposure, pre_exposure=frame.pre_exposure,
+            reset=frame.reset, aovs=[textures[f"aovs{i}"] for i in range(aovs)], aovs_out=written,
         )  # fmt: skip
         for name, texture in zip(names, [image, *written], strict=True):
             pixels = device.queue.read_texture({"texture": texture}, {"bytes_per_row": 8 * size[0]}, size)

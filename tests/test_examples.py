@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
+from noise import MASKED_DISPLAY, masked_shot
 from supersampler import Shot, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.io.display import display_transform
@@ -41,9 +43,12 @@ def test_the_bare_example_takes_the_shipped_shot() -> None:
     assert content["conventions"] == {}  # it converts nothing, and refuses what would need it
 
 
-def test_bare_onnx_runtime_computes_the_images_of_upscaler(tmp_path: Path) -> None:
-    shot = short_shot(tmp_path / "shot")
-    upscaler = Upscaler("classifier", display_size=(640, 360), executor="onnx", validate="off")
+@pytest.mark.parametrize(("method", "write"), [("classifier", short_shot), ("classifier-large", masked_shot)])
+def test_bare_onnx_runtime_computes_the_images_of_upscaler(
+    method: str, write: Callable[[Path], Shot], tmp_path: Path
+) -> None:
+    shot = write(tmp_path / "shot")
+    upscaler = Upscaler(method, display_size=shot.display_size, executor="onnx", validate="off")
     script = EXAMPLES / "bare_onnxruntime.py"
     assert "import supersampler" not in script.read_text().replace("not import supersampler", "")
     out = tmp_path / "out"
@@ -55,20 +60,24 @@ def test_bare_onnx_runtime_computes_the_images_of_upscaler(tmp_path: Path) -> No
 
 
 def test_raw_frames_are_those_of_the_shot(tmp_path: Path) -> None:
-    script = EXAMPLES / "raw_frames.py"
-    subprocess.run(
-        [sys.executable, str(script), "plaza", str(tmp_path), "--frames", "2"], check=True, timeout=120
-    )
-    described = json.loads((tmp_path / "frames.json").read_text())
-    assert described["display"] == [640, 360]
-    assert [entry["reset"] for entry in described["frames"]] == [True, False]
+    script, shot = EXAMPLES / "raw_frames.py", masked_shot(tmp_path / "shot")
+    command = [sys.executable, str(script), str(shot.path), str(tmp_path / "raw"), "--frames", "3"]
+    subprocess.run(command, check=True, timeout=120)
+    described = json.loads((tmp_path / "raw" / "frames.json").read_text())
+    assert described["display"] == list(MASKED_DISPLAY)
+    assert [entry["reset"] for entry in described["frames"]] == [True, False, False]
     for index, entry in enumerate(described["frames"]):
-        frame = Shot.open("plaza").read(index).frame
-        assert (entry["jitter"], entry["exposure"]) == (list(frame.jitter), frame.exposure)
-        for name, channels in (("color", 4), ("depth", 1), ("motion", 2)):
-            pixels = np.fromfile(tmp_path / entry[name], np.float32).reshape(*frame.size[::-1], channels)
-            image = np.atleast_3d(getattr(frame, name))
-            np.testing.assert_array_equal(pixels[..., : image.shape[2]], image)
+        frame = shot.read(index).frame
+        values = list(frame.jitter), frame.exposure, frame.pre_exposure
+        assert (entry["jitter"], entry["exposure"], entry["pre_exposure"]) == values
+        for name, channels in {"color": 4, "depth": 1, "motion": 2, "reactive": 1}.items():
+            image = getattr(frame, name)
+            assert (name in entry) == (image is not None)
+            if image is not None:
+                file = tmp_path / "raw" / entry[name]
+                pixels = np.fromfile(file, np.float32).reshape(*frame.size[::-1], channels)
+                image = np.atleast_3d(image)
+                np.testing.assert_array_equal(pixels[..., : image.shape[2]], image)
 
 
 def test_the_viewer_stops_rendering_once_the_image_has_converged(tmp_path: Path) -> None:

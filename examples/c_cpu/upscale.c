@@ -2,8 +2,9 @@
  *
  *     upscale RAW_FOLDER OUT_FOLDER [MODEL]
  *
- * RAW_FOLDER/frames.txt has a line for each frame: NAME w h W H jitter_x jitter_y exposure reset. Images are
- * RAW_FOLDER/NAME.color, .depth and .motion, planes of float32. examples/cpp_onnxruntime/raw_planes.py writes them.
+ * RAW_FOLDER/frames.txt has a line for each frame: NAME w h W H jitter_x jitter_y exposure pre_exposure reset
+ * has_reactive. Images are RAW_FOLDER/NAME.color, .depth, .motion and, if has_reactive is 1, .reactive, planes of
+ * float32. examples/cpp_onnxruntime/raw_planes.py writes them.
  * OUT_FOLDER exists. MODEL is the name of a shipped model; classifier where there is none. */
 #include <stdlib.h>
 #include <string.h>
@@ -14,8 +15,8 @@
 
 typedef struct Line {
     char name[64];
-    int width, height, display_width, display_height, reset;
-    float jitter[2], exposure;
+    int width, height, display_width, display_height, reset, has_reactive;
+    float jitter[2], exposure, pre_exposure;
 } Line;
 
 static int fail(const char* where, const char* what) {
@@ -27,10 +28,12 @@ static int fail(const char* where, const char* what) {
 static int read_line(FILE* list, Line* l) {
     char text[256];
     if (!fgets(text, sizeof text, list)) return 0;
-    const int count = sscanf(text, "%63s %d %d %d %d %f %f %f %d", l->name, &l->width, &l->height, &l->display_width,
-                             &l->display_height, &l->jitter[0], &l->jitter[1], &l->exposure, &l->reset);
-    const int is_plain = count == 9 && l->name[0] != '.' && !strpbrk(l->name, "/\\:"); /* it leads out of no folder */
-    return is_plain && l->width > 0 && l->height > 0 && l->width <= 16384 && l->height <= 16384 ? 1 : -1;
+    const int count = sscanf(text, "%63s %d %d %d %d %f %f %f %f %d %d", l->name, &l->width, &l->height,
+                             &l->display_width, &l->display_height, &l->jitter[0], &l->jitter[1], &l->exposure,
+                             &l->pre_exposure, &l->reset, &l->has_reactive);
+    const int is_plain = count == 11 && l->name[0] != '.' && !strpbrk(l->name, "/\\:"); /* it leads out of no folder */
+    const int is_size = l->width > 0 && l->height > 0 && l->width <= 16384 && l->height <= 16384;
+    return is_plain && is_size && l->pre_exposure > 0.0f ? 1 : -1;
 }
 
 /* Reads planes of a frame to memory that the caller frees, and describes them. */
@@ -62,22 +65,24 @@ static int upscale(ss_upscaler* upscaler, const char* folder, const char* out, c
     float* color = read_planes(folder, l, "color", 3, &frame.color);
     float* depth = read_planes(folder, l, "depth", 1, &frame.depth);
     float* motion = read_planes(folder, l, "motion", 2, &frame.motion);
+    float* reactive = l->has_reactive ? read_planes(folder, l, "reactive", 1, &frame.reactive) : NULL;
     float* image = malloc(sizeof(float) * 3 * pixels);
     uint8_t* bytes = malloc(3 * pixels);
-    int failed = !color || !depth || !motion || !image || !bytes;
+    int failed = !color || !depth || !motion || (l->has_reactive && !reactive) || !image || !bytes;
     if (!failed) {
         frame.width = l->width, frame.height = l->height;
         frame.jitter[0] = l->jitter[0], frame.jitter[1] = l->jitter[1];
-        frame.exposure = l->exposure, frame.reset = l->reset, frame.adds_samples = 1.0f;
+        frame.exposure = l->exposure, frame.pre_exposure = l->pre_exposure;
+        frame.reset = l->reset, frame.adds_samples = 1.0f;
         outputs.image.data = image;
         failed = ss_step(upscaler, &frame, &outputs, &error) != SS_OK && fail(l->name, error.message);
     }
     if (!failed) {
         snprintf(path, sizeof path, "%s/%s.png", out, l->name);
-        to_display(image, pixels, l->exposure > 0.0f ? l->exposure : 1.0f, bytes);
+        to_display(image, pixels, (l->exposure > 0.0f ? l->exposure : 1.0f) / l->pre_exposure, bytes);
         failed = !write_png(path, bytes, l->display_width, l->display_height) && fail(path, "it cannot be written");
     }
-    free(color), free(depth), free(motion), free(image), free(bytes);
+    free(color), free(depth), free(motion), free(reactive), free(image), free(bytes);
     return failed;
 }
 

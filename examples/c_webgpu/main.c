@@ -162,6 +162,7 @@ int main(int count, char** arguments) {
             .size = {item->size[0], item->size[1]},
             .jitter = {item->jitter[0], item->jitter[1]},
             .exposure = item->exposure,
+            .pre_exposure = item->pre_exposure,
             .reset = item->reset,
         };
         load_frame(device, queue, frames, &shot, item, &frame);

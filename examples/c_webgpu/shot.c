@@ -19,6 +19,7 @@ static ShotFrame read_frame(const cJSON* item) {
     two_numbers_of(item, "jitter", -0.5f, 0.5f, frame.jitter);
     if (!cJSON_IsNull(member(item, "exposure"))) /* null: measured */
         frame.exposure = number_of(item, "exposure", 0.0f, FLT_MAX);
+    frame.pre_exposure = number_of(item, "pre_exposure", 0x1p-24f, 0x1p24f);
     return frame;
 }
 

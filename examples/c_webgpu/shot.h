@@ -13,7 +13,7 @@
 typedef struct {
     const char* inputs[INPUTS]; /* NULL: it has none */
     uint32_t size[2];
-    float jitter[2], exposure;
+    float jitter[2], exposure, pre_exposure;
     bool reset;
 } ShotFrame;
 

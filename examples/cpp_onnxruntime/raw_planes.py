@@ -14,6 +14,7 @@ import numpy as np
 from OpenImageIO import ImageBuf
 
 CHANNELS = {"color": ("R", "G", "B"), "depth": ("depth.Z",), "motion": ("motion.X", "motion.Y")}
+REACTIVE = {"reactive": ("reactive.Y",)}  # optional
 
 if len(sys.argv) not in (3, 4):
     sys.exit(__doc__)
@@ -29,12 +30,12 @@ for entry in description["frames"][: int(sys.argv[3]) if len(sys.argv) == 4 else
     pixels = np.asarray(image.get_pixels("float"))  # (h, w, channels)
     names = image.spec().channelnames
     stem = Path(entry["file"]).stem
-    for buffer, channels in CHANNELS.items():
+    has_reactive = "reactive.Y" in names
+    for buffer, channels in (CHANNELS | REACTIVE if has_reactive else CHANNELS).items():
         planes = np.stack([pixels[..., names.index(channel)] for channel in channels])
         planes.astype("<f4").tofile(out / f"{stem}.{buffer}")
     x, y = (repr(float(np.float32(v))) for v in entry["jitter"])
-    exposure, reset = entry["exposure"] or 0.0, int(entry["reset"])
-    lines.append(
-        f"{stem} {pixels.shape[1]} {pixels.shape[0]} {width} {height} {x} {y} {exposure!r} {reset}\n"
-    )
+    sizes = f"{pixels.shape[1]} {pixels.shape[0]} {width} {height}"
+    factors = f"{entry['exposure'] or 0.0!r} {entry.get('pre_exposure', 1.0)!r}"
+    lines.append(f"{stem} {sizes} {x} {y} {factors} {int(entry['reset'])} {int(has_reactive)}\n")
 (out / "frames.txt").write_text("".join(lines))

@@ -2,8 +2,9 @@
 //
 //     upscale STEP.ONNX FRAMES_FOLDER OUT_FOLDER [--fixed] [--provider NAME] [--threads N]
 //
-// FRAMES_FOLDER/frames.txt has a line for each frame: NAME w h W H jitter_x jitter_y exposure reset. Images are
-// FRAMES_FOLDER/NAME.CHANNELS, planes of float32. Writes OUT_FOLDER/NAME.image, (3, H, W) float32.
+// FRAMES_FOLDER/frames.txt has a line for each frame: NAME w h W H jitter_x jitter_y exposure pre_exposure reset
+// has_reactive. Images are FRAMES_FOLDER/NAME.CHANNELS, planes of float32: color, depth, motion and, if has_reactive is
+// 1, reactive. Writes OUT_FOLDER/NAME.image, (3, H, W) float32.
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -71,15 +72,18 @@ static void run(const Arguments& arguments) {
         std::string name;
         Frame frame;
         Size wanted;
+        bool has_reactive = false;
         if (!(fields >> name >> frame.size.width >> frame.size.height >> wanted.width >> wanted.height >>
-              frame.jitter[0] >> frame.jitter[1] >> frame.exposure >> frame.reset) ||
+              frame.jitter[0] >> frame.jitter[1] >> frame.exposure >> frame.pre_exposure >> frame.reset >>
+              has_reactive) ||
             !is_plain(name) || !is_size(frame.size) || !is_size(wanted))
             throw std::runtime_error("frames.txt: cannot be read: " + line);
 
         std::map<std::string, std::string> files;  // must outlive the step, which reads this memory
-        for (const std::string channels : {"color", "depth", "motion"}) {
+        for (const std::string channels : {"color", "depth", "motion", "reactive"}) {
+            if (channels == "reactive" && !has_reactive) continue;
             const std::string& file = files[channels] = content_of(folder / (name + "." + channels));
-            const size_t planes = channels == "color" ? 3 : channels == "depth" ? 1 : 2;
+            const size_t planes = channels == "color" ? 3 : channels == "motion" ? 2 : 1;
             if (file.size() != sizeof(float) * planes * frame.size.width * frame.size.height)
                 throw std::runtime_error(name + "." + channels + ": has another size than frames.txt says");
             frame.images[channels] = reinterpret_cast<const float*>(file.data());

@@ -16,7 +16,7 @@ import { parsedJson } from "../web/supersampler_folder.js";
 
 Object.assign(globalThis, globals);
 const FORMATS = { 1: "r32float", 2: "rg32float", 4: "rgba32float" }; // by channels
-const CHANNELS = { depth: 1, gbuffer_display_depth: 1, motion: 2 }; // all others have four
+const CHANNELS = { depth: 1, reactive: 1, gbuffer_display_depth: 1, motion: 2 }; // all others have four
 const FRAMES = 1 << 20;
 const ROW = 256; // rows of a copied texture begin at multiples of this many bytes
 
@@ -49,7 +49,7 @@ const list = shot
 const upscaler = await Upscaler.load(device, (name) => readFile(join(shaders, name)), {
   displaySize: [width, height],
 });
-const inputs = upscaler.info.inputs.map((one) => one.name).filter((name) => name !== "reactive");
+const inputs = upscaler.info.inputs.map((one) => one.name);
 const blended = inputs.filter((name) => name.startsWith("aovs"));
 const [image, ...aovs] = ["image", ...blended].map((label) =>
   device.createTexture({
@@ -68,12 +68,16 @@ const textures = {};
 
 await mkdir(output, { recursive: true });
 for (const [index, frame] of list.entries()) {
-  for (const name of inputs) await upload(name, frame);
+  const given = {};
+  for (const name of inputs) {
+    if (name !== "reactive" || "reactive" in frame) given[name] = await uploaded(name, frame);
+  }
   const encoder = device.createCommandEncoder();
-  const given = { ...textures, aovs: blended.map((name) => textures[name]) };
+  given.aovs = blended.map((name) => given[name]);
   upscaler.encode(encoder, given, image, {
     jitter: frame.jitter,
     exposure: frame.exposure,
+    preExposure: frame.field.at("pre_exposure").number(2 ** -24, 2 ** 24),
     reset: frame.reset,
     aovs,
   });
@@ -87,8 +91,8 @@ console.log(`${list.length} images on ${description || name}: ${output}`);
 upscaler.destroy();
 process.exit(0); // Dawn's event loop would keep Node
 
-/** Write an image of a frame to its texture. */
-async function upload(name, frame) {
+/** Write an image of a frame to its texture, and return that. */
+async function uploaded(name, frame) {
   const [w, h] = name.startsWith("gbuffer_display") ? [width, height] : frame.size;
   const channels = CHANNELS[name] ?? 4;
   if (textures[name]?.width !== w || textures[name]?.height !== h) {
@@ -102,6 +106,7 @@ async function upload(name, frame) {
     throw new UpscalerError(file, `${data.length} bytes`, wanted, "Write the frames again.");
   }
   device.queue.writeTexture({ texture: textures[name] }, data, { bytesPerRow: 4 * channels * w }, [w, h]);
+  return textures[name];
 }
 
 /** Return an image without the padding of rows. */

@@ -19,6 +19,7 @@ FRAMES = [
     {
         "jitter": [0.125, -0.25],
         "exposure": exposure,
+        "pre_exposure": 1.0,
         "reset": exposure is None,
         "size": size,
         **{name: f"0.{name}" for name in ("color", "depth", "motion")},

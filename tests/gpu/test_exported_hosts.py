@@ -22,7 +22,13 @@ class Exported(NamedTuple):
 
 @pytest.fixture(
     scope="module",
-    params=[("taa", 0), ("taau", AOVS), ("classifier", 0), ("classifier-large", 0), ("gbuffer-fast", AOVS)],
+    params=[
+        ("taa", AOVS),
+        ("taau", AOVS),
+        ("classifier", 0),
+        ("classifier-large", 0),
+        ("gbuffer-fast", AOVS),
+    ],
 )
 def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Exported:
     """A folder with the shaders of a method and the frames of a shot."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
 from native_build import SOURCES, native_build
+from noise import MASKED_DISPLAY, masked_shot
 from supersampler import Shot, Upscaler
 from supersampler.io.display import display_transform, to_uint8
 
@@ -103,6 +104,19 @@ def test_images_of_the_shipped_shot_are_those_of_upscaler(programs: Path, raw: P
         assert apart.max() <= 1, index
 
 
+def test_pre_exposure_and_a_reactive_mask_give_the_images_of_upscaler(programs: Path, tmp_path: Path) -> None:
+    shot, out = masked_shot(tmp_path / "shot"), tmp_path / "out"
+    out.mkdir()
+    run(sys.executable, ROOT / "examples/cpp_onnxruntime/raw_planes.py", shot.path, tmp_path / "raw")
+    run(programs / "upscale", tmp_path / "raw", out, "taau")
+    upscaler = Upscaler("taau", display_size=MASKED_DISPLAY, executor="cpu", validate="off")
+    for item in shot:
+        exposure = (item.frame.exposure or 1.0) / item.frame.pre_exposure
+        shown = to_uint8(display_transform(upscaler.step(item.frame), exposure))
+        apart = np.abs(pixels_of(out / f"{item.index:04d}.png").astype(int) - shown.astype(int))
+        assert apart.max() <= 1, item.index
+
+
 def test_a_damaged_list_or_a_short_image_is_said_in_a_line(programs: Path, raw: Path, tmp_path: Path) -> None:
     shutil.copytree(raw, tmp_path / "raw")
     (tmp_path / "raw" / "0000.depth").write_bytes(b"short")
@@ -110,7 +124,8 @@ def test_a_damaged_list_or_a_short_image_is_said_in_a_line(programs: Path, raw: 
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
     assert "0000.depth: it is missing, or has another size" in done.stderr
-    for line in ("../0000 320 180 640 360 0 0 1 1", "0000 320 180", "0000 -1 180 640 360 0 0 1 1"):
+    damaged = ["../0000 320 180 640 360 0 0 1 1 1 0", "0000 320 180", "0000 -1 180 640 360 0 0 1 1 1 0"]
+    for line in (*damaged, "0000 320 180 640 360 0 0 1 0 1 0", "0000 320 180 640 360 0 0 1 1"):
         (tmp_path / "raw" / "frames.txt").write_text(f"{line}\n")
         done = subprocess.run(command, capture_output=True, text=True, timeout=60)
         assert (done.returncode, done.stderr.count("\n")) == (1, 1)

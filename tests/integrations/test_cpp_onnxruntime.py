@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from noise import MASKED_DISPLAY, masked_shot
 from supersampler import Frame, Shot, Upscaler
 from supersampler.methods.model_file import find_model
 
@@ -78,6 +79,20 @@ def test_the_programs_images_of_the_shipped_shot_are_those_of_upscaler(
         assert np.abs(image - expected).mean() <= TOLERANCE, index
 
 
+def test_classifier_large_pre_exposure_and_a_reactive_mask_give_the_images_of_upscaler(
+    program: Path, tmp_path: Path
+) -> None:
+    shot = masked_shot(tmp_path / "shot")
+    script = [sys.executable, *map(str, (EXAMPLE / "raw_planes.py", shot.path, tmp_path / "raw"))]
+    subprocess.run(script, check=True, timeout=120)
+    done = run(program, "classifier-large", tmp_path / "raw", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    upscaler = Upscaler("classifier-large", display_size=MASKED_DISPLAY, executor="onnx", validate="off")
+    for item in shot:
+        image = image_of(tmp_path / "out", f"{item.index:04d}", MASKED_DISPLAY)
+        assert np.abs(image - upscaler.step(item.frame)).mean() <= TOLERANCE, item.index
+
+
 def write_raw(folder: Path, frames: list[Frame], displays: list[tuple[int, int]]) -> None:
     folder.mkdir()
     lines = []
@@ -86,7 +101,7 @@ def write_raw(folder: Path, frames: list[Frame], displays: list[tuple[int, int]]
         (folder / f"{index}.color").write_bytes(frame.color.transpose(2, 0, 1).astype("<f4").tobytes())
         (folder / f"{index}.depth").write_bytes(frame.depth.astype("<f4").tobytes())
         (folder / f"{index}.motion").write_bytes(frame.motion.transpose(2, 0, 1).astype("<f4").tobytes())
-        values = (*frame.size, *display, *frame.jitter, frame.exposure or 0.0, int(frame.reset))
+        values = (*frame.size, *display, *frame.jitter, frame.exposure or 0.0, 1.0, int(frame.reset), 0)
         lines.append(f"{index} {' '.join(map(repr, values))}\n")
     (folder / "frames.txt").write_text("".join(lines))
 
@@ -128,6 +143,9 @@ def test_the_program_reports_unsupported_input_in_one_line(program: Path, tmp_pa
     no_buffers = run(program, "gbuffer-small", tmp_path / "raw", tmp_path / "out")
     assert no_buffers.returncode == 1
     assert no_buffers.stderr == "the frame has no gbuffer_base_color, which the graph takes\n"
+    extrapolation = run(program, "guided-warp", tmp_path / "raw", tmp_path / "out")
+    assert (extrapolation.returncode, extrapolation.stderr.count("\n")) == (1, 1)
+    assert "has the size 'shaded_" in extrapolation.stderr
     (tmp_path / "raw/0.depth").write_bytes(b"short")
     done = run(program, "taau", tmp_path / "raw", tmp_path / "out")
     assert (done.returncode, done.stderr) == (1, "0.depth: has another size than frames.txt says\n")
@@ -136,12 +154,14 @@ def test_the_program_reports_unsupported_input_in_one_line(program: Path, tmp_pa
 @pytest.mark.parametrize(
     "line",
     [
-        "../0 64 36 128 72 0 0 1 1",
-        "/0 64 36 128 72 0 0 1 1",
-        "0 0 36 128 72 0 0 1 1",
-        "0 64 36 -1 72 0 0 1 1",
-        "0 9223372036854775807 4 128 72 0 0 1 1",
-        "0 64 36 128 99999 0 0 1 1",
+        "../0 64 36 128 72 0 0 1 1 1 0",
+        "/0 64 36 128 72 0 0 1 1 1 0",
+        "0 0 36 128 72 0 0 1 1 1 0",
+        "0 64 36 -1 72 0 0 1 1 1 0",
+        "0 9223372036854775807 4 128 72 0 0 1 1 1 0",
+        "0 64 36 128 99999 0 0 1 1 1 0",
+        "0 64 36 128 72 0 0 1 1 1 2",
+        "0 64 36 128 72 0 0 1 1",
         "0 64",
     ],
 )

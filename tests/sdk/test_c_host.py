@@ -91,6 +91,8 @@ FRAMES: dict[str, Case] = {
     "a frame of other pixels": (["frames", 1, "size"], [4, 4], "1.color: 320 bytes; want 256;"),
     "a jitter of other pixels": (["frames", 1, "jitter"], [0, 1e300], "want two numbers from -0.5 to 0.5"),
     "an exposure without an end": (["frames", 1, "exposure"], 1e300, "want a number from 0 to"),
+    "no pre-exposure": (["frames", 1, "pre_exposure"], GONE, "want a value"),
+    "a pre-exposure of 0": (["frames", 1, "pre_exposure"], 0, "want a number from 5.96046e-08 to"),
     "a reset that is neither": (["frames", 1, "reset"], 1, "want true or false"),
     "a plane from elsewhere": (["frames", 1, "color"], "../frames/0.color", "want the name of a file"),
 }
@@ -114,8 +116,8 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for name, count in CHANNELS.items():
             (root / "frames" / files[name]).write_bytes(bytes(4 * count * width * height))
         exposure = 1.5 if index == 1 else None
-        frame = {"jitter": [0.125, -0.25], "exposure": exposure, "reset": index == 2, "size": [width, height]}
-        frames.append({**frame, **files})
+        frame = {"jitter": [0.125, -0.25], "exposure": exposure, "pre_exposure": 1.0, "reset": index == 2}
+        frames.append({**frame, "size": [width, height], **files})
     (root / "frames" / "frames.json").write_text(json.dumps({"display": DISPLAY, "frames": frames}))
     return root
 
@@ -220,6 +222,6 @@ def test_a_folder_in_place_of_a_file_is_refused_by_name(
     assert_refused(run(program, tmp_path), "00_measure.wgsl: ")
 
 
-def test_shaders_that_blend_aovs_are_refused(program: Path, exported: Path) -> None:
+def test_a_frame_without_the_aovs_that_shaders_blend_is_refused(program: Path, exported: Path) -> None:
     write_shader_folder("taa", exported / "aovs", aovs=4)
-    assert_refused(run(program, exported, "aovs"), "want one of: frame_color, frame_depth")
+    assert_refused(run(program, exported, "aovs"), "frame_aovs0 is NULL; a pass of the folder binds it")

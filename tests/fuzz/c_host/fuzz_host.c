@@ -80,6 +80,7 @@ static void step(WGPUDevice device, Upscaler* upscaler, const ShotFrame* item, c
         .size = {item->size[0], item->size[1]},
         .jitter = {item->jitter[0], item->jitter[1]},
         .exposure = item->exposure,
+        .pre_exposure = item->pre_exposure,
         .reset = item->reset,
     };
     for (int i = 0; i < INPUTS; i++)
