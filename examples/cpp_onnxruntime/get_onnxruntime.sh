@@ -11,6 +11,15 @@ folder=$1
 python=${2:-python3}
 case $python in */*) python=$(cd "$(dirname "$python")" && pwd)/$(basename "$python") ;; esac  # the folder changes below
 
+library=$("$python" -c 'import importlib.util, pathlib
+spec = importlib.util.find_spec("onnxruntime")
+if spec and spec.origin:
+    print(*(pathlib.Path(spec.origin).parent / "capi").glob("libonnxruntime.so.*"), sep="\n")')
+test -f "$library" || {
+    echo "$python has no onnxruntime with a library for Linux; install it by pip, or name another: $0 FOLDER PYTHON" >&2
+    exit 1
+}
+
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 mkdir -p "$scratch/lists/partial" "$scratch/archives/partial"
@@ -27,10 +36,6 @@ apt update >/dev/null
 apt download libonnxruntime-dev >/dev/null
 dpkg -x libonnxruntime-dev_*.deb headers
 
-library=$("$python" -c 'import importlib.util, pathlib
-folder = pathlib.Path(importlib.util.find_spec("onnxruntime").origin).parent / "capi"
-print(*folder.glob("libonnxruntime.so.*"), sep="\n")')
-test -f "$library" || { echo "$python has no onnxruntime with a library for Linux" >&2; exit 1; }
 rm -rf "$folder"
 mkdir -p "$folder/lib"
 cp -r headers/usr/include/onnxruntime "$folder/include"

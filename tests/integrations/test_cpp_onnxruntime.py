@@ -187,6 +187,17 @@ def test_the_library_writes_nothing_to_the_home_of_the_user(
     assert not list((tmp_path / "home").rglob("*"))
 
 
+def test_a_python_without_onnxruntime_is_named_before_headers_are_fetched(tmp_path: Path) -> None:
+    bare = tmp_path / "python"
+    bare.write_text(f'#!/bin/sh\nexec "{sys.executable}" -I -S "$@"\n')
+    bare.chmod(0o755)
+    command = ["sh", str(EXAMPLE / "get_onnxruntime.sh"), str(tmp_path / "made"), str(bare)]
+    done = subprocess.run(command, env={"PATH": "/bin:/usr/bin"}, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith(f"{bare} has no onnxruntime")
+    assert not (tmp_path / "made").exists()
+
+
 def test_the_code_on_the_page_is_that_of_the_example() -> None:
     page = (ROOT / "docs/how-to/onnx-in-cpp.md").read_text("utf-8")
     sources = [(EXAMPLE / name).read_text("utf-8") for name in ("upscaler.hpp", "upscale.cpp")]
