@@ -222,7 +222,7 @@ def main(options: Namespace) -> None:
                 score(errors, frame, result, color, ids, truth)
 
     for name, seconds in times.items():
-        print(f"{name}: {1e3 * median(seconds[WARM_UP:]):.1f} ms for {len(views)} cameras")
+        print(f"{name}: {1e3 * median(seconds[WARM_UP:] or seconds):.1f} ms for {len(views)} cameras")
     for name, values in errors.items():
         print(f"{name}: {mean(values):.2f}")
     rows = [comparison(*each) for each in list(zip(frames, results, own, strict=True))[:4]]
@@ -261,8 +261,16 @@ if __name__ == "__main__":
     )
     parser.add_argument("--cameras", type=int, default=16, help="number of cameras")
     parser.add_argument("--size", type=int, default=256, help="width and height of the images")
-    parser.add_argument("--frames", type=int, default=48, help="number of frames")
+    parser.add_argument(
+        "--frames", type=int, default=48, help=f"number of frames; the first {WARM_UP} are not scored"
+    )
     parser.add_argument("--model", default="classifier", help="model of the upscalers")
     parser.add_argument("--score-every", type=int, default=8, help="score every this many frames")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/mujoco"), help="folder of the image")
-    main(parser.parse_args())
+    given = parser.parse_args()
+    for name in ("cameras", "size", "frames", "score_every"):
+        if getattr(given, name) < 1:
+            parser.error(f"--{name.replace('_', '-')} is {getattr(given, name)}; want at least 1")
+    if given.size % 2:
+        parser.error(f"--size is {given.size}; want an even number: half of it is rendered")
+    main(given)

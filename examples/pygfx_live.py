@@ -64,6 +64,11 @@ def main() -> None:
     parser.add_argument("--model", default="classifier", help="name of a model, or its folder")
     parser.add_argument("-o", "--output", type=Path, default=Path("out/pygfx"), help="folder for the images")
     options = parser.parse_args()
+    if options.frames < 1:
+        parser.error(f"--frames is {options.frames}; want at least 1")
+    if any(side % SCALE for side in options.display_size):
+        got = "{}x{}".format(*options.display_size)
+        parser.error(f"--display-size is {got}; want multiples of {SCALE}: 1 / {SCALE} of it is rendered")
     options.output.mkdir(parents=True, exist_ok=True)
 
     width, height = options.display_size

@@ -28,6 +28,8 @@ def main() -> None:
     parser.add_argument("output", type=Path, help="folder to write to")
     parser.add_argument("--frames", type=int, help="number of frames; all if not given")
     options = parser.parse_args()
+    if options.frames is not None and options.frames < 1:
+        parser.error(f"--frames is {options.frames}; want at least 1")
     options.output.mkdir(parents=True, exist_ok=True)
 
     shot, frames = Shot.open(options.shot), []

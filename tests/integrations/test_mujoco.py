@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -47,6 +48,31 @@ def test_images_are_closer_to_the_reference_than_those_of_msaa(
     picture = read_image(tmp_path / "cameras.png")["G"]
     assert picture.shape == (2 * 192, 4 * 3 * 192)
     assert picture.std() > 0.1
+
+
+def test_a_short_run_prints_times_and_writes_its_image(
+    example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import argparse
+
+    options = {"cameras": 1, "size": 64, "frames": 1, "model": "taau", "score_every": 8}
+    example.main(argparse.Namespace(**options, output=tmp_path))
+    names = [line.split(": ")[0] for line in capsys.readouterr().out.splitlines()]
+    assert names == ["rendered small", "step_many", "rendered in full"]
+    assert (tmp_path / "cameras.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--frames", "0"], "--frames is 0; want at least 1\n"),
+        (["--size", "65"], "--size is 65; want an even number: half of it is rendered\n"),
+    ],
+)
+def test_no_frames_and_odd_sizes_are_refused(options: list[str], message: str) -> None:
+    command = [sys.executable, str(SCRIPT), *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stderr.endswith(message)) == (2, True), done.stderr
 
 
 def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleType) -> None:
