@@ -392,7 +392,7 @@ def lit(plotter: Any) -> Callable[[], None]:
 
 def backed(plotter: Any) -> Callable[[], None]:
     plotter.renderer.SetBackgroundTexture(pv.Texture(image_of((20, 200, 20))))
-    return plotter.renderer.TexturedBackgroundOn
+    return lambda: plotter.renderer.TexturedBackgroundOn()
 
 
 PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
@@ -762,7 +762,7 @@ def test_a_window_of_vtk_sets_its_camera_to_the_scene_as_without() -> None:
             SupersampledWindow(window, renderer)
         window.Render()
         images.append(WindowPixels(window).read_color(Rectangle(0, 0, 120, 90)).copy())
-    np.testing.assert_array_equal(*images)
+    np.testing.assert_array_equal(images[0], images[1])
 
 
 @pytest.mark.parametrize("kind", ["line", "edges", "label"])

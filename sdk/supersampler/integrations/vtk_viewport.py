@@ -1,0 +1,298 @@
+"""One renderer of a supersampled VTK window: what of it is drawn, read and shown in a frame."""
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.conventions import halton_jitter
+from supersampler.frame import Float32, Frame
+from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels, nearest_samples, upsampled_depth
+from supersampler.integrations.vtk_scene import (
+    SceneView,
+    appearance,
+    has_oblique_lines,
+    is_on_top,
+    is_upscaled,
+    move_background,
+    visible,
+)
+from supersampler.model import Model
+from supersampler.upscaler import Upscaler
+
+Mode = Literal["plain", "still", "moved"]
+STILL_RENDERS = 16
+"""Jittered full-size renders in the mean of a view at rest."""
+_STILL_SCALE = 2.0  # their jitter is that of this scale: a longer sequence than that of scale 1
+
+
+class _Drawing(NamedTuple):
+    """Which props a renderer draws, and how, in one render of the window.
+
+    Attributes:
+        shows: whether a prop is drawn.
+        jitter: see `Frame`; of a render of `size`, (width, height).
+        aspect: width / height that the camera projects to; None is that of the viewport.
+    """
+
+    shows: Callable[[Any], bool]
+    jitter: tuple[float, float] = (0.0, 0.0)
+    size: tuple[int, ...] = (1, 1)
+    aspect: float | None = None
+
+
+class ViewportHistory:
+    """One renderer's history: the upscaler of its moving images, the mean of its renders at rest.
+
+    Attributes:
+        upscaler: the Upscaler for the viewport's size; None before the first frame that moves.
+        renders: full-size renders in the mean of the view at rest, after the plain one.
+    """
+
+    def __init__(self, window: Any, renderer: Any, pixels: WindowPixels, model: Model) -> None:
+        self._window, self._renderer, self._pixels, self._model = window, renderer, pixels, model
+        self.upscaler: Upscaler | None = None
+        self.renders = 0
+        self._frames = 0  # that were upscaled
+        self._unit = 1.0  # view distance of depth 1, since the upscaler's first frame
+        self._part = self._small_part = Rectangle(0, 0, 1, 1)
+        self._view: SceneView | None = None  # of the last frame; None makes the next one plain
+        self._looks: tuple[Any, ...] = ()  # `appearance` after the last frame
+        self._small: SceneView | None = None  # of this frame, if it moves
+        self._upscaled: SceneView | None = None  # of the upscaler's last frame; None resets it
+        self._sum: Float32 | None = None  # of renders at rest, RGBA in 0 to 255; None while the view moves
+        self._weight = 0  # samples of a pixel in `_sum`
+        self._color: Float32 | None = None  # of this frame at its size, in [0, 1]
+        self._depth: Float32 | None = None  # of this frame, or of the plain one at rest
+        self._image: Float32 | None = None
+        self._alpha: NDArray[np.uint8] | None = None  # of the image
+        self._drawing: _Drawing | None = None  # of this render; None draws everything
+        self._stack = ExitStack()  # restores what was changed for the drawing
+        self._observers = [  # renderers may share a camera and props: each is changed only while it is drawn
+            renderer.AddObserver("StartEvent", lambda *_: self._start_drawing()),
+            renderer.AddObserver("EndEvent", lambda *_: self._stack.close()),
+        ]
+
+    @property
+    def is_converged(self) -> bool:
+        """Whether further frames of the same scene show the same image."""
+        return self._sum is not None and self.renders >= STILL_RENDERS
+
+    @property
+    def has_pixels(self) -> bool:
+        """Whether the viewport is not empty."""
+        return bool(min(self._renderer.GetSize()) > 0)
+
+    @property
+    def has_surfaces(self) -> bool:
+        """Whether there is something to upscale."""
+        return any(is_upscaled(prop) for prop in visible(self._renderer))
+
+    @property
+    def has_layers(self) -> bool:
+        """Whether lines, points or 3D text are rendered on top of images that move."""
+        return any(not is_upscaled(prop) and not is_on_top(prop) for prop in visible(self._renderer))
+
+    def has_lines_on_top(self, mode: Mode) -> bool:
+        """Whether what is rendered on top has edges that need multi-sampling."""
+        return (mode == "moved" and self.has_layers) or any(map(has_oblique_lines, visible(self._renderer)))
+
+    def reset(self) -> None:
+        """Drop all history: the next frame is plain."""
+        self._view = self._upscaled = self._sum = None
+
+    def disable(self) -> None:
+        """Stop changing what the renderer draws."""
+        self.draw(None)
+        while self._observers:
+            self._renderer.RemoveObserver(self._observers.pop())
+
+    def draw(self, drawing: _Drawing | None) -> None:
+        """Set what the renderer draws from now on; None is everything."""
+        self._stack.close()
+        self._drawing = drawing
+
+    def _start_drawing(self) -> None:
+        self._stack.close()
+        if self._drawing is None:
+            return
+        shows, jitter, size, aspect = self._drawing
+        camera = self._renderer.GetActiveCamera()
+        with ExitStack() as stack:
+            stack.enter_context(_hidden(prop for prop in visible(self._renderer) if not shows(prop)))
+            if aspect is not None and not camera.GetUseExplicitAspectRatio():
+                stack.enter_context(changed(camera, "ExplicitAspectRatio", aspect))
+                stack.enter_context(changed(camera, "UseExplicitAspectRatio", 1))
+            x, y = camera.GetWindowCenter()
+            center = x + 2.0 * jitter[0] / size[0], y - 2.0 * jitter[1] / size[1]  # jitter y points down
+            stack.enter_context(changed(camera, "WindowCenter", *center))
+            self._stack = stack.pop_all()
+
+    def mode(self) -> Mode:
+        """Return how this frame is to be rendered, from what has changed since the last one."""
+        if not self._renderer.IsActiveCameraCreated():
+            self._renderer.ResetCamera()  # as VTK does before it renders without a camera
+        view = SceneView.of(self._renderer)
+        left, bottom = self._renderer.GetOrigin()
+        self._part = Rectangle(left, bottom, *view.size)
+        before, self._view = self._view, view
+        is_other = before is None or before.size != view.size or self._looks != appearance(self._renderer)
+        if before is None or is_other or not view.knows_motion(before):
+            self._upscaled = self._sum = None
+            return "plain"
+        if not view.is_same(before):
+            self._sum = None
+            return "moved"
+        return "plain" if self._sum is None else "still"
+
+    def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
+        """Prepare the renderer for a frame; `stack` restores it."""
+        stack.callback(self.draw, None)
+        if mode == "moved" and self._view is not None:
+            if self._upscaled is None:  # one sample of each pixel is better than one of four
+                scale = 1.0
+            left, bottom, right, top = self._renderer.GetViewport()
+            small = left + (right - left) / scale, bottom + (top - bottom) / scale
+            stack.enter_context(changed(self._renderer, "Viewport", left, bottom, *small))
+            size, jitter = tuple(self._renderer.GetSize()), halton_jitter(self._frames, scale)
+            self._small = replace(self._view, size=size, jitter=jitter)
+            self.draw(_Drawing(is_upscaled, jitter, size, self._view.aspect))
+        elif mode == "still":
+            x, y = halton_jitter(self.renders // 2, _STILL_SCALE)
+            jitter = (x, y) if self.renders % 2 else (-x, -y)  # pairs whose mean is the pixel's centre
+            is_final = self.is_converged
+            self.draw(_Drawing(lambda prop: not (is_final or is_on_top(prop)), jitter, self._part[2:]))
+        else:
+            self.draw(_Drawing(lambda prop: not is_on_top(prop)))
+
+    def read(self) -> None:
+        """Read the small frame that was rendered."""
+        if self._small is None:
+            return
+        part = self._small_part = self._part._replace(width=self._small.size[0], height=self._small.size[1])
+        pixels = self._pixels.read_color(part)
+        self._color = pixels[..., :3] * np.float32(1.0 / 255.0)
+        self._alpha = nearest_samples(pixels[..., 3], self._part[2:], self._small.jitter)
+        self._depth = self._pixels.read_depth(part)
+
+    def frame(self) -> Frame | None:
+        """Return the frame that was read, or None if the camera has jumped."""
+        view, color, buffer = self._small, self._color, self._depth
+        if view is None or color is None or buffer is None:
+            return None
+        placed = buffer.copy()
+        reactive = view.place_translucent(placed)
+        if self._upscaled is None:
+            self._unit, motion = view.near, np.zeros((*buffer.shape, 2), np.float32)
+        else:
+            motion = self._motion(view, buffer, placed, self._upscaled)
+            if view.is_jump(motion, self._upscaled):
+                self._upscaled = None
+                return None
+        depth = view.frame_depth(placed, self._unit)
+        return Frame(
+            color=color, depth=depth, motion=motion, jitter=view.jitter, reset=self._upscaled is None,
+            exposure=1.0, reactive=reactive if reactive.any() else None,
+        )  # fmt: skip
+
+    def upscale(self, frame: Frame) -> None:
+        """Compute the image of a frame that moved."""
+        if self.upscaler is None or self.upscaler.display_size != self._part[2:]:
+            self.upscaler = Upscaler(self._model, display_size=self._part[2:], validate="off")
+        self._image = self.upscaler.step(frame)
+        self._frames += 1
+        self._upscaled = self._small
+
+    def average(self, mode: Mode, samples: int) -> None:
+        """Add a full-size render to the mean of the view at rest; a plain one of some samples begins it."""
+        if mode == "plain":
+            self._sum = self._pixels.read_color(self._part) * np.float32(samples)
+            self._weight, self.renders = samples, 0
+            self._depth = self._pixels.read_depth(self._part)
+        elif self._sum is not None and not self.is_converged:
+            self._sum += self._pixels.read_color(self._part)
+            self._weight, self.renders = self._weight + 1, self.renders + 1
+            if self.renders % 2:
+                return  # half of a pair of jitters: its mean is not at the pixel's centre
+        if self._sum is not None:
+            mean = self._sum * np.float32(1.0 / self._weight)
+            self._alpha = np.rint(mean[..., 3]).astype(np.uint8)
+            self._image = mean[..., :3] * np.float32(1.0 / 255.0)
+
+    def paint(self, mode: Mode) -> None:
+        """Write image and depth, for what is rendered on top and for programs that read them."""
+        if self._image is not None and self._alpha is not None:
+            self._pixels.write_color(self._image, self._alpha, self._part)
+        depth = self._depth
+        if depth is not None and mode == "moved" and self._small is not None:
+            size = self._part[2:]
+            enlarged = upsampled_depth if self.has_layers else nearest_samples
+            depth = enlarged(depth, size, self._small.jitter)
+        if depth is not None:
+            self._pixels.write_depth(depth, self._part)
+
+    def show(self, mode: Mode, stack: ExitStack) -> None:
+        """Prepare the renderer for what is on top of the image."""
+        for name in ("PreserveColorBuffer", "PreserveDepthBuffer"):
+            stack.enter_context(changed(self._renderer, name, 1))
+        stack.callback(self.draw, None)
+        self.draw(_Drawing(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop)))
+
+    def finish(self) -> None:
+        """Note what the scene looks like now, as rendering may modify it."""
+        self._looks = appearance(self._renderer)
+
+    def _motion(self, view: SceneView, buffer: Float32, placed: Float32, previous: SceneView) -> Float32:
+        motion = view.motion(placed, previous)
+        # copied whole: the two parts one by one take ten times as long
+        vectors = _words(motion)
+        background = buffer == 1.0
+        for props, of_these in view.moved_props(placed, previous):
+            self.draw(_Drawing(props.__contains__, view.jitter, view.size, view.aspect))
+            self._window.Render()
+            mine = self._pixels.read_depth(self._small_part) == buffer
+            mine &= ~background | view.translucent_pixels(props)
+            np.copyto(vectors, _words(of_these), where=mine)
+        sky = view.sky_motion(buffer, previous)
+        if sky is None:
+            move_background(vectors, placed)
+        else:
+            np.copyto(vectors, _words(sky), where=placed == 1.0)
+        return motion
+
+
+def _words(motion: Float32) -> NDArray[np.uint64]:
+    """Return motion (h, w, 2) as one word a pixel."""
+    words: NDArray[np.uint64] = motion.view(np.uint64)[..., 0]
+    return words
+
+
+@contextmanager
+def changed(vtk_object: Any, name: str, *values: Any) -> Iterator[None]:
+    """Set a property of a VTK object within the block."""
+    before = getattr(vtk_object, f"Get{name}")()
+    own = before if isinstance(before, tuple) else (before,)
+    if own == values:
+        yield
+        return
+    getattr(vtk_object, f"Set{name}")(*values)
+    try:
+        yield
+    finally:
+        getattr(vtk_object, f"Set{name}")(*own)
+
+
+@contextmanager
+def _hidden(props: Iterable[Any]) -> Iterator[None]:
+    """Hide props within the block."""
+    found = [prop for prop in props if prop.GetVisibility()]
+    for prop in found:
+        prop.VisibilityOff()
+    try:
+        yield
+    finally:
+        for prop in found:
+            prop.VisibilityOn()
