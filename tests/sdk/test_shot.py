@@ -385,6 +385,36 @@ def test_a_copy_is_the_same_and_can_be_resumed(tmp_path: Path) -> None:
         assert_same(a.raw, b.raw)
 
 
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (
+            lambda raw: replace(raw, jitter=(0.5, 0.25)),
+            r"another jitter than in .*: \(.*\), there \(0.5, 0.25\)",
+        ),
+        (lambda raw: replace(raw, reset=True), "another reset than in .*: False, there True"),
+        (lambda raw: replace(raw, color=raw.color[::-1]), "another color than in"),
+        (lambda raw: replace(raw, motion=raw.motion.astype(np.float16)), "another motion than in"),
+    ],
+)
+def test_a_copy_is_not_resumed_from_frames_that_have_changed(
+    tmp_path: Path, change: Callable[[RawFrame], RawFrame], problem: str
+) -> None:
+    shot = write_shot(tmp_path / "a", 3)
+    copy_shot(shot, tmp_path / "copy")
+    with ShotWriter(tmp_path / "b", name="test", display_size=DISPLAY_SIZE, frame_rate=24) as writer:
+        for index in range(3):
+            raw = shot.read_raw(index)
+            raw = change(raw) if index == 1 else raw
+            writer.write(raw, reference=shot.read_reference(index))
+    before = (tmp_path / "copy" / "shot.json").read_bytes()
+    with pytest.raises(ShotError, match=f"copy: frame 1 has {problem}"):
+        copy_shot(Shot.open(tmp_path / "b"), tmp_path / "copy", resume=True)
+    with pytest.raises(ShotError, match=r"copy: has 3 frames; .* has 2"):
+        copy_shot(shot.cropped(0, 1), tmp_path / "copy", resume=True)
+    assert (tmp_path / "copy" / "shot.json").read_bytes() == before
+
+
 def write_first(shot: Shot, folder: Path, count: int) -> None:
     info = shot.info
     writer = ShotWriter(

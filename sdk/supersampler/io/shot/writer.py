@@ -4,10 +4,12 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame
@@ -31,6 +33,8 @@ from supersampler.io.shot.format import (
 from supersampler.io.shot.shot import Shot, converter_at
 
 _DISPLAY, _REFERENCE = "display", "reference"
+_STATED = ("reset", "jitter", "exposure", "pre_exposure", "aov_names")
+"""Values of a frame that are not arrays."""
 _NAMING = ("first_number", "file_names", "color_space")
 _FOREIGN = "Move it away, or write the shot to another folder."
 
@@ -266,18 +270,21 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
     Args:
         shot: the source; its conventions, pixels and EXR metadata are kept.
         path: the folder to write.
-        resume: whether to continue after the frames of an earlier run.
+        resume: whether to continue after the frames of an earlier run, which must equal those of the source.
 
     Returns:
         The written shot.
 
     Raises:
-        ShotError: the folder is, contains or lies in the source; see also `ShotWriter` and `Shot.read`.
+        ShotError: the folder is, contains or lies in the source; or it holds other frames than the source;
+            see also `ShotWriter` and `Shot.read`.
     """
     files.check_apart(Path(path), shot.source)
     of_frames = ("render_size", "aov_names")  # the first frame has them
     info = {name: getattr(shot.info, name) for name in ShotInfo.__struct_fields__ if name not in of_frames}
     writer = ShotWriter(path, **info, resume=resume)
+    if len(writer):
+        _check_copied(shot, Shot.open(path))
     for index in range(len(writer), len(shot)):
         writer.write(
             shot.read_raw(index),
@@ -287,3 +294,40 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
             metadata=shot.read_metadata(index),
         )
     return Shot.open(path)
+
+
+def _check_copied(shot: Shot, copy: Shot) -> None:
+    """Raise ShotError unless the frames of a copy are the first ones of a shot, bit for bit."""
+    hint = "Write to another folder, or remove this one to copy all frames again."
+    if len(copy) > len(shot):
+        raise ShotError(copy.path, f"has {len(copy)} frames; {shot.path} has {len(shot)}", hint)
+    for index in range(len(copy)):
+        ours, wanted = _content(copy, index), _content(shot, index)
+        for name, value in wanted.items():
+            if not _is_same(ours[name], value):
+                values = f": {ours[name]}, there {value}" if name in _STATED else ""
+                problem = f"frame {index} has another {name} than in {shot.path}{values}"
+                raise ShotError(copy.path, problem, hint)
+
+
+def _content(shot: Shot, index: int) -> dict[str, Any]:
+    """Return all that `copy_shot` writes of a frame, by name, except its metadata."""
+    raw = shot.read_raw(index)
+    names = [field.name for field in fields(raw) if field.name not in ("aov_names", "ids")]
+    classes = shot.read_classes(index)
+    return {
+        **{name: getattr(raw, name) for name in names},
+        "aov_names": tuple(raw.aov_names or ()) if index == 0 else (),  # all frames have those of the first
+        "reference": shot.read_reference(index),
+        "classes": None if classes is None else classes.known(),
+        "truth": shot.read_truth(index),
+    }
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Return whether two arrays, dictionaries of arrays, or other values are equal; NaN equals NaN."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_is_same(one[name], other[name]) for name in one)
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=True)
+    return type(one) is type(other) and bool(one == other)
