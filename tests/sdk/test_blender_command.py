@@ -97,6 +97,16 @@ def test_a_scene_that_the_script_denoises_is_denoised_over_time_and_continues(tm
     assert images(tmp_path) == whole
 
 
+def test_frames_that_are_rendered_later_are_denoised_with_those_before_as_if_rendered_at_once(
+    tmp_path: Path,
+) -> None:
+    for name, frames in (("whole", "5-8"), ("part", "5-6"), ("part", "5-8")):
+        (tmp_path / name).mkdir(exist_ok=True)
+        done = blender(tmp_path / name, "--frames", frames, method=(), **DENOISED)
+        assert done.exit_code == 0, done.output
+    assert images(tmp_path / "part") == images(tmp_path / "whole")
+
+
 COMPOSITED = ["0005.png", "0006.png", "0007.png", "0008.png"]
 
 

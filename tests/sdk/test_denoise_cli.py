@@ -1,6 +1,7 @@
 """`supersampler denoise`: images on disk that do not depend on how the run was split."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -72,6 +73,29 @@ def test_a_stopped_run_continues_with_the_same_images(
     assert denoise(shot, tmp_path / "out").exit_code == 0
     for number in range(14):
         np.testing.assert_array_equal(image(tmp_path / "out", number), image(tmp_path / "whole", number))
+
+
+@pytest.mark.parametrize(("cut", "again"), [(0, 2), (6, 6), (7, None)])
+def test_frames_that_come_later_change_the_images_that_depend_on_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cut: int, again: int | None
+) -> None:
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    assert denoise(write_noisy(tmp_path / "shot", cuts=(cut,)), whole).exit_code == 0
+    shutil.rmtree(tmp_path / "shot")
+    assert denoise(write_noisy(tmp_path / "shot", 7, cuts=(cut,)), out).exit_code == 0
+    shutil.rmtree(tmp_path / "shot")
+    write_noisy(tmp_path / "shot", cuts=(cut,))
+    with monkeypatch.context() as patch:
+        interrupt_at(8, patch)
+        stopped = denoise(tmp_path / "shot", out)
+    assert (stopped.exit_code, "new frames" in stopped.output) == (130, again is not None)
+    assert f"Images from frame {again} on are computed again" in stopped.output or again is None
+    assert denoise(tmp_path / "shot", out).exit_code == 0
+    for number in range(COUNT):
+        np.testing.assert_array_equal(image(out, number), image(whole, number))
+    shutil.rmtree(tmp_path / "shot")
+    fewer = denoise(write_noisy(tmp_path / "shot", 7, cuts=(cut,)), out)
+    assert "the shot had frames 0 to 11, has 7 of them" in fewer.output
 
 
 def test_alpha_is_written_beside_the_colour(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import errno
 import gc
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -316,6 +317,19 @@ def test_a_stopped_command_continues_to_the_same_images(kept: int, tmp_path: Pat
         (tmp_path / "out" / f"{index:04d}.exr").unlink()
     upscale(shot, tmp_path / "out", "--passes", 2, method="taau")
     assert images(tmp_path / "out") == whole
+
+
+@pytest.mark.usefixtures("small_chunks")
+@pytest.mark.parametrize(("kept", "again"), [(6, 4), (5, 0), (9, 6)])
+def test_frames_that_come_later_change_the_chunks_that_read_them(
+    kept: int, again: int, tmp_path: Path
+) -> None:
+    for name, count in (("whole", COUNT), ("part", kept), ("part", COUNT)):
+        shutil.rmtree(tmp_path / "shot", ignore_errors=True)
+        shot = write_shot(tmp_path / "shot", count, cuts=(6,) if kept == 9 else ())
+        done = upscale(shot, tmp_path / name, "--passes", 2, method="taau")
+    assert f"from frame {again} on" in done.stderr
+    assert images(tmp_path / "part") == images(tmp_path / "whole")
 
 
 def test_a_change_of_passes_needs_overwrite(tmp_path: Path) -> None:

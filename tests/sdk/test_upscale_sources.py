@@ -1,5 +1,6 @@
 """Tests of EXR files as other software lays them out, as sources of `upscale`."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from upscale_runs import (
 )
 
 NAMES = ("R", "G", "B", "depth.Z", "motion.X", "motion.Y")
+BILINEAR = ("--method", "bilinear")
 ACESCG = (0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767)
 
 # Layouts of EXR files
@@ -146,3 +148,27 @@ def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_
     assert f"{renders / 'f.0003.exr'}: is 20x18; the shot says 32x18" in message
     assert [*images(tmp_path / "out")] == ["f.0001.exr", "f.0002.exr"]
     assert not [name for name in files(tmp_path / "out") if "partial" in name]
+
+
+# Changes between the runs of a folder
+
+
+def test_a_run_is_not_continued_with_another_jitter_or_other_channels(tmp_path: Path) -> None:
+    shot, out = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in range(3)}), tmp_path / "out"
+    channels = {"color": ["R", "G", "B"], "depth": "depth.Z", "motion": ["motion.X", "motion.Y"]}
+
+    def write_map(**changes: Any) -> None:
+        content = {"channels": {**channels, **changes}, "conventions": {}}
+        (shot / "channels.json").write_text(json.dumps(content))
+
+    write_map()
+    upscale(shot, out)
+    before = files(out)
+    (shot / "jitter.json").write_text("[[0.25, 0.0]]")
+    assert "its frames had other jitter" in refusal("upscale", shot, "-o", out, *BILINEAR)
+    (shot / "jitter.json").unlink()
+    write_map(color=["G", "R", "B"])
+    assert "its frames had other channels" in refusal("upscale", shot, "-o", out, *BILINEAR)
+    assert files(out) == before
+    upscale(shot, out, "--overwrite")
+    assert "All 3 frames are there already" in upscale(shot, out).stderr

@@ -51,6 +51,10 @@ class DenoiseJob(FrameJob):
         """The denoiser that runs: "oidn" or "none"."""
         return chosen_denoiser(self.shot, self.per_frame)
 
+    def settled(self, count: int) -> int:
+        """Return the number of images that later frames do not change; see `FrameJob`."""
+        return max(0, count - sequence.checked_lookahead(self.passes, self.lookahead))
+
 
 def chosen_denoiser(shot: Shot, per_frame: PerFrame | Literal["auto"]) -> PerFrame:
     """Return the denoiser that `DenoiseJob.per_frame` stands for."""

@@ -9,9 +9,21 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 import typer
+from msgspec.structs import asdict
 
 from supersampler.cli.arguments import size_text
-from supersampler.cli.results import FIRST, FRAMES, SOURCE, ImageOptions, OutputImage, OutputQueue, Results
+from supersampler.cli.results import (
+    FIRST,
+    FRAMES,
+    OTHER_RUN,
+    READ,
+    SOURCE,
+    FramesRead,
+    ImageOptions,
+    OutputImage,
+    OutputQueue,
+    Results,
+)
 from supersampler.cli.terminal import RunProgress, Terminal, frame_warnings
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
@@ -93,6 +105,7 @@ class FrameJob:
 
     def shot_settings(self) -> dict[str, object]:
         """Return the settings that the images of every method depend on: the frames and the file formats."""
+        count = len(self.shot)
         return {
             "shot": str(self.shot.path.resolve()),
             "names": self.shot.info.file_names,
@@ -102,7 +115,36 @@ class FrameJob:
             "conventions": self.shot.conventions.to_json(),
             **self.images.to_json(),
             SOURCE: dict(self.source),
+            READ: asdict(FramesRead(self.shot.first_number, count, self.shot.hashes(count))),
         }
+
+    def kept(self, plan: FramePlan, before: FramesRead) -> int:
+        """Return the number of images, from the first on, that are valid if they were made of `before`.
+
+        Raises:
+            ShotError: the shot has fewer frames, or states other facts about the same ones.
+        """
+        if before.first != self.shot.first_number:  # with --frames: the history begins with another frame
+            return 0
+        if before.count > len(self.shot):
+            was = f"had frames {before.first} to {before.first + before.count - 1}, has"
+            problem = f"images of another run are there: the shot {was} {len(self.shot)} of them"
+            raise ShotError(self.output, problem, OTHER_RUN)
+        for name, digest in self.shot.hashes(before.count).items():
+            if before.hashes.get(name) != digest:
+                problem = f"images of another run are there: its frames had other {name}"
+                raise ShotError(self.output, problem, OTHER_RUN)
+        if before.count == len(self.shot):
+            return len(plan.numbers)
+        cut = max(plan.start, self.shot.last_cut(before.count - 1))
+        settled = before.count - cut
+        if self.shot.last_cut(before.count) != before.count:  # the next frame continues the last one
+            settled = self.settled(settled)
+        return max(0, cut + settled - plan.index(0))
+
+    def settled(self, count: int) -> int:
+        """Return how many of the first `count` frames after a cut have images that no later frame changes."""
+        return count
 
 
 def plan_frames(shot: Shot, numbers: FrameRange | None, preroll: int, passes: int = 1) -> FramePlan:
@@ -184,7 +226,11 @@ def run_frames(
     results, count = Results(job.output, job.images), len(plan.numbers)
     if not job.holds_shot:
         check_apart(job.output, job.shot.source)
-    first = results.begin(settings, count, overwrite=job.overwrite, page=job.compare)
+    kept = partial(job.kept, plan)
+    first = results.begin(settings, count, kept, overwrite=job.overwrite, page=job.compare)
+    if results.has_outdated:
+        again = f"Images from frame {plan.numbers.first + first} on are computed again"
+        job.console.print(f"{again}: they depend on new frames.", soft_wrap=True)
     page = job.compare and not (first == count and results.is_newest(results.record.page))
     video = job.images.video and not (first == count and results.is_newest(results.record.video))
     if first == count and not (page or video or all_frames):

@@ -15,8 +15,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Generic, Self, TypeVar
+from typing import Annotated, Any, Generic, Self, TypeVar
 
+import msgspec
 import numpy as np
 
 from supersampler.errors import ArgumentError, ShotError
@@ -42,6 +43,8 @@ FILE_NAME = "upscale.json"
 FIRST, FRAMES, SOURCE, PREROLL = "first frame", "frames", "source", "preroll"
 """Settings: number of the first frame, 0 if missing; range of the frames, missing if the run has all from
 FIRST on; options that opened the shot; frames before the range that build the history."""
+READ = "frames read"
+"""Setting: `FramesRead` as JSON."""
 DEMO: Mapping[str, str] = {"command": "demo"}
 """SOURCE of a run of `supersampler demo`. Another demo replaces its files."""
 FORMATS = ("exr", "png", "tif")
@@ -53,6 +56,8 @@ _FRAME_FILES = re.compile(
 _RECORDS = re.compile(r"upscale(\.-?\d+(?:--?\d+)?)?\.json")
 _MAX_FILES = 10**9
 _MIN_ALPHA = 0.5 / 65535.0  # less is written as 0
+OTHER_RUN = "Choose another folder, or --overwrite to start over."
+_OVERLAP = "Choose another folder."
 _START_OVER = f"Remove the files of that run and {FILE_NAME} yourself, or choose another folder."
 _Written = TypeVar("_Written")
 
@@ -231,6 +236,20 @@ class OutputQueue(Generic[_Written]):
             self._pool.shutdown()
 
 
+class FramesRead(msgspec.Struct, frozen=True):
+    """The frames that a run can read, as its record states them.
+
+    Attributes:
+        first: number of the first one.
+        count: number of frames.
+        hashes: `Shot.hashes` of them all.
+    """
+
+    first: int
+    count: Annotated[int, msgspec.Meta(ge=1)]
+    hashes: dict[str, str]
+
+
 @dataclass(frozen=True)
 class RunRecord:
     """Content of upscale.json.
@@ -322,20 +341,29 @@ class Results:
         folder: the folder.
         options: names, formats and encodings.
         record: the run's record.
+        has_outdated: whether `begin` has removed images of an earlier run that this run would not repeat.
     """
 
     def __init__(self, folder: Path, options: ImageOptions) -> None:
         self.folder, self.options = folder, options
-        self.record, self._others = RunRecord({}), list[RunRecord]()
+        self.record, self._others, self.has_outdated = RunRecord({}), list[RunRecord](), False
 
     def begin(
-        self, settings: Mapping[str, object], frame_count: int, *, overwrite: bool, page: bool = False
+        self,
+        settings: Mapping[str, object],
+        frame_count: int,
+        kept: Callable[[FramesRead], int],
+        *,
+        overwrite: bool,
+        page: bool = False,
     ) -> int:
         """Prepare the folder, and return the position of the first incomplete frame.
 
         Args:
             settings: everything that the images depend on; JSON values.
             frame_count: number of frames.
+            kept: returns the number of images, from the first on, that are valid if an earlier run has read
+                these frames; later ones are removed.
             overwrite: whether to remove the files of an earlier run instead of continuing it. A demo
                 always removes the files of a demo with other settings.
             page: whether the page will be written.
@@ -351,24 +379,27 @@ class Results:
         names = sorted(n for n in names if _RECORDS.fullmatch(n) and n != record.file_name)
         self._others = [other for name in names if (other := read_run_record(self.folder, name))]
         self.record = earlier or record
-        own = self.record.own_files(self.folder)
+        own, valid = self.record.own_files(self.folder), frame_count
         if earlier is not None and not overwrite:
             both_demos = earlier.settings.get(SOURCE) == DEMO == settings.get(SOURCE)
             overwrite = both_demos and earlier.differences(settings) != []
             if not overwrite:
-                self._check_same(earlier, settings)
+                self._check_same(earlier, settings, (READ,), OTHER_RUN)
+                valid = min(valid, kept(_frames_read(self.folder / record.file_name, earlier)))
         for other in self._others:
             if other.numbers.overlaps(record.numbers):
-                self._check_same(other, settings, ignored=(FIRST, FRAMES, PREROLL))
+                self._check_same(other, settings, (FIRST, FRAMES, PREROLL, READ), _OVERLAP)
         single = [record.page] * page + [record.video] * self.options.video
         self._check_free(record, frame_count, single)
         if self.options.video:
             check_video_encoder(self.folder / record.video)
-        if overwrite:
-            remove_files(own)
-        kept = {} if overwrite else self.record.files
-        listed = [*self.record.files]
-        self._save(kept, settings)
+        listed, kept_files = [*self.record.files], {} if overwrite else self.record.files
+        self.has_outdated = any(count > valid for name, count in kept_files.items() if name != record.page)
+        if self.has_outdated:  # page and video show outdated images, too
+            kept_files = {name: min(count, valid) for name, count in kept_files.items() if "#" in name}
+        remaining = RunRecord(self.record.settings, kept_files)
+        remove_files({*own} - {*remaining.own_files(self.folder)})
+        self._save(kept_files, settings)
         subfolders = {str(Path(pattern).parent) for pattern in listed} - {"."}
         remove_partial_files(self.folder, lambda name: self._is_own_name(name, listed), subfolders)
         return self.count_complete(frame_count)
@@ -449,14 +480,13 @@ class Results:
             raise _foreign(path)
 
     def _check_same(
-        self, earlier: RunRecord, settings: Mapping[str, object], *, ignored: Collection[str] = ()
+        self, earlier: RunRecord, settings: Mapping[str, object], ignored: Collection[str], hint: str
     ) -> None:
         """Raise ShotError if a setting of an earlier run differs, except the ignored ones."""
         for key in earlier.differences(settings, ignored):
             before = earlier.settings.get(key)
             problem = f"images of another run are there: {key} was {before}, is now {settings[key]}"
-            start_over = "" if ignored else ", or --overwrite to start over"
-            raise ShotError(self.folder, problem, f"Choose another folder{start_over}.")
+            raise ShotError(self.folder, problem, hint)
 
 
 def frame_path(folder: Path, pattern: str, number: int) -> Path:
@@ -494,6 +524,15 @@ def _foreign(path: Path, problem: str = "is there already") -> ShotError:
     """Return the error for a file of another program."""
     hint = "Move it away, or choose another folder."
     return ShotError(path, f"{problem}, and {FILE_NAME} does not list it as written by this command", hint)
+
+
+def _frames_read(path: Path, record: RunRecord) -> FramesRead:
+    """Return the frames that an earlier run could read; ShotError if its record does not state them."""
+    try:
+        return msgspec.convert(record.settings.get(READ), FramesRead)
+    except msgspec.ValidationError as error:
+        problem = "does not state the frames of its run: it is of an earlier version, or of something else"
+        raise ShotError(path, problem, OTHER_RUN) from error
 
 
 def _check_numbers(path: Path, record: RunRecord) -> None:

@@ -121,6 +121,10 @@ class UpscaleJob(FrameJob):
             "display size": size_text(upscaler.display_size),
         }
 
+    def settled(self, count: int) -> int:
+        """Return the number of images that later frames do not change; see `FrameJob`."""
+        return count if self.passes == 1 else ChunkSize().settled(count)
+
     def preroll_of(self, upscaler: Upscaler) -> int:
         """Return the number of frames of the preroll."""
         size = upscaler.display_size or self.shot.render_size

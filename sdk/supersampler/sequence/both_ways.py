@@ -48,6 +48,10 @@ class ChunkSize(NamedTuple):
             steps, count = steps + sum(self), count - self.frames
         return steps + count
 
+    def settled(self, count: int) -> int:
+        """Return how many of the first `count` frames after a cut have images that no later frame changes."""
+        return max(0, count - self.overlap) // self.frames * self.frames
+
 
 class Merged(NamedTuple):
     """A frame, and the merged outputs of its steps."""

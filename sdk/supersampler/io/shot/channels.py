@@ -211,7 +211,7 @@ def import_channels(
         return found.read_reference(index, info.display_size)
 
     color = found.sources["color"].channels[0] if "color" in found.sources else "R"
-    return Shot(found.folder, info, entries, arrays, reference, color_channel=color)
+    return Shot(found.folder, info, entries, arrays, reference, color_channel=color, channel_map=channel_map)
 
 
 def first_file(folder: Path, options: SequenceOptions) -> Path:

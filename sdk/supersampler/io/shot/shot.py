@@ -1,13 +1,15 @@
 """`Shot`: a frame sequence on disk, read frame by frame."""
 
+import json
 import os
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import msgspec
 
@@ -110,6 +112,7 @@ class Shot:
         wait: Callable[[int], object] = lambda _: None,
         stop_waiting: Callable[[], None] = lambda: None,
         color_channel: str = "R",
+        channel_map: Mapping[str, Any] | None = None,
         own_format: bool = False,
     ) -> None:
         self.path, self.info = path, info
@@ -123,6 +126,7 @@ class Shot:
         self.noisy_channels: tuple[str, ...] = ()
         self.samples: int | None = None
         self._color_channel, self._own_format = color_channel, own_format
+        self._channel_map = channel_map  # of `import_channels`
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
@@ -320,6 +324,19 @@ class Shot:
     def exposure(self, index: int) -> float | None:
         """Return the exposure that the shot states for a frame; None if it does not state it."""
         return self._entries[index].exposure
+
+    def hashes(self, count: int) -> dict[str, str]:
+        """Return hashes of what is stated about the first `count` frames, by kind; none of their pixels."""
+        entries = self._entries[:count]
+        facts: dict[str, Any] = {
+            "files": [(entry.file, entry.display_file, entry.render_size, entry.shaded) for entry in entries],
+            "channels": self._channel_map,
+            "jitter": [entry.jitter for entry in entries],
+            "cuts": [entry.reset for entry in entries],
+            "exposure": [(entry.exposure, entry.pre_exposure) for entry in entries],
+        }
+        texts = {name: json.dumps(values, sort_keys=True) for name, values in facts.items()}
+        return {name: sha256(text.encode()).hexdigest() for name, text in texts.items()}
 
     def read(self, index: int) -> ShotFrame:
         """Read one frame by its index.
