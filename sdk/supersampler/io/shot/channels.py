@@ -15,7 +15,7 @@ from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
-from supersampler.io.images import Channel, read_header, read_image
+from supersampler.io.images import Channel, exact_rate, read_header, read_image
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
 from supersampler.io.shot.format import (
     FrameEntry,
@@ -163,7 +163,8 @@ def import_channels(
         frames: first and last number of the frames to open, both included; by default all. Only frames
             between them may not be missing. Jitter and cuts are counted from the first file.
         display_size: (width, height) of references and display-size motion; by default the first reference's.
-        frame_rate: frames per second; by default the rate that the first file states, otherwise 24.
+        frame_rate: frames per second, 0.001 to 1000; by default the rate that the first file states,
+            otherwise 24.
         jitter: (x, y) of each frame, or a JSON file [[x, y], ...]; by default jitter.json in the folder if it
             exists, otherwise no jitter.
         cuts: indices of the first frames after cuts, from the first file; the first frame is always one.
@@ -174,7 +175,8 @@ def import_channels(
 
     Raises:
         ShotError: files or channels are missing, or differ in number or size.
-        ArgumentError: the map has an unknown name or a wrong number of channels.
+        ArgumentError: the map has an unknown name or a wrong number of channels; or the frame rate is out of
+            range.
     """
     found = _MappedFiles(Path(folder), channel_map, conventions, files, frames)
     if not all(isinstance(index, int | np.integer) and 0 <= index <= found.last_index for index in cuts):
@@ -188,6 +190,7 @@ def import_channels(
     header = read_header(found.frame_file(0))
     if frame_rate is None:
         frame_rate = header.frame_rate or _FRAME_RATE
+    exact_rate(frame_rate)  # raises if it is out of range
     info = ShotInfo(
         name=name or found.folder.resolve().name,
         render_size=(width, height),
@@ -237,6 +240,8 @@ def import_described_channels(folder: Path | str, **options: Unpack[SequenceOpti
         conventions = Conventions.from_json(values.pop("conventions"))
         return import_channels(folder, values.pop("channels"), conventions=conventions, **values)
     except ArgumentError as error:
+        if error.name in options:
+            raise
         raise ShotError(path, f"is not valid: {error}") from error
 
 

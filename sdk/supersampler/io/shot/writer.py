@@ -1,6 +1,7 @@
 """`ShotWriter`: writes a shot frame by frame; a killed run can be resumed. `copy_shot` uses it."""
 
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.errors import ArgumentError, ShotError
+from supersampler.errors import ArgumentError, ShotError, shown
 from supersampler.frame import Array, Frame, Size
 from supersampler.io import files
 from supersampler.io.display_transforms import REC709
@@ -63,6 +64,7 @@ class ShotWriter:
 
     Raises:
         ShotError: the folder already holds a shot; with `resume`, a shot with other properties.
+        ArgumentError: the frame rate is not a positive number.
     """
 
     def __init__(
@@ -83,6 +85,8 @@ class ShotWriter:
         compression: str = "zip",
         reference_compression: str = "zip",
     ) -> None:
+        if frame_rate is not None and not 0.0 < frame_rate < math.inf:
+            raise ArgumentError("frame_rate", got=shown(frame_rate), want="a finite number > 0, or None")
         self.path = Path(path)
         self._description = self.path / (FILE_NAME if variant is None else f"{variant}.json")
         self._frames_below = "" if variant is None else f"{variant}/"
