@@ -19,6 +19,7 @@ from upscale_runs import (
     moving,
     pixels,
     refusal,
+    run,
     upscale,
     write_renders,
 )
@@ -148,6 +149,32 @@ def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_
     assert f"{renders / 'f.0003.exr'}: is 20x18; the shot says 32x18" in message
     assert [*images(tmp_path / "out")] == ["f.0001.exr", "f.0002.exr"]
     assert not [name for name in files(tmp_path / "out") if "partial" in name]
+
+
+# Options with values that cannot be used
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        *(("--frame-rate", rate) for rate in ("0", "-5", "nan", "inf")),
+        *(("upscale", f"--{name}", "x") for name in ("frames", "display-size", "name", "view")),
+        ("upscale", "--scale", "0.5"),
+        ("--conventions", "x"),
+        ("--cuts", "x"),
+    ],
+)
+def test_a_value_that_cannot_be_used_is_named_with_its_option_and_ends_with_2(
+    tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    shot = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in range(2)})
+    commands = [options[0]] if options[0] == "upscale" else ["upscale", "import"]
+    for command in commands:
+        given = options[options[0] == command :]
+        done = run(command, shot, "-o", tmp_path / "out", *OURS, *given)
+        assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
+        assert f"{given[0].removeprefix('--')} is " in done.stderr
+        assert not (tmp_path / "out").exists()
 
 
 # Changes between the runs of a folder
