@@ -101,7 +101,7 @@ def upscale(shot: object, output: Path, *options: object, method: str = "bilinea
 
 
 def refusal(*arguments: object) -> str:
-    """Return the error of a command, once it is sure that it is one line, and that the exit code is that of an error."""
+    """Return the error of a command, once it is sure that it is one line, and the exit code 1 or 2."""
     result = run(*arguments)
     assert result.exit_code in (1, 2), result.output
     assert result.stderr.count("\n") == 1, result.output

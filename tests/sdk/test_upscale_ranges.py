@@ -79,8 +79,27 @@ def test_a_frame_missing_from_the_shot_is_named(
     shot: Path, tmp_path: Path, ranges: str, missing: str
 ) -> None:
     message = refusal("upscale", shot, "-o", tmp_path / "out", "--frames", ranges)
-    assert f"has no frame {missing}. Its frames are 0 to 23" in message
+    assert f"has no frame {missing}. It has frames 0 to 23" in message
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", ["upscale", "denoise"])
+@pytest.mark.parametrize("ranges", ["1-3", "5"])
+def test_a_range_without_a_frame_is_named_as_given(tmp_path: Path, command: str, ranges: str) -> None:
+    renders = write_renders(tmp_path / "in", {n: f"f.{n}" for n in (1001, 1002)})
+    message = refusal(command, renders, "-o", tmp_path / "out", "--frames", ranges, *OURS)
+    named = "from 1 to 3" if ranges == "1-3" else "from 5 to 5"
+    assert f"has no frame {named}. Its frames are 1001 to 1002" in message
+
+
+def test_a_range_over_images_of_the_whole_run_names_the_option_that_differs(
+    shot: Path, tmp_path: Path
+) -> None:
+    upscale(shot, tmp_path)
+    message = refusal("upscale", shot, "-o", tmp_path, "--frames", "3", "--method", "bilinear", "--overwrite")
+    assert "at rest was converge, is now off. It is off by default with --frames" in message
+    assert "add --at-rest converge." in message
+    upscale(shot, tmp_path, "--frames", "3", "--overwrite", "--at-rest", "converge")
 
 
 @pytest.mark.parametrize("ranges", ["", "5-", "a", "5-3", "3,4", "10:20", "1x2", "3--5", "--3"])

@@ -128,6 +128,9 @@ def _opened(numbers: FrameRange, open_frames: Callable[..., Shot], passes: int) 
                 last = gap.missing[0] - 1
             else:
                 raise
+        except ShotError:
+            open_frames((numbers.first, numbers.last))  # an error about the range itself names its numbers
+            raise
 
 
 class _DenoiseRun(FrameRun[DenoiseJob]):

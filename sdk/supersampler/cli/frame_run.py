@@ -163,7 +163,7 @@ def plan_frames(shot: Shot, numbers: FrameRange | None, preroll: int, passes: in
     for number in (numbers.first, numbers.last):
         if number not in own:
             problem = f"has no frame {number}"
-            raise ShotError(shot.path, problem, f"Its frames are {own.first} to {own.last}.")
+            raise ShotError(shot.path, problem, f"It has frames {own.first} to {own.last}.")
     index, stop = numbers.first - own.first, numbers.last - own.first + 1
     cut = shot.last_cut(index)
     start = max(cut, index - preroll)

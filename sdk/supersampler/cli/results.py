@@ -43,6 +43,8 @@ FILE_NAME = "upscale.json"
 FIRST, FRAMES, SOURCE, PREROLL = "first frame", "frames", "source", "preroll"
 """Settings: number of the first frame, 0 if missing; range of the frames, missing if the run has all from
 FIRST on; options that opened the shot; frames before the range that build the history."""
+AT_REST = "at rest"
+"""Setting: see `Upscaler`."""
 READ = "frames read"
 """Setting: `FramesRead` as JSON."""
 DEMO: Mapping[str, str] = {"command": "demo"}
@@ -56,8 +58,8 @@ _FRAME_FILES = re.compile(
 _RECORDS = re.compile(r"upscale(\.-?\d+(?:--?\d+)?)?\.json")
 _MAX_FILES = 10**9
 _MIN_ALPHA = 0.5 / 65535.0  # less is written as 0
+_OTHER_RANGE = "Choose another folder."
 OTHER_RUN = "Choose another folder, or --overwrite to start over."
-_OVERLAP = "Choose another folder."
 _START_OVER = f"Remove the files of that run and {FILE_NAME} yourself, or choose another folder."
 _Written = TypeVar("_Written")
 
@@ -388,7 +390,7 @@ class Results:
                 valid = min(valid, kept(_frames_read(self.folder / record.file_name, earlier)))
         for other in self._others:
             if other.numbers.overlaps(record.numbers):
-                self._check_same(other, settings, (FIRST, FRAMES, PREROLL, READ), _OVERLAP)
+                self._check_same(other, settings, (FIRST, FRAMES, PREROLL, READ), _OTHER_RANGE)
         single = [record.page] * page + [record.video] * self.options.video
         self._check_free(record, frame_count, single)
         if self.options.video:
@@ -486,6 +488,9 @@ class Results:
         for key in earlier.differences(settings, ignored):
             before = earlier.settings.get(key)
             problem = f"images of another run are there: {key} was {before}, is now {settings[key]}"
+            if key == AT_REST and settings.get(PREROLL) != earlier.settings.get(PREROLL):
+                default = "It is off by default with --frames and --preroll."
+                hint = f"{default} Choose another folder, or add --at-rest {before}."
             raise ShotError(self.folder, problem, hint)
 
 

@@ -15,7 +15,7 @@ from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli import frame_run
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_run import FrameJob, FramePlan, FrameRun, OnStep, SteppedFrame
-from supersampler.cli.results import PREROLL, Results
+from supersampler.cli.results import AT_REST, PREROLL, Results
 from supersampler.conventions import jitter_phase_count
 from supersampler.errors import ShotError
 from supersampler.frame import Frame, Size
@@ -115,7 +115,7 @@ class UpscaleJob(FrameJob):
             "precision": model.precision,
             **self.shot_settings(),
             PREROLL: self.preroll_of(upscaler) if self._has_preroll else None,
-            "at rest": upscaler.at_rest,
+            AT_REST: upscaler.at_rest,
             "passes": None if self.passes == 1 else self.passes,
             "extrapolation": None if name is None else dict(read_model_info(find_model(name)).files),
             "display size": size_text(upscaler.display_size),
@@ -161,7 +161,11 @@ def open_for(
     try:
         return open_frames((numbers.first - before, numbers.last + after)), ""
     except ShotError as error:
-        shot = open_frames((numbers.first - min_before, numbers.last))
+        try:
+            shot = open_frames((numbers.first - min_before, numbers.last))
+        except ShotError:
+            open_frames((numbers.first, numbers.last))  # an error about the range itself names its numbers
+            raise
         return shot, f"History and exposure begin at frame {shot.first_number}: {error.problem}."
 
 
