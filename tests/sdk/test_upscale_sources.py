@@ -199,3 +199,12 @@ def test_a_run_is_not_continued_with_another_jitter_or_other_channels(tmp_path: 
     assert files(out) == before
     upscale(shot, out, "--overwrite")
     assert "All 3 frames are there already" in upscale(shot, out).stderr
+
+
+def test_a_frame_that_was_rendered_again_after_its_image_is_named(tmp_path: Path) -> None:
+    shot, out = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in range(3)}), tmp_path / "out"
+    upscale(shot, out, *OURS)
+    assert "has changed" not in upscale(shot, out, *OURS).stderr
+    write_renders(shot, {1: "f.0001"})
+    assert "Frame 1 has changed since its image was written. --overwrite" in upscale(shot, out, *OURS).stderr
+    assert "has changed" not in upscale(shot, out, *OURS, "--overwrite").stderr

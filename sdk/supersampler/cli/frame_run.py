@@ -228,9 +228,8 @@ def run_frames(
         check_apart(job.output, job.shot.source)
     kept = partial(job.kept, plan)
     first = results.begin(settings, count, kept, overwrite=job.overwrite, page=job.compare)
-    if results.has_outdated:
-        again = f"Images from frame {plan.numbers.first + first} on are computed again"
-        job.console.print(f"{again}: they depend on new frames.", soft_wrap=True)
+    for note in _changes(job, plan, results, first):
+        job.console.print(note, soft_wrap=True)
     page = job.compare and not (first == count and results.is_newest(results.record.page))
     video = job.images.video and not (first == count and results.is_newest(results.record.video))
     if first == count and not (page or video or all_frames):
@@ -248,6 +247,19 @@ def run_frames(
         job.console.print("The same command, given again, continues.")
         raise typer.Exit(130) from None
     return results
+
+
+def _changes(job: FrameJob, plan: FramePlan, results: Results, first: int) -> Iterator[str]:
+    """Yield notes on frames that are new, or have changed, since an earlier run wrote `first` images."""
+    if results.has_outdated:
+        again = f"Images from frame {plan.numbers.first + first} on are computed again"
+        yield f"{again}: they depend on new frames."
+    for position in range(first):
+        changed = job.shot.changed_at(plan.index(position))
+        if any(written < changed for written in results.written_at(position)):
+            newer = f"Frame {plan.numbers.first + position} has changed since its image was written"
+            yield f"{newer}. --overwrite computes all images again."
+            return
 
 
 class FrameRun(Generic[Job]):

@@ -418,6 +418,12 @@ class Results:
                 return position
         return count
 
+    def written_at(self, position: int) -> list[int]:
+        """Return the times at which the images at a position were written, in ns."""
+        number = self.record.numbers.first + position
+        paths = [frame_path(self.folder, pattern, number) for pattern in self.options.patterns]
+        return [path.stat().st_mtime_ns for path in paths]
+
     def list_files(self, position: int) -> None:
         """List the files of the frame at a position of the run, before they are written.
 

@@ -325,6 +325,12 @@ class Shot:
         """Return the exposure that the shot states for a frame; None if it does not state it."""
         return self._entries[index].exposure
 
+    def changed_at(self, index: int) -> int:
+        """Return the time at which a frame's file has changed last, in ns; 0 if there is none."""
+        folder = self.source if self.source.is_dir() else self.source.parent
+        path = folder / self._entries[index].file
+        return path.stat().st_mtime_ns if is_file(path) else 0
+
     def hashes(self, count: int) -> dict[str, str]:
         """Return hashes of what is stated about the first `count` frames, by kind; none of their pixels."""
         entries = self._entries[:count]
