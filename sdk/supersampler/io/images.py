@@ -293,6 +293,8 @@ class ImageHeader:
             files state it by `colorInteropID` or `chromaticities`; chromaticities other than Rec. 709, AP1,
             AP0, Rec. 2020 and P3-D65 are "unknown". Files that state nothing: "lin_rec709", which is also
             the space of decoded sRGB.
+        straight_alpha: whether the file states that RGB is not multiplied by alpha: PNG, and TIFF with
+            unassociated alpha.
     """
 
     format: str
@@ -300,6 +302,7 @@ class ImageHeader:
     metadata: Metadata
     views: Sequence[str]
     color_space: str
+    straight_alpha: bool
 
     @property
     def frame_rate(self) -> float | None:
@@ -316,12 +319,13 @@ def read_header(path: Path | str) -> ImageHeader:
             spec = source.spec()
             types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
         if kind != "exr":
-            return ImageHeader(kind, types, {}, (), REC709)
+            is_straight = bool(source.spec().get_int_attribute("oiio:UnassociatedAlpha"))
+            return ImageHeader(kind, types, {}, (), REC709, is_straight)
         source.seek_subimage(0, 0)
         spec = source.spec()
         views = spec.getattribute("multiView")
         views = tuple(map(str, views)) if isinstance(views, tuple) else ()
-        return ImageHeader(kind, types, _metadata(spec), views, _color_space(spec))
+        return ImageHeader(kind, types, _metadata(spec), views, _color_space(spec), False)
 
 
 def _metadata(spec: ImageSpec) -> Metadata:
