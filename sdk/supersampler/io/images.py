@@ -253,8 +253,9 @@ Metadata: TypeAlias = dict[str, str | int | float | TypedValues]
 """Entries of an EXR file's header, by name."""
 
 FRAME_RATE, PIXEL_ASPECT = "framesPerSecond", "PixelAspectRatio"
+_CRYPTOMATTE = "cryptomatte/"
 _LAYOUT = re.compile(
-    "oiio:|openexr:|cryptomatte/|thumbnail|(compression|BlenderMultiChannel|DateTime|[XY]Resolution"
+    f"oiio:|openexr:|{_CRYPTOMATTE}|thumbnail|(compression|BlenderMultiChannel|DateTime|[XY]Resolution"
     "|ResolutionUnit|Orientation|name|type|view|multiView|chunkCount|version|dataWindow|displayWindow"
     "|originalDataWindow|acesImageContainerFlag|textureformat|wrapmodes|tiles|envmap|deepImageState"
     "|maxSamplesPerPixel)$"
@@ -288,6 +289,7 @@ class ImageHeader:
         types: channels of `read_image`, with their types: "half", "float", "uint", "uint8", "uint16".
         metadata: entries of an EXR header that describe the content: frame, camera, time code, lens. Entries
             on the storage are omitted: compression, windows, tiles, views, parts.
+        cryptomatte: entries `cryptomatte/ID/name`, `/hash`, `/conversion`, `/manifest` of all parts, whole.
         views: views of a stereo EXR file; channels without a view's name belong to the first.
         color_space: colour space of the linear light, by its name in the OpenColorIO configs of ACES. EXR
             files state it by `colorInteropID` or `chromaticities`; chromaticities other than Rec. 709, AP1,
@@ -300,9 +302,15 @@ class ImageHeader:
     format: str
     types: Mapping[str, str]
     metadata: Metadata
+    cryptomatte: Mapping[str, str]
     views: Sequence[str]
     color_space: str
     straight_alpha: bool
+
+    @property
+    def cryptomattes(self) -> list[str]:
+        """Names of the Cryptomatte layers; their channels are NAME00.R and so on."""
+        return [name for key, name in self.cryptomatte.items() if name and key.endswith("/name")]
 
     @property
     def frame_rate(self) -> float | None:
@@ -314,18 +322,29 @@ def read_header(path: Path | str) -> ImageHeader:
     """Read the header of an EXR, PNG or TIFF file; see `read_image` for errors."""
     with open_image(path) as (source, kind):
         types: dict[str, str] = {}
+        cryptomatte: dict[str, str] = {}
         for part, names in enumerate(_part_names(source, path, kind)):
             source.seek_subimage(part, 0)
             spec = source.spec()
             types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
+            cryptomatte |= _cryptomatte(spec)
         if kind != "exr":
             is_straight = bool(source.spec().get_int_attribute("oiio:UnassociatedAlpha"))
-            return ImageHeader(kind, types, {}, (), REC709, is_straight)
+            return ImageHeader(kind, types, {}, {}, (), REC709, is_straight)
         source.seek_subimage(0, 0)
         spec = source.spec()
         views = spec.getattribute("multiView")
         views = tuple(map(str, views)) if isinstance(views, tuple) else ()
-        return ImageHeader(kind, types, _metadata(spec), views, _color_space(spec), False)
+        return ImageHeader(kind, types, _metadata(spec), cryptomatte, views, _color_space(spec), False)
+
+
+def _cryptomatte(spec: ImageSpec) -> dict[str, str]:
+    entries = {str(entry.name): entry.value for entry in spec.extra_attribs}
+    return {
+        name: value
+        for name, value in entries.items()
+        if name.startswith(_CRYPTOMATTE) and isinstance(value, str)
+    }
 
 
 def _metadata(spec: ImageSpec) -> Metadata:
