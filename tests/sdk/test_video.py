@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from OpenImageIO import ImageBuf
+from OpenImageIO import ImageBuf, ImageSpec
 
+from exr_parts import write_parts
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
 from supersampler.io.images import Metadata, TypedValues, exact_rate, write_exr
@@ -231,3 +232,22 @@ def test_other_views_of_a_stereo_file_are_not_read(tmp_path: Path) -> None:
         assert raw.color is not None
         assert (raw.color == 1).all()
         assert (raw.depth == 1).all()
+
+
+def test_parts_of_other_views_are_not_read(tmp_path: Path) -> None:
+    parts = []
+    for value, view, eye in ((1, "left", ""), (9, "right", "2")):
+        for name, channels in (("beauty", "RGBA"), ("depth", "Z"), ("motion", "XY"), ("fog", "Y")):
+            spec = ImageSpec(8, 6, len(channels), "float")
+            spec.channelnames = tuple(channels)
+            spec.attribute("oiio:subimagename", f"{name}{eye}")
+            spec.attribute("view", view)
+            parts.append((spec, np.full((6, 8, len(channels)), value, np.float32)))
+    write_parts(tmp_path / "s.0001.exr", *parts)
+    shot = open_source(tmp_path, conventions=Conventions())
+    raw = shot.read_raw(0)
+    assert shot.info.aov_names == ("A", "fog.Y")
+    assert (raw.color == 1).all()
+    assert raw.aovs is not None
+    assert (raw.aovs == 1).all()
+    assert "beauty2.R" in shot.ignored_channels

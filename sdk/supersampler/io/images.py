@@ -290,7 +290,8 @@ class ImageHeader:
         metadata: entries of an EXR header that describe the content: frame, camera, time code, lens. Entries
             on the storage are omitted: compression, windows, tiles, views, parts.
         cryptomatte: entries `cryptomatte/ID/name`, `/hash`, `/conversion`, `/manifest` of all parts, whole.
-        views: views of a stereo EXR file; channels without a view's name belong to the first.
+        other_views: channels of a stereo EXR file's views after the first: those of parts with such a `view`,
+            and those whose names have it between dots.
         color_space: colour space of the linear light, by its name in the OpenColorIO configs of ACES. EXR
             files state it by `colorInteropID` or `chromaticities`; chromaticities other than Rec. 709, AP1,
             AP0, Rec. 2020 and P3-D65 are "unknown". Files that state nothing: "lin_rec709", which is also
@@ -303,7 +304,7 @@ class ImageHeader:
     types: Mapping[str, str]
     metadata: Metadata
     cryptomatte: Mapping[str, str]
-    views: Sequence[str]
+    other_views: Sequence[str]
     color_space: str
     straight_alpha: bool
 
@@ -323,19 +324,28 @@ def read_header(path: Path | str) -> ImageHeader:
     with open_image(path) as (source, kind):
         types: dict[str, str] = {}
         cryptomatte: dict[str, str] = {}
+        views: dict[str, str] = {}  # of channels
         for part, names in enumerate(_part_names(source, path, kind)):
             source.seek_subimage(part, 0)
             spec = source.spec()
             types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
             cryptomatte |= _cryptomatte(spec)
+            views |= dict.fromkeys(names, spec.get_string_attribute("view"))
         if kind != "exr":
             is_straight = bool(source.spec().get_int_attribute("oiio:UnassociatedAlpha"))
             return ImageHeader(kind, types, {}, {}, (), REC709, is_straight)
         source.seek_subimage(0, 0)
         spec = source.spec()
-        views = spec.getattribute("multiView")
-        views = tuple(map(str, views)) if isinstance(views, tuple) else ()
-        return ImageHeader(kind, types, _metadata(spec), cryptomatte, views, _color_space(spec), False)
+        others = _other_views(spec, views)
+        return ImageHeader(kind, types, _metadata(spec), cryptomatte, others, _color_space(spec), False)
+
+
+def _other_views(spec: ImageSpec, views: Mapping[str, str]) -> list[str]:
+    """Return the channels of the views after the first, given the first part and each channel's view."""
+    stated = spec.getattribute("multiView")
+    in_order = stated if isinstance(stated, tuple) else dict.fromkeys(filter(None, views.values()))
+    others = set(list(map(str, in_order))[1:])
+    return [name for name, view in views.items() if not others.isdisjoint([view, *name.split(".")[:-1]])]
 
 
 def _cryptomatte(spec: ImageSpec) -> dict[str, str]:

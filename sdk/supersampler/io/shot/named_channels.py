@@ -89,9 +89,8 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
 
 def of_first_view(header: ImageHeader) -> tuple[dict[str, str], list[str]]:
     """Return the channels of a stereo file's first view with their types, and the names of the others."""
-    views = set(header.views[1:])
-    others = [name for name in header.types if not views.isdisjoint(name.split(".")[:-1])]
-    return {name: kind for name, kind in header.types.items() if name not in others}, others
+    others = header.other_views
+    return {name: kind for name, kind in header.types.items() if name not in others}, [*others]
 
 
 def blended_and_ignored(
