@@ -1,7 +1,7 @@
 """Command-line options that several commands share, and parsers of their values."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -157,13 +157,18 @@ def source_of(options: dict[str, Any]) -> dict[str, str]:
     return {key: str(options[key]) for key in SOURCE_OPTIONS if options[key] is not None}
 
 
-def source_notes(shot: "Shot") -> list[str]:
-    """Return lines to print about an opened shot: channels that are not read, and an unknown colour space."""
+def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
+    """Return lines to print about an opened shot: channels that are not read, and an unknown colour space.
+
+    `copied` are channels that the results keep unchanged.
+    """
     from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
     notes = []
-    if shot.ignored_channels:
-        notes.append(f"Not read, because they cannot be blended: {', '.join(shot.ignored_channels)}")
+    if copied:
+        notes.append(f"Copied, because they cannot be blended: {', '.join(copied)}")
+    if unread := [name for name in shot.ignored_channels if name not in copied]:
+        notes.append(f"Not read, because they cannot be blended: {', '.join(unread)}")
     if shot.info.color_space == UNKNOWN_COLOR_SPACE:
         notes.append("The files' headers have unknown primaries. State the colour space: --color-space NAME.")
     return notes

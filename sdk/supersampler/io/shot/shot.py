@@ -16,7 +16,7 @@ from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_you_mean
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.files import check_inside, is_file
-from supersampler.io.images import Channel, Metadata, read_exr, read_header
+from supersampler.io.images import Channel, ImageHeader, Metadata, read_exr, read_header
 from supersampler.io.shot import format as shot_format
 from supersampler.io.shot.format import ClassMaps, FrameEntry, ShotInfo
 
@@ -368,6 +368,10 @@ class Shot:
         """Return the header entries of a frame's EXR file that describe its content; {} for other files."""
         path = self._complete_file(index)
         return read_header(path).metadata if path.suffix.lower() == ".exr" else {}
+
+    def read_header(self, index: int) -> ImageHeader:
+        """Read the header of a frame's EXR, PNG or TIFF file."""
+        return read_header(self._complete_file(index))
 
     def _complete_file(self, index: int) -> Path:
         """Return the file of a frame, which may still be rendered when this is called."""
