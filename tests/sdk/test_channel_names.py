@@ -174,6 +174,16 @@ def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) ->
     assert Shot.open(tmp_path / "out").info.color_space == "unknown"
 
 
+def test_a_pass_that_begins_in_a_later_frame_is_said_not_to_be_read(tmp_path: Path) -> None:
+    write_one(tmp_path / "in", *COLOR, *DEPTH, *MOTION)
+    first = tmp_path / "in" / "f.0001.exr"
+    write_exr(first.with_name("f.0002.exr"), {**read_exr(first), "fog": np.zeros((6, 8), np.float32)})
+    arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "supersampler"]
+    assert "Not read, because frame 1 lacks them: fog" in CliRunner().invoke(app, arguments).stdout
+    first.with_name("f.0003.exr").write_bytes(b"v/1\x01")  # is still written
+    assert open_source(tmp_path / "in", conventions=OURS).late_channels == ()
+
+
 def test_references_of_recognised_frames_are_found_by_number(tmp_path: Path) -> None:
     write_one(tmp_path, *COLOR, *DEPTH, *MOTION)
     write_exr(tmp_path / "reference" / "r.0001.exr", np.full((12, 16, 3), 2, np.float32))

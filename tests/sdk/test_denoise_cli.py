@@ -141,13 +141,13 @@ def test_ids_are_copied_as_they_are_with_their_names(tmp_path: Path) -> None:
     }
     for index in range(3):
         frame, parts = noisy(index), []
-        for name, channels, values in (
+        for name, letters, values in (
             ("rgba", "RGB", frame.color), ("depth", "Z", frame.depth), ("vector", "xy", frame.motion),
             ("CryptoObject00", "r", ids + index), ("ProxyMask00", "R", ids - index), ("MeshID", "Y", ids),
         ):  # fmt: skip
             pixels = np.asarray(values, np.uint32 if name == "MeshID" else np.float32).reshape(30, 48, -1)
-            spec = ImageSpec(48, 30, len(channels), "uint" if name == "MeshID" else "float")
-            spec.channelnames = tuple(channels)
+            spec = ImageSpec(48, 30, len(letters), "uint" if name == "MeshID" else "float")
+            spec.channelnames = tuple(letters)
             spec.attribute("oiio:subimagename", name)
             for key, text in entries.get(name, {}).items():
                 spec.attribute(key, text)

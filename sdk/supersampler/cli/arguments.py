@@ -169,6 +169,9 @@ def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
         notes.append(f"Copied, because they cannot be blended: {', '.join(copied)}")
     if unread := [name for name in shot.ignored_channels if name not in copied]:
         notes.append(f"Not read, because they cannot be blended: {', '.join(unread)}")
+    if shot.late_channels:
+        names = ", ".join(shot.late_channels)
+        notes.append(f"Not read, because frame {shot.first_number} lacks them: {names}")
     if shot.info.color_space == UNKNOWN_COLOR_SPACE:
         notes.append("The files' headers have unknown primaries. State the colour space: --color-space NAME.")
     return notes

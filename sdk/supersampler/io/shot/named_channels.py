@@ -116,6 +116,15 @@ def blended_and_ignored(
     return blended, [name for name in others if name not in blended]
 
 
+def late_channels(shot: Shot, first: ImageHeader) -> tuple[str, ...]:
+    """Return the channels of the last frame that the first lacks; none if the last one is incomplete."""
+    try:
+        last = shot.read_header(len(shot) - 1)
+    except ShotError:
+        return ()
+    return tuple(name for name in last.types if name not in first.types)
+
+
 def is_id(channel: str, cryptomattes: Collection[str] = ()) -> bool:
     """Return whether a channel holds ids, by its name, or of one of these Cryptomatte layers."""
     base, layer = _base(channel), channel.rpartition(".")[0]
@@ -214,4 +223,5 @@ def import_named_channels(
         names = aovs
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     shot.ignored_channels = (*ignored, *other_views)
+    shot.late_channels = late_channels(shot, header)
     return shot

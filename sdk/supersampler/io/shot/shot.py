@@ -94,6 +94,8 @@ class Shot:
         info: properties of all frames.
         ignored_channels: channels of the first frame's file that an importer does not read: ids and other
             data that cannot be blended. For renders of `supersampler blender`, empty until a frame is read.
+        late_channels: channels of the last frame's file that the first lacks; importers that recognise
+            channels do not read them.
         is_denoised: whether the frames state that their renderer has denoised them; only Blender's can.
         noisy_channels: channels of the colour before the renderer denoised it; empty if there are none.
         samples: samples per pixel of the renderer, None if unknown; only frames of Cycles state it.
@@ -119,6 +121,7 @@ class Shot:
         self._entries, self._raw = tuple(entries), read_arrays
         self._reference = read_reference
         self._ignored_channels: list[str] = []  # of all copies: the first frame may be read later
+        self.late_channels: tuple[str, ...] = ()
         self.is_denoised = False
         self.noisy_channels: tuple[str, ...] = ()
         self.samples: int | None = None
