@@ -205,6 +205,8 @@ def test_entries_of_the_file_that_was_read_are_not_copied(tmp_path: Path) -> Non
         "acesImageContainerFlax": 1,  # see below
         "owner": "me",
         "screenWindowWidth": 1.5,
+        "manifest": '{"a": ' + "0" * 9000 + "}",
+        "too long": "0" * 70000,
     }
     write_renders(tmp_path / "in", {1: "s.0001"}, metadata=metadata)
     path = tmp_path / "in" / "s.0001.exr"  # OpenImageIO writes the flag of ACES' containers in those only
@@ -213,10 +215,11 @@ def test_entries_of_the_file_that_was_read_are_not_copied(tmp_path: Path) -> Non
     upscale(tmp_path / "in", tmp_path / "out", *OURS)
     copy_shot(open_source(tmp_path / "in", conventions=Conventions()), tmp_path / "copy")
     for image in (header(tmp_path / "out" / "s.0001.exr"), header(tmp_path / "copy" / "0000.exr")):
-        kept = {"Copyright", "screenWindowWidth"}
+        kept = {"Copyright", "screenWindowWidth", "manifest"}
         names = {entry.name for entry in image.extra_attribs}
         assert names & {*metadata, *kept, "acesImageContainerFlag"} == kept
         assert (image["Copyright"], image["screenWindowWidth"]) == ("me", 1.5)
+        assert image["manifest"] == metadata["manifest"]
 
 
 def test_other_views_of_a_stereo_file_are_not_read(tmp_path: Path) -> None:

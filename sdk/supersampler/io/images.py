@@ -263,7 +263,7 @@ _LAYOUT = re.compile(
 """Entries that describe only the file itself: storage, windows, parts and views."""
 _DEFAULTS = {PIXEL_ASPECT: 1.0, "screenWindowWidth": 1.0, "screenWindowCenter": (0.0, 0.0)}
 """Defaults of entries that every EXR file has; they are not kept."""
-_MAX_ENTRIES, _MAX_TEXT, _MAX_VALUES = 256, 4096, 64
+_MAX_ENTRIES, _MAX_TEXT, _MAX_VALUES = 256, 1 << 16, 64
 _WHITE_D65, _WHITE_ACES = (0.3127, 0.3290), (0.32168, 0.33767)
 _PRIMARIES = {
     REC709: (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_WHITE_D65),
@@ -365,10 +365,9 @@ def _metadata(spec: ImageSpec) -> Metadata:
             continue  # damaged entries may be arrays
         if _DEFAULTS.get(name) == value or (isinstance(value, tuple) and len(value) > _MAX_VALUES):
             continue
-        if isinstance(value, tuple):
-            found[name] = TypedValues(str(entry.type), value)
-        else:
-            found[name] = value[:_MAX_TEXT] if isinstance(value, str) else value
+        if isinstance(value, str) and len(value) > _MAX_TEXT:  # a part of it would be of no use
+            continue
+        found[name] = TypedValues(str(entry.type), value) if isinstance(value, tuple) else value
         if len(found) == _MAX_ENTRIES:
             break
     return found
