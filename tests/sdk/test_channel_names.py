@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
+from supersampler.cli.arguments import source_notes
 from supersampler.conventions import Conventions
 from supersampler.io.images import Metadata, TypedValues, read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
@@ -158,8 +159,15 @@ def test_colour_by_an_unknown_name_is_said_to_be_missing(tmp_path: Path) -> None
         ShotError, match=r"no colour by a known name; lit\.red, lit\.green, lit\.blue may be it"
     ):
         open_source(tmp_path / "lit", conventions=OURS)
+    write_one(tmp_path / "part", "beauty.R", "beauty.G", *DEPTH, *MOTION)
+    with pytest.raises(ShotError, match=r"has beauty\.R, beauty\.G of the colour; want red, green and blue"):
+        open_source(tmp_path / "part", conventions=OURS)
     unshaded = write_one(tmp_path / "unshaded", "fog", "smoke", *DEPTH, *MOTION, "N.X", "N.Y", "N.Z")
-    assert open_source(unshaded, conventions=OURS).read_raw(0).color is None
+    shot = open_source(unshaded, conventions=OURS)
+    assert shot.read_raw(0).color is None
+    assert source_notes(shot) == [
+        "The frames have no colour: no R, G and B, nor another name that docs/shots.md lists."
+    ]
 
 
 def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) -> None:

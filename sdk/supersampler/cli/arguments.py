@@ -158,7 +158,7 @@ def source_of(options: dict[str, Any]) -> dict[str, str]:
 
 
 def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
-    """Return lines to print about an opened shot: channels that are not read, and an unknown colour space.
+    """Return lines to print about an opened shot: what is not read, and what is unknown.
 
     `copied` are channels that the results keep unchanged.
     """
@@ -169,6 +169,8 @@ def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
         notes.append(f"Copied, because they cannot be blended: {', '.join(copied)}")
     if unread := [name for name in shot.ignored_channels if name not in copied]:
         notes.append(f"Not read, because they cannot be blended: {', '.join(unread)}")
+    if not any(map(shot.is_shaded, range(len(shot)))):
+        notes.append("The frames have no colour: no R, G and B, nor another name that docs/shots.md lists.")
     if shot.late_channels:
         names = ", ".join(shot.late_channels)
         notes.append(f"Not read, because frame {shot.first_number} lacks them: {names}")

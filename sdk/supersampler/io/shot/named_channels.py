@@ -163,6 +163,14 @@ def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
     return groups
 
 
+def _parts_of_color(channels: Iterable[str]) -> list[str]:
+    """Return the channels with a name of red, green or blue of the colour."""
+    bases, endings = _NAMES["color"]
+    letters = {*chain.from_iterable(endings)}
+    split = {name: ["", *name.lower().split(".")] for name in channels}
+    return [name for name, parts in split.items() if parts[-2] in bases and parts[-1] in letters]
+
+
 def _likely_color(blended: Sequence[str]) -> list[str]:
     """Return three channels of one layer that may be colour by an unknown name; [] if there are none."""
     layers: dict[str, list[str]] = {}
@@ -210,6 +218,9 @@ def import_named_channels(
     if conventions.motion_jittered:  # it contains the next frame's jitter
         channel_map.pop("motion_next", None)
     aovs, ignored = blended_and_ignored(types, channel_map, header.cryptomattes)
+    if "color" not in channel_map and (parts := _parts_of_color(types)):
+        problem = f"has {', '.join(parts)} of the colour; want red, green and blue"
+        raise ShotError(first, problem, "Write all three, or map them in a channels.json (docs/shots.md).")
     if "color" not in channel_map and (likely := _likely_color(aovs)):
         hint = "Rename it, or map it in a channels.json (docs/shots.md)."
         problem = f"has no colour by a known name; {', '.join(likely)} may be it"
