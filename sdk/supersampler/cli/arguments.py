@@ -58,8 +58,14 @@ ColorSpaceOption = Annotated[
         show_default="from the files, or lin_rec709",
     ),
 ]
+ViewLayerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--layer", metavar="NAME", help="View layer of Blender's frames, where several are complete."
+    ),
+]
 SOURCE_OPTIONS = (
-    "layout", "jitter", "channels", "conventions", "frame_rate", "cuts", "reference", "color_space",
+    "layout", "layer", "jitter", "channels", "conventions", "frame_rate", "cuts", "reference", "color_space",
 )  # fmt: skip
 """Parameters of the options above; see `open_with`."""
 

@@ -66,6 +66,7 @@ def denoise(
     exposure: arguments.Exposure = None,
     compare: arguments.Compare = False,
     layout: arguments.LayoutOption = "auto",
+    layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,

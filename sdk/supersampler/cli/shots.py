@@ -73,6 +73,7 @@ def info(
 def check(
     shot: Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")],
     layout: arguments.LayoutOption = "auto",
+    layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,
@@ -116,6 +117,7 @@ def import_shot(
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="SHOT", help="Folder to write.")],
     layout: arguments.LayoutOption = "auto",
+    layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,

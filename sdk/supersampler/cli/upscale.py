@@ -69,6 +69,7 @@ def upscale(
         ),
     ] = False,
     layout: arguments.LayoutOption = "auto",
+    layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,

@@ -272,7 +272,7 @@ def layer_map(
         raise ShotError(path, f"has no layer with all passes; it has {', '.join(channels)}", _NEEDED)
     if layer is None and len(layers) > 1:
         hint = "Several have all passes."
-        raise ArgumentError("layer", got=None, want=f"one of {', '.join(layers)}", hint=hint)
+        raise ArgumentError("layer", got="left out", want=f"one of {', '.join(layers)}", hint=hint)
     layer = layers[0] if layer is None else layer
     if layer not in layers:
         raise ArgumentError("layer", got=repr(layer), want=f"one of {', '.join(layers)}", hint=_NEEDED)
