@@ -101,9 +101,9 @@ def upscale(shot: object, output: Path, *options: object, method: str = "bilinea
 
 
 def refusal(*arguments: object) -> str:
-    """Return the error of a command, once it is sure that it is one line and the exit code 1."""
+    """Return the error of a command, once it is sure that it is one line and the exit code 1 or 2."""
     result = run(*arguments)
-    assert (result.exit_code, result.stderr.count("\n")) == (1, 1), result.output
+    assert (result.exit_code in (1, 2), result.stderr.count("\n")) == (True, 1), result.output
     assert result.stderr.startswith("error: ")
     return str(result.stderr)
 

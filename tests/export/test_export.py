@@ -183,7 +183,7 @@ def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
 @pytest.mark.parametrize("arguments", [["classifier-paper"], ["taau", "--weights", "weights.safetensors"]])
 def test_weights_go_with_methods_that_are_learned(arguments: list[str], tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["export", *arguments, "-o", str(tmp_path)])
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "--weights" in result.output
 
 

@@ -251,7 +251,7 @@ def test_options_that_do_not_go_together_are_refused(
     tmp_path: Path, options: list[str], message: str
 ) -> None:
     done = CliRunner().invoke(app, ["export", "taau", "-o", str(tmp_path / "out"), *options])
-    assert done.exit_code == 1
+    assert done.exit_code == 2
     assert message in done.output
 
 

@@ -47,7 +47,7 @@ def blender(
 
 def one_line(result: Result) -> str:
     """The last line, once it is sure that it is the only error."""
-    assert result.exit_code == 1, result.output
+    assert result.exit_code in (1, 2), result.output
     lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
     assert len(lines) == 1
     return str(lines[0])

@@ -182,14 +182,14 @@ def test_samples_are_an_option_and_a_setting_of_the_run(tmp_path: Path) -> None:
         images.append(read_exr(tmp_path / "out/0001.exr")["R"])
     assert (images[0] != images[1]).any()
     result = denoise(shot, tmp_path / "out", "--samples", "0")
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "samples is 0.0; want a number above 0" in result.output
 
 
 def test_a_lookahead_needs_two_passes(tmp_path: Path) -> None:
     shot = write_noisy(tmp_path / "shot", 2)
     result = denoise(shot, tmp_path / "out", "--passes", "1", "--lookahead", "2")
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "one pass reads no later frame" in result.output
 
 

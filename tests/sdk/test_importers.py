@@ -351,4 +351,4 @@ def test_an_option_that_the_layout_does_not_take_is_refused_by_name(tmp_path: Pa
         open_source(arm, frame_rate=25.0)
     done = CliRunner().invoke(app, ["import", str(arm), "-o", str(tmp_path / "out"), "--frame-rate", "25"])
     assert "--frame-rate is given; want left out: the layout 'arm' does not use it" in done.stderr
-    assert (done.exit_code, (tmp_path / "out").exists()) == (1, False)
+    assert (done.exit_code, (tmp_path / "out").exists()) == (2, False)

@@ -184,7 +184,7 @@ def test_import_and_check_take_a_pattern_and_the_same_options(tmp_path: Path) ->
     done = CliRunner().invoke(app, ["import", source, "-o", out])
     assert "--conventions is left out; want given" in done.stderr
     assert "supersampler check" in done.stderr
-    assert (done.exit_code, Path(out).exists()) == (1, False)
+    assert (done.exit_code, Path(out).exists()) == (2, False)
     done = CliRunner().invoke(app, ["check", source, "--conventions", "unreal", "--frames", "2"])
     assert "3 frames" in done.stdout
     done = CliRunner().invoke(app, ["import", source, "-o", out, "--conventions", "unreal"])

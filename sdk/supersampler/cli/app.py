@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 
 from supersampler import __version__
 from supersampler.cli.terminal import echo
-from supersampler.errors import SupersamplerError, did_you_mean
+from supersampler.errors import ArgumentError, SupersamplerError, did_you_mean
 
 TOOLS = {
     "render": (
@@ -85,7 +85,7 @@ class Commands(TyperGroup):
             if line is None or ctx.params.get("debug"):
                 raise
             echo(f"error: {line}", err=True)
-            raise typer.Exit(1) from None
+            raise typer.Exit(2 if isinstance(error, ArgumentError) else 1) from None
         except KeyboardInterrupt:
             echo("stopped", err=True)
             raise typer.Exit(130) from None

@@ -59,7 +59,7 @@ def test_a_program_reports_the_time_to_its_first_image(tmp_path: Path) -> None:
 )
 def test_a_wrong_interpreter_gives_one_line(python: str, message: str) -> None:
     result = CliRunner().invoke(supersampler, ["bench", "against", python])
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert result.output.startswith(f"error: PYTHON is {python}: {message}")
     assert result.output.count("\n") == 1
 

@@ -50,7 +50,7 @@ def test_further_ratios_of_a_set_are_rendered_on_request(tmp_path: Path) -> None
     names = sorted(path.name for path in set(tmp_path.rglob("*.safetensors")) - set(before))
     assert names == [f"000{i}.{r}x.safetensors" for i in range(2) for r in (2, 4)]
     answer = render(tmp_path, *options, "--also", "0.5")
-    assert answer.exit_code == 1
+    assert answer.exit_code == 2
     assert "--also" in answer.output
 
 
@@ -126,7 +126,7 @@ def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path
 )
 def test_a_mistake_is_one_line(tmp_path: Path, options: tuple[str, ...], message: str) -> None:
     answer = render(tmp_path / "set", *options)
-    assert answer.exit_code == 1
+    assert answer.exit_code == 2
     assert answer.output.startswith(message)
     assert len(answer.output.splitlines()) == 1
     assert not (tmp_path / "set").exists()
