@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -271,17 +272,28 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
     assert written.read(1).frame.reset
 
 
-def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sign", [1, -1])
+def test_check_exits_with_1_and_an_option_where_the_shot_is_not_what_it_says(
+    tmp_path: Path, sign: int
+) -> None:
     assert run("check", SHIPPED).exit_code == 0
-    source, wrong = Shot.open("plaza"), Conventions(motion_direction="current_minus_previous")
-    with ShotWriter(
-        tmp_path, name="wrong", display_size=(640, 360), frame_rate=30, conventions=wrong
-    ) as writer:
-        for index in range(6):
-            writer.write(source.read_raw(index))
-    done = run("check", tmp_path)
+    source, subtract = Shot.open("plaza"), Conventions(motion_direction="current_minus_previous")
+    renders = tmp_path / "renders"
+    for index in range(6):
+        raw = source.read_raw(index)
+        arrays = np.dsplit(
+            np.dstack([np.asarray(raw.color), raw.depth, raw.motion * sign]).astype(np.float32), 6
+        )
+        names = ("R", "G", "B", "Z", "motion.X", "motion.Y")
+        write_exr(renders / f"{index}.exr", {n: a[..., 0] for n, a in zip(names, arrays, strict=True)})
+    (renders / "jitter.json").write_text(json.dumps([source.read_raw(index).jitter for index in range(6)]))
+    stated, found = [json.dumps(subtract.to_json()), "supersampler"][::sign]
+    done = run("check", renders, "--conventions", stated)
     assert done.exit_code == 1
-    assert done.stdout.endswith("Write: Conventions()\n")
+    *_, write, option = done.stdout.splitlines()
+    assert write == f"Write: {Conventions() if sign == 1 else subtract}"
+    assert shlex.split(option) == ["--conventions", found]
+    assert run("check", renders, *shlex.split(option)).exit_code == 0
 
 
 # --- damaged or strange input files give one line of error, never a traceback ---

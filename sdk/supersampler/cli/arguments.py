@@ -37,7 +37,8 @@ ChannelsOption = Annotated[
 ConventionsOption = Annotated[
     str | None,
     typer.Option(
-        help=f"One of {', '.join(PRESETS)}; or fields as JSON; or a JSON file with them. supersampler: the "
+        help=f"One of {', '.join(PRESETS)}; or fields as JSON, such as "
+        '{"preset": "blender", "motion_jittered": true}; or a JSON file with them. supersampler: the '
         "frames use this package's units and signs (docs/conventions.md)."
     ),
 ]

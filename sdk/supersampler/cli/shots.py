@@ -1,5 +1,7 @@
 """`supersampler info`, `check` and `import`: commands on shots and models."""
 
+import json
+import shlex
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -87,8 +89,8 @@ def check(
 
     Tries all units, directions and flips of motion, and all units, signs and flips of jitter, on a few
     frames. Ranks them by how well they reproject each image to the next. Prints the best ones, their margins,
-    the Conventions to write, and the G-buffers of the first frame. The exit code is 1 if the detected
-    conventions differ from the stated ones.
+    the Conventions to write, also as an option, and the G-buffers of the first frame. The exit code is 1 if
+    the detected conventions differ from the stated ones.
 
     \b
     Examples:
@@ -104,6 +106,9 @@ def check(
     echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
     for line in (*source_notes(opened), *detection.summary().splitlines()):
         echo(line)
+    if detection.conventions != detection.stated:
+        fields = detection.conventions.to_json()
+        echo(f"--conventions {shlex.quote(json.dumps(fields)) if fields else 'supersampler'}")
     if not detection.agrees:
         raise typer.Exit(1)
 
