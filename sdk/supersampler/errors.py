@@ -108,7 +108,9 @@ class DeviceError(SupersamplerError, RuntimeError):
 
 
 class FrameWarning(UserWarning):
-    """A check of pixels found a likely mistake in a frame."""
+    """A check of pixels found a likely mistake in a frame; `kind` says which, such as "color clipped"."""
+
+    kind: str = ""
 
 
 class BackendWarning(UserWarning):

@@ -296,6 +296,21 @@ def test_check_exits_with_1_and_an_option_where_the_shot_is_not_what_it_says(
     assert run("check", renders, *shlex.split(option)).exit_code == 0
 
 
+@pytest.mark.parametrize("srgb", [True, False])
+def test_clipped_colour_is_no_news_where_the_shot_states_srgb(tmp_path: Path, srgb: bool) -> None:
+    conventions = Conventions(srgb=srgb)
+    with ShotWriter(
+        tmp_path / "shot", name="lit", display_size=None, frame_rate=24, conventions=conventions
+    ) as writer:
+        for index in range(2):
+            frame = Shot.open("plaza").read(index).frame
+            assert frame.color is not None
+            writer.write(replace(frame, color=np.minimum(frame.color.astype(np.float32) * 2, 1)))
+    upscaled = run("upscale", tmp_path / "shot", "-o", tmp_path / "out", "--method", "bilinear")
+    for told in (upscaled.stderr, run("check", tmp_path / "shot").stdout):
+        assert ("color is never above 1" in told) != srgb
+
+
 # --- damaged or strange input files give one line of error, never a traceback ---
 
 
