@@ -265,6 +265,9 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
     (tmp_path / "map.json").write_text(json.dumps(channel_map))
     arguments = ("import", tmp_path / "renders", "-o", tmp_path / "shot", "--channels", tmp_path / "map.json")
     assert "--conventions is left out; want given" in refusal(*arguments)
+    info = ("info", tmp_path / "renders", "--channels", tmp_path / "map.json")
+    assert "--conventions is left out; want given" in refusal(*info)
+    assert "render size   8x6" in run(*info, "--conventions", "unreal").stdout
     done = run(*arguments, "--conventions", '{"motion_unit": "uv"}', "--frame-rate", "25", "--cuts", "1")
     assert done.exit_code == 0
     written = Shot.open(tmp_path / "shot")

@@ -26,6 +26,9 @@ def info(
     providers: Annotated[
         bool, typer.Option("--providers", help="Print which providers of ONNX Runtime run a method's nodes.")
     ] = False,
+    layer: arguments.ViewLayerOption = None,
+    channels: arguments.ChannelsOption = None,
+    conventions: arguments.ConventionsOption = None,
 ) -> None:
     """Print a method's inputs and outputs, or a shot's properties; without argument, all names and the GPU.
 
@@ -37,9 +40,9 @@ def info(
       supersampler info taau
       supersampler info classifier --providers
       supersampler info renders/kitchen
+      supersampler info "out/beauty.####.exr" --conventions unreal
     """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.backends.gpu.device import adapter_text
-    from supersampler.io.shot import open_source
     from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
     from supersampler.methods.registry import methods
 
@@ -62,7 +65,8 @@ def info(
         rows = import_module("supersampler_model.data.dataset.overview").rows(Path(name))
     else:
         try:
-            rows = _shot_rows(open_source(name))
+            given = {"layout": "auto", "layer": layer, "channels": channels, "conventions": conventions}
+            rows = _shot_rows(open_with(name, {**dict.fromkeys(arguments.SOURCE_OPTIONS), **given}))
         except ShotError as error:
             hint = did_you_mean(name, methods())
             raise ShotError(error.path, error.problem, hint or error.hint) from None
