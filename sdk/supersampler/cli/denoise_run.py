@@ -172,7 +172,7 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
             yield from self._denoised(read(), plan, needed, names, on_step, references=references)
         except FrameError as error:  # in the frame that was read last
             number = self._shot.first_number + self._reading
-            raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
+            raise ShotError(self._shot.path, f"frame {number}: {error}") from error
 
     def _denoised(
         self,

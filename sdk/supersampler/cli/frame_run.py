@@ -324,7 +324,7 @@ class FrameRun(Generic[Job]):
             with frame_warnings(self._job.console, number, ignored):
                 yield
         except FrameError as error:
-            raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
+            raise ShotError(self._shot.path, f"frame {number}: {error}") from error
 
     def _metadata(self, index: int) -> Metadata:
         shot = self._shot
