@@ -206,7 +206,10 @@ def test_colours_and_references_are_multiplied_by_their_alpha_in_linear_light(
     shot = import_channels(tmp_path, channel_map, conventions=conventions, aov_names=["A"])
     frame, reference = shot.read(0).frame, shot.read_reference(0)
     linear = values[..., :3] if kind == "float" else srgb_decoded(values[..., :3])
-    for found in (frame.color, reference):
+    write_exr(tmp_path / "lit" / "c.0001.exr", dict.fromkeys("RGB", VALUES[..., 0]))
+    lit = {**channel_map, "color": [f"lit/*.exr:{axis}" for axis in "RGB"]}
+    of_exr = import_channels(tmp_path, lit, conventions=conventions).read_reference(0)
+    for found in (frame.color, reference, of_exr):
         np.testing.assert_allclose(found, linear * alpha, rtol=2e-5, atol=3.0 / 255 if most == 255 else 1e-4)
     np.testing.assert_allclose(frame.aovs, alpha, atol=0.5 / 255)
 

@@ -377,7 +377,8 @@ class _MappedFiles:
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
         path, channels = self.references[self.numbers[index]], self.every_source["reference"].channels
         header = read_header(path)
-        has_alpha = self._alpha is not None and header.format != "exr" and _ALPHA in header.types
+        is_multiplied = self._alpha is not None or self.frame_file(0).suffix.lower() == ".exr"
+        has_alpha = is_multiplied and header.format != "exr" and _ALPHA in header.types
         image = read_reference(path, display_size, (*channels, _ALPHA) if has_alpha else channels)
         srgb = header.types[channels[0]] in _INTEGERS
         if has_alpha:
