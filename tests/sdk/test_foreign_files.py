@@ -209,7 +209,9 @@ def test_colours_and_references_are_multiplied_by_their_alpha_in_linear_light(
     write_exr(tmp_path / "lit" / "c.0001.exr", dict.fromkeys("RGB", VALUES[..., 0]))
     lit = {**channel_map, "color": [f"lit/*.exr:{axis}" for axis in "RGB"]}
     of_exr = import_channels(tmp_path, lit, conventions=conventions).read_reference(0)
+    assert frame.aovs is not None
     for found in (frame.color, reference, of_exr):
+        assert found is not None
         np.testing.assert_allclose(found, linear * alpha, rtol=2e-5, atol=3.0 / 255 if most == 255 else 1e-4)
     np.testing.assert_allclose(frame.aovs, alpha, atol=0.5 / 255)
 

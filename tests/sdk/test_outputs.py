@@ -297,7 +297,8 @@ def test_frames_of_png_with_alpha_come_back_alike_and_are_multiplied_in_exr(tmp_
         found, linear = read_image(out / "png" / "c.0001.png"), read_image(out / "exr" / "c.0001.exr")
         for name in "RGBA":
             np.testing.assert_allclose(found[name], 128 / 255, atol=5e-3)
-        np.testing.assert_allclose(linear["G"], linear["A"] * srgb_decoded(np.float32(128 / 255)), rtol=2e-3)
+        want = linear["A"] * srgb_decoded(np.array([128 / 255], np.float32))
+        np.testing.assert_allclose(linear["G"], want.astype(np.float32), rtol=2e-3)
 
 
 def test_without_alpha_png_has_three_channels(tmp_path: Path) -> None:
