@@ -65,7 +65,8 @@ class ArgumentError(_ValueError):
 class _FileError(SupersamplerError, OSError):
     def __init__(self, path: Path | str, problem: str, hint: str = "") -> None:
         self.path, self.problem, self.hint = Path(path), problem, hint
-        super().__init__(f"{path}: {problem}. {hint}".rstrip())
+        stop = "" if problem.endswith((".", "?")) else "."  # of another message
+        super().__init__(f"{path}: {problem}{stop} {hint}".rstrip())
 
 
 class ShotError(_FileError):
@@ -108,7 +109,9 @@ class DeviceError(SupersamplerError, RuntimeError):
 
 
 class FrameWarning(UserWarning):
-    """A check of pixels found a likely mistake in a frame."""
+    """A check of pixels found a likely mistake in a frame; `kind` says which, such as "color clipped"."""
+
+    kind: str = ""
 
 
 class BackendWarning(UserWarning):

@@ -8,8 +8,9 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
+from supersampler.cli.arguments import source_notes
 from supersampler.conventions import Conventions
-from supersampler.io.images import TypedValues, read_exr, write_exr
+from supersampler.io.images import Metadata, TypedValues, read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
 from supersampler.io.shot.named_channels import _NAMES, recognised_map
 from supersampler.io.shot.sources import Layout
@@ -18,12 +19,12 @@ OURS = Conventions()
 COLOR, DEPTH, MOTION = ["R", "G", "B"], ["Z"], ["motion.X", "motion.Y"]
 
 
-def write_one(folder: Path, *channels: str) -> Path:
+def write_one(folder: Path, *channels: str, metadata: Metadata | None = None) -> Path:
     """One frame whose channels hold their place in the list."""
     image: dict[str, np.ndarray] = {
         name: np.full((6, 8), index / 16, np.float32) for index, name in enumerate(channels)
     }
-    write_exr(folder / "f.0001.exr", image)
+    write_exr(folder / "f.0001.exr", image, metadata=metadata)
     return folder
 
 
@@ -111,16 +112,30 @@ def test_channels_are_read_to_their_values_with_the_conventions_given(tmp_path: 
 
 def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_path: Path) -> None:
     blended = ["beauty.A", "diffuse.R", "diffuse.G", "diffuse.B", "fog"]
-    data = ["crypto_object00.R", "P.X", "P.Y", "P.Z", "objectId", "motion.Z", "uv.U"]
+    data = [
+        "P.X",
+        "P.Y",
+        "P.Z",
+        "motion.Z",
+        "uv.U",
+        "worldPosition.R",
+        "position.R",
+        "objectId",
+        "RenderID.Y",
+    ]
+    data += ["id2", "primid", "object_id", "IndexOB.X", "crypto_object00.R", "VRayCryptomatte00.R"]
+    data += ["ProxyMask.R", "ProxyMask00.R", "ProxyMask01.A"]
     color = ["beauty.R", "beauty.G", "beauty.B"]
-    write_one(tmp_path / "in", *data, *blended, *color, *DEPTH, *MOTION)
+    places = [*data, *blended, "grid", "composition.R", "ProxyMasked.R", *color, *DEPTH, *MOTION]
+    write_one(tmp_path / "in", *places, metadata={"cryptomatte/abc/name": "ProxyMask"})
     shot = open_source(tmp_path / "in", conventions=OURS)
-    assert set(shot.info.aov_names) == {"A", "diffuse.R", "diffuse.G", "diffuse.B", "fog"}
+    blended += ["grid", "composition.R", "ProxyMasked.R"]
+    assert set(shot.info.aov_names) == {name.removeprefix("beauty.") for name in blended}
     assert set(shot.ignored_channels) == set(data)
     aovs = shot.read_raw(0).aovs
     assert aovs is not None
     values = dict(zip(shot.info.aov_names, aovs[0, 0] * 16, strict=True))
-    assert values == {"A": 7, "diffuse.R": 8, "diffuse.G": 9, "diffuse.B": 10, "fog": 11}
+    assert values == {name.removeprefix("beauty."): places.index(name) for name in blended}
     assert copy_shot(shot, tmp_path / "out").info.aov_names == shot.info.aov_names
 
 
@@ -144,8 +159,15 @@ def test_colour_by_an_unknown_name_is_said_to_be_missing(tmp_path: Path) -> None
         ShotError, match=r"no colour by a known name; lit\.red, lit\.green, lit\.blue may be it"
     ):
         open_source(tmp_path / "lit", conventions=OURS)
+    write_one(tmp_path / "part", "beauty.R", "beauty.G", *DEPTH, *MOTION)
+    with pytest.raises(ShotError, match=r"has beauty\.R, beauty\.G of the colour; want red, green and blue"):
+        open_source(tmp_path / "part", conventions=OURS)
     unshaded = write_one(tmp_path / "unshaded", "fog", "smoke", *DEPTH, *MOTION, "N.X", "N.Y", "N.Z")
-    assert open_source(unshaded, conventions=OURS).read_raw(0).color is None
+    shot = open_source(unshaded, conventions=OURS)
+    assert shot.read_raw(0).color is None
+    assert source_notes(shot) == [
+        "The frames have no colour: no R, G and B, nor another name that docs/shots.md lists."
+    ]
 
 
 def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) -> None:
@@ -158,6 +180,16 @@ def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) ->
     assert "Not read, because they cannot be blended: P.X, crypto00.R" in done.stdout
     assert "The files' headers have unknown primaries. State the colour space: --color-space" in done.stdout
     assert Shot.open(tmp_path / "out").info.color_space == "unknown"
+
+
+def test_a_pass_that_begins_in_a_later_frame_is_said_not_to_be_read(tmp_path: Path) -> None:
+    write_one(tmp_path / "in", *COLOR, *DEPTH, *MOTION)
+    first = tmp_path / "in" / "f.0001.exr"
+    write_exr(first.with_name("f.0002.exr"), {**read_exr(first), "fog": np.zeros((6, 8), np.float32)})
+    arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "supersampler"]
+    assert "Not read, because frame 1 lacks them: fog" in CliRunner().invoke(app, arguments).stdout
+    first.with_name("f.0003.exr").write_bytes(b"v/1\x01")  # is still written
+    assert open_source(tmp_path / "in", conventions=OURS).late_channels == ()
 
 
 def test_references_of_recognised_frames_are_found_by_number(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -264,6 +265,9 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
     (tmp_path / "map.json").write_text(json.dumps(channel_map))
     arguments = ("import", tmp_path / "renders", "-o", tmp_path / "shot", "--channels", tmp_path / "map.json")
     assert "--conventions is left out; want given" in refusal(*arguments)
+    info = ("info", tmp_path / "renders", "--channels", tmp_path / "map.json")
+    assert "--conventions is left out; want given" in refusal(*info)
+    assert "render size   8x6" in run(*info, "--conventions", "unreal").stdout
     done = run(*arguments, "--conventions", '{"motion_unit": "uv"}', "--frame-rate", "25", "--cuts", "1")
     assert done.exit_code == 0
     written = Shot.open(tmp_path / "shot")
@@ -271,17 +275,43 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
     assert written.read(1).frame.reset
 
 
-def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sign", [1, -1])
+def test_check_exits_with_1_and_an_option_where_the_shot_is_not_what_it_says(
+    tmp_path: Path, sign: int
+) -> None:
     assert run("check", SHIPPED).exit_code == 0
-    source, wrong = Shot.open("plaza"), Conventions(motion_direction="current_minus_previous")
-    with ShotWriter(
-        tmp_path, name="wrong", display_size=(640, 360), frame_rate=30, conventions=wrong
-    ) as writer:
-        for index in range(6):
-            writer.write(source.read_raw(index))
-    done = run("check", tmp_path)
+    source, subtract = Shot.open("plaza"), Conventions(motion_direction="current_minus_previous")
+    renders = tmp_path / "renders"
+    for index in range(6):
+        raw = source.read_raw(index)
+        arrays = np.dsplit(
+            np.dstack([np.asarray(raw.color), raw.depth, raw.motion * sign]).astype(np.float32), 6
+        )
+        names = ("R", "G", "B", "Z", "motion.X", "motion.Y")
+        write_exr(renders / f"{index}.exr", {n: a[..., 0] for n, a in zip(names, arrays, strict=True)})
+    (renders / "jitter.json").write_text(json.dumps([source.read_raw(index).jitter for index in range(6)]))
+    stated, found = [json.dumps(subtract.to_json()), "supersampler"][::sign]
+    done = run("check", renders, "--conventions", stated)
     assert done.exit_code == 1
-    assert done.stdout.endswith("Write: Conventions()\n")
+    *_, write, option = done.stdout.splitlines()
+    assert write == f"Write: {Conventions() if sign == 1 else subtract}"
+    assert shlex.split(option) == ["--conventions", found]
+    assert run("check", renders, *shlex.split(option)).exit_code == 0
+
+
+@pytest.mark.parametrize("srgb", [True, False])
+def test_clipped_colour_is_no_news_where_the_shot_states_srgb(tmp_path: Path, srgb: bool) -> None:
+    conventions = Conventions(srgb=srgb)
+    with ShotWriter(
+        tmp_path / "shot", name="lit", display_size=None, frame_rate=24, conventions=conventions
+    ) as writer:
+        for index in range(2):
+            frame = Shot.open("plaza").read(index).frame
+            assert frame.color is not None
+            writer.write(replace(frame, color=np.minimum(frame.color.astype(np.float32) * 2, 1)))
+    upscaled = run("upscale", tmp_path / "shot", "-o", tmp_path / "out", "--method", "bilinear")
+    for told in (upscaled.stderr, run("check", tmp_path / "shot").stdout):
+        assert ("color is never above 1" in told) != srgb
 
 
 # --- damaged or strange input files give one line of error, never a traceback ---

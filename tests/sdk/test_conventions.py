@@ -3,7 +3,6 @@
 import json
 import math
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -115,8 +114,10 @@ def test_json_and_repr_keep_every_field(conventions: Conventions) -> None:
     assert eval(repr(conventions)) == conventions  # noqa: S307 - repr is documented to be the call
 
 
-@pytest.mark.parametrize("preset", PRESETS.values())
-def test_presets_take_overrides_and_survive_json(preset: Callable[..., Conventions]) -> None:
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_take_overrides_and_survive_json(name: str) -> None:
+    preset = PRESETS[name]
+    assert Conventions.from_json({"preset": name, "srgb": True}) == preset(srgb=True)
     conventions = preset(srgb=True, motion_scale=(2, -2))
     assert conventions == replace(preset(), srgb=True, motion_scale=(2.0, -2.0))
     assert Conventions.from_json(conventions.to_json()) == conventions
@@ -424,6 +425,8 @@ def test_a_display_smaller_than_the_frame_is_refused(display: tuple[int, int]) -
         ({"depth": "reversed", "near": 1.0, "far": 1.0}, "far"),
         ({"depth": "reversed", "near": 1.0, "far": math.nan}, "far"),
         ({"jitter_sign": 0}, r"jitter_sign is 0; want \+1 or -1"),
+        ({"preset": "unrael"}, "preset is 'unrael'; want one of supersampler, .* Did you mean 'unreal'"),
+        ({"preset": ["unreal"]}, "preset is"),
         ({"jitter": "pixels"}, "conventions is given 'jitter'; want one of motion_unit"),
     ],
 )

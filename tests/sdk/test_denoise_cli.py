@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from OpenImageIO import ImageSpec
 from typer.testing import CliRunner, Result
 
+from exr_parts import write_parts
 from noisy_frames import decibels, noisy, truth
 from supersampler.cli import app, denoise_run
 from supersampler.denoising.sequence import PerFrame
 from supersampler.frame import Float32
-from supersampler.io.images import read_exr, write_exr
+from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from upscale_runs import interrupt_at
 
@@ -154,22 +156,37 @@ def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
     np.testing.assert_array_equal(image(tmp_path / "part", 7), image(tmp_path / "out", 7))
 
 
-def test_ids_are_copied_as_they_are(tmp_path: Path) -> None:
-    names = [*"RGBZ", "vector.x", "vector.y", "CryptoObject00.r", "ObjectID"]
-    generator = np.random.default_rng(0)
-    ids = generator.random((30, 48, 2), np.float32) * 1e6
-    (tmp_path / "frames").mkdir()
+def test_ids_are_copied_as_they_are_with_their_names(tmp_path: Path) -> None:
+    ids = np.random.default_rng(0).random((30, 48), np.float32) * 1e6
+    manifest = '{"a": "' + "0" * 9000 + '"}'
+    entries = {
+        "CryptoObject00": {"cryptomatte/1/name": "CryptoObject", "cryptomatte/1/manifest": manifest},
+        "ProxyMask00": {"cryptomatte/2/name": "ProxyMask"},
+    }
     for index in range(3):
-        frame = noisy(index)
-        parts = [np.asarray(frame.color), frame.depth[..., None], np.asarray(frame.motion), ids + index]
-        pixels = np.concatenate(parts, axis=2).astype(np.float32)
-        write_exr(tmp_path / f"frames/{index:04d}.exr", pixels, names)
+        frame, parts = noisy(index), []
+        for name, letters, values in (
+            ("rgba", "RGB", frame.color), ("depth", "Z", frame.depth), ("vector", "xy", frame.motion),
+            ("CryptoObject00", "r", ids + index), ("ProxyMask00", "R", ids - index), ("MeshID", "Y", ids),
+        ):  # fmt: skip
+            pixels = np.asarray(values, np.uint32 if name == "MeshID" else np.float32).reshape(30, 48, -1)
+            spec = ImageSpec(48, 30, len(letters), "uint" if name == "MeshID" else "float")
+            spec.channelnames = tuple(letters)
+            spec.attribute("oiio:subimagename", name)
+            for key, text in entries.get(name, {}).items():
+                spec.attribute(key, text)
+            parts.append((spec, pixels))
+        write_parts(tmp_path / f"frames/{index:04d}.exr", *parts)
     result = denoise(tmp_path / "frames", tmp_path / "out", "--conventions", "supersampler")
     assert result.exit_code == 0, result.output
     channels = read_exr(tmp_path / "out/0001.exr")
-    np.testing.assert_array_equal(channels["CryptoObject00.r"], ids[..., 0] + 1)
-    np.testing.assert_array_equal(channels["ObjectID"], ids[..., 1] + 1)
+    np.testing.assert_array_equal(channels["CryptoObject00.r"], ids + 1)
+    np.testing.assert_array_equal(channels["ProxyMask00.R"], ids - 1)
     assert channels["R"].dtype == np.float16
+    assert "Copied, because they cannot be blended: CryptoObject00.r, ProxyMask00.R" in result.output
+    assert "Not read, because they cannot be blended: MeshID.Y" in result.output
+    stated = read_header(tmp_path / "out/0001.exr").cryptomatte
+    assert stated == entries["CryptoObject00"] | entries["ProxyMask00"]
 
 
 def test_missing_guides_are_said_once(tmp_path: Path) -> None:

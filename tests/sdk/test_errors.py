@@ -57,6 +57,15 @@ def test_every_error_is_the_same_after_pickling_and_copying(kind: type[Supersamp
         assert vars(again) == vars(error)
 
 
+def test_an_error_of_a_file_that_quotes_another_error_has_one_mark_at_its_end() -> None:
+    quoted = ArgumentError("preset", got="'unrael'", want="unreal")
+    assert str(ShotError("a.json", f"is not valid: {quoted}", "Correct it.")) == (
+        "a.json: is not valid: preset is 'unrael'; want unreal. Correct it."
+    )
+    asked = ArgumentError("preset", got="'unrael'", want="unreal", hint="Is it a typo?")
+    assert str(ShotError("a.json", f"is not valid: {asked}")).endswith("want unreal. Is it a typo?")
+
+
 def test_all_error_classes_are_found() -> None:
     names = {kind.__name__ for kind in classes()}
     assert {"FrameError", "ShotError", "DeviceError", "ExportError", "GltfError"} <= names

@@ -11,6 +11,7 @@ from OpenImageIO import ImageBuf, ImageBufAlgo, ImageOutput, ImageSpec, MakeTxTe
 from exr_parts import write_parts
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
+from supersampler.conventions.encodings import srgb_decoded
 from supersampler.io.images import read_exr, read_header, read_image, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
 
@@ -116,17 +117,14 @@ def test_deep_pixels_are_refused_by_name(tmp_path: Path) -> None:
 # PNG and TIFF
 
 
-def write_frames(folder: Path, kind: str, suffix: str, channels: int = 3) -> np.ndarray:
+def write_frames(folder: Path, kind: str, suffix: str) -> np.ndarray:
     """One frame with colour of a type; returns its values from 0 to 1, or as they are."""
     most = {"uint8": 255, "uint16": 65535}.get(kind)
-    values: np.ndarray = VALUES[..., :channels]
+    values: np.ndarray = VALUES[..., :3]
     if most is not None:
-        values = np.random.default_rng(1).integers(0, most + 1, (HEIGHT, WIDTH, channels)).astype(kind)
-    names = ("R", "G", "B", "A")[:channels]
+        values = np.random.default_rng(1).integers(0, most + 1, (HEIGHT, WIDTH, 3)).astype(kind)
     folder.mkdir(exist_ok=True)
-    spec = spec_of(names, kind)
-    spec.attribute("oiio:UnassociatedAlpha", 1)  # stores the values as they are
-    write_parts(folder / "color" / f"c.0001.{suffix}", (spec, values))
+    write_parts(folder / "color" / f"c.0001.{suffix}", (spec_of(("R", "G", "B"), kind), values))
     write_parts(folder / "motion" / "m.0001.tif", (spec_of(("R", "G", "B")), VALUES[..., 3:]))
     write_exr(folder / "d.0001.exr", {"Z": VALUES[..., 5]})
     return values if most is None else values.astype(np.float32) / np.float32(most)
@@ -176,14 +174,46 @@ def test_integers_of_data_that_no_packing_describes_are_refused(tmp_path: Path, 
         import_channels(tmp_path, {**MAP, **color_map("png"), **wrong}, conventions=SRGB)
 
 
-def test_alpha_of_a_png_is_an_aov_and_does_not_change_the_colour(tmp_path: Path) -> None:
-    values = write_frames(tmp_path, "uint8", "png", channels=4)
-    channel_map = {**MAP, **color_map("png"), "aovs": ["color/*.png:A"]}
-    raw = import_channels(tmp_path, channel_map, conventions=SRGB, aov_names=["A"]).read_raw(0)
-    assert raw.aovs is not None
-    assert raw.color is not None
-    np.testing.assert_allclose(raw.color, values[..., :3], rtol=1e-6)
-    np.testing.assert_allclose(raw.aovs[..., 0], values[..., 3], rtol=1e-6)
+@pytest.mark.parametrize(
+    ("kind", "suffix", "stored"),
+    [
+        ("uint8", "png", "straight"),
+        ("uint16", "tif", "straight"),
+        ("uint16", "tif", "associated"),
+        ("float", "tif", "straight"),
+        ("float", "tif", "associated"),
+    ],
+)
+def test_colours_and_references_are_multiplied_by_their_alpha_in_linear_light(
+    tmp_path: Path, kind: str, suffix: str, stored: str
+) -> None:
+    write_frames(tmp_path, kind, suffix)  # motion and depth
+    most = {"uint8": 255, "uint16": 65535, "float": 1.0}[kind]
+    values = np.random.default_rng(1).random((HEIGHT, WIDTH, 4)) * 0.9 + 0.1
+    alpha, pixels = values[..., 3:].copy(), values.copy()
+    if stored == "associated":  # TIFF multiplies the values that it stores
+        pixels[..., :3] *= alpha
+    spec = spec_of(("R", "G", "B", "A"), kind)
+    spec.attribute("oiio:UnassociatedAlpha", int(stored == "straight"))
+    written = (pixels * most).round() if kind != "float" else pixels
+    for name in ("color", "reference"):
+        write_parts(tmp_path / name / f"c.0001.{suffix}", (spec, written.astype(kind)))
+    channel_map = {
+        **MAP, **color_map(suffix), "aovs": [f"color/*.{suffix}:A"],
+        "reference": [f"reference/*.{suffix}:{axis}" for axis in "RGB"],
+    }  # fmt: skip
+    conventions = OURS if kind == "float" else SRGB
+    shot = import_channels(tmp_path, channel_map, conventions=conventions, aov_names=["A"])
+    frame, reference = shot.read(0).frame, shot.read_reference(0)
+    linear = values[..., :3] if kind == "float" else srgb_decoded(values[..., :3])
+    write_exr(tmp_path / "lit" / "c.0001.exr", dict.fromkeys("RGB", VALUES[..., 0]))
+    lit = {**channel_map, "color": [f"lit/*.exr:{axis}" for axis in "RGB"]}
+    of_exr = import_channels(tmp_path, lit, conventions=conventions).read_reference(0)
+    assert frame.aovs is not None
+    for found in (frame.color, reference, of_exr):
+        assert found is not None
+        np.testing.assert_allclose(found, linear * alpha, rtol=2e-5, atol=3.0 / 255 if most == 255 else 1e-4)
+    np.testing.assert_allclose(frame.aovs, alpha, atol=0.5 / 255)
 
 
 def test_only_the_first_page_of_a_tiff_is_read(tmp_path: Path) -> None:

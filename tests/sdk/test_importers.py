@@ -91,12 +91,16 @@ def test_passes_that_can_be_blended_and_metadata_stay_with_a_copy_and_its_result
 
 
 def test_one_of_several_complete_layers_must_be_chosen(tmp_path: Path) -> None:
-    write_blender(tmp_path, "A", "B")
-    with pytest.raises(ArgumentError, match="layer is None; want one of A, B"):
-        import_blender(tmp_path)
+    write_blender(tmp_path / "in", "A", "B")
+    with pytest.raises(ArgumentError, match="layer is left out; want one of A, B"):
+        import_blender(tmp_path / "in")
     with pytest.raises(ArgumentError, match="layer is 'C'; want one of A, B"):
-        import_blender(tmp_path, layer="C")
-    assert_is_the_scene(import_blender(tmp_path, layer="B", cuts=[CUT]))
+        import_blender(tmp_path / "in", layer="C")
+    assert_is_the_scene(import_blender(tmp_path / "in", layer="B", cuts=[CUT]))
+    command = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "shot"), "--cuts", str(CUT)]
+    assert "--layer is left out; want one of A, B" in CliRunner().invoke(app, command).output
+    assert CliRunner().invoke(app, [*command, "--layer", "B"]).exit_code == 0
+    assert_is_the_scene(Shot.open(tmp_path / "shot"))
 
 
 def test_a_blender_file_without_motion_names_the_pass_to_enable(tmp_path: Path) -> None:

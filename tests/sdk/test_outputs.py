@@ -15,11 +15,12 @@ from supersampler.arguments import ExecutorName
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli import app
 from supersampler.cli.results import ImageOptions, OutputImage
+from supersampler.conventions.encodings import srgb_decoded
 from supersampler.io.display import display_transform, to_uint16
 from supersampler.io.images import read_exr, read_image, write_exr, write_png
 from supersampler.io.shot import ShotWriter
 from supersampler.validation import FrameChecker
-from upscale_runs import OURS, upscale
+from upscale_runs import OURS, run, upscale
 
 DISPLAY = (64, 36)
 STILL = np.zeros((18, 32, 2), np.float32)
@@ -223,7 +224,7 @@ def test_a_refused_frame_does_not_reach_the_checks_that_remember_frames(
     assert len(seen) == 1
 
 
-# --- alpha in results: colours of PNG and TIFF are not multiplied by it, those of EXR are ---
+# --- alpha: colours of PNG are not multiplied by it, those of EXR and all computed ones are ---
 
 
 SIZE = (12, 16)
@@ -281,17 +282,23 @@ def test_a_video_shows_the_image_over_black(tmp_path: Path) -> None:
     np.testing.assert_array_equal(written[0], written[1])
 
 
-def test_colours_of_png_frames_are_not_divided_by_their_alpha(tmp_path: Path) -> None:
+def test_frames_of_png_with_alpha_come_back_alike_and_are_multiplied_in_exr(tmp_path: Path) -> None:
     pixels = np.full((*SIZE, 4), 128, np.uint8)
     write_png(tmp_path / "in" / "color" / "c.0001.png", pixels)
     write_frames(tmp_path / "in")
     channels = """{"color": ["color/c.*.png:R", "color/c.*.png:G", "color/c.*.png:B"], "depth": "Z",
         "aovs": "color/c.*.png:A", "motion": ["motion.X", "motion.Y"]}"""
-    options = ("--channels", channels, "--conventions", '{"srgb": true}', "--scale", "1")
-    upscale(tmp_path / "in", tmp_path / "out", *options)
-    found = read_image(tmp_path / "out" / "c.0001.png")
-    for name in "RGBA":
-        np.testing.assert_allclose(found[name], 128 / 255, atol=5e-3)
+    options = ("--channels", channels, "--conventions", '{"srgb": true}')
+    done = run("import", tmp_path / "in", "-o", tmp_path / "shot", *options)
+    assert done.exit_code == 0, done.output
+    for source, given in (("in", options), ("shot", ())):
+        out = tmp_path / f"of {source}"
+        upscale(tmp_path / source, out, *given, "--scale", "1", "--format", "png", "--format", "exr")
+        found, linear = read_image(out / "png" / "c.0001.png"), read_image(out / "exr" / "c.0001.exr")
+        for name in "RGBA":
+            np.testing.assert_allclose(found[name], 128 / 255, atol=5e-3)
+        want = linear["A"] * srgb_decoded(np.array([128 / 255], np.float32))
+        np.testing.assert_allclose(linear["G"], want.astype(np.float32), rtol=2e-3)
 
 
 def test_without_alpha_png_has_three_channels(tmp_path: Path) -> None:

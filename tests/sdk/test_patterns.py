@@ -114,6 +114,14 @@ def test_two_files_with_one_number_are_refused_with_the_patterns_that_part_them(
         open_source(tmp_path, conventions=CONVENTIONS)
 
 
+def test_sequences_are_not_joined_even_if_all_their_numbers_differ(tmp_path: Path) -> None:
+    write_frames(tmp_path, "a.0001", "a.0002", "b.0003", "b.0004")
+    message = r"has files of several sequences \*\.exr\. .* a\.####\.exr \(1-2\) or b\.####\.exr \(3-4\)\."
+    with pytest.raises(ShotError, match=message):
+        open_source(tmp_path, conventions=CONVENTIONS)
+    assert numbers_of(open_source(tmp_path / "b.*.exr", conventions=CONVENTIONS)) == [3, 4]
+
+
 def test_a_pattern_is_not_opened_as_another_layout(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="path is a pattern; want a folder or file"):
         open_source(tmp_path / "####.exr", layout="shot")

@@ -8,7 +8,7 @@ import pytest
 
 from supersampler.cli import terminal
 from supersampler.cli.results import Results
-from upscale_runs import refusal, run, upscale, write_shot
+from upscale_runs import run, upscale, write_shot
 
 COUNT = 6
 
@@ -88,8 +88,11 @@ def test_exit_codes_are_those_of_the_help(
     command = ("upscale", shot, "-o", tmp_path, "--method", "bilinear")
     assert run(*command).exit_code == 0
     assert run(*command).exit_code == 0  # all is there
-    refusal(*command, "--scale", "3")
-    for wrong in ("--format=gif", "--preroll=-1", "--nothing", "--compression=zap"):
+    assert run(*command, "--scale", "3").exit_code == 1  # another run's images are there
+    for wrong in (
+        "--format=gif", "--preroll=-1", "--nothing", "--compression=zap", "--frames=x", "--conventions=x",
+        "--display-size=x", "--cuts=x", "--name=x", "--scale=x", "--view=x",
+    ):  # fmt: skip
         assert run(*command, wrong).exit_code == 2
 
     def stop(*_: object, **__: object) -> None:

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from OpenImageIO import ImageBuf
+from OpenImageIO import ImageBuf, ImageSpec
 
+from exr_parts import write_parts
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
 from supersampler.io.images import Metadata, TypedValues, exact_rate, write_exr
@@ -204,6 +205,8 @@ def test_entries_of_the_file_that_was_read_are_not_copied(tmp_path: Path) -> Non
         "acesImageContainerFlax": 1,  # see below
         "owner": "me",
         "screenWindowWidth": 1.5,
+        "manifest": '{"a": ' + "0" * 9000 + "}",
+        "too long": "0" * 70000,
     }
     write_renders(tmp_path / "in", {1: "s.0001"}, metadata=metadata)
     path = tmp_path / "in" / "s.0001.exr"  # OpenImageIO writes the flag of ACES' containers in those only
@@ -212,10 +215,11 @@ def test_entries_of_the_file_that_was_read_are_not_copied(tmp_path: Path) -> Non
     upscale(tmp_path / "in", tmp_path / "out", *OURS)
     copy_shot(open_source(tmp_path / "in", conventions=Conventions()), tmp_path / "copy")
     for image in (header(tmp_path / "out" / "s.0001.exr"), header(tmp_path / "copy" / "0000.exr")):
-        kept = {"Copyright", "screenWindowWidth"}
+        kept = {"Copyright", "screenWindowWidth", "manifest"}
         names = {entry.name for entry in image.extra_attribs}
         assert names & {*metadata, *kept, "acesImageContainerFlag"} == kept
         assert (image["Copyright"], image["screenWindowWidth"]) == ("me", 1.5)
+        assert image["manifest"] == metadata["manifest"]
 
 
 def test_other_views_of_a_stereo_file_are_not_read(tmp_path: Path) -> None:
@@ -231,3 +235,22 @@ def test_other_views_of_a_stereo_file_are_not_read(tmp_path: Path) -> None:
         assert raw.color is not None
         assert (raw.color == 1).all()
         assert (raw.depth == 1).all()
+
+
+def test_parts_of_other_views_are_not_read(tmp_path: Path) -> None:
+    parts = []
+    for value, view, eye in ((1, "left", ""), (9, "right", "2")):
+        for name, channels in (("beauty", "RGBA"), ("depth", "Z"), ("motion", "XY"), ("fog", "Y")):
+            spec = ImageSpec(8, 6, len(channels), "float")
+            spec.channelnames = tuple(channels)
+            spec.attribute("oiio:subimagename", f"{name}{eye}")
+            spec.attribute("view", view)
+            parts.append((spec, np.full((6, 8, len(channels)), value, np.float32)))
+    write_parts(tmp_path / "s.0001.exr", *parts)
+    shot = open_source(tmp_path, conventions=Conventions())
+    raw = shot.read_raw(0)
+    assert shot.info.aov_names == ("A", "fog.Y")
+    for found in (raw.color, raw.aovs, raw.depth):
+        assert found is not None
+        assert (found == 1).all()
+    assert "beauty2.R" in shot.ignored_channels

@@ -1,7 +1,7 @@
 """The `supersampler` command: one function per command, which imports its dependencies when it runs.
 
-Exit code 1: an error of this package or the file system, printed as one line on stderr. Exit code 2: a wrong
-command line. Exit code 130: Ctrl-C. Other errors are bugs and keep their traceback.
+Exit code 1: an error of this package or the file system, printed as one line on stderr. Exit code 2: wrong
+arguments, a value included. Exit code 130: Ctrl-C. Other errors are bugs and keep their traceback.
 """
 
 from supersampler.cli.app import TOOLS, app, main

@@ -1,7 +1,7 @@
 """Command-line options that several commands share, and parsers of their values."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -37,7 +37,8 @@ ChannelsOption = Annotated[
 ConventionsOption = Annotated[
     str | None,
     typer.Option(
-        help=f"One of {', '.join(PRESETS)}; or fields as JSON; or a JSON file with them. supersampler: the "
+        help=f"One of {', '.join(PRESETS)}; or fields as JSON, such as "
+        '{"preset": "blender", "motion_jittered": true}; or a JSON file with them. supersampler: the '
         "frames use this package's units and signs (docs/conventions.md)."
     ),
 ]
@@ -58,8 +59,14 @@ ColorSpaceOption = Annotated[
         show_default="from the files, or lin_rec709",
     ),
 ]
+ViewLayerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--layer", metavar="NAME", help="View layer of Blender's frames, where several are complete."
+    ),
+]
 SOURCE_OPTIONS = (
-    "layout", "jitter", "channels", "conventions", "frame_rate", "cuts", "reference", "color_space",
+    "layout", "layer", "jitter", "channels", "conventions", "frame_rate", "cuts", "reference", "color_space",
 )  # fmt: skip
 """Parameters of the options above; see `open_with`."""
 
@@ -157,13 +164,23 @@ def source_of(options: dict[str, Any]) -> dict[str, str]:
     return {key: str(options[key]) for key in SOURCE_OPTIONS if options[key] is not None}
 
 
-def source_notes(shot: "Shot") -> list[str]:
-    """Return lines to print about an opened shot: channels that are not read, and an unknown colour space."""
+def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
+    """Return lines to print about an opened shot: what is not read, and what is unknown.
+
+    `copied` are channels that the results keep unchanged.
+    """
     from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
     notes = []
-    if shot.ignored_channels:
-        notes.append(f"Not read, because they cannot be blended: {', '.join(shot.ignored_channels)}")
+    if copied:
+        notes.append(f"Copied, because they cannot be blended: {', '.join(copied)}")
+    if unread := [name for name in shot.ignored_channels if name not in copied]:
+        notes.append(f"Not read, because they cannot be blended: {', '.join(unread)}")
+    if not any(map(shot.is_shaded, range(len(shot)))):
+        notes.append("The frames have no colour: no R, G and B, nor another name that docs/shots.md lists.")
+    if shot.late_channels:
+        names = ", ".join(shot.late_channels)
+        notes.append(f"Not read, because frame {shot.first_number} lacks them: {names}")
     if shot.info.color_space == UNKNOWN_COLOR_SPACE:
         notes.append("The files' headers have unknown primaries. State the colour space: --color-space NAME.")
     return notes

@@ -66,6 +66,7 @@ def denoise(
     exposure: arguments.Exposure = None,
     compare: arguments.Compare = False,
     layout: arguments.LayoutOption = "auto",
+    layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,
@@ -90,7 +91,7 @@ def denoise(
       supersampler denoise "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler denoise renders -o out --per-frame none --compare
     """  # noqa: D301  # \b: click keeps the line breaks
-    from supersampler.cli.denoise_run import DenoiseJob, parts_of, run_denoise
+    from supersampler.cli.denoise_run import DenoiseJob, copied_ids, parts_of, run_denoise
     from supersampler.cli.upscale import image_options
     from supersampler.io.shot.numbered import FrameRange
 
@@ -99,10 +100,12 @@ def denoise(
     console = Terminal(stderr=True)
     open_frames = partial(open_with, shot, given, guides="denoising")
     for part, opened, note in parts_of(numbers, open_frames, passes):
-        for line in (*filter(None, [note]), *source_notes(opened)):
+        images = image_options(opened, given)
+        copied = copied_ids(opened) if "exr" in images.formats else []
+        for line in (*filter(None, [note]), *source_notes(opened, copied)):
             console.print(line, soft_wrap=True)
         job = DenoiseJob(
-            shot=opened, source=source_of(given), images=image_options(opened, given), numbers=part,
+            shot=opened, source=source_of(given), images=images, numbers=part,
             console=console, **{key: given[key] for key in _JOB_OPTIONS},
         )  # fmt: skip
         results = run_denoise(job)

@@ -20,7 +20,7 @@ from supersampler.errors import FrameError, MissingFramesError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.compare import compare_layers
-from supersampler.io.images import Bytes, Channel
+from supersampler.io.images import Bytes, Channel, Metadata
 from supersampler.io.shot import Shot
 from supersampler.io.shot.named_channels import is_id
 from supersampler.io.shot.numbered import FrameRange
@@ -61,6 +61,18 @@ def chosen_denoiser(shot: Shot, per_frame: PerFrame | Literal["auto"]) -> PerFra
     if per_frame != "auto":
         return per_frame
     return "oidn" if not shot.is_denoised or (shot.noisy_channels and has_oidn()) else "none"
+
+
+def copied_ids(shot: Shot, index: int = 0) -> list[str]:
+    """Return the channels of a frame that EXR results keep unchanged: ids in floating point."""
+    if not shot.ignored_channels:
+        return []
+    header = shot.read_header(index)
+    return [
+        name
+        for name in shot.ignored_channels
+        if header.types.get(name) in ("half", "float") and is_id(name, header.cryptomattes)
+    ]
 
 
 def run_denoise(job: DenoiseJob) -> Results:
@@ -167,7 +179,7 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
             yield from self._denoised(read(), plan, needed, names, on_step, references=references)
         except FrameError as error:  # in the frame that was read last
             number = self._shot.first_number + self._reading
-            raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
+            raise ShotError(self._shot.path, f"frame {number}: {error}") from error
 
     def _denoised(
         self,
@@ -210,5 +222,11 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
         return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
 
     def copied(self, index: int) -> Mapping[str, Channel]:
-        names = [name for name in self._shot.ignored_channels if is_id(name)]
+        names = copied_ids(self._shot, index)
         return self._shot.read_channels(index, names) if names else {}
+
+    def _metadata(self, index: int) -> Metadata:
+        metadata = super()._metadata(index)
+        if copied_ids(self._shot, index):  # their names
+            metadata |= self._shot.read_header(index).cryptomatte
+        return metadata

@@ -35,6 +35,7 @@ from supersampler.io.images import Bytes, Channel, Metadata, pixel_aspect, resul
 from supersampler.io.shot import Shot
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.video import video_writer
+from supersampler.validation.mistakes import OF_SRGB
 
 COMPARE_FRAMES = 64
 """Number of frames in a page, the last ones of the run: browsers load larger pages slowly."""
@@ -376,11 +377,12 @@ class FrameRun(Generic[Job]):
     def _named(self, index: int) -> Iterator[None]:
         """Add the frame's number to its errors and warnings."""
         number = self._shot.first_number + index
+        ignored = OF_SRGB if self._shot.conventions.srgb else ()
         try:
-            with frame_warnings(self._job.console, number):
+            with frame_warnings(self._job.console, number, ignored):
                 yield
         except FrameError as error:
-            raise ShotError(self._shot.path, f"frame {number}: {str(error).rstrip('.')}") from error
+            raise ShotError(self._shot.path, f"frame {number}: {error}") from error
 
     def _metadata(self, index: int) -> Metadata:
         shot = self._shot

@@ -69,7 +69,7 @@ class OutputImage:
     """The image of one frame, with its AOVs and metadata.
 
     Attributes:
-        image: (H, W, 3) linear RGB.
+        image: (H, W, 3) linear RGB, multiplied by alpha.
         exposure: > 0, for PNG, TIFF and video.
         aovs: (H, W, k) AOVs, written to EXR. PNG and TIFF store only the one named A, alpha.
         aov_names: names of the AOVs' channels; None: A for k = 1, otherwise aovs.0, aovs.1 and so on.
@@ -110,7 +110,6 @@ class ImageOptions:
         transform: display transform of PNG, TIFF and video.
         compression: compression of EXR: "zip", "dwaa", "piz" or "none".
         bits: bits of a PNG channel: 8 or 16. TIFF has 16.
-        straight_alpha: whether colour is not multiplied by alpha, as in PNG and TIFF; in EXR it is.
         color_space: linear colour space that EXR files state. None: unknown; files keep the source's entries.
     """
 
@@ -119,7 +118,6 @@ class ImageOptions:
     transform: DisplayTransform = DEFAULT_TRANSFORM
     compression: str = "zip"
     bits: int = 8
-    straight_alpha: bool = False
     color_space: str | None = REC709
 
     @property
@@ -191,8 +189,8 @@ class ImageOptions:
         image, alpha = output.image, output.alpha
         if alpha is None:
             return self.transform.show(image, output.exposure)
-        if not self.straight_alpha:  # colour without coverage, such as a glow, stays as it is
-            image = np.divide(image, alpha, out=image.copy(), where=alpha > _MIN_ALPHA)
+        # colour without coverage, such as a glow, stays as it is
+        image = np.divide(image, alpha, out=image.copy(), where=alpha > _MIN_ALPHA)
         return np.concatenate([self.transform.show(image, output.exposure), alpha], axis=2)
 
 

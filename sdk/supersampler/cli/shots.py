@@ -1,5 +1,7 @@
 """`supersampler info`, `check` and `import`: commands on shots and models."""
 
+import json
+import shlex
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -24,6 +26,9 @@ def info(
     providers: Annotated[
         bool, typer.Option("--providers", help="Print which providers of ONNX Runtime run a method's nodes.")
     ] = False,
+    layer: arguments.ViewLayerOption = None,
+    channels: arguments.ChannelsOption = None,
+    conventions: arguments.ConventionsOption = None,
 ) -> None:
     """Print a method's inputs and outputs, or a shot's properties; without argument, all names and the GPU.
 
@@ -35,9 +40,9 @@ def info(
       supersampler info taau
       supersampler info classifier --providers
       supersampler info renders/kitchen
+      supersampler info "out/beauty.####.exr" --conventions unreal
     """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.backends.gpu.device import adapter_text
-    from supersampler.io.shot import open_source
     from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
     from supersampler.methods.registry import methods
 
@@ -60,7 +65,8 @@ def info(
         rows = import_module("supersampler_model.data.dataset.overview").rows(Path(name))
     else:
         try:
-            rows = _shot_rows(open_source(name))
+            given = {"layout": "auto", "layer": layer, "channels": channels, "conventions": conventions}
+            rows = _shot_rows(open_with(name, {**dict.fromkeys(arguments.SOURCE_OPTIONS), **given}))
         except ShotError as error:
             hint = did_you_mean(name, methods())
             raise ShotError(error.path, error.problem, hint or error.hint) from None
@@ -73,6 +79,7 @@ def info(
 def check(
     shot: Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")],
     layout: arguments.LayoutOption = "auto",
+    layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,
@@ -86,8 +93,8 @@ def check(
 
     Tries all units, directions and flips of motion, and all units, signs and flips of jitter, on a few
     frames. Ranks them by how well they reproject each image to the next. Prints the best ones, their margins,
-    the Conventions to write, and the G-buffers of the first frame. The exit code is 1 if the detected
-    conventions differ from the stated ones.
+    the Conventions to write, also as an option, and the G-buffers of the first frame. The exit code is 1 if
+    the detected conventions differ from the stated ones.
 
     \b
     Examples:
@@ -103,6 +110,9 @@ def check(
     echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
     for line in (*source_notes(opened), *detection.summary().splitlines()):
         echo(line)
+    if detection.conventions != detection.stated:
+        fields = detection.conventions.to_json()
+        echo(f"--conventions {shlex.quote(json.dumps(fields)) if fields else 'supersampler'}")
     if not detection.agrees:
         raise typer.Exit(1)
 
@@ -116,6 +126,7 @@ def import_shot(
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="SHOT", help="Folder to write.")],
     layout: arguments.LayoutOption = "auto",
+    layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,

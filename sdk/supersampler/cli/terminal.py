@@ -6,7 +6,7 @@ Control codes and markup in the names of other people's files have no effect.
 import json
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, Self
 
@@ -37,13 +37,18 @@ class Terminal(Console):
 
 
 @contextmanager
-def frame_warnings(console: Terminal, index: int) -> Iterator[None]:
-    """Print each FrameWarning of the block as one line with the frame's index; show others as usual."""
+def frame_warnings(console: Terminal, index: int, ignored: Collection[str] = ()) -> Iterator[None]:
+    """Print each FrameWarning of the block as one line with the frame's index; show others as usual.
+
+    Those of the kinds `ignored` are not printed.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", FrameWarning)
         yield
     for warning in caught:
-        if issubclass(warning.category, FrameWarning):
+        if isinstance(warning.message, FrameWarning):
+            if warning.message.kind in ignored:
+                continue
             console.print(f"warning: frame {index}: {warning.message}", style="yellow", soft_wrap=True)
         else:
             warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)

@@ -69,6 +69,7 @@ def upscale(
         ),
     ] = False,
     layout: arguments.LayoutOption = "auto",
+    layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,
@@ -202,7 +203,6 @@ def image_options(shot: "Shot", options: dict[str, Any]) -> "ImageOptions":
         name=name_pattern(shot.info.file_names if options["name"] is None else options["name"]),
         transform=display_transform_of(space or REC709, srgb=srgb, options=options),
         compression=options["compression"],
-        straight_alpha=stored.format in ("png", "tif"),
         bits=16 if same and stored.type == "uint16" else 8,
         color_space=space,
     )

@@ -202,12 +202,20 @@ class Conventions:
     def from_json(cls, content: Mapping[str, Any]) -> Self:
         """Return the conventions from a dict of `to_json`; missing fields are defaults.
 
+        With "preset", a name of PRESETS, missing fields are the preset's.
+
         Raises:
             ArgumentError: it is not a mapping, a key is unknown, or a value is not allowed.
         """
         if not isinstance(content, Mapping):
             raise ArgumentError("conventions", got=shown(content), want="a mapping of fields to values")
-        return cls._preset({}, content)
+        overrides = dict(content)
+        preset = overrides.pop("preset", "supersampler")
+        if preset not in [*PRESETS]:
+            hint = did_you_mean(preset, PRESETS)
+            raise ArgumentError("preset", got=shown(preset), want=f"one of {', '.join(PRESETS)}", hint=hint)
+        make = cls if preset == "supersampler" else getattr(cls, preset)
+        return cls._preset(make()._changed(), overrides)
 
     @classmethod
     def _preset(cls, preset: Mapping[str, Any], overrides: Mapping[str, Any]) -> Self:

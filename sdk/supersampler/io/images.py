@@ -253,8 +253,9 @@ Metadata: TypeAlias = dict[str, str | int | float | TypedValues]
 """Entries of an EXR file's header, by name."""
 
 FRAME_RATE, PIXEL_ASPECT = "framesPerSecond", "PixelAspectRatio"
+_CRYPTOMATTE = "cryptomatte/"
 _LAYOUT = re.compile(
-    "oiio:|openexr:|cryptomatte/|thumbnail|(compression|BlenderMultiChannel|DateTime|[XY]Resolution"
+    f"oiio:|openexr:|{_CRYPTOMATTE}|thumbnail|(compression|BlenderMultiChannel|DateTime|[XY]Resolution"
     "|ResolutionUnit|Orientation|name|type|view|multiView|chunkCount|version|dataWindow|displayWindow"
     "|originalDataWindow|acesImageContainerFlag|textureformat|wrapmodes|tiles|envmap|deepImageState"
     "|maxSamplesPerPixel)$"
@@ -262,7 +263,7 @@ _LAYOUT = re.compile(
 """Entries that describe only the file itself: storage, windows, parts and views."""
 _DEFAULTS = {PIXEL_ASPECT: 1.0, "screenWindowWidth": 1.0, "screenWindowCenter": (0.0, 0.0)}
 """Defaults of entries that every EXR file has; they are not kept."""
-_MAX_ENTRIES, _MAX_TEXT, _MAX_VALUES = 256, 4096, 64
+_MAX_ENTRIES, _MAX_TEXT, _MAX_VALUES = 256, 1 << 16, 64
 _WHITE_D65, _WHITE_ACES = (0.3127, 0.3290), (0.32168, 0.33767)
 _PRIMARIES = {
     REC709: (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, *_WHITE_D65),
@@ -288,18 +289,29 @@ class ImageHeader:
         types: channels of `read_image`, with their types: "half", "float", "uint", "uint8", "uint16".
         metadata: entries of an EXR header that describe the content: frame, camera, time code, lens. Entries
             on the storage are omitted: compression, windows, tiles, views, parts.
-        views: views of a stereo EXR file; channels without a view's name belong to the first.
+        cryptomatte: entries `cryptomatte/ID/name`, `/hash`, `/conversion`, `/manifest` of all parts, whole.
+        other_views: channels of a stereo EXR file's views after the first: those of parts with such a `view`,
+            and those whose names have it between dots.
         color_space: colour space of the linear light, by its name in the OpenColorIO configs of ACES. EXR
             files state it by `colorInteropID` or `chromaticities`; chromaticities other than Rec. 709, AP1,
             AP0, Rec. 2020 and P3-D65 are "unknown". Files that state nothing: "lin_rec709", which is also
             the space of decoded sRGB.
+        straight_alpha: whether the file states that RGB is not multiplied by alpha: PNG, and TIFF with
+            unassociated alpha.
     """
 
     format: str
     types: Mapping[str, str]
     metadata: Metadata
-    views: Sequence[str]
+    cryptomatte: Mapping[str, str]
+    other_views: Sequence[str]
     color_space: str
+    straight_alpha: bool
+
+    @property
+    def cryptomattes(self) -> list[str]:
+        """Names of the Cryptomatte layers; their channels are NAME00.R and so on."""
+        return [name for key, name in self.cryptomatte.items() if name and key.endswith("/name")]
 
     @property
     def frame_rate(self) -> float | None:
@@ -311,17 +323,38 @@ def read_header(path: Path | str) -> ImageHeader:
     """Read the header of an EXR, PNG or TIFF file; see `read_image` for errors."""
     with open_image(path) as (source, kind):
         types: dict[str, str] = {}
+        cryptomatte: dict[str, str] = {}
+        views: dict[str, str] = {}  # of channels
         for part, names in enumerate(_part_names(source, path, kind)):
             source.seek_subimage(part, 0)
             spec = source.spec()
             types |= {name: str(spec.channelformat(index)) for index, name in enumerate(names)}
+            cryptomatte |= _cryptomatte(spec)
+            views |= dict.fromkeys(names, spec.get_string_attribute("view"))
         if kind != "exr":
-            return ImageHeader(kind, types, {}, (), REC709)
+            is_straight = bool(source.spec().get_int_attribute("oiio:UnassociatedAlpha"))
+            return ImageHeader(kind, types, {}, {}, (), REC709, is_straight)
         source.seek_subimage(0, 0)
         spec = source.spec()
-        views = spec.getattribute("multiView")
-        views = tuple(map(str, views)) if isinstance(views, tuple) else ()
-        return ImageHeader(kind, types, _metadata(spec), views, _color_space(spec))
+        others = _other_views(spec, views)
+        return ImageHeader(kind, types, _metadata(spec), cryptomatte, others, _color_space(spec), False)
+
+
+def _other_views(spec: ImageSpec, views: Mapping[str, str]) -> list[str]:
+    """Return the channels of the views after the first, given the first part and each channel's view."""
+    stated = spec.getattribute("multiView")
+    in_order = stated if isinstance(stated, tuple) else dict.fromkeys(filter(None, views.values()))
+    others = set(list(map(str, in_order))[1:])
+    return [name for name, view in views.items() if not others.isdisjoint([view, *name.split(".")[:-1]])]
+
+
+def _cryptomatte(spec: ImageSpec) -> dict[str, str]:
+    entries = {str(entry.name): entry.value for entry in spec.extra_attribs}
+    return {
+        name: value
+        for name, value in entries.items()
+        if name.startswith(_CRYPTOMATTE) and isinstance(value, str)
+    }
 
 
 def _metadata(spec: ImageSpec) -> Metadata:
@@ -332,10 +365,9 @@ def _metadata(spec: ImageSpec) -> Metadata:
             continue  # damaged entries may be arrays
         if _DEFAULTS.get(name) == value or (isinstance(value, tuple) and len(value) > _MAX_VALUES):
             continue
-        if isinstance(value, tuple):
-            found[name] = TypedValues(str(entry.type), value)
-        else:
-            found[name] = value[:_MAX_TEXT] if isinstance(value, str) else value
+        if isinstance(value, str) and len(value) > _MAX_TEXT:  # a part of it would be of no use
+            continue
+        found[name] = TypedValues(str(entry.type), value) if isinstance(value, tuple) else value
         if len(found) == _MAX_ENTRIES:
             break
     return found

@@ -119,7 +119,9 @@ class FrameChecker:
                 raise mistake.error()
         for mistake in found:
             if mistake.kind not in reported:
-                warnings.warn(str(mistake.error()), FrameWarning, stacklevel=4)
+                warning = FrameWarning(str(mistake.error()))
+                warning.kind = mistake.kind
+                warnings.warn(warning, stacklevel=4)
         return reported | {mistake.kind for mistake in found}
 
 

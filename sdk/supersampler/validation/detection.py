@@ -99,7 +99,8 @@ def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
         seen = FramesSeen() if frame.reset else seen
         seen = seen.after(evidence, frame.size)
         by_kind |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
-    return [str(mistake.error()) for kind, mistake in by_kind.items() if kind not in _VERDICT_KINDS]
+    ignored = _VERDICT_KINDS | (mistakes.OF_SRGB if found.srgb else set())
+    return [str(mistake.error()) for kind, mistake in by_kind.items() if kind not in ignored]
 
 
 def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:

@@ -195,6 +195,9 @@ GBUFFER_DEPTH_SCALED = replace(
     hint="Is it forward, a distance, or does it have another near plane? Write both by the same code.")
 # fmt: on
 
+OF_SRGB = {COLOR_CLIPPED.kind, COLOR_DISPLAYED.kind}
+"""Kinds of mistakes that are none in frames whose conventions state that they are sRGB-encoded."""
+
 
 def depth_kind(evidence: str, kind: str) -> Mistake:
     """Return the mistake that depth is "forward" or "linear", for this reason."""

@@ -83,7 +83,7 @@ def test_a_torchvision_of_another_torch_is_named(monkeypatch: pytest.MonkeyPatch
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "pycvvdp", raising=False)
     answer = CliRunner().invoke(app, ["bench", "quality", "plaza", "--cvvdp"])
-    assert answer.exit_code == 1
+    assert answer.exit_code == 2
     assert "torchvision is not usable (operator torchvision::nms does not exist)" in answer.stderr
 
 

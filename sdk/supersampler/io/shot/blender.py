@@ -20,7 +20,7 @@ from supersampler.io.images import read_exr, read_header
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
-from supersampler.io.shot.named_channels import blended_and_ignored
+from supersampler.io.shot.named_channels import blended_and_ignored, late_channels
 from supersampler.io.shot.numbered import numbered_files
 from supersampler.io.shot.shot import Shot
 
@@ -207,6 +207,7 @@ def import_blender(
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     used = {name for names in channel_map.values() for name in names}
     shot.ignored_channels = tuple(name for name in types if name not in used)
+    shot.late_channels = late_channels(shot, header)
     noisy = _channels(layer, "Noisy Image", "RGB")
     if {*noisy} <= types.keys():
         shot.is_denoised, shot.noisy_channels = True, tuple(noisy)
@@ -271,7 +272,7 @@ def layer_map(
         raise ShotError(path, f"has no layer with all passes; it has {', '.join(channels)}", _NEEDED)
     if layer is None and len(layers) > 1:
         hint = "Several have all passes."
-        raise ArgumentError("layer", got=None, want=f"one of {', '.join(layers)}", hint=hint)
+        raise ArgumentError("layer", got="left out", want=f"one of {', '.join(layers)}", hint=hint)
     layer = layers[0] if layer is None else layer
     if layer not in layers:
         raise ArgumentError("layer", got=repr(layer), want=f"one of {', '.join(layers)}", hint=_NEEDED)

@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeAlias, TypedDict, Unpack
 
@@ -12,10 +13,10 @@ import numpy as np
 
 from supersampler.arguments import as_number
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.conventions.encodings import srgb_decoded
+from supersampler.conventions.encodings import srgb_decoded, srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
-from supersampler.io.images import Channel, exact_rate, read_header, read_image
+from supersampler.io.images import Channel, ImageHeader, exact_rate, read_header, read_image
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
 from supersampler.io.shot.format import (
     FrameEntry,
@@ -99,6 +100,8 @@ def _are_texts(value: object) -> bool:
 _INTEGERS = {"uint8", "uint16", "int8", "int16"}
 _MAPPED = re.compile(r"(.*\.(?:exr|png|tiff?)):(.*)", re.DOTALL | re.IGNORECASE)
 _FRAME_RATE = 24.0  # if no file states one
+_ALPHA = "A"
+"""Alpha of PNG and TIFF."""
 MAP_FILE_NAME = "channels.json"
 
 
@@ -362,9 +365,13 @@ class _MappedFiles:
             if self._conventions.motion_resolution == "render" or not set(sources) <= _MOTIONS:
                 check_size(path, channels, render_size)
             arrays |= {name: source.taken(path, channels) for name, source in sources.items()}
-        aovs = arrays.get("aovs")
+        color, aovs = arrays.get("color"), arrays.get("aovs")
+        if color is not None and aovs is not None and self._alpha is not None:
+            at, header = self._alpha
+            alpha = aovs if aovs.ndim == 2 else aovs[..., at]
+            color = _multiplied_by_alpha(color, alpha, header, srgb=self._conventions.srgb)
         return RawFrame(
-            color=arrays.get("color"),
+            color=color,
             depth=arrays["depth"].astype(np.float32, copy=False),
             motion=arrays["motion"],
             motion_next=arrays.get("motion_next"),
@@ -374,8 +381,41 @@ class _MappedFiles:
 
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
         path, channels = self.references[self.numbers[index]], self.every_source["reference"].channels
-        reference = read_reference(path, display_size, channels)
-        return srgb_decoded(reference) if read_header(path).types[channels[0]] in _INTEGERS else reference
+        header = read_header(path)
+        is_multiplied = self._alpha is not None or self.frame_file(0).suffix.lower() == ".exr"
+        has_alpha = is_multiplied and header.format != "exr" and _ALPHA in header.types
+        image = read_reference(path, display_size, (*channels, _ALPHA) if has_alpha else channels)
+        srgb = header.types[channels[0]] in _INTEGERS
+        if has_alpha:
+            image = _multiplied_by_alpha(image[..., :3], image[..., 3], header, srgb=srgb)
+        return srgb_decoded(image) if srgb else image
+
+    @cached_property
+    def _alpha(self) -> tuple[int, ImageHeader] | None:
+        """Place among the AOVs of the alpha of a colour PNG or TIFF, and the header; None without one."""
+        color, aovs = self.sources.get("color"), self.sources.get("aovs")
+        if color is None or aovs is None or color.pattern != aovs.pattern or _ALPHA not in aovs.channels:
+            return None
+        header = read_header(self.frame_file(0))
+        return None if header.format == "exr" else (aovs.channels.index(_ALPHA), header)
+
+
+def _multiplied_by_alpha(color: Array, alpha: Array, header: ImageHeader, *, srgb: bool) -> Array:
+    """Return colour that is multiplied by alpha in linear light, as in EXR, in the encoding that it has.
+
+    Args:
+        color: (h, w, 3) of a PNG or TIFF.
+        alpha: (h, w) of the same file.
+        header: its header. Colours with associated alpha, which TIFF may have, are multiplied as stored.
+        srgb: whether colour is sRGB-encoded.
+    """
+    alpha = alpha[..., None]
+    if not header.straight_alpha:
+        if not srgb:
+            return color
+        alpha = np.where(alpha > 0, alpha, np.float32(1))
+        color = np.minimum(color / alpha, 1)
+    return srgb_encoded(srgb_decoded(color) * alpha) if srgb else color * alpha
 
 
 def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:

@@ -1,6 +1,7 @@
 """Import EXR sequences whose channels have common names."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Unpack
@@ -41,15 +42,18 @@ _ALPHA = ("a", "alpha")
 _LUMINANCE = "Y"
 """Channel of EXR files without colours."""
 _ALONE = ("depth", "roughness", "metallic", "specular")
-_IDS = {
-    "id", "objectid", "object_id", "materialid", "material_id", "instanceid", "instance_id", "object index",
-    "material index",
-}  # fmt: skip
-_IDS_BEGIN = ("crypto", "index")
-"""Names of ids, and beginnings of such names."""
-_DATA = _IDS | {"position", "p", "pref", "pworld", "uv", "st"}
-_DATA_BEGIN = (*_IDS_BEGIN, "denoising ", "noisy ", "debug ")
-"""Names of data that cannot be blended (ids, positions, other vectors), and beginnings of such names."""
+_ID = re.compile(
+    r"""index.*|(object|material)[ ]index                         # Blender
+    |(.*[_ -])?(id|ID|Id)s?\d*|.*[a-z0-9]I[Dd]s?\d*          # id2, object_id, RenderID
+    |(object|material|instance|render|node|prim|primitive|mesh|face|group|particle|shader)ids?\d*""",
+    re.VERBOSE,
+)
+"""Names of ids other than Cryptomatte's. `grid` is none."""
+_DATA = re.compile(
+    r"((world|object|local|camera|view|ref|rest)[_ ]?)?pos(ition)?|p|pref|pworld|uv|st"
+    "|(denoising|noisy|debug) .*"
+)
+"""Names of other data that cannot be blended, in lower case: positions, other vectors."""
 
 
 def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] | None:
@@ -85,13 +89,12 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
 
 def of_first_view(header: ImageHeader) -> tuple[dict[str, str], list[str]]:
     """Return the channels of a stereo file's first view with their types, and the names of the others."""
-    views = set(header.views[1:])
-    others = [name for name in header.types if not views.isdisjoint(name.split(".")[:-1])]
-    return {name: kind for name, kind in header.types.items() if name not in others}, others
+    others = header.other_views
+    return {name: kind for name, kind in header.types.items() if name not in others}, [*others]
 
 
 def blended_and_ignored(
-    types: Mapping[str, str], used: Mapping[str, Sequence[str]]
+    types: Mapping[str, str], used: Mapping[str, Sequence[str]], cryptomattes: Collection[str] = ()
 ) -> tuple[list[str], list[str]]:
     """Return the other channels of a file: AOVs, and channels that are not read.
 
@@ -101,29 +104,45 @@ def blended_and_ignored(
     Args:
         types: channel names with their types.
         used: channels by our names.
+        cryptomattes: Cryptomatte layers that the header names.
     """
     ours = set(chain.from_iterable(used.values()))
     others = [name for name in types if name not in ours]
-    blended = [name for name in others if types[name] in ("half", "float") and not _is_data(name)]
+    blended = [
+        name
+        for name in others
+        if types[name] in ("half", "float") and not (_is_data(name) or is_id(name, cryptomattes))
+    ]
     return blended, [name for name in others if name not in blended]
 
 
-def is_id(channel: str) -> bool:
-    """Return whether a channel's name is a name of ids, such as Cryptomatte's."""
-    base = _base(channel)
-    return base in _IDS or base.startswith(_IDS_BEGIN)
+def late_channels(shot: Shot, first: ImageHeader) -> tuple[str, ...]:
+    """Return the channels of the last frame that the first lacks; none if the last one is incomplete."""
+    try:
+        last = shot.read_header(len(shot) - 1)
+    except ShotError:
+        return ()
+    return tuple(name for name in last.types if name not in first.types)
+
+
+def is_id(channel: str, cryptomattes: Collection[str] = ()) -> bool:
+    """Return whether a channel holds ids, by its name, or of one of these Cryptomatte layers."""
+    base, layer = _base(channel), channel.rpartition(".")[0]
+    if "crypto" in channel.lower() or _ID.fullmatch(base) or _ID.fullmatch(base.lower()):
+        return True
+    return any(re.fullmatch(rf"(.*\.)?{re.escape(name)}\d*", layer) for name in cryptomattes)
 
 
 def _base(channel: str) -> str:
-    *before, last = channel.lower().split(".")
+    *before, last = channel.split(".")
     return before[-1] if before else last
 
 
 def _is_data(channel: str) -> bool:
-    """Return whether a channel's name is a name of data, depth, motion or normals."""
-    base = _base(channel)
+    """Return whether a channel's name is a name of positions, depth, motion or normals."""
+    base = _base(channel).lower()
     vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
-    return base in vectors | _DATA or base.startswith(_DATA_BEGIN)
+    return base in vectors or _DATA.fullmatch(base) is not None
 
 
 def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
@@ -144,10 +163,18 @@ def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
     return groups
 
 
-def _likely_color(types: Mapping[str, str], used: Mapping[str, Sequence[str]]) -> list[str]:
+def _parts_of_color(channels: Iterable[str]) -> list[str]:
+    """Return the channels with a name of red, green or blue of the colour."""
+    bases, endings = _NAMES["color"]
+    letters = {*chain.from_iterable(endings)}
+    split = {name: ["", *name.lower().split(".")] for name in channels}
+    return [name for name, parts in split.items() if parts[-2] in bases and parts[-1] in letters]
+
+
+def _likely_color(blended: Sequence[str]) -> list[str]:
     """Return three channels of one layer that may be colour by an unknown name; [] if there are none."""
     layers: dict[str, list[str]] = {}
-    for name in blended_and_ignored(types, used)[0]:
+    for name in blended:
         layers.setdefault(name.rpartition(".")[0], []).append(name)
     return next((names[:3] for names in layers.values() if len(names) >= 3), [])
 
@@ -182,18 +209,22 @@ def import_named_channels(
     """
     folder = Path(folder)
     first = first_file(folder, options)
-    types, other_views = of_first_view(read_header(first))
+    header = read_header(first)
+    types, other_views = of_first_view(header)
     channel_map = recognised_map(first, types)
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."
         raise ShotError(first, f"has no depth or no motion among {', '.join(types)}", hint)
-    if "color" not in channel_map and (likely := _likely_color(types, channel_map)):
+    if conventions.motion_jittered:  # it contains the next frame's jitter
+        channel_map.pop("motion_next", None)
+    aovs, ignored = blended_and_ignored(types, channel_map, header.cryptomattes)
+    if "color" not in channel_map and (parts := _parts_of_color(types)):
+        problem = f"has {', '.join(parts)} of the colour; want red, green and blue"
+        raise ShotError(first, problem, "Write all three, or map them in a channels.json (docs/shots.md).")
+    if "color" not in channel_map and (likely := _likely_color(aovs)):
         hint = "Rename it, or map it in a channels.json (docs/shots.md)."
         problem = f"has no colour by a known name; {', '.join(likely)} may be it"
         raise ShotError(first, problem, hint)
-    if conventions.motion_jittered:  # it contains the next frame's jitter
-        channel_map.pop("motion_next", None)
-    aovs, ignored = blended_and_ignored(types, channel_map)
     if aovs:
         channel_map["aovs"] = aovs
     if reference is not None:
@@ -203,4 +234,5 @@ def import_named_channels(
         names = aovs
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     shot.ignored_channels = (*ignored, *other_views)
+    shot.late_channels = late_channels(shot, header)
     return shot

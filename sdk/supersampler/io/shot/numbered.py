@@ -51,8 +51,8 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
             extension may be in any case.
 
     Raises:
-        ShotError: no file matches, a name has no number, two have the same, a hyphen is ambiguous, or a file
-            lies outside of the folder.
+        ShotError: no file matches, a name has no number, two have the same, names differ in more than the
+            number, a hyphen is ambiguous, or a file lies outside of the folder.
     """
     if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
@@ -63,16 +63,19 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     place = folder.joinpath(*parts[:-1])
     spans = _number_spans(place, parts[-1])
     files: dict[int, Path] = {}
+    there = _listed(sequences(place / name for name in spans))
+    hint = f"Choose one sequence by a pattern: {there}."
     for name, span in spans.items():
         path, number = place / name, int(name[slice(*span)])
         if number in files:
-            hint = f"Choose one sequence by a pattern: {_listed(sequences(place / name for name in spans))}."
             if path.name.lower() == files[number].name.lower():
                 hint = "Move one of the two away."
             raise ShotError(path, f"has the same frame number as {files[number].name}", hint)
         files[number] = path
     if not files:
         raise ShotError(folder, f"has no file {pattern}", suggestion(place))
+    if len({(begin, end.lower()) for begin, end in map(_without, spans, spans.values())}) > 1:
+        raise ShotError(folder, f"has files of several sequences {pattern}", hint)
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
     check_inside(folder, files.values())

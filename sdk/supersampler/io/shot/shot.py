@@ -18,7 +18,7 @@ from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_you_mean
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.files import check_inside, is_file
-from supersampler.io.images import Channel, Metadata, read_exr, read_header
+from supersampler.io.images import Channel, ImageHeader, Metadata, read_exr, read_header
 from supersampler.io.shot import format as shot_format
 from supersampler.io.shot.format import ClassMaps, FrameEntry, ShotInfo
 
@@ -96,6 +96,8 @@ class Shot:
         info: properties of all frames.
         ignored_channels: channels of the first frame's file that an importer does not read: ids and other
             data that cannot be blended. For renders of `supersampler blender`, empty until a frame is read.
+        late_channels: channels of the last frame's file that the first lacks; importers that recognise
+            channels do not read them.
         is_denoised: whether the frames state that their renderer has denoised them; only Blender's can.
         noisy_channels: channels of the colour before the renderer denoised it; empty if there are none.
         samples: samples per pixel of the renderer, None if unknown; only frames of Cycles state it.
@@ -122,6 +124,7 @@ class Shot:
         self._entries, self._raw = tuple(entries), read_arrays
         self._reference = read_reference
         self._ignored_channels: list[str] = []  # of all copies: the first frame may be read later
+        self.late_channels: tuple[str, ...] = ()
         self.is_denoised = False
         self.noisy_channels: tuple[str, ...] = ()
         self.samples: int | None = None
@@ -391,6 +394,10 @@ class Shot:
         """Return the header entries of a frame's EXR file that describe its content; {} for other files."""
         path = self._complete_file(index)
         return read_header(path).metadata if path.suffix.lower() == ".exr" else {}
+
+    def read_header(self, index: int) -> ImageHeader:
+        """Read the header of a frame's EXR, PNG or TIFF file."""
+        return read_header(self._complete_file(index))
 
     def _complete_file(self, index: int) -> Path:
         """Return the file of a frame, which may still be rendered when this is called."""
