@@ -254,16 +254,16 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     s.exposure = fabsf(step.exposure);
     w.samples = s;
     const int64_t generation = __atomic_add_fetch(&step.model.generation, 1, __ATOMIC_RELAXED);
-    RestHistory forgotten = {};  // of another render size
+    Arena room(step.model.arena.allocator());
+    RestHistory forgotten = {};  // of another render size; its arrays are in `room`
     const RestHistory* rest = &step.before.rest;
     const bool rests = step.model.method->layout.rests;
     bool computes = true;
     if (rests) {
         step.clock.enter(SS_REST);
         if (!(rest->render == after.rest.render)) {
-            Arena& arena = step.space.arena;  // rare: the space keeps it
-            forgotten.take(arena, after.rest.display, after.rest.render);
-            if (arena.failed()) return SS_NO_MEMORY;
+            forgotten.take(room, after.rest.display, after.rest.render);
+            if (room.failed()) return SS_NO_MEMORY;
             forgotten.mean = rest->mean, forgotten.generations = rest->generations;
             rest = &forgotten;
         }
