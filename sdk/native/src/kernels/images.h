@@ -12,11 +12,13 @@ SS_INLINE float half_to_float(uint16_t half) {
     return __builtin_bit_cast(float, bits | sign);
 }
 
-// The nearest half float of a number in [0, MAX_HALF]; ties to even.
-SS_INLINE uint16_t half_of_float(float value) {
-    float scaled = value * 0x1p-112f;  // subnormal halves become subnormal floats, which round alike
+// The nearest half float in [-MAX_HALF, MAX_HALF]; ties to even. A call, as code inside of kernels changes which of their
+// products GCC contracts to multiply-adds, and so the last bit of images.
+[[maybe_unused, gnu::noinline]] static uint16_t half_of_float(float value) {
+    const uint32_t sign = __builtin_bit_cast(uint32_t, value) >> 16 & 0x8000;
+    float scaled = min(MAX_HALF, __builtin_fabsf(value)) * 0x1p-112f;  // subnormal floats round as subnormal halves
     uint32_t bits = __builtin_bit_cast(uint32_t, scaled);
-    return static_cast<uint16_t>((bits + 0xFFF + (bits >> 13 & 1)) >> 13);
+    return static_cast<uint16_t>((bits + 0xFFF + (bits >> 13 & 1)) >> 13 | sign);
 }
 
 SS_INLINE float value_at(const View& image, const char* at) {
