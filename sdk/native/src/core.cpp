@@ -38,7 +38,7 @@ void* Arena::taken(size_t count) {
     // large arrays begin in different sets of the caches, although the system aligns all of them to pages
     const size_t shift = count < PAGE ? 0 : blocks_++ * 13 % (PAGE / LINE) * LINE;
     const size_t bytes = sizeof(Block) + shift + count + 3 * LINE;
-    Block* block = failed_ ? nullptr : static_cast<Block*>(allocator_.allocate(allocator_.user, bytes));
+    Block* block = static_cast<Block*>(allocator_.allocate(allocator_.user, bytes));
     if (!block) {
         failed_ = true;
         return nullptr;
