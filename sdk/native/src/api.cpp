@@ -313,8 +313,17 @@ void ss_upscaler_stats(const ss_upscaler* handle, ss_stats* stats) {
     *stats = {u.frames, 0.0f, (u.history ? u.history->most_bytes() : 0) + (u.spare ? u.spare->most_bytes() : 0)};
     if (!u.history || !u.model.method->layout.rests) return;
     const RestHistory& rest = u.history->rest;
-    for (int block = 0; block < rest.count(); block++) stats->converged += rest.ages[block] < 0.0f ? 1.0f : 0.0f;
-    stats->converged /= static_cast<float>(rest.count());
+    const auto pixels_of = [](int block, int display, int render) {
+        return pixels_before(block + 1, display, render) - pixels_before(block, display, render);
+    };
+    int64_t frozen = 0;
+    for (int y = 0; y < rest.blocks.height; y++)
+        for (int x = 0; x < rest.blocks.width; x++)
+            if (rest.ages[y * rest.blocks.width + x] < 0.0f)
+                frozen += int64_t{1} * pixels_of(y, rest.display.height, rest.render.height) *
+                          pixels_of(x, rest.display.width, rest.render.width);
+    stats->converged = static_cast<float>(static_cast<double>(frozen) /
+                                          (static_cast<double>(rest.display.width) * rest.display.height));
 }
 
 void ss_reset(ss_upscaler* upscaler) {

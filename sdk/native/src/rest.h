@@ -30,6 +30,11 @@ constexpr int block_of(int pixel, int display, int render) {
     return static_cast<int>(min<int64_t>((2 * int64_t{pixel} + 1) * render / (2 * int64_t{BLOCK} * display),
                                          divided_up(render, BLOCK) - 1));
 }
+// The number of pixels before a block: those p with block_of(p) < block.
+constexpr int pixels_before(int block, int display, int render) {
+    return static_cast<int>(
+        min<int64_t>((2 * int64_t{BLOCK} * block * display + render - 1) / (2 * int64_t{render}), display));
+}
 constexpr Size blocks_of(Size render) { return {divided_up(render.width, BLOCK), divided_up(render.height, BLOCK)}; }
 constexpr Size tiles_of(Size display) { return {divided_up(display.width, TILE), divided_up(display.height, TILE)}; }
 
