@@ -118,7 +118,12 @@ ss_status ss_model_create(const char* name, const ss_options* options, ss_model*
     for (const ShippedModel* shipped = SHIPPED_MODELS; shipped->name; shipped++)
         if (strcmp(shipped->name, name) == 0)
             return ss_model_create_from_bytes(shipped->bytes, shipped->count, options, model, error);
-    return fail(error, SS_BAD_ARGUMENT, "there is no model '%.64s' in this library", name);
+    char names[160] = "";
+    for (const ShippedModel* shipped = SHIPPED_MODELS; shipped->name; shipped++) {
+        strncat(names, names[0] ? ", " : "", sizeof names - strlen(names) - 1);
+        strncat(names, shipped->name, sizeof names - strlen(names) - 1);
+    }
+    return fail(error, SS_BAD_ARGUMENT, "there is no model '%.64s' in this library; want one of %s", name, names);
 }
 
 ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_options* options, ss_model** model,
