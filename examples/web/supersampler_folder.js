@@ -94,11 +94,15 @@ export function bytesOf(described, width, height) {
   return Math.max(Math.ceil((described.bytes * width * height) / 4) * 4, MIN_BYTES);
 }
 
-/** Return whether display size over render size is in a range, up to the rounding of both to whole pixels. */
+/**
+ * Return whether display size over render size is in a range, up to the rounding of both to whole pixels; in a range from
+ * 1 on, no frame is larger than the display.
+ */
 export function fitsRatio([low, high], render, display) {
   return [0, 1].every((axis) => {
     const min = (display[axis] - 1) / (render[axis] + 1);
-    return min <= high && (render[axis] === 1 || (display[axis] + 1) / (render[axis] - 1) >= low);
+    const max = render[axis] === 1 ? Infinity : (display[axis] + 1) / (render[axis] - 1);
+    return min <= high && max >= low && display[axis] >= Math.min(low, 1) * render[axis];
   });
 }
 

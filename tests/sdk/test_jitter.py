@@ -158,6 +158,13 @@ def test_sizes_that_are_allowed_are_within_a_pixel_of_a_ratio(
             assert large + 1 >= low * (small - 1)
 
 
+@given(SIDES)
+def test_no_frame_is_larger_than_the_display(side: int) -> None:
+    assert is_allowed((side, side), (side, side))
+    assert not is_allowed((side + 1, side), (side, side))
+    assert not is_allowed((side, side + 1), (side, side))
+
+
 @pytest.mark.parametrize("side", [16, 100, 1024, 8192])
 def test_a_frame_of_one_pixel_does_not_become_a_large_image(side: int) -> None:
     assert not is_allowed((1, 1), (side, side))

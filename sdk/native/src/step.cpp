@@ -49,10 +49,11 @@ ss_status check_input(const char* name, const ss_image& image, bool needed, ss_e
 
 ss_status check_ratio(const Method& method, Size render, Size display, ss_error* error) {
     const int of_display[] = {display.width, display.height}, of_frame[] = {render.width, render.height};
-    for (int axis = 0; axis < 2; axis++) {  // either size may have been rounded to whole pixels
+    for (int axis = 0; axis < 2; axis++) {  // either size may have been rounded to whole pixels, from 1 on
         const float most = static_cast<float>(of_display[axis] + 1) / max(of_frame[axis] - 1, 1);
         const float least = static_cast<float>(of_display[axis] - 1) / (of_frame[axis] + 1);
-        if (least > method.ratios[1] || (most < method.ratios[0] && of_frame[axis] > 1))
+        if (least > method.ratios[1] || (most < method.ratios[0] && of_frame[axis] > 1) ||
+            of_frame[axis] > of_display[axis])
             return fail(error, SS_BAD_FRAME, "%s is %d for a display of %d; %s takes a ratio from %g to %g",
                         axis ? "height" : "width", of_frame[axis], of_display[axis], method.name, method.ratios[0],
                         method.ratios[1]);

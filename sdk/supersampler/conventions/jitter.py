@@ -20,7 +20,8 @@ from supersampler.frame import Size
 def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
     """Raise FrameError unless a method with these ratios (min, max) upscales between the sizes.
 
-    A range allows for the rounding of both sizes to whole pixels. A method with a single ratio computes a
+    A range allows for the rounding of both sizes to whole pixels, but for no frame larger than the display,
+    as vectors of the CPU backend have a lane for each pixel. A method with a single ratio computes a
     whole block of display pixels for each render pixel, and needs exactly that multiple of the render size.
     """
     low, high = ratios
@@ -41,12 +42,12 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
         ratio = display_size[axis] / render_size[axis]
         smallest = (display_size[axis] - 1) / (render_size[axis] + 1)
         largest = (display_size[axis] + 1) / max(render_size[axis] - 1, 1)
-        if smallest > high or (largest < low and render_size[axis] > 1):
+        if smallest > high or (largest < low and render_size[axis] > 1) or ratio < 1.0:
             raise FrameError(
                 "size",
                 got=f"{render_size}, {ratio:.3g} times less in {name} than the display's {display_size}",
                 want=f"a ratio from {low} to {high}",
-                hint="Sizes are (width, height).",
+                hint="Sizes are (width, height). No frame is larger than the display.",
             )
 
 
