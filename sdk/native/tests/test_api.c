@@ -316,10 +316,72 @@ static void images_of_any_strides_are_written(void) {
     ss_model_destroy(model);
 }
 
-static int allocations, left;
+/* Half floats hold no more than 65504, whatever the pre-exposure multiplies the image by. */
+static void images_of_half_floats_saturate(void) {
+    static Pixels p;
+    static uint16_t halves[DH * DW * 3];
+    for (int m = 0; m < METHODS; m++) {
+        int saturated = 0;
+        ss_model* model = NULL;
+        ss_error error;
+        CHECK(ss_model_create(methods[m], NULL, &model, &error) == SS_OK, "%s", error.message);
+        for (int kind = 0; kind < 2; kind++) {
+            ss_upscaler* upscaler = NULL;
+            CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+            for (int index = 0; index < 2; index++) {
+                fill(&p, 0);
+                memset(p.motion, 0, sizeof p.motion);
+                for (int x = 0; x < W / 2; x++)
+                    for (int y = 0; y < H; y++) p.color[y][x][0] = p.color[y][x][1] = p.color[y][x][2] = 5e5f;
+                ss_frame frame = frame_of(&p, 0);
+                ss_outputs outputs = outputs_of(images[0]);
+                frame.pre_exposure = 16.0f;
+                if (kind) outputs.image.data = halves, outputs.image.type = SS_FLOAT16;
+                CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+            }
+            ss_upscaler_destroy(upscaler);
+        }
+        for (int k = 0; k < DW * DH * 3; k++) {
+            const int is_large = images[0][k] > 65504.0f;
+            saturated += is_large;
+            CHECK(halves[k] <= 0x7BFF && (!is_large || halves[k] == 0x7BFF), "%s: %#x for %g", methods[m], halves[k],
+                  images[0][k]);
+        }
+        CHECK(saturated, "%s writes no large value", methods[m]);
+        ss_model_destroy(model);
+    }
+}
+
+static void extrapolated_motion_of_half_floats_has_its_sign(void) {
+    static Pixels p;
+    static uint16_t motion[H][W][2];
+    static float color[H][W][3];
+    ss_model* model = NULL;
+    ss_error error;
+    ss_shaded shaded;
+    ss_extrapolated outputs;
+    CHECK(ss_model_create("guided-warp", NULL, &model, &error) == SS_OK, "%s", error.message);
+    fill(&p, 0);
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x++) p.motion[y][x][0] = -0.625f, p.motion[y][x][1] = x ? 0.25f : -1e5f;
+    ss_frame frame = frame_of(&p, 0);
+    memset(&shaded, 0, sizeof shaded);
+    memset(&outputs, 0, sizeof outputs);
+    shaded.width = W, shaded.height = H, shaded.color = frame.color, shaded.depth = frame.depth;
+    shaded.base_color = frame.base_color, shaded.normal = frame.normal;
+    outputs.color.data = color, outputs.motion.data = motion, outputs.motion.type = SS_FLOAT16;
+    CHECK(ss_extrapolate(model, &frame, &shaded, &outputs, &error) == SS_OK, "%s", error.message);
+    for (int y = 0; y < H; y++)
+        for (int x = 0; x < W; x++)
+            CHECK(motion[y][x][0] == half_of(-0.625f) && motion[y][x][1] == (x ? half_of(0.25f) : 0xFBFF),
+                  "pixel %d %d: %#x %#x", x, y, motion[y][x][0], motion[y][x][1]);
+    ss_model_destroy(model);
+}
+
+static int allocations, left, fails_once;
 static void* allocate_counted(void* user, size_t bytes) {
     (void)user;
-    if (left-- <= 0) return NULL;
+    if (left-- <= 0 && (!fails_once || left == -1)) return NULL;
     allocations++;
     return malloc(bytes);
 }
@@ -359,6 +421,112 @@ static void memory_may_end_anywhere(void) {
     CHECK(succeeded, "it never succeeds");
 }
 
+enum { RESTING = 5 };
+
+/* Steps still frames, of which one has another size, to bytes. Returns how many calls were refused for lack of memory; the
+ * call after each of these succeeds. */
+static int step_to_bytes(uint8_t* bytes) {
+    static Pixels p;
+    int refused = 0;
+    ss_options options;
+    ss_model* model = NULL;
+    ss_upscaler* upscaler = NULL;
+    memset(&options, 0, sizeof options);
+    options.threads = 2, options.allocate = allocate_counted, options.release = release_counted;
+    for (int call = 0; call < RESTING + 2; call++)
+        for (int again = 0; again < 2; again++) {
+            fill(&p, 0);
+            memset(p.motion, 0, sizeof p.motion);
+            ss_frame frame = frame_of(&p, 0);
+            ss_outputs outputs = outputs_of(bytes);
+            frame.width -= call == 3;
+            outputs.image.type = SS_UNORM8;
+            const ss_status status = call == 0   ? ss_model_create("taau", &options, &model, NULL)
+                                     : call == 1 ? ss_upscaler_create(model, DW, DH, &upscaler, NULL)
+                                                 : ss_step(upscaler, &frame, &outputs, NULL);
+            if (status == SS_OK) break;
+            CHECK(status == SS_NO_MEMORY && !again, "call %d, try %d: status %d", call, again, status);
+            refused++;
+        }
+    ss_upscaler_destroy(upscaler);
+    ss_model_destroy(model);
+    return refused;
+}
+
+/* An allocation that fails once costs one call: the next one succeeds, and images are as if none had failed. */
+static void one_failed_allocation_refuses_one_call(void) {
+    static uint8_t bytes[2][DH * DW * 3];
+    left = 1 << 20, fails_once = 1;
+    CHECK(step_to_bytes(bytes[0]) == 0, "memory ends");
+    int refused = 1, limit = 0;
+    for (; refused && limit < 600; limit++) {
+        left = limit;
+        refused = step_to_bytes(bytes[1]);
+        CHECK(refused <= 1, "allocation %d refuses %d calls", limit, refused);
+        CHECK(memcmp(bytes[0], bytes[1], sizeof bytes[0]) == 0, "another image after allocation %d", limit);
+    }
+    CHECK(!refused && limit > 50 && allocations == 0, "%d allocations", limit);
+    fails_once = 0;
+}
+
+static void changes_of_size_keep_no_memory(void) {
+    static Pixels p;
+    int kept = 0;
+    ss_error error;
+    ss_options options;
+    ss_model* model = NULL;
+    ss_upscaler* upscaler = NULL;
+    memset(&options, 0, sizeof options);
+    options.allocate = allocate_counted, options.release = release_counted;
+    left = 1 << 30;
+    CHECK(ss_model_create("taau", &options, &model, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+    for (int index = 0; index < 24; index++) {
+        fill(&p, 0);
+        ss_frame frame = frame_of(&p, 0);
+        ss_outputs outputs = outputs_of(images[0]);
+        frame.width -= index % 2;
+        CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+        if (index == 11) kept = allocations;
+    }
+    CHECK(allocations == kept, "%d allocations, then %d", kept, allocations);
+    ss_upscaler_destroy(upscaler);
+    ss_model_destroy(model);
+}
+
+/* Blocks at the border have fewer pixels than others. */
+static void the_converged_fraction_counts_pixels(void) {
+    static Pixels p;
+    static float converged[DH * DW];
+    int partly = 0;
+    ss_error error;
+    ss_model* model = NULL;
+    ss_upscaler* upscaler = NULL;
+    CHECK(ss_model_create("taau", NULL, &model, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
+    for (int index = 0; index < 60; index++) {
+        fill(&p, index);
+        memset(p.motion, 0, sizeof p.motion);
+        for (int y = 0; y < H; y++)
+            for (int x = 0; x < W; x++)
+                for (int c = 0; c < 3; c++) p.color[y][x][c] = x < W / 3 ? p.color[y][x][c] : 0.5f;
+        ss_frame frame = frame_of(&p, index);
+        ss_outputs outputs = outputs_of(images[0]);
+        frame.exposure = 1.0f, outputs.converged.data = converged;
+        CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_OK, "%s", error.message);
+        double sum = 0.0;
+        for (int k = 0; k < DH * DW; k++) sum += converged[k];
+        ss_stats stats;
+        ss_upscaler_stats(upscaler, &stats);
+        CHECK(fabs(stats.converged - sum / (DH * DW)) < 1e-6, "frame %d: %g, not %g", index, stats.converged,
+              sum / (DH * DW));
+        partly += sum > 0.0 && sum < DH * DW;
+    }
+    CHECK(partly, "no frame has converged in part");
+    ss_upscaler_destroy(upscaler);
+    ss_model_destroy(model);
+}
+
 static void bad_arguments_are_named(void) {
     static Pixels p;
     ss_model* model = NULL;
@@ -368,6 +536,7 @@ static void bad_arguments_are_named(void) {
     memset(&options, 0, sizeof options);
     CHECK(ss_model_create("nothing", NULL, &model, &error) == SS_BAD_ARGUMENT && strstr(error.message, "nothing"), "%s",
           error.message);
+    for (int m = 0; m < METHODS; m++) CHECK(strstr(error.message, methods[m]), "%s: %s", methods[m], error.message);
     CHECK(ss_model_create(NULL, NULL, &model, NULL) == SS_BAD_ARGUMENT, "NULL is a name");
     options.instructions = "mmx";
     CHECK(ss_model_create("taa", &options, &model, &error) == SS_BAD_ARGUMENT && strstr(error.message, "mmx"), "%s",
@@ -382,11 +551,11 @@ static void bad_arguments_are_named(void) {
           error.message);
     CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
     fill(&p, 0);
-    for (int k = 0; k < 9; k++) {
+    for (int k = 0; k < 11; k++) {
         ss_frame frame = frame_of(&p, 0);
         ss_outputs outputs = outputs_of(images[0]);
-        const char* named[] = {"width", "jitter",   "jitter",       "color",       "motion",
-                               "depth", "exposure", "pre_exposure", "adds_samples"};
+        const char* named[] = {"width",    "jitter",       "jitter",       "color", "motion", "depth",
+                               "exposure", "pre_exposure", "adds_samples", "width", "height"};
         if (k == 0) frame.width = 3;
         if (k == 1) frame.jitter[1] = 0.7f;
         if (k == 2) frame.jitter[0] = NAN;
@@ -396,6 +565,8 @@ static void bad_arguments_are_named(void) {
         if (k == 6) frame.exposure = -1.0f;
         if (k == 7) frame.pre_exposure = INFINITY;
         if (k == 8) frame.adds_samples = 0.5f;
+        if (k == 9) frame.width = DW + 1;
+        if (k == 10) frame.height = DH + 1;
         CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_FRAME, "case %d", k);
         CHECK(strstr(error.message, named[k]), "case %d: %s", k, error.message);
     }
@@ -624,7 +795,12 @@ int main(void) {
     instructions_agree();
     views_of_any_strides_are_read();
     images_of_any_strides_are_written();
+    images_of_half_floats_saturate();
+    extrapolated_motion_of_half_floats_has_its_sign();
     memory_may_end_anywhere();
+    one_failed_allocation_refuses_one_call();
+    changes_of_size_keep_no_memory();
+    the_converged_fraction_counts_pixels();
     bad_arguments_are_named();
     hostile_frames_do_no_harm();
     the_temporal_filter_averages_frames();
