@@ -8,6 +8,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias, get_args, overload
 
+import numpy as np
+from numpy.lib.array_utils import byte_bounds
+
 from supersampler.arguments import (
     AtRest,
     ExecutorName,
@@ -31,6 +34,7 @@ from supersampler.frame import (
     Float32,
     Frame,
     Size,
+    arrays_of,
     checked_exposure,
     checked_frame,
     checked_jitter,
@@ -321,7 +325,7 @@ class Upscaler:
             FrameError: the frame of a view breaks the contract; `FrameError.view` says which. All histories
                 are unchanged.
             ArgumentError: see `step`; or the sequences differ in length, the Upscalers have different Models,
-                or one of them is given twice.
+                one of them is given twice, or an array of `out` shares memory with another view.
         """
         started = time.perf_counter()
         upscalers, frames = _checked_views(upscalers, frames, out)
@@ -334,6 +338,7 @@ class Upscaler:
             except (FrameError, ArgumentError) as error:
                 error.name_view(view)
                 raise
+        _check_apart(out, frames)
         with ExitStack() as recordings:
             recorded = [
                 recordings.enter_context(upscaler._recorded("step", frame, names))
@@ -798,6 +803,23 @@ def _checked_views(
             want = "an Upscaler of its own for each view"
             raise ArgumentError(name, got=f"upscalers[{upscalers.index(upscaler)}]", want=want)
     return upscalers, frames
+
+
+def _check_apart(out: Sequence[Float32] | Float32 | None, frames: Sequence[Frame]) -> None:
+    """Raise ArgumentError where the image of a view is in memory that another view reads or writes."""
+    if out is None:
+        return
+    arrays = [(view, "image", image) for view, image in enumerate(out)]
+    arrays += [(view, "frame", array) for view, frame in enumerate(frames) for array in arrays_of(frame)]
+    low, high = np.array([byte_bounds(array) for _, _, array in arrays]).T
+    images = slice(len(out))
+    for view, index in np.argwhere((low[images, None] < high) & (low < high[images, None])).tolist():
+        other, kind, array = arrays[index]
+        if other != view and np.shares_memory(out[view], array):
+            want = "memory that no other view reads or writes"
+            error = ArgumentError("out", got=f"memory of the {kind} of view {other}", want=want)
+            error.name_view(view)
+            raise error
 
 
 def preset_model(

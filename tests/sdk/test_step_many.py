@@ -1,5 +1,6 @@
 """`Upscaler.step_many`: several cameras in one call."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,22 @@ def test_images_are_written_to_one_array_of_all_views() -> None:
     for upscaler, frame, image in zip(views, frames, out, strict=True):
         upscaler.reset()
         np.testing.assert_array_equal(upscaler.step(frame), image)
+
+
+@pytest.mark.parametrize(("view", "other"), [(0, 1), (1, 0)])
+def test_an_image_in_memory_of_another_view_is_refused(view: int, other: int) -> None:
+    views = [Upscaler(shared_model("taau"), display_size=(64, 36), validate="off") for _ in range(2)]
+    memory, frames = np.zeros((36, 128, 3), np.float32), [noise(0), noise(1)]
+    out = [memory[:, :64], memory[:, 64:]]  # interleaved, but apart
+    Upscaler.step_many(views, frames, out=out)
+    with pytest.raises(ArgumentError, match=r"^view 0: out is memory of the image of view 1; want"):
+        Upscaler.step_many(views, frames, out=[out[view], out[view][::-1]])
+    color = out[view][::2, ::2]
+    color[:] = frames[other].color
+    frames[other] = replace(frames[other], color=color)
+    with pytest.raises(ArgumentError, match=rf"^view {view}: out is memory of the frame of view {other};"):
+        Upscaler.step_many(views, frames, out=out)
+    assert [upscaler.stats.frames for upscaler in views] == [1, 1]
 
 
 def test_outputs_are_those_of_a_session_for_each_view() -> None:
