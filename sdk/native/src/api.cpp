@@ -74,8 +74,8 @@ static ss_status make_model(const Method* method, const ss_options* given, Model
         return fail(error, SS_BAD_ARGUMENT, "only one of allocate and release is set; want both or none");
     const Kernels* kernels = find_kernels(options.instructions);
     if (!kernels)
-        return fail(error, SS_BAD_ARGUMENT, "instructions is '%.64s', which this CPU does not have",
-                    options.instructions);
+        return fail(error, SS_BAD_ARGUMENT, "instructions is '%.64s', which this CPU does not have; want '%s' or NULL",
+                    options.instructions, find_kernels(nullptr)->name);
     const Allocator allocator = {options.allocate ? options.allocate : allocate_default,
                                  options.release ? options.release : release_default, options.user};
     *model = create<Model>(allocator, allocator, options);
