@@ -333,51 +333,58 @@ def test_colour_that_is_mixed_at_most_depth_edges_is_taken_for_filtered(share: i
 # --- colour upside down relative to depth ---
 
 
-def bands(edges: list[int], height: int = HEIGHT) -> NDArray[np.intp]:
-    """Return (h, w) numbers, 0 or 1, that change below these rows."""
-    return np.broadcast_to(
-        np.isin(np.arange(height), np.array(edges) + 1).cumsum()[:, None] % 2, (height, WIDTH)
-    )
+def bands(edges: list[int], wave: int = 10) -> NDArray[np.intp]:
+    """Return (h, w) numbers, 0 or 1, that change below these rows; in the last of ten steps `wave` - 1 lower."""
+    lower = np.arange(WIDTH) * 10 // WIDTH % wave
+    return (np.arange(HEIGHT)[:, None, None] > np.array(edges) + lower[:, None]).sum(axis=2) % 2
 
 
-def banded(image: list[int], depth: list[int], jump: float = 0.2, texture: float = 0.01) -> str:
-    """Return what is said about edges of the image below these rows, and of the depth below those."""
-    color = grey(0.2 + 0.5 * bands(image) + texture * (np.arange(HEIGHT)[:, None] % 2))
-    return complaints(plain_frame(color=color, depth=(0.25 + 0.25 * jump * bands(depth)).astype(np.float32)))
+def banded(image: NDArray[np.intp], depth: NDArray[np.intp], jump: float = 0.2, texture: float = 0.01) -> str:
+    """Return what is said about bands of colour and of depth."""
+    color = grey(0.2 + 0.5 * image + texture * (np.arange(HEIGHT)[:, None] % 2))
+    return complaints(plain_frame(color=color, depth=(0.25 + 0.25 * jump * depth).astype(np.float32)))
 
 
-ROWS = [5, 14, 22, 41]
-FLIPPED = [58 - row for row in ROWS]
+ROWS = [1, 14, 31, 46]
+BANDS = bands(ROWS)
+FLIPPED = BANDS[::-1]
 TURNED = "frame.color is upside down relative to depth"
 
 
 def test_colour_whose_edges_fit_depth_only_if_flipped_is_upside_down() -> None:
-    assert TURNED in banded(FLIPPED, ROWS)
-    assert banded(ROWS, ROWS) == ""
-    assert banded([*ROWS, *FLIPPED], ROWS) == "", "edges fit either way"
-    assert banded([9, 30], ROWS) == "", "edges fit neither way"
+    assert TURNED in banded(FLIPPED, BANDS)
+    assert banded(BANDS, BANDS) == ""
+    assert banded(FLIPPED ^ BANDS, BANDS) == "", "edges fit either way"
+    assert banded(BANDS[:, ::-1], BANDS) == "", "edges fit neither way"
 
 
-def test_where_colour_is_upside_down_is_judged_by_200_edges_of_depth() -> None:
-    assert TURNED in banded(FLIPPED[:3], ROWS[:3])
-    assert TURNED not in banded(FLIPPED[:2], ROWS[:2])
-    assert TURNED not in banded(FLIPPED, ROWS, jump=0.1), "slopes"
-    assert TURNED in banded(FLIPPED, ROWS, jump=0.13)
+def test_where_colour_is_upside_down_is_judged_by_20_rows_with_edges_of_depth() -> None:
+    for edges, judged in ((ROWS[:2], True), (ROWS[:1], False)):
+        assert (TURNED in banded(bands(edges)[::-1], bands(edges))) is judged
+    assert TURNED not in banded(FLIPPED, BANDS, jump=0.1), "slopes"
+    assert TURNED in banded(FLIPPED, BANDS, jump=0.13)
+
+
+def test_a_straight_horizon_is_one_coincidence_however_wide() -> None:
+    for count, judged in ((3, False), (19, False), (20, True)):
+        straight = bands([3 * row for row in range(count)], wave=1)
+        assert (TURNED in banded(straight[::-1], straight)) is judged
 
 
 def test_colour_is_upside_down_only_if_edges_stand_out_clearly() -> None:
     """Between the rows of an image with strong texture, edges change little more than the rest."""
-    assert TURNED in banded(FLIPPED, ROWS, texture=0.2)
-    assert TURNED not in banded(FLIPPED, ROWS, texture=0.5)
-    everywhere_else = [row for row in range(HEIGHT - 1) if row not in ROWS]
-    assert TURNED not in banded(everywhere_else, ROWS), "edges stand out no more than the rest"
-    part = banded([*FLIPPED, *ROWS[:3]], ROWS)
-    assert TURNED not in part, "upright it fits nearly as well"
+    rows = Y.astype(np.intp)
+    assert TURNED in banded(FLIPPED, BANDS, texture=0.2)
+    assert TURNED not in banded(FLIPPED, BANDS, texture=0.5)
+    assert TURNED not in banded(rows % 2 ^ BANDS, BANDS), "edges stand out no more than the rest"
+    assert TURNED not in banded(FLIPPED ^ bands(ROWS[:3]), BANDS), "upright it fits nearly as well"
+    floor = rows % 2 * (rows >= HEIGHT // 2)
+    assert TURNED not in banded(floor, bands(ROWS[:2])), "flipped, edges of the upper half are on the floor"
 
 
 def test_how_clearly_colour_is_upside_down_is_said_and_bad_pixels_are_left_out() -> None:
-    assert "edges agree 4.0x better" in banded([*FLIPPED, ROWS[0]], ROWS, texture=0.0)
-    light, depth = 0.2 + 0.5 * bands(FLIPPED), (1.0 + 0.2 * bands(ROWS)).astype(np.float32) / 4
+    assert "edges agree 4.0x better" in banded(FLIPPED ^ bands(ROWS[:1]), BANDS, texture=0.0)
+    light, depth = 0.2 + 0.5 * FLIPPED, (1.0 + 0.2 * BANDS).astype(np.float32) / 4
     assert complaints(plain_frame(color=grey(0 * light), depth=depth)) == ""
     for bad in (np.inf, 6e4):  # the second is a firefly
         light[3, 7] = bad

@@ -14,6 +14,7 @@ from supersampler.validation import mistakes
 from supersampler.validation.mistakes import Mistake, where
 from supersampler.validation.probe import (
     GRID_PIXELS,
+    PixelGrid,
     pixel_grid,
     plane_curvature,
     sky_fraction,
@@ -38,6 +39,10 @@ _MIN_CONTRAST = 0.15  # minimum difference of tone-mapped luminance across an ed
 _FLAT = 0.06  # of the contrast: maximum change on either side of an edge
 _MIXED = 0.12, 0.7  # of the contrast: range of a mixed pixel's difference from its side
 _DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # minimum ratio of depths across an edge, maximum along a side
+# Depth edges between rows, which are those of colour unless one of both is upside down.
+_MAX_ROW_EDGES = 4  # maximum weight of the edges of one row, each of which has 1 at most
+_MIN_EDGE_WEIGHT = 80  # minimum weight of all edges
+_NEAR_EDGES = (-8, -6, -4, -2, 2, 4, 6, 8)  # rows from an edge to the pixels that it is compared with
 # Buffers with few, evenly spaced values: stored in 8 bits, or in half floats around an offset.
 _MIN_VALUES, _MAX_VALUES = 6, 300  # distinct values of such a buffer
 _PIXELS_EACH = 8  # minimum mean number of pixels with the same value
@@ -144,24 +149,41 @@ def _edge_profiles(tone: Float32, depth: Array) -> NDArray[np.floating[Any]]:
 
 
 def upside_down(depth: Float32, tone: Float32) -> Iterator[Mistake]:
-    """Yield a mistake if edges of `tone` (of `tone_mapped`) and depth agree only with one of them flipped."""
+    """Yield a mistake if edges of `tone` (of `tone_mapped`) and depth agree only with one of them flipped.
+
+    A horizon or the top of a box is one coincidence, however wide: the edges of a row have the weight of
+    _MAX_ROW_EDGES at most.
+    """
     height, width = depth.shape
-    rows, columns = pixel_grid((width, height - 1), 4 * GRID_PIXELS)
+    pixels = rows, columns = pixel_grid((width, height - 1), 4 * GRID_PIXELS)
     here, below = depth[rows, columns], depth[rows + 1, columns]
-    edge = np.abs(here - below) > 0.1 * np.maximum(here, below)  # Inf - Inf, reported by `_depth`
-    if edge.sum() < 200:
+    is_edge = np.abs(here - below) > 0.1 * np.maximum(here, below)  # Inf - Inf, reported by `_depth`
+    edges = rows[is_edge], columns[is_edge]
+    weights = np.minimum(1.0, _MAX_ROW_EDGES / np.bincount(edges[0], minlength=1)[edges[0]])
+    if weights.sum() < _MIN_EDGE_WEIGHT:
         return
-    upright, turned = (_edge_contrast(each, rows, columns, edge) for each in (tone, tone[::-1]))
+    upright, turned = (_edge_contrast(each, pixels, edges, weights) for each in (tone, tone[::-1]))
     if turned > 1.5 and turned > 1.5 * upright:
         yield mistakes.COLOR_UPSIDE_DOWN.found(times=turned / max(upright, 1e-6))
 
 
 def _edge_contrast(
-    tone: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDArray[np.bool_]
+    tone: Float32, pixels: PixelGrid, edges: PixelGrid, weights: NDArray[np.floating[Any]]
 ) -> float:
-    """Return the mean change of brightness from row to row at edges, relative to all pixels."""
-    change = np.nan_to_num(np.abs(tone[rows, columns] - tone[rows + 1, columns]))
-    return float(change[edge].mean() / max(float(change.mean()), 1e-6))
+    """Return the mean change of brightness from row to row at edges, relative to other pixels.
+
+    These are all pixels, or those above and below the edges if they change more: a flip moves edges of one
+    half of the image into the texture of the other half.
+    """
+
+    def change(rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.floating[Any]]:
+        rows = np.clip(rows, 0, tone.shape[0] - 2)
+        return np.nan_to_num(np.abs(tone[rows, columns] - tone[rows + 1, columns]))
+
+    rows, columns = edges
+    near = np.mean([np.average(change(rows + step, columns), weights=weights) for step in _NEAR_EDGES])
+    others = max(float(near), float(change(*pixels).mean()), 1e-6)
+    return float(np.average(change(rows, columns), weights=weights)) / others
 
 
 # --- depth ---
