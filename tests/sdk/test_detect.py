@@ -155,9 +155,24 @@ def test_black_frames_are_no_evidence(frames: list[Frame]) -> None:
 def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
     raws = planted(frames, Conventions())
     motion = [replace(raw, motion=raw.motion[..., ::-1]) for raw in raws]
-    assert any("motion[..., ::-1]" in note for note in detect_conventions(motion).notes)
     jitter = [replace(raw, jitter=raw.jitter[::-1]) for raw in raws if raw.jitter is not None]
-    assert any("frame.jitter is (y, x)" in note for note in detect_conventions(jitter).notes)
+    for exchanged, note in ((motion, "motion[..., ::-1]"), (jitter, "frame.jitter is (y, x)")):
+        detection = detect_conventions(exchanged)
+        assert note in detection.summary()
+        assert not detection.agrees
+
+
+def test_cleared_depth_is_no_evidence_and_a_mistake_where_motion_shows_several_depths(
+    frames: list[Frame],
+) -> None:
+    raws = [replace(raw, depth=np.zeros_like(raw.depth)) for raw in planted(frames, Conventions())]
+    detection = detect_conventions(raws)
+    assert detection.depth.text == "depth: cannot tell, it is the same everywhere"
+    assert "frame.depth is the same everywhere, although" in detection.summary()
+    assert "The frames have mistakes that Conventions do not describe" in detection.summary()
+    assert not detection.agrees
+    card = [replace(raw, motion=np.ones_like(raw.motion)) for raw in raws]
+    assert "frame.depth" not in detect_conventions(card).summary()
 
 
 def test_a_still_camera_with_a_noisy_thing_that_moves_has_no_exchanged_axes() -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from plain_frames import HEIGHT, WIDTH, complaints, plain_frame
 from supersampler.arguments import ieee_arithmetic
+from supersampler.conventions import camera_motion
 from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import FrameWarning
 from supersampler.frame import Float32, Frame
@@ -334,7 +335,7 @@ def test_colour_that_is_mixed_at_most_depth_edges_is_taken_for_filtered(share: i
 
 
 def bands(edges: list[int], wave: int = 10) -> NDArray[np.intp]:
-    """Return (h, w) numbers, 0 or 1, that change below these rows; in the last of ten steps `wave` - 1 lower."""
+    """Return (h, w) numbers, 0 or 1, that change below these rows, in steps of up to `wave` rows."""
     lower = np.arange(WIDTH) * 10 // WIDTH % wave
     return (np.arange(HEIGHT)[:, None, None] > np.array(edges) + lower[:, None]).sum(axis=2) % 2
 
@@ -579,5 +580,16 @@ def test_one_depth_everywhere_is_doubted_where_motion_is_not_that_of_a_card(axis
     assert complaints(plain_frame(depth=card, motion=ramp)) == ""
     assert "same everywhere" in complaints(plain_frame(depth=card, motion=parallax(4.0, axis)))
     assert complaints(plain_frame(depth=card, motion=parallax(2.0, axis))) == ""
-    assert complaints(plain_frame(depth=0.0 * card, motion=parallax(4.0, axis))) == "", "the sky"
+    assert "same everywhere" in complaints(plain_frame(depth=0.0 * card, motion=parallax(4.0, axis)))
     assert complaints(plain_frame(motion=parallax(4.0, axis))) == "", "a slope"
+
+
+@pytest.mark.parametrize("angle", [0.1, 0.4, 1.2])
+def test_a_frame_of_sky_has_no_constant_depth_however_the_camera_turns(angle: float) -> None:
+    projection = np.array([[HEIGHT / WIDTH, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0.1], [0, 0, -1, 0]])
+    turn = np.eye(4)
+    turn[:3:2, :3:2] = [[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]]
+    sky = np.zeros((HEIGHT, WIDTH), np.float32)
+    motion = camera_motion(sky, projection, projection @ turn, near=0.1)
+    assert np.ptp(motion[..., 1]) > 40 * angle, "it is not affine"
+    assert "same everywhere" not in complaints(plain_frame(depth=sky, motion=motion))

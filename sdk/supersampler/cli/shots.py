@@ -94,7 +94,7 @@ def check(
     Tries all units, directions and flips of motion, and all units, signs and flips of jitter, on a few
     frames. Ranks them by how well they reproject each image to the next. Prints the best ones, their margins,
     the Conventions to write, also as an option, and the G-buffers of the first frame. The exit code is 1 if
-    the detected conventions differ from the stated ones.
+    the detected conventions differ from the stated ones, or if the frames have another mistake.
 
     \b
     Examples:

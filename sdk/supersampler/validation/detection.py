@@ -64,7 +64,8 @@ def detect_conventions(
     found = replace(found, **jitter.overrides)
     depth = rankings.rank_depth(textured, seen, found)
     found = replace(found, **depth.overrides)
-    notes = [str(mistake.error()) for mistake in rankings.swapped_axes(textured, jitters, found)]
+    swapped = rankings.swapped_axes(textured, jitters, found)
+    notes = [str(mistake.error()) for mistake in swapped]
     if found.depth != stated.depth and found.depth.endswith("infinite"):
         kind = found.depth.removesuffix("_infinite")
         notes.append(f"Images do not show a far plane. If there is one, write depth='{kind}', near and far.")
@@ -75,10 +76,12 @@ def detect_conventions(
         others = ", ".join(f"{name}={not value}" for name, value in own.items())
         notes.append(f"Rows seem to be bottom-up. Only if the image is upright, write {others} instead.")
         found = replace(found, **own, bottom_up=not stated.bottom_up)
-    notes += _other_mistakes(raws, found)
-    if always_reset and any(pair.continues for pair in textured):
+    others, has_mistakes = _other_mistakes(raws, found)
+    notes += others
+    if always_reset := always_reset and any(pair.continues for pair in textured):
         notes.append(str(mistakes.RESET_ALWAYS.found(frames=len(raws)).error()))
-    return Detection(motion, jitter, depth, stated, found, tuple(notes))
+    has_mistakes |= always_reset or bool(swapped)
+    return Detection(motion, jitter, depth, stated, found, tuple(notes), has_mistakes)
 
 
 def _turned(frame: FrameProbe) -> bool:
@@ -86,21 +89,28 @@ def _turned(frame: FrameProbe) -> bool:
     return frame.light is not None and any(upside_down(frame.depth, tone_mapped(frame.light, frame.light)))
 
 
-def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
-    """Return the mistakes in frames with these conventions, except those that the verdicts report."""
+def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> tuple[list[str], bool]:
+    """Return the mistakes in frames with these conventions, except those that the verdicts report.
+
+    The second value is whether "strict" would refuse one of them.
+    """
     converter, seen = found.converter(), FramesSeen()
     by_kind: dict[str, Mistake] = {}
+    refused: list[str] = []
     for raw in raws:
         try:  # motion to the next frame with jitter in it cannot be converted
             frame = converter.to_frame(replace(raw, motion_next=None) if found.motion_jittered else raw)
         except (FrameError, ArgumentError) as error:
-            return [*(str(mistake.error()) for mistake in by_kind.values()), str(error)]
+            refused.append(str(error))
+            break
         evidence = FrameProbe.of_frame(frame)
         seen = FramesSeen() if frame.reset else seen
         seen = seen.after(evidence, frame.size)
         by_kind |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
     ignored = _VERDICT_KINDS | (mistakes.OF_SRGB if found.srgb else set())
-    return [str(mistake.error()) for kind, mistake in by_kind.items() if kind not in ignored]
+    others = [mistake for kind, mistake in by_kind.items() if kind not in ignored]
+    has_mistakes = bool(refused) or any(mistake.severity == "error" for mistake in others)
+    return [*(str(mistake.error()) for mistake in others), *refused], has_mistakes
 
 
 def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:

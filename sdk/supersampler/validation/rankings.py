@@ -89,7 +89,8 @@ class Detection:
         motion, jitter, depth: the verdicts.
         stated: the given conventions; they are kept where a verdict is uncertain.
         conventions: the detected conventions; `call` is their Python expression.
-        notes: other mistakes, as text.
+        notes: other mistakes and hints, as text.
+        has_mistakes: whether a note is of a mistake that `validate="strict"` would refuse.
     """
 
     motion: Verdict
@@ -98,11 +99,12 @@ class Detection:
     stated: Conventions
     conventions: Conventions
     notes: tuple[str, ...] = ()
+    has_mistakes: bool = False
 
     @property
     def agrees(self) -> bool:
-        """Whether the detected conventions are the stated ones."""
-        return self.conventions == self.stated
+        """Whether the detected conventions are the stated ones, and the frames have no other mistake."""
+        return self.conventions == self.stated and not self.has_mistakes
 
     @property
     def call(self) -> str:
@@ -117,7 +119,9 @@ class Detection:
     def summary(self) -> str:
         """Return lines of text: each verdict with its margin, the notes, and the Python expression."""
         end = [f"The frames are as stated: {self.call}"]
-        if not self.agrees:
+        if self.conventions == self.stated and self.has_mistakes:
+            end = [f"The frames have mistakes that Conventions do not describe; stated: {self.call}"]
+        elif not self.agrees:
             end = [f"The frames are not as stated: {self.stated!r}", f"Write: {self.call}"]
         return "\n".join([*(verdict.text for verdict in self.verdicts), *self.notes, *end])
 
@@ -223,8 +227,11 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[FrameProbe], found: 
     """Rank reversed, forward and linear depth by the sum of three errors, each from 0 to 1.
 
     They are the fraction of disocclusions with farther occluders, the absence of the sky's value, and the
-    curvature of 1 / distance along planes.
+    curvature of 1 / distance along planes. A constant frame, cleared or all sky, is no evidence.
     """
+    frames = [frame for frame in frames if frame.depth.min() != frame.depth.max()]
+    if not frames:
+        return Verdict("depth", (), "it is the same everywhere")
     count = max(depth_values(frame.depth) for frame in frames)
     if count:
         return Verdict("depth", (), f"it has only {count} evenly spaced values")

@@ -49,7 +49,7 @@ _PIXELS_EACH = 8  # minimum mean number of pixels with the same value
 _UNEVEN = 0.1  # of a step: maximum deviation from even spacing
 _MIN_UNEVEN = 0.02  # minimum fraction of pixels whose second difference is a step: rounding
 _COARSE_MOTION = 0.2  # render pixels: minimum step of coarse motion
-_MAX_RESIDUAL = 0.5  # render pixels: maximum root mean square deviation from affine motion
+_MAX_RESIDUAL = 0.5  # render pixels: maximum root mean square deviation from the motion of a plane
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
@@ -261,18 +261,28 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
         return
     pixels = pixel_grid(frame.size)
     vectors = frame.motion[pixels].astype(np.float32)
-    off = float(np.mean((np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)))
-    if off > 0.05 and min(frame.size) >= 16:
-        yield mistakes.MOTION_TOO_LONG.found(share=off)
+    off = (np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)
+    if np.mean(off) > 0.05 and min(frame.size) >= 16:
+        yield mistakes.MOTION_TOO_LONG.found(share=np.mean(off))
     step = max(_even_step(vectors[:, axis]) for axis in (0, 1))
     if step >= _COARSE_MOTION:
         yield mistakes.MOTION_COARSE.found(step=step)
-    if frame.depth.min() == frame.depth.max() > 0 and _is_not_affine(vectors, *pixels):
+    is_constant = frame.depth.min() == frame.depth.max()
+    if is_constant and not off.all() and _is_not_planar(vectors[~off], *(each[~off] for each in pixels)):
         yield mistakes.DEPTH_CONSTANT
 
 
-def _is_not_affine(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
-    """Return whether motion deviates from an affine function of the position."""
-    basis = np.stack([np.ones(len(rows)), rows, columns], axis=1)
-    fit = basis @ np.linalg.lstsq(basis, vectors, rcond=None)[0]
-    return bool(np.mean((vectors - fit) ** 2) > _MAX_RESIDUAL**2)
+def _is_not_planar(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
+    """Return whether motion deviates from a homography, which is the motion of a plane and of the sky."""
+    pixels = np.stack([columns, rows], axis=1)
+    scale = pixels.max() + 1.0
+    here, before = (np.insert(each / scale, 2, 1.0, axis=1) for each in (pixels, pixels + vectors))
+    zeros = np.zeros_like(here)
+    equations = [
+        np.hstack([*sides, -before[:, [axis]] * here[:, :2]])
+        for axis, sides in enumerate(((here, zeros), (zeros, here)))
+    ]
+    *found, x, y = np.linalg.lstsq(np.vstack(equations), before[:, :2].T.ravel(), rcond=None)[0]
+    fit = here @ np.array([found[:3], found[3:], [x, y, 1.0]]).T
+    residual = scale * (fit[:, :2] / fit[:, 2:] - before[:, :2])
+    return bool(np.mean(residual**2) > _MAX_RESIDUAL**2)
