@@ -118,11 +118,34 @@ def test_each_pixel_is_one_place_whatever_the_number_of_samples(tmp_path: Path, 
     assert mixed.mean() < 0.002
 
 
-def test_an_orthographic_camera_is_jittered_too(tmp_path: Path) -> None:
+def test_an_orthographic_camera_is_jittered_and_its_motion_is_known(tmp_path: Path) -> None:
     done = render(tmp_path, "--samples", 4, "--method", "bilinear", camera_type="ORTHO", size=[320, 192])
     assert done.exit_code == 0, done.output
-    detection = detect_conventions(rendered(tmp_path)[0])
+    shot, record = rendered(tmp_path)
+    detection = detect_conventions(shot)
     assert detection.agrees, detection.summary()
+    assert "objects move, and will blur: Cube.003; Cycles has no motion of them" in done.stderr
+    y, x = np.mgrid[:96, :160]
+    for index in (1, 2):  # a pixel leads to the same place of the world in the frame before
+        jitters = [shot.read(each).frame.jitter for each in (index - 1, index)]
+        motion = shot.read(index).frame.motion + np.subtract(jitters[1], jitters[0])
+        rows, columns = (np.rint(each).astype(int) for each in (y + motion[..., 1], x + motion[..., 0]))
+        inside = (rows >= 0) & (rows < 96) & (columns >= 0) & (columns < 160)
+        now, before = places(shot, record, index), places(shot, record, index - 1)
+        apart = np.linalg.norm(now[inside] - before[rows[inside], columns[inside]], axis=-1)
+        assert np.percentile(apart[apart < 1e6], 85) < 0.2, "half a pixel, on a slanted floor"
+
+
+def places(shot: Shot, record: RenderRecord, index: int) -> Any:
+    """Return (h, w, 3) the places of a frame's samples in the world; the camera is orthographic."""
+    camera = record.frames[index]
+    matrix, world = camera.matrix, np.array(camera.world)
+    distance = shot.read_raw(index).depth.astype(np.float64)
+    height, width = distance.shape
+    y, x = np.mgrid[:height, :width] + 0.5
+    sides = np.stack([matrix[0, :3], matrix[1, :3], -world[:3, 2]])
+    at = 2 * x / width - 1 - matrix[0, 3], 1 - 2 * y / height - matrix[1, 3]
+    return np.stack([*at, distance - world[:3, 2] @ world[:3, 3]], axis=-1) @ np.linalg.inv(sides).T
 
 
 @pytest.mark.parametrize("engine", ["eevee", "workbench"])

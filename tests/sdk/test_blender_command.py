@@ -10,6 +10,7 @@ from pathlib import Path
 from threading import Timer
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
@@ -18,10 +19,11 @@ from blender_files import NUMBERS, RECORDED, fake_blender, is_running, scene_fil
 from blender_motion import camera_motion_of
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app, denoise_run
+from supersampler.conventions import jittered_projection
 from supersampler.integrations.blender.render import find_blender
 from supersampler.io.images import read_exr, write_exr
-from supersampler.io.shot import open_source
-from supersampler.io.shot.blender import read_render_record
+from supersampler.io.shot import Shot, open_source
+from supersampler.io.shot.blender import RenderedCamera, read_render_record
 from supersampler.upscaler import Upscaler
 from supersampler.validation import detect_conventions
 
@@ -489,6 +491,69 @@ def test_without_a_vector_pass_motion_is_the_cameras(folder: Path) -> None:
     with_engine(folder, "BLENDER_WORKBENCH")
     shot = open_source(folder)
     np.testing.assert_allclose(shot.read(3).frame.motion, camera_motion_of(shot, record, 3), atol=1e-4)
+
+
+NEAR, FAR = 0.1, 50.0
+STILL: dict[str, Any] = {"at": (0.0, -7.0, 3.0), "turn": 0.0, "wide": 8.0}
+
+
+def orthographic(index: int, at: tuple[float, float, float], turn: float, wide: float) -> RenderedCamera:
+    """Return a camera above the ground that looks along +y and down, with a shift and the recorded jitter."""
+    c, s = np.cos(turn), np.sin(turn)
+    world = np.eye(4)
+    world[:3, :3] = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ [[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]]
+    world[:3, 3] = at
+    projection = np.diag([2 / wide, 3 / wide, -2 / (FAR - NEAR), 1.0])
+    projection[2, 3] = -(FAR + NEAR) / (FAR - NEAR)
+    shift, (x, y) = (0.3 * index, -0.2 * index), read_render_record(RECORDED).jitter[index]
+    matrix = jittered_projection(projection, (x + shift[0], y - shift[1]), (48, 32)) @ np.linalg.inv(world)
+    return msgspec.convert(
+        {"camera": matrix.tolist(), "shift": shift, "world": world.tolist()}, RenderedCamera
+    )
+
+
+def with_cameras(folder: Path, *cameras: RenderedCamera) -> Shot:
+    msgspec.structs.replace(read_render_record(folder), frames=cameras).write(folder)
+    return open_source(folder)
+
+
+@pytest.mark.parametrize(
+    "change", [{"at": (0.4, -7.0, 3.0)}, {"at": (1e-12, -7.0, 3.0)}, {"turn": 0.03}, {"wide": 8.5}], ids=str
+)
+def test_while_an_orthographic_camera_moves_motion_is_the_cameras(
+    folder: Path, change: dict[str, Any]
+) -> None:
+    """Cycles then projects it as a perspective camera."""
+    before, now = orthographic(0, **STILL), orthographic(1, **{**STILL, **change})
+    shot = with_cameras(folder, before, now)
+    distance = read_exr(folder / "0006.exr")["ViewLayer.Depth.Z"].astype(np.float64)
+    surface = distance < 1e9
+    y, x = np.mgrid[:32, :48]
+    seen, world = now.matrix, np.array(now.world)
+    sides = np.stack([seen[0, :3], seen[1, :3], -world[:3, 2]])
+    clip = np.stack([(x + 0.5) / 24 - 1, 1 - (y + 0.5) / 16, distance - world[:3, 2] @ world[:3, 3]], axis=-1)
+    places = (clip - [*seen[:2, 3], 0.0]) @ np.linalg.inv(sides).T
+    earlier = places @ before.matrix[:2, :3].T + before.matrix[:2, 3]
+    moved = (earlier - clip[..., :2]) * (24, -16)  # with the change of the jitter
+    jitter = read_render_record(folder).jitter
+    wrong = np.abs(shot.read(1).frame.motion + np.subtract(jitter[1], jitter[0]) - moved)
+    assert wrong[surface].max() < 2e-3
+
+
+def test_a_moving_orthographic_camera_of_an_old_record_has_no_known_place(folder: Path) -> None:
+    cameras = orthographic(0, **STILL), orthographic(1, **{**STILL, "turn": 0.03})
+    shot = with_cameras(folder, *(msgspec.structs.replace(camera, world=None) for camera in cameras))
+    with pytest.raises(ShotError, match="has no position of its orthographic camera"):
+        shot.read(1)
+
+
+def test_while_an_orthographic_camera_is_still_objects_move_as_cycles_writes(folder: Path) -> None:
+    cameras = orthographic(0, **STILL), orthographic(1, **STILL)
+    channels = read_exr(folder / "0006.exr")
+    want = np.stack([channels["ViewLayer.Vector.X"] + 0.3, -(channels["ViewLayer.Vector.Y"] - 0.2)], axis=-1)
+    for each in (cameras, [msgspec.structs.replace(camera, world=None) for camera in cameras]):
+        motion = with_cameras(folder, *each).read(1).frame.motion
+        np.testing.assert_allclose(motion, want, atol=1e-5)
 
 
 def test_a_record_is_read_as_it_was_written(folder: Path) -> None:

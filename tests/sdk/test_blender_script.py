@@ -184,3 +184,31 @@ def test_a_camera_that_cannot_be_followed_is_refused(
     change(ours)
     with pytest.raises(script.BlenderSceneError, match=message):
         script.choose_camera(ours, None)
+
+
+@pytest.mark.parametrize(
+    ("engine", "kind", "camera_moves", "noted"),
+    [
+        ("CYCLES", "ORTHO", True, True),
+        ("CYCLES", "ORTHO", False, False),
+        ("CYCLES", "PERSP", True, False),
+        ("BLENDER_EEVEE", "ORTHO", True, False),
+        ("BLENDER_WORKBENCH", "PERSP", False, True),
+    ],
+)
+def test_objects_that_move_are_named_where_their_motion_is_unknown(
+    script: ModuleType, engine: str, kind: str, camera_moves: bool, noted: bool
+) -> None:
+    """Vectors of Cycles are wrong only while an orthographic camera moves."""
+    script.bpy.context = SimpleNamespace(evaluated_depsgraph_get=lambda: None)
+    eye = camera("A", kind=kind)
+    eye.data.ortho_scale = 8.0
+    cube = SimpleNamespace(name="Cube", type="MESH", hide_render=False)
+    for item in (eye, cube):
+        item.matrix_world, item.evaluated_get = [0.0], lambda _, item=item: item
+    warner = script.MovedObjects(scene(engine, camera=eye, objects=[eye, cube]))
+    for index in range(3):
+        cube.matrix_world = [float(index)]
+        eye.matrix_world = [float(camera_moves * index)]
+        warner.warn()
+    assert sum("objects move, and will blur: Cube" in note for note in script.notes) == noted

@@ -395,7 +395,8 @@ class BlenderRender:
                 self._target.describe(answer.scene)
                 self._has_scene = True
             elif answer.frame is not None and answer.camera is not None:
-                self._target.add(answer.frame, RenderedCamera(answer.camera, answer.shift, answer.seconds))
+                camera = RenderedCamera(answer.camera, answer.shift, answer.seconds, answer.world)
+                self._target.add(answer.frame, camera)
                 self._count += 1
             elif answer.note is not None:
                 self._target.note(printable(answer.note))
@@ -421,6 +422,7 @@ class _Answer(msgspec.Struct, forbid_unknown_fields=True):
     camera: Rows | None = None
     shift: tuple[float, float] = (0.0, 0.0)
     seconds: float = 0.0
+    world: Rows | None = None
 
 
 class _ScriptError(Exception):

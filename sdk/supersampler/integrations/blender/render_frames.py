@@ -6,8 +6,8 @@ Runs inside Blender, without supersampler.
 
 The environment variable holds the settings as JSON; see `main`. A line on stdout that begins with the token
 of the settings is a message in JSON: {"note": ...} for a changed setting, {"scene": ...} once, {"frame":
-number, "shift": ..., "camera": ...} for each rendered frame, {"error": ...} if the scene cannot be rendered.
-The .blend file is never saved.
+number, "shift": ..., "camera": ..., "world": ...} for each rendered frame, {"error": ...} if the scene cannot
+be rendered. The .blend file is never saved.
 """
 
 import json
@@ -90,8 +90,9 @@ def main(settings: dict[str, Any]) -> None:
         moved.warn()
         began = time.perf_counter()
         render(scene, Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.exr")
-        seconds = time.perf_counter() - began
-        report(frame=number, shift=own_shift, camera=camera_matrix(scene), seconds=round(seconds, 3))
+        seconds = round(time.perf_counter() - began, 3)
+        camera, world = camera_matrices(scene)
+        report(frame=number, shift=own_shift, camera=camera, world=world, seconds=seconds)
 
 
 def open_scene(blend: str) -> None:
@@ -393,13 +394,19 @@ def replace_linked(scene: Any, camera: Any) -> None:
 
 
 class MovedObjects:
-    """Warns of moving objects if the engine writes no Vector pass."""
+    """Warns of moving objects in frames without their motion.
+
+    Workbench writes no Vector pass, and that of Cycles is wrong while an orthographic camera moves.
+    """
 
     def __init__(self, scene: Any) -> None:
         self.scene = scene
         self.before: dict[str, Any] | None = None  # matrices of the previous frame
-        self.is_active = scene.render.engine == "BLENDER_WORKBENCH"
-        if self.is_active:
+        self.seen_from: tuple[Any, float] | None = None  # its camera
+        self.is_workbench = scene.render.engine == "BLENDER_WORKBENCH"
+        is_parallel = any(camera.data.type == "ORTHO" for camera in used_cameras(scene))
+        self.is_active = self.is_workbench or (scene.render.engine == "CYCLES" and is_parallel)
+        if self.is_workbench:
             report(note="Workbench writes no Vector pass: only the camera's motion is known")
 
     def warn(self) -> None:
@@ -407,16 +414,24 @@ class MovedObjects:
         if not self.is_active:
             return
         depsgraph = bpy.context.evaluated_depsgraph_get()
+        camera = self.scene.camera.evaluated_get(depsgraph)
+        seen_from = camera.matrix_world.copy(), camera.data.ortho_scale
         now = {
             item.name: item.evaluated_get(depsgraph).matrix_world.copy()
             for item in self.scene.objects
             if item.type not in ("CAMERA", "LIGHT", "EMPTY") and not item.hide_render
         }
         moved = [name for name in now if self.before and self.before.get(name) not in (None, now[name])]
-        self.before = now
-        if moved:
+        needs_vectors = self.is_workbench or seen_from != self.seen_from
+        self.before, self.seen_from = now, seen_from
+        if moved and needs_vectors:
             what = f"objects move, and will blur: {', '.join(moved[:8])}"
-            report(note=f"{what}; --engine eevee has their motion")
+            why = (
+                ""
+                if self.is_workbench
+                else "; Cycles has no motion of them while an orthographic camera moves"
+            )
+            report(note=f"{what}{why}; --engine eevee has their motion")
             self.is_active = False
 
 
@@ -426,8 +441,11 @@ def render(scene: Any, path: Path) -> None:
     bpy.ops.render.render(write_still=True, scene=scene.name)
 
 
-def camera_matrix(scene: Any) -> list[list[float]]:
-    """Return projection @ view of the current frame with the current shift; clip space is from -1 to 1."""
+def camera_matrices(scene: Any) -> tuple[list[list[float]], list[list[float]]]:
+    """Return projection @ view with the current shift, and camera to world, of the current frame.
+
+    Clip space is from -1 to 1.
+    """
     depsgraph = bpy.context.evaluated_depsgraph_get()
     camera = scene.camera.evaluated_get(depsgraph)
     render = scene.render
@@ -435,7 +453,8 @@ def camera_matrix(scene: Any) -> list[list[float]]:
         depsgraph, x=render.resolution_x, y=render.resolution_y,
         scale_x=render.pixel_aspect_x, scale_y=render.pixel_aspect_y,
     )  # fmt: skip
-    return [list(row) for row in projection @ camera.matrix_world.normalized().inverted()]
+    world = camera.matrix_world.normalized()
+    return [list(row) for row in projection @ world.inverted()], [list(row) for row in world]
 
 
 def facts(

@@ -40,7 +40,7 @@ Guides: TypeAlias = Literal["surface", "denoising"]
 """Passes of the G-buffers: Diffuse Color and Normal, or Denoising Albedo and Denoising Normal."""
 
 
-class RenderedCamera(msgspec.Struct, frozen=True):
+class RenderedCamera(msgspec.Struct, frozen=True, omit_defaults=True):
     """The camera of one frame, as Blender evaluates it.
 
     Attributes:
@@ -48,11 +48,13 @@ class RenderedCamera(msgspec.Struct, frozen=True):
             space from -1 to 1, y up.
         shift: (x right, y up) of the lens, in render pixels, without jitter.
         seconds: wall time of the frame's render.
+        world: (4, 4) camera to world, without scale, looking along -z; None in files of older versions.
     """
 
     camera: Rows
     shift: tuple[float, float]
     seconds: float = 0.0
+    world: Rows | None = None
 
     def __post_init__(self) -> None:
         if not np.linalg.det(self.camera):
@@ -331,6 +333,7 @@ def _reference_channels(path: Path) -> list[str]:
 
 
 _SKY = 1e10  # Z of the background
+_ROUNDING = 1e-5  # of Blender's matrices
 
 
 def import_render(folder: Path | str) -> Shot:
@@ -359,9 +362,10 @@ def rendered_shot(
     if the frame will never be complete. `stop_waiting` makes a waiting call raise it, too.
 
     Vectors are corrected, from measurements with Blender 4.5. Cycles omits the change of the lens shift and
-    the motion of the sky. Eevee includes both, and the change of the jitter. Workbench writes no vectors, and
-    Cycles none with motion blur: the camera's motion is used. Frames that were rendered to be denoised have
-    Denoising Albedo and Denoising Normal, in world space, as G-buffers.
+    the motion of the sky. Eevee includes both, and the change of the jitter. The camera's motion replaces
+    vectors where there are none, in Workbench and in Cycles with motion blur, and where Cycles writes wrong
+    ones, while an orthographic camera moves. Frames that were rendered to be denoised have Denoising Albedo
+    and Denoising Normal, in world space, as G-buffers.
     """
     scene, first, jitter = record.scene, record.first, record.jitter
     if scene is None:
@@ -390,12 +394,16 @@ def rendered_shot(
         if scene.denoise == "temporal" and "normal" in arrays:
             arrays["normal"] = (arrays["normal"] @ now.denoising_axes.T).astype(np.float32)
         jitters = entries[index].jitter, entries[max(0, index - 1)].jitter
-        motion = None if before is None else _motion(arrays, scene.engine, (now, before), jitters)
+        motion = None if before is None else _motion(path, arrays, scene.engine, (now, before), jitters)
         motion_next = None
         is_last = index + 1 == count or entries[index + 1].reset
         if scene.denoise == "temporal" and not is_last and (gbuffers is None or "motion_next" in gbuffers):
             motion_next = _camera_corrected(
-                arrays, "motion_next", (now, camera_of(index + 1)), (jitters[0], entries[index + 1].jitter)
+                path,
+                arrays,
+                "motion_next",
+                (now, camera_of(index + 1)),
+                (jitters[0], entries[index + 1].jitter),
             )
         return RawFrame(
             color=arrays["color"],
@@ -449,6 +457,7 @@ def _arrays(
 
 
 def _motion(
+    path: Path,
     arrays: Mapping[str, Array],
     engine: str,
     cameras: tuple[RenderedCamera, RenderedCamera],
@@ -458,10 +467,11 @@ def _motion(
     if engine.startswith("BLENDER_EEVEE"):
         change = np.subtract(*jitters) * (-1.0, 1.0)  # change of the jitter, y up
         return arrays["motion"].astype(np.float32, copy=False) + change.astype(np.float32)
-    return _camera_corrected(arrays, "motion", cameras, jitters)
+    return _camera_corrected(path, arrays, "motion", cameras, jitters)
 
 
 def _camera_corrected(
+    path: Path,
     arrays: Mapping[str, Array],
     name: Literal["motion", "motion_next"],
     cameras: tuple[RenderedCamera, RenderedCamera],
@@ -469,26 +479,61 @@ def _camera_corrected(
 ) -> Float32:
     """Add the change of the lens shift and the motion of the sky to the vectors of Cycles; pixels, y up.
 
-    Without vectors, all motion is the camera's. `cameras` and `jitters` are those of this and the other
-    frame.
+    Without vectors, or with an orthographic camera that moves, all motion is the camera's. `cameras` and
+    `jitters` are those of this and the other frame.
     """
     (now, other), depth = cameras, arrays["depth"]
+    size = depth.shape[1], depth.shape[0]
     sign = np.float32(1.0 if name == "motion" else -1.0)  # previous minus current, current minus next
-    unknown = depth >= _SKY
-    if name in arrays:
+    is_sky = depth >= _SKY
+    is_parallel = not now.matrix[3, :3].any()
+    if name in arrays and not (is_parallel and _moves(cameras, jitters, size)):
         shift = sign * np.subtract(now.shift, other.shift).astype(np.float32)  # the image moves against it
         motion: Float32 = arrays[name].astype(np.float32, copy=False) + shift
+        unknown = is_sky
     else:
         motion, unknown = np.zeros((*depth.shape, 2), np.float32), np.ones(depth.shape, bool)
-    is_parallel = not now.matrix[3, :3].any()  # then the sky has a single colour
-    if is_parallel or not unknown.any():
+    if is_parallel:
+        unknown = unknown & ~is_sky  # it has a single colour
+    if not unknown.any():
         return motion
-    size = depth.shape[1], depth.shape[0]
     matrices = [  # without jitter
         jittered_projection(camera.matrix, (-x, -y), size)
         for camera, (x, y) in zip(cameras, jitters, strict=True)
     ]
-    near = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth < _SKY)
-    moved = camera_motion(near, *matrices, jitter=jitters[0], near=1.0, clip="minus_one_to_one")
+    if is_parallel:
+        buffer, near = _parallel_depth(path, now, np.where(is_sky, 0.0, depth)), None
+    else:
+        buffer, near = np.divide(1.0, depth, out=np.zeros_like(depth), where=~is_sky), 1.0
+    moved = camera_motion(buffer, *matrices, jitter=jitters[0], near=near, clip="minus_one_to_one")
     motion[unknown] = (sign * moved * np.array([1.0, -1.0], np.float32))[unknown]
     return motion
+
+
+def _moves(
+    cameras: tuple[RenderedCamera, RenderedCamera],
+    jitters: tuple[tuple[float, float], tuple[float, float]],
+    size: tuple[int, int],
+) -> bool:
+    """Return whether the camera moves, turns or zooms between two frames; jitter and lens shift do not count.
+
+    Cycles writes wrong vectors after the smallest movement, hence the exact comparison.
+    """
+    if cameras[0].world != cameras[1].world:
+        return True
+    now, other = (
+        jittered_projection(camera.matrix, (-x - camera.shift[0], -y + camera.shift[1]), size)
+        for camera, (x, y) in zip(cameras, jitters, strict=True)
+    )
+    return not np.allclose(now, other, rtol=_ROUNDING, atol=_ROUNDING)
+
+
+def _parallel_depth(path: Path, camera: RenderedCamera, distance: NDArray[np.floating[Any]]) -> Float32:
+    """Return the depth buffer of an orthographic camera, 0 at the near plane and 1 at the far plane."""
+    if camera.world is None:
+        problem = "has no position of its orthographic camera, which moves: an older version has rendered it"
+        raise ShotError(path, problem, "Render the sequence again: --overwrite.")
+    world, (*slope, offset) = np.array(camera.world), camera.matrix[2]
+    clip = slope @ world[:3, 3] + offset - (slope @ world[:3, 2]) * distance
+    result: Float32 = ((clip + 1.0) / 2.0).astype(np.float32)
+    return result
