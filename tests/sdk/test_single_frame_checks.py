@@ -337,7 +337,10 @@ def test_colour_that_is_mixed_at_most_depth_edges_is_taken_for_filtered(share: i
 def bands(edges: list[int], wave: int = 10) -> NDArray[np.intp]:
     """Return (h, w) numbers, 0 or 1, that change below these rows, in steps of up to `wave` rows."""
     lower = np.arange(WIDTH) * 10 // WIDTH % wave
-    return (np.arange(HEIGHT)[:, None, None] > np.array(edges) + lower[:, None]).sum(axis=2) % 2
+    passed: NDArray[np.intp] = (np.arange(HEIGHT)[:, None, None] > np.array(edges) + lower[:, None]).sum(
+        axis=2
+    )
+    return passed % 2
 
 
 def banded(image: NDArray[np.intp], depth: NDArray[np.intp], jump: float = 0.2, texture: float = 0.01) -> str:

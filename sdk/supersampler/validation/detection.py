@@ -76,8 +76,8 @@ def detect_conventions(
         others = ", ".join(f"{name}={not value}" for name, value in own.items())
         notes.append(f"Rows seem to be bottom-up. Only if the image is upright, write {others} instead.")
         found = replace(found, **own, bottom_up=not stated.bottom_up)
-    others, has_mistakes = _other_mistakes(raws, found)
-    notes += others
+    other_notes, has_mistakes = _other_mistakes(raws, found)
+    notes += other_notes
     if always_reset := always_reset and any(pair.continues for pair in textured):
         notes.append(str(mistakes.RESET_ALWAYS.found(frames=len(raws)).error()))
     has_mistakes |= always_reset or bool(swapped)

@@ -178,7 +178,10 @@ def _edge_contrast(
 
     def change(rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.floating[Any]]:
         rows = np.clip(rows, 0, tone.shape[0] - 2)
-        return np.nan_to_num(np.abs(tone[rows, columns] - tone[rows + 1, columns]))
+        changes: NDArray[np.floating[Any]] = np.nan_to_num(
+            np.abs(tone[rows, columns] - tone[rows + 1, columns])
+        )
+        return changes
 
     rows, columns = edges
     near = np.mean([np.average(change(rows + step, columns), weights=weights) for step in _NEAR_EDGES])
