@@ -11,26 +11,30 @@ from supersampler_model.data.scenes.scene import Camera, Scene
 
 GLTF = "gltf"
 """Family of sequences composed of glTF files."""
+SHOT = "shot"
+"""Family of copies of shots, which are not generated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceSpec:
     """The parameters that generate a sequence; plain data for a JSON file."""
 
-    family: str  # one of TRAIN_FAMILIES, TEST_FAMILIES or APART_FAMILIES, or GLTF
+    family: str  # one of TRAIN_FAMILIES, TEST_FAMILIES or APART_FAMILIES; GLTF; SHOT
     seed: int  # >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure
     frames: int  # number of frames, >= 1
     frame_rate: float = 30.0  # frames a second, > 0
     folder: str | None = None  # folder of the files of a GLTF sequence, else None
-    files: tuple[tuple[str, str], ...] = ()  # of a GLTF sequence: name below `folder`, and SHA-256
+    files: tuple[tuple[str, str], ...] = ()
+    """Name below `folder` and SHA-256 of each file of a GLTF sequence; name and digest of a shot."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "files", tuple((name, digest) for name, digest in self.files))  # from JSON
         check_number("spec.seed", self.seed, 0, np.inf)
         check_number("spec.frames", self.frames, 1, np.inf)
         check_number("spec.frame_rate", self.frame_rate, 0.0, np.inf, open_below=True)
-        if (self.family == GLTF) != (self.folder is not None and len(self.files) > 0):
-            want = "both of a gltf sequence, neither of another"
+        needs, has = self.family == GLTF, self.folder is not None and len(self.files) > 0
+        if needs != has or (self.files and self.family not in (GLTF, SHOT)):
+            want = "both of a gltf sequence, files of a shot, neither of another"
             raise SceneError("spec.folder, files", got=f"{self.folder!r}, {len(self.files)} files", want=want)
 
 

@@ -13,29 +13,33 @@ from torch import Tensor
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.display import auto_exposure
+from supersampler.io.files import is_there
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset.storage import (
+    FILE_NAME,
     Dataset,
     Description,
     SequenceEntry,
     Split,
     TrainingFrame,
     create_dataset,
+    open_dataset,
     write_training_frame,
 )
-from supersampler_model.data.specs import SequenceSpec
+from supersampler_model.data.specs import GLTF, SHOT, SequenceSpec
 
 UNKNOWN = 255  # value of unknown classes
 
 
 def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Dataset:
-    """Copy shots to a training set, for fast reads of crops; existing frames are kept.
+    """Copy shots to a training set, for fast reads of crops; existing frames of the same shots are kept.
 
     Shots usually have no class labels. Frames without a reference serve as history; their references are NaN.
 
     Raises:
         ShotError: a shot has no reference, or another display size than the first.
+        DatasetError: the folder holds a copy of other shots, or the shots have changed since they were copied.
         OSError: writing failed.
     """
     size = shots[0].display_size
@@ -49,15 +53,36 @@ def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Datas
     entries = []
     for index, shot in enumerate(shots):
         rate = shot.frame_rate or 30.0
-        spec = SequenceSpec(family="shot", seed=index, frames=len(shot), frame_rate=rate)
+        files = ((shot.name, shot.digest()),)
+        spec = SequenceSpec(family=SHOT, seed=index, frames=len(shot), frame_rate=rate, files=files)
         entries.append(SequenceEntry(spec=spec, ratio=size[0] / shot.render_size[0], split=split))
     description = Description(display_size=size, samples=1, gbuffers=False, seed=0, sequences=tuple(entries))
-    dataset = create_dataset(folder, description)
+    dataset = _copy_of_earlier_version(shots, folder, description) or create_dataset(folder, description)
     for shot, entry in zip(shots, entries, strict=True):
         for item in shot.frames(dataset.complete(entry)):
             frame = _training_frame(shot, item, size[::-1])
             write_training_frame(dataset.path(entry, item.index), frame)
     return dataset
+
+
+def _copy_of_earlier_version(
+    shots: Sequence[Shot], folder: Path, description: Description
+) -> Dataset | None:
+    """Return the copy in a folder if its description lacks digests, and its first frames are the shots'.
+
+    Unfinished runs keep the description, whose hash is in their checkpoint.
+    """
+    entries = [replace(entry, spec=replace(entry.spec, files=())) for entry in description.sequences]
+    earlier = Dataset(folder, replace(description, sequences=tuple(entries)))
+    if not is_there(folder / FILE_NAME) or open_dataset(folder).description != earlier.description:
+        return None
+    for shot, entry in zip(shots, entries, strict=True):
+        if earlier.complete(entry):
+            copied = earlier.read(entry, 0)
+            frame = _training_frame(shot, shot.read(0), copied.ghost.shape)
+            if not np.array_equal(frame.color, copied.color):
+                return None
+    return earlier
 
 
 def _training_frame(shot: Shot, item: ShotFrame, shape: tuple[int, int]) -> TrainingFrame:
@@ -141,7 +166,7 @@ def data_hash(datasets: Sequence[Dataset]) -> str:
 def assets(datasets: Sequence[Dataset]) -> list[str]:
     """Return the names of the asset files in the training sequences, for attribution."""
     entries = [entry for dataset in datasets for entry in dataset.entries("train")]
-    return sorted({name for entry in entries for name, _ in entry.spec.files})
+    return sorted({name for entry in entries if entry.spec.family == GLTF for name, _ in entry.spec.files})
 
 
 def method_inputs(frame: TrainingFrame, names: Sequence[str]) -> dict[str, Tensor]:

@@ -2,6 +2,8 @@
 
 import csv
 import dataclasses
+import json
+import shutil
 import signal
 from functools import partial
 from pathlib import Path
@@ -23,14 +25,16 @@ from supersampler_model.data.dataset.storage import (
     SequenceEntry,
     TrainingFrame,
     create_dataset,
+    open_dataset,
     write_training_frame,
 )
+from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.data.specs import SequenceSpec
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.cli import update_and_save
-from supersampler_model.training.datasets import UNKNOWN, dataset_of_shots
+from supersampler_model.training.datasets import UNKNOWN, data_hash, dataset_of_shots
 from supersampler_model.training.losses import ClassifierWeights
 from supersampler_model.training.optimizer import orthogonalised
 from supersampler_model.training.run_log import write_log
@@ -171,12 +175,13 @@ def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path: Path) -> None:
         load_checkpoint(broken)
 
 
-def shot(folder: Path, *, every: int | None = 2) -> Shot:
+def shot(folder: Path, *, every: int | None = 2, first: int = 0) -> Shot:
+    """Write a shot whose frames are those of the scene from frame `first` on."""
     writer = ShotWriter(folder, name="disc", display_size=DISPLAY, frame_rate=30.0)
     scene = DiscOverPlane()
     for index in range(12):
-        truth = scene.truth(index, DISPLAY) if every and index % every == 0 else None
-        writer.write(scene.frame(index, RENDER, halton_jitter(index, 2.0)), reference=truth)
+        truth = scene.truth(first + index, DISPLAY) if every and index % every == 0 else None
+        writer.write(scene.frame(first + index, RENDER, halton_jitter(index, 2.0)), reference=truth)
     return Shot.open(folder)
 
 
@@ -188,6 +193,32 @@ def test_references_become_truth_and_missing_ones_are_marked(tmp_path: Path) -> 
     assert np.isnan(odd.reference).all()
     assert (even.ghost == UNKNOWN).all()
     assert entry.ratio == 2.0
+
+
+def test_a_copy_of_one_shot_is_never_taken_for_another(tmp_path: Path) -> None:
+    mine, other = shot(tmp_path / "mine"), shot(tmp_path / "other", first=3)
+    sets = [dataset_of_shots([each], tmp_path / f"set of {each.path.name}", "train") for each in (mine, other)]
+    assert data_hash(sets[:1]) != data_hash(sets[1:])
+    moved = Shot.open((tmp_path / "mine").rename(tmp_path / "moved"))
+    assert data_hash([dataset_of_shots([moved], sets[0].folder, "train")]) == data_hash(sets[:1])
+    with pytest.raises(DatasetError, match=r"have changed since .*: disc\. .* use another folder"):
+        dataset_of_shots([other], sets[0].folder, "train")
+    reference = moved.source / "reference" / "0002.exr"
+    shutil.copy(reference.with_name("0004.exr"), reference)
+    with pytest.raises(DatasetError, match="have changed"):
+        dataset_of_shots([moved], sets[0].folder, "train")
+
+
+def test_a_run_on_a_copy_without_digests_is_resumed_on_the_same_shot_only(tmp_path: Path) -> None:
+    mine, other = shot(tmp_path / "mine"), shot(tmp_path / "other", first=3)
+    file = dataset_of_shots([mine], tmp_path / "set", "train").folder / "dataset.json"
+    content = json.loads(file.read_text())
+    content["sequences"][0]["spec"]["files"] = []
+    file.write_text(json.dumps(content))
+    again = dataset_of_shots([mine], tmp_path / "set", "train")
+    assert data_hash([again]) == data_hash([open_dataset(again.folder)])
+    with pytest.raises(DatasetError, match="differs in its sequences"):
+        dataset_of_shots([other], tmp_path / "set", "train")
 
 
 @pytest.mark.long  # trains

@@ -313,15 +313,15 @@ def _check_same(path: Path, existing: Description, requested: Description) -> No
     now, before = _digests(requested), _digests(existing)
     changed = sorted(name for name in now.keys() & before.keys() if now[name] != before[name])
     if changed:
-        hint = "Restore the files that the set was started with, or start another set."
+        hint = "Restore the files that the set was started with, or use another folder."
         raise DatasetError(path, f"these have changed since the set was started: {', '.join(changed)}", hint)
     for name, value in asdict(requested).items():
         if asdict(existing)[name] != value:
-            hint = "Use the options of the first run, with the same glTF files if any, or another folder."
+            hint = "Use the options of the first run, with the same glTF files or shots if any, or another folder."
             raise DatasetError(path, f"the existing set differs in its {name.replace('_', ' ')}", hint)
 
 
 def _digests(description: Description) -> dict[str, str]:
-    """Return the SHA-256 of all asset files of a data set, by path."""
+    """Return the SHA-256 of all asset files and shots of a data set, by path or name."""
     specs = [entry.spec for entry in description.sequences]
-    return {f"{spec.folder}/{name}": digest for spec in specs for name, digest in spec.files}
+    return {str(Path(spec.folder or "", name)): digest for spec in specs for name, digest in spec.files}

@@ -1,5 +1,6 @@
 """`Shot`: a frame sequence on disk, read frame by frame."""
 
+import hashlib
 import json
 import os
 from collections import deque
@@ -17,7 +18,7 @@ from supersampler.arguments import checked_path
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import INCOMPLETE_PACKAGE, FrameError, ShotError, did_you_mean
 from supersampler.frame import Array, Float32, Frame, Size
-from supersampler.io.files import check_inside, is_file
+from supersampler.io.files import check_inside, is_file, os_errors_as_shot_error
 from supersampler.io.images import Channel, ImageHeader, Metadata, read_exr, read_header
 from supersampler.io.shot import format as shot_format
 from supersampler.io.shot.format import ClassMaps, FrameEntry, ShotInfo
@@ -381,6 +382,16 @@ class Shot:
         """Read the class maps of a frame's reference, (H, W) uint8 each; None if there are none."""
         file = self._reference_file(index)
         return None if file is None else shot_format.read_classes(file, self.display_size)
+
+    def digest(self) -> str:
+        """Return the SHA-256 of all files of the frames, and of their numbers and conventions."""
+        stated = [self.conventions.to_json(), *map(msgspec.structs.asdict, self._entries)]
+        digest = hashlib.sha256(msgspec.json.encode(stated))
+        folder = self.source if self.source.is_dir() else self.source.parent
+        for name in dict.fromkeys(name for entry in self._entries for name in shot_format.files_of(entry)):
+            with os_errors_as_shot_error(folder / name), (folder / name).open("rb") as file:
+                digest.update(hashlib.file_digest(file, "sha256").digest())
+        return digest.hexdigest()
 
     def read_truth(self, index: int) -> dict[str, Array]:
         """Read further planes (H, W) of a frame's reference by name, such as coverage by kinds of objects.
