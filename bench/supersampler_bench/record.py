@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import platform
+import re
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -151,9 +152,9 @@ def model_digests() -> Mapping[str, str]:
 def age_of(record: JsonRecord) -> str:
     """Return a sentence that names models and shipped shots of a record that have changed since, or ""."""
     now = model_digests()
-    named = {
-        text.split(":")[0] for text in _texts({**record, "model_digests": None, "command": None})
-    } & now.keys()
+    texts = _texts({**record, "model_digests": None, "command": None})
+    parts = {part for text in texts for part in re.split(r"[\s:+,]+", text)}  # of "taau+guided-warp:x2"
+    named = parts & now.keys()
     then = record.get("model_digests")
     when = f"Measured on {str(record.get('date'))[:10]}"
     if then is None:

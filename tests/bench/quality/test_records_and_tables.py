@@ -177,9 +177,12 @@ def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path) -> None:
     assert (tmp_path / "notes").read_text() == '{"mine": 1}'
 
 
-def test_a_table_says_which_models_have_changed_since_it_was_measured() -> None:
+@pytest.mark.parametrize(
+    "row", ["taau:fp32", "taau+guided-warp", "guided-warp+taau", "classifier, taau", "taau x2"]
+)
+def test_a_table_says_which_models_have_changed_since_it_was_measured(row: str) -> None:
     record: dict[str, Any] = {
-        "rows": [{"method": "taau:fp32"}, {"method": "classifier"}],
+        "rows": [{"method": row}, {"method": "classifier"}, {"method": "out/bilinear"}],
         **asdict(Provenance.now()),
     }
     assert age_of(record) == ""
