@@ -12,6 +12,7 @@ from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.history import State
 from supersampler_bench.cli import app
+from supersampler_bench.cli.options import split_list
 from supersampler_bench.record import read_record
 from supersampler_bench.stress.compare import VisibleDifference, contraction, recovery
 from supersampler_bench.stress.hostile import MIN_BOUND, hostile_bound
@@ -212,7 +213,7 @@ def is_single(frames: Sequence[Frame], index: int) -> bool:
 def test_a_shot_that_two_passes_make_worse_fails(
     spoiled: Callable[[Sequence[Frame], int], bool], losers: list[str]
 ) -> None:
-    outcomes = {name: run(scenario(f"two passes, {name}"), two_passes(spoiled), quick=True) for name in SHORT}
+    outcomes = {name: run(scenario(f"two passes: {name}"), two_passes(spoiled), quick=True) for name in SHORT}
     assert all(outcome.error == "" for outcome in outcomes.values())
     worst = [name for name in SHORT if "PSNR lost, worst shot, dB" in failed(outcomes[name])]
     assert worst == losers
@@ -221,21 +222,26 @@ def test_a_shot_that_two_passes_make_worse_fails(
 def test_bad_values_of_two_passes_count() -> None:
     nan = np.full((32, 48, 3), np.nan, np.float32)
     bad = replace(SOUND, sequences=lambda frames, *_: [nan] * len(frames))
-    assert "bad values" in failed(run(scenario("two passes, one frame"), bad, quick=True))
+    assert "bad values" in failed(run(scenario("two passes: one frame"), bad, quick=True))
 
 
 def test_a_method_of_two_passes_runs_only_the_scenarios_of_two_passes() -> None:
     one, two = subjects(["taau", "taau:x2"], ["cpu"])
     names = {found.name for found, subject in runs(chosen([]), [one, two]) if subject is two}
     assert names == {found.name for found in FAMILIES["two-passes"]}
-    assert names >= {f"two passes, {case}" for case in ("cuts", "still", "huge", "exposure", *SHORT)}
+    assert names >= {f"two passes: {case}" for case in ("cuts", "still", "huge", "exposure", *SHORT)}
     assert not names & {found.name for found, _ in runs(chosen([]), [one])}
+
+
+def test_each_scenario_can_be_named_in_a_list() -> None:
+    for name in (each.name for family in FAMILIES.values() for each in family):
+        assert [found.name for found in chosen(split_list(name))] == [name]
 
 
 def test_two_passes_of_a_shipped_method_lose_nothing_in_short_shots() -> None:
     for outcome in measure(chosen(["two-passes"], quick=True), subjects(["taau:x2"], ["cpu"]), quick=True):
         assert outcome.passed, outcome
-        assert outcome.figures[0].value < (0.05 if outcome.scenario == "two passes, one frame" else -0.2)
+        assert outcome.figures[0].value < (0.05 if outcome.scenario == "two passes: one frame" else -0.2)
 
 
 def test_with_an_extrapolation_model_every_second_frame_is_unshaded() -> None:

@@ -346,7 +346,7 @@ def hostile_shots(trial: Trial, hostile: Hostile) -> Figures:
 def _two_passes(name: str, run: Run, frames: int, *arguments: object, description: str = "") -> None:
     scenario(
         "two-passes",
-        f"two passes, {name}",
+        f"two passes: {name}",
         *arguments,
         description=description,
         cpu=frames,
