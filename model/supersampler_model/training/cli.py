@@ -91,6 +91,7 @@ def train(
     plan = TrainingPlan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output, workers=workers)
     entries = validation_entries(trainer.datasets, task.ratios)
+    _warn_without_scores(trainer, [entry.spec.frames for _, entry in entries])
     baseline = validate(task.baseline.eval(), entries, task.runner) if entries else None
     updates: list[Update] = []
     while trainer.done < plan.steps:
@@ -167,6 +168,17 @@ def _check_free(output: Path) -> None:
     if not (output / CHECKPOINT).exists():  # the checkpoint is written first, and checked when it is read
         for name in ("weights.safetensors", *LOG_FILES):
             check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
+
+
+def _warn_without_scores(trainer: Trainer, lengths: list[int]) -> None:
+    """Say that validation has no scores, if there are validation sequences but none is of use."""
+    from supersampler_model.training.validation import WARM_UP
+
+    low, high = trainer.task.ratios
+    given = any(dataset.entries("validation") for dataset in trainer.datasets)
+    if given and max(lengths, default=0) <= WARM_UP:
+        why = f"more than the {WARM_UP} frames that validation excludes, at a ratio from {low:g} to {high:g}"
+        _CONSOLE.print(f"There are no validation scores: no complete validation sequence has {why}.")
 
 
 def _report(

@@ -16,7 +16,7 @@ from supersampler.methods.spec import FRAME_INPUTS
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.methods.base import Method
-from supersampler_model.training.datasets import gbuffers, method_inputs
+from supersampler_model.training.datasets import UNKNOWN, gbuffers, method_inputs
 
 WARM_UP = 8
 BORDER = 8
@@ -106,7 +106,7 @@ class Validated:
 
     psnr: float  # of display values after the warm-up, dB
     tpsnr: float  # of their changes from frame to frame, dB; NaN without consecutive images
-    overlap: dict[str, float]  # intersection over union per class; empty for methods without classes
+    overlap: dict[str, float]  # intersection over union of each class that was seen or inferred
     kinds: dict[str, float]  # PSNR of shaded and of unshaded frames; empty if all are of one kind
     image: Float32  # (2 H, W, 3) display values of the first sequence's last frame, above the reference
 
@@ -144,9 +144,7 @@ def validate(
         images.append(image)
     psnr, tpsnr, shaded, unshaded = (_mean([row[i] for row in rows]) for i in range(4))
     kinds = {} if np.isnan(shaded + unshaded) else {"psnr_shaded": shaded, "psnr_unshaded": unshaded}
-    overlap = {}
-    if counts.any():
-        overlap = {n: float(a / max(b, 1.0)) for n, a, b in zip(CLASS_NAMES, *counts, strict=True)}
+    overlap = {n: float(a / b) for n, a, b in zip(CLASS_NAMES, *counts, strict=True) if b}
     return Validated(psnr, tpsnr, overlap, kinds, images[0])
 
 
@@ -169,21 +167,22 @@ def _sequence(
             squared[runner.unshaded].append(_psnr(error))
             if error_before is not None and before == index - 1 and not frame.reset:
                 changed.append(_psnr(error - error_before))
+            if "classes" in method.history and not frame.reset:  # first frames are all visibility ghosting
+                _count(runner.history[list(method.history).index("classes")], frame, counts)
         before, error_before, image = index, error, np.concatenate([shown, truth])
-        if "classes" in method.history and not frame.reset:  # first frames are all visibility ghosting
-            _count(runner.history[list(method.history).index("classes")], frame, counts)
     of = ([*squared[0], *squared[1]], changed, *squared)
     return tuple(float(np.mean(values)) if values else float("nan") for values in of), image
 
 
 def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
-    """Count the intersections and unions of each class, on every second pixel."""
+    """Count the intersections and unions of each class, on every second pixel within the border."""
+    inner = slice(BORDER // 2, -BORDER // 2)
     for group, truth in enumerate((frame.ghost, frame.alias)):
         true = truth[::2, ::2]
         own = ops.resize_nearest(classes[:, 3 * group : 3 * group + 3], ops.Size(*true.shape[::-1]))
-        inferred = own[0].argmax(dim=0).numpy()
+        inferred, true = own[0].argmax(dim=0).numpy()[inner, inner], true[inner, inner]
         for c in range(3):
-            a, b = inferred == c, true == c
+            a, b = (inferred == c) & (true != UNKNOWN), true == c
             counts[:, 3 * group + c] += (a & b).sum(), (a | b).sum()
 
 

@@ -5,6 +5,7 @@ import dataclasses
 import json
 import shutil
 import signal
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from supersampler import halton_jitter
 from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.shot import Shot, ShotWriter
+from supersampler_model import ops
 from supersampler_model.data.dataset.storage import (
     Dataset,
     Description,
@@ -39,7 +41,13 @@ from supersampler_model.training.losses import ClassifierWeights
 from supersampler_model.training.optimizer import orthogonalised
 from supersampler_model.training.run_log import write_log
 from supersampler_model.training.trainer import CHECKPOINT, Trainer, TrainingPlan, Update, load_checkpoint
-from supersampler_model.training.validation import validate
+from supersampler_model.training.validation import (
+    BORDER,
+    CLASS_NAMES,
+    WARM_UP,
+    SequenceRunner,
+    validate,
+)
 
 DISPLAY, RENDER = (64, 48), (32, 24)
 PLAN = TrainingPlan(steps=6, batch=2, frames=2, size=32, average=4, settle=0.0)
@@ -132,15 +140,52 @@ def test_training_lowers_the_error(dataset: Dataset, tmp_path: Path) -> None:
     assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
 
 
-def test_classes_of_a_first_frame_do_not_count_in_validation(dataset: Dataset, tmp_path: Path) -> None:
+Relabel = Callable[[int, TrainingFrame], TrainingFrame]
+
+
+@pytest.fixture
+def overlap(dataset: Dataset, tmp_path: Path) -> Callable[[Relabel], dict[str, float]]:
+    """Return a function that returns the validation's overlap of the classes after relabelling frames."""
     [entry] = dataset.entries("train")
-    method, other = Classifier().eval(), create_dataset(tmp_path / "set", dataset.description)
-    for index in range(entry.spec.frames):
-        frame = dataset.read(entry, index)
-        classes = 1 - frame.ghost if frame.reset else frame.ghost
-        write_training_frame(other.path(entry, index), dataclasses.replace(frame, ghost=classes))
-    overlaps = [validate(method, [(each, entry)]).overlap for each in (dataset, other)]
-    assert overlaps[0] == overlaps[1] != {}
+
+    def measured(relabel: Relabel) -> dict[str, float]:
+        other = create_dataset(tmp_path / "set", dataset.description)
+        for index in range(entry.spec.frames):
+            write_training_frame(other.path(entry, index), relabel(index, dataset.read(entry, index)))
+        torch.manual_seed(0)
+        return validate(Classifier().eval(), [(other, entry)]).overlap
+
+    return measured
+
+
+def test_classes_of_the_first_frames_and_of_the_border_do_not_count_in_validation(
+    overlap: Callable[[Relabel], dict[str, float]],
+) -> None:
+    def relabelled(index: int, frame: TrainingFrame) -> TrainingFrame:
+        ghost = 1 - frame.ghost
+        if index >= WARM_UP:
+            ghost[BORDER:-BORDER, BORDER:-BORDER] = frame.ghost[BORDER:-BORDER, BORDER:-BORDER]
+        return dataclasses.replace(frame, ghost=ghost)
+
+    assert overlap(relabelled) == overlap(lambda _, frame: frame) != {}
+
+
+def test_unknown_classes_do_not_count_in_validation(
+    dataset: Dataset, overlap: Callable[[Relabel], dict[str, float]]
+) -> None:
+    torch.manual_seed(0)
+    [entry], method = dataset.entries("train"), Classifier().eval()
+    runner = SequenceRunner(method, ops.Size(*DISPLAY))
+    for frame in dataset.frames(entry):
+        runner.step(frame)
+    classes = runner.history[list(method.history).index("classes")]
+    inferred = ops.resize_nearest(classes[:, :3], ops.Size(*DISPLAY)).argmax(dim=1)[0].numpy()
+    ghost, unknown = inferred.astype(np.uint8), np.full(DISPLAY[::-1], UNKNOWN, np.uint8)
+    ghost[:, : DISPLAY[0] // 2] = UNKNOWN
+    half_known = overlap(lambda _, frame: dataclasses.replace(frame, ghost=ghost, alias=unknown))
+    assert set(half_known.values()) == {1.0}
+    assert set(half_known) <= set(CLASS_NAMES[:3])
+    assert overlap(lambda _, frame: dataclasses.replace(frame, ghost=unknown, alias=unknown)) == {}
 
 
 def test_a_run_is_not_resumed_with_another_plan(dataset: Dataset, tmp_path: Path) -> None:
