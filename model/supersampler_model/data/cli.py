@@ -40,8 +40,8 @@ def render(
     gltf_fraction: Annotated[
         float, typer.Option(help="Fraction of the sequences that are composed of the files in --gltf.")
     ] = 0.3,
-    seed: Annotated[int, typer.Option(help="The same seed gives the same set.")] = 0,
-    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same set.")] = 0,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     show_labels: Annotated[
         bool, typer.Option(help="Write class maps of each sequence to OUT/labels.")
     ] = False,
@@ -62,7 +62,7 @@ def render(
       supersampler render data --gltf my/scenes --gltf-fraction 0.3
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_model.data.dataset.overview import write_class_maps
-    from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences, render_dataset
+    from supersampler_model.data.dataset.rendering import RenderPlan, check_ratios, plan_sequences, render_dataset
     from supersampler_model.data.dataset.storage import create_dataset
 
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
@@ -79,8 +79,11 @@ def render(
         gltf_fraction=gltf_fraction,
     )
     console = Terminal(stderr=True)
+    others = _numbers("--also", also) if also else []
+    if others:
+        check_ratios("--also", others, plan.display_size)
+    turns = [None, *others]
     dataset = create_dataset(output, plan_sequences(plan))
-    turns = [None, *_others(also)]
     sets = [dataset, *(dataset.at(ratio) for ratio in turns if ratio)]
     total = len(turns) * sum(entry.spec.frames for entry in dataset.entries())
     done = sum(one.complete(entry) for one in sets for entry in one.entries())
@@ -96,13 +99,6 @@ def render(
     if show_labels:
         write_class_maps(dataset, output / "labels")
     console.print(f"{total} frames of {size_text(dataset.description.display_size)} in {output}")
-
-
-def _others(also: str) -> list[float]:
-    ratios = _numbers("--also", also) if also else []
-    if ratios and min(ratios) < 1.0:
-        raise ArgumentError("--also", got=also, want="ratios of at least 1.0")
-    return ratios
 
 
 def _numbers(name: str, text: str) -> list[float]:

@@ -37,14 +37,16 @@ def train(
     validation_shot: Annotated[
         list[Path] | None, typer.Option(help="Shot to validate on; may be repeated.")
     ] = None,
-    steps: Annotated[int, typer.Option(help="Updates of the weights.")] = 12000,
+    steps: Annotated[int, typer.Option(min=1, help="Updates of the weights.")] = 12000,
     size: Annotated[int, typer.Option(help="Width and height of the crops in display pixels.")] = 128,
-    batch: Annotated[int, typer.Option(help="Crops per update.")] = 8,
-    frames: Annotated[int, typer.Option(help="Consecutive frames in a crop.")] = 4,
+    batch: Annotated[int, typer.Option(min=1, help="Crops per update.")] = 8,
+    frames: Annotated[int, typer.Option(min=1, help="Consecutive frames in a crop.")] = 4,
     rate: Annotated[float, typer.Option(help="Peak learning rate.")] = 6e-3,
-    every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
-    seed: Annotated[int, typer.Option(help="Seed of weights and crops.")] = 0,
-    workers: Annotated[int, typer.Option(help="Processes that cut crops ahead; the crops are the same.")] = 0,
+    every: Annotated[int, typer.Option(min=1, help="Updates between validations and checkpoints.")] = 500,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of weights and crops.")] = 0,
+    workers: Annotated[
+        int, typer.Option(min=0, help="Processes that cut crops ahead; the crops are the same.")
+    ] = 0,
     attributions: Annotated[
         Path | None,
         typer.Option(help="Text file with the attributions that the data requires, one a line."),
@@ -83,13 +85,21 @@ def train(
             datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
+    if init == "shipped" and not _LEARNED[name].weights:
+        raise ArgumentError("--init", got=repr(init), want=f"a file, as no weights ship for {name}")
     start = shipped_weights(name) if init == "shipped" else init and Path(init)
     task = start_task(name, load_trained(start) if start else None)
     learned = task.method.provenance
     initial = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     authors = [] if attributions is None else _lines(attributions)
     plan = TrainingPlan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
-    trainer = Trainer(task, datasets, plan, output, workers=workers)
+    trainer = Trainer(
+        task, datasets, plan, output, workers=workers, initial=initial, attributions=authors
+    )
+    if initial not in ({}, trainer.initial):
+        _CONSOLE.print(
+            "--init is ignored: the run in this folder has begun with other weights.", soft_wrap=True
+        )
     entries = validation_entries(trainer.datasets, task.ratios)
     _warn_without_scores(trainer, [entry.spec.frames for _, entry in entries])
     baseline = validate(task.baseline.eval(), entries, task.runner) if entries else None
@@ -97,7 +107,7 @@ def train(
     while trainer.done < plan.steps:
         update_and_save(trainer, min((trainer.done // every + 1) * every, plan.steps), updates)
         found = validate(trainer.average.eval(), entries, task.runner) if entries else None
-        _report(trainer, output, updates, found, baseline, {"attributions": authors, "init": initial})
+        _report(trainer, output, updates, found, baseline)
         updates.clear()
 
 
@@ -178,7 +188,8 @@ def _warn_without_scores(trainer: Trainer, lengths: list[int]) -> None:
     given = any(dataset.entries("validation") for dataset in trainer.datasets)
     if given and max(lengths, default=0) <= WARM_UP:
         why = f"more than the {WARM_UP} frames that validation excludes, at a ratio from {low:g} to {high:g}"
-        _CONSOLE.print(f"There are no validation scores: no complete validation sequence has {why}.")
+        text = f"There are no validation scores: no complete validation sequence has {why}."
+        _CONSOLE.print(text, soft_wrap=True)
 
 
 def _report(
@@ -187,7 +198,6 @@ def _report(
     updates: list[Update],
     found: Validated | None,
     baseline: Validated | None,
-    facts: dict[str, Any],
 ) -> None:
     """Write the weights and the log; print the scores."""
     from supersampler_model.methods.base import save_trained
@@ -196,7 +206,7 @@ def _report(
     scores, name = {**found.scores, **found.overlap} if found else {}, trainer.task.baseline.name
     baselines = {f"{key}_{name}": score for key, score in baseline.scores.items()} if baseline else {}
     means = {key: mean(u.losses[key] for u in updates) for key in updates[0].losses}
-    save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
+    save_trained(output / "weights.safetensors", trainer.trained(scores))
     values = {**means, **scores, **baselines}
     write_log(output, trainer.done, values, found.image if found else None)
     line = ", ".join(f"{key} {value:.3f}" for key, value in values.items())

@@ -12,13 +12,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor
 from torch.optim.swa_utils import AveragedModel
 
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, SupersamplerError
 from supersampler.io.child_process import run
 from supersampler.io.files import replacing
 from supersampler_model import ops
@@ -34,6 +35,8 @@ from supersampler_model.training.task import State, Task
 CPU = torch.device("cpu")
 CHECKPOINT = "checkpoint.pt"  # in the folder of a run
 VERSION = 5
+SMALLEST_CROP = 17
+"""Display pixels. The coarsest level of a network has a pixel for 16; batch normalisation needs more than one."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,19 @@ class TrainingPlan:
     seed: int = 0  # of weights and crops
 
 
+    def check(self) -> None:
+        """Raise an ArgumentError unless there are updates of some crops at a positive rate."""
+        for name, least in (("steps", 1), ("batch", 1), ("frames", 1), ("size", SMALLEST_CROP), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise ArgumentError(name, got=getattr(self, name), want=f"at least {least}")
+        if not 0.0 < self.rate < math.inf:  # NaN fails, too
+            raise ArgumentError("rate", got=self.rate, want="a finite number > 0")
+
+
+class DivergedError(SupersamplerError, ArithmeticError):
+    """The loss or its gradient is not finite; the weights are those of the previous update."""
+
+
 class Update(NamedTuple):
     """Statistics of one update."""
 
@@ -61,11 +77,16 @@ class Update(NamedTuple):
 class Trainer:
     """A run in a folder with its checkpoint and log; it resumes from the checkpoint if there is one.
 
-    `workers` is the number of processes that cut crops ahead; the crops are the same with any number.
+    Attributes:
+        initial: provenance of the initial weights, {} for random ones; that of the run's start after a resume.
+        attributions: attributions that the data requires; those of the run's start unless given again.
+
+    Args:
+        workers: number of processes that cut crops ahead; the crops are the same with any number.
 
     Raises:
-        ArgumentError: there is no training data, the batch is empty, or the folder holds a run of other data,
-            another method, other weights of the loss or another plan.
+        ArgumentError: there is no training data, the plan is impossible, or the folder holds a run of other
+            data, another method, other weights of the loss or another plan.
     """
 
     def __init__(
@@ -76,8 +97,12 @@ class Trainer:
         folder: Path,
         *,
         workers: int = 0,
+        initial: Mapping[str, Any] = MappingProxyType({}),
+        attributions: Sequence[str] = (),
     ) -> None:
+        plan.check()
         self.task, self.plan, self.folder = task, plan, folder
+        self.initial, self.attributions = dict(initial), list(attributions)
         self.device = torch.device("cuda", torch.cuda.current_device()) if torch.cuda.is_available() else CPU
         mean = partial(_running_mean, plan.average)
         self._averaged = AveragedModel(task.method, CPU, mean, use_buffers=True)
@@ -86,8 +111,6 @@ class Trainer:
         self.datasets = [task.data(dataset) for dataset in datasets]
         self.optimizer = Muon(self.method.parameters(), rate=plan.rate, decay=plan.decay)
         self.done = 0
-        if plan.batch < 1:
-            raise ArgumentError("batch", got=plan.batch, want="at least 1")
         seeds = [[plan.seed, number] for number in range(plan.batch)]
         self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds]
         self._frames = frames_of(self._streams, self.device, workers)
@@ -106,6 +129,9 @@ class Trainer:
         """Update until `until` updates are done, including those of earlier runs; None: the whole plan.
 
         `stops` is called before each update, and ends the run by returning True.
+
+        Raises:
+            DivergedError: a loss is not finite.
         """
         target = self.plan.steps if until is None else min(until, self.plan.steps)
         while self.done < target and not stops():
@@ -126,6 +152,8 @@ class Trainer:
             "states": [state and [t.cpu() for t in state] for state in self._states],
             "error": None if self._error is None else self._error.cpu(),
             "commit": source_commit(),
+            "initial": self.initial,
+            "attributions": self.attributions,
             **self._settings(),
         }
         with replacing(self.folder / CHECKPOINT) as partial:
@@ -141,14 +169,16 @@ class Trainer:
             "data": data_hash(self.datasets),
         }
 
-    def trained(self, facts: Mapping[str, Any]) -> Trained:
-        """Return the averaged weights and their provenance."""
+    def trained(self, scores: Mapping[str, float]) -> Trained:
+        """Return the averaged weights and their provenance, with their validation scores."""
         provenance = {
             "steps": self.done,
             "data": data_hash(self.datasets),
             "assets": assets(self.datasets),
             "commit": source_commit(),
-            **facts,
+            "validation": scores,
+            "attributions": self.attributions,
+            "init": self.initial,
         }
         weights = self.average.state_dict().items()
         tensors = {name: value.detach().cpu().contiguous() for name, value in weights}
@@ -161,6 +191,8 @@ class Trainer:
             want = f"the run's own {', '.join(changed)}, or a new folder"
             raise ArgumentError("checkpoint", got=f"{path}, of another {changed[0]}", want=want)
         self.done = content["done"]
+        self.initial = content.get("initial", self.initial)  # older checkpoints lack these two
+        self.attributions = self.attributions or content.get("attributions", [])
         self.method.load_state_dict(content["method"])
         self._averaged.load_state_dict(content["average"])
         self.optimizer.load_state_dict(content["optimizer"])
@@ -180,7 +212,11 @@ class Trainer:
         loss = ops.sum_of(list(terms.values())) / self.plan.frames
         self.optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.method.parameters(), 1.0)
+        norm = torch.nn.utils.clip_grad_norm_(self.method.parameters(), 1.0)
+        if not torch.isfinite(loss.detach() + norm):
+            text = f"the loss of update {self.done + 1} is {loss.item():g}, its gradient's norm {norm.item():g}"
+            hint = "Use a lower learning rate in another folder, and look for values not finite in the data."
+            raise DivergedError(f"{text}; want finite numbers. {hint}")
         self.optimizer.step()
         self._averaged.update_parameters(self.method)
         self._states = [state and [t.detach() for t in state] for state in self._states]

@@ -206,8 +206,18 @@ def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:
         assert splits == ({"train", "validation"} if family in TRAIN_FAMILIES else {"test"})
     assert {e.ratio for e in drawn.sequences} == {1.0, 1.5, 2.0, 3.0, 4.0}
     assert msgspec.convert(asdict(drawn), Description) == drawn
-    with pytest.raises(ArgumentError, match="families is 'none'"):
-        plan_sequences(RenderPlan(families=("none",)))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("families", ("none",)), ("families", ()), ("samples", 3), ("frames", 0), ("ratios", ()),
+        ("ratios", (2.0, np.nan)), ("ratios", (np.inf,)), ("ratios", (0.5,)), ("ratios", (720.0,)),
+    ],
+)  # fmt: skip
+def test_an_impossible_plan_is_refused(name: str, value: object) -> None:
+    with pytest.raises(ArgumentError, match=f"^{name} is"):
+        plan_sequences(replace(RenderPlan(), **{name: value}))
 
 
 def test_a_plan_without_files_is_unchanged() -> None:

@@ -130,3 +130,15 @@ def test_a_mistake_is_one_line(tmp_path: Path, options: tuple[str, ...], message
     assert answer.output.startswith(message)
     assert len(answer.output.splitlines()) == 1
     assert not (tmp_path / "set").exists()
+
+
+@pytest.mark.parametrize(
+    "options", [("--also", "nan"), ("--ratio", "nan"), ("--seed", "-1"), ("--workers", "0")]
+)
+def test_an_impossible_option_is_refused_before_anything_is_written(
+    tmp_path: Path, options: tuple[str, str]
+) -> None:
+    answer = render(tmp_path / "set", *options)
+    assert answer.exit_code in (1, 2)
+    assert isinstance(answer.exception, SystemExit)
+    assert not (tmp_path / "set").exists()

@@ -40,7 +40,14 @@ from supersampler_model.training.datasets import UNKNOWN, data_hash, dataset_of_
 from supersampler_model.training.losses import ClassifierWeights
 from supersampler_model.training.optimizer import orthogonalised
 from supersampler_model.training.run_log import write_log
-from supersampler_model.training.trainer import CHECKPOINT, Trainer, TrainingPlan, Update, load_checkpoint
+from supersampler_model.training.trainer import (
+    CHECKPOINT,
+    DivergedError,
+    Trainer,
+    TrainingPlan,
+    Update,
+    load_checkpoint,
+)
 from supersampler_model.training.validation import (
     BORDER,
     CLASS_NAMES,
@@ -203,14 +210,50 @@ def test_a_run_is_not_resumed_with_another_loss(dataset: Dataset, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("plan", "name"),
-    [(dataclasses.replace(PLAN, size=56), "size"), (dataclasses.replace(PLAN, batch=0), "batch")],
-)
-def test_an_impossible_plan_is_refused(
-    dataset: Dataset, tmp_path: Path, plan: TrainingPlan, name: str
-) -> None:
+    ("name", "value"),
+    [
+        ("size", 56), ("size", 16), ("batch", 0), ("frames", 0), ("steps", -3), ("seed", -1),
+        ("rate", np.nan), ("rate", np.inf), ("rate", -1.0),
+    ],
+)  # fmt: skip
+def test_an_impossible_plan_is_refused(dataset: Dataset, tmp_path: Path, name: str, value: float) -> None:
     with pytest.raises(ArgumentError, match=name):
-        trainer(dataset, tmp_path, plan)
+        trainer(dataset, tmp_path, dataclasses.replace(PLAN, **{name: value}))
+
+
+def test_a_run_whose_loss_is_not_finite_is_not_saved(dataset: Dataset, tmp_path: Path) -> None:
+    run = trainer(dataset, tmp_path, dataclasses.replace(PLAN, rate=1e30))
+    with pytest.raises(DivergedError, match="lower learning rate"):
+        update_and_save(run, PLAN.steps, [])
+    assert not (tmp_path / CHECKPOINT).exists()
+
+
+def test_a_resumed_run_keeps_the_provenance_of_its_start(dataset: Dataset, tmp_path: Path) -> None:
+    task, origin = ClassifierTask(Classifier()), {"steps": 7, "commit": "x", "data": "y"}
+    Trainer(task, [dataset], PLAN, tmp_path, initial=origin, attributions=["someone"]).save()
+    for later in ({}, {"steps": 8}):
+        facts = Trainer(task, [dataset], PLAN, tmp_path, initial=later).trained({}).facts
+        assert (facts["init"], facts["attributions"]) == (origin, ["someone"])
+    assert Trainer(task, [dataset], PLAN, tmp_path, attributions=["b"]).attributions == ["b"]
+
+
+def test_train_says_which_of_its_arguments_have_no_effect(dataset: Dataset, tmp_path: Path) -> None:
+    [entry] = dataset.entries("train")
+    few = dataclasses.replace(entry, spec=dataclasses.replace(entry.spec, frames=2), split="validation")
+    description = dataclasses.replace(dataset.description, sequences=(entry, few))
+    both = create_dataset(tmp_path / "set", description)
+    for each in (entry, few):
+        for index in range(each.spec.frames):
+            write_training_frame(both.path(each, index), dataset.read(entry, index))
+    options = ["--steps", "1", "--size", "17", "--batch", "1", "--frames", "1", "-o", str(tmp_path / "run")]
+    command = ["train", "classifier-small", "--data", str(both.folder), *options]
+    done = CliRunner().invoke(app, command)
+    assert "There are no validation scores: no complete validation sequence has more than the 8" in done.stderr
+    done = CliRunner().invoke(app, [*command, "--init", "shipped"])
+    assert (done.exit_code, "--init is ignored" in done.stderr) == (0, True)
+    unknown = [*command, "--init", "shipped"]
+    unknown[1] = "classifier-paper"
+    assert "--init is 'shipped'; want a file, as no weights ship" in CliRunner().invoke(app, unknown).stderr
 
 
 def test_a_file_that_is_not_a_checkpoint_is_refused(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Plan and render a training set; a stopped run resumes after the last complete frame of each sequence."""
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ import numpy as np
 
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
+from supersampler.frame import Size
 from supersampler.io.files import remove_partial_files
 from supersampler_model.data.dataset import storage
 from supersampler_model.data.dataset.storage import Dataset, Description, SequenceEntry, Split, open_dataset
@@ -54,10 +56,20 @@ class RenderPlan:
         for name in ("sequences", "frames", "samples"):
             if getattr(self, name) < 1:
                 raise ArgumentError(name, got=getattr(self, name), want="at least 1")
-        if not self.families or not self.ratios or min(self.ratios) < 1.0:
-            raise ArgumentError("ratios", got=list(self.ratios), want="some of at least 1.0")
+        if math.isqrt(self.samples) ** 2 != self.samples:
+            raise ArgumentError("samples", got=self.samples, want="a square number, such as 16 or 64")
+        if not self.families:
+            raise ArgumentError("families", got="none", want=f"some of {', '.join(known)}")
+        check_ratios("ratios", self.ratios, self.display_size)
         if not 0.0 < self.gltf_fraction <= 1.0:
             raise ArgumentError("gltf_fraction", got=self.gltf_fraction, want="a fraction > 0 and <= 1")
+
+
+def check_ratios(name: str, ratios: Sequence[float], display_size: Size) -> None:
+    """Raise an ArgumentError unless there are ratios, each from 1 to one pixel a frame."""
+    most = 2 * min(display_size) - 1  # render sizes are rounded
+    if not ratios or not all(1.0 <= ratio <= most for ratio in ratios):  # NaN fails, too
+        raise ArgumentError(name, got=list(ratios), want=f"some from 1.0 to {most} at this display size")
 
 
 def plan_sequences(plan: RenderPlan) -> Description:
