@@ -4,8 +4,9 @@ A frame of a batch has hundreds of small tensors. A worker packs the tensors of 
 which moves to another process, or to a GPU, in one copy.
 """
 
+import atexit
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -103,13 +104,20 @@ def frames_of(
         worker_init_fn=_ignore_signals,
         prefetch_factor=AHEAD if workers else None,
     )
-    parts, turns = iter(loader), max(workers, 1)  # from each worker in turn
-    while True:
-        frame: list[Any] = [None] * len(streams)
-        for turn in range(turns):
-            packed: PackedCrops = next(parts)
-            frame[turn::turns] = zip(packed.on(device), packed.positions, strict=True)
-        yield frame
+    parts: Any = iter(loader)
+    turns = max(workers, 1)  # from each worker in turn
+    end: Callable[[], None] = parts._shutdown_workers if workers else lambda: None
+    atexit.register(end)  # by itself, torch leaves them to a SIGTERM at exit, which they ignore
+    try:
+        while True:
+            frame: list[Any] = [None] * len(streams)
+            for turn in range(turns):
+                packed: PackedCrops = next(parts)
+                frame[turn::turns] = zip(packed.on(device), packed.positions, strict=True)
+            yield frame
+    finally:
+        atexit.unregister(end)
+        end()
 
 
 def _as_is(crops: Any) -> Any:
@@ -117,6 +125,6 @@ def _as_is(crops: Any) -> Any:
 
 
 def _ignore_signals(_worker: int) -> None:
-    """Leave Ctrl-C, which reaches all processes, to the trainer."""
+    """Leave Ctrl-C and a scheduler's SIGTERM, which reach all processes, to the trainer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)

@@ -3,8 +3,12 @@
 import csv
 import dataclasses
 import json
+import os
 import shutil
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -137,6 +141,28 @@ def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         update_and_save(trainer(dataset, tmp_path), PLAN.steps, updates)
     assert not (tmp_path / CHECKPOINT).exists()
+
+
+@pytest.mark.long  # trains in a process of its own
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_sigterm_to_all_processes_saves_the_finished_updates(dataset: Dataset, tmp_path: Path) -> None:
+    small = "--steps 100000 --size 32 --batch 2 --frames 2 --every 100000 --workers 2".split()
+    words = ["train", "classifier-small", "--data", str(dataset.folder), "-o", str(tmp_path), *small]
+    command = [sys.executable, "-m", "supersampler", *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        while len(children.read_text().split()) < 2:
+            assert process.poll() is None
+            time.sleep(0.05)
+        time.sleep(2.0)  # some updates
+        os.killpg(process.pid, signal.SIGTERM)
+        assert process.stderr is not None
+        said = process.stderr.read()
+        assert process.wait(timeout=60) == 130, said
+    assert "Traceback" not in said
+    assert f"Stopped after {load_checkpoint(tmp_path / CHECKPOINT)['done']} updates" in said
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
 
 
 @pytest.mark.long  # trains
