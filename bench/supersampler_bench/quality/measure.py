@@ -275,7 +275,7 @@ class _Truth:
     corners: CornerTruth | None
     specks: Float32 | None  # (H, W), of the reference; None without corners
     aovs: dict[str, int]  # index of each AOV by its name
-    reset: bool
+    is_first: bool  # whether the image has no history
 
 
 class _Truths:
@@ -326,7 +326,7 @@ class _Truths:
             corners=corners,
             specks=None if corners is None else specks(shown, corners.window),
             aovs=_aov_indices(self._shot),
-            reset=frame.reset,
+            is_first=frame.reset or self._frame is None,
         )
 
     def _to_display(self, mask: Bool, frame: Frame) -> Bool:
@@ -366,7 +366,7 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
         "tpsnr": float("nan"),
         "warped_error_difference": float("nan"),
     }
-    if truth.reset:
+    if truth.is_first:
         scores["psnr_first"] = scores["psnr"]
     for name in dict.fromkeys((*CLASS_MASKS, *truth.masks)):
         mask = metrics.crop(truth.masks.get(name, np.zeros(shown.shape[:2], bool)), border)

@@ -137,9 +137,10 @@ def _shown_columns(
 def _cells(column: Column, rows: Sequence[MethodRow], everything: bool = False) -> list[tuple[str, bool]]:
     """Return the figure of each row as text, and whether it is the best one."""
     figures = [column.figure(row.summary["all_full" if everything else "warm_cropped"]) for row in rows]
-    known = [float(f) for f in figures if f != "–"]  # rounded: equal figures are equally good
-    best = max(known, default=None) if column.higher else min(known, key=abs, default=None)
-    return [(f, f != "–" and float(f) == best) for f in figures]
+    # rounded, so that equal figures are equally good; errors may have a sign
+    goodness = [None if f == "–" else float(f) if column.higher else -abs(float(f)) for f in figures]
+    best = max((good for good in goodness if good is not None), default=None)
+    return [(f, good is not None and good == best) for f, good in zip(figures, goodness, strict=True)]
 
 
 def confusions_of(rows: Sequence[MethodRow]) -> list[tuple[str, Counts]]:

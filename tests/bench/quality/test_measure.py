@@ -1,6 +1,7 @@
 """`measure_quality` on small analytic shots, written to disk and read back."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -276,6 +277,17 @@ def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> Non
     assert all(15 < frame.full["psnr"] < 50 for result in first for frame in result.frames)
     alone = measure_quality(shot, ["taau:fp32"])
     np.testing.assert_equal(alone[0].summary(warm=False), first[1].summary(warm=False))
+
+
+def test_the_first_image_of_a_shot_has_no_history_whether_or_not_it_is_marked_as_a_cut(
+    tmp_path: Path,
+) -> None:
+    with ShotWriter(tmp_path / "shot", name="disc", display_size=DISPLAY, frame_rate=30) as writer:
+        for index in range(2):
+            frame = replace(SCENE.frame(index, RENDER, (0.25, -0.25)), reset=False)
+            writer.write(frame, reference=SCENE.truth(index, DISPLAY, samples=4))
+    [scores] = measure_quality(Shot.open(tmp_path / "shot"), ["bilinear"])
+    assert ["psnr_first" in frame.cropped for frame in scores.frames] == [True, False]
 
 
 def test_a_native_method_steps_the_frames_of_display_size(tmp_path: Path) -> None:

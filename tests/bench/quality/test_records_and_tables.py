@@ -15,6 +15,7 @@ from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench.quality.score_table import (
+    CORNER_COLUMNS,
     NO_CLASSES,
     NO_KINDS,
     QualityRecord,
@@ -51,6 +52,12 @@ def test_the_best_figure_of_a_column_is_bold_whichever_side_is_better() -> None:
     assert worse.startswith("| worse | 20.00 | – | 0.2000 |")
     assert better.startswith("| better | **21.00** | – | **0.1000** |")
     assert worse.split(" | ")[5] == better.split(" | ")[5] == "**1.23**"
+    rows = [MethodRow.of(r) for r in RESULTS]
+    for row, trail in zip(rows, (-0.002, 0.002), strict=True):
+        row.summary["warm_cropped"]["trail"] = trail
+    _, _, *either = markdown_table("title", rows, CORNER_COLUMNS).split("\n")
+    assert "| **-0.002** |" in either[0]
+    assert "| **0.002** |" in either[1]
 
 
 def test_thin_pixels_have_a_column_after_aliased_ones_if_any_method_has_them() -> None:
