@@ -62,7 +62,12 @@ def render(
       supersampler render data --gltf my/scenes --gltf-fraction 0.3
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_model.data.dataset.overview import write_class_maps
-    from supersampler_model.data.dataset.rendering import RenderPlan, check_ratios, plan_sequences, render_dataset
+    from supersampler_model.data.dataset.rendering import (
+        RenderPlan,
+        check_ratios,
+        plan_sequences,
+        render_dataset,
+    )
     from supersampler_model.data.dataset.storage import create_dataset
 
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))

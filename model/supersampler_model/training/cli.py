@@ -93,9 +93,7 @@ def train(
     initial = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     authors = [] if attributions is None else _lines(attributions)
     plan = TrainingPlan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
-    trainer = Trainer(
-        task, datasets, plan, output, workers=workers, initial=initial, attributions=authors
-    )
+    trainer = Trainer(task, datasets, plan, output, workers=workers, initial=initial, attributions=authors)
     if initial not in ({}, trainer.initial):
         _CONSOLE.print(
             "--init is ignored: the run in this folder has begun with other weights.", soft_wrap=True

@@ -39,7 +39,7 @@ def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Datas
 
     Raises:
         ShotError: a shot has no reference, or another display size than the first.
-        DatasetError: the folder holds a copy of other shots, or the shots have changed since they were copied.
+        DatasetError: the folder holds a copy of other shots, or the shots have changed since.
         OSError: writing failed.
     """
     size = shots[0].display_size
@@ -65,9 +65,7 @@ def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Datas
     return dataset
 
 
-def _copy_of_earlier_version(
-    shots: Sequence[Shot], folder: Path, description: Description
-) -> Dataset | None:
+def _copy_of_earlier_version(shots: Sequence[Shot], folder: Path, description: Description) -> Dataset | None:
     """Return the copy in a folder if its description lacks digests, and its first frames are the shots'.
 
     Unfinished runs keep the description, whose hash is in their checkpoint.

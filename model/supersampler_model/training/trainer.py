@@ -36,7 +36,7 @@ CPU = torch.device("cpu")
 CHECKPOINT = "checkpoint.pt"  # in the folder of a run
 VERSION = 5
 SMALLEST_CROP = 17
-"""Display pixels. The coarsest level of a network has a pixel for 16; batch normalisation needs more than one."""
+"""Display pixels: two pixels of a network's coarsest level, as batch normalisation needs more than one."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,6 @@ class TrainingPlan:
     average: int = 500  # length of the moving average of the weights, updates
     settle: float = 0.3  # last fraction of the updates, with batch normalisation in evaluation mode
     seed: int = 0  # of weights and crops
-
 
     def check(self) -> None:
         """Raise an ArgumentError unless there are updates of some crops at a positive rate."""
@@ -78,7 +77,7 @@ class Trainer:
     """A run in a folder with its checkpoint and log; it resumes from the checkpoint if there is one.
 
     Attributes:
-        initial: provenance of the initial weights, {} for random ones; that of the run's start after a resume.
+        initial: provenance of the weights that the run has started with, {} for random ones.
         attributions: attributions that the data requires; those of the run's start unless given again.
 
     Args:
@@ -214,7 +213,9 @@ class Trainer:
         loss.backward()  # type: ignore[no-untyped-call]
         norm = torch.nn.utils.clip_grad_norm_(self.method.parameters(), 1.0)
         if not torch.isfinite(loss.detach() + norm):
-            text = f"the loss of update {self.done + 1} is {loss.item():g}, its gradient's norm {norm.item():g}"
+            text = (
+                f"the loss of update {self.done + 1} is {loss.item():g}, its gradient's norm {norm.item():g}"
+            )
             hint = "Use a lower learning rate in another folder, and look for values not finite in the data."
             raise DivergedError(f"{text}; want finite numbers. {hint}")
         self.optimizer.step()

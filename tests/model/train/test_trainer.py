@@ -146,7 +146,7 @@ def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
 @pytest.mark.long  # trains in a process of its own
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_sigterm_to_all_processes_saves_the_finished_updates(dataset: Dataset, tmp_path: Path) -> None:
-    small = "--steps 100000 --size 32 --batch 2 --frames 2 --every 100000 --workers 2".split()
+    small = ("--steps", "100000", "--size", "32", "--batch", "2", "--frames", "2", "--workers", "2")
     words = ["train", "classifier-small", "--data", str(dataset.folder), "-o", str(tmp_path), *small]
     command = [sys.executable, "-m", "supersampler", *words]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
@@ -274,7 +274,9 @@ def test_train_says_which_of_its_arguments_have_no_effect(dataset: Dataset, tmp_
     options = ["--steps", "1", "--size", "17", "--batch", "1", "--frames", "1", "-o", str(tmp_path / "run")]
     command = ["train", "classifier-small", "--data", str(both.folder), *options]
     done = CliRunner().invoke(app, command)
-    assert "There are no validation scores: no complete validation sequence has more than the 8" in done.stderr
+    assert (
+        "There are no validation scores: no complete validation sequence has more than the 8" in done.stderr
+    )
     done = CliRunner().invoke(app, [*command, "--init", "shipped"])
     assert (done.exit_code, "--init is ignored" in done.stderr) == (0, True)
     unknown = [*command, "--init", "shipped"]
@@ -311,7 +313,9 @@ def test_references_become_truth_and_missing_ones_are_marked(tmp_path: Path) -> 
 
 def test_a_copy_of_one_shot_is_never_taken_for_another(tmp_path: Path) -> None:
     mine, other = shot(tmp_path / "mine"), shot(tmp_path / "other", first=3)
-    sets = [dataset_of_shots([each], tmp_path / f"set of {each.path.name}", "train") for each in (mine, other)]
+    sets = [
+        dataset_of_shots([each], tmp_path / f"set of {each.path.name}", "train") for each in (mine, other)
+    ]
     assert data_hash(sets[:1]) != data_hash(sets[1:])
     moved = Shot.open((tmp_path / "mine").rename(tmp_path / "moved"))
     assert data_hash([dataset_of_shots([moved], sets[0].folder, "train")]) == data_hash(sets[:1])

@@ -317,7 +317,7 @@ def _check_same(path: Path, existing: Description, requested: Description) -> No
         raise DatasetError(path, f"these have changed since the set was started: {', '.join(changed)}", hint)
     for name, value in asdict(requested).items():
         if asdict(existing)[name] != value:
-            hint = "Use the options of the first run, with the same glTF files or shots if any, or another folder."
+            hint = "Use the options of the first run, with the same glTF files or shots, or another folder."
             raise DatasetError(path, f"the existing set differs in its {name.replace('_', ' ')}", hint)
 
 
