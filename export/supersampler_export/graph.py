@@ -179,10 +179,17 @@ def check_portable(model: onnx.ModelProto, others: Collection[str] = ()) -> None
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence the progress and the warnings of the exporter."""
-    logger = logging.getLogger("torch.onnx")
-    level = logger.level
-    logger.setLevel(logging.ERROR)
+    """Silence the progress and the warnings of the exporter, and errors of strategies that it tries in vain.
+
+    It raises if none succeeds. With smaller ranges of sizes the first one would, but graphs would differ.
+    """
+    loggers = {
+        logging.getLogger("torch.onnx"): logging.ERROR,
+        logging.getLogger("torch._guards"): logging.CRITICAL,
+    }
+    levels = {logger: logger.level for logger in loggers}
+    for logger, level in loggers.items():
+        logger.setLevel(level)
     try:
         with (
             warnings.catch_warnings(),
@@ -192,7 +199,8 @@ def _quiet() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
-        logger.setLevel(level)
+        for logger, level in levels.items():
+            logger.setLevel(level)
 
 
 @contextlib.contextmanager

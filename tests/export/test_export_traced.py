@@ -28,10 +28,13 @@ def structure(model: onnx.ModelProto) -> tuple[Counter[str], list[Any]]:
 
 @pytest.mark.timeout(900)  # a trace of `classifier` takes two to six minutes, by machine
 @pytest.mark.parametrize("name", TRACED)
-def test_the_shipped_graph_is_up_to_date(name: str) -> None:
+def test_the_shipped_graph_is_up_to_date_and_its_trace_prints_no_errors(
+    name: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     folder = find_model(name)
     hint = f"run: supersampler export {name} -o {folder}"
     assert structure(onnx.load(folder / "step.onnx")) == structure(export_graph(load_method(name))), hint
+    assert "Error" not in capfd.readouterr().err
 
 
 def test_the_graph_that_blends_aovs_is_up_to_date() -> None:
