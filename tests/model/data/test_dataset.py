@@ -3,6 +3,7 @@
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -215,7 +216,7 @@ def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:
         ("ratios", (2.0, np.nan)), ("ratios", (np.inf,)), ("ratios", (0.5,)), ("ratios", (720.0,)),
     ],
 )  # fmt: skip
-def test_an_impossible_plan_is_refused(name: str, value: object) -> None:
+def test_an_impossible_plan_is_refused(name: str, value: Any) -> None:
     with pytest.raises(ArgumentError, match=f"^{name} is"):
         plan_sequences(replace(RenderPlan(), **{name: value}))
 

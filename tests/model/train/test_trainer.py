@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -242,7 +243,7 @@ def test_a_run_is_not_resumed_with_another_loss(dataset: Dataset, tmp_path: Path
         ("rate", np.nan), ("rate", np.inf), ("rate", -1.0),
     ],
 )  # fmt: skip
-def test_an_impossible_plan_is_refused(dataset: Dataset, tmp_path: Path, name: str, value: float) -> None:
+def test_an_impossible_plan_is_refused(dataset: Dataset, tmp_path: Path, name: str, value: Any) -> None:
     with pytest.raises(ArgumentError, match=name):
         trainer(dataset, tmp_path, dataclasses.replace(PLAN, **{name: value}))
 
