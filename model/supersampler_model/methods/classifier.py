@@ -399,6 +399,7 @@ class Classifier(LearnedMethod):
         color, weight, odds = ops.composite(
             history_colors, current_colors, factors, gathered.reactive, current.frame
         )
+        odds = torch.where(sampled > 0.0, odds, weight * warped.samples)  # without samples, all that is known
         if current.luma is not None:
             color = torch.where(
                 warped.samples * warped.surface > 0.0, color, along_edges(color, current.luma)
@@ -411,7 +412,7 @@ class Classifier(LearnedMethod):
         trust = (HALF_COUNT * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
         rate = current.confidence * c.contraction
         low, high = ops.channels_of(warped.range)
-        low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
+        low = torch.where(sampled > 0.0, torch.minimum(low, luma), low) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
         low, high = luma + trust * (low - luma), luma + trust * (high - luma)
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))

@@ -223,6 +223,8 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         write_image(w.target, y, x, min(x1, end), image);
         // next history
         F odds = history_weight / maximum(current.weight, 1e-12f) * (sampled + frame_weight + frame_weight);
+        const I unsampled = here <= 0.0f;
+        odds = select(unsampled, history_weight * scale * count, odds);  // all that is known
         F next_count = minimum(minimum(odds, count), w.config.samples) + confidence;
         F luma = luminance(sample),
           trust = select(known, minimum(odds * HALF_COUNT / maximum(count, 1e-6f), 1.0f), 0.0f);
@@ -236,7 +238,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         I rises = light_rises(luma, high, count, surface) & (warped_glare == 0.0f);
         w.gathered.rises[(static_cast<ptrdiff_t>(y) * width + x) / 4] = static_cast<uint16_t>(mask_bits(rises));
         if (w.flash) next_count = F{};
-        low = minimum(low, luma) + rate * maximum(luma - low, 0.0f);
+        low = select(unsampled, low, minimum(low, luma)) + rate * maximum(luma - low, 0.0f);
         high = maximum(high, luma) - rate * maximum(high - luma, 0.0f);
         low = luma + trust * (low - luma);
         high = luma + trust * (high - luma) + warped_glare * GLARE;
