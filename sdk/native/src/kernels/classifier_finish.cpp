@@ -104,9 +104,12 @@ SS_INLINE F3 clip_to_center(F3 color, F3 mean, F3 extents) {
 }
 
 // The network's image of one frame, its luma averaged with that upsampled along edges.
-SS_INLINE F3 along_edges(F3 color, F luma) {
+SS_INLINE F3 along_edges(const ClassifierWork& w, int y, int x, F3 color) {
+    const Places around(w.tables.x.start, x);
+    F luma = upsample_along_edges(w.samples, w.tables, BY_DISTANCE, around, y, x);
     F more = 0.5f * (luma - ycocg(color).r);
-    return clamped({color.r + more, color.g + more, color.b + more}, 0.0f, MAX_TONED);
+    color = {color.r + more, color.g + more, color.b + more};
+    return clamped(color * dimming_to_samples(w.samples, w.tables, y, x, color), 0.0f, MAX_TONED);
 }
 
 // Writes up to W pixels of the next history.
@@ -213,11 +216,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         if (own_motion) past.add(load_half3(rest + W * variant.own()), third);
         F total = history_weight + current.weight, scale = 1.0f / maximum(total, 1e-12f);
         F3 toned = select(total > 0.0f, (past.color + current.color) * scale, frame);
-        if (!guided && !all(known)) {
-            const Places around(ax.start, x);
-            toned =
-                select(known, toned, along_edges(toned, upsample_along_edges(s, w.tables, BY_DISTANCE, around, y, x)));
-        }
+        if (!guided && !all(known)) toned = select(known, toned, along_edges(w, y, x, toned));
         F3 image = linear_of(toned, s.exposure);
         if (w.target.weight) write_plane(w.target.weight, y, x, min(x1, end), history_weight * scale);
         write_image(w.target, y, x, min(x1, end), image);
