@@ -9,6 +9,7 @@ from gpu_steps import device_or_skip
 from method_backends import BACKENDS, model
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
+from supersampler.methods.constants import MAX_TONED
 
 RENDER, DISPLAY = (32, 20), (64, 40)
 SKY, RADIUS = (0.4, 0.6, 1.2), 3.2
@@ -68,3 +69,15 @@ def test_a_lamp_gains_no_light_on_the_gpu(method: str) -> None:
     device_or_skip()
     for light in (20.0, 1000.0):
         assert_no_brighter(method, "gpu", light, 0.6)
+
+
+@pytest.mark.parametrize(("light", "exposure", "gain"), [(5000.0, 1.0, 1.1), (60000.0, 1000.0, 6.6)])
+@pytest.mark.parametrize("method", ["classifier", "classifier-small"])
+def test_light_that_half_floats_round_to_infinite_stays_as_bright(
+    method: str, light: float, exposure: float, gain: float
+) -> None:
+    brightest = MAX_TONED / (1.0 - MAX_TONED) / exposure
+    for image in images(method, "cpu", 12, light, 0.0, exposure)[4:]:
+        core = image[16:22, 20:26] / min(light, brightest)  # inside the disc
+        assert core.min() > 0.3
+        assert 0.85 < core.mean() < gain

@@ -160,7 +160,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
                 constexpr int k = index.k;
                 const uint16_t* at = images[k / 3] + x + k % 3 - 1;
                 const int pitch = width + 2 * PAD;
-                window.add(F3{load_half(at), load_half(at + pitch), load_half(at + 2 * pitch)},
+                window.add(F3{load_toned(at), load_toned(at + pitch), load_toned(at + 2 * pitch)},
                            NEIGHBOUR_WEIGHTS[k] * factor(parameter(variant.kernel_weights() + k)));
             });
         else
@@ -176,7 +176,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
                     window.add(F3{plane(0), plane(1), plane(2)}, weight * plane(USABLE));
                 });
             });
-        F3 frame = load_half3(rest + W * FRAME), sample = load_half3(rest + W * SAMPLE);
+        F3 frame = load_toned3(rest + W * FRAME), sample = load_toned3(rest + W * SAMPLE);
         F3 filtered = select(window.weight > 1e-9f, window.color * (1.0f / maximum(window.weight, 1e-12f)), frame);
         F confidence = load_half(rest + W * CONFIDENCE);
         F here = select(window.weight > 0.0f, 1.0f, F{});  // whether a sample around is usable
@@ -209,11 +209,12 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         }
         Sum past;
         past.add(color, first);
-        if (rectified)
-            past.add(clip_to_center(color, load_half3(rest + W * variant.mean()),
-                                    load_half3(rest + W * (variant.mean() + 3))),
-                     second);
-        if (own_motion) past.add(load_half3(rest + W * variant.own()), third);
+        if (rectified) {
+            F3 mean = load_half3(rest + W * variant.mean()), extents = load_half3(rest + W * (variant.mean() + 3));
+            mean.r = load_toned(rest + W * variant.mean());
+            past.add(clip_to_center(color, mean, extents), second);
+        }
+        if (own_motion) past.add(load_toned3(rest + W * variant.own()), third);
         F total = history_weight + current.weight, scale = 1.0f / maximum(total, 1e-12f);
         F3 toned = select(total > 0.0f, (past.color + current.color) * scale, frame);
         if (!guided && !all(known)) toned = select(known, toned, along_edges(w, y, x, toned));
