@@ -137,6 +137,19 @@ def test_the_network_infers_the_same_from_pixels_as_from_packed_ones(channels: i
     torch.testing.assert_close(blend_of_pixels, unpack(blend), rtol=1e-4, atol=1e-5)
 
 
+def test_without_samples_the_history_keeps_its_count_and_range() -> None:
+    g, method = gathered(), Classifier().eval()
+    nothing = {name: getattr(g.current, name) * 0.0 for name in ("sample", "confidence", "sampled", "glare")}
+    warped = g.warped._replace(surface=g.warped.surface * 0.0 + 1.0, glare=g.warped.glare * 0.0)
+    alone = g._replace(current=g.current._replace(**nothing), warped=warped, reactive=warped.samples * 0.0)
+    with torch.no_grad():
+        state = method.finish(alone, *method.infer(alone)).state
+    kept = ops.cut_to(torch.cat([warped.samples, warped.range], dim=1), DISPLAY)
+    known = (kept[:, :1] > 0.0).expand_as(kept)
+    assert known.float().mean() > 0.5
+    torch.testing.assert_close(state[known], kept[known])
+
+
 def spots(count: int) -> Tensor:
     luma = torch.full((1, 1, 8, 16), DARK)
     luma.view(-1)[: 5 * count : 5] = LIT

@@ -270,6 +270,18 @@ def test_one_colour_stays_what_it_is(display: ops.Size) -> None:
     np.testing.assert_allclose(by_torch(image, display), image[: display.height, : display.width], rtol=1e-4)
 
 
+@pytest.mark.parametrize("light", [4.0, 20.0, 1000.0])
+def test_a_lamp_of_a_larger_image_gains_no_light(light: float) -> None:
+    display = ops.Size(40, 24)
+    width, height = large_size(display)
+    y, x = np.mgrid[:height, :width]
+    lit = np.hypot(x - 24.3, y - 15.6) < 7.0
+    image = np.where(lit[..., None], light, (0.4, 0.6, 1.2)).astype(np.float32)
+    shown = by_torch(image, display)
+    assert shown.max() <= 1.001 * light
+    assert shown.mean() < 1.02 * image.mean()
+
+
 def test_a_slope_stays_at_its_place() -> None:
     """In toned values, in which colours are filtered; a shift by a tenth of a pixel would show."""
     display = ops.Size(32, 20)

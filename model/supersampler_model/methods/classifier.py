@@ -246,7 +246,7 @@ class Classifier(LearnedMethod):
             grid: grid of the display.
         """
         luma = ops.upsample_along_edges(ops.ycocg(toned)[:, :1], usable, grid)
-        fill, toned = grid.pick(toned), toned * usable
+        peak, fill, toned = grid.pick(ops.peak(toned)), grid.pick(toned), toned * usable
         samples = torch.cat([toned, usable], dim=1).to(self.dtype)
         sample, confidence = self.near_samples(samples, view, grid)
         sharp = grid.upsample(samples, ops.catmull_rom)
@@ -267,6 +267,7 @@ class Classifier(LearnedMethod):
             glare=glare,
             sampled=sampled,
             luma=luma,
+            peak=peak,
         )
 
     def near_samples(self, samples: Tensor, view: ops.View, grid: ops.Grid) -> tuple[Tensor, Tensor]:
@@ -399,10 +400,10 @@ class Classifier(LearnedMethod):
         color, weight, odds = ops.composite(
             history_colors, current_colors, factors, gathered.reactive, current.frame
         )
-        if current.luma is not None:
-            color = torch.where(
-                warped.samples * warped.surface > 0.0, color, along_edges(color, current.luma)
-            )
+        odds = torch.where(sampled > 0.0, odds, weight * warped.samples)  # without samples, all that is known
+        if current.luma is not None and current.peak is not None:
+            alone = along_edges(color, current.luma, current.peak)
+            color = torch.where(warped.samples * warped.surface > 0.0, color, alone)
         image = ops.bounded(ops.TONES[c.tone_space].inverse(color) / gathered.exposure)
 
         classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)
@@ -411,7 +412,7 @@ class Classifier(LearnedMethod):
         trust = (HALF_COUNT * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
         rate = current.confidence * c.contraction
         low, high = ops.channels_of(warped.range)
-        low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
+        low = torch.where(sampled > 0.0, torch.minimum(low, luma), low) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
         low, high = luma + trust * (low - luma), luma + trust * (high - luma)
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
@@ -454,7 +455,7 @@ def edge_of(depth: Tensor) -> Tensor:
     return ((closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)).clamp(0.0, 1.0)
 
 
-def along_edges(color: Tensor, luma: Tensor) -> Tensor:
+def along_edges(color: Tensor, luma: Tensor, peak: Tensor) -> Tensor:
     """Average the luma of an image of one frame with luma upsampled along edges.
 
     The network's kernel of 3x3 samples leaves stairs on edges; elsewhere, the history removes them.
@@ -462,8 +463,10 @@ def along_edges(color: Tensor, luma: Tensor) -> Tensor:
     Args:
         color: (1, 3, H, W) toned RGB.
         luma: (1, 1, H, W), Y of YCoCg.
+        peak: (1, 1, H, W) of the samples around, see `ops.peak`.
     """
-    return (color + 0.5 * (luma - ops.ycocg(color)[:, :1])).clamp(0.0, ops.TONED[torch.float32])
+    color = color + 0.5 * (luma - ops.ycocg(color)[:, :1])
+    return (color * ops.dimming(color, peak)).clamp(0.0, ops.TONED[torch.float32])
 
 
 def unexplained_light(

@@ -39,6 +39,7 @@ class CurrentFrame(NamedTuple):
     glare: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is over GLARE_EXPOSED
     sampled: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is usable
     luma: Tensor | None = None  # (1, 1, H, W) upsampled along edges; None with G-buffers of display size
+    peak: Tensor | None = None  # (1, 1, H, W) of the samples around, see `ops.peak`; None as above
 
 
 class WarpedHistory(NamedTuple):

@@ -23,6 +23,7 @@ frame (FLASH) and the contrast around a pixel. Where the mean around the pixel r
 as changed, the history restarts instead.
 """
 
+from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import torch
@@ -125,13 +126,14 @@ class Taau(Method):
         followed = ops.exposure_for(color, usable, exposure, exposed_before)
         exposure = followed.abs()
         exposed = ops.filled(color, usable, exposure) * exposure
-        toned, glare = ops.ycocg(ops.tone(exposed)), ops.glaring(exposed, usable)
+        toned, glare = ops.tone(exposed), ops.glaring(exposed, usable)
+        peak, toned = ops.peak(toned), ops.ycocg(toned)
         depth, motion = ops.usable_depth(depth), ops.usable_motion(motion)
         surface = torch.cat(
             [ops.occluding_depth(depth, motion), shade_of(toned[:, :1] * usable, usable)], dim=1
         )
 
-        current = self.gather_current(toned, usable, glare, surface, grid, view)
+        current = self.gather_current(toned, usable, [glare, peak], surface, grid, view)
         closest, dilated = ops.dilate_motion_2x2(depth, motion)
         closest = grid.pick_first(closest)
         vectors = grid.pick_first_vectors(ops.to_display(dilated, display, render))
@@ -168,11 +170,18 @@ class Taau(Method):
         )
 
     def gather_current(
-        self, toned: Tensor, usable: Tensor, glare: Tensor, surface: Tensor, grid: ops.Grid, view: ops.View
+        self,
+        toned: Tensor,
+        usable: Tensor,
+        light: Sequence[Tensor],
+        surface: Tensor,
+        grid: ops.Grid,
+        view: ops.View,
     ) -> CurrentFrame:
         """Upsample the usable samples of this frame.
 
         `toned`, (1, 3, h, w), is filled where samples are missing; it is the result where no other is near.
+        `light` is `ops.glaring` and `ops.peak` of the samples.
         """
         c = self.config
         luma = ops.upsample_along_edges(toned[:, :1], usable, grid)
@@ -181,12 +190,14 @@ class Taau(Method):
         near = grid.upsample(samples, ops.gaussian(c.sample_sigma), view.ratio)
         near, weight = near.split_with_sizes([3, 1], dim=1)
         fit = fit_of(toned[:, :1], usable, surface[:, 2:3])
-        at_pixel = grid.pick(torch.cat([surface[:, 1:3], fit, ops.maximum_3x3(glare)], dim=1))
-        shade, fit, glare = at_pixel.split_with_sizes([2, 1, 1], dim=1)
+        glare, peak = light
+        at_pixel = grid.pick(torch.cat([surface[:, 1:3], fit, ops.maximum_3x3(glare), peak], dim=1))
+        shade, fit, glare, peak = at_pixel.split_with_sizes([2, 1, 1, 1], dim=1)
         moments = plane_moments(toned, usable, fit, grid, c.moment_sigma)
         chroma = torch.where(moments.weight > MIN_WEIGHT, moments.center[:, 1:], fill)
+        frame = torch.cat([luma, chroma], dim=1)
         return CurrentFrame(
-            frame=torch.cat([luma, chroma], dim=1),
+            frame=frame * ops.dimming(ops.from_ycocg(frame), peak),
             sample=near / weight.clamp(min=1e-6),
             confidence=weight.clamp(max=1.0),
             moments=moments,

@@ -19,8 +19,16 @@ from supersampler.io.display import (
     MIN_EXPOSURE,
 )
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler.methods.constants import DARKNESS, FILL_WINDOW, GLARE, GLARE_EXPOSED, GREY_SHARE, MAX_TONED
-from supersampler_model.ops.images import window_means
+from supersampler.methods.constants import (
+    DARKNESS,
+    FILL_WINDOW,
+    GLARE,
+    GLARE_EXPOSED,
+    GREY_SHARE,
+    HIGHLIGHT_TONED,
+    MAX_TONED,
+)
+from supersampler_model.ops.images import maximum_3x3, window_means
 
 TONED: Mapping[torch.dtype, float] = {torch.float32: MAX_TONED, torch.float16: 1.0 - 2.0**-10}
 """Maximum of a toned colour, by type: half floats round brighter light to 1, which is infinite light."""
@@ -172,6 +180,20 @@ def tone(color: Tensor, unit: Tensor | float = 1.0) -> Tensor:
 def inverse_tone(color: Tensor) -> Tensor:
     """Invert `tone`, limited to the range of half floats."""
     return color / (1.0 - largest(color)).clamp(min=1.0 / MAX_HALF)
+
+
+def peak(toned: Tensor) -> Tensor:
+    """Return the largest channel of the 3x3 samples, at least HIGHLIGHT_TONED, (1, 1, h, w)."""
+    return maximum_3x3(largest(toned)).clamp(min=HIGHLIGHT_TONED)
+
+
+def dimming(toned: Tensor, limit: Tensor) -> Tensor:
+    """Return the factor, (1, 1, H, W), with which no channel of `toned` exceeds `limit`; 1 where none does.
+
+    Filters with negative weights, and luma and chroma filtered apart, exceed the samples that they filter.
+    In highlights, the inverse of the tone curve turns little of that into a multiple of the light.
+    """
+    return limit / torch.maximum(limit, largest(toned))
 
 
 class ToneCurve(NamedTuple):

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.classifier_large.spec import LANCZOS_SCALE, LANCZOS_SLOPE, REACH, SHARPNESS
-from supersampler.methods.constants import MIN_KERNEL_WEIGHT, MIN_WEIGHT
-from supersampler_model.ops.color import TONED, bounded, inverse_tone, min_divisor, tone
+from supersampler.methods.constants import HIGHLIGHT_TONED, MIN_KERNEL_WEIGHT, MIN_WEIGHT
+from supersampler_model.ops.color import TONED, bounded, dimming, inverse_tone, largest, min_divisor, tone
 from supersampler_model.ops.images import Size, pick_columns, pick_rows, size_of
 
 Kernel = Callable[[Tensor], Tensor]
@@ -266,19 +266,32 @@ def downsample(image: Tensor, display: Size, exposure: Tensor) -> Tensor:
     Args:
         image: (1, 3, H', W') linear RGB, at most 1.4 times the display, per axis.
         display: (width, height) of the result.
-        exposure: (1,) > 0. As colours are toned, the dark sides of bright edges stay dark.
+        exposure: (1,) > 0. As colours are toned, the dark sides of bright edges stay dark. A highlight is
+            at most as bright as the brightest of the four pixels around it.
 
     Returns:
         (1, 3, H, W) linear RGB.
     """
 
+    def position_of(size: int, outputs: int) -> Tensor:
+        return (torch.arange(outputs, device=image.device) + 0.5) * size / outputs - 0.5
+
     def axis(size: int, outputs: int) -> Bands:
-        position = (torch.arange(outputs, device=image.device) + 0.5) * size / outputs - 0.5
+        position = position_of(size, outputs)
         scale = SHARPNESS * outputs / size
         return bands(position, size, span(size, outputs), lanczos, reach=REACH, scale=scale).normalised
 
+    def around(size: int, outputs: int) -> list[Tensor]:
+        first = position_of(size, outputs).floor().long()
+        return [(first + step).clamp(0, size - 1) for step in range(2)]
+
     across, down = map(axis, size_of(image), display)
-    toned = resample(tone(image * exposure), across, down)
+    exposed = tone(image * exposure)
+    toned = resample(exposed, across, down)
+    columns, rows = map(around, size_of(image), display)
+    above, below = (largest(exposed).index_select(2, row) for row in rows)
+    left, right = (pick_columns(torch.maximum(above, below), column) for column in columns)
+    toned = toned * dimming(toned, torch.maximum(left, right).clamp(min=HIGHLIGHT_TONED))
     return bounded(inverse_tone(toned.clamp(0.0, TONED[torch.float32])) / exposure)
 
 

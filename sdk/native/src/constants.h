@@ -18,6 +18,7 @@ constexpr float MAX_HALF = 65504.0f;
 constexpr float BT709_WEIGHTS[] = {0.2126f, 0.7152f, 0.0722f};
 constexpr float CEILING_DB = 100.0f;
 constexpr float MAX_TONED = 0.9999f;
+constexpr float HIGHLIGHT_TONED = 0.75f;
 constexpr float DARKNESS = 1e-12f;
 constexpr float GLARE_EXPOSED = 1024.0f;
 constexpr float GLARE_TONED = 0.9990243902439024f;

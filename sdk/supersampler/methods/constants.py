@@ -6,6 +6,9 @@ curve in `io.display`.
 
 MAX_TONED = 1.0 - 1e-4
 """Maximum of a toned colour; 1 is infinite light."""
+HIGHLIGHT_TONED = 0.75
+"""Toned colour, three times white, above which a filtered colour may not exceed the samples around it. There,
+the inverse of the tone curve turns a small overshoot into a multiple of the light."""
 DARKNESS = 1e-12
 """Light below which an image is black; decaying averages would otherwise end as denormals, which are slow."""
 GLARE_EXPOSED = 1024.0

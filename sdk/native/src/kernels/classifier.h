@@ -46,6 +46,16 @@ SS_INLINE I packed_words(const uint8_t* upper, const uint8_t* lower) {
     return evens(a, b) | odds(a, b) << 8 | evens(c, d) << 16 | odds(c, d) << 24;
 }
 
+// Toned light in half floats. What they would round towards 1, which is infinite light, is kept as its distance from 1,
+// which is negative, and never 0.
+SS_INLINE F near_one(F toned) { return select(toned > 0x1.ff8p-1f, minimum(toned - 1.0f, -0x1p-16f), toned); }
+SS_INLINE F load_toned(const uint16_t* from) {
+    F v = load_half(from);
+    return select(is_positive(-v), v + 1.0f, v);
+}
+SS_INLINE F3 load_toned3(const uint16_t* from) {
+    return {load_toned(from), load_toned(from + W), load_toned(from + 2 * W)};
+}
 SS_INLINE F3 load_half3(const uint16_t* from) {
     return {load_half(from), load_half(from + W), load_half(from + 2 * W)};
 }
@@ -54,6 +64,8 @@ SS_INLINE void stream_half3(uint16_t* to, F3 v) {
     stream_half(to + W, v.g);
     stream_half(to + 2 * W, v.b);
 }
+
+SS_INLINE void stream_toned3(uint16_t* to, F3 v) { stream_half3(to, {near_one(v.r), near_one(v.g), near_one(v.b)}); }
 
 // A row of the guided colour; its planes are pitch + 2 * PAD apart.
 SS_INLINE uint16_t* guided_row(const ClassifierWork& w, int y) {

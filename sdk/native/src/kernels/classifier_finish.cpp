@@ -104,9 +104,12 @@ SS_INLINE F3 clip_to_center(F3 color, F3 mean, F3 extents) {
 }
 
 // The network's image of one frame, its luma averaged with that upsampled along edges.
-SS_INLINE F3 along_edges(F3 color, F luma) {
+SS_INLINE F3 along_edges(const ClassifierWork& w, int y, int x, F3 color) {
+    const Places around(w.tables.x.start, x);
+    F luma = upsample_along_edges(w.samples, w.tables, BY_DISTANCE, around, y, x);
     F more = 0.5f * (luma - ycocg(color).r);
-    return clamped({color.r + more, color.g + more, color.b + more}, 0.0f, MAX_TONED);
+    color = {color.r + more, color.g + more, color.b + more};
+    return clamped(color * dimming_to_samples(w.samples, w.tables, y, x, color), 0.0f, MAX_TONED);
 }
 
 // Writes up to W pixels of the next history.
@@ -157,7 +160,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
                 constexpr int k = index.k;
                 const uint16_t* at = images[k / 3] + x + k % 3 - 1;
                 const int pitch = width + 2 * PAD;
-                window.add(F3{load_half(at), load_half(at + pitch), load_half(at + 2 * pitch)},
+                window.add(F3{load_toned(at), load_toned(at + pitch), load_toned(at + 2 * pitch)},
                            NEIGHBOUR_WEIGHTS[k] * factor(parameter(variant.kernel_weights() + k)));
             });
         else
@@ -173,7 +176,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
                     window.add(F3{plane(0), plane(1), plane(2)}, weight * plane(USABLE));
                 });
             });
-        F3 frame = load_half3(rest + W * FRAME), sample = load_half3(rest + W * SAMPLE);
+        F3 frame = load_toned3(rest + W * FRAME), sample = load_toned3(rest + W * SAMPLE);
         F3 filtered = select(window.weight > 1e-9f, window.color * (1.0f / maximum(window.weight, 1e-12f)), frame);
         F confidence = load_half(rest + W * CONFIDENCE);
         F here = select(window.weight > 0.0f, 1.0f, F{});  // whether a sample around is usable
@@ -206,23 +209,22 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         }
         Sum past;
         past.add(color, first);
-        if (rectified)
-            past.add(clip_to_center(color, load_half3(rest + W * variant.mean()),
-                                    load_half3(rest + W * (variant.mean() + 3))),
-                     second);
-        if (own_motion) past.add(load_half3(rest + W * variant.own()), third);
+        if (rectified) {
+            F3 mean = load_half3(rest + W * variant.mean()), extents = load_half3(rest + W * (variant.mean() + 3));
+            mean.r = load_toned(rest + W * variant.mean());
+            past.add(clip_to_center(color, mean, extents), second);
+        }
+        if (own_motion) past.add(load_toned3(rest + W * variant.own()), third);
         F total = history_weight + current.weight, scale = 1.0f / maximum(total, 1e-12f);
         F3 toned = select(total > 0.0f, (past.color + current.color) * scale, frame);
-        if (!guided && !all(known)) {
-            const Places around(ax.start, x);
-            toned =
-                select(known, toned, along_edges(toned, upsample_along_edges(s, w.tables, BY_DISTANCE, around, y, x)));
-        }
+        if (!guided && !all(known)) toned = select(known, toned, along_edges(w, y, x, toned));
         F3 image = linear_of(toned, s.exposure);
         if (w.target.weight) write_plane(w.target.weight, y, x, min(x1, end), history_weight * scale);
         write_image(w.target, y, x, min(x1, end), image);
         // next history
         F odds = history_weight / maximum(current.weight, 1e-12f) * (sampled + frame_weight + frame_weight);
+        const I unsampled = here <= 0.0f;
+        odds = select(unsampled, history_weight * scale * count, odds);  // all that is known
         F next_count = minimum(minimum(odds, count), w.config.samples) + confidence;
         F luma = luminance(sample),
           trust = select(known, minimum(odds * HALF_COUNT / maximum(count, 1e-6f), 1.0f), 0.0f);
@@ -236,7 +238,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         I rises = light_rises(luma, high, count, surface) & (warped_glare == 0.0f);
         w.gathered.rises[(static_cast<ptrdiff_t>(y) * width + x) / 4] = static_cast<uint16_t>(mask_bits(rises));
         if (w.flash) next_count = F{};
-        low = minimum(low, luma) + rate * maximum(luma - low, 0.0f);
+        low = select(unsampled, low, minimum(low, luma)) + rate * maximum(luma - low, 0.0f);
         high = maximum(high, luma) - rate * maximum(high - luma, 0.0f);
         low = luma + trust * (low - luma);
         high = luma + trust * (high - luma) + warped_glare * GLARE;

@@ -284,9 +284,9 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             if (guided) {
                 now.frame = lit(guided_here.light, reflected);
                 uint16_t* image = guided_row(w, y) + x;
-                store_as(image, to_half(now.frame.r));
-                store_as(image + width + 2 * PAD, to_half(now.frame.g));
-                store_as(image + 2 * (width + 2 * PAD), to_half(now.frame.b));
+                store_as(image, to_half(near_one(now.frame.r)));
+                store_as(image + width + 2 * PAD, to_half(near_one(now.frame.g)));
+                store_as(image + 2 * (width + 2 * PAD), to_half(near_one(now.frame.b)));
             }
             F sample_luma = luminance(now.sample), glares = F{};
             if (w.glares) {
@@ -296,8 +296,8 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             I sparse = (sample_luma > now.mean.r + CONTRAST) & (lane < static_cast<float>(display.width));
             rising += select(sparse & light_rises(sample_luma, high, count, surface), 1.0f, F{});
             uint16_t* planes = rest + variant.planes() * x;
-            stream_half3(planes + W * FRAME, now.frame);
-            stream_half3(planes + W * SAMPLE, now.sample);
+            stream_toned3(planes + W * FRAME, now.frame);
+            stream_toned3(planes + W * SAMPLE, now.sample);
             stream_half(planes + W * CONFIDENCE, now.confidence);
             stream_half3(planes + W * DETAIL, detail);
             stream_half(planes + W * SURFACE, surface);
@@ -305,10 +305,10 @@ static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
             stream_half(planes + W * MIN_LUMA, low);
             stream_half(planes + W * MAX_LUMA, high + glares);
             if (rectified) {
-                stream_half3(planes + W * variant.mean(), now.mean);
+                stream_half3(planes + W * variant.mean(), {near_one(now.mean.r), now.mean.g, now.mean.b});
                 stream_half3(planes + W * (variant.mean() + 3), now.extents);
             }
-            if (own_motion) stream_half3(planes + W * variant.own(), by_own);
+            if (own_motion) stream_toned3(planes + W * variant.own(), by_own);
             if (guided) stream_half(planes + W * variant.sampled(), guided_here.sampled);
 
             F3 frame_roots = roots(now.frame), sample_roots = roots(now.sample);

@@ -70,4 +70,24 @@ SS_INLINE Form structure_tensor(const F (&luma)[4][4], const F (&dx)[4], const f
     return select(weights > MIN_WEIGHT, upsampled, ycocg(fill_at(s, t.y.nearest[y], load(t.x.nearest + x), true)).r);
 }
 
+// The factor with which no highlight of a toned colour exceeds the 3x3 samples around; same as `ops.peak`.
+[[maybe_unused]] static F dimming_to_samples(const Samples& s, const Tables& t, int y, int x, F3 color) {
+    F peak = spread(HIGHLIGHT_TONED);
+    if (all(largest(color) <= peak)) return spread(1.0f);
+    const Places places(t.x.nearest, x);
+    for (int j = -1; j < 2; j++) {
+        const int row = t.y.clamped(t.y.nearest[y] + j);
+        const float* samples = sample_row(s, row, TONED) - PAD;
+        for (int i = -1; i < 2; i++) {
+            auto plane = [&](int c) { return places.at(samples + c * s.pitch, i); };
+            F3 tap = {plane(0), plane(1), plane(2)};
+            if (s.fill_across)
+                tap = select(plane(USABLE) > 0.0f, tap,
+                             fill_at(s, row, clamped(load(t.x.nearest + x) + i, 0, s.width - 1), true));
+            peak = maximum(peak, largest(tap));
+        }
+    }
+    return dimming(color, peak);
+}
+
 }  // namespace ss::SS_ISA

@@ -287,7 +287,7 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
                 if (s.fill_across)
                     frame = select(now.found, frame, ycocg(fill_at(s, ay.nearest[y], load(ax.nearest + x), true)));
                 frame.r = upsample_along_edges(s, w.tables, BY_DISTANCE, places, y, x);
-                return frame;
+                return frame * dimming_to_samples(s, w.tables, y, x, from_ycocg(frame));
             };
             F reactive = s.has_reactive ? reactive_at(s, w.tables, y, x) : F{};
             if (w.kept)

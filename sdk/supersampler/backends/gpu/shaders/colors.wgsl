@@ -9,6 +9,9 @@ fn tone(color: vec3f) -> vec3f { return color / (1.0 + largest(color)); }
 
 fn inverse_tone(color: vec3f) -> vec3f { return color / max(1.0 - largest(color), 1.0 / MAX_HALF); }
 
+// The factor with which no channel of a toned colour exceeds `limit`.
+fn dimming(toned: vec3f, limit: f32) -> f32 { return limit / max(limit, largest(toned)); }
+
 fn ycocg(c: vec3f) -> vec3f {
     return vec3f(0.25 * (c.r + c.b) + 0.5 * c.g, 0.5 * (c.r - c.b), 0.5 * c.g - 0.25 * (c.r + c.b));
 }

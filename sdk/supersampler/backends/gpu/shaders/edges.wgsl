@@ -40,6 +40,16 @@ fn upsample_along_edges(at: vec2f) -> f32 {
     return sum.x / sum.y;
 }
 
+// The factor with which no highlight of a toned colour exceeds the 3x3 samples around a position.
+fn dimming_to_samples(color: vec3f, at: vec2f) -> f32 {
+    var peak = HIGHLIGHT_TONED;
+    if (largest(color) <= peak) { return 1.0; }
+    /* unroll */ for (var k = 0; k < 9; k++) {
+        peak = max(peak, largest(tile_sample(nearest(at) + vec2i(k % 3, k / 3) - 1).rgb));
+    }
+    return dimming(color, peak);
+}
+
 // The quadratic form xx, xy, yy that is 1 at distances from which on samples have no weight.
 fn kernel_form(tensor: vec3f) -> vec3f {
     let difference = tensor.x - tensor.z;

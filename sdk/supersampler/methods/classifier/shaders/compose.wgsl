@@ -69,11 +69,12 @@ fn blend_history(p: vec2i, now: CurrentFrame, before: WarpedHistory, visibility:
 }
 
 // Range of luma after this frame's sample, and the number of frames with glare.
-fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, glared: f32) -> u32 {
+fn next_range(luma: f32, now: CurrentFrame, before: WarpedHistory, odds: f32, is_sampled: bool, glared: f32) -> u32 {
     let known = before.samples > 0.0;
     let trust = select(0.0, min(HALF_COUNT * odds / max(before.samples, 1e-6), 1.0), known);
     let rate = now.confidence * CONTRACTION;
-    let low = min(before.range.x, luma) + rate * max(luma - before.range.x, 0.0);
+    let least = select(before.range.x, min(before.range.x, luma), is_sampled);
+    let low = least + rate * max(luma - before.range.x, 0.0);
     let high = max(before.range.y, luma) - rate * max(before.range.y - luma, 0.0);
     return pack_range(luma + trust * (low - luma), luma + trust * (high - luma), glared);
 }
@@ -94,7 +95,8 @@ fn compose(p: vec2i, corner: u32, thread: u32, rests: bool) {
     var history = blend_history(p, now, before, visibility, &blend);
     let filtered = filter_frame(p, at, &blend);
     let learned = select(frame, filtered.color / max(filtered.weight, 1e-12), filtered.weight > 1e-9);
-    let sampled_here = select(0.0, 1.0, is_sampled_at(p, filtered));
+    let is_sampled = is_sampled_at(p, filtered);
+    let sampled_here = select(0.0, 1.0, is_sampled);
     let sampled = sampled_here * (now.confidence + MIN_PRIOR);
     var current = Sum(vec3f(0.0), 0.0);
     current = add(current, sampled * exp(parameter(&blend, COLORS - 3u)), now.sample);
@@ -113,7 +115,8 @@ fn compose(p: vec2i, corner: u32, thread: u32, rests: bool) {
     if (before.samples * visibility <= 0.0) { toned = frame_alone(toned, at); }
     let image = bounded(inverse_tone(toned) / exposure);
 
-    let odds = history.weight / max(current.weight, 1e-12) * (sampled + 2.0 * FRAME_PRIOR * sampled_here);
+    var odds = history.weight / max(current.weight, 1e-12) * (sampled + 2.0 * FRAME_PRIOR * sampled_here);
+    if (!is_sampled) { odds = history.weight / total * before.samples; }   // all that is known
     let luma = luminance(now.sample);
     let glares = glares_in(alpha);
     let bright = (glares && (before.samples > 0.0 || before.glare > 0.0)) || (luma > WHITE && before.glare > 0.0);
@@ -125,7 +128,7 @@ fn compose(p: vec2i, corner: u32, thread: u32, rests: bool) {
     if (rests) {
         keep_history(p, corner);
     } else {
-        textureStore(next_ranges, p, vec4u(next_range(luma, now, before, odds, glared), 0u, 0u, 0u));
+        textureStore(next_ranges, p, vec4u(next_range(luma, now, before, odds, is_sampled, glared), 0u, 0u, 0u));
         let kept = select(count, 0.0, unconfirmed || next_state.flash > 0.0);
         textureStore(next_pixels, p, vec4u(pack_pixel(vec4f(image, kept)), 0u, 0u));
     }

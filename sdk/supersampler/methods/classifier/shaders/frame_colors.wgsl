@@ -39,5 +39,6 @@ fn is_sampled_at(p: vec2i, filtered: Sum) -> bool { return filtered.weight > 0.0
 // The network's image of one frame, its luma averaged with that upsampled along edges.
 fn frame_alone(color: vec3f, at: vec2f) -> vec3f {
     let luma = upsample_along_edges(at);
-    return clamp(color + 0.5 * (luma - ycocg(color).x), vec3f(0.0), vec3f(MAX_TONED));
+    let averaged = color + 0.5 * (luma - ycocg(color).x);
+    return clamp(averaged * dimming_to_samples(averaged, at), vec3f(0.0), vec3f(MAX_TONED));
 }

@@ -39,15 +39,18 @@ fn filtered(p: vec2i, exposure: f32) -> vec3f {
     var across = weights_of(first.x, at.x, SHARPNESS / ratio.x);
     var down = weights_of(first.y, at.y, SHARPNESS / ratio.y);
     var sum = vec3f(0.0);
+    var peak = HIGHLIGHT_TONED;    // of the four pixels around
     /* unroll */ for (var j = 0; j < TAPS; j++) {
         var row = vec3f(0.0);
         /* unroll */ for (var i = 0; i < TAPS; i++) {
             let q = clamped(vec2i(first) + vec2i(i, j), large_size());
-            row += across[i] * tone(textureLoad(large_image, q, 0).rgb * exposure);
+            let color = tone(textureLoad(large_image, q, 0).rgb * exposure);
+            row += across[i] * color;
+            if (abs(2 * i + 1 - TAPS) == 1 && abs(2 * j + 1 - TAPS) == 1) { peak = max(peak, largest(color)); }
         }
         sum += down[j] * row;
     }
-    return clamp(sum, vec3f(0.0), vec3f(MAX_TONED));
+    return clamp(sum * dimming(sum, peak), vec3f(0.0), vec3f(MAX_TONED));
 }
 
 @compute @workgroup_size(SIDE, SIDE)

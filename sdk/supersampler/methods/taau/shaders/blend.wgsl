@@ -126,7 +126,8 @@ fn frame_alone(p: vec2i, now: Current) -> vec3f {
     let at = render_position(p);
     var chroma = now.center.yz;
     if (!now.found) { chroma = ycocg(tile_sample(nearest(at)).rgb).yz; }
-    return vec3f(upsample_along_edges(at), chroma);
+    let frame = vec3f(upsample_along_edges(at), chroma);
+    return frame * dimming_to_samples(from_ycocg(frame), at);
 }
 
 fn occluding_at(p: vec2i) -> f32 { return bitcast<f32>(textureLoad(history_surface, p, 0).x); }
