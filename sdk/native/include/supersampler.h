@@ -93,7 +93,7 @@ SS_API const char* ss_model_instructions(const ss_model* model);
 typedef enum ss_type {
     SS_FLOAT32 = 0,
     SS_FLOAT16 = 1, /* of outputs: values beyond +-65504 are clamped to it */
-    SS_UNORM8 = 2 /* 255 is one. Only of outputs: values are clamped to [0, 1], and rounded */
+    SS_UNORM8 = 2   /* 255 is one. Only of outputs: values are clamped to [0, 1], and rounded */
 } ss_type;
 
 /* The pixels of an image in memory of the caller. Strides are in bytes and may be negative. */
