@@ -96,7 +96,7 @@ def test_a_larger_history_is_validated_at_the_size_of_the_display(dataset: Datas
     task = start_task("classifier-large")
     found = validate(task.method.eval(), validation_entries([dataset], task.ratios), task.runner)
     assert found.psnr > 5.0
-    assert set(found.overlap) >= {"visibility", "geometry"}
+    assert set(found.overlap) >= {"shading", "geometry"}  # of this set's classes after the first frames
 
 
 def test_the_ratio_of_a_variant_is_its_own() -> None:
