@@ -1,4 +1,4 @@
-"""Bytes and multiply-adds of the passes of the GPU backend, from the resources that its shaders declare.
+"""Cost of networks, and of the passes of the GPU backend by the resources that its shaders declare.
 
 A pass counts as reading or writing each of its resources once: workgroups share what their threads read, and
 neighbouring workgroups find their common border in the cache. Two steps are counted: one in which all pixels

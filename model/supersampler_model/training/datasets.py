@@ -13,18 +13,15 @@ from torch import Tensor
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.display import auto_exposure
-from supersampler.io.files import is_there
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset.storage import (
-    FILE_NAME,
     Dataset,
     Description,
     SequenceEntry,
     Split,
     TrainingFrame,
     create_dataset,
-    open_dataset,
     write_training_frame,
 )
 from supersampler_model.data.specs import GLTF, SHOT, SequenceSpec
@@ -57,30 +54,12 @@ def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Datas
         spec = SequenceSpec(family=SHOT, seed=index, frames=len(shot), frame_rate=rate, files=files)
         entries.append(SequenceEntry(spec=spec, ratio=size[0] / shot.render_size[0], split=split))
     description = Description(display_size=size, samples=1, gbuffers=False, seed=0, sequences=tuple(entries))
-    dataset = _copy_of_earlier_version(shots, folder, description) or create_dataset(folder, description)
+    dataset = create_dataset(folder, description)
     for shot, entry in zip(shots, entries, strict=True):
         for item in shot.frames(dataset.complete(entry)):
             frame = _training_frame(shot, item, size[::-1])
             write_training_frame(dataset.path(entry, item.index), frame)
     return dataset
-
-
-def _copy_of_earlier_version(shots: Sequence[Shot], folder: Path, description: Description) -> Dataset | None:
-    """Return the copy in a folder if its description lacks digests, and its first frames are the shots'.
-
-    Unfinished runs keep the description, whose hash is in their checkpoint.
-    """
-    entries = [replace(entry, spec=replace(entry.spec, files=())) for entry in description.sequences]
-    earlier = Dataset(folder, replace(description, sequences=tuple(entries)))
-    if not is_there(folder / FILE_NAME) or open_dataset(folder).description != earlier.description:
-        return None
-    for shot, entry in zip(shots, entries, strict=True):
-        if earlier.complete(entry):
-            copied = earlier.read(entry, 0)
-            frame = _training_frame(shot, shot.read(0), copied.ghost.shape)
-            if not np.array_equal(frame.color, copied.color):
-                return None
-    return earlier
 
 
 def _training_frame(shot: Shot, item: ShotFrame, shape: tuple[int, int]) -> TrainingFrame:

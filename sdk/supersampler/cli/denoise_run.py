@@ -63,11 +63,11 @@ def chosen_denoiser(shot: Shot, per_frame: PerFrame | Literal["auto"]) -> PerFra
     return "oidn" if not shot.is_denoised or (shot.noisy_channels and has_oidn()) else "none"
 
 
-def copied_ids(shot: Shot, index: int = 0) -> list[str]:
-    """Return the channels of a frame that EXR results keep unchanged: ids in floating point."""
+def copied_ids(shot: Shot) -> list[str]:
+    """Return the channels of the frames that EXR results keep unchanged: ids in floating point."""
     if not shot.ignored_channels:
         return []
-    header = shot.read_header(index)
+    header = shot.read_header(0)
     return [
         name
         for name in shot.ignored_channels
@@ -153,6 +153,7 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
     ) -> None:
         super().__init__(job, results, plan, first, job.shot.render_size)
         self._denoiser, self._count, self._reading = denoiser, 0, plan.start
+        self._ids: list[str] | None = None
 
     def step_count(self, plan: FramePlan, needed: int) -> int:
         return plan.stop - needed
@@ -222,11 +223,17 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
         return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
 
     def copied(self, index: int) -> Mapping[str, Channel]:
-        names = copied_ids(self._shot, index)
-        return self._shot.read_channels(index, names) if names else {}
+        ids = self._kept_ids()
+        return self._shot.read_channels(index, ids) if ids else {}
 
     def _metadata(self, index: int) -> Metadata:
         metadata = super()._metadata(index)
-        if copied_ids(self._shot, index):  # their names
+        if self._kept_ids():
             metadata |= self._shot.read_header(index).cryptomatte
         return metadata
+
+    def _kept_ids(self) -> list[str]:
+        """Return the channels of ids that results keep, which a live render knows from its first frame on."""
+        if self._ids is None and self._shot.ignored_channels:
+            self._ids = copied_ids(self._shot)
+        return self._ids or []

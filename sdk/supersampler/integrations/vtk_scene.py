@@ -198,7 +198,7 @@ def is_upscaled(prop: Any) -> bool:
 
 
 def is_on_top(prop: Any) -> bool:
-    """Return whether a prop is drawn on top of each image: text, scalar bars, charts, widgets."""
+    """Return whether a prop is rendered on top of each image, as text, charts and widgets are."""
     return not isinstance(prop, vtkProp3D)
 
 

@@ -1,4 +1,4 @@
-"""One renderer of a supersampled VTK window: what of it is drawn, read and shown in a frame."""
+"""History of one renderer of a supersampled VTK window: what it renders, reads back and displays."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -29,16 +29,16 @@ STILL_RENDERS = 16
 _STILL_SCALE = 2.0  # their jitter is that of this scale: a longer sequence than that of scale 1
 
 
-class _Drawing(NamedTuple):
-    """Which props a renderer draws, and how, in one render of the window.
+class _RenderSettings(NamedTuple):
+    """Settings of a renderer for one render of the window.
 
     Attributes:
-        shows: whether a prop is drawn.
+        includes: returns whether a prop is rendered.
         jitter: see `Frame`; of a render of `size`, (width, height).
         aspect: width / height that the camera projects to; None is that of the viewport.
     """
 
-    shows: Callable[[Any], bool]
+    includes: Callable[[Any], bool]
     jitter: tuple[float, float] = (0.0, 0.0)
     size: tuple[int, ...] = (1, 1)
     aspect: float | None = None
@@ -69,10 +69,10 @@ class ViewportHistory:
         self._depth: Float32 | None = None  # of this frame, or of the plain one at rest
         self._image: Float32 | None = None
         self._alpha: NDArray[np.uint8] | None = None  # of the image
-        self._drawing: _Drawing | None = None  # of this render; None draws everything
-        self._stack = ExitStack()  # restores what was changed for the drawing
-        self._observers = [  # renderers may share a camera and props: each is changed only while it is drawn
-            renderer.AddObserver("StartEvent", lambda *_: self._start_drawing()),
+        self._settings: _RenderSettings | None = None  # of this render; None changes nothing
+        self._stack = ExitStack()  # restores the renderer after a render
+        self._observers = [  # settings apply while the renderer renders: others may have its camera and props
+            renderer.AddObserver("StartEvent", lambda *_: self._apply_settings()),
             renderer.AddObserver("EndEvent", lambda *_: self._stack.close()),
         ]
 
@@ -105,24 +105,24 @@ class ViewportHistory:
         self._view = self._upscaled = self._sum = None
 
     def disable(self) -> None:
-        """Stop changing what the renderer draws."""
-        self.draw(None)
+        """Stop changing what the renderer renders."""
+        self.set(None)
         while self._observers:
             self._renderer.RemoveObserver(self._observers.pop())
 
-    def draw(self, drawing: _Drawing | None) -> None:
-        """Set what the renderer draws from now on; None is everything."""
+    def set(self, settings: _RenderSettings | None) -> None:
+        """Set the settings of the next renders; None changes nothing in the renderer."""
         self._stack.close()
-        self._drawing = drawing
+        self._settings = settings
 
-    def _start_drawing(self) -> None:
+    def _apply_settings(self) -> None:
         self._stack.close()
-        if self._drawing is None:
+        if self._settings is None:
             return
-        shows, jitter, size, aspect = self._drawing
+        includes, jitter, size, aspect = self._settings
         camera = self._renderer.GetActiveCamera()
         with ExitStack() as stack:
-            stack.enter_context(_hidden(prop for prop in visible(self._renderer) if not shows(prop)))
+            stack.enter_context(_hidden(prop for prop in visible(self._renderer) if not includes(prop)))
             if aspect is not None and not camera.GetUseExplicitAspectRatio():
                 stack.enter_context(changed(camera, "ExplicitAspectRatio", aspect))
                 stack.enter_context(changed(camera, "UseExplicitAspectRatio", 1))
@@ -150,7 +150,7 @@ class ViewportHistory:
 
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
         """Prepare the renderer for a frame; `stack` restores it."""
-        stack.callback(self.draw, None)
+        stack.callback(self.set, None)
         if mode == "moved" and self._view is not None:
             if self._upscaled is None:  # one sample of each pixel is better than one of four
                 scale = 1.0
@@ -159,14 +159,14 @@ class ViewportHistory:
             stack.enter_context(changed(self._renderer, "Viewport", left, bottom, *small))
             size, jitter = tuple(self._renderer.GetSize()), halton_jitter(self._frames, scale)
             self._small = replace(self._view, size=size, jitter=jitter)
-            self.draw(_Drawing(is_upscaled, jitter, size, self._view.aspect))
+            self.set(_RenderSettings(is_upscaled, jitter, size, self._view.aspect))
         elif mode == "still":
             x, y = halton_jitter(self.renders // 2, _STILL_SCALE)
             jitter = (x, y) if self.renders % 2 else (-x, -y)  # pairs whose mean is the pixel's centre
             is_final = self.is_converged
-            self.draw(_Drawing(lambda prop: not (is_final or is_on_top(prop)), jitter, self._part[2:]))
+            self.set(_RenderSettings(lambda prop: not (is_final or is_on_top(prop)), jitter, self._part[2:]))
         else:
-            self.draw(_Drawing(lambda prop: not is_on_top(prop)))
+            self.set(_RenderSettings(lambda prop: not is_on_top(prop)))
 
     def read(self) -> None:
         """Read the small frame that was rendered."""
@@ -238,8 +238,8 @@ class ViewportHistory:
         """Prepare the renderer for what is on top of the image."""
         for name in ("PreserveColorBuffer", "PreserveDepthBuffer"):
             stack.enter_context(changed(self._renderer, name, 1))
-        stack.callback(self.draw, None)
-        self.draw(_Drawing(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop)))
+        stack.callback(self.set, None)
+        self.set(_RenderSettings(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop)))
 
     def finish(self) -> None:
         """Note what the scene looks like now, as rendering may modify it."""
@@ -251,7 +251,7 @@ class ViewportHistory:
         vectors = _words(motion)
         background = buffer == 1.0
         for props, of_these in view.moved_props(placed, previous):
-            self.draw(_Drawing(props.__contains__, view.jitter, view.size, view.aspect))
+            self.set(_RenderSettings(props.__contains__, view.jitter, view.size, view.aspect))
             self._window.Render()
             mine = self._pixels.read_depth(self._small_part) == buffer
             mine &= ~background | view.translucent_pixels(props)

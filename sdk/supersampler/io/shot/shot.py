@@ -8,7 +8,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -346,7 +345,7 @@ class Shot:
             "exposure": [(entry.exposure, entry.pre_exposure) for entry in entries],
         }
         texts = {name: json.dumps(values, sort_keys=True) for name, values in facts.items()}
-        return {name: sha256(text.encode()).hexdigest() for name, text in texts.items()}
+        return {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
 
     def read(self, index: int) -> ShotFrame:
         """Read one frame by its index.

@@ -306,10 +306,10 @@ def _check_copied(shot: Shot, copy: Shot) -> None:
     if len(copy) > len(shot):
         raise ShotError(copy.path, f"has {len(copy)} frames; {shot.path} has {len(shot)}", hint)
     for index in range(len(copy)):
-        ours, wanted = _content(copy, index), _content(shot, index)
-        for name, value in wanted.items():
-            if not _is_same(ours[name], value):
-                values = f": {ours[name]}, there {value}" if name in _STATED else ""
+        copied = _content(copy, index)
+        for name, value in _content(shot, index).items():
+            if not _is_same(copied[name], value):
+                values = f": {copied[name]}, there {value}" if name in _STATED else ""
                 problem = f"frame {index} has another {name} than in {shot.path}{values}"
                 raise ShotError(copy.path, problem, hint)
 
