@@ -106,11 +106,11 @@ class ViewportHistory:
 
     def disable(self) -> None:
         """Stop changing what the renderer renders."""
-        self.set(None)
+        self.configure(None)
         while self._observers:
             self._renderer.RemoveObserver(self._observers.pop())
 
-    def set(self, settings: _RenderSettings | None) -> None:
+    def configure(self, settings: _RenderSettings | None) -> None:
         """Set the settings of the next renders; None changes nothing in the renderer."""
         self._stack.close()
         self._settings = settings
@@ -150,7 +150,7 @@ class ViewportHistory:
 
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
         """Prepare the renderer for a frame; `stack` restores it."""
-        stack.callback(self.set, None)
+        stack.callback(self.configure, None)
         if mode == "moved" and self._view is not None:
             if self._upscaled is None:  # one sample of each pixel is better than one of four
                 scale = 1.0
@@ -159,14 +159,14 @@ class ViewportHistory:
             stack.enter_context(changed(self._renderer, "Viewport", left, bottom, *small))
             size, jitter = tuple(self._renderer.GetSize()), halton_jitter(self._frames, scale)
             self._small = replace(self._view, size=size, jitter=jitter)
-            self.set(_RenderSettings(is_upscaled, jitter, size, self._view.aspect))
+            self.configure(_RenderSettings(is_upscaled, jitter, size, self._view.aspect))
         elif mode == "still":
             x, y = halton_jitter(self.renders // 2, _STILL_SCALE)
             jitter = (x, y) if self.renders % 2 else (-x, -y)  # pairs whose mean is the pixel's centre
             is_final = self.is_converged
-            self.set(_RenderSettings(lambda prop: not (is_final or is_on_top(prop)), jitter, self._part[2:]))
+            self.configure(_RenderSettings(lambda prop: not (is_final or is_on_top(prop)), jitter, self._part[2:]))
         else:
-            self.set(_RenderSettings(lambda prop: not is_on_top(prop)))
+            self.configure(_RenderSettings(lambda prop: not is_on_top(prop)))
 
     def read(self) -> None:
         """Read the small frame that was rendered."""
@@ -238,8 +238,8 @@ class ViewportHistory:
         """Prepare the renderer for what is on top of the image."""
         for name in ("PreserveColorBuffer", "PreserveDepthBuffer"):
             stack.enter_context(changed(self._renderer, name, 1))
-        stack.callback(self.set, None)
-        self.set(_RenderSettings(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop)))
+        stack.callback(self.configure, None)
+        self.configure(_RenderSettings(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop)))
 
     def finish(self) -> None:
         """Note what the scene looks like now, as rendering may modify it."""
@@ -251,7 +251,7 @@ class ViewportHistory:
         vectors = _words(motion)
         background = buffer == 1.0
         for props, of_these in view.moved_props(placed, previous):
-            self.set(_RenderSettings(props.__contains__, view.jitter, view.size, view.aspect))
+            self.configure(_RenderSettings(props.__contains__, view.jitter, view.size, view.aspect))
             self._window.Render()
             mine = self._pixels.read_depth(self._small_part) == buffer
             mine &= ~background | view.translucent_pixels(props)
