@@ -164,7 +164,9 @@ class ViewportHistory:
             x, y = halton_jitter(self.renders // 2, _STILL_SCALE)
             jitter = (x, y) if self.renders % 2 else (-x, -y)  # pairs whose mean is the pixel's centre
             is_final = self.is_converged
-            self.configure(_RenderSettings(lambda prop: not (is_final or is_on_top(prop)), jitter, self._part[2:]))
+            self.configure(
+                _RenderSettings(lambda prop: not (is_final or is_on_top(prop)), jitter, self._part[2:])
+            )
         else:
             self.configure(_RenderSettings(lambda prop: not is_on_top(prop)))
 
@@ -239,7 +241,9 @@ class ViewportHistory:
         for name in ("PreserveColorBuffer", "PreserveDepthBuffer"):
             stack.enter_context(changed(self._renderer, name, 1))
         stack.callback(self.configure, None)
-        self.configure(_RenderSettings(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop)))
+        self.configure(
+            _RenderSettings(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop))
+        )
 
     def finish(self) -> None:
         """Note what the scene looks like now, as rendering may modify it."""
