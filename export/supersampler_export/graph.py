@@ -179,9 +179,10 @@ def check_portable(model: onnx.ModelProto, others: Collection[str] = ()) -> None
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence the progress and the warnings of the exporter, and errors of strategies that it tries in vain.
+    """Silence the exporter's progress and warnings, and the errors that it logs of strategies that fail.
 
-    It raises if none succeeds. With smaller ranges of sizes the first one would, but graphs would differ.
+    The exporter raises if all strategies fail. With smaller ranges of sizes the first one succeeds, but the
+    graphs differ.
     """
     loggers = {
         logging.getLogger("torch.onnx"): logging.ERROR,

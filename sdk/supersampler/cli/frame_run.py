@@ -120,7 +120,7 @@ class FrameJob:
         }
 
     def kept(self, plan: FramePlan, before: FramesRead) -> int:
-        """Return the number of images, from the first on, that are valid if they were made of `before`.
+        """Return how many of the first images stay valid if an earlier run has read the frames `before`.
 
         Raises:
             ShotError: the shot has fewer frames, or states other facts about the same ones.
