@@ -59,8 +59,8 @@ def test_an_exit_raised_in_a_step_ends_the_process() -> None:
 import signal, sys
 signal.signal(signal.SIGALRM, lambda *_: sys.exit(0))
 u = upscaler("taau", display_size=(640, 360))
-frame = noise(0, (320, 180))
-signal.setitimer(signal.ITIMER_REAL, 0.1)
+frame = noise(1, (320, 180))
+signal.setitimer(signal.ITIMER_REAL, 0.1, 0.1)  # again, as Python ignores an exit raised in a `__del__`
 while True:
     u.step(frame)
 """)
