@@ -25,18 +25,8 @@ from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.registry import methods
 from supersampler_export import folder as folder_module
 from supersampler_export.folder import describe, model_card, multiply_adds_of, write_model_folder
-from supersampler_export.graph import (
-    ExportError,
-    check_portable,
-    export_graph,
-)
-from supersampler_export.parity import (
-    TOLERANCE,
-    check_subgraph,
-    compare,
-    sizes_of,
-    tolerance_of_half,
-)
+from supersampler_export.graph import ExportError, check_portable, export_graph
+from supersampler_export.parity import TOLERANCE, check_subgraph, compare, sizes_of, tolerance_of_half
 from supersampler_export.quantize import cpu_network
 from supersampler_model import ops
 from supersampler_model.methods import load_method
@@ -230,9 +220,7 @@ def test_an_exported_folder_is_a_model(tmp_path: Path) -> None:
     )
 
 
-def test_an_inner_folder_is_listed_by_its_description_only(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_inner_folder_is_listed_by_its_description_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """It lists the files beside it by itself."""
     graph = onnx.load(find_model("bilinear") / "step.onnx")
     monkeypatch.setattr(folder_module, "export_graph", lambda _: graph)

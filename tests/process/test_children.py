@@ -232,10 +232,7 @@ def test_the_extensions_commands_are_accepted(extension: Any, tmp_path: Path) ->
     assert sorted(path.name for path in (tmp_path / "again").glob("*.png")) == ["0005.png", "0006.png"]
 
 
-@pytest.mark.parametrize(
-    "content",
-    ["", "[]", '{"files": {"#": []}}', "[" * 100_000],
-)
+@pytest.mark.parametrize("content", ["", "[]", '{"files": {"#": []}}', "[" * 100_000])
 def test_a_foreign_record_counts_as_no_progress(extension: Any, tmp_path: Path, content: str) -> None:
     (tmp_path / "upscale.json").write_text(content)
     running = ended(extension.Run([sys.executable, "-c", "print('x' * 10**6)"], tmp_path, 3))

@@ -12,14 +12,7 @@ from OpenImageIO import ImageInput
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
-from supersampler.io.compare import (
-    ERROR_SCALE,
-    PSNR,
-    About,
-    compare_layers,
-    compare_page,
-    false_color,
-)
+from supersampler.io.compare import ERROR_SCALE, PSNR, About, compare_layers, compare_page, false_color
 from supersampler.io.display_transforms import display_transform_from
 
 ABOUT = About(title="a <b>shot</b> </script>", method="taau", display_size=(8, 6))

@@ -284,9 +284,7 @@ def luminance_chroma(width: int = 8, height: int = 4) -> bytes:
     return header + struct.pack(f"<{height}Q", *offsets) + body
 
 
-def test_luminance_chroma_images_are_refused_with_a_converter(
-    tmp_path: Path,
-) -> None:
+def test_luminance_chroma_images_are_refused_with_a_converter(tmp_path: Path) -> None:
     (tmp_path / "s.0001.exr").write_bytes(luminance_chroma())
     for read in (read_image, read_exr):
         with pytest.raises(

@@ -424,13 +424,7 @@ def test_an_unknown_call_in_a_recording_is_refused(
         list(open_recording(file))
 
 
-@pytest.mark.parametrize(
-    "outcome",
-    [
-        {"returned": {"image": 2**40}},
-        {"raised": [1, 2]},
-    ],
-)
+@pytest.mark.parametrize("outcome", [{"returned": {"image": 2**40}}, {"raised": [1, 2]}])
 def test_an_outcome_that_no_step_has_is_refused(outcome: object, taau: Model, file: Path) -> None:
     begun(taau, file).close()
     path = file / OUTCOME.format(0)

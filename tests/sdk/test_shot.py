@@ -348,10 +348,7 @@ REFERENCE = np.zeros((18, 32, 3), np.float32)
         (DISPLAY_SIZE, {"reference": REFERENCE, "truth": {"thin": SMALL}}, r"truth\.thin is 32x17"),
         *(
             (DISPLAY_SIZE, {"reference": REFERENCE, "classes": maps}, rf"classes\.{name} is 32x17")
-            for name, maps in (
-                ("ghost", ClassMaps(SMALL, LARGE)),
-                ("thin", ClassMaps(LARGE, LARGE, SMALL)),
-            )
+            for name, maps in (("ghost", ClassMaps(SMALL, LARGE)), ("thin", ClassMaps(LARGE, LARGE, SMALL)))
         ),
     ],
 )

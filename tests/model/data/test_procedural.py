@@ -33,11 +33,7 @@ from supersampler_model.data.scenes.analytic import (
     zone_plate,
 )
 from supersampler_model.data.scenes.procedural import lighting, shapes
-from supersampler_model.data.scenes.scene import (
-    Mesh,
-    Scene,
-    tangents_of,
-)
+from supersampler_model.data.scenes.scene import Mesh, Scene, tangents_of
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
 from supersampler_model.data.specs import Sequence, SequenceSpec
 

@@ -51,13 +51,7 @@ from supersampler_model.training.trainer import (
     Update,
     load_checkpoint,
 )
-from supersampler_model.training.validation import (
-    BORDER,
-    CLASS_NAMES,
-    WARM_UP,
-    SequenceRunner,
-    validate,
-)
+from supersampler_model.training.validation import BORDER, CLASS_NAMES, WARM_UP, SequenceRunner, validate
 
 DISPLAY, RENDER = (64, 48), (32, 24)
 PLAN = TrainingPlan(steps=6, batch=2, frames=2, size=32, average=4, settle=0.0)
