@@ -21,7 +21,6 @@ def compact(frame: Frame) -> Frame:
 
 def cropped(frame: Frame, width: int, height: int) -> Frame:
     """Return the middle of the frame, at most this large."""
-    assert frame.color is not None
     w, h = frame.size
     top, left = max(0, h - height) // 2, max(0, w - width) // 2
     part = slice(top, top + height), slice(left, left + width)

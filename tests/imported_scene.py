@@ -55,7 +55,6 @@ def assert_is_the_scene(shot: Shot) -> None:
     before: Frame | None = None
     for index, item in enumerate(shot):
         frame = item.frame
-        assert frame.color is not None
         np.testing.assert_allclose(frame.color, color(index), atol=1e-3)
         assert frame.jitter == pytest.approx(JITTER)
         assert frame.reset == (index in (0, CUT))

@@ -47,7 +47,6 @@ def still_state(method: str = "taau", executor: str = "cpu") -> State:
         made.step(frame(index))
     made.step(frame(FRAMES - 1, aovs=np.ones((*RENDER[::-1], 2), np.float32)), outputs=("aovs",))
     aovs = made.save_state().history
-    assert aovs is not None
     made.reset()
     for index in range(FRAMES):
         made.step(frame(index))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gpu_steps import INT8, device_or_skip
+from gpu_steps import INT8
 from rest_scenes import Stepped
 from supersampler import Frame, halton_jitter
 from supersampler.backends.base import StepRequest
@@ -28,11 +28,6 @@ MEAN, LARGEST = 1e-3, 1.0 / 255.0
 QUANTILE = 0.999
 OWN = {"taau": 9.0, "classifier": 40.0, "classifier-large": 40.0}
 """That quantile of the methods' own images, over LARGEST: networks here are of int8, not in torch."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
 
 
 class Given(NamedTuple):
@@ -313,7 +308,6 @@ def test_memory_that_holds_a_frozen_tile_already_is_not_written(method: str) -> 
     for given in uniform(2 * PERIOD + 6):
         stepped.step(given)
     assert stepped.history is not None
-    assert stepped.spare is not None
     gpu, pixels = stepped.executor, stepped.spare.memory["pixels"]
     marked = np.full_like(read_back(gpu.device, pixels), GARBAGE).reshape(*pixels.texture.size[1::-1], -1)
     write_to(gpu.device, pixels, marked)

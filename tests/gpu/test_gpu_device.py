@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import device_or_skip, model, moving
+from gpu_steps import model, moving
 from supersampler import Frame, Upscaler
 from supersampler.backends.gpu import device as devices
 from supersampler.backends.gpu.device import LIMITS, SIZES, TEXTURE_SIDE
@@ -22,11 +22,6 @@ from supersampler.methods.executors import with_shaders
 from supersampler.model import Model
 
 SDK = Path(devices.__file__).parents[2]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
 
 
 @pytest.fixture

@@ -106,7 +106,6 @@ def test_deep_pixels_are_refused_by_name(tmp_path: Path) -> None:
     data = OpenImageIO.DeepData()
     data.init(WIDTH * HEIGHT, len(NAMES), spec.channelformats or ("float",) * len(NAMES), NAMES)
     output = ImageOutput.create(str(tmp_path / "deep.exr"))
-    assert output is not None
     assert output.open(str(tmp_path / "deep.exr"), spec)
     output.write_deep_image(data)
     output.close()

@@ -145,17 +145,11 @@ def test_buffers_that_a_method_does_not_use_are_neither_asked_for_nor_looked_at(
     np.testing.assert_array_equal(plain.step(frames[1]), plain.step(noise(1)))
 
 
-# --- tensors ---
-
-
 def test_tensors_give_the_image_that_arrays_give(model: Model) -> None:
     one, other = upscaler(model), upscaler(model)
     for seed in (1, 2, 0, 3):
         frame = lit(seed)
         np.testing.assert_array_equal(stepped(other, frame), one.step(frame).transpose(2, 0, 1)[None])
-
-
-# --- one ratio ---
 
 
 @pytest.mark.parametrize(
@@ -187,9 +181,6 @@ def test_odd_and_tiny_sizes_are_rendered(model: Model, render: Size) -> None:
     np.testing.assert_allclose(image, by_hand(frame, previous)[0], rtol=1e-4, atol=1e-5)
 
 
-# --- recordings ---
-
-
 def test_a_recording_holds_the_buffers_that_are_used_and_no_others(
     model: Model, gbuffer_model: Path, tmp_path: Path
 ) -> None:
@@ -218,9 +209,6 @@ def test_only_inputs_without_a_default_count_as_missing() -> None:
     assert lacking(WANTED, WANTED[:1]) == list(WANTED[1:])
     alone = ("gbuffer_normal",)
     assert lacking(alone, ("gbuffer_display_normal",)) == ["gbuffer_normal"], "a method that reads no other"
-
-
-# --- checks of pixels ---
 
 
 def test_an_upscaler_checks_what_its_method_reads(model: Model) -> None:

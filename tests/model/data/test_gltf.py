@@ -39,7 +39,6 @@ def material_of(folder: Path, **content: Any) -> Material:
 
 
 def pixels_of(texture: Texture | None) -> Any:
-    assert texture is not None
     return texture.pixels
 
 
@@ -253,9 +252,6 @@ def skinned(instance: Instance, *, before: bool = False) -> Matrix:
     """Vertices in the world."""
     palette = instance.palette_before if before else instance.palette
     model, skin, mesh = instance.model_before if before else instance.model, instance.mesh.skin, instance.mesh
-    assert model is not None
-    assert skin is not None
-    assert palette is not None
     local = np.concatenate([mesh.positions, np.ones((len(mesh.positions), 1))], axis=1)
     posed = np.einsum("nk,nkij,nj->ni", skin.weights, palette[skin.joints], local)
     return np.asarray((posed @ model.T)[:, :3])
@@ -280,7 +276,6 @@ def test_a_palette_holds_the_joints_in_use(tmp_path: Path) -> None:
     file.json["scenes"][0]["nodes"] += spare
     del file.json["skins"][0]["inverseBindMatrices"]
     (instance,) = opened(file, tmp_path).instances(0.0, 0.0, STILL)
-    assert instance.palette is not None
     assert instance.palette.shape == (2, 4, 4)
 
 

@@ -10,13 +10,11 @@ from typing import cast
 import numpy as np
 import pytest
 import torch
-from typer.testing import CliRunner
 
 import gbuffer_sets
 from flow_method import SMALL, Shadow, random_flow
 from gbuffer_sets import gbuffer_data
 from supersampler import Frame
-from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
@@ -37,6 +35,7 @@ from supersampler_model.training.flow_task import (
 )
 from supersampler_model.training.task import start_task
 from supersampler_model.training.validation import validate, validation_entries
+from upscale_runs import run
 
 SIZE = 16
 
@@ -49,7 +48,6 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 def training_frame(frame: Frame, *, reset: bool) -> TrainingFrame:
     """A frame of an analytic scene as a training set has it, all of render size."""
     assert frame.color is not None
-    assert frame.depth is not None
     assert frame.motion is not None
     nothing = np.zeros(frame.depth.shape, np.uint8)
     return TrainingFrame(
@@ -125,7 +123,6 @@ def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
             state = method.step(*(given[1][name] for name in method.inputs()), *(state or [])).history
         else:
             state = method.after_shaded(given[number], state)
-    assert state is not None
     image = method.step(*(given[3][name] for name in method.inputs()), *state).image
     with torch.no_grad():
         stepped = FlowTask(method).step([whole(found, 0)], [[]])
@@ -247,7 +244,7 @@ def test_a_run_writes_weights_and_reports_the_comparison(
     gbuffer_data(tmp_path / "set")
     arguments = ["train", "guided-flow", "--data", tmp_path / "set", "-o", tmp_path / "run", "--size", 36]
     more = ["--batch", 1, "--frames", 2, "--every", 1]
-    result = CliRunner().invoke(app, [str(word) for word in [*arguments, *more, "--steps", 2]])
+    result = run(*arguments, *more, "--steps", 2)
     assert result.exit_code == 0, result.output
     with (tmp_path / "run" / "log.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
