@@ -16,7 +16,7 @@ FRAMES = 66  # two periods of jitter, after which all is frozen
 
 @lru_cache
 def loaded(method: str, executor: str) -> Model:
-    return shared_model(method, executor=executor, threads=2)
+    return shared_model(method, executor, threads=2)
 
 
 def upscaler(method: str = "taau", executor: str = "cpu") -> Upscaler:

@@ -47,7 +47,7 @@ RUNS = [
 
 def rendered(run: Run) -> NDArray[np.uint8]:
     """Return frame 12 of a disc that crosses a panning checker, as display values."""
-    model = shared_model(run.method, executor=run.executor)
+    model = shared_model(run.method, run.executor)
     ratio = model.info.only_ratio or 2.0
     display = round(RENDER[0] * ratio), round(RENDER[1] * ratio)
     upscaler = Upscaler(model, display_size=display, extrapolation=run.extrapolation, validate="off")

@@ -101,7 +101,7 @@ EQUAL, NEAR = {False: 0.98, True: 0.8}, 0.999
 
 @cache
 def passes(name: str, display: tuple[int, int]) -> list[Pass]:
-    model = shared_model(name, executor="cpu")
+    model = shared_model(name, "cpu")
     frames = [item.frame for item in itertools.islice(Shot.open("plaza"), FRAMES)]
     frames = [with_default_gbuffers(frame, model.info.gbuffers, display) for frame in frames]
     method = load_method(name)
@@ -117,7 +117,7 @@ def hostile_pass(name: str) -> Pass:
     blocks = 255 * random.integers(0, 2, (height // 16 + 1, width // 16 + 1, 72), np.uint8)
     codes = blocks.repeat(16, axis=0).repeat(16, axis=1)[:height, :width]
     codes[: height // 4] = 255 * random.integers(0, 2, codes[: height // 4].shape, np.uint8)
-    return pass_of(shared_model(name, executor="cpu"), codes)
+    return pass_of(shared_model(name, "cpu"), codes)
 
 
 def all_passes(name: str) -> list[Pass]:

@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,8 @@ from hypothesis import strategies as st
 from fuzzing import examples
 from gpu_steps import device_or_skip
 from rest_scenes import SCENES, Pattern, RestScene, cells, flat, stripes, wave, worse_by
-from supersampler import Model, Upscaler
+from shared_models import shared_model
+from supersampler import Upscaler
 
 MEAN, QUANTILE = 1.0, 4.0
 """Limits of how much worse an image may be, 1/255 of the display."""
@@ -21,15 +21,10 @@ LONG = "SUPERSAMPLER_FUZZ" in os.environ
 ON_GPU = pytest.mark.skipif(not LONG, reason="without a GPU it takes minutes; make fuzz runs it")
 
 
-@cache
-def model(method: str, executor: Any) -> Model:
-    return Model.load(method, executor=executor, threads=1)
-
-
 def assert_never_worse(scene: RestScene, method: str, executor: str) -> None:
     options: dict[str, Any] = {"display_size": scene.display, "validate": "off"}
-    ours = Upscaler(model(method, executor), **options)
-    own = Upscaler(model(method, executor), at_rest="off", **options)
+    ours = Upscaler(shared_model(method, executor), **options)
+    own = Upscaler(shared_model(method, executor), at_rest="off", **options)
     for index, (frame, truth) in enumerate(scene.frames(4 * scene.period)):
         mean, quantile = worse_by(ours.step(frame), own.step(frame), truth)
         assert mean <= MEAN, f"frame {index}: {mean:.2f}/255"

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import make, model
+from gpu_steps import make
 from method_lists import WITH_SHADERS
 from noise import Size, noise
+from shared_models import shared_model
 from supersampler import Frame, Upscaler
 from supersampler.backends.onnx.executor import AovBlender
 from supersampler.errors import DeviceError
@@ -135,9 +136,11 @@ def test_numbers_of_channels_take_turns_after_resets() -> None:
 
 
 def test_aovs_beyond_a_binding_are_refused_with_the_number_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    limits = model("taa").gpu.device.limits
+    limits = shared_model("taa", "gpu").gpu.device.limits
     monkeypatch.setattr(
-        type(model("taa").gpu.device), "limits", {**limits, "max-storage-buffer-binding-size": 12 * 40 * 24}
+        type(shared_model("taa", "gpu").gpu.device),
+        "limits",
+        {**limits, "max-storage-buffer-binding-size": 12 * 40 * 24},
     )
     with pytest.raises(DeviceError, match=r"4 channels of AOVs .* request at most 3 channels"):
         aovs_of(make("taa"), with_aovs(0, (20, 12), 4))

@@ -168,10 +168,9 @@ def test_a_still_scene_freezes_as_in_torch_borders_included() -> None:
     assert frozen[-1] > 0.8
 
 
-@pytest.mark.parametrize("method", ["classifier", "classifier-large"])
-def test_networks_images_freeze_as_in_torch(method: str) -> None:
-    sequence = list(movers())
-    _, frozen = compare_steps(sequence, method=method, decisions=0.95)
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-large"])
+def test_moving_pixels_are_not_averaged_and_restart_the_covered_ones(method: str) -> None:
+    _, frozen = compare_steps(list(movers()), method=method, decisions=0.95)
     assert frozen[2 * PERIOD + 9] > 0.3
     assert frozen[2 * PERIOD + 20] < frozen[2 * PERIOD + 9]
 
@@ -332,12 +331,6 @@ def movers() -> Iterator[Given]:
             color[4:8, at : at + 3] = 2.0
             frame = frame_at(index, motion=motion, color=color)
         yield Given(frame)
-
-
-def test_moving_pixels_are_not_averaged_and_restart_the_covered_ones() -> None:
-    _, frozen = compare_steps(list(movers()), decisions=0.95)
-    assert frozen[2 * PERIOD + 9] > 0.3
-    assert frozen[2 * PERIOD + 20] < frozen[2 * PERIOD + 9]
 
 
 def noisy(frames: int, jitter_period: int = PERIOD) -> list[Given]:

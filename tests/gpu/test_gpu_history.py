@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import METHODS, RENDER, TOLERANCES, distance, make, model, moving
+from gpu_steps import METHODS, RENDER, TOLERANCES, distance, make, moving
 from method_lists import WITH_SHADERS
 from noise import Size
+from shared_models import shared_model
 from supersampler import Frame, halton_jitter
 from supersampler.arguments import ExecutorName
 from supersampler.backends.gpu.executor import GpuExecutor
@@ -121,7 +122,7 @@ def test_memory_and_bind_groups_do_not_grow_with_the_number_of_steps(sizes: list
 
     before = run(150)
     assert run(400) - before <= MAX_GROWTH
-    assert all(len(one._groups) <= MAX_GROUPS for one in model("taau").gpu.passes(ARRAYS))
+    assert all(len(one._groups) <= MAX_GROUPS for one in shared_model("taau", "gpu").gpu.passes(ARRAYS))
 
 
 def resident() -> int:
@@ -145,5 +146,5 @@ def test_a_step_reads_no_stale_intermediate_data(method: str) -> None:
     upscaler, other = make(method), make(method)
     images = [upscaler.step(moving(index)).copy() for index in range(3)]
     for index, image in enumerate(images):
-        spoil(model(method).gpu)
+        spoil(shared_model(method, "gpu").gpu)
         np.testing.assert_array_equal(other.step(moving(index)), image)

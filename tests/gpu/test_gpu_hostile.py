@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, distance, make, model, moving
+from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, distance, make, moving
+from shared_models import shared_model
 from supersampler import Frame
 from supersampler.backends.base import StepRequest
 
@@ -35,7 +36,7 @@ def test_a_bad_pixel_is_handled_as_on_the_cpu(method: str, name: str, value: flo
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_history_of_huge_values_gives_finite_images(method: str) -> None:
-    gpu = model(method).gpu
+    gpu = shared_model(method, "gpu").gpu
     history, next_history = (gpu.zeros(DISPLAY, RENDER) for _ in range(2))
     tensors = {name: gpu.tensor(history, name) for name in gpu.program.layout.spec.history}
     huge = {

@@ -193,7 +193,7 @@ def test_broad_objects_hide_their_background_and_their_rear_edges_leave() -> Non
 @pytest.mark.parametrize("size", [(33, 17), (5, 40), (1, 1)])
 def test_all_backends_keep_the_same_depth(method: str, executor: ExecutorName, size: tuple[int, int]) -> None:
     skip_without(executor)
-    model = shared_model(method, executor=executor)
+    model = shared_model(method, executor)
     for seed in range(4):
         frame = hostile(seed, size)
         upscaler = Upscaler(model, display_size=(2 * size[0], 2 * size[1]), validate="off")

@@ -253,7 +253,7 @@ def _session(model: Model) -> Upscaler:
 @pytest.mark.parametrize("executor", get_args(ExecutorName)[1:])
 @pytest.mark.parametrize("name", SESSION)
 def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) -> None:
-    model = shared_model("taau", executor=executor)
+    model = shared_model("taau", executor)
     disturbed, innocent = _session(model), _session(model)
     for make in HOSTILE.values():
         if refusal(lambda: SESSION[name](disturbed, make())) is None:  # noqa: B023  # called at once

@@ -43,7 +43,7 @@ def joint(folder: Path) -> Model:
 
 @pytest.fixture(scope="module")
 def classifier() -> Model:
-    return shared_model("classifier", executor="onnx", providers="cpu")
+    return shared_model("classifier", "onnx", providers="cpu")
 
 
 def make(model: Model, **options: Any) -> Upscaler:

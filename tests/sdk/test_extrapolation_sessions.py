@@ -34,7 +34,7 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(params=MADE)
 def make(request: pytest.FixtureRequest, joint: Path) -> Make:
     own = request.param == MADE[-1]
-    model = shared_model(str(joint), providers="cpu") if own else shared_model("taau", executor="onnx")
+    model = shared_model(str(joint), providers="cpu") if own else shared_model("taau", "onnx")
     name = MADE[0] if own else request.param
     return lambda **options: Upscaler(
         model, display_size=DISPLAY, extrapolation=name, validate="off", **options

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 
 from shared_models import shared_model
 from still_states import still_state
-from supersampler import ArgumentError, Frame, Model, Upscaler, halton_jitter
+from supersampler import ArgumentError, Frame, Upscaler, halton_jitter
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
@@ -23,13 +22,13 @@ PERIOD = jitter_phase_count(RATIO)
 WAYS = [("taau", "cpu"), ("taau", "onnx"), ("classifier", "cpu"), ("classifier-large", "cpu")]
 
 
-@cache
-def model(method: str, executor: Any, threads: int = 1) -> Model:
-    return shared_model(method, executor=executor, threads=threads)
-
-
 def make(method: str = "taau", executor: str = "cpu", threads: int = 1, **options: Any) -> Upscaler:
-    return Upscaler(model(method, executor, threads), display_size=DISPLAY, validate="off", **options)
+    return Upscaler(
+        shared_model(method, executor, threads=threads),
+        display_size=DISPLAY,
+        validate="off",
+        **options,
+    )
 
 
 def waves(x: Any, y: Any) -> Float32:
@@ -193,4 +192,4 @@ def test_a_state_with_values_no_step_writes_is_refused(name: str, at: Any, value
     history = {key: array.copy() for key, array in (state.history or {}).items()}
     history[f"history.{name}"][at] = value
     with pytest.raises(ArgumentError, match=match):
-        Upscaler(model("taau", "cpu"), scale=2.0).load_state(replace(state, history=history))
+        Upscaler(shared_model("taau", "cpu"), scale=2.0).load_state(replace(state, history=history))

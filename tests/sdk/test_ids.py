@@ -108,9 +108,7 @@ def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 def test_ids_are_as_defined_on_every_backend(executor: ExecutorName) -> None:
-    upscaler = Upscaler(
-        shared_model("taau", executor=executor, threads=2), display_size=DISPLAY, validate="off"
-    )
+    upscaler = Upscaler(shared_model("taau", executor, threads=2), display_size=DISPLAY, validate="off")
     history = None
     for index in range(6):
         render = (33, 25) if index == 4 else RENDER

@@ -72,7 +72,7 @@ def test_the_count_of_a_still_scene_grows() -> None:
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 @pytest.mark.parametrize("method", ["classifier", "classifier-small"])
 def test_pixels_without_history_are_classed_as_disoccluded(method: str, executor: ExecutorName) -> None:
-    model = shared_model(method, executor=executor)
+    model = shared_model(method, executor)
     upscaler = Upscaler(model, display_size=(63, 37), validate="off")
     first = stepped(upscaler, noise(0, (32, 19), reset=True), "class_map").class_map
     assert first.shape == (19, 32, 6)
@@ -84,7 +84,7 @@ def test_pixels_without_history_are_classed_as_disoccluded(method: str, executor
 
 
 def test_a_method_that_does_not_converge_has_no_such_map_and_no_such_number() -> None:
-    upscaler = Upscaler(shared_model("taa", executor="onnx"), display_size=DISPLAY, validate="off")
+    upscaler = Upscaler(shared_model("taa", "onnx"), display_size=DISPLAY, validate="off")
     with pytest.raises(ArgumentError, match="converged"):
         upscaler.step(noise(0), outputs=("converged",))
     upscaler.step(noise(0))

@@ -110,8 +110,6 @@ def test_a_fully_reactive_mask_removes_the_history(method: str, executor: str) -
         upscaler.step(replace(frame, color=dark))
         upscaler.step(replace(frame, color=dark, reset=False))
         images.append(stepped(upscaler, 4, mask()).image)
-    if method in ("taa", "taau"):
-        np.testing.assert_allclose(images[0], images[1], rtol=1e-4, atol=1e-5)
     off = np.abs(display_transform(images[0]) - display_transform(images[1]))
     assert off.mean() < 0.05  # a network sees the history, and weighs the samples of this frame by it
 

@@ -118,7 +118,7 @@ def test_recorded_calls_are_read_unchanged(models: dict[str, Model], file: Path)
 
 
 def test_recorded_tensors_are_replayed_as_tensors(file: Path) -> None:
-    with recorded(shared_model("taau", executor="onnx"), file, validate="strict") as upscaler:
+    with recorded(shared_model("taau", "onnx"), file, validate="strict") as upscaler:
         for seed in range(3):
             frame = noise(seed)
             images = {name: planes_of(getattr(frame, name)) for name in ("color", "depth", "motion")}
