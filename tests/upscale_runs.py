@@ -1,5 +1,6 @@
 """Runs of `supersampler upscale` on tiny shots that move, for its tests."""
 
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -90,6 +91,11 @@ OURS = ("--conventions", "supersampler")
 def run(*arguments: object) -> Result:
     """Run a command."""
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def said(result: Result) -> str:
+    """Return what a command has printed, as one line."""
+    return re.sub(r"[\s│╭╮╰╯─]+", " ", result.output)
 
 
 def upscale(shot: object, output: Path, *options: object, method: str = "bilinear") -> Result:

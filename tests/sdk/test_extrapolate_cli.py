@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import Result
 
 from lit_scene import LitScene
 from supersampler import Shot, Upscaler, halton_jitter
 from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
-from upscale_runs import run
+from upscale_runs import run, said
 
 SIZE, DISPLAY, PATTERN = (64, 36), (128, 72), "suusu"
 
@@ -27,10 +26,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 scene.frame(index, SIZE, frame.jitter, **over), reference=scene.truth(index, DISPLAY)
             )
     return path
-
-
-def said(result: Result) -> str:
-    return re.sub(r"[\s│╭╮╰╯─]+", " ", result.output)
 
 
 def test_upscale_renders_the_frames_that_were_not_shaded_and_resumes(folder: Path, tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 """A method that reads G-buffers gets exactly those, of the right sizes, through every API."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from typer.testing import Result
 
 from gbuffer_method import DARK, RATIO, WANTED, exported, gbuffers, lit
 from noise import noise
@@ -23,7 +21,7 @@ from supersampler.io.shot import ShotWriter, import_channels
 from supersampler.methods.gbuffers import GBUFFERS, grouped, lacking, names_of, sampled
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
-from upscale_runs import run
+from upscale_runs import run, said
 
 RENDER, DISPLAY = (32, 18), (64, 36)
 
@@ -247,10 +245,6 @@ def broken(folder: Path, tmp_path: Path) -> Path:
             content = file.read_bytes()
             copy.write_bytes(content[: len(content) // 2] if "display" in file.parts else content)
     return tmp_path / "broken"
-
-
-def said(result: Result) -> str:
-    return re.sub(r"[\s│╭╮╰╯─]+", " ", result.output)
 
 
 def test_upscale_hands_a_shot_s_buffers_to_a_model_that_reads_them(

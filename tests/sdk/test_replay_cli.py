@@ -10,7 +10,7 @@ from noise import noise
 from supersampler import Upscaler
 from supersampler.io.images import read_exr
 from supersampler.recording import CALL, OUTCOME
-from upscale_runs import run, write_shot
+from upscale_runs import images, run, write_shot
 
 COUNT = 4
 
@@ -30,10 +30,6 @@ def file(shot: Path, tmp_path: Path) -> Path:
     return tmp_path / "a.recording"
 
 
-def image_files(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.exr"))}
-
-
 def test_a_replay_of_an_upscaled_shot_is_the_same_images(file: Path, tmp_path: Path) -> None:
     done = run("replay", file, "-o", tmp_path / "again")
     assert done.exit_code == 0
@@ -41,7 +37,7 @@ def test_a_replay_of_an_upscaled_shot_is_the_same_images(file: Path, tmp_path: P
     assert head == f"{file}: taau, to 64x36"
     assert recorded.replace("recorded", "here    ") == here
     assert verdict == f"{COUNT} of {COUNT} frames are bit-identical to the recorded ones."
-    assert image_files(tmp_path / "again") == image_files(tmp_path / "out")
+    assert images(tmp_path / "again") == images(tmp_path / "out")
 
 
 def test_another_executor_is_reported_and_tolerated(file: Path) -> None:
@@ -62,11 +58,11 @@ def test_another_image_is_exit_code_1(file: Path, tmp_path: Path) -> None:
 
 
 def test_a_recording_of_existing_frames_holds_all_of_them(file: Path, shot: Path, tmp_path: Path) -> None:
-    before = image_files(tmp_path / "out")
+    before = images(tmp_path / "out")
     again = ("upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record", tmp_path / "b")
     assert run(*again).exit_code == 0
     assert f"{COUNT} of {COUNT} frames are bit-identical" in run("replay", tmp_path / "b").stdout
-    assert image_files(tmp_path / "out") == before
+    assert images(tmp_path / "out") == before
 
 
 def test_refused_frames_warnings_and_an_early_end_are_reported(tmp_path: Path) -> None:
