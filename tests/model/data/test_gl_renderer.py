@@ -132,7 +132,7 @@ def test_pixel_truth_is_coverage_by_kind_of_object(renderer: Renderer) -> None:
     "light",
     [
         {"sun": Sun(direction=(0.0, -1.0, 0.0), color=(1.0, 1.0, 1.0), radius=3.0)},
-        {"spot": Spot((0, 40, 0), (0, 0, 0), (9, 9, 9), inner=9.0, outer=10.0, reach=99.0)},
+        {"spot": Spot(position=(0, 40, 0), target=(0, 0, 0), color=(9, 9, 9), inner=9, outer=10, reach=99)},
     ],
     ids=["sun", "spot"],
 )
