@@ -15,15 +15,7 @@ from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.arguments import ExecutorName
 from supersampler.frame import Float32
 from supersampler_model import ops
-from supersampler_model.data.scenes.analytic import (
-    EXTENT,
-    FAR,
-    NEAR,
-    AnalyticScene,
-    SurfaceSample,
-    Values,
-    grey,
-)
+from supersampler_model.data.scenes import analytic
 from supersampler_model.ops.motion import occluding_depth, usable_depth, usable_motion
 
 RENDER, DISPLAY, RATIO = (96, 54), (192, 108), 2.0
@@ -62,7 +54,7 @@ def kept_depth(upscaler: Upscaler, frame: Frame) -> Float32:
 
 
 @dataclass(frozen=True)
-class Wire(AnalyticScene):
+class Wire(analytic.AnalyticScene):
     """A dark wire, 0.6 render pixels wide, in front of a static light wall.
 
     Attributes:
@@ -74,29 +66,29 @@ class Wire(AnalyticScene):
     level: bool = False
 
     WALL, DARK, START, LEAN = 0.9, 0.02, 8.3, 0.05
-    WIDTH = 0.6 * EXTENT[0] / RENDER[0]
+    WIDTH = 0.6 * analytic.EXTENT[0] / RENDER[0]
 
     @property
     def step(self) -> float:
         """Units a frame."""
-        return self.speed * EXTENT[0] / RENDER[0]
+        return self.speed * analytic.EXTENT[0] / RENDER[0]
 
-    def middle(self, index: int, y: Values) -> Values:
+    def middle(self, index: int, y: analytic.Values) -> analytic.Values:
         """Return the position of a vertical wire at these heights, units."""
         return self.START + self.step * index + self.LEAN * y
 
-    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
+    def surface(self, index: int, x: analytic.Values, y: analytic.Values) -> analytic.SurfaceSample:
         """Return the wire where it is, else the wall."""
-        off = y - 0.51 * EXTENT[1] if self.level else x - self.middle(index, y)
+        off = y - 0.51 * analytic.EXTENT[1] if self.level else x - self.middle(index, y)
         is_wire = np.abs(off) < 0.5 * self.WIDTH
-        depth = np.where(is_wire, NEAR, FAR)
+        depth = np.where(is_wire, analytic.NEAR, analytic.FAR)
         motion = np.where(is_wire[..., None], (-self.step, 0.0), 0.0)
         toward = np.broadcast_to((0.0, 0.0, 1.0), (*x.shape, 3))
-        color = grey(np.where(is_wire, self.DARK, self.WALL))
-        return SurfaceSample(color, depth, motion, depth, toward, toward)
+        color = analytic.grey(np.where(is_wire, self.DARK, self.WALL))
+        return analytic.SurfaceSample(color, depth, motion, depth, toward, toward)
 
 
-def last_image(upscaler: Upscaler, scene: AnalyticScene) -> Float32:
+def last_image(upscaler: Upscaler, scene: analytic.AnalyticScene) -> Float32:
     """Return the image of the last of FRAMES frames."""
     for index in range(FRAMES):
         image = upscaler.step(scene.frame(index, RENDER, halton_jitter(index, RATIO)))
@@ -105,7 +97,7 @@ def last_image(upscaler: Upscaler, scene: AnalyticScene) -> Float32:
 
 def trace(upscaler: Upscaler, speed: float) -> float:
     """Return the sum of the wall's errors where an upright wire was before, as a fraction of a whole wire."""
-    scene, scale = Wire(speed), DISPLAY[0] / EXTENT[0]
+    scene, scale = Wire(speed), DISPLAY[0] / analytic.EXTENT[0]
     left = int((scene.middle(FRAMES - 1, np.zeros(1))[0] - 2.0) * scale)
     error = np.abs(last_image(upscaler, scene)[:, :left].mean(axis=2) - scene.WALL).sum()
     whole = (scene.WALL - scene.DARK) * scene.WIDTH * scale * DISPLAY[1]
