@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler import Frame
-from supersampler.conventions import Conventions
+from supersampler import Conventions, Frame, Shot
 from supersampler.io.images import write_exr
-from supersampler.io.shot import Shot
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 SIZE, DISPLAY_SIZE = (64, 36), (128, 72)

@@ -7,8 +7,7 @@ import numpy as np
 
 from noise import noise
 from shared_models import shared_model
-from supersampler import Frame, Model, Upscaler, halton_jitter
-from supersampler.history import State
+from supersampler import Frame, Model, State, Upscaler, halton_jitter
 
 RENDER, DISPLAY = (40, 24), (80, 48)
 FRAMES = 66  # two periods of jitter, after which all is frozen

@@ -12,9 +12,8 @@ import pytest
 
 from fuzzing import damaged, dumped, examples, replaced, run_apart
 from noise import noise
-from supersampler import ShotError
+from supersampler import Conventions, ShotError
 from supersampler.cli.results import RunRecord, read_run_record
-from supersampler.conventions import Conventions
 from supersampler.io.files import JSON_BYTES
 from supersampler.io.shot import Shot, ShotWriter, open_source
 

@@ -10,11 +10,10 @@ from gpu_steps import make
 from method_lists import WITH_SHADERS
 from noise import Size, noise
 from shared_models import shared_model
-from supersampler import Frame, Upscaler
+from supersampler import Frame, StepResult, Upscaler
 from supersampler.backends.onnx.executor import AovBlender
 from supersampler.errors import DeviceError
 from supersampler.frame import Float32
-from supersampler.history import StepResult
 from supersampler.methods.model_file import read_upscaling_info
 
 SIZES: list[tuple[Size, Size]] = [

@@ -12,7 +12,7 @@ import pytest
 
 from gpu_steps import moving
 from shared_models import shared_model
-from supersampler import Frame, Upscaler
+from supersampler import Frame, Model, Upscaler
 from supersampler.backends.gpu import device as devices
 from supersampler.backends.gpu.device import LIMITS, SIZES, TEXTURE_SIDE
 from supersampler.backends.gpu.passes import Pass
@@ -20,7 +20,6 @@ from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
 from supersampler.backends.gpu.shader import reachable_code
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.methods.executors import with_shaders
-from supersampler.model import Model
 
 SDK = Path(devices.__file__).parents[2]
 

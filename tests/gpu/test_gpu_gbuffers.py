@@ -8,10 +8,8 @@ import pytest
 
 from gpu_steps import make
 from noise import Size, noise
-from supersampler import Frame, halton_jitter
-from supersampler.errors import FrameError
+from supersampler import Frame, FrameError, StepResult, halton_jitter
 from supersampler.frame import Array, Float32
-from supersampler.history import StepResult
 from supersampler.io.display import display_transform
 from supersampler.methods.gbuffer_fast.spec import GBUFFERS_READ
 from supersampler.methods.gbuffers import GBUFFERS

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from supersampler import ArgumentError, ShotError
+from supersampler import ArgumentError, Conventions, ShotError
 from supersampler.cli.arguments import source_notes
-from supersampler.conventions import Conventions
 from supersampler.io.images import Metadata, TypedValues, read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
 from supersampler.io.shot.named_channels import _NAMES, recognised_map

@@ -18,14 +18,13 @@ import numpy as np
 import pytest
 import typer
 
+from supersampler import Conventions, Upscaler
 from supersampler.cli import app
 from supersampler.cli.app import EXTRAS, TOOLS
 from supersampler.cli.results import DEMO, SOURCE, read_run_record
-from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler.methods.registry import methods
-from supersampler.upscaler import Upscaler
 from upscale_runs import DISPLAY_SIZE, images, interrupt_at, moving, pixels, refusal, run, write_shot
 
 COUNT = 6

@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageInput
 
-from supersampler.errors import ArgumentError
-from supersampler.frame import Frame
+from supersampler import ArgumentError, Frame
 from supersampler.io.compare import ERROR_SCALE, PSNR, About, compare_layers, compare_page, false_color
 from supersampler.io.display_transforms import display_transform_from
 

@@ -12,10 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from supersampler import ArgumentError, FrameError, jittered_projection
 from supersampler.conventions import PRESETS, Conventions, RawFrame
 from supersampler.conventions.encodings import DepthKind
-from supersampler.conventions.jitter import jittered_projection
-from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Float32, Frame, Size
 
 KINDS: list[DepthKind] = ["reversed_infinite", "reversed", "forward_infinite", "forward", "linear"]

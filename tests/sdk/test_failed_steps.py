@@ -13,9 +13,8 @@ import pytest
 
 from cpu_models import cpu_model
 from rest_scenes import RestScene, wave
-from supersampler import Frame, Upscaler
+from supersampler import Frame, State, Upscaler
 from supersampler.backends.cpu.library import CpuLibrary, Outputs
-from supersampler.history import State
 
 CHANGES, FRAMES = 20, 28
 STAGES = 8

@@ -9,8 +9,7 @@ import pytest
 from OpenImageIO import ImageBuf, ImageBufAlgo, ImageOutput, ImageSpec, MakeTxTexture, TypeDesc
 
 from exr_parts import write_parts
-from supersampler import ArgumentError, ShotError
-from supersampler.conventions import Conventions
+from supersampler import ArgumentError, Conventions, ShotError
 from supersampler.conventions.encodings import srgb_decoded
 from supersampler.io.images import read_exr, read_header, read_image, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source

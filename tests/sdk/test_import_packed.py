@@ -11,9 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from supersampler import ArgumentError, ShotError
+from supersampler import ArgumentError, Conventions, ShotError
 from supersampler.cli.app import app
-from supersampler.conventions import Conventions
 from supersampler.io.images import write_png
 from supersampler.io.shot import Shot, import_channels
 

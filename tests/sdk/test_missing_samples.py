@@ -8,8 +8,7 @@ import torch
 
 from gpu_steps import device_or_skip
 from method_backends import BACKENDS, make
-from supersampler import Frame, Upscaler, halton_jitter
-from supersampler.errors import ArgumentError
+from supersampler import ArgumentError, Frame, Upscaler, halton_jitter
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_model.ops.color import filled
 

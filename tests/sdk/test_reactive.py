@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from method_backends import BACKENDS, RENDER, display_of, frame_for, make
 from noise import noise
-from supersampler import Frame, FrameError, Upscaler, halton_jitter
+from supersampler import Frame, FrameError, StepResult, Upscaler, halton_jitter
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
-from supersampler.history import StepResult
 from supersampler.io.display import display_transform
 
 TEMPORAL = [(method, kind) for method, kind in BACKENDS if method not in ("bilinear", "bicubic")]

@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from supersampler import Conventions, FrameError, RawFrame
 from supersampler.arguments import ieee_arithmetic
-from supersampler.conventions import Conventions, RawFrame
-from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame
 from supersampler.validation.probe import (
     DepthOrder,

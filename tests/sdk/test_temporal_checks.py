@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler.conventions import Conventions
+from supersampler import Conventions, Frame
 from supersampler.errors import FrameError, FrameWarning
-from supersampler.frame import Frame
 from supersampler.validation import FrameChecker
 from supersampler.validation.probe import FrameProbe
 from supersampler.validation.rankings import SURE, Detection, Hypothesis, Verdict, ranked

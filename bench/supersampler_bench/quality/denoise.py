@@ -11,14 +11,13 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from supersampler import ArgumentError, Shot, ShotError
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.denoising.oidn import FrameDenoiser, Guides
 from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
 from supersampler.denoising.spec import REACH
-from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.io.display import ExposureMeter, missing_pixels
-from supersampler.io.shot import Shot
 from supersampler.sequence.backward_motion import scattered_motion
 from supersampler_bench.quality import denoise_record, metrics
 from supersampler_bench.quality.denoise_references import (

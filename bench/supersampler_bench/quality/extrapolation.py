@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from supersampler.errors import ArgumentError, ShotError
+from supersampler import ArgumentError, ShotError, Upscaler
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import lacking, listed, names_of
@@ -24,7 +24,6 @@ from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.model_info import ModelInfo
 from supersampler.sequence.both_ways import buffers_of
 from supersampler.sequence.interpolation import interpolator_of
-from supersampler.upscaler import Upscaler
 from supersampler_bench.quality import masks, measure, metrics
 from supersampler_bench.quality.score_table import COLUMNS as QUALITY_COLUMNS
 from supersampler_bench.quality.score_table import Column, sizes

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supersampler import Frame, FrameError
-from supersampler.conventions.jitter import halton_jitter
+from supersampler import Frame, FrameError, halton_jitter
 from supersampler.frame import Array
 from supersampler.io.display import display_transform
 from supersampler_bench.fsr1 import Fsr1, easu_weights, filtered, rcas

@@ -14,8 +14,7 @@ import torch
 import gbuffer_sets
 from flow_method import SMALL, Shadow, random_flow
 from gbuffer_sets import gbuffer_data
-from supersampler import Frame
-from supersampler.errors import ArgumentError
+from supersampler import ArgumentError, Frame
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.data.labels import Ghost
