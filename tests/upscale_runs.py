@@ -98,11 +98,15 @@ def said(result: Result) -> str:
     return re.sub(r"[\s│╭╮╰╯─]+", " ", result.output)
 
 
+def succeeded(result: Result) -> Result:
+    """Return the result of a command, which must have succeeded."""
+    assert result.exit_code == 0, result.output
+    return result
+
+
 def upscale(shot: object, output: Path, *options: object, method: str = "bilinear") -> Result:
     """Run `upscale`, which must succeed."""
-    done = run("upscale", shot, "-o", output, "--method", method, *options)
-    assert done.exit_code == 0, done.output
-    return done
+    return succeeded(run("upscale", shot, "-o", output, "--method", method, *options))
 
 
 def refusal(*arguments: object) -> str:

@@ -21,7 +21,7 @@ from supersampler.io.shot import ShotWriter, import_channels
 from supersampler.methods.gbuffers import GBUFFERS, grouped, lacking, names_of, sampled
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
-from upscale_runs import run, said
+from upscale_runs import run, said, succeeded
 
 RENDER, DISPLAY = (32, 18), (64, 36)
 
@@ -267,8 +267,7 @@ def test_a_shot_without_buffers_of_render_size_is_upscaled_by_those_of_display_s
     frame = replace(lit(1), gbuffer=None)
     with ShotWriter(tmp_path / "shot", name="shot", display_size=DISPLAY, frame_rate=24) as writer:
         writer.write(frame)
-    done = run("upscale", tmp_path / "shot", "--model", gbuffer_model, "-o", tmp_path / "out")
-    assert done.exit_code == 0, said(done)
+    succeeded(run("upscale", tmp_path / "shot", "--model", gbuffer_model, "-o", tmp_path / "out"))
     written = read_exr(tmp_path / "out/0000.exr")
     expected = Upscaler(gbuffer_model, display_size=DISPLAY).step(frame).astype(np.float16)
     np.testing.assert_array_equal(np.stack([written[c] for c in "RGB"], -1), expected)

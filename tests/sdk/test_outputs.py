@@ -18,7 +18,7 @@ from supersampler.io.display import display_transform, to_uint16
 from supersampler.io.images import read_exr, read_image, write_exr, write_png
 from supersampler.io.shot import ShotWriter
 from supersampler.validation import FrameChecker
-from upscale_runs import OURS, run, upscale
+from upscale_runs import OURS, run, succeeded, upscale
 
 DISPLAY = (64, 36)
 STILL = np.zeros((18, 32, 2), np.float32)
@@ -174,8 +174,7 @@ def test_alpha_of_a_shot_ends_in_the_exr_files(tmp_path: Path) -> None:
         writer.write(noise(seed, aovs=np.full((18, 32, 1), 0.5, np.float32)))
     out = tmp_path / "out"
     arguments = ["upscale", str(tmp_path / "shot"), "-o", str(out), "--compare", "--maps"]
-    result = run(*arguments, "--method", "taau")
-    assert result.exit_code == 0, result.output
+    succeeded(run(*arguments, "--method", "taau"))
     channels = read_exr(out / "0001.exr")
     assert set(channels) == {"R", "G", "B", "A"}
     np.testing.assert_allclose(channels["A"], 0.5, atol=1e-3)
@@ -274,8 +273,7 @@ def test_frames_of_png_with_alpha_come_back_alike_and_are_multiplied_in_exr(tmp_
     channels = """{"color": ["color/c.*.png:R", "color/c.*.png:G", "color/c.*.png:B"], "depth": "Z",
         "aovs": "color/c.*.png:A", "motion": ["motion.X", "motion.Y"]}"""
     options = ("--channels", channels, "--conventions", '{"srgb": true}')
-    done = run("import", tmp_path / "in", "-o", tmp_path / "shot", *options)
-    assert done.exit_code == 0, done.output
+    succeeded(run("import", tmp_path / "in", "-o", tmp_path / "shot", *options))
     for source, given in (("in", options), ("shot", ())):
         out = tmp_path / f"of {source}"
         upscale(tmp_path / source, out, *given, "--scale", "1", "--format", "png", "--format", "exr")

@@ -24,7 +24,7 @@ from supersampler_bench.shots.public_shots import (
 from supersampler_bench.shots.rendering import frames_there, render_test_shot, render_test_shots
 from supersampler_model.data.errors import DataError
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES
-from upscale_runs import run
+from upscale_runs import run, succeeded
 
 TINY = TestShots(
     seeds={"gallery": 5, "court": 3}, frames=10, display_size=(48, 28), ratios=(1.5, 2.0), samples=4
@@ -195,13 +195,11 @@ def test_the_bench_measures_all_test_shots_and_their_mean(
     monkeypatch.setattr(public_shots, "APART_SHOTS", (TINY_APART,))
     monkeypatch.setattr(public_shots, "FROZEN", tmp_path / "frozen.json")
     monkeypatch.setenv(public_shots.CACHE_VARIABLE, str(cache))
-    shots = run("bench", "shots", "--freeze")
-    assert shots.exit_code == 0, shots.output
+    shots = succeeded(run("bench", "shots", "--freeze"))
     assert shots.stdout.count("yes") == 6
     values = tmp_path / "values.json"
     command = ["bench", "quality", "test-shots", "--ratio", "1.5,2", "--methods", "bilinear,taau"]
-    done = run(*command, "--json", values)
-    assert done.exit_code == 0, done.output
+    done = succeeded(run(*command, "--json", values))
     assert done.stderr == ""
     record = json.loads(values.read_text(encoding="utf-8"))
     assert [(s["name"], s["ratio"], s["as_frozen"]) for s in record["shots"]] == [
@@ -236,8 +234,7 @@ def test_the_bench_without_a_cache_names_the_command_that_makes_one(tmp_path: Pa
 def test_one_command_renders_the_shipped_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("supersampler_model.data.product_shot.DISPLAY_SIZE", (32, 18))
     monkeypatch.setattr("supersampler_model.data.product_shot.FRAMES", 13)
-    done = run("bench", "product-shot", tmp_path / "plaza")
-    assert done.exit_code == 0, done.output
+    succeeded(run("bench", "product-shot", tmp_path / "plaza"))
     shot = Shot.open(tmp_path / "plaza")
     assert (shot.name, shot.render_size, len(shot), shot.reference_indices) == (
         "plaza",

@@ -34,7 +34,7 @@ from supersampler_model.training.flow_task import (
 )
 from supersampler_model.training.task import start_task
 from supersampler_model.training.validation import validate, validation_entries
-from upscale_runs import run
+from upscale_runs import run, succeeded
 
 SIZE = 16
 
@@ -243,8 +243,7 @@ def test_a_run_writes_weights_and_reports_the_comparison(
     gbuffer_data(tmp_path / "set")
     arguments = ["train", "guided-flow", "--data", tmp_path / "set", "-o", tmp_path / "run", "--size", 36]
     more = ["--batch", 1, "--frames", 2, "--every", 1]
-    result = run(*arguments, *more, "--steps", 2)
-    assert result.exit_code == 0, result.output
+    succeeded(run(*arguments, *more, "--steps", 2))
     with (tmp_path / "run" / "log.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["step"] for row in rows] == ["1.0", "2.0"]
