@@ -146,11 +146,11 @@ def test_arguments_that_do_not_belong_together_are_refused() -> None:
     with pytest.raises(ArgumentError, match=r"upscalers\[1\] is of another Model"):
         Upscaler.step_many([views[0], *cameras(shared_model("bicubic"))[1:]], frames)
     with pytest.raises(ArgumentError, match=r"upscalers\[2\] is None; want an Upscaler"):
-        Upscaler.step_many([views[0], views[1], None], frames[:3])  # type: ignore[list-item]
+        Upscaler.step_many([views[0], views[1], None], frames[:3])
     with pytest.raises(ArgumentError, match=r"upscalers is <.*Upscaler.*>; want a sequence"):
         Upscaler.step_many(views[0], frames)  # type: ignore[call-overload]
     with pytest.raises(ArgumentError, match="view 0: frame is"):
-        Upscaler.step_many(views[:1], [None])  # type: ignore[list-item]
+        Upscaler.step_many(views[:1], [None])
     views[1].close()
     with pytest.raises(ArgumentError, match="view 1: upscaler is closed"):
         Upscaler.step_many(views, frames)
