@@ -9,7 +9,6 @@ from supersampler.frame import Array, Frame
 
 def compact(frame: Frame) -> Frame:
     """Round depth to 12 bits, colour to 7, and motion to 1 / 64 pixel."""
-    assert frame.color is not None
     motion = np.round(frame.motion * 64.0) / 64.0
     return replace(
         frame,

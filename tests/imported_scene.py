@@ -27,9 +27,7 @@ MAP = {"color": ["R", "G", "B"], "depth": "depth.V", "motion": ["motion/*.exr:R"
 
 
 def color(index: int) -> np.ndarray:
-    rgb = SCENE.frame(index, SIZE, JITTER).color
-    assert rgb is not None
-    return rgb
+    return SCENE.frame(index, SIZE, JITTER).color
 
 
 def distance() -> np.ndarray:

@@ -50,7 +50,5 @@ def still_state(method: str = "taau", executor: str = "cpu") -> State:
     for index in range(FRAMES):
         made.step(frame(index))
     state = made.save_state()
-    assert state.history is not None
-    assert state.shaded is not None
     history = {**state.history, "history.aovs": aovs["history.aovs"]}
     return State(state.method, state.display_size, state.render_size, history, dict(state.shaded))

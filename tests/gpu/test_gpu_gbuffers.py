@@ -84,7 +84,6 @@ def test_g_buffers_have_an_effect() -> None:
 
 def darkened(frame: Frame) -> dict[str, Array]:
     """The G-buffers of the display, with half the base colour."""
-    assert frame.gbuffer_display is not None
     buffers = dict(frame.gbuffer_display)
     return buffers | {"base_color": buffers["base_color"] * np.float32(0.5)}
 

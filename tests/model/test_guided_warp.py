@@ -55,7 +55,6 @@ def test_a_textured_plane_that_pans_is_reproduced(velocity: tuple[float, float])
     now, then = scene.frame(1, SIZE, jitters[1]), scene.frame(0, SIZE, jitters[0])
     inner = np.s_[9:-9, 9:-9]
     assert off(second_of(scene, jitters), now)[inner].mean() < 0.06
-    assert then.color is not None
     moved = np.roll(then.color, np.round(velocity).astype(int), axis=(1, 0))
     assert off(moved, now)[inner].mean() > 0.4  # its texture is as fine as pixels
 
@@ -82,7 +81,6 @@ def test_disoccluded_pixels_take_light_from_similar_surfaces_nearby() -> None:
     image, now = second_of(scene), scene.frame(1, SIZE)
     assert off(image, now)[uncovered].mean() < 0.12
     before = scene.frame(0, SIZE).color
-    assert before is not None
     assert off(before, now)[uncovered].mean() > 1.0
 
 

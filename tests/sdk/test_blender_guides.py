@@ -54,7 +54,6 @@ def denoised_frames(folder: Path, *, surface: bool = True) -> tuple[Path, np.nda
 
 def gbuffer(shot: Shot, index: int = 0) -> dict[str, np.ndarray]:
     found = shot.read(index).frame.gbuffer
-    assert found is not None
     return dict(found)
 
 

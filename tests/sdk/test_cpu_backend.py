@@ -47,9 +47,7 @@ def step_both(
 
 
 def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
-    history = upscaler.save_state().history
-    assert history is not None
-    return history
+    return upscaler.save_state().history
 
 
 def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, float] = ROUNDING) -> None:

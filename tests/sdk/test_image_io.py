@@ -200,7 +200,6 @@ def decoded(path: Path) -> np.ndarray:
     image = ImageInput.open(str(path))
     pixels = image.read_image("uint8")
     image.close()
-    assert pixels is not None
     return pixels
 
 

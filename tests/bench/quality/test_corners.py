@@ -54,7 +54,6 @@ def after(*frames: dict[str, Array], motion: Array = STILL, ratio: float = 2.0) 
     truths = CornerTruths(ratio)
     for index, frame in enumerate(frames):
         truth = truths.next(frame, motion, NOWHERE, reset=index == 0)
-    assert truth is not None
     return truth
 
 
