@@ -62,3 +62,13 @@ def renderer() -> "Renderer":
     from supersampler_model.data.renderer.renderer import Renderer
 
     return Renderer((160, 90))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def device(request: pytest.FixtureRequest) -> Any:
+    """Return the device for tests in gpu/; without one all of them are skipped, with the reason."""
+    if request.path.parent.name != "gpu":
+        return None
+    from gpu_steps import device_or_skip
+
+    return device_or_skip()

@@ -14,7 +14,7 @@ def bytes_of(method: str) -> bytes:
     """Return the bytes of a shipped model."""
     spec = find_method(method)
     assert spec is not None
-    return model_bytes(shared_model(method, executor="onnx").info, spec)
+    return model_bytes(shared_model(method, "onnx").info, spec)
 
 
 def cpu_executor(method: str, threads: int = 1, instructions: str = "", **options: Any) -> CpuExecutor:
@@ -25,5 +25,5 @@ def cpu_executor(method: str, threads: int = 1, instructions: str = "", **option
 
 def cpu_model(method: str, threads: int = 1, **options: Any) -> Model:
     """Return a shipped model; see `ss_options`."""
-    info = shared_model(method, executor="onnx").info
+    info = shared_model(method, "onnx").info
     return Model(info, cpu_executor(method, threads, **options), threads)

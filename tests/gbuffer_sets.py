@@ -9,16 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler import halton_jitter
-from supersampler_model.data.dataset.storage import (
-    Dataset,
-    Description,
-    Rerendered,
-    SequenceEntry,
-    TrainingFrame,
-    create_dataset,
-    write_rerendered,
-    write_training_frame,
-)
+from supersampler_model.data.dataset import storage
 from supersampler_model.data.scenes.analytic import EXTENT, Values, places
 from supersampler_model.data.specs import SequenceSpec
 from supersampler_model.methods.gbuffer_surfaces import Surfaces
@@ -28,40 +19,42 @@ VELOCITY = np.array([1.7, -0.8])  # display pixels a frame
 FRAMES = 10
 
 
-def gbuffer_data(folder: Path, ratio: int = 2, *, gbuffers: bool = True) -> Dataset:
+def gbuffer_data(folder: Path, ratio: int = 2, *, gbuffers: bool = True) -> storage.Dataset:
     """Write a sequence to train on and one to validate on, at ratio 1 and rendered again at another."""
     entries = tuple(
-        SequenceEntry(spec=SequenceSpec(family="fences", seed=1, frames=FRAMES), ratio=1.0, split=split)
+        storage.SequenceEntry(
+            spec=SequenceSpec(family="fences", seed=1, frames=FRAMES), ratio=1.0, split=split
+        )
         for split in ("train", "validation")
     )
-    description = Description(
+    description = storage.Description(
         display_size=DISPLAY, samples=1, gbuffers=gbuffers, seed=0, sequences=entries
     )  # fmt: skip
-    made = create_dataset(folder, description)
+    made = storage.create_dataset(folder, description)
     again = made.at(ratio)
     for entry, other in zip(entries, again.entries(), strict=True):
         for index in range(FRAMES):
-            write_training_frame(made.path(entry, index), frame(index, gbuffers=gbuffers))
-            write_rerendered(again.rerendered_path(other, index), rendered(index, ratio))
+            storage.write_training_frame(made.path(entry, index), frame(index, gbuffers=gbuffers))
+            storage.write_rerendered(again.rerendered_path(other, index), rendered(index, ratio))
     return made
 
 
-def frame(index: int, *, gbuffers: bool = True) -> TrainingFrame:
+def frame(index: int, *, gbuffers: bool = True) -> storage.TrainingFrame:
     there = surface(index, DISPLAY, (0.0, 0.0))
     color, depth, motion, jitter, _ = rendered(index, 1)
     alias = (there["roughness"] > 0.6).astype(np.uint8)
-    return TrainingFrame(
+    return storage.TrainingFrame(
         color=color, depth=depth, motion=motion, jitter=jitter, reset=index == 0, exposure=1.0 + 0.1 * index,
         reference=there["base_color"].astype(np.float16), ghost=np.zeros_like(alias), alias=alias,
         gbuffer_display=there if gbuffers else None,
     )  # fmt: skip
 
 
-def rendered(index: int, ratio: int) -> Rerendered:
+def rendered(index: int, ratio: int) -> storage.Rerendered:
     size, jitter = (DISPLAY[0] // ratio, DISPLAY[1] // ratio), halton_jitter(index, float(ratio))
     seen = surface(index, size, jitter)
     motion = np.broadcast_to(-VELOCITY / ratio, (*size[::-1], 2))
-    return Rerendered(
+    return storage.Rerendered(
         color=seen["base_color"].astype(np.float16),  # everything shines by itself
         depth=seen.pop("depth"),
         motion=motion.astype(np.float16),

@@ -11,7 +11,7 @@ import pytest
 from method_lists import WITH_SHADERS
 from noise import Size
 from shared_models import shared_model
-from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.gpu.device import default_device
 from supersampler.errors import DeviceError
 from supersampler.frame import Float32
@@ -35,14 +35,9 @@ def device_or_skip() -> Any:
         pytest.skip(str(error))
 
 
-@cache
-def model(method: str, executor: Any = "gpu") -> Model:
-    return shared_model(method, executor=executor)
-
-
 def make(method: str, executor: Any = "gpu", display: Size = DISPLAY, **options: Any) -> Upscaler:
     fixed: dict[str, Any] = {"validate": "off", **options}
-    return Upscaler(model(method, executor), display_size=display, **fixed)
+    return Upscaler(shared_model(method, executor), display_size=display, **fixed)
 
 
 @cache

@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler import Frame
-from supersampler.conventions import Conventions
+from supersampler import Conventions, Frame, Shot
 from supersampler.io.images import write_exr
-from supersampler.io.shot import Shot
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 SIZE, DISPLAY_SIZE = (64, 36), (128, 72)
@@ -29,9 +27,7 @@ MAP = {"color": ["R", "G", "B"], "depth": "depth.V", "motion": ["motion/*.exr:R"
 
 
 def color(index: int) -> np.ndarray:
-    rgb = SCENE.frame(index, SIZE, JITTER).color
-    assert rgb is not None
-    return rgb
+    return SCENE.frame(index, SIZE, JITTER).color
 
 
 def distance() -> np.ndarray:
@@ -55,7 +51,6 @@ def assert_is_the_scene(shot: Shot) -> None:
     before: Frame | None = None
     for index, item in enumerate(shot):
         frame = item.frame
-        assert frame.color is not None
         np.testing.assert_allclose(frame.color, color(index), atol=1e-3)
         assert frame.jitter == pytest.approx(JITTER)
         assert frame.reset == (index in (0, CUT))

@@ -1,11 +1,10 @@
 """All shipped methods on the backends of the CPU that have them, and frames that all of them take."""
 
-from functools import cache
 from typing import Any
 
 from noise import noise
 from shared_models import shared_model
-from supersampler import Frame, Model, Upscaler
+from supersampler import Frame, Upscaler
 from supersampler.conventions.jitter import only_ratio
 from supersampler.methods.model_file import find_model, model_names, read_model_info
 from supersampler.methods.registry import methods
@@ -13,11 +12,6 @@ from supersampler_bench.specs import with_default_gbuffers
 
 RENDER = (17, 13)
 DISPLAY = (33, 25)
-
-
-@cache
-def model(method: str, executor: Any) -> Model:
-    return shared_model(method, executor=executor)
 
 
 def display_of(method: str) -> tuple[int, int]:
@@ -37,7 +31,7 @@ BACKENDS = [
 
 def make(method: str, executor: Any, **options: Any) -> Upscaler:
     fixed: dict[str, Any] = {"validate": "off", **options}
-    return Upscaler(model(method, executor), display_size=display_of(method), **fixed)
+    return Upscaler(shared_model(method, executor), display_size=display_of(method), **fixed)
 
 
 def frame_for(upscaler: Upscaler, index: int, **fields: Any) -> Frame:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shared_models import shared_model
 from supersampler import Model, Upscaler
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler.recording import _crc_of, open_recording
@@ -15,18 +16,15 @@ from supersampler.recording.replay import Replay, Replayed
 DISPLAY = (64, 36)
 
 
-def recorded(model: Model, file: Path, **arguments: Any) -> Upscaler:
+def recorded(file: Path, model: Model | None = None, **arguments: Any) -> Upscaler:
+    """Return an Upscaler that records its calls, of `taau` by default."""
+    model = model or shared_model("taau")
     return Upscaler(model, **{"display_size": DISPLAY, "validate": "off", "record": file, **arguments})
 
 
 def replayed(file: Path, **arguments: Any) -> list[Replayed]:
     replay = Replay(open_recording(file), **arguments)
     return [step for step in map(replay.call, replay.recording) if step is not None]
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    files = [path for path in folder.rglob("*") if path.is_file()]
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def read(path: Path) -> tuple[str, dict[str, NDArray[Any]]]:

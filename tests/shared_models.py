@@ -7,6 +7,6 @@ from supersampler import Model
 
 
 @cache
-def shared_model(method: str, **options: Any) -> Model:
-    """Return `Model.load(method, **options)`, on one thread by default."""
-    return Model.load(method, **{"threads": 1, **options})
+def shared_model(method: str, executor: Any = "auto", **options: Any) -> Model:
+    """Return `Model.load(method, executor, **options)`, on one thread by default."""
+    return Model.load(method, executor=executor, **{"threads": 1, **options})

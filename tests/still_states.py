@@ -7,8 +7,7 @@ import numpy as np
 
 from noise import noise
 from shared_models import shared_model
-from supersampler import Frame, Model, Upscaler, halton_jitter
-from supersampler.history import State
+from supersampler import Frame, Model, State, Upscaler, halton_jitter
 
 RENDER, DISPLAY = (40, 24), (80, 48)
 FRAMES = 66  # two periods of jitter, after which all is frozen
@@ -16,7 +15,7 @@ FRAMES = 66  # two periods of jitter, after which all is frozen
 
 @lru_cache
 def loaded(method: str, executor: str) -> Model:
-    return shared_model(method, executor=executor, threads=2)
+    return shared_model(method, executor, threads=2)
 
 
 def upscaler(method: str = "taau", executor: str = "cpu") -> Upscaler:
@@ -47,12 +46,9 @@ def still_state(method: str = "taau", executor: str = "cpu") -> State:
         made.step(frame(index))
     made.step(frame(FRAMES - 1, aovs=np.ones((*RENDER[::-1], 2), np.float32)), outputs=("aovs",))
     aovs = made.save_state().history
-    assert aovs is not None
     made.reset()
     for index in range(FRAMES):
         made.step(frame(index))
     state = made.save_state()
-    assert state.history is not None
-    assert state.shaded is not None
     history = {**state.history, "history.aovs": aovs["history.aovs"]}
     return State(state.method, state.display_size, state.render_size, history, dict(state.shaded))

@@ -34,14 +34,7 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("cli",),
 )
 PROGRAMS = {"bpy", "render_frames", "vtkmodules"}  # only integrations import them; the second: in Blender
-RUNTIME = {
-    "numpy",
-    "onnxruntime",
-    "OpenImageIO",
-    "msgspec",
-    "typer",
-    "rich",
-}  # a runtime install
+RUNTIME = {"numpy", "onnxruntime", "OpenImageIO", "msgspec", "typer", "rich"}  # a runtime install
 OPTIONAL = {"wgpu", "pyoidn"}  # an extra: imported where it is used
 
 

@@ -1,5 +1,6 @@
 """Runs of `supersampler upscale` on tiny shots that move, for its tests."""
 
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -73,7 +74,6 @@ def write_renders(folder: Path, names: dict[int, str], **header: Any) -> Path:
     """Write EXR frames as a renderer does; `names` by frame number. To be opened with OURS."""
     for number, name in names.items():
         frame = moving(number)
-        assert frame.color is not None
         channels = {axis: frame.color[..., at] for at, axis in enumerate("RGB")}
         channels |= {
             "depth.Z": frame.depth,
@@ -93,11 +93,20 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
+def said(result: Result) -> str:
+    """Return what a command has printed, as one line."""
+    return re.sub(r"[\s│╭╮╰╯─]+", " ", result.output)
+
+
+def succeeded(result: Result) -> Result:
+    """Return the result of a command, which must have succeeded."""
+    assert result.exit_code == 0, result.output
+    return result
+
+
 def upscale(shot: object, output: Path, *options: object, method: str = "bilinear") -> Result:
     """Run `upscale`, which must succeed."""
-    done = run("upscale", shot, "-o", output, "--method", method, *options)
-    assert done.exit_code == 0, done.output
-    return done
+    return succeeded(run("upscale", shot, "-o", output, "--method", method, *options))
 
 
 def refusal(*arguments: object) -> str:

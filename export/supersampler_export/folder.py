@@ -15,8 +15,7 @@ import onnx
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from supersampler import __version__
-from supersampler.errors import ShotError
+from supersampler import ShotError, __version__
 from supersampler.io.files import check_ours, write_bytes
 from supersampler.io.json_files import read_json
 from supersampler.methods.model_file import CONTRACT

@@ -21,9 +21,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from supersampler import Frame
+from supersampler import Frame, Shot
 from supersampler.backends.onnx.session import frame_inputs
-from supersampler.io.shot import Shot
 from supersampler.methods.classifier.network_file import BLOCK, KEPT, WORD, width_problem
 from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS
 from supersampler.methods.spec import constants_of, flags_of

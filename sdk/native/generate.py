@@ -14,12 +14,7 @@ from supersampler.denoising import spec as denoising
 from supersampler.io.files import replacing
 from supersampler.methods.extrapolation.spec import NEIGHBOURS
 from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS, STEP_COST
-from supersampler.methods.model_file import (
-    extrapolation_names,
-    model_names,
-    read_model_info,
-    shipped_model,
-)
+from supersampler.methods.model_file import extrapolation_names, model_names, read_model_info, shipped_model
 from supersampler.methods.registry import find_method, methods
 from supersampler.methods.spec import MethodSpec, constants_of, flags_of
 

@@ -9,8 +9,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from supersampler.conventions import Conventions, RawFrame
-from supersampler.conventions.jitter import halton_jitter, jittered_projection
+from supersampler.conventions import Conventions, RawFrame, halton_jitter, jittered_projection
 from supersampler.errors import (
     ArgumentError,
     FrameError,

@@ -15,34 +15,23 @@ import pytest
 import torch
 from onnx import helper
 from torch import Tensor
-from typer.testing import CliRunner
 
 from gbuffer_method import Demodulated, exported
 from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler
-from supersampler.cli import app
 from supersampler.methods.model_file import CONTRACT, find_model, read_model_info
 from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.registry import methods
 from supersampler_export import folder as folder_module
 from supersampler_export.folder import describe, model_card, multiply_adds_of, write_model_folder
-from supersampler_export.graph import (
-    ExportError,
-    check_portable,
-    export_graph,
-)
-from supersampler_export.parity import (
-    TOLERANCE,
-    check_subgraph,
-    compare,
-    sizes_of,
-    tolerance_of_half,
-)
+from supersampler_export.graph import ExportError, check_portable, export_graph
+from supersampler_export.parity import TOLERANCE, check_subgraph, compare, sizes_of, tolerance_of_half
 from supersampler_export.quantize import cpu_network
 from supersampler_model import ops
 from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Trained, save_trained
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.spatial import Bilinear
+from upscale_runs import run
 
 SHIPPED = [name for name, spec in methods().items() if spec.ships]
 LEARNED = [name for name in SHIPPED if methods()[name].task]
@@ -161,7 +150,7 @@ def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
     weights = tmp_path / "weights.safetensors"
     save_trained(weights, Trained(name, asdict(method.config), facts, method.state_dict()))
     arguments = ["export", name, "--weights", str(weights), "-o", str(tmp_path / "model")]
-    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert run(*arguments).exit_code == 0
     card = (tmp_path / "model" / "MODEL_CARD.md").read_text()
     assert "the mean of 3 runs, the last of 7 updates" in card
     assert "a.glb" in card
@@ -176,13 +165,12 @@ def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
         assert isinstance(result, StepResult)
         assert np.isfinite(result.image).all()
         assert (result.image >= 0.0).all()
-        assert result.class_map is not None
         np.testing.assert_allclose(result.class_map[..., :3].sum(axis=-1), 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("arguments", [["classifier-paper"], ["taau", "--weights", "weights.safetensors"]])
 def test_weights_go_with_methods_that_are_learned(arguments: list[str], tmp_path: Path) -> None:
-    result = CliRunner().invoke(app, ["export", *arguments, "-o", str(tmp_path)])
+    result = run("export", *arguments, "-o", tmp_path)
     assert result.exit_code == 2
     assert "--weights" in result.output
 
@@ -230,9 +218,7 @@ def test_an_exported_folder_is_a_model(tmp_path: Path) -> None:
     )
 
 
-def test_an_inner_folder_is_listed_by_its_description_only(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_an_inner_folder_is_listed_by_its_description_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """It lists the files beside it by itself."""
     graph = onnx.load(find_model("bilinear") / "step.onnx")
     monkeypatch.setattr(folder_module, "export_graph", lambda _: graph)
@@ -288,7 +274,6 @@ def test_a_method_of_one_ratio_is_held_against_torch_at_sizes_of_it(gbuffer_mode
 
 def test_a_network_with_other_weights_is_refused() -> None:
     subgraph = load_method("classifier-small").subgraph()
-    assert subgraph is not None
     with torch.no_grad():
         subgraph.module.get_parameter("blend.bias").add_(1e-2)
     with pytest.raises(ExportError, match=r"blend_parameters at .*: ONNX Runtime is off by"):

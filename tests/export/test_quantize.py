@@ -1,25 +1,92 @@
 """Quantised networks: layers, ranges and graphs."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import onnx
 import pytest
+import torch
 from numpy.typing import NDArray
 from onnx import numpy_helper
 
-from network_passes import Pass, inputs_of, pass_of
 from shared_models import shared_model
-from supersampler import Shot
+from supersampler import Frame, Model, Shot
+from supersampler.backends.cpu.executor import CpuExecutor
 from supersampler.backends.onnx.runtime import ort
+from supersampler.frame import Float32, Size
+from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, Variant
 from supersampler.methods.model_file import find_model, model_names, read_model_info
-from supersampler.methods.spec import half_size
+from supersampler.methods.spec import half_size, large_size
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_export.quantized_graph import quantized_network
 from supersampler_model.methods import load_method
 from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_network import pack
+from supersampler_model.ops.images import Size as ModelSize
+from torch_inputs import tensors_of
+
+Bytes = NDArray[np.uint8]
+SIGNED = slice(4 * DEFAULT_INPUTS.index("depth_difference"), 4 * DEFAULT_INPUTS.index("depth_difference") + 4)
+"""Planes of `packed` in [-1, 1]; all other inputs are in [0, 1]."""
+
+
+class Pass(NamedTuple):
+    """One run of the network: inputs and outputs as `network.onnx` has them."""
+
+    packed: Float32
+    half_inputs: Float32
+    logits: Float32
+    blend_parameters: Float32
+
+    @property
+    def feeds(self) -> dict[str, Float32]:
+        return {"packed": self.packed, "half_inputs": self.half_inputs}
+
+
+def pass_of(model: Model, codes: Bytes) -> Pass:
+    """Run the network on inputs as bytes, (half height, half width, 72)."""
+    executor = model._executor
+    assert isinstance(executor, CpuExecutor)
+    height, width = codes.shape[:2]
+    variant = Variant.of(model.info.config)
+    outputs = 4 * variant.blend_parameters
+    values = np.empty((outputs + CLASSES, height, width), np.float32)
+    given = np.ascontiguousarray(codes)
+    executor._library.call(
+        "ss_run_network", executor._model.handle, given.ctypes.data, width, height, values.ctypes.data
+    )
+    planes = codes.transpose(2, 0, 1) * np.float32(1.0 / 255.0)
+    planes[SIGNED] = 2.0 * planes[SIGNED] - 1.0
+    return Pass(planes[None, :64], planes[None, 64:], values[None, outputs:], values[None, :outputs])
+
+
+def inputs_of(
+    method: Classifier, frames: Iterable[Frame], display: Size, patch: pytest.MonkeyPatch
+) -> list[Bytes]:
+    """Step frames in torch; return the inputs of its network as bytes, (half height, half width, 72)."""
+    found: list[Bytes] = []
+    infer = cast("Callable[..., tuple[torch.Tensor, torch.Tensor]]", method.net.on_pixels)
+    history: Any = None
+    width, height = half_size(large_size(display) if method.larger else display)
+
+    def keep(pixels: Sequence[torch.Tensor], half_inputs: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        planes = torch.cat([pack(torch.cat([*pixels], dim=1)), half_inputs], dim=1)[0].numpy().copy()
+        planes[SIGNED] = 0.5 + 0.5 * planes[SIGNED]
+        codes = np.floor(planes.clip(0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        found.append(codes[:, :height, :width].transpose(1, 2, 0))
+        return infer(pixels, half_inputs)
+
+    patch.setattr(method.net, "on_pixels", keep)
+    for frame in frames:
+        if history is None:
+            history = method.first_history(ModelSize(*display), ModelSize(*frame.size))
+        with torch.no_grad():
+            _, history, _ = method.step(*tensors_of(frame, display, method.inputs()).values(), *history)
+    return found
+
 
 NAMES = [name for name in model_names() if "network.int8.onnx" in read_model_info(find_model(name)).files]
 DISPLAYS = [(321, 181), (322, 180)]
@@ -34,7 +101,7 @@ EQUAL, NEAR = {False: 0.98, True: 0.8}, 0.999
 
 @cache
 def passes(name: str, display: tuple[int, int]) -> list[Pass]:
-    model = shared_model(name, executor="cpu")
+    model = shared_model(name, "cpu")
     frames = [item.frame for item in itertools.islice(Shot.open("plaza"), FRAMES)]
     frames = [with_default_gbuffers(frame, model.info.gbuffers, display) for frame in frames]
     method = load_method(name)
@@ -50,7 +117,7 @@ def hostile_pass(name: str) -> Pass:
     blocks = 255 * random.integers(0, 2, (height // 16 + 1, width // 16 + 1, 72), np.uint8)
     codes = blocks.repeat(16, axis=0).repeat(16, axis=1)[:height, :width]
     codes[: height // 4] = 255 * random.integers(0, 2, codes[: height // 4].shape, np.uint8)
-    return pass_of(shared_model(name, executor="cpu"), codes)
+    return pass_of(shared_model(name, "cpu"), codes)
 
 
 def all_passes(name: str) -> list[Pass]:

@@ -1,74 +1,73 @@
-"""No image at rest is worse than the method's own, in random scenes."""
+"""No image at rest is worse than the method's own, in random scenes and in those that once were."""
 
 import os
-from collections.abc import Callable
-from functools import cache
-from typing import Any, cast
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fuzzing import examples
 from gpu_steps import device_or_skip
-from rest_scenes import SCENES, RestScene, stripes, wave, worse_by
-from supersampler import Model, Upscaler
+from rest_scenes import SCENES, Pattern, RestScene, cells, flat, stripes, wave, worse_by
+from shared_models import shared_model
+from supersampler import Upscaler
 
 MEAN, QUANTILE = 1.0, 4.0
 """Limits of how much worse an image may be, 1/255 of the display."""
-
-
-Promise = Callable[[RestScene, str], None]
 LONG = "SUPERSAMPLER_FUZZ" in os.environ
-
-
-@cache
-def model(method: str, executor: Any) -> Model:
-    return Model.load(method, executor=executor, threads=1)
+ON_GPU = pytest.mark.skipif(not LONG, reason="without a GPU it takes minutes; make fuzz runs it")
 
 
 def assert_never_worse(scene: RestScene, method: str, executor: str) -> None:
     options: dict[str, Any] = {"display_size": scene.display, "validate": "off"}
-    ours = Upscaler(model(method, executor), **options)
-    own = Upscaler(model(method, executor), at_rest="off", **options)
+    ours = Upscaler(shared_model(method, executor), **options)
+    own = Upscaler(shared_model(method, executor), at_rest="off", **options)
     for index, (frame, truth) in enumerate(scene.frames(4 * scene.period)):
         mean, quantile = worse_by(ours.step(frame), own.step(frame), truth)
         assert mean <= MEAN, f"frame {index}: {mean:.2f}/255"
         assert quantile <= QUANTILE, f"frame {index}: {quantile:.2f}/255 in the 99.9 % quantile"
 
 
-def drawn(count: int) -> Callable[[Promise], Promise]:
-    """Run a test on so many scenes and methods, or in `make fuzz` on many more."""
-    settled = settings(
-        max_examples=examples(count),
-        derandomize=not LONG,
-        deadline=None,
-        suppress_health_check=[HealthCheck.too_slow],
-    )
-    draws = given(SCENES, st.sampled_from(["taau", "classifier"]))
-    return lambda test: cast(Promise, settled(draws(test)))
-
-
-@drawn(6)
-def test_no_image_at_rest_is_worse_than_the_methods_own_on_the_cpu(scene: RestScene, method: str) -> None:
-    assert_never_worse(scene, method, "cpu")
-
-
-@drawn(2)
-def test_no_image_at_rest_is_worse_than_the_methods_own_in_the_graph(scene: RestScene, method: str) -> None:
-    assert_never_worse(scene, method, "onnx")
-
-
-@pytest.mark.skipif(not LONG, reason="without a GPU it takes minutes; make fuzz runs it")
-@drawn(2)
-def test_no_image_at_rest_is_worse_than_the_methods_own_on_the_gpu(scene: RestScene, method: str) -> None:
-    device_or_skip()
-    assert_never_worse(scene, method, "gpu")
+@pytest.mark.parametrize("executor", ["cpu", "onnx", pytest.param("gpu", marks=ON_GPU)])
+@settings(
+    max_examples=examples(4),
+    derandomize=not LONG,
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+)
+@given(scene=SCENES, method=st.sampled_from(["taau", "classifier"]))
+def test_no_image_at_rest_is_worse_than_the_methods_own(scene: RestScene, method: str, executor: str) -> None:
+    if executor == "gpu":
+        device_or_skip()
+    assert_never_worse(scene, method, executor)
 
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
-def test_a_spot_that_blinks_with_every_other_jitter_is_not_averaged(executor: str) -> None:
-    scene = RestScene(wave, lambda t: 1.0 if t % 2 else 0.3, place="spot", ratio=1.5)
+@pytest.mark.parametrize(
+    "scene",
+    [
+        RestScene(flat, lambda t: 1.0 - 0.5 * min(max(0, t - 66), 64) / 64),
+        RestScene(wave, lambda t: 1.0 + 0.2 * np.sin(2 * np.pi * t / 32)),
+        RestScene(wave, lambda t: 1.0 if t // 8 % 2 else 0.4),
+        RestScene(cells, lambda t: 1.0 if t // 4 % 2 else 0.4, place="spot"),
+        RestScene(wave, place="spot", speed=1.0),
+    ],
+    ids=["fade", "pulse with the jitter", "blink with the jitter", "spot", "screen"],
+)
+def test_light_that_changes_leaves_the_methods_own_image(scene: RestScene, executor: str) -> None:
+    assert_never_worse(replace(scene, render=(32, 24)), "taau", executor)
+
+
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+@pytest.mark.parametrize(("pattern", "low", "mover"), [(flat, 0.5, True), (wave, 0.3, False)])
+def test_a_spot_that_blinks_with_every_other_jitter_is_not_averaged(
+    pattern: Pattern, low: float, mover: bool, executor: str
+) -> None:
+    """Windows at its rim have a part of it; the mover hides another part."""
+    scene = RestScene(pattern, lambda t: 1.0 if t % 2 else low, place="spot", mover=mover, ratio=1.5)
     assert_never_worse(scene, "taau", executor)
 
 

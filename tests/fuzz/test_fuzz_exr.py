@@ -10,8 +10,7 @@ from OpenImageIO import ImageSpec
 
 from exr_parts import write_parts
 from fuzzing import damaged, examples, run_apart, with_other_numbers
-from supersampler import ShotError
-from supersampler.errors import SupersamplerError
+from supersampler import ShotError, SupersamplerError
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot.format import read_classes
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+import upscale_runs
 from fuzzing import damaged, dumped, examples, replaced, run_apart, with_extremes
 from recorded_files import read, rewrite
 from still_states import FRAMES, frame, loaded, still_state
@@ -22,21 +23,15 @@ Rng = np.random.Generator
 def recorded(method: str) -> dict[str, bytes]:
     """Return the files of a recording of all kinds of calls."""
     folder = Path(f"{method}.recording")
-    with Upscaler(
-        loaded(method, "cpu"),
-        display_size=(80, 48),
-        validate="off",
-        extrapolation="guided-warp",
-        record=folder,
-    ) as upscaler:
+    options: dict[str, Any] = {"validate": "off", "extrapolation": "guided-warp", "record": folder}
+    with Upscaler(loaded(method, "cpu"), display_size=(80, 48), **options) as upscaler:
         upscaler.step(frame(0))
         upscaler.extrapolate(frame(1, color=None))
         upscaler.load_state(still_state(method))
         upscaler.step(frame(FRAMES, aovs=np.ones((24, 40, 2), np.float32)), outputs=("aovs", "weight"))
         upscaler.reset()
         upscaler.step(frame(0))
-    files = [path for path in folder.rglob("*") if path.is_file()]
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+    return upscale_runs.files(folder)
 
 
 def hostile(files: dict[str, bytes], rng: Rng, folder: Path) -> None:

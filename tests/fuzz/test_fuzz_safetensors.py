@@ -120,8 +120,7 @@ def test_an_invalid_sequence_is_a_shot_error(tmp_path: Path, case: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "shape",
-    ["[0, 1e30]", f"[0, {10**30}]", "[-2, -3]", "[[0]]", "0", "[2.0, 3]", "[" * 100_000],
+    "shape", ["[0, 1e30]", f"[0, {10**30}]", "[-2, -3]", "[[0]]", "0", "[2.0, 3]", "[" * 100_000]
 )
 def test_an_invalid_shape_is_a_shot_error(tmp_path: Path, shape: str) -> None:
     size = 0 if shape.startswith("[0,") else 24

@@ -12,9 +12,8 @@ import pytest
 
 from fuzzing import damaged, dumped, examples, replaced, run_apart
 from noise import noise
-from supersampler import ShotError
+from supersampler import Conventions, ShotError
 from supersampler.cli.results import RunRecord, read_run_record
-from supersampler.conventions import Conventions
 from supersampler.io.files import JSON_BYTES
 from supersampler.io.shot import Shot, ShotWriter, open_source
 
@@ -69,7 +68,6 @@ def prepare() -> Callable[[int], object]:
         (folder / target).write_bytes(text_of(described[target], rng))
         if target.name == "upscale.json":
             record = read_run_record(folder)
-            assert record is not None
             assert all(path.parent.parent in (Path(), folder) for path in record.own_files(folder))
         elif target.name == "shot.json":
             for item in Shot.open(folder):

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Iterator
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,8 @@ from hypothesis import strategies as st
 
 from fuzzing import examples
 from rest_scenes import wave
-from supersampler import Frame, Model, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Frame, Upscaler, halton_jitter
 
 DISPLAY = (100, 70)
 """More than one tile, and parts of tiles."""
@@ -80,11 +80,6 @@ def frames(segments: list[Segment]) -> Iterator[tuple[Frame, tuple[str, ...]]]:
             index += 1
 
 
-@cache
-def model(method: str) -> Model:
-    return Model.load(method, executor="cpu", threads=1)
-
-
 @settings(
     max_examples=examples(6),
     derandomize="SUPERSAMPLER_FUZZ" not in os.environ,
@@ -94,7 +89,10 @@ def model(method: str) -> Model:
 @given(SEGMENTS, st.sampled_from(["taau", "classifier"]))
 def test_skipping_changes_no_bit(segments: list[Segment], method: str) -> None:
     options: dict[str, Any] = {"display_size": DISPLAY, "validate": "off"}
-    ours, whole = Upscaler(model(method), **options), Upscaler(model(method), skip=False, **options)
+    ours, whole = (
+        Upscaler(shared_model(method, "cpu"), **options),
+        Upscaler(shared_model(method, "cpu"), skip=False, **options),
+    )
     for index, (frame, wanted) in enumerate(frames(segments)):
         mine, theirs = (upscaler.step(frame, outputs=wanted) for upscaler in (ours, whole))
         for name in ("image", *wanted) if wanted else ():

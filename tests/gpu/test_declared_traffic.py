@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from gpu_steps import device_or_skip
 from noise import noise
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.gpu.memory import PixelMemory
@@ -20,11 +19,6 @@ RENDER, DISPLAY = (64, 32), (128, 64)
 PERIOD, MAX_PERIODS = 32, 4
 SPARE = 0.01
 """How much more of a resource than declared a pass may access."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
 
 
 def with_gbuffers(frame: Frame, random: np.random.Generator | None) -> Frame:

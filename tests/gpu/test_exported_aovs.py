@@ -8,18 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import DISPLAY, RENDER, device_or_skip, moving
+from gpu_steps import DISPLAY, RENDER, moving
 from supersampler import Frame, Model, Upscaler
 from supersampler.io.display import usable_exposure
 from supersampler_export.shaders.folder import Images, write_shader_folder
 from texture_frames import STORAGE, buffer_of, buffers_of, texture_of, textures_of
 
 FRAMES, RESET = 4, 2
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
 
 
 class Host:

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import device_or_skip, make, model
+from gpu_steps import make
 from method_lists import WITH_SHADERS
 from noise import Size, noise
-from supersampler import Frame, Upscaler
+from shared_models import shared_model
+from supersampler import Frame, StepResult, Upscaler
 from supersampler.backends.onnx.executor import AovBlender
 from supersampler.errors import DeviceError
 from supersampler.frame import Float32
-from supersampler.history import StepResult
 from supersampler.methods.model_file import read_upscaling_info
 
 SIZES: list[tuple[Size, Size]] = [
@@ -23,11 +23,6 @@ SIZES: list[tuple[Size, Size]] = [
     ((21, 13), (21, 13)),
     ((9, 21), (18, 41)),
 ]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
 
 
 def with_aovs(index: int, size: Size, channels: int = 3, **fields: Any) -> Frame:
@@ -49,9 +44,7 @@ def asked(upscaler: Upscaler, frame: Frame, *outputs: str) -> StepResult:
 
 
 def aovs_of(upscaler: Upscaler, frame: Frame) -> Float32:
-    aovs = asked(upscaler, frame, "aovs").aovs
-    assert aovs is not None
-    return aovs
+    return asked(upscaler, frame, "aovs").aovs
 
 
 @pytest.mark.parametrize(("render", "display"), SIZES)
@@ -64,9 +57,7 @@ def test_blended_aovs_are_those_of_the_graph_with_the_same_weights(
     for index in range(6):
         frame = with_aovs(index, render)
         result = asked(ours, frame, "aovs", "weight")
-        assert result.weight is not None
         history = graph.blend(frame, result.weight[None, None], history, display)
-        assert result.aovs is not None
         apart.append(np.abs(result.aovs - history[0].transpose(1, 2, 0)).ravel())
     differences = np.concatenate(apart)
     assert differences.mean() < 5e-4
@@ -88,7 +79,6 @@ def test_infinite_values_count_as_the_largest() -> None:
     ours, graph = make("taa"), blender()
     for value in (np.inf, -np.inf, 1e30):
         aovs = with_aovs(0, (20, 12)).aovs
-        assert aovs is not None
         frame = with_aovs(0, (20, 12), aovs=np.where(aovs > 0.8, np.float32(value), aovs))
         wanted = graph.blend(frame, None, None, (40, 24))
         np.testing.assert_allclose(aovs_of(ours, frame), wanted[0].transpose(1, 2, 0), rtol=1e-4, atol=1e-4)
@@ -142,9 +132,11 @@ def test_numbers_of_channels_take_turns_after_resets() -> None:
 
 
 def test_aovs_beyond_a_binding_are_refused_with_the_number_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
-    limits = model("taa").gpu.device.limits
+    limits = shared_model("taa", "gpu").gpu.device.limits
     monkeypatch.setattr(
-        type(model("taa").gpu.device), "limits", {**limits, "max-storage-buffer-binding-size": 12 * 40 * 24}
+        type(shared_model("taa", "gpu").gpu.device),
+        "limits",
+        {**limits, "max-storage-buffer-binding-size": 12 * 40 * 24},
     )
     with pytest.raises(DeviceError, match=r"4 channels of AOVs .* request at most 3 channels"):
         aovs_of(make("taa"), with_aovs(0, (20, 12), 4))

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import device_or_skip, model, moving
-from supersampler import Frame, Upscaler
+from gpu_steps import moving
+from shared_models import shared_model
+from supersampler import Frame, Model, Upscaler
 from supersampler.backends.gpu import device as devices
 from supersampler.backends.gpu.device import LIMITS, SIZES, TEXTURE_SIDE
 from supersampler.backends.gpu.passes import Pass
@@ -19,14 +20,8 @@ from supersampler.backends.gpu.program import ARRAYS, TEXTURES, PassSpec
 from supersampler.backends.gpu.shader import reachable_code
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.methods.executors import with_shaders
-from supersampler.model import Model
 
 SDK = Path(devices.__file__).parents[2]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
 
 
 @pytest.fixture
@@ -39,7 +34,7 @@ def own_device(monkeypatch: pytest.MonkeyPatch) -> Any:
 def all_passes() -> Iterator[tuple[PassSpec, Pass]]:
     for method in with_shaders():
         for variants in (ARRAYS, TEXTURES):
-            executor = model(method).gpu
+            executor = shared_model(method, "gpu").gpu
             yield from zip(executor.program.passes, executor.passes(variants), strict=True)
 
 
@@ -49,7 +44,7 @@ def test_passes_stay_within_webgpus_default_limits() -> None:
         assert sum(kind.endswith("storage") for kind, _ in kinds) <= 8, spec.shader
         assert sum(kind == "storage-texture" for kind, _ in kinds) <= 4, spec.shader
         assert sum(kind.endswith("texture") and not form for kind, form in kinds) <= 16, spec.shader
-    limits = model("classifier").gpu.device.limits
+    limits = shared_model("classifier", "gpu").gpu.device.limits
     for name, value in LIMITS.items():
         assert limits[name] == value or name in SIZES, name
 
@@ -62,7 +57,7 @@ def flat(width: int, height: int) -> Frame:
 
 
 def test_textures_are_as_large_as_those_of_the_adapter() -> None:
-    device = model("taau").gpu.device
+    device = shared_model("taau", "gpu").gpu.device
     assert [device.limits[name] for name in SIZES] == [device.adapter.limits[name] for name in SIZES]
     if device.limits[TEXTURE_SIDE] >= 8400:
         with Upscaler("taau", scale=2.0, executor="gpu") as upscaler:
@@ -70,7 +65,7 @@ def test_textures_are_as_large_as_those_of_the_adapter() -> None:
 
 
 def test_a_display_beyond_the_adapters_textures_is_refused_with_its_limit() -> None:
-    limit = model("taau").gpu.device.adapter.limits[TEXTURE_SIDE]
+    limit = shared_model("taau", "gpu").gpu.device.adapter.limits[TEXTURE_SIDE]
     message = (
         rf"textures of at most {limit} pixels a side, .* want {limit + 8}x8: choose a smaller display size"
     )
@@ -119,7 +114,9 @@ def test_without_an_adapter_the_error_says_what_to_install(monkeypatch: pytest.M
 
 
 def test_an_adapter_below_the_limits_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    name = re.escape(devices.name_of(model("taau").gpu.device.adapter))  # opened with the limits as they are
+    name = re.escape(
+        devices.name_of(shared_model("taau", "gpu").gpu.device.adapter)
+    )  # opened with the limits as they are
     monkeypatch.setattr(devices, "_devices", [])
     monkeypatch.setitem(LIMITS, "max-texture-dimension-2d", 1 << 30)
     with pytest.raises(DeviceError, match=f"{name} is below .*max-texture-dimension-2d"):
@@ -135,7 +132,7 @@ def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(monkeypatch: p
 
 
 def test_an_image_beyond_one_binding_is_refused_before_it_is_allocated() -> None:
-    upscaler = Upscaler(model("taau"), display_size=(4096, 4096), validate="off")
+    upscaler = Upscaler(shared_model("taau", "gpu"), display_size=(4096, 4096), validate="off")
     with pytest.raises(DeviceError, match="at most 11184810 pixels"):
         upscaler.step(moving(0, (1024, 1024), 4.0))
 

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, distance, make, model, moving
+from gpu_steps import METHODS, RENDER, TOLERANCES, distance, make, moving
 from method_lists import WITH_SHADERS
 from noise import Size
-from supersampler import Frame, Upscaler, halton_jitter
+from shared_models import shared_model
+from supersampler import Frame, halton_jitter
 from supersampler.arguments import ExecutorName
 from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
 from supersampler.backends.gpu.passes import MAX_GROUPS
 from supersampler.backends.gpu.program import ARRAYS
-from supersampler.history import StepResult
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 from supersampler_bench.stress import scenes
@@ -26,11 +26,6 @@ from supersampler_bench.stress import scenes
 MAPS = {"taa": ["weight"], "taau": ["weight", "count", "converged"]}
 ALL_MAPS = ["class_map", "weight", "count", "converged"]
 MAX_GROWTH = 8 << 20
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
 
 
 def still(index: int) -> Frame:
@@ -90,42 +85,11 @@ def test_a_recording_replays_bit_for_bit_and_on_other_backends(tmp_path: Path) -
         assert all(step.exact for step in steps) == (executor is None)
 
 
-def test_blended_aovs_are_those_of_the_cpu() -> None:
-    ours, theirs = make("taau"), make("taau", "cpu")
-    for index in range(4):
-        frame = replace(moving(index), aovs=np.asarray(moving(index).color)[..., :2])
-        found, wanted = (u.step(frame, outputs=("aovs",)) for u in (ours, theirs))
-    assert isinstance(found, StepResult)
-    assert isinstance(wanted, StepResult)
-    assert found.aovs is not None
-    assert wanted.aovs is not None
-    assert np.abs(found.aovs - wanted.aovs).mean() <= 2e-3
-
-
 def test_without_convergence_nothing_freezes() -> None:
     upscaler = make("taau", at_rest="off")
     for index in range(40):
         upscaler.step(still(index))
     assert upscaler.stats.converged == 0.0
-
-
-def test_extrapolated_frames_are_upscaled_as_on_the_cpu() -> None:
-    guides = {name: np.full((*RENDER[::-1], 3), 0.5, np.float32) for name in ("base_color", "normal")}
-    guides |= {name: np.full(RENDER[::-1], 0.5, np.float32) for name in ("roughness", "metallic", "specular")}
-    images = []
-    for executor in ("gpu", "auto"):
-        upscaler = Upscaler(
-            "taau", display_size=DISPLAY, executor=executor, extrapolation="guided-warp",
-            validate="off",
-        )  # fmt: skip
-        for index in range(6):
-            frame = replace(moving(index), gbuffer=guides)
-            unshaded = index % 2 == 1
-            step = upscaler.extrapolate if unshaded else upscaler.step
-            images.append(step(replace(frame, color=None) if unshaded else frame))
-    half = len(images) // 2
-    for mine, theirs in zip(images[:half], images[half:], strict=True):
-        assert distance(mine, theirs) <= 2e-3
 
 
 @pytest.mark.parametrize("method", ["taau", "classifier-small"])
@@ -158,7 +122,7 @@ def test_memory_and_bind_groups_do_not_grow_with_the_number_of_steps(sizes: list
 
     before = run(150)
     assert run(400) - before <= MAX_GROWTH
-    assert all(len(one._groups) <= MAX_GROUPS for one in model("taau").gpu.passes(ARRAYS))
+    assert all(len(one._groups) <= MAX_GROUPS for one in shared_model("taau", "gpu").gpu.passes(ARRAYS))
 
 
 def resident() -> int:
@@ -182,5 +146,5 @@ def test_a_step_reads_no_stale_intermediate_data(method: str) -> None:
     upscaler, other = make(method), make(method)
     images = [upscaler.step(moving(index)).copy() for index in range(3)]
     for index, image in enumerate(images):
-        spoil(model(method).gpu)
+        spoil(shared_model(method, "gpu").gpu)
         np.testing.assert_array_equal(other.step(moving(index)), image)

@@ -1,32 +1,22 @@
 """Hostile frames and histories on the GPU backend: images stay finite, and nothing enters the history."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, device_or_skip, distance, make, model, moving
+from gpu_steps import DISPLAY, METHODS, RENDER, TOLERANCES, distance, make, moving
+from shared_models import shared_model
 from supersampler import Frame
 from supersampler.backends.base import StepRequest
 
-Spoil = Callable[[Frame], Frame]
 VALUES = [np.nan, np.inf, -np.inf, -1.0, -0.0, 65504.0, 1e38, 1e-42]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
-
-
-def with_pixel(name: str, value: float, whole: bool = False) -> Spoil:
-    def spoil(frame: Frame) -> Frame:
-        image = np.array(getattr(frame, name), np.float32)
-        image[slice(None) if whole else (5, 7)] = value
-        return replace(frame, **{name: image})  # type: ignore[arg-type]  # one of three images
-
-    return spoil
+def with_pixel(frame: Frame, name: str, value: float) -> Frame:
+    image = np.array(getattr(frame, name), np.float32)
+    image[5, 7] = value
+    return replace(frame, **{name: image})  # type: ignore[arg-type]  # one of three images
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -37,7 +27,7 @@ def test_a_bad_pixel_is_handled_as_on_the_cpu(method: str, name: str, value: flo
     for index in range(6):
         frame = moving(index)
         if index == 3:
-            frame = with_pixel(name, value)(frame)
+            frame = with_pixel(frame, name, value)
         image, other = ours.step(frame), theirs.step(frame)
         assert np.isfinite(image).all()
         assert image.min() >= 0.0
@@ -46,7 +36,7 @@ def test_a_bad_pixel_is_handled_as_on_the_cpu(method: str, name: str, value: flo
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_history_of_huge_values_gives_finite_images(method: str) -> None:
-    gpu = model(method).gpu
+    gpu = shared_model(method, "gpu").gpu
     history, next_history = (gpu.zeros(DISPLAY, RENDER) for _ in range(2))
     tensors = {name: gpu.tensor(history, name) for name in gpu.program.layout.spec.history}
     huge = {

@@ -14,7 +14,6 @@ from gpu_steps import (
     RENDER,
     TOLERANCES,
     assert_alike,
-    device_or_skip,
     distance,
     make,
     moving,
@@ -23,12 +22,6 @@ from method_lists import WITH_SHADERS
 from noise import Size, noise
 from supersampler import Frame
 from supersampler_bench.parity import stepper_of_torch
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
-
 
 SIZES = [
     ((1, 1), (1, 1)),

@@ -1,23 +1,17 @@
 """The reactive mask and pre-exposure on the GPU: the images of the other backends, and none without them."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from gpu_steps import device_or_skip, make
+from gpu_steps import make
 from method_lists import WITH_SHADERS
 from noise import Size, noise
 from supersampler import Frame
 from supersampler.io.display import display_transform
 
 SIZES: list[tuple[Size, Size]] = [((17, 9), (33, 18)), ((21, 13), (21, 13)), ((3, 9), (5, 17))]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def device() -> Any:
-    return device_or_skip()
 
 
 def masked(index: int, size: Size, factor: float = 1.7) -> Frame:

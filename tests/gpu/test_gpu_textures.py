@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 
 from gpu_steps import DISPLAY, RENDER, device_or_skip, make, moving
-from supersampler import Frame, Upscaler
-from supersampler.errors import ArgumentError, FrameError
-from supersampler.history import StepResult
-from supersampler.model import Model
+from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
 from texture_frames import (
     COPY_DST,
     COPY_SRC,

@@ -8,42 +8,28 @@ from torch import Tensor
 from noise import noise
 from supersampler import Upscaler
 from supersampler.methods.at_rest import AT_REST_HISTORY
-from supersampler.methods.classifier.spec import (
-    CLASSES,
-    DEFAULT_INPUTS,
-    NEIGHBOURHOOD_INPUTS,
-    CountCode,
-    NetworkConfig,
-)
+from supersampler.methods.classifier import spec
 from supersampler.methods.spec import large_size
 from supersampler_bench.stress.scenes import still
 from supersampler_model import ops
+from supersampler_model.methods import classifier_inputs
 from supersampler_model.methods.base import load_trained, shipped_weights
 from supersampler_model.methods.classifier import Classifier, LargeClassifier, unexplained_light
-from supersampler_model.methods.classifier_inputs import (
-    COUNTS,
-    Gathered,
-    History,
-    WarpedHistory,
-    neighbourhood_inputs,
-    pixel_inputs,
-)
 from supersampler_model.methods.classifier_network import ClassifierNetwork, pack, unpack
 from torch_inputs import plain_inputs
 
 DISPLAY = ops.Size(47, 27)
 DARK, LIT = 0.2, 0.8
 SIZE = ops.Size(16, 8)
-HISTORY = WarpedHistory(
+HISTORY = classifier_inputs.WarpedHistory(
     *(torch.full((1, 1, 8, 16), value) for value in (DARK, DARK, 0.0, DARK, 4.0, 0.0, 0.0, 0.0, 1.0, 0.0))
 )
 HISTORY = HISTORY._replace(range=torch.full((1, 2, 8, 16), DARK))
 
 
-def gathered(value: float | None = None) -> Gathered:
+def gathered(value: float | None = None) -> classifier_inputs.Gathered:
     """A frame of noise with a history of noise, `value` here and there in every image."""
     frame = noise(1)
-    assert frame.color is not None
     method, random = Classifier(), np.random.default_rng(3)
     images = [
         torch.from_numpy(np.ascontiguousarray(a, np.float32))[None]
@@ -55,7 +41,7 @@ def gathered(value: float | None = None) -> Gathered:
     if value is not None:
         for image in (*images, history_color):
             image[torch.from_numpy(random.random(image.shape) < 0.1)] = value
-    history = History(history_color, state, classes, depth + 0.02, torch.ones(1))
+    history = classifier_inputs.History(history_color, state, classes, depth + 0.02, torch.ones(1))
     view = ops.View(DISPLAY, ops.Size(32, 18), torch.tensor([frame.jitter]))
     with torch.no_grad():
         color, depth, motion = images
@@ -65,8 +51,8 @@ def gathered(value: float | None = None) -> Gathered:
 @pytest.mark.parametrize("value", [None, float("nan"), float("inf"), -1.0, 65504.0, 1e-40])
 def test_inputs_of_the_network_are_at_most_about_one(value: float | None) -> None:
     packed, half = Classifier().network_inputs(gathered(value))
-    assert tuple(packed.shape) == (1, 4 * len(DEFAULT_INPUTS), 16, 24)
-    assert tuple(half.shape) == (1, CLASSES + len(NEIGHBOURHOOD_INPUTS), 16, 24)
+    assert tuple(packed.shape) == (1, 4 * len(spec.DEFAULT_INPUTS), 16, 24)
+    assert tuple(half.shape) == (1, spec.CLASSES + len(spec.NEIGHBOURHOOD_INPUTS), 16, 24)
     for seen in (packed, half):
         assert seen.isfinite().all()
         assert seen.min() >= -1.0
@@ -76,7 +62,7 @@ def test_inputs_of_the_network_are_at_most_about_one(value: float | None) -> Non
 def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
     g = gathered()
     history_color = g.warped._replace(rounded=g.current.sample, detail=torch.zeros_like(g.warped.detail))
-    seen = pixel_inputs(g._replace(warped=history_color))
+    seen = classifier_inputs.pixel_inputs(g._replace(warped=history_color))
     for name in ("history_to_sample", "beyond_range"):
         assert not seen[name].any(), name
     assert seen["history_to_frame"].any()
@@ -85,18 +71,18 @@ def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
 def test_a_sample_brighter_than_all_of_the_history_around_is_beyond_it() -> None:
     g = gathered()
     dark = g.warped._replace(rounded=torch.full_like(g.warped.color, 0.01))
-    seen = pixel_inputs(g._replace(warped=dark))
+    seen = classifier_inputs.pixel_inputs(g._replace(warped=dark))
     torch.testing.assert_close(seen["beyond_range"], (seen["sample"] - 0.1).abs(), atol=1e-6, rtol=0.0)
     assert not seen["history_contrast"].any()
 
 
 def test_the_local_mean_separates_a_change_of_light_from_aliasing() -> None:
     g = gathered()
-    seen = pixel_inputs(g)
+    seen = classifier_inputs.pixel_inputs(g)
     even = torch.full_like(seen["history"], 0.3)
     checks = (g.grid.x.pixel + g.grid.y.pixel[:, None]) % 2 * 0.2 - 0.1
-    light = neighbourhood_inputs({"history": even + 0.1, "frame": even}, DISPLAY)
-    aliased = neighbourhood_inputs({"history": even + checks, "frame": even}, DISPLAY)
+    light = classifier_inputs.neighbourhood_inputs({"history": even + 0.1, "frame": even}, DISPLAY)
+    aliased = classifier_inputs.neighbourhood_inputs({"history": even + checks, "frame": even}, DISPLAY)
     torch.testing.assert_close(light["mean_abs_difference"], aliased["mean_abs_difference"])
     inner = (..., slice(-8), slice(-8))  # the last pixels of an odd row are repeated
     assert (light["mean_difference"][inner] > 10.0 * aliased["mean_difference"][inner]).all()
@@ -108,7 +94,9 @@ def test_the_history_is_blurred_most_where_it_is_read_between_pixels(
 ) -> None:
     g = gathered()
     position = torch.zeros_like(g.reprojection.position) + torch.tensor([4.0 + across, 7.0 + down])
-    seen = pixel_inputs(g._replace(reprojection=g.reprojection._replace(position=position)))["blur"]
+    seen = classifier_inputs.pixel_inputs(
+        g._replace(reprojection=g.reprojection._replace(position=position))
+    )["blur"]
     torch.testing.assert_close(seen, torch.full_like(seen, blur))
 
 
@@ -116,16 +104,16 @@ def test_the_history_is_blurred_most_where_it_is_read_between_pixels(
     ("code", "of_one", "of_64"), [("saturating", 0.2, 64 / 68), ("logarithm", 0.166, 1.0)]
 )
 def test_counts_are_encoded_from_0_without_samples_towards_1(
-    code: CountCode, of_one: float, of_64: float
+    code: spec.CountCode, of_one: float, of_64: float
 ) -> None:
-    encoded = COUNTS[code](torch.tensor([0.0, 1.0, 64.0]))
+    encoded = classifier_inputs.COUNTS[code](torch.tensor([0.0, 1.0, 64.0]))
     assert encoded.tolist() == pytest.approx([0.0, of_one, of_64], abs=1e-3)
 
 
 @pytest.mark.parametrize("channels", [8, 2])
 def test_the_network_infers_the_same_from_pixels_as_from_packed_ones(channels: int) -> None:
     torch.manual_seed(0)
-    config = NetworkConfig(levels=(8, 8, 32, 64), decoder=8, hidden=8)
+    config = spec.NetworkConfig(levels=(8, 8, 32, 64), decoder=8, hidden=8)
     network = ClassifierNetwork(config, packed=12, half_inputs=channels, blend_parameters=3).eval()
     torch.nn.init.normal_(network.blend.weight)
     pixels = torch.rand(1, 3, 32, 48)

@@ -88,20 +88,6 @@ def test_the_weight_of_the_history_is_what_the_mask_leaves(name: str, value: flo
     )
 
 
-@pytest.mark.parametrize("name", ["taa", "taau"])
-def test_fully_reactive_is_the_image_of_this_frame_alone(name: str) -> None:
-    mask = {"reactive": torch.ones(1, 1, RENDER.height, RENDER.width), "exposure": torch.ones(1)}
-    method, _ = made(name)
-    masked = run(name, [{}, {}, mask])[-1].image
-    torch.manual_seed(0)
-    nothing = method.first_history(ops.Size(2 * RENDER.width, 2 * RENDER.height), RENDER)
-    frame = list(noise(RENDER, ops.Size(2 * RENDER.width, 2 * RENDER.height), 3))[-1]
-    given = {**frame, **mask, "color": frame["color"] / frame["pre_exposure"], "pre_exposure": torch.ones(1)}
-    with torch.no_grad():
-        alone = method.step(*(given[key] for key in method.inputs()), *nothing).image
-    torch.testing.assert_close(masked, alone, rtol=1e-3, atol=1e-4)
-
-
 @pytest.mark.parametrize("name", CONVERGING)
 def test_a_frame_without_new_samples_leaves_the_mean_unchanged(name: str) -> None:
     still = {"motion": torch.zeros(1, 2, RENDER.height, RENDER.width)}

@@ -74,7 +74,7 @@ def test_before_training_extrapolated_frames_are_those_of_classifier(
     from_classifier: Extrapolate, pattern: str
 ) -> None:
     inner, history, shaded = from_classifier.on_extrapolated(), first(from_classifier), State()
-    model = shared_model("classifier", executor="onnx")
+    model = shared_model("classifier", "onnx")
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     for index, kind in enumerate(pattern):
         inputs, frame = given(index), SCENE.frame(index, RENDER, halton_jitter(index, 2.0))

@@ -6,13 +6,7 @@ from torch import Tensor, nn
 
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler_model import ops
-from supersampler_model.methods.gbuffer_fast import (
-    DisplaySurfaces,
-    GuidedClassifier,
-    GuidedLight,
-    guide,
-    neighbours,
-)
+from supersampler_model.methods import gbuffer_fast
 from supersampler_model.methods.gbuffer_surfaces import lit
 from torch_inputs import plain_inputs
 
@@ -24,22 +18,22 @@ def plane(size: ops.Size, channels: int, value: float) -> Tensor:
     return torch.full((1, channels, size.height, size.width), value)
 
 
-def wall(size: ops.Size) -> DisplaySurfaces:
+def wall(size: ops.Size) -> gbuffer_fast.DisplaySurfaces:
     """A wall, left half nearer and darker; both halves face one way."""
     normal = plane(size, 3, 0.0)
     normal[:, 2] = 1.0
     depth, color = plane(size, 1, 0.1), plane(size, 3, 0.8)
     depth[..., : size.width // 2] = 0.2
     color[..., : size.width // 2] = 0.2
-    return DisplaySurfaces(color, normal, depth)
+    return gbuffer_fast.DisplaySurfaces(color, normal, depth)
 
 
 def guided(
-    light: Tensor, motion: Tensor | None = None, display: DisplaySurfaces | None = None
-) -> GuidedLight:
+    light: Tensor, motion: Tensor | None = None, display: gbuffer_fast.DisplaySurfaces | None = None
+) -> gbuffer_fast.GuidedLight:
     motion = plane(RENDER, 2, 0.0) if motion is None else motion
     one, display = plane(RENDER, 1, 1.0), wall(DISPLAY) if display is None else display
-    return guide(light, one, motion, wall(RENDER), display, VIEW.grid(RENDER), GuidedConfig())
+    return gbuffer_fast.guide(light, one, motion, wall(RENDER), display, VIEW.grid(RENDER), GuidedConfig())
 
 
 def test_light_does_not_cross_from_one_surface_to_another() -> None:
@@ -79,19 +73,20 @@ def test_the_sky_reflects_all_and_black_surfaces_the_least() -> None:
 
 def test_neighbours_beyond_the_display_are_its_last_pixels() -> None:
     image = torch.arange(6.0).reshape(1, 1, 1, 6).expand(1, 3, 4, 6)
-    window = neighbours(image, ops.Size(4, 4))
+    window = gbuffer_fast.neighbours(image, ops.Size(4, 4))
     assert window.color[0, 0, 5, 0, 3] == 3.0, "right of the last pixel of the display"
     assert window.color[0, 0, 3, 0, 3] == 2.0
 
 
-def blend_bias(method: GuidedClassifier) -> Tensor:
+def blend_bias(method: gbuffer_fast.GuidedClassifier) -> Tensor:
     """Return the logarithms of the colours' weights, four of each: history, relit, sample, guided, kernel."""
     assert isinstance(method.net.blend, nn.Conv2d)
-    assert method.net.blend.bias is not None
     return method.net.blend.bias.data
 
 
-def step(method: GuidedClassifier, base: Tensor, history: list[Tensor]) -> tuple[Tensor, list[Tensor]]:
+def step(
+    method: gbuffer_fast.GuidedClassifier, base: Tensor, history: list[Tensor]
+) -> tuple[Tensor, list[Tensor]]:
     """Step a wall under light of 1 whose display-size base colour is `base`, at rest."""
     render, display = wall(RENDER), wall(DISPLAY)
     display = display._replace(base_color=base, depth=plane(DISPLAY, 1, 0.1))
@@ -117,7 +112,7 @@ def step(method: GuidedClassifier, base: Tensor, history: list[Tensor]) -> tuple
 
 
 def test_the_first_frame_has_the_textures_of_display_size_g_buffers() -> None:
-    method = GuidedClassifier().eval()
+    method = gbuffer_fast.GuidedClassifier().eval()
     parameters = blend_bias(method)
     parameters[12:16] = 16.0  # the guided colour's weight
     base = 0.2 + 0.6 * torch.rand(1, 3, DISPLAY.height, DISPLAY.width)
@@ -127,7 +122,7 @@ def test_the_first_frame_has_the_textures_of_display_size_g_buffers() -> None:
 
 
 def test_the_history_shows_the_light_of_then_on_the_surfaces_of_now() -> None:
-    method = GuidedClassifier().eval()
+    method = gbuffer_fast.GuidedClassifier().eval()
     parameters = blend_bias(method)
     base = 0.2 + 0.6 * torch.rand(1, 3, DISPLAY.height, DISPLAY.width)
     parameters[12:16] = 16.0

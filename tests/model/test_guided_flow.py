@@ -16,13 +16,7 @@ from supersampler_export.half import HalfNetwork
 from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.guided_flow import (
-    Gathered,
-    GuidedFlow,
-    flow_history,
-    halved,
-    motions_of,
-)
+from supersampler_model.methods.guided_flow import Gathered, GuidedFlow, flow_history, halved, motions_of
 from supersampler_model.methods.guided_warp import GuidedWarp, surface_of
 from torch_inputs import tensors_of
 

@@ -13,13 +13,11 @@ import pytest
 from cpu_models import bytes_of, cpu_executor
 from native_build import SOURCES, native_build, native_generated
 from noise import noise
-from supersampler import Frame, Model
+from supersampler import Frame, Model, ModelError, halton_jitter
 from supersampler.backends.base import StepRequest
 from supersampler.backends.cpu.executor import CpuModel
 from supersampler.backends.cpu.library import Options, cpu_library
 from supersampler.backends.cpu.model_bytes import arrays_bytes
-from supersampler.conventions.jitter import halton_jitter
-from supersampler.errors import ModelError
 from supersampler.frame import Float32, Size
 
 METHODS = "bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small", "classifier-large"

@@ -56,7 +56,7 @@ class Nasty:
 
     __repr__ = __eq__ = __len__ = __iter__ = __float__ = __index__ = __bool__ = _raise
     __getitem__ = __dlpack__ = __array__ = __lt__ = __gt__ = __le__ = __ge__ = _raise
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None
 
 
 class Elsewhere:
@@ -253,7 +253,7 @@ def _session(model: Model) -> Upscaler:
 @pytest.mark.parametrize("executor", get_args(ExecutorName)[1:])
 @pytest.mark.parametrize("name", SESSION)
 def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) -> None:
-    model = shared_model("taau", executor=executor)
+    model = shared_model("taau", executor)
     disturbed, innocent = _session(model), _session(model)
     for make in HOSTILE.values():
         if refusal(lambda: SESSION[name](disturbed, make())) is None:  # noqa: B023  # called at once

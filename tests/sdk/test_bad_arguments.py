@@ -103,7 +103,7 @@ def test_a_display_is_no_larger_than_kernels_and_graphs_can_count() -> None:
 
 
 def test_a_closed_upscaler_refuses_every_call_but_close() -> None:
-    upscaler = Upscaler(shared_model("taau", executor="onnx"), display_size=DISPLAY)
+    upscaler = Upscaler(shared_model("taau", "onnx"), display_size=DISPLAY)
     upscaler.step(GOOD)
     state = upscaler.save_state()
     upscaler.close()

@@ -416,9 +416,7 @@ def test_a_blender_that_ignores_signals_is_killed(tmp_path: Path) -> None:
 
 
 @pytest.mark.long  # waits for seconds
-def test_a_process_orphaned_by_blender_does_not_block_the_command(
-    tmp_path: Path,
-) -> None:
+def test_a_process_orphaned_by_blender_does_not_block_the_command(tmp_path: Path) -> None:
     began = time.monotonic()
     assert "SIGABRT" in one_line(blender(tmp_path, daughter=120, crash_at=6))
     assert time.monotonic() - began < 60

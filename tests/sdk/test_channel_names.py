@@ -4,16 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from supersampler import ArgumentError, ShotError
-from supersampler.cli import app
+from supersampler import ArgumentError, Conventions, ShotError
 from supersampler.cli.arguments import source_notes
-from supersampler.conventions import Conventions
 from supersampler.io.images import Metadata, TypedValues, read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
 from supersampler.io.shot.named_channels import _NAMES, recognised_map
 from supersampler.io.shot.sources import Layout
+from upscale_runs import run
 
 OURS = Conventions()
 COLOR, DEPTH, MOTION = ["R", "G", "B"], ["Z"], ["motion.X", "motion.Y"]
@@ -72,7 +70,6 @@ def test_two_candidates_are_an_error_with_both_names(tmp_path: Path, extra: list
 def test_forward_vectors_beside_backward_ones_lead_to_the_next_frame(tmp_path: Path) -> None:
     write_one(tmp_path, "forward.v", "forward.u", "backward.v", "backward.u", *COLOR, *DEPTH)
     raw = open_source(tmp_path, conventions=OURS).read_raw(0)
-    assert raw.motion_next is not None
     np.testing.assert_array_equal(raw.motion_next[0, 0], np.array([1, 0]) / 16)
     np.testing.assert_array_equal(raw.motion[0, 0], np.array([3, 2]) / 16)
     jittered = open_source(tmp_path, conventions=Conventions(motion_jittered=True)).read(0)
@@ -102,8 +99,6 @@ def test_conventions_are_not_guessed(tmp_path: Path) -> None:
 def test_channels_are_read_to_their_values_with_the_conventions_given(tmp_path: Path) -> None:
     write_one(tmp_path, "N.Z", "motion.Y", "B", "roughness", "Z", "N.X", "R", "motion.X", "G", "N.Y")
     raw = open_source(tmp_path, conventions=Conventions(depth="linear")).read_raw(0)
-    assert raw.color is not None
-    assert raw.gbuffer is not None
     np.testing.assert_array_equal(raw.color[0, 0], np.array([6, 8, 2]) / 16)
     np.testing.assert_array_equal(raw.motion[0, 0], np.array([7, 1]) / 16)
     np.testing.assert_array_equal(raw.gbuffer["normal"][0, 0], np.array([5, 9, 0]) / 16)
@@ -133,7 +128,6 @@ def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_
     assert set(shot.info.aov_names) == {name.removeprefix("beauty.") for name in blended}
     assert set(shot.ignored_channels) == set(data)
     aovs = shot.read_raw(0).aovs
-    assert aovs is not None
     values = dict(zip(shot.info.aov_names, aovs[0, 0] * 16, strict=True))
     assert values == {name.removeprefix("beauty."): places.index(name) for name in blended}
     assert copy_shot(shot, tmp_path / "out").info.aov_names == shot.info.aov_names
@@ -147,7 +141,6 @@ def test_alpha_of_the_colour_has_one_name(tmp_path: Path, color: list[str], alph
     write_one(tmp_path, alpha, "glow.alpha", *color, *DEPTH, *MOTION)
     shot = open_source(tmp_path, conventions=OURS)
     raw = shot.read_raw(0)
-    assert raw.color is not None
     np.testing.assert_array_equal(raw.color[0, 0], np.array([2, 3, 4]) / 16)
     assert set(shot.info.aov_names) == {"A", "glow.alpha"}
 
@@ -176,7 +169,7 @@ def test_import_prints_what_is_not_read_and_unknown_primaries(tmp_path: Path) ->
     frame = tmp_path / "in" / "f.0001.exr"
     write_exr(frame, read_exr(frame), metadata={"chromaticities": primaries})
     arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "supersampler"]
-    done = CliRunner().invoke(app, arguments)
+    done = run(*arguments)
     assert "Not read, because they cannot be blended: P.X, crypto00.R" in done.stdout
     assert "The files' headers have unknown primaries. State the colour space: --color-space" in done.stdout
     assert Shot.open(tmp_path / "out").info.color_space == "unknown"
@@ -187,7 +180,7 @@ def test_a_pass_that_begins_in_a_later_frame_is_said_not_to_be_read(tmp_path: Pa
     first = tmp_path / "in" / "f.0001.exr"
     write_exr(first.with_name("f.0002.exr"), {**read_exr(first), "fog": np.zeros((6, 8), np.float32)})
     arguments = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--conventions", "supersampler"]
-    assert "Not read, because frame 1 lacks them: fog" in CliRunner().invoke(app, arguments).stdout
+    assert "Not read, because frame 1 lacks them: fog" in run(*arguments).stdout
     first.with_name("f.0003.exr").write_bytes(b"v/1\x01")  # is still written
     assert open_source(tmp_path / "in", conventions=OURS).late_channels == ()
 

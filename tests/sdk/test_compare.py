@@ -10,16 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageInput
 
-from supersampler.errors import ArgumentError
-from supersampler.frame import Frame
-from supersampler.io.compare import (
-    ERROR_SCALE,
-    PSNR,
-    About,
-    compare_layers,
-    compare_page,
-    false_color,
-)
+from supersampler import ArgumentError, Frame
+from supersampler.io.compare import ERROR_SCALE, PSNR, About, compare_layers, compare_page, false_color
 from supersampler.io.display_transforms import display_transform_from
 
 ABOUT = About(title="a <b>shot</b> </script>", method="taau", display_size=(8, 6))
@@ -72,7 +64,6 @@ def test_small_images_come_back_to_the_byte(html: str, tmp_path: Path) -> None:
     (tmp_path / "back.png").write_bytes(data)
     assert kind == "png"
     image = ImageInput.open(str(tmp_path / "back.png"))
-    assert image is not None
     np.testing.assert_array_equal(image.read_image("uint8"), pixels(5))
 
 

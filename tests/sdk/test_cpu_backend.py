@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from extrapolated_noise import spoilt
 from method_lists import WITH_KERNELS as METHODS
 from noise import Size, noise
 from shared_models import shared_model
@@ -46,9 +47,7 @@ def step_both(
 
 
 def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
-    history = upscaler.save_state().history
-    assert history is not None
-    return history
+    return upscaler.save_state().history
 
 
 def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, float] = ROUNDING) -> None:
@@ -75,12 +74,6 @@ def test_the_cpu_backend_computes_what_the_onnx_backend_computes(
     for one, other in step_both(models, method, frames, display):
         compare(one.image, other.image, method)
         assert np.abs(one.weight - other.weight).mean() <= 0.05
-
-
-def spoilt(image: Any, spots: Any, bad: float) -> Float32:
-    copy = np.array(image, np.float32)
-    copy[spots] = bad
-    return copy
 
 
 @pytest.mark.parametrize("method", METHODS)

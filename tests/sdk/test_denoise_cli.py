@@ -17,7 +17,7 @@ from supersampler.denoising.sequence import PerFrame
 from supersampler.frame import Float32
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, ShotWriter
-from upscale_runs import interrupt_at
+from upscale_runs import interrupt_at, succeeded
 
 COUNT = 12
 
@@ -44,8 +44,7 @@ def image(folder: Path, number: int) -> Float32:
 
 def test_a_shot_becomes_a_folder_of_images_with_less_noise(tmp_path: Path) -> None:
     shot = write_noisy(tmp_path / "shot")
-    result = denoise(shot, tmp_path / "out", "--compare", "--json")
-    assert result.exit_code == 0, result.output
+    result = succeeded(denoise(shot, tmp_path / "out", "--compare", "--json"))
     events = [json.loads(line) for line in result.stdout.splitlines()]
     assert [event["event"] for event in events] == ["begin", *["frame"] * COUNT, "end"]
     for number in range(COUNT):
@@ -146,13 +145,11 @@ def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
         arrays = [np.asarray(frame.color), frame.depth[..., None], np.asarray(frame.motion)]
         pixels = np.concatenate(arrays, axis=2).astype(np.float32)
         write_exr(tmp_path / f"frames/{index:04d}.exr", pixels, [*"RGBZ", "u", "v"])
-    result = denoise(tmp_path / "frames", tmp_path / "out", *options)
-    assert result.exit_code == 0, result.output
+    result = succeeded(denoise(tmp_path / "frames", tmp_path / "out", *options))
     assert "frame 5 to 6 between 0004.exr and 0007.exr is missing: a cut" in result.output
     there = sorted(path.name for path in (tmp_path / "out").glob("*.exr"))
     assert there == [f"{index:04d}.exr" for index in (*range(5), *range(7, 12))]
-    part = denoise(tmp_path / "frames", tmp_path / "part", *options, "--frames", "7-11")
-    assert part.exit_code == 0
+    succeeded(denoise(tmp_path / "frames", tmp_path / "part", *options, "--frames", "7-11"))
     np.testing.assert_array_equal(image(tmp_path / "part", 7), image(tmp_path / "out", 7))
 
 
@@ -177,8 +174,7 @@ def test_ids_are_copied_as_they_are_with_their_names(tmp_path: Path) -> None:
                 spec.attribute(key, text)
             parts.append((spec, pixels))
         write_parts(tmp_path / f"frames/{index:04d}.exr", *parts)
-    result = denoise(tmp_path / "frames", tmp_path / "out", "--conventions", "supersampler")
-    assert result.exit_code == 0, result.output
+    result = succeeded(denoise(tmp_path / "frames", tmp_path / "out", "--conventions", "supersampler"))
     channels = read_exr(tmp_path / "out/0001.exr")
     np.testing.assert_array_equal(channels["CryptoObject00.r"], ids + 1)
     np.testing.assert_array_equal(channels["ProxyMask00.R"], ids - 1)
@@ -193,16 +189,14 @@ def test_missing_guides_are_said_once(tmp_path: Path) -> None:
     with ShotWriter(tmp_path / "shot", name="shot", display_size=(48, 30), frame_rate=24.0) as writer:
         for index in range(3):
             writer.write(noisy(index, gbuffer=None))
-    result = denoise(tmp_path / "shot", tmp_path / "out")
-    assert result.exit_code == 0
+    result = succeeded(denoise(tmp_path / "shot", tmp_path / "out"))
     assert result.output.count("The frames have no albedo and no normal") == 1
 
 
 def test_samples_are_an_option_and_a_setting_of_the_run(tmp_path: Path) -> None:
     shot, images = write_noisy(tmp_path / "shot", 3), []
     for samples in ("1", "100"):
-        result = denoise(shot, tmp_path / "out", "--samples", samples, "--overwrite")
-        assert result.exit_code == 0, result.output
+        result = succeeded(denoise(shot, tmp_path / "out", "--samples", samples, "--overwrite"))
         images.append(read_exr(tmp_path / "out/0001.exr")["R"])
     assert (images[0] != images[1]).any()
     result = denoise(shot, tmp_path / "out", "--samples", "0")

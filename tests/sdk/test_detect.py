@@ -36,6 +36,11 @@ JITTER_READINGS = [
     {"jitter_unit": unit, "jitter_sign": sign, "jitter_flip_y": (sign < 0) == (unit == "ndc")}
     for unit, sign in product(("pixels", "uv", "ndc"), (1, -1))
 ]
+DEPTH_READINGS = [
+    {"depth": "reversed", "far": 100.0}, {"depth": "forward", "far": 100.0},
+    {"depth": "forward_infinite"}, {"depth": "linear"},
+    {"depth": "linear", "far": 1e10}, {"depth": "linear", "far": 1000.0},
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -57,14 +62,12 @@ def assert_found(detection: Detection, conventions: Conventions) -> None:
     assert eval(detection.call) == detection.conventions  # noqa: S307 - it is promised to be an expression
 
 
-@pytest.mark.parametrize("mistake", MOTION_READINGS, ids=lambda m: "-".join(map(str, m.values())))
-def test_every_motion_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
-    conventions = Conventions(**mistake)
-    assert_found(detect_conventions(planted(frames, conventions)), conventions)
-
-
-@pytest.mark.parametrize("mistake", JITTER_READINGS, ids=lambda m: "-".join(map(str, m.values())))
-def test_every_jitter_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    "mistake",
+    [*MOTION_READINGS, *JITTER_READINGS, *DEPTH_READINGS],
+    ids=lambda mistake: "-".join(map(str, mistake.values())),
+)
+def test_every_reading_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
     conventions = Conventions(**mistake)
     assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
@@ -73,20 +76,6 @@ def test_every_jitter_is_found(frames: list[Frame], mistake: dict[str, Any]) -> 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_jitter_is_found_even_where_motion_has_it_in_it(frames: list[Frame], sign: int, flip: bool) -> None:
     conventions = Conventions(motion_jittered=True, jitter_sign=sign, jitter_flip_y=flip)
-    assert_found(detect_conventions(planted(frames, conventions)), conventions)
-
-
-@pytest.mark.parametrize(
-    "mistake",
-    [
-        {"depth": "reversed", "far": 100.0}, {"depth": "forward", "far": 100.0},
-        {"depth": "forward_infinite"}, {"depth": "linear"},
-        {"depth": "linear", "far": 1e10}, {"depth": "linear", "far": 1000.0},
-    ],
-    ids=str,
-)  # fmt: skip
-def test_every_depth_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
-    conventions = Conventions(**mistake)
     assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 

@@ -10,10 +10,9 @@ from pkgutil import walk_packages
 
 import pytest
 
-from supersampler import ArgumentError, FrameError, Shot, ShotError
+from supersampler import ArgumentError, FrameError, Shot, ShotError, SupersamplerError
 from supersampler.arguments import checked_scale
 from supersampler.conventions.jitter import check_ratio
-from supersampler.errors import SupersamplerError
 
 PACKAGES = ("supersampler", "supersampler_model", "supersampler_export", "supersampler_bench")
 APART = ("bpy", "blender.extension", "render_frames", "pyvista", "vtk", "__main__")

@@ -39,7 +39,7 @@ SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky
 
 @pytest.fixture(scope="module")
 def taau() -> Model:
-    return shared_model("taau", executor="onnx")
+    return shared_model("taau", "onnx")
 
 
 def make(model: Model, **options: Any) -> Upscaler:

@@ -20,7 +20,7 @@ STILL_BUT_A_DISC = LitScene(radius=7.0, disc_velocity=(0.5, 0.0))
 
 
 def make(method: str, executor: ExecutorName, **options: Any) -> Upscaler:
-    model = shared_model(method, executor=executor)
+    model = shared_model(method, executor)
     return Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off", **options)
 
 
@@ -30,7 +30,6 @@ def at_rest(index: int) -> Frame:
 
 def mean_of(upscaler: Upscaler) -> Float32:
     history = upscaler.save_state().history
-    assert history is not None
     return np.array(history["history.static_mean"][0])
 
 
@@ -62,7 +61,7 @@ def test_where_each_jitter_comes_twice_all_that_stands_still_converges_and_stays
 ) -> None:
     """The second frame of a jitter is extrapolated, or shaded again; it is not part of the period."""
     upscaler = Upscaler(
-        shared_model("taau", executor=executor),
+        shared_model("taau", executor),
         display_size=(48, 32), extrapolation="guided-warp", validate="off",
     )  # fmt: skip
     frames, shares = still((24, 16), 2), []

@@ -32,7 +32,7 @@ def trained() -> GuidedFlow:
 
 @pytest.fixture(scope="module")
 def taau() -> Model:
-    return shared_model("taau", executor="onnx")
+    return shared_model("taau", "onnx")
 
 
 @pytest.fixture

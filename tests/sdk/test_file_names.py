@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from supersampler import ShotError
-from supersampler.conventions import Conventions
+from supersampler import Conventions, ShotError
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, import_channels, open_source
 from upscale_runs import files, upscale

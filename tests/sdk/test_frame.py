@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, Upscaler
-from supersampler.io.shot import Shot
+from supersampler import ArgumentError, Frame, FrameError, Shot, Upscaler
 
 H, W = 18, 32
 

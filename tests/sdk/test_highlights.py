@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gpu_steps import device_or_skip
-from method_backends import BACKENDS, model
+from method_backends import BACKENDS
+from shared_models import shared_model
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.methods.constants import MAX_TONED
@@ -37,7 +38,7 @@ def lamp(index: int, light: float, speed: float, exposure: float = 1.0) -> Frame
 
 def images(method: str, executor: Any, count: int, *scene: float) -> list[Float32]:
     """Return the images of so many frames of `lamp`."""
-    upscaler = Upscaler(model(method, executor), display_size=DISPLAY, at_rest="off", validate="off")
+    upscaler = Upscaler(shared_model(method, executor), display_size=DISPLAY, at_rest="off", validate="off")
     return [upscaler.step(lamp(index, *scene)).copy() for index in range(count)]
 
 

@@ -64,7 +64,7 @@ HOSTILE: dict[str, tuple[str, Spoil]] = {
 
 @pytest.fixture(scope="module", params=["onnx", "auto"])
 def models(request: pytest.FixtureRequest) -> dict[str, Model]:
-    return {name: shared_model(name, executor=request.param) for name in METHODS}
+    return {name: shared_model(name, request.param) for name in METHODS}
 
 
 @pytest.fixture(scope="module")

@@ -64,7 +64,6 @@ def ids_of(upscaler: Upscaler, frame: Frame) -> Ids:
 
 def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -> IdHistory:
     """Compute ids as supersampler.h defines them, a pixel at a time."""
-    assert frame.ids is not None
     (w, h), (width, height), f = frame.size, display, np.float32
     ids = frame.ids.astype(np.uint32)
     out = np.empty((height, width, ids.shape[2]), np.uint32)
@@ -89,7 +88,6 @@ def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -
             ]
             kept: list[tuple[np.float32, np.float32, int, int]] = []
             for j, i in around if history else ():
-                assert history is not None
                 motion = np.asarray(frame.motion[j, i], f) * (rx, ry)
                 ax, ay = f(x) + motion[0], f(y) + motion[1]
                 nx, ny = np.floor(ax + f(0.5)), np.floor(ay + f(0.5))
@@ -110,9 +108,7 @@ def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 def test_ids_are_as_defined_on_every_backend(executor: ExecutorName) -> None:
-    upscaler = Upscaler(
-        shared_model("taau", executor=executor, threads=2), display_size=DISPLAY, validate="off"
-    )
+    upscaler = Upscaler(shared_model("taau", executor, threads=2), display_size=DISPLAY, validate="off")
     history = None
     for index in range(6):
         render = (33, 25) if index == 4 else RENDER
@@ -192,7 +188,6 @@ def test_frames_with_ids_are_recorded(tmp_path: Path) -> None:
 
 def test_conventions_turn_ids_with_the_image() -> None:
     frame = frame_at(3)
-    assert frame.ids is not None
     conventions = Conventions(bottom_up=True)
     raw = RawFrame(
         color=frame.color, depth=frame.depth, motion=frame.motion, jitter=frame.jitter, ids=frame.ids[::-1]
@@ -202,7 +197,6 @@ def test_conventions_turn_ids_with_the_image() -> None:
 
 def test_wrong_ids_are_refused() -> None:
     frame = frame_at(0)
-    assert frame.ids is not None
     with pytest.raises(FrameError, match=r"ids is \(30, 40, 2\) float32; .*int32.*view\(np.uint32\)"):
         replace(frame, ids=frame.ids.astype(np.float32))
     with pytest.raises(FrameError, match=r"ids is \(30, 40, 2\) int64; .*astype\(np.int32\)"):

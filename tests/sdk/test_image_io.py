@@ -16,17 +16,8 @@ from OpenImageIO import ImageInput, ImageSpec
 
 from exr_parts import write_parts
 from supersampler import ShotError
+from supersampler.io import images
 from supersampler.io.files import replacing
-from supersampler.io.images import (
-    encode_jpeg,
-    encode_png,
-    half_pixels,
-    read_exr,
-    read_header,
-    write_exr,
-    write_png,
-    write_tiff,
-)
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 
 HOSTILE = [np.nan, np.inf, -np.inf, -0.0, 65504.0, 0.25, -1.5, 2.0**-24]  # all of them halves
@@ -46,9 +37,9 @@ def test_an_exr_keeps_every_value_and_every_type(
     image = {name: data.draw(values).astype(kind) for name, kind in kinds.items()}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "image.exr"
-        write_exr(path, image, compression=compression)
-        again = read_exr(path)
-        assert set(again) == names == set(read_header(path).types)
+        images.write_exr(path, image, compression=compression)
+        again = images.read_exr(path)
+        assert set(again) == names == set(images.read_header(path).types)
     for name, array in image.items():
         assert again[name].dtype == array.dtype
         np.testing.assert_array_equal(again[name], array)
@@ -56,25 +47,24 @@ def test_an_exr_keeps_every_value_and_every_type(
 
 def test_an_array_is_written_as_r_g_b_and_single_channels_are_read(tmp_path: Path) -> None:
     path = tmp_path / "made" / "on the way" / "image.exr"
-    write_exr(path, PIXELS)
-    assert list(read_exr(path)) == ["R", "G", "B"]
-    np.testing.assert_array_equal(read_exr(path, only=["G", "none"])["G"], PIXELS[..., 1])
-    assert list(read_exr(path, only=["G", "none"])) == ["G"]
+    images.write_exr(path, PIXELS)
+    assert list(images.read_exr(path)) == ["R", "G", "B"]
+    np.testing.assert_array_equal(images.read_exr(path, only=["G", "none"])["G"], PIXELS[..., 1])
+    assert list(images.read_exr(path, only=["G", "none"])) == ["G"]
 
 
 def test_no_time_is_stored_so_that_equal_images_are_equal_files(tmp_path: Path) -> None:
     for name in ("a.exr", "b.exr"):
-        write_exr(tmp_path / name, PIXELS)
+        images.write_exr(tmp_path / name, PIXELS)
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
     image = ImageInput.open(str(tmp_path / "a.exr"))
-    assert image is not None
     assert image.spec().get_string_attribute("DateTime") == ""
 
 
 def test_whole_numbers_stay_whole_numbers(tmp_path: Path) -> None:
     spec = ImageSpec(2, 1, 1, "uint")
     write_parts(tmp_path / "ids.exr", (spec, np.array([[[1], [70000]]], np.uint32)))
-    (ids,) = read_exr(tmp_path / "ids.exr").values()
+    (ids,) = images.read_exr(tmp_path / "ids.exr").values()
     assert ids.dtype == np.uint32
     assert ids.tolist() == [[1, 70000]]
 
@@ -85,7 +75,7 @@ def test_a_cropped_render_is_refused(tmp_path: Path) -> None:
     spec.x, spec.full_width, spec.full_height = 2, 8, 3
     write_parts(path, (spec, np.zeros((3, 4, 3), np.float32)))
     with pytest.raises(ShotError, match=r"holds a part of its image.*without a crop"):
-        read_exr(path)
+        images.read_exr(path)
 
 
 @pytest.mark.parametrize(
@@ -101,17 +91,19 @@ def test_values_that_exr_cannot_store_are_refused_and_leave_no_file(
     tmp_path: Path, image: np.ndarray | dict[str, np.ndarray], message: str
 ) -> None:
     with pytest.raises(ShotError, match=message):
-        write_exr(tmp_path / "image.exr", image)
+        images.write_exr(tmp_path / "image.exr", image)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_png_holds_the_bytes_given(tmp_path: Path) -> None:
-    write_png(tmp_path / "image.png", BYTES)
+    images.write_png(tmp_path / "image.png", BYTES)
     np.testing.assert_array_equal(decoded(tmp_path / "image.png"), BYTES)
-    assert encode_png(BYTES) == (tmp_path / "image.png").read_bytes()
+    assert images.encode_png(BYTES) == (tmp_path / "image.png").read_bytes()
 
 
-@pytest.mark.parametrize(("write", "name"), [(write_png, "image.png"), (write_tiff, "image.tif")])
+@pytest.mark.parametrize(
+    ("write", "name"), [(images.write_png, "image.png"), (images.write_tiff, "image.tif")]
+)
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 def test_integers_come_back_and_are_tagged_as_srgb(
     tmp_path: Path, write: Callable[..., None], name: str, kind: type[np.unsignedinteger[Any]]
@@ -119,7 +111,6 @@ def test_integers_come_back_and_are_tagged_as_srgb(
     image = np.random.default_rng(0).integers(0, np.iinfo(kind).max + 1, (5, 7, 3)).astype(kind)
     write(tmp_path / name, image)
     found = ImageInput.open(str(tmp_path / name))
-    assert found is not None
     np.testing.assert_array_equal(found.read_image(np.dtype(kind).name), image)
     assert found.spec().format == np.dtype(kind).name
     assert found.spec().get_string_attribute("oiio:ColorSpace").startswith("srgb_rec709")
@@ -128,7 +119,7 @@ def test_integers_come_back_and_are_tagged_as_srgb(
 
 
 def test_a_png_of_another_display_is_tagged_as_its_encoding(tmp_path: Path) -> None:
-    write_png(tmp_path / "image.png", BYTES, "srgb_p3d65_display")
+    images.write_png(tmp_path / "image.png", BYTES, "srgb_p3d65_display")
     content = (tmp_path / "image.png").read_bytes()
     assert b"cICP" + bytes([12, 13, 0, 1]) in content  # primaries of P3, curve of sRGB
     assert b"sRGB" not in content
@@ -136,7 +127,7 @@ def test_a_png_of_another_display_is_tagged_as_its_encoding(tmp_path: Path) -> N
 
 def test_pixels_become_half_floats_in_one_array_and_too_large_ones_are_clamped() -> None:
     color = np.array([[[1e30, -np.inf, 0.1]]], np.float32)
-    pixels = half_pixels([color, np.array([[[np.nan, 70000.0]]], np.float32)])
+    pixels = images.half_pixels([color, np.array([[[np.nan, 70000.0]]], np.float32)])
     assert pixels.dtype == np.float16
     np.testing.assert_array_equal(pixels[0, 0], np.array([65504, -65504, 0.1, np.nan, 65504], np.float16))
 
@@ -146,7 +137,7 @@ def test_a_jpeg_is_close_and_closer_with_more_quality(tmp_path: Path) -> None:
     image = ramp.astype(np.uint8)
     errors = []
     for quality in (30, 100):
-        (tmp_path / "image.jpg").write_bytes(encode_jpeg(image, quality))
+        (tmp_path / "image.jpg").write_bytes(images.encode_jpeg(image, quality))
         errors.append(np.abs(decoded(tmp_path / "image.jpg").astype(float) - image).mean())
     assert errors[1] < 1 < errors[0] < 20
 
@@ -154,16 +145,16 @@ def test_a_jpeg_is_close_and_closer_with_more_quality(tmp_path: Path) -> None:
 @pytest.mark.parametrize("image", [np.zeros((2, 3), np.uint8), np.zeros((2, 3, 3), np.float32)])
 def test_a_png_of_anything_but_bytes_is_refused(tmp_path: Path, image: np.ndarray) -> None:
     with pytest.raises(ShotError, match=r"want \(h, w, 3\) or \(h, w, 4\) uint8"):
-        write_png(tmp_path / "image.png", image)
+        images.write_png(tmp_path / "image.png", image)
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
     path = tmp_path / "image.exr"
-    write_exr(path, PIXELS)
+    images.write_exr(path, PIXELS)
     with pytest.raises(RuntimeError, match="stopped"):
         write_half_and_stop(path)
     assert [file.name for file in tmp_path.iterdir()] == ["image.exr"]
-    np.testing.assert_array_equal(read_exr(path)["R"], PIXELS[..., 0])
+    np.testing.assert_array_equal(images.read_exr(path)["R"], PIXELS[..., 0])
 
 
 FULL_DISK = """
@@ -200,14 +191,9 @@ def write_half_and_stop(path: Path) -> None:
 
 def decoded(path: Path) -> np.ndarray:
     image = ImageInput.open(str(path))
-    assert image is not None
     pixels = image.read_image("uint8")
     image.close()
-    assert pixels is not None
     return pixels
-
-
-# --- arrays in `.safetensors` files are read as they were written ---
 
 
 TYPES = ("f2", "f4", "f8", "?", "u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8")

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from imported_scene import (
     CONVENTIONS,
@@ -30,10 +29,10 @@ from imported_scene import (
     write_safetensors,
 )
 from supersampler import ArgumentError, ShotError
-from supersampler.cli import app
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, copy_shot, import_arm, import_blender, import_channels, open_source
+from upscale_runs import run
 
 
 @pytest.mark.parametrize(
@@ -49,8 +48,6 @@ def test_blender_frames_come_out_as_ours(tmp_path: Path, layer: str, names: dict
     item = shot.read(1)
     np.testing.assert_array_equal(item.reference, truth(1))
     gbuffer, aovs = item.frame.gbuffer, item.frame.aovs
-    assert gbuffer is not None
-    assert aovs is not None
     assert aovs.shape == (36, 64, 1)
     assert (aovs == 0.5).all()
     np.testing.assert_array_equal(gbuffer["normal"][0, 0], [0, 1, 2])
@@ -80,7 +77,7 @@ def test_passes_that_can_be_blended_and_metadata_stay_with_a_copy_and_its_result
         (tmp_path / "shot", tmp_path / "copied"),
     ):
         command = ["upscale", str(source), "-o", str(out), "--method", "bilinear", "--scale", "2"]
-        done = CliRunner().invoke(app, command)
+        done = run(*command)
         assert done.exit_code == 0, done.output
         channels = read_exr(out / "kitchen_0009.exr")
         assert channels.keys() == {"R", "G", "B", *names}
@@ -98,8 +95,8 @@ def test_one_of_several_complete_layers_must_be_chosen(tmp_path: Path) -> None:
         import_blender(tmp_path / "in", layer="C")
     assert_is_the_scene(import_blender(tmp_path / "in", layer="B", cuts=[CUT]))
     command = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "shot"), "--cuts", str(CUT)]
-    assert "--layer is left out; want one of A, B" in CliRunner().invoke(app, command).output
-    assert CliRunner().invoke(app, [*command, "--layer", "B"]).exit_code == 0
+    assert "--layer is left out; want one of A, B" in run(*command).output
+    assert run(*command, "--layer", "B").exit_code == 0
     assert_is_the_scene(Shot.open(tmp_path / "shot"))
 
 
@@ -154,7 +151,6 @@ def test_a_channel_map_reads_files_of_any_renderer(tmp_path: Path) -> None:
     assert_is_the_scene(shot)
     assert (shot.name, shot.conventions) == ("ue", CONVENTIONS)
     gbuffer = shot.read(2).frame.gbuffer
-    assert gbuffer is not None
     assert (gbuffer["roughness"] == np.float32(0.3)).all()
 
 
@@ -236,7 +232,6 @@ def test_an_arm_sequence_comes_out_as_ours(tmp_path: Path, far: float) -> None:
     assert shot.reference_indices == [0, 1, 2]
     assert [item.frame.exposure for item in shot] == pytest.approx([1, 2, 4])
     reference = shot.read(1).reference
-    assert reference is not None
     assert reference.dtype == np.float32
     np.testing.assert_allclose(reference, truth(1), atol=1e-3)
 
@@ -349,6 +344,6 @@ def test_an_option_that_the_layout_does_not_take_is_refused_by_name(tmp_path: Pa
     arm = write_safetensors(tmp_path / "arm.safetensors", arm_tensors())
     with pytest.raises(ArgumentError, match="frame_rate is given; want left out: the layout 'arm'"):
         open_source(arm, frame_rate=25.0)
-    done = CliRunner().invoke(app, ["import", str(arm), "-o", str(tmp_path / "out"), "--frame-rate", "25"])
+    done = run("import", arm, "-o", tmp_path / "out", "--frame-rate", "25")
     assert "--frame-rate is given; want left out: the layout 'arm' does not use it" in done.stderr
     assert (done.exit_code, (tmp_path / "out").exists()) == (2, False)

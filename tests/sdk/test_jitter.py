@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from supersampler import Frame, FrameError, Upscaler
+from supersampler import ArgumentError, Frame, FrameError, Upscaler
 from supersampler.conventions.jitter import (
     RATIOS,
     check_ratio,
@@ -20,7 +20,6 @@ from supersampler.conventions.jitter import (
     mip_bias,
     render_size_for,
 )
-from supersampler.errors import ArgumentError
 
 
 @pytest.mark.parametrize(

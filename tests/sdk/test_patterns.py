@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 from imported_scene import (
     CONVENTIONS,
@@ -25,11 +24,11 @@ from imported_scene import (
     write_safetensors,
 )
 from supersampler import ArgumentError, ShotError
-from supersampler.cli import app
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
 from supersampler.io.shot.format import LARGEST_NUMBER
 from supersampler.io.shot.numbered import FrameRange
+from upscale_runs import run, succeeded
 
 FRAME = ("R", "G", "B", "Z", "motion.X", "motion.Y")
 
@@ -181,14 +180,13 @@ def test_a_range_of_every_layout_has_the_frames_of_the_whole(tmp_path: Path) -> 
 def test_import_and_check_take_a_pattern_and_the_same_options(tmp_path: Path) -> None:
     write_frames(tmp_path / "renders", *(f"a.{number:04d}" for number in range(3)))
     source, out = str(tmp_path / "renders" / "a.####.exr"), str(tmp_path / "shot")
-    done = CliRunner().invoke(app, ["import", source, "-o", out])
+    done = run("import", source, "-o", out)
     assert "--conventions is left out; want given" in done.stderr
     assert "supersampler check" in done.stderr
     assert (done.exit_code, Path(out).exists()) == (2, False)
-    done = CliRunner().invoke(app, ["check", source, "--conventions", "unreal", "--frames", "2"])
+    done = run("check", source, "--conventions", "unreal", "--frames", "2")
     assert "3 frames" in done.stdout
-    done = CliRunner().invoke(app, ["import", source, "-o", out, "--conventions", "unreal"])
-    assert done.exit_code == 0, done.output
+    succeeded(run("import", source, "-o", out, "--conventions", "unreal"))
     assert Shot.open(out).info.file_names == "a.####"
 
 

@@ -10,12 +10,8 @@ import numpy as np
 import pytest
 
 from plain_frames import complaints
-from supersampler.conventions import Conventions, RawFrame
+from supersampler import Conventions, Frame, FrameError, RawFrame, Shot, halton_jitter
 from supersampler.conventions.encodings import srgb_encoded
-from supersampler.conventions.jitter import halton_jitter
-from supersampler.errors import FrameError
-from supersampler.frame import Frame
-from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker, detect_conventions
 from supersampler.validation.rankings import Hypothesis, ranked
 from supersampler_model.data.product_shot import Plaza
@@ -81,7 +77,6 @@ def notes(frames: list[Frame]) -> str:
 
 
 def colored(frame: Frame, change: Callable[[Any], Any]) -> Frame:
-    assert frame.color is not None
     return replace(frame, color=change(frame.color.astype(np.float32)).astype(np.float32))
 
 

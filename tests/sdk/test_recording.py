@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from noise import noise
-from recorded_files import DISPLAY, contents, read, recorded, replayed, rewrite
+from recorded_files import DISPLAY, read, recorded, replayed, rewrite
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.backends.onnx.session import planes_of
@@ -31,11 +31,7 @@ from supersampler.recording import (
     open_recording,
 )
 from supersampler.recording.replay import Replay, Replayed
-
-
-@pytest.fixture(scope="module")
-def models() -> dict[str, Model]:
-    return {name: shared_model(name) for name in ("taau", "classifier")}
+from upscale_runs import files
 
 
 @pytest.fixture
@@ -51,7 +47,6 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
     """Every field that a frame can have, halves and arrays that do not lie in one piece among them."""
     random = np.random.default_rng(seed)
     plain = noise(seed, size)
-    assert plain.color is not None
     (width, height), (wide, high) = size, DISPLAY
     return replace(
         plain,
@@ -67,10 +62,10 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
 
 
 @pytest.mark.parametrize("name", ["taau", "classifier"])
-def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], name: str, file: Path) -> None:
+def test_a_replay_is_bit_for_bit_what_was_recorded(name: str, file: Path) -> None:
     made: list[Float32 | None] = []
-    with recorded(models[name], file, skip=False) as upscaler:
-        maps = ("aovs", *models[name].info.maps)
+    with recorded(file, shared_model(name), skip=False) as upscaler:
+        maps = ("aovs", *shared_model(name).info.maps)
         for seed, size in enumerate([(32, 18), (32, 18), (43, 24)]):
             result = upscaler.step(with_all_inputs(seed, size), outputs=maps)
             assert not isinstance(result, np.ndarray)
@@ -90,9 +85,9 @@ def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], nam
         np.testing.assert_equal(image, again)
 
 
-def test_recorded_calls_are_read_unchanged(models: dict[str, Model], file: Path) -> None:
+def test_recorded_calls_are_read_unchanged(file: Path) -> None:
     frame = with_all_inputs(1, (32, 18))
-    with recorded(models["taau"], file, scale=2.0, display_size=None, at_rest="off") as upscaler:
+    with recorded(file, scale=2.0, display_size=None, at_rest="off") as upscaler:
         upscaler.step(frame, outputs=["aovs"])
         state = upscaler.save_state()
         upscaler.load_state(state)
@@ -103,7 +98,6 @@ def test_recorded_calls_are_read_unchanged(models: dict[str, Model], file: Path)
     read = replace(frame, gbuffer=None, gbuffer_display=None)  # which the method does not look at
     for field in fields(Frame):
         np.testing.assert_equal(getattr(step.frame, field.name), getattr(read, field.name))
-    assert step.frame.color is not None
     assert step.frame.color.dtype == np.float16
     assert (step.index, step.outputs) == (0, ("aovs",))
     assert isinstance(loaded, LoadStateCall)
@@ -120,7 +114,7 @@ def test_recorded_calls_are_read_unchanged(models: dict[str, Model], file: Path)
 
 
 def test_recorded_tensors_are_replayed_as_tensors(file: Path) -> None:
-    with recorded(shared_model("taau", executor="onnx"), file, validate="strict") as upscaler:
+    with recorded(file, shared_model("taau", "onnx"), validate="strict") as upscaler:
         for seed in range(3):
             frame = noise(seed)
             images = {name: planes_of(getattr(frame, name)) for name in ("color", "depth", "motion")}
@@ -143,13 +137,11 @@ def test_recorded_tensors_are_replayed_as_tensors(file: Path) -> None:
     assert not replayed(file, executor="cpu")[0].exact
 
 
-def test_wrong_calls_and_ctrl_c_are_not_recorded(
-    models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wrong_calls_and_ctrl_c_are_not_recorded(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt  # no signal: what runs in the background of a shell ignores those
 
-    with recorded(models["taau"], file) as upscaler:
+    with recorded(file) as upscaler:
         upscaler.step(noise(0))
         with pytest.raises(ArgumentError, match="out"):
             upscaler.step(noise(1), out=np.empty((1, 1, 3), np.float32))
@@ -165,12 +157,12 @@ def test_wrong_calls_and_ctrl_c_are_not_recorded(
 
 @pytest.mark.parametrize("moment", ["recorder.returned", "OutcomeRecord"])
 def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
-    models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch, moment: str
+    file: Path, monkeypatch: pytest.MonkeyPatch, moment: str
 ) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    with recorded(models["taau"], file) as upscaler:
+    with recorded(file) as upscaler:
         upscaler.step(noise(0))
         with monkeypatch.context() as patch:
             patch.setattr(f"supersampler.recording.{moment}", interrupt)
@@ -181,12 +173,12 @@ def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
 
 
 def test_a_replay_reports_an_error_that_only_one_side_raised(
-    models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
+    file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("by zero")
 
-    with recorded(models["taau"], file) as upscaler:
+    with recorded(file) as upscaler:
         upscaler.step(noise(0))
         with monkeypatch.context() as patch:
             patch.setattr(Model, "run_checked", fail)
@@ -202,18 +194,18 @@ def test_a_replay_reports_an_error_that_only_one_side_raised(
     assert other.note == "raises ZeroDivisionError (by zero); recorded: nothing"
 
 
-def test_a_recording_of_a_custom_model_asks_for_its_folder(models: dict[str, Model], file: Path) -> None:
+def test_a_recording_of_a_custom_model_asks_for_its_folder(file: Path) -> None:
     own = file.parent / "mine"
-    shutil.copytree(models["taau"].info.folder, own)
-    with recorded(Model.load(own, threads=1), file) as upscaler:
+    shutil.copytree(shared_model("taau").info.folder, own)
+    with recorded(file, Model.load(own, threads=1)) as upscaler:
         upscaler.step(noise(0))
     with pytest.raises(RecordingError, match=r"model 'mine' \(taau\), which does not ship.*--model FOLDER"):
         replayed(file)
     assert replayed(file, model=own)[0].exact
 
 
-def test_a_shipped_model_that_has_changed_is_named(models: dict[str, Model], file: Path) -> None:
-    recorded(models["taau"], file).close()
+def test_a_shipped_model_that_has_changed_is_named(file: Path) -> None:
+    recorded(file).close()
     setup = json.loads((file / "recording.json").read_text())
     setup["files"]["step.onnx"] = 64 * "0"
     (file / "recording.json").write_text(json.dumps(setup))
@@ -227,8 +219,8 @@ def test_a_shipped_model_that_has_changed_is_named(models: dict[str, Model], fil
 # --- crashes, full disks and damaged files ---
 
 
-def test_an_upscaler_that_is_dropped_leaves_all_its_frames(models: dict[str, Model], file: Path) -> None:
-    upscaler = recorded(models["taau"], file)
+def test_an_upscaler_that_is_dropped_leaves_all_its_frames(file: Path) -> None:
+    upscaler = recorded(file)
     upscaler.step(noise(0))
     upscaler.step(noise(1))
     del upscaler
@@ -267,9 +259,9 @@ upscaler.step(noise(2))
     ],
 )
 def test_a_damaged_or_missing_file_is_an_error_after_the_frames_before(
-    models: dict[str, Model], file: Path, name: str, content: bytes | None, problem: str
+    file: Path, name: str, content: bytes | None, problem: str
 ) -> None:
-    with recorded(models["taau"], file) as upscaler:
+    with recorded(file) as upscaler:
         upscaler.step(noise(0))
         upscaler.step(noise(1))
     (file / name).unlink() if content is None else (file / name).write_bytes(content)
@@ -306,12 +298,12 @@ def test_a_path_that_is_not_a_recording_is_refused(file: Path) -> None:
         open_recording(file / "shot.json")
 
 
-def test_an_existing_recording_is_not_overwritten(models: dict[str, Model], file: Path) -> None:
-    recorded(models["taau"], file).close()
-    before = contents(file)
+def test_an_existing_recording_is_not_overwritten(file: Path) -> None:
+    recorded(file).close()
+    before = files(file)
     with pytest.raises(RecordingError, match=r"is there already\. Choose another name"):
-        recorded(models["taau"], file)
-    assert contents(file) == before
+        recorded(file)
+    assert files(file) == before
 
 
 @contextmanager
@@ -331,20 +323,20 @@ def disk_full_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 
 @pytest.mark.parametrize("full", [CALL.format(1), OUTCOME.format(1)])
 def test_a_full_disk_ends_the_recording_with_the_last_complete_step_and_the_history_stays(
-    full: str, models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
+    full: str, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Before the step it is refused; after it, the next one is."""
-    upscaler, plain = recorded(models["taau"], file), Upscaler(models["taau"], display_size=DISPLAY)
+    upscaler, plain = recorded(file), Upscaler(shared_model("taau"), display_size=DISPLAY)
     upscaler.step(noise(0))
     plain.step(noise(0))
-    before, seed = contents(file), 1
+    before, seed = files(file), 1
     with disk_full_for(file / full, monkeypatch):
         if full == OUTCOME.format(1):
             np.testing.assert_array_equal(upscaler.step(noise(seed)), plain.step(noise(seed)))
             seed += 1
         with pytest.raises(RecordingError, match=r"cannot be written .* Is the disk full"):
             upscaler.step(noise(seed))
-    assert contents(file) == before
+    assert files(file) == before
     np.testing.assert_array_equal(upscaler.step(noise(seed)), plain.step(noise(seed)))
     upscaler.close()
     assert [step.exact for step in replayed(file)] == [True]
@@ -363,13 +355,8 @@ STATE = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def taau() -> Model:
-    return shared_model("taau")
-
-
-def begun(model: Model, file: Path) -> Upscaler:
-    upscaler = Upscaler(model, display_size=(64, 36), validate="off", record=file)
+def begun(file: Path) -> Upscaler:
+    upscaler = recorded(file)
     upscaler.step(noise(0))
     return upscaler
 
@@ -389,8 +376,8 @@ def begun(model: Model, file: Path) -> Upscaler:
         {"extrapolation": {"folder": "x"}},
     ],
 )
-def test_an_invalid_setup_is_refused(changes: dict[str, Any], taau: Model, file: Path) -> None:
-    begun(taau, file).close()
+def test_an_invalid_setup_is_refused(changes: dict[str, Any], file: Path) -> None:
+    begun(file).close()
     setup = json.loads((file / "recording.json").read_text())
     (file / "recording.json").write_text(json.dumps({**setup, **changes}))
     with pytest.raises(RecordingError, match=next(iter(changes))):
@@ -414,25 +401,17 @@ def test_an_invalid_setup_is_refused(changes: dict[str, Any], taau: Model, file:
         (None, "Expected `object`"),
     ],
 )
-def test_an_unknown_call_in_a_recording_is_refused(
-    record: object, message: str, taau: Model, file: Path
-) -> None:
-    begun(taau, file).close()
+def test_an_unknown_call_in_a_recording_is_refused(record: object, message: str, file: Path) -> None:
+    begun(file).close()
     path = file / CALL.format(0)
     rewrite(path, json.dumps(record), read(path)[1])
     with pytest.raises(RecordingError, match=message):
         list(open_recording(file))
 
 
-@pytest.mark.parametrize(
-    "outcome",
-    [
-        {"returned": {"image": 2**40}},
-        {"raised": [1, 2]},
-    ],
-)
-def test_an_outcome_that_no_step_has_is_refused(outcome: object, taau: Model, file: Path) -> None:
-    begun(taau, file).close()
+@pytest.mark.parametrize("outcome", [{"returned": {"image": 2**40}}, {"raised": [1, 2]}])
+def test_an_outcome_that_no_step_has_is_refused(outcome: object, file: Path) -> None:
+    begun(file).close()
     path = file / OUTCOME.format(0)
     rewrite(path, json.dumps(outcome), read(path)[1])
     with pytest.raises(RecordingError, match=r"000000\.safetensors: is not as expected"):
@@ -440,8 +419,8 @@ def test_an_outcome_that_no_step_has_is_refused(outcome: object, taau: Model, fi
 
 
 @pytest.mark.parametrize("name", [CALL.format(0), OUTCOME.format(0), "calls"])
-def test_a_link_out_of_the_folder_is_not_followed(name: str, taau: Model, file: Path) -> None:
-    begun(taau, file).close()
+def test_a_link_out_of_the_folder_is_not_followed(name: str, file: Path) -> None:
+    begun(file).close()
     outside = file.parent / "outside"
     (file / name).rename(outside)
     (file / name).symlink_to(outside)
@@ -450,8 +429,8 @@ def test_a_link_out_of_the_folder_is_not_followed(name: str, taau: Model, file: 
 
 
 @pytest.mark.parametrize("name", [CALL.format(0), OUTCOME.format(0), CALL.format(1)])
-def test_a_flipped_bit_in_arrays_is_found(name: str, taau: Model, file: Path) -> None:
-    upscaler = begun(taau, file)
+def test_a_flipped_bit_in_arrays_is_found(name: str, file: Path) -> None:
+    upscaler = begun(file)
     upscaler.load_state(upscaler.save_state())
     upscaler.close()
     assert len(list(open_recording(file))) == 3
@@ -462,8 +441,8 @@ def test_a_flipped_bit_in_arrays_is_found(name: str, taau: Model, file: Path) ->
         list(open_recording(file))
 
 
-def test_pixels_of_another_size_are_beyond_tolerance(taau: Model, file: Path) -> None:
-    begun(taau, file).close()
+def test_pixels_of_another_size_are_beyond_tolerance(file: Path) -> None:
+    begun(file).close()
     rewrite(
         file / OUTCOME.format(0), '{"returned": {"image": 1}}', {"image": np.zeros((2, 2, 3), np.float32)}
     )
@@ -472,8 +451,8 @@ def test_pixels_of_another_size_are_beyond_tolerance(taau: Model, file: Path) ->
     assert (step.exact, step.within) == (False, False)
 
 
-def test_a_frame_beyond_memory_is_refused(taau: Model, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    begun(taau, file).close()
+def test_a_frame_beyond_memory_is_refused(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun(file).close()
 
     def full(*_: object, **__: object) -> None:
         raise MemoryError

@@ -10,7 +10,7 @@ from noise import noise
 from supersampler import Upscaler
 from supersampler.io.images import read_exr
 from supersampler.recording import CALL, OUTCOME
-from upscale_runs import run, write_shot
+from upscale_runs import images, run, succeeded, write_shot
 
 COUNT = 4
 
@@ -30,23 +30,17 @@ def file(shot: Path, tmp_path: Path) -> Path:
     return tmp_path / "a.recording"
 
 
-def image_files(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.exr"))}
-
-
 def test_a_replay_of_an_upscaled_shot_is_the_same_images(file: Path, tmp_path: Path) -> None:
-    done = run("replay", file, "-o", tmp_path / "again")
-    assert done.exit_code == 0
+    done = succeeded(run("replay", file, "-o", tmp_path / "again"))
     head, recorded, here, verdict = done.stdout.splitlines()
     assert head == f"{file}: taau, to 64x36"
     assert recorded.replace("recorded", "here    ") == here
     assert verdict == f"{COUNT} of {COUNT} frames are bit-identical to the recorded ones."
-    assert image_files(tmp_path / "again") == image_files(tmp_path / "out")
+    assert images(tmp_path / "again") == images(tmp_path / "out")
 
 
 def test_another_executor_is_reported_and_tolerated(file: Path) -> None:
-    done = run("replay", file, "--executor", "onnx")
-    assert done.exit_code == 0
+    done = succeeded(run("replay", file, "--executor", "onnx"))
     assert "CPU (onnx, fp32)" in done.stdout
     assert f"0 of {COUNT} frames are bit-identical to the recorded ones; frame 0 is the first" in done.stdout
     assert "All differences are within tolerance: mean 1e-05, 99th percentile 0.001." in done.stdout
@@ -62,11 +56,11 @@ def test_another_image_is_exit_code_1(file: Path, tmp_path: Path) -> None:
 
 
 def test_a_recording_of_existing_frames_holds_all_of_them(file: Path, shot: Path, tmp_path: Path) -> None:
-    before = image_files(tmp_path / "out")
+    before = images(tmp_path / "out")
     again = ("upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record", tmp_path / "b")
     assert run(*again).exit_code == 0
     assert f"{COUNT} of {COUNT} frames are bit-identical" in run("replay", tmp_path / "b").stdout
-    assert image_files(tmp_path / "out") == before
+    assert images(tmp_path / "out") == before
 
 
 def test_refused_frames_warnings_and_an_early_end_are_reported(tmp_path: Path) -> None:
@@ -79,8 +73,7 @@ def test_refused_frames_warnings_and_an_early_end_are_reported(tmp_path: Path) -
     with pytest.warns(UserWarning, match="NaN"):
         upscaler.step(noise(2, color=color))
     del upscaler
-    done = run("replay", tmp_path / "a")
-    assert done.exit_code == 0
+    done = succeeded(run("replay", tmp_path / "a"))
     assert "frame 1: raises FrameError (frame.size" in done.stdout
     assert "warning: frame 2: frame.color" in done.stderr
     assert "The recording was not closed" in done.stdout
@@ -90,8 +83,7 @@ def test_refused_frames_warnings_and_an_early_end_are_reported(tmp_path: Path) -
 def test_a_frame_in_which_the_process_ended_is_announced(file: Path) -> None:
     (file / OUTCOME.format(COUNT - 1)).unlink()
     (file / CALL.format(COUNT)).unlink()  # close
-    done = run("replay", file)
-    assert done.exit_code == 0
+    done = succeeded(run("replay", file))
     assert f"frame {COUNT - 1}: its outcome was not recorded" in done.stdout
     assert f"{COUNT - 1} of {COUNT - 1} frames are bit-identical to the recorded ones." in done.stdout
 

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler.conventions import Conventions
+from supersampler import Conventions, Frame
 from supersampler.errors import FrameError, FrameWarning
-from supersampler.frame import Frame
 from supersampler.validation import FrameChecker
 from supersampler.validation.probe import FrameProbe
 from supersampler.validation.rankings import SURE, Detection, Hypothesis, Verdict, ranked
@@ -138,7 +137,6 @@ def test_a_jitter_that_is_wrong_in_both_axes_is_found_in_any_frames(
     factor: float, pairs: int, gain: float
 ) -> None:
     found = wrong_amplitude(errors(factor, factor, gain), pairs, 64)
-    assert found is not None
     assert (found.x, found.y) == pytest.approx((factor, factor), abs=1e-6)
     assert wrong_amplitude(errors(factor, factor, gain - 0.03), pairs, 64) is None
 

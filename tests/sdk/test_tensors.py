@@ -20,7 +20,7 @@ def tensors_of(frame: Frame) -> dict[str, torch.Tensor]:
 
 
 def upscaler(method: str = "taau", executor: Any = "onnx") -> Upscaler:
-    return Upscaler(shared_model(method, executor=executor), display_size=DISPLAY, validate="off")
+    return Upscaler(shared_model(method, executor), display_size=DISPLAY, validate="off")
 
 
 @pytest.mark.parametrize("method", ["bilinear", "taau", "classifier"])

@@ -9,8 +9,7 @@ import pytest
 from OpenImageIO import ImageBuf, ImageSpec
 
 from exr_parts import write_parts
-from supersampler import ArgumentError, ShotError
-from supersampler.conventions import Conventions
+from supersampler import ArgumentError, Conventions, ShotError
 from supersampler.io.images import Metadata, TypedValues, exact_rate, write_exr
 from supersampler.io.shot import copy_shot, import_named_channels, open_source
 from supersampler.io.video import video_writer

@@ -11,13 +11,12 @@ from urllib.parse import urlsplit
 from urllib.request import urlopen
 
 import pytest
-from typer.testing import CliRunner
 
-from supersampler.cli import app
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.integrations.web import PACKAGES, page_files, serving, site_files, write_site
 from supersampler.methods.executors import with_shaders
 from supersampler_export.shaders.folder import shader_files
+from upscale_runs import run
 from web_page import FolderFiles
 
 BUDGET = 3_000_000
@@ -28,7 +27,7 @@ APART = ("shot", "vendor", "cpu")
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("web") / "site"
-    done = CliRunner().invoke(app, ["demo", "--web", "--write", str(folder)])
+    done = run("demo", "--web", "--write", folder)
     assert done.exit_code == 0, done.output
     return folder
 
@@ -195,7 +194,7 @@ def test_packages_of_npm_are_copied_if_they_are_of_the_tested_version(tmp_path: 
 
 def test_the_npm_package_has_its_listed_files_and_a_module_for_each_method(tmp_path: Path) -> None:
     folder = tmp_path / "package"
-    done = CliRunner().invoke(app, ["export", "all", "--target", "npm", "-o", str(folder)])
+    done = run("export", "all", "--target", "npm", "-o", folder)
     assert done.exit_code == 0, done.output
     package = json.loads((folder / "package.json").read_text("utf-8"))
     for name in package["files"]:
@@ -230,7 +229,7 @@ def test_the_wheel_has_the_files_of_the_page(tmp_path: Path, monkeypatch: pytest
 
 
 def test_options_of_the_page_without_web_are_refused(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["demo", "--write", str(tmp_path / "x")])
+    done = run("demo", "--write", tmp_path / "x")
     assert done.exit_code == 2
     assert "--port, --write and --node-modules need --web" in done.stderr
     assert not list(tmp_path.iterdir())

@@ -13,8 +13,7 @@ import numpy as np
 import pyvista as pv
 
 from compact_frames import compact, cropped
-from supersampler import Frame
-from supersampler.conventions import halton_jitter
+from supersampler import Frame, halton_jitter
 from supersampler.conventions.encodings import srgb_decoded
 from supersampler.integrations import vtk
 from supersampler.integrations.pyvista import enable_supersampling

@@ -11,24 +11,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from supersampler import ArgumentError, Shot, ShotError
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.denoising.oidn import FrameDenoiser, Guides
 from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
 from supersampler.denoising.spec import REACH
-from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame
 from supersampler.io.display import ExposureMeter, missing_pixels
-from supersampler.io.shot import Shot
 from supersampler.sequence.backward_motion import scattered_motion
-from supersampler_bench.quality import metrics
-from supersampler_bench.quality.denoise_record import (
-    FRAME,
-    MEDIAN,
-    ONE_PASS,
-    DenoiseScores,
-    RenderRow,
-    mean_of,
-)
+from supersampler_bench.quality import denoise_record, metrics
 from supersampler_bench.quality.denoise_references import (
     Reference,
     bounding_box,
@@ -74,7 +65,7 @@ def measure_render(
     *,
     reference: str,
     on_frame: Callable[[], None] = lambda: None,
-) -> RenderRow:
+) -> denoise_record.RenderRow:
     """Denoise frames of a shot in several ways, and score those that have references.
 
     Args:
@@ -108,12 +99,14 @@ def measure_render(
     one_pass, one_pass_cpu = _denoised(singles, None, 0, samples)
     by_number = dict(zip(numbers, singles, strict=True))
     images: dict[str, Images] = {
-        FRAME: {number: np.asarray(by_number[number].color, np.float32) for number in references},
-        MEDIAN: {number: median_of_three(by_number, number) for number in references},
-        ONE_PASS: {number: one_pass[number - numbers[0]] for number in references},
+        denoise_record.FRAME: {
+            number: np.asarray(by_number[number].color, np.float32) for number in references
+        },
+        denoise_record.MEDIAN: {number: median_of_three(by_number, number) for number in references},
+        denoise_record.ONE_PASS: {number: one_pass[number - numbers[0]] for number in references},
         DENOISER: {number: both[number - numbers[0]] for number in references},
     }
-    return RenderRow(
+    return denoise_record.RenderRow(
         scene=scene,
         samples=samples,
         size=shot.render_size,
@@ -158,7 +151,7 @@ def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
         hint = 'Its lines are {"frame": 1, "cpu": 2.5}.'
         raise ShotError(path, f"is not readable ({error})", hint) from error
     by_number = {cost.frame: cost.cpu for cost in costs}
-    return mean_of([by_number.get(number) for number in numbers])
+    return denoise_record.mean_of([by_number.get(number) for number in numbers])
 
 
 class Metered:
@@ -273,7 +266,7 @@ def displayed(image: Float32) -> Float32:
     return srgb_encoded(np.clip(np.nan_to_num(image, nan=0.0, posinf=1.0), 0.0, 1.0))
 
 
-def _scores(method: str, images: Images, references: Mapping[int, Reference]) -> DenoiseScores:
+def _scores(method: str, images: Images, references: Mapping[int, Reference]) -> denoise_record.DenoiseScores:
     """Score the images of one method in the smallest rectangle around the scored pixels."""
     box = bounding_box(np.logical_or.reduce([each.scored for each in references.values()]))
     masks = {number: each.scored[box] for number, each in references.items()}
@@ -290,4 +283,4 @@ def _scores(method: str, images: Images, references: Mapping[int, Reference]) ->
         if b == a + 1
     ]
     psnr = [metrics.psnr(shown[number], truth[number], masks[number]) for number in references]
-    return DenoiseScores(method, psnr, mean_of(changes), flip)
+    return denoise_record.DenoiseScores(method, psnr, denoise_record.mean_of(changes), flip)

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from supersampler.errors import ArgumentError, ShotError
+from supersampler import ArgumentError, ShotError, Upscaler
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import lacking, listed, names_of
@@ -24,17 +24,7 @@ from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.model_info import ModelInfo
 from supersampler.sequence.both_ways import buffers_of
 from supersampler.sequence.interpolation import interpolator_of
-from supersampler.upscaler import Upscaler
-from supersampler_bench.quality import masks, metrics
-from supersampler_bench.quality.measure import (
-    StepImage,
-    Stepper,
-    both_ways_images,
-    measure_steppers,
-    reference_size,
-    runnable,
-    upscaler_of,
-)
+from supersampler_bench.quality import masks, measure, metrics
 from supersampler_bench.quality.score_table import COLUMNS as QUALITY_COLUMNS
 from supersampler_bench.quality.score_table import Column, sizes
 from supersampler_bench.quality.score_table import markdown_table as scores_table
@@ -210,17 +200,17 @@ def measure_extrapolation(
         ShotError: no frame has a reference, or G-buffers are missing.
         ArgumentError: no upscaler is left, or an alternation is invalid.
     """
-    display, available = reference_size(shot), names_of(shot.read_raw(0))
+    display, available = measure.reference_size(shot), names_of(shot.read_raw(0))
     for model in models:
         if missing := lacking(_info(model).gbuffers, available):
             hint = f"{model} reads them. The shots of `bench shots` have all."
             raise ShotError(shot.path, f"frames have no {listed(missing)}", hint)
-    upscalers = runnable(shot, upscalers, on_left_out)
+    upscalers = measure.runnable(shot, upscalers, on_left_out)
     scores = {}
     for text in alternations:
         alternation = Alternation(text)
         steppers = [s for name in upscalers for s in _ways(shot, name, models, display, alternation)]
-        found = measure_steppers(shot, steppers, on_frame=on_frame)
+        found = measure.measure_steppers(shot, steppers, on_frame=on_frame)
         scores[text] = [UnshadedScores.of(one, alternation.indices) for one in found]
     return scores
 
@@ -231,12 +221,12 @@ def _info(model: str) -> ModelInfo:
 
 def _ways(
     shot: Shot, upscaler: str, models: Sequence[str], display: Size, alternation: Alternation
-) -> Iterator[Stepper]:
-    def way(name: str, step: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> Stepper:
-        return Stepper(f"{upscaler}, {name}", lambda item: StepImage(step(item)), gbuffers)
+) -> Iterator[measure.Stepper]:
+    def way(name: str, step: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> measure.Stepper:
+        return measure.Stepper(f"{upscaler}, {name}", lambda item: measure.StepImage(step(item)), gbuffers)
 
-    def extrapolating(model: str) -> Stepper:
-        both = upscaler_of(upscaler, display, extrapolation=model)
+    def extrapolating(model: str) -> measure.Stepper:
+        both = measure.upscaler_of(upscaler, display, extrapolation=model)
 
         def step(item: ShotFrame) -> Float32:
             if alternation.leaves_unshaded(item):
@@ -245,8 +235,8 @@ def _ways(
 
         return way(_info(model).method, step, both.gbuffers)
 
-    def both_ways(model: str | None) -> Stepper:
-        forward = upscaler_of(upscaler, display)
+    def both_ways(model: str | None) -> measure.Stepper:
+        forward = measure.upscaler_of(upscaler, display)
         interpolator = None if model is None else interpolator_of(model, forward)
         gbuffers = buffers_of(forward, interpolator)
 
@@ -255,14 +245,14 @@ def _ways(
                 unshaded = model is not None and alternation.leaves_unshaded(item)
                 yield replace(item.frame, color=None) if unshaded else item.frame
 
-        images = both_ways_images(frames(), forward, interpolator=interpolator)
+        images = measure.both_ways_images(frames(), forward, interpolator=interpolator)
         name = "shaded" if model is None else _info(model).method
-        return Stepper(f"{upscaler}, {name} x2", lambda _: next(images), gbuffers)
+        return measure.Stepper(f"{upscaler}, {name} x2", lambda _: next(images), gbuffers)
 
-    shaded = upscaler_of(upscaler, display)
+    shaded = measure.upscaler_of(upscaler, display)
     yield way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers)
     for name, filled in (("warp", False), ("warp, filled", True)):
-        baseline = WarpBaseline(upscaler_of(upscaler, display), alternation, filled=filled)
+        baseline = WarpBaseline(measure.upscaler_of(upscaler, display), alternation, filled=filled)
         yield way(name, baseline.step, shaded.gbuffers)
     yield from (extrapolating(model) for model in models if not model.endswith(_TWO_PASSES))
     twice = [model.removesuffix(_TWO_PASSES) for model in models if model.endswith(_TWO_PASSES)]

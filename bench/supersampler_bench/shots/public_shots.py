@@ -9,11 +9,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from supersampler.errors import ShotError
+from supersampler import Shot, ShotError
 from supersampler.frame import Size
 from supersampler.io.files import replacing
 from supersampler.io.json_files import read_json
-from supersampler.io.shot import Shot
 from supersampler_model.data.shots import variant_name
 
 NAME = "test-shots"

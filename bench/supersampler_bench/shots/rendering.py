@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from supersampler import halton_jitter
-from supersampler.errors import ShotError
+from supersampler import ShotError, halton_jitter
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.files import replacing
 from supersampler_bench.shots.public_shots import (

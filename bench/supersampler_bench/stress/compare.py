@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import Frame
+from supersampler import Frame, State
 from supersampler.frame import Float32
-from supersampler.history import State
 from supersampler.io.display import decibels, display_transform
 from supersampler_bench.stress.scenario import DECAY, REST, STEP, Figure, Figures, Session, Trial
 

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import Frame
+from supersampler import Frame, State
 from supersampler.frame import Float32, Size
-from supersampler.history import State
 from supersampler.io.display import display_transform
 from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.stress.compare import Disturbance, VisibleDifference, difference, recovery

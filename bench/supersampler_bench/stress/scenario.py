@@ -7,9 +7,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from supersampler import Frame
+from supersampler import Frame, State
 from supersampler.frame import Float32, Size
-from supersampler.history import State
 from supersampler_bench.stress import scenes
 
 STEP = 1.0 / 255.0

@@ -4,11 +4,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
-from supersampler import Frame, Model, Upscaler, upscale_sequence
+from supersampler import ArgumentError, Frame, Model, State, Upscaler, upscale_sequence
 from supersampler.arguments import AtRest, ExecutorName, Precision
-from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
-from supersampler.history import State
 from supersampler.methods.model_info import ModelInfo
 from supersampler_bench.specs import parse_spec, with_default_gbuffers
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import Frame, Model, Upscaler
-from supersampler.errors import ArgumentError
+from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
 from supersampler_bench.specs import compatible

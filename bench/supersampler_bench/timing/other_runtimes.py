@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
 
-from supersampler import Frame
+from supersampler import Frame, SupersamplerError
 from supersampler.backends.onnx.runtime import NAMES, ort
 from supersampler.backends.onnx.session import frame_inputs
-from supersampler.errors import SupersamplerError
 from supersampler.frame import Size
 from supersampler_bench.timing.latency import WARM_UP, Setting, measure_settings, plaza_frames, quantiles
 from supersampler_model.data.shots import render_size

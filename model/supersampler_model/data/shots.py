@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import Conventions, RawFrame, halton_jitter
-from supersampler.errors import ArgumentError
+from supersampler import ArgumentError, Conventions, RawFrame, halton_jitter
 from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps, ShotWriter
 from supersampler_model.data.labels import thin

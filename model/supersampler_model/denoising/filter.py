@@ -13,21 +13,11 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from supersampler.denoising.spec import (
-    DEFAULT_SAMPLES,
-    KNOWN_SHARE,
-    LIGHT_LIMIT,
-    LIGHT_NOISE,
-    LOG_OFFSET,
-    MAX_SAMPLES,
-    OF_DENOISED,
-    REACH,
-    Weights,
-)
+from supersampler.denoising import spec
 from supersampler_model.ops.images import neighbours_3x3, size_of
 from supersampler_model.ops.motion import positions_of, read, read_cubic, usable_motion
 
-COSTS = Weights._fields[1:]
+COSTS = spec.Weights._fields[1:]
 """Names of the costs, in the order of `distances`; all but that of age, the last one, are per sample."""
 MANTISSA = 2.0**-23  # value of the last bit of a float's mantissa
 
@@ -68,14 +58,16 @@ class TemporalFilter(nn.Module):
     The weights are OF_DENOISED, or OF_NOISY for frames with noisy colour.
     """
 
-    def __init__(self, weights: Weights = OF_DENOISED) -> None:
+    def __init__(self, weights: spec.Weights = spec.OF_DENOISED) -> None:
         super().__init__()
         self.log_weight = nn.Parameter(torch.tensor(weights.log_weight))
         self.log_costs = nn.Parameter(torch.tensor(weights[1:]).log())
 
     def weight(self, distances: Tensor, samples: float) -> Tensor:
         """Return the weights (n, 1, h, w) of neighbours at these distances (n, len(COSTS), h, w)."""
-        costs = torch.cat([self.log_costs[:-1].exp() * min(samples, MAX_SAMPLES), self.log_costs[-1:].exp()])
+        costs = torch.cat(
+            [self.log_costs[:-1].exp() * min(samples, spec.MAX_SAMPLES), self.log_costs[-1:].exp()]
+        )
         return torch.exp(self.log_weight - (distances * costs[:, None, None]).sum(dim=1, keepdim=True))
 
     def forward(
@@ -84,7 +76,7 @@ class TemporalFilter(nn.Module):
         previous: Sequence[WindowFrame],
         following: Sequence[WindowFrame],
         exposure: float = 1.0,
-        samples: float = DEFAULT_SAMPLES,
+        samples: float = spec.DEFAULT_SAMPLES,
     ) -> tuple[Tensor, Tensor | None]:
         """Return the mean of colour, (1, 3, h, w), and of the AOVs.
 
@@ -119,7 +111,7 @@ def gathered(frame: WindowFrame, others: Sequence[WindowFrame], motion: str) -> 
     y = torch.arange(size.height, dtype=torch.float32)[None, :, None].expand(1, -1, size.width)
     known = torch.ones_like(x)
     found, last = [], frame
-    for age, other in enumerate(others[:REACH], start=1):
+    for age, other in enumerate(others[: spec.REACH], start=1):
         step = getattr(last, motion)
         if step is None:
             break
@@ -131,7 +123,7 @@ def gathered(frame: WindowFrame, others: Sequence[WindowFrame], motion: str) -> 
         place = positions_of(x[:, None], y[:, None])
         albedo, normal = read(other.albedo, place), read(other.normal, place)
         aovs = None if other.aovs is None else sharp(other.aovs, place)
-        complete = known[:, None] * (read(other.color[:, 3:], place) > KNOWN_SHARE)
+        complete = known[:, None] * (read(other.color[:, 3:], place) > spec.KNOWN_SHARE)
         color = sharp(other.color, place)
         averaged = color if other.noisy is None else sharp(other.noisy, place)
         found.append(Gathered(color, averaged, albedo, normal, aovs, complete, age))
@@ -157,7 +149,7 @@ def distances(frame: WindowFrame, other: Gathered, exposure: float) -> Tensor:
     """Return the distances of a neighbour, (1, len(COSTS), h, w), in the order of COSTS."""
 
     def logs(image: Tensor) -> Tensor:
-        return log2(image[:, :3] * exposure + LOG_OFFSET)
+        return log2(image[:, :3] * exposure + spec.LOG_OFFSET)
 
     difference = logs(other.color) - logs(frame.color)
     color = squared(difference) / 3.0
@@ -177,11 +169,11 @@ def relit(frame: WindowFrame, other: Gathered, exposure: float, samples: float) 
     The change of light is the mean relative difference of the denoised colours over 9x9 pixels, 0 where one
     is unknown. What may be noise of so many samples is left, because the average of the frames removes it.
     """
-    own, found = (image[:, :3] * exposure + LOG_OFFSET for image in (frame.color, other.color))
-    change = (2.0 * (own - found) / (own + found)).clamp(-LIGHT_LIMIT, LIGHT_LIMIT)
+    own, found = (image[:, :3] * exposure + spec.LOG_OFFSET for image in (frame.color, other.color))
+    change = (2.0 * (own - found) / (own + found)).clamp(-spec.LIGHT_LIMIT, spec.LIGHT_LIMIT)
     change = box(change * frame.color[:, 3:] * other.known, 4)
-    significance = change.square() * min(samples, MAX_SAMPLES)
-    return other.averaged[:, :3] * torch.exp(change * significance / (significance + LIGHT_NOISE))
+    significance = change.square() * min(samples, spec.MAX_SAMPLES)
+    return other.averaged[:, :3] * torch.exp(change * significance / (significance + spec.LIGHT_NOISE))
 
 
 def log2(values: Tensor) -> Tensor:

@@ -12,16 +12,10 @@ from torch import Tensor, nn
 
 from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER_PAPER, NetworkConfig
 from supersampler_model import ops
+from supersampler_model.methods import classifier_network
 from supersampler_model.methods.base import NetworkSubgraph
 from supersampler_model.methods.classifier import Classifier, Finished
 from supersampler_model.methods.classifier_inputs import Gathered, History, WarpedHistory
-from supersampler_model.methods.classifier_network import (
-    Encoder,
-    Pointwise,
-    class_probabilities,
-    encode,
-    pack,
-)
 
 PLANES = 20  # section 3: colour 3, depth 1, motion 2, count 1, range 6, depth change 1, classes 6
 COMPOSITOR_INPUTS = 14  # colour 3, history 3, classes 6, count 1, depth change 1
@@ -32,17 +26,19 @@ class PaperNetwork(nn.Module):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        self.encoder = Encoder(4 * PLANES, config.levels)
+        self.encoder = classifier_network.Encoder(4 * PLANES, config.levels)
         widths = [self.encoder.out_channels, *[config.decoder] * config.decoder_layers]
-        self.decoder = nn.Sequential(*(Pointwise(a, b) for a, b in itertools.pairwise(widths)))
-        self.classes = Pointwise(config.decoder, CLASSES, rectified=False)
+        self.decoder = nn.Sequential(
+            *(classifier_network.Pointwise(a, b) for a, b in itertools.pairwise(widths))
+        )
+        self.classes = classifier_network.Pointwise(config.decoder, CLASSES, rectified=False)
         hidden = nn.Conv2d(COMPOSITOR_INPUTS, config.hidden, 1)
         self.compositor = nn.Sequential(hidden, nn.ReLU(), nn.Conv2d(config.hidden, 1, 1), nn.Sigmoid())
 
     def forward(self, packed: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logits (n, 6, h, w), and no blend parameters: the compositor runs in `finish`."""
         del half_inputs
-        logits = self.classes(self.decoder(encode(self.encoder, packed)))
+        logits = self.classes(self.decoder(classifier_network.encode(self.encoder, packed)))
         return logits, logits[:, :0]
 
 
@@ -107,7 +103,7 @@ class PaperClassifier(Classifier):
             warped.difference,
             warped.classes,
         ]
-        return pack(torch.cat(planes, dim=1)), warped.classes[:, :0, ::2, ::2]
+        return classifier_network.pack(torch.cat(planes, dim=1)), warped.classes[:, :0, ::2, ::2]
 
     def finish(
         self, gathered: Gathered, logits: Tensor, blend: Tensor, resting: Tensor | None = None
@@ -119,7 +115,7 @@ class PaperClassifier(Classifier):
         grid = ops.grid_of(ops.size_of(current.frame), half, torch.zeros(1, 2, device=logits.device))
         upsampled = ops.resample(logits, *grid.bands(half, ops.linear, reach=1))
         groups = upsampled[:, :3], upsampled[:, 3:]
-        classes = torch.cat([class_probabilities(group) for group in groups], dim=1)
+        classes = torch.cat([classifier_network.class_probabilities(group) for group in groups], dim=1)
 
         known = (warped.samples > 0.0).float()
         count = 1.0 / (warped.samples + 1.0)

@@ -18,19 +18,11 @@ from supersampler.io.display import (
     MAX_HALF,
     MIN_EXPOSURE,
 )
+from supersampler.methods import constants
 from supersampler.methods.classifier.spec import ToneSpace
-from supersampler.methods.constants import (
-    DARKNESS,
-    FILL_WINDOW,
-    GLARE,
-    GLARE_EXPOSED,
-    GREY_SHARE,
-    HIGHLIGHT_TONED,
-    MAX_TONED,
-)
 from supersampler_model.ops.images import maximum_3x3, window_means
 
-TONED: Mapping[torch.dtype, float] = {torch.float32: MAX_TONED, torch.float16: 1.0 - 2.0**-10}
+TONED: Mapping[torch.dtype, float] = {torch.float32: constants.MAX_TONED, torch.float16: 1.0 - 2.0**-10}
 """Maximum of a toned colour, by type: half floats round brighter light to 1, which is infinite light."""
 
 
@@ -62,7 +54,7 @@ def bounded(color: Tensor) -> Tensor:
     Values below DARKNESS become black, too: fading averages would otherwise end as denormals, which are slow.
     """
     color = color.clamp(max=MAX_HALF)
-    return torch.where(color >= DARKNESS, color, 0.0)
+    return torch.where(color >= constants.DARKNESS, color, 0.0)
 
 
 def limited(toned: Tensor) -> Tensor:
@@ -90,20 +82,20 @@ def filled(color: Tensor, usable: Tensor, exposure: Tensor) -> Tensor:
         (1, 3, h, w) linear RGB.
     """
     values = torch.cat([color.sqrt(), torch.ones_like(usable)], dim=1) * usable
-    roots, share = window_means(values, FILL_WINDOW).split_with_sizes([3, 1], dim=1)
-    mean = (roots + GREY_SHARE * (EXPOSURE_KEY / exposure).sqrt()) / (share + GREY_SHARE)
+    roots, share = window_means(values, constants.FILL_WINDOW).split_with_sizes([3, 1], dim=1)
+    mean = (roots + constants.GREY_SHARE * (EXPOSURE_KEY / exposure).sqrt()) / (share + constants.GREY_SHARE)
     return torch.where(usable > 0.0, color, mean * mean)
 
 
 def glaring(exposed: Tensor, usable: Tensor) -> Tensor:
     """Return (1, 1, h, w): 1 where a usable sample is over GLARE_EXPOSED, else 0."""
-    return (largest(exposed) * usable > GLARE_EXPOSED).float()
+    return (largest(exposed) * usable > constants.GLARE_EXPOSED).float()
 
 
 def without_glare(values: Tensor) -> tuple[Tensor, Tensor]:
     """Split a history plane into values in [0, 1] and the number of glaring frames, (1, 1, H, W) each."""
-    glared = (values / GLARE + 0.5).floor()
-    return (values - GLARE * glared).clamp(min=0.0), glared
+    glared = (values / constants.GLARE + 0.5).floor()
+    return (values - constants.GLARE * glared).clamp(min=0.0), glared
 
 
 def luminance(color: Tensor) -> Tensor:
@@ -184,7 +176,7 @@ def inverse_tone(color: Tensor) -> Tensor:
 
 def peak(toned: Tensor) -> Tensor:
     """Return the largest channel of the 3x3 samples, at least HIGHLIGHT_TONED, (1, 1, h, w)."""
-    return maximum_3x3(largest(toned)).clamp(min=HIGHLIGHT_TONED)
+    return maximum_3x3(largest(toned)).clamp(min=constants.HIGHLIGHT_TONED)
 
 
 def dimming(toned: Tensor, limit: Tensor) -> Tensor:

@@ -6,27 +6,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler.methods.constants import (
-    CATMULL_ROM,
-    FINITE_MOTION,
-    MAX_DEPTH,
-    MAX_MOTION,
-    SAME_THIN_DEPTH,
-    THIN_MOTION,
-    UNKNOWN_DEPTH,
-)
-from supersampler_model.ops.images import (
-    Size,
-    channels_of,
-    maximum_3x3,
-    minimum_3x3,
-    neighbours_2x2,
-    neighbours_3x3,
-    padded_3x3,
-    shifted,
-    size_of,
-    sum_of,
-)
+from supersampler.methods import constants
+from supersampler_model.ops import images
 from supersampler_model.ops.sampling import Extent, Grid, in_row, pair
 
 STEP = 2.0**-24  # between float32 numbers just below 1
@@ -34,13 +15,13 @@ STEP = 2.0**-24  # between float32 numbers just below 1
 
 def usable_motion(motion: Tensor) -> Tensor:
     """Replace NaN and Inf by zero motion; clamp finite vectors to MAX_MOTION."""
-    known = motion.abs() <= FINITE_MOTION
-    return torch.where(known, motion.clamp(-MAX_MOTION, MAX_MOTION), 0.0)
+    known = motion.abs() <= constants.FINITE_MOTION
+    return torch.where(known, motion.clamp(-constants.MAX_MOTION, constants.MAX_MOTION), 0.0)
 
 
 def usable_depth(depth: Tensor) -> Tensor:
     """Replace NaN, Inf and negative depth by UNKNOWN_DEPTH."""
-    return torch.where((depth >= 0.0) & (depth <= MAX_DEPTH), depth, UNKNOWN_DEPTH)
+    return torch.where((depth >= 0.0) & (depth <= constants.MAX_DEPTH), depth, constants.UNKNOWN_DEPTH)
 
 
 def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
@@ -51,14 +32,14 @@ def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
     """
     best = torch.cat([depth, motion], dim=1)
     for across, down in ((1, 0), (0, 1)):
-        other = shifted(best, across, down)
+        other = images.shifted(best, across, down)
         best = torch.where(other[:, :1] > best[:, :1], other, best)
     return best[:, :1], best[:, 1:]
 
 
 def morphological_opening(depth: Tensor) -> Tensor:
     """Replace foreground narrower than three samples by its background (3x3 opening of reversed depth)."""
-    return maximum_3x3(minimum_3x3(depth))
+    return images.maximum_3x3(images.minimum_3x3(depth))
 
 
 def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
@@ -77,9 +58,9 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     """
     farthest, behind = _farthest_3x3(depth, motion)
     over = whole_steps(motion - behind)
-    w, h = size_of(depth)
+    w, h = images.size_of(depth)
     x, y = (torch.arange(extent, device=depth.device).to(depth.dtype) for extent in (w, h))
-    across, down = channels_of(over)
+    across, down = images.channels_of(over)
     (left, right), (top, bottom) = (
         (place.floor(), -(-place).floor()) for place in (x + across, y[:, None] + down)
     )  # without ceil, which some graph runtimes lack
@@ -88,14 +69,14 @@ def occluding_depth(depth: Tensor, motion: Tensor) -> Tensor:
     coming = read(depth, positions_of(columns, rows), mode="nearest").reshape(1, 4, h, w)
     hidden = torch.maximum(coming.amax(dim=1, keepdim=True), farthest)
     moves = (over.abs().amax(dim=1, keepdim=True) > 0.0) & (farthest >= 0.0)
-    leaves = moves & (hidden < SAME_THIN_DEPTH * depth)
+    leaves = moves & (hidden < constants.SAME_THIN_DEPTH * depth)
     return torch.where(leaves, -depth, morphological_opening(depth).clamp(min=0.0))
 
 
 def whole_steps(motion: Tensor) -> Tensor:
     """Round components shorter than one sample: from THIN_MOTION on to one sample, else to 0."""
     length = motion.abs()
-    step = (length >= THIN_MOTION).float()
+    step = (length >= constants.THIN_MOTION).float()
     return torch.where(length < 1.0, torch.where(motion < 0.0, -step, step), motion)
 
 
@@ -105,7 +86,7 @@ def _farthest_3x3(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
     for across, down in ((1, 0), (0, 1)):
         rows = best
         for step in (-1, 1):
-            other = shifted(rows, step * across, step * down)
+            other = images.shifted(rows, step * across, step * down)
             best = torch.where(other[:, :1] < best[:, :1], other, best)
     return best[:, :1], best[:, 1:]
 
@@ -127,9 +108,9 @@ def disocclusion(
     """
     first = position.floor()
     right, below = (part[:, None] for part in (position - first).unbind(dim=3))
-    around = padded_3x3(history_depth)[:, :, :-1, :-1]  # the edge is repeated beyond the screen
-    limit = torch.where(around > 1e-12, 1.0 / (ramp * around.clamp(min=1e-12)), MAX_DEPTH)
-    limits = read(torch.cat(neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
+    around = images.padded_3x3(history_depth)[:, :, :-1, :-1]  # the edge is repeated beyond the screen
+    limit = torch.where(around > 1e-12, 1.0 / (ramp * around.clamp(min=1e-12)), constants.MAX_DEPTH)
+    limits = read(torch.cat(images.neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
     # ((before - depth) / before - margin) / ramp
     occluded = ((1.0 - margin) / ramp - depth.clamp(min=1e-20) * limits).clamp(0.0, 1.0)
     return _bilinear_of_four(occluded, right, below) * (depth >= 0.0)
@@ -143,10 +124,12 @@ def occlusion(depth: Tensor, occluders: Tensor, position: Tensor, margin: float,
     """
     first = position.floor()
     right, below = (part[:, None] for part in (position - first).unbind(dim=3))
-    around = padded_3x3(occluders)[:, :, :-1, :-1]
-    limit = torch.where(around.abs() > 1e-12, 1.0 / (ramp * around.abs().clamp(min=1e-12)), MAX_DEPTH)
+    around = images.padded_3x3(occluders)[:, :, :-1, :-1]
+    limit = torch.where(
+        around.abs() > 1e-12, 1.0 / (ramp * around.abs().clamp(min=1e-12)), constants.MAX_DEPTH
+    )
     limit = torch.where(around < 0.0, -limit, limit)
-    limits = read(torch.cat(neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
+    limits = read(torch.cat(images.neighbours_2x2(limit), dim=1), first + 1.0, mode="nearest")
     occluded = ((1.0 - margin) / ramp - depth.clamp(min=1e-20) * limits.abs()).clamp(0.0, 1.0)
     left = (occluded * (limits < 0.0)).amax(dim=1, keepdim=True)
     return torch.maximum(left, _bilinear_of_four(occluded, right, below)) * (depth >= 0.0)
@@ -155,7 +138,7 @@ def occlusion(depth: Tensor, occluders: Tensor, position: Tensor, margin: float,
 def _bilinear_of_four(corners: Tensor, right: Tensor, below: Tensor) -> Tensor:
     """Interpolate between the upper left, upper right, lower left and lower right value, (1, 4, H, W)."""
     upper, lower = corners.split_with_sizes([2, 2], dim=1)
-    left_part, right_part = channels_of(upper + below * (lower - upper))
+    left_part, right_part = images.channels_of(upper + below * (lower - upper))
     return left_part + right * (right_part - left_part)
 
 
@@ -170,7 +153,7 @@ def relative_depth_change(before: Tensor, depth: Tensor) -> Tensor:
 def longest(motion: Tensor) -> Tensor:
     """Return the longest vector of each 3x3 neighbourhood: it tracks the fastest feature (Salvi 2016)."""
     best, chosen = squared_length(motion), motion
-    for m in neighbours_3x3(motion):
+    for m in images.neighbours_3x3(motion):
         length = squared_length(m)
         longer = length > best
         best, chosen = torch.where(longer, length, best), torch.where(longer, m, chosen)
@@ -204,14 +187,14 @@ class Reprojection(NamedTuple):
         return 2.0 * (t * (1.0 - t)).sum(dim=3)[:, None]
 
 
-def to_display(motion: Tensor, display: Size, render: Size | Extent) -> Tensor:
+def to_display(motion: Tensor, display: images.Size, render: images.Size | Extent) -> Tensor:
     """Convert motion (1, 2, h, w) in render pixels to (1, h, w, 2) in display pixels."""
     scale = pair(motion, display.width / render.width, display.height / render.height)
     vectors = motion.permute(0, 2, 3, 1)
     return vectors * in_row(scale, vectors)
 
 
-def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
+def reproject(motion: Tensor, display: images.Size, grid: Grid) -> Reprojection:
     """Reproject display pixels by their motion.
 
     Args:
@@ -230,7 +213,7 @@ def reproject(motion: Tensor, display: Size, grid: Grid) -> Reprojection:
 
 def read(image: Tensor, position: Tensor, mode: str = "bilinear") -> Tensor:
     """Sample an image at positions (1, H, W, 2) in its pixels, clamped at the border."""
-    size = size_of(image)
+    size = images.size_of(image)
     place = _normalised(position, size)
     if mode == "bilinear":
         return _bilinear(image, _inside(place, size))
@@ -242,19 +225,19 @@ def positions_of(x: Tensor, y: Tensor) -> Tensor:
     return torch.cat([x, y], dim=1).permute(0, 2, 3, 1)
 
 
-def _normalised(position: Tensor, size: Size) -> Tensor:
+def _normalised(position: Tensor, size: images.Size) -> Tensor:
     """Convert positions to the coordinates of grid_sample: exactly -1 and 1 at the image's borders."""
     extent = pair(position, 0.5 * size.width, 0.5 * size.height)
     return (position - in_row(extent - 0.5, position)) / in_row(extent, position)
 
 
-def _inside(place: Tensor, size: Size) -> Tensor:
+def _inside(place: Tensor, size: images.Size) -> Tensor:
     """Clamp places to the centres of the border pixels: bilinear reads then involve no pixel beyond them."""
     first, last = _ends(place, size)
     return torch.maximum(torch.minimum(place, last), first)
 
 
-def _ends(place: Tensor, size: Size) -> tuple[Tensor, Tensor]:
+def _ends(place: Tensor, size: images.Size) -> tuple[Tensor, Tensor]:
     """Return the places of the centres of the first and of the last pixel, (W, 2) each.
 
     grid_sample adds 1 and multiplies by the size. 2 - 1 / size, rounded to float32, less 1 gives the last
@@ -270,7 +253,7 @@ def _bilinear(image: Tensor, place: Tensor) -> Tensor:
     return F.grid_sample(image, place, mode="bilinear", padding_mode="zeros", align_corners=False)
 
 
-def read_cubic(image: Tensor, position: Tensor, sharpness: float = CATMULL_ROM) -> Tensor:
+def read_cubic(image: Tensor, position: Tensor, sharpness: float = constants.CATMULL_ROM) -> Tensor:
     """Resample with a cubic (sharpness 0.5: Catmull-Rom) from five bilinear reads.
 
     The middle two samples of an axis share a read. The four corner reads have small weights: they are left
@@ -281,7 +264,7 @@ def read_cubic(image: Tensor, position: Tensor, sharpness: float = CATMULL_ROM) 
         position: (1, H, W, 2) in its pixels.
         sharpness: minus the slope of the cubic at distance 1.
     """
-    size, whole = size_of(image), position.floor()
+    size, whole = images.size_of(image), position.floor()
     t = position - whole
     s = 1.0 - t
     product = t * s
@@ -306,4 +289,4 @@ def read_cubic(image: Tensor, position: Tensor, sharpness: float = CATMULL_ROM) 
         (middle_x * last_y, torch.where(of_x, middle, last)),
     ]
     total = 1.0 - (1.0 - middle_x) * (1.0 - middle_y)
-    return sum_of([weight * _bilinear(image, place) for weight, place in taps]) / total
+    return images.sum_of([weight * _bilinear(image, place) for weight, place in taps]) / total

@@ -48,8 +48,7 @@ def train(
         int, typer.Option(min=0, help="Processes that cut crops ahead; the crops are the same.")
     ] = 0,
     attributions: Annotated[
-        Path | None,
-        typer.Option(help="Text file with the attributions that the data requires, one a line."),
+        Path | None, typer.Option(help="Text file with the attributions that the data requires, one a line.")
     ] = None,
     init: Annotated[
         str | None, typer.Option(help="Initial weights: a file of another run, or `shipped`.")
@@ -191,11 +190,7 @@ def _warn_without_scores(trainer: Trainer, lengths: list[int]) -> None:
 
 
 def _report(
-    trainer: Trainer,
-    output: Path,
-    updates: list[Update],
-    found: Validated | None,
-    baseline: Validated | None,
+    trainer: Trainer, output: Path, updates: list[Update], found: Validated | None, baseline: Validated | None
 ) -> None:
     """Write the weights and the log; print the scores."""
     from supersampler_model.methods.base import save_trained

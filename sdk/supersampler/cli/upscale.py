@@ -100,8 +100,7 @@ def upscale(
         bool, typer.Option("--no-skip", help="Also compute frozen tiles; the images are the same.")
     ] = False,
     preset: Annotated[
-        PresetName | None,
-        typer.Option(help="Set method and precision: Pareto-optimal in time and error."),
+        PresetName | None, typer.Option(help="Set method and precision: Pareto-optimal in time and error.")
     ] = None,
     passes: Annotated[
         int,

@@ -11,16 +11,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from supersampler.arguments import as_number, ieee_arithmetic
+from supersampler.denoising import temporal
 from supersampler.denoising.oidn import FrameDenoiser, Guides, Oidn
 from supersampler.denoising.spec import ACCUMULATED, AGREEMENT, DEFAULT_SAMPLES, REACH
-from supersampler.denoising.temporal import (
-    TemporalFilter,
-    WindowFrame,
-    nearest_motion,
-    packed_aovs,
-    packed_color,
-    packed_guides,
-)
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Array, Float32, Frame
 from supersampler.io.display import ExposureMeter
@@ -52,7 +45,7 @@ class _Item:
     """A frame on its way through the stages."""
 
     frame: Frame  # as it came
-    window: WindowFrame
+    window: temporal.WindowFrame
     guides: Guides  # without noise
     exposure: float  # of this frame alone: images depend on no other
 
@@ -94,7 +87,7 @@ class TemporalDenoiser:
         self._denoiser = None if isinstance(per_frame, str) else per_frame
         if per_frame == "oidn":
             self._denoiser = self._stack.enter_context(Oidn(threads))
-        self._filter = self._stack.enter_context(TemporalFilter(threads=threads))
+        self._filter = self._stack.enter_context(temporal.TemporalFilter(threads=threads))
 
     def __enter__(self) -> Self:
         return self
@@ -124,7 +117,7 @@ class TemporalDenoiser:
             count = 0 if frame.aovs is None else frame.aovs.shape[2]
             yield Denoised(frame, image, np.concatenate(aovs, axis=2)[..., :count] if aovs else None)
 
-    def windows(self, frames: Iterable[Frame]) -> list[WindowFrame]:
+    def windows(self, frames: Iterable[Frame]) -> list[temporal.WindowFrame]:
         """Return all frames of one shot, each denoised by itself, as the filter reads them."""
         return [item.window for item in self._linked(frames)]
 
@@ -145,21 +138,21 @@ class TemporalDenoiser:
         if last is not None and frame.size != last.frame.size:
             hint = "Mark a cut, or denoise each size apart."
             raise FrameError("color", got=frame.size, want=f"{last.frame.size}, the size before", hint=hint)
-        noisy, guides = packed_color(frame.color, 1.0 / frame.pre_exposure), guides_of(frame)
+        noisy, guides = temporal.packed_color(frame.color, 1.0 / frame.pre_exposure), guides_of(frame)
         if self._denoiser is not None:
             guides = self._denoiser.clean_guides(*guides)
-        window = WindowFrame(
+        window = temporal.WindowFrame(
             color=self._denoised(noisy, guides),
-            guides=packed_guides(*guides, frame.depth.shape),
-            aovs=packed_aovs(frame.aovs),
+            guides=temporal.packed_guides(*guides, frame.depth.shape),
+            aovs=temporal.packed_aovs(frame.aovs),
             noisy=noisy if self._accumulates else None,
         )
         item = _Item(frame, window, guides, ExposureMeter().read_frame(frame))
         if last is not None:
-            item.window.to_previous = nearest_motion(frame.depth, frame.motion)
+            item.window.to_previous = temporal.nearest_motion(frame.depth, frame.motion)
             given = last.frame.motion_next
             following = scattered_motion(last.frame, frame) if given is None else given
-            last.window.to_next = nearest_motion(last.frame.depth, following)
+            last.window.to_next = temporal.nearest_motion(last.frame.depth, following)
         return item
 
     def _denoised(self, color: Float32, guides: Guides) -> Float32:
@@ -168,7 +161,7 @@ class TemporalDenoiser:
             return color
         missing = color[..., 3] <= 0.0
         given = filled(color) if missing.any() else color[..., :3]
-        clean = packed_color(self._denoiser.denoise(given, *guides))
+        clean = temporal.packed_color(self._denoiser.denoise(given, *guides))
         clean[missing] = 0.0
         return clean
 

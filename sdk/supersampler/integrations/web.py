@@ -41,7 +41,7 @@ _FILES: Mapping[str, tuple[str, ...]] = {
         *(f"examples/jsm/tsl/display/{node}Node.js" for node in ("TAAU", "TRAA")),
         "examples/jsm/tsl/utils/TAAUtils.js",
         "LICENSE",
-    ),
+    )
 }
 _WASM = Path(library.__file__).with_name("supersampler.wasm")
 """The CPU library for browsers: in wheels; in a checkout `python sdk/native/build.py wasm` builds it."""

@@ -50,11 +50,7 @@ class FrameStore:
     """
 
     def __init__(
-        self,
-        *,
-        memory: float | None = None,
-        folder: Path | None = None,
-        names: frozenset[str] = frozenset(),
+        self, *, memory: float | None = None, folder: Path | None = None, names: frozenset[str] = frozenset()
     ) -> None:
         if folder is not None and not folder.is_dir():
             raise ShotError(folder, "is not a folder", "`scratch` names an existing one.")

@@ -16,14 +16,7 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions
 from supersampler.errors import FrameError
 from supersampler.frame import Float32
-from supersampler.validation.probe import (
-    DepthOrder,
-    FrameProbe,
-    PixelGrid,
-    count_disoccluded,
-    pixel_grid,
-    tone_mapped,
-)
+from supersampler.validation import probe
 
 MIN_TEXTURED = 1000
 """Minimum number of textured pixels for significant errors."""
@@ -47,13 +40,13 @@ class FramePair:
         textured: whether at least MIN_TEXTURED of these pixels differ from their neighbours.
     """
 
-    def __init__(self, before: FrameProbe, now: FrameProbe) -> None:
+    def __init__(self, before: probe.FrameProbe, now: probe.FrameProbe) -> None:
         self.before, self.now = before, now
         if now.light is None or before.light is None:
             raise FrameError("color", got=None, want="shaded frames")
-        self.pixels = rows, columns = pixel_grid((now.light.shape[1], now.light.shape[0]))
+        self.pixels = rows, columns = probe.pixel_grid((now.light.shape[1], now.light.shape[0]))
         self._tone, self._tone_before = (
-            np.pad(tone_mapped(light, now.light), 1, mode="edge") for light in (now.light, before.light)
+            np.pad(probe.tone_mapped(light, now.light), 1, mode="edge") for light in (now.light, before.light)
         )
         self._here = here = _sample(self._tone, columns, rows)
         right, below = _sample(self._tone, columns + 1, rows), _sample(self._tone, columns, rows + 1)
@@ -82,7 +75,7 @@ class FramePair:
     def offset(
         self,
         conventions: Conventions,
-        pixels: PixelGrid | None = None,
+        pixels: probe.PixelGrid | None = None,
         *,
         motion_swapped: bool = False,
         jitter_swapped: bool = False,
@@ -121,14 +114,14 @@ class FramePair:
         moves: NDArray[np.bool_] = (length > 0) & (length >= 0.1 * np.percentile(length, 99))
         return moves
 
-    def disoccluded(self, order: DepthOrder, conventions: Conventions, count: int) -> tuple[int, int]:
+    def disoccluded(self, order: probe.DepthOrder, conventions: Conventions, count: int) -> tuple[int, int]:
         """Count disoccluded pixels with (closer, farther) occluders, on a grid of about `count` pixels."""
-        pixels = pixel_grid(self.now.size, count)
+        pixels = probe.pixel_grid(self.now.size, count)
         offset = self.offset(conventions, pixels)
-        return count_disoccluded(self.now.depth, self.before.depth, order, pixels, offset)
+        return probe.count_disoccluded(self.now.depth, self.before.depth, order, pixels, offset)
 
 
-def frame_pairs(frames: Sequence[FrameProbe]) -> list[FramePair]:
+def frame_pairs(frames: Sequence[probe.FrameProbe]) -> list[FramePair]:
     """Return the pairs of consecutive frames that are shaded and of the same size, without a cut between."""
     return [
         FramePair(before, now)

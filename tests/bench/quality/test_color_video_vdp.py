@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
-from supersampler.cli import app
 from supersampler.io.shot import ShotWriter
 from supersampler_bench.quality.color_video_vdp import Clip
 from supersampler_bench.quality.score_table import QualityRecord
 from supersampler_bench.record import read_record
 from supersampler_model.data.scenes.analytic import Plane, checker
+from upscale_runs import run
 
 SHOWN = np.linspace(0.0, 1.0, 4 * 6 * 3, dtype=np.float32).reshape(4, 6, 3)
 
@@ -68,21 +67,21 @@ def write_shot(folder: Path) -> Path:
 def test_the_score_is_of_frames_after_the_warm_up_without_the_border(tmp_path: Path) -> None:
     shot, values = write_shot(tmp_path / "shot"), tmp_path / "values.json"
     command = ["bench", "quality", str(shot), "--methods", "bilinear", "--json", str(values)]
-    answer = CliRunner().invoke(app, [*command, "--cvvdp"])
+    answer = run(*command, "--cvvdp")
     assert answer.exit_code == 0, answer.output
     assert calls == [((3, 44, 64, 3), "standard_fhd", {"dim_order": "FHWC", "frames_per_second": 30.0})]
     record = QualityRecord.from_json(read_record(values))
     jod = record.shots[0].methods[0].known()["jod"]
     assert re.search(rf"ColorVideoVDP JOD ↑ +│ +{jod:.2f} │", answer.stdout)
     assert record.tables("quality own")["quality own clip"].count("JOD") == 1  # of the first of two tables
-    assert "JOD" not in CliRunner().invoke(app, command).stdout
+    assert "JOD" not in run(*command).stdout
 
 
 def test_a_torchvision_of_another_torch_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "pycvvdp.py").write_text("raise RuntimeError('operator torchvision::nms does not exist')")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "pycvvdp", raising=False)
-    answer = CliRunner().invoke(app, ["bench", "quality", "plaza", "--cvvdp"])
+    answer = run("bench", "quality", "plaza", "--cvvdp")
     assert answer.exit_code == 2
     assert "torchvision is not usable (operator torchvision::nms does not exist)" in answer.stderr
 

@@ -10,9 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from noisy_frames import SIZE, noisy, truth
-from supersampler import ArgumentError
+from supersampler import ArgumentError, ShotError
 from supersampler.denoising.oidn import Guides
-from supersampler.errors import ShotError
 from supersampler.frame import Float32
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from joint_folder import joint_folder
 from lit_scene import LitScene, even
 from supersampler import ArgumentError, Frame, Shot, ShotError, halton_jitter
-from supersampler.cli import app
 from supersampler.frame import Float32
 from supersampler.io.shot import ShotFrame, ShotWriter
 from supersampler_bench.quality.extrapolation import (
@@ -31,6 +29,7 @@ from supersampler_bench.quality.masks import disoccluded
 from supersampler_bench.quality.scores import FRAME_METRICS, MASKED, WEIGHTED, FrameScores, MethodScores
 from supersampler_bench.record import read_record, write_json
 from supersampler_bench.report.doc_tables import blocks_of
+from upscale_runs import run
 
 SIZE, DISPLAY, FRAMES = (48, 27), (96, 54), 12
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5))
@@ -109,7 +108,6 @@ def test_disoccluded_pixels_are_filled_from_the_nearest_background() -> None:
     scene = LitScene(base=even, radius=7.0, disc_velocity=(3.0, 0.0))
     before, frame = scene.frame(0, (64, 36)), scene.frame(1, (64, 36))
     assert before.color is not None
-    assert frame.color is not None
     image, unshaded = warped(before.color, frame), disoccluded(frame, before)
     filled = with_background_filled(image, frame, before)
     assert (scene.uncovered(1) & unshaded).sum() > 20
@@ -192,7 +190,7 @@ def test_two_passes_have_rows_of_their_own_and_are_better(folder: Path) -> None:
 def test_the_command_prints_a_table_and_writes_its_record(folder: Path, tmp_path: Path) -> None:
     file = tmp_path / "extrapolation-lit.json"
     arguments = ["bench", "extrapolation", str(folder), "--methods", "bilinear", "--alternation", "1:1"]
-    done = CliRunner().invoke(app, [*arguments, "--json", str(file)])
+    done = run(*arguments, "--json", file)
     assert done.exit_code == 0
     record = read_record(file)
     table = ExtrapolationRecord.from_json(record).table()

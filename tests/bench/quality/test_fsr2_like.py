@@ -67,9 +67,7 @@ def test_the_image_of_a_moving_scene_is_not_shifted() -> None:
     assert best > max(scores.values()) + 2.0
 
 
-def test_the_depth_clip_removes_the_ghost_of_a_surface_in_front(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_depth_clip_removes_the_ghost_of_a_surface_in_front(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = DiscOverPlane(velocity=(3.0, 0.0), background_velocity=(0.0, 0.0), start=(10.0, 18.0))
     uncovered, truth = scene.disoccluded(11, DISPLAY), display_transform(scene.truth(11, DISPLAY))
 

@@ -93,9 +93,7 @@ def test_flip_is_0_for_equal_images_at_most_1_and_local() -> None:
     assert errors[6, 6] > 0.1 > 10 * errors[30:, 40:].max()
 
 
-def test_flip_without_its_package_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_flip_without_its_package_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "flip_evaluator", None)
     with pytest.raises(SupersamplerError, match=r"pip install 'supersampler\[bench\]'"):
         metrics.flip_map(grey(0), grey(0))

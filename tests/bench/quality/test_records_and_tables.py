@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from OpenImageIO import ImageBuf
-from typer.testing import CliRunner
 
 from supersampler import ArgumentError, __version__
-from supersampler.cli import app
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench.quality.score_table import (
     CORNER_COLUMNS,
@@ -33,6 +31,7 @@ from supersampler_bench.quality.scores import (
 from supersampler_bench.record import Provenance, age_of, read_record, write_json
 from supersampler_bench.report.doc_tables import update_block
 from supersampler_model.data.scenes.analytic import Plane, checker
+from upscale_runs import run
 
 README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
 
@@ -136,7 +135,7 @@ def test_the_quality_command_prints_writes_a_record_and_draws_errors(tmp_path: P
             writer.write(scene.frame(index, (40, 30)), reference=truth, classes=aliased)
     values = tmp_path / "values.json"
     options = ["--methods", "bilinear,classifier-small", "-o", str(tmp_path / "out"), "--json", str(values)]
-    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options])
+    answer = run("bench", "quality", tmp_path / "shot", *options)
     assert answer.exit_code == 0, answer.output
     assert "aliasing: geometry" in answer.stdout
     assert "STRRED" in answer.stdout
@@ -178,7 +177,7 @@ def test_several_shots_have_tables_of_their_mean_also_when_the_record_was_read_b
 
 def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path) -> None:
     (tmp_path / "notes").write_text('{"mine": 1}')
-    answer = CliRunner().invoke(app, ["bench", "parity", "--json", str(tmp_path / "notes")])
+    answer = run("bench", "parity", "--json", tmp_path / "notes")
     assert (answer.exit_code, answer.stderr.count("\n")) == (1, 1)
     assert "notes: is there already, and is not a" in answer.stderr
     assert (tmp_path / "notes").read_text() == '{"mine": 1}'

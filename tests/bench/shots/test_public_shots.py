@@ -7,10 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from supersampler import ShotError
-from supersampler.cli import app
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot
 from supersampler_bench.quality.score_table import QualityRecord
@@ -26,6 +24,7 @@ from supersampler_bench.shots.public_shots import (
 from supersampler_bench.shots.rendering import frames_there, render_test_shot, render_test_shots
 from supersampler_model.data.errors import DataError
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES
+from upscale_runs import run, succeeded
 
 TINY = TestShots(
     seeds={"gallery": 5, "court": 3}, frames=10, display_size=(48, 28), ratios=(1.5, 2.0), samples=4
@@ -65,7 +64,6 @@ def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
     assert public_shots.shots_named("test-shots") == public_shots.TEST_SHOTS
     assert public_shots.shots_named("rigging") == public_shots.RIGGING_SHOT
     one = public_shots.shots_named("moving_shadows")
-    assert one is not None
     assert (list(one.seeds), one.truth) == (["moving_shadows"], True)
     assert public_shots.shots_named("plaza") is None
 
@@ -74,10 +72,7 @@ def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
 def test_only_shots_apart_have_a_class_of_thin_pixels(cache: Path, opened: list[PublicShot]) -> None:
     [apart] = open_test_shots(cache, [2.0], TINY_APART, cache / "none.json")
     classes, others = apart.shot.read_classes(4), opened[0].shot.read_classes(4)
-    assert classes is not None
-    assert classes.thin is not None
     assert 0.02 < classes.thin.mean() < 0.7
-    assert others is not None
     assert others.thin is None
 
 
@@ -86,7 +81,6 @@ def test_only_corner_shots_have_planes_of_truth_and_their_aovs(cache: Path, open
     planes, frame = corners.shot.read_truth(4), corners.shot.read(4).frame
     assert set(planes) == {"thin_still", "thin_moving", "moving", "unshadowed"}
     assert corners.shot.info.aov_names == ("thin_still", "thin_moving")
-    assert frame.aovs is not None
     assert set(np.unique(frame.aovs)) == {0.0, 1.0}
     assert frame.aovs.mean() == pytest.approx(
         (planes["thin_still"] + planes["thin_moving"]).mean() / 2, abs=0.01
@@ -103,8 +97,6 @@ def test_each_frame_has_its_reference_classes_and_both_g_buffers(opened: list[Pu
     for item in opened[3].shot:
         assert item.reference is not None
         assert opened[3].shot.read_classes(item.index) is not None
-        assert item.frame.gbuffer is not None
-        assert item.frame.gbuffer_display is not None
         assert {*item.frame.gbuffer, "depth"} == {*item.frame.gbuffer_display}
 
 
@@ -203,13 +195,11 @@ def test_the_bench_measures_all_test_shots_and_their_mean(
     monkeypatch.setattr(public_shots, "APART_SHOTS", (TINY_APART,))
     monkeypatch.setattr(public_shots, "FROZEN", tmp_path / "frozen.json")
     monkeypatch.setenv(public_shots.CACHE_VARIABLE, str(cache))
-    shots = CliRunner().invoke(app, ["bench", "shots", "--freeze"])
-    assert shots.exit_code == 0, shots.output
+    shots = succeeded(run("bench", "shots", "--freeze"))
     assert shots.stdout.count("yes") == 6
     values = tmp_path / "values.json"
     command = ["bench", "quality", "test-shots", "--ratio", "1.5,2", "--methods", "bilinear,taau"]
-    done = CliRunner().invoke(app, [*command, "--json", str(values)])
-    assert done.exit_code == 0, done.output
+    done = succeeded(run(*command, "--json", values))
     assert done.stderr == ""
     record = json.loads(values.read_text(encoding="utf-8"))
     assert [(s["name"], s["ratio"], s["as_frozen"]) for s in record["shots"]] == [
@@ -225,7 +215,7 @@ def test_the_bench_measures_all_test_shots_and_their_mean(
     assert "Mean of the shots gallery, court at ratio 1.5 to 48x28: 10 frames each" in text
     assert "thin" not in text
     apart = ["bench", "quality", "rigging", "--methods", "bilinear,taau", "--json", str(values)]
-    done = CliRunner().invoke(app, apart)
+    done = run(*apart)
     assert (done.exit_code, done.stderr) == (0, "")
     [shot] = json.loads(values.read_text(encoding="utf-8"))["shots"]
     assert (shot["name"], shot["ratio"], shot["as_frozen"]) == ("rigging", 2.0, True)
@@ -233,19 +223,18 @@ def test_the_bench_measures_all_test_shots_and_their_mean(
 
 
 def test_the_bench_without_a_cache_names_the_command_that_makes_one(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["bench", "quality", "test-shots", "--cache", str(tmp_path)])
+    done = run("bench", "quality", "test-shots", "--cache", tmp_path)
     assert done.exit_code == 1
     assert done.stderr.count("\n") == 1
     assert "`supersampler bench shots` renders it" in done.stderr
-    wrong = CliRunner().invoke(app, ["bench", "quality", "test-shots", "--ratio", "half"])
+    wrong = run("bench", "quality", "test-shots", "--ratio", "half")
     assert "--ratio is 'half'; want numbers" in wrong.stderr
 
 
 def test_one_command_renders_the_shipped_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("supersampler_model.data.product_shot.DISPLAY_SIZE", (32, 18))
     monkeypatch.setattr("supersampler_model.data.product_shot.FRAMES", 13)
-    done = CliRunner().invoke(app, ["bench", "product-shot", str(tmp_path / "plaza")])
-    assert done.exit_code == 0, done.output
+    succeeded(run("bench", "product-shot", tmp_path / "plaza"))
     shot = Shot.open(tmp_path / "plaza")
     assert (shot.name, shot.render_size, len(shot), shot.reference_indices) == (
         "plaza",

@@ -11,33 +11,25 @@ from typer.testing import CliRunner
 from gpu_steps import device_or_skip
 from supersampler.cli import app
 from supersampler_bench.report.doc_tables import blocks_of
-from supersampler_bench.timing import gpu_limits
+from supersampler_bench.timing import gpu_limits, gpu_steps
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
 from supersampler_bench.timing.gpu_record import GpuRecord
-from supersampler_bench.timing.gpu_steps import (
-    BURST,
-    GpuImages,
-    GpuPass,
-    GpuStep,
-    compare_images,
-    measure_gpu,
-)
 from supersampler_bench.timing.gpu_stopwatch import Stopwatch, device_with_timestamps
 from supersampler_bench.timing.other_runtimes import RuntimeStep, measure_other_runtimes
 
 DISPLAY = (128, 72)
 LIMITS = GpuLimits(buffers=1e12, textures=2e12, multiplied=1e13)
 PASSES = (
-    GpuPass("gather", 0.2, 0.3, 400_000_000, 0),
-    GpuPass("compose", 0.9, 1.0, 200_000_000, 4_000_000_000),
+    gpu_steps.GpuPass("gather", 0.2, 0.3, 400_000_000, 0),
+    gpu_steps.GpuPass("compose", 0.9, 1.0, 200_000_000, 4_000_000_000),
 )
-STEP = GpuStep(
+STEP = gpu_steps.GpuStep(
     "classifier", (960, 540), (1920, 1080), "int8", 300, 1.2, 1.3, 1.4, 20.0, 25.0, 3.0,
-    (GpuPass("measure", 0.01, 0.01, 0, 0), *PASSES),
+    (gpu_steps.GpuPass("measure", 0.01, 0.01, 0, 0), *PASSES),
 )  # fmt: skip
 ADAPTER = {"device": "Some GPU", "backend_type": "Vulkan", "description": "1.2.3"}
 EMPTY = GpuRecord(ADAPTER, {"wgpu": "0.32.0"}, LIMITS)
-IMAGES = GpuImages("classifier", (161, 91), (321, 181), 8, 4e-4, 8e-3, 6e-2)
+IMAGES = gpu_steps.GpuImages("classifier", (161, 91), (321, 181), 8, 4e-4, 8e-3, 6e-2)
 ELSEWHERE = RuntimeStep("taau", "torch, compiled", "2.13.0", (960, 540), (1920, 1080), 50, 7.0, 8.0, 30.0)
 
 
@@ -56,14 +48,16 @@ def record() -> GpuRecord:
 def test_steps_are_timed_by_the_devices_clock_and_methods_without_shaders_are_named(device: Any) -> None:
     notes: list[str] = []
     timed = list(
-        measure_gpu(device, ["taa", "bilinear"], [DISPLAY], [2.0, 4.0], steps=3, on_left_out=notes.append)
+        gpu_steps.measure_gpu(
+            device, ["taa", "bilinear"], [DISPLAY], [2.0, 4.0], steps=3, on_left_out=notes.append
+        )
     )
     assert [(one.method, one.render, one.display) for one in timed] == [
         ("taa", (64, 36), DISPLAY),
         ("taa", (32, 18), DISPLAY),
     ]
     for one in timed:
-        assert one.steps == BURST
+        assert one.steps == gpu_steps.BURST
         assert 0.0 < one.median <= one.p95 <= one.p99
         assert 0.0 < one.wall <= one.wall_p95
         assert [part.name for part in one.passes] == ["measure", "follow_frame", "blend"]
@@ -95,7 +89,7 @@ def test_the_floor_is_the_longer_time_of_the_faster_copy_and_of_the_products() -
 
 
 def test_images_are_compared_with_those_of_the_cpu_backend(device: Any) -> None:
-    (found,) = compare_images(device, ["taa"])
+    (found,) = gpu_steps.compare_images(device, ["taa"])
     assert found.mean < 1e-4
     assert found.mean < found.p999 < found.largest < 0.05
 

@@ -63,9 +63,6 @@ def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
     assert '"processor"' in (tmp_path / "latency.json").read_text()
 
 
-# --- `bench skip` measures time, tiles at rest and error of static and of moving scenes ---
-
-
 RATIO = 1.0  # has the shortest jitter sequence, and so the fewest frames
 
 
@@ -84,9 +81,6 @@ def test_a_scene_in_which_nothing_moves_is_frozen() -> None:
     table = SkipRecord((96, 64), RATIO, results, frame_count(RATIO)).table()
     assert f"| machine_hall | nothing | taau | {still.milliseconds:.1f} | {still.first:.2f} |" in table
     assert f"{frame_count(RATIO)} frames of test shots" in table
-
-
-# --- `bench views` times several cameras in one call ---
 
 
 def test_several_cameras_are_timed_at_once_and_one_after_another(tmp_path: Path) -> None:

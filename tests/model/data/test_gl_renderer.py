@@ -30,6 +30,11 @@ from supersampler_model.data.scenes.scene import (
 MATTE = Material(base_color=(0.5, 0.25, 1.0), roughness=1.0, specular=0.0)
 ABOVE = Camera(position=(0.0, 4.0, 0.0), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, -1.0))  # x right, -z up
 MIDDLE = (45, 80)  # row, column
+COVER = Instance(mesh=plane(2.0), material=MATTE, model=moved(0, 2, 0, 0.5))  # casts a shadow
+LOW = replace(ABOVE, position=(0.0, 1.8, 0.0), fov_y=75.0)  # below COVER
+ROW, COLUMN = np.mgrid[:90, :160]
+OFF = np.maximum(np.abs(COLUMN - 79.5), np.abs(ROW - 44.5)) * 1.8 * np.tan(np.radians(37.5)) / 45.0
+"""Metres from the middle of what LOW sees."""
 
 
 def uniform(radiance: float) -> Environment:
@@ -83,21 +88,15 @@ def test_a_metal_ball_nearly_vanishes_in_a_uniform_room(renderer: Renderer) -> N
     ids=["sun", "spot"],
 )
 def test_shadows_fall_under_objects_and_nowhere_else(renderer: Renderer, light: Any, half: float) -> None:
-    camera = replace(ABOVE, position=(0.0, 1.8, 0.0), fov_y=75.0)  # below what casts the shadow
-    cover = Instance(mesh=plane(2.0), material=MATTE, model=moved(0, 2, 0, 0.5))
     holes = Material(base_color_texture=fence_texture(), alpha_cutoff=0.5)
-    fence = replace(cover, material=holes)
     lit, covered, fenced = (
-        renderer.reference(seen_from(camera, floor(), *things, **light)).color[..., 0]
-        for things in ((), (cover,), (fence,))
+        renderer.reference(seen_from(LOW, floor(), *things, **light)).color[..., 0]
+        for things in ((), (COVER,), (replace(COVER, material=holes),))
     )
-    row, column = np.mgrid[:90, :160]
-    pixel = 1.8 * np.tan(np.radians(37.5)) / 45.0  # metres
-    off = np.maximum(np.abs(column - 79.5), np.abs(row - 44.5)) * pixel  # from the middle
     assert lit.min() > 0.01
-    assert (covered[off < half - 0.05] < 1e-4).all()
-    np.testing.assert_allclose(covered[off > half + 0.05], lit[off > half + 0.05], rtol=1e-3)  # no acne
-    share = fenced[off < half].sum() / lit[off < half].sum()
+    assert (covered[half - 0.05 > OFF] < 1e-4).all()
+    np.testing.assert_allclose(covered[half + 0.05 < OFF], lit[half + 0.05 < OFF], rtol=1e-3)  # no acne
+    share = fenced[half > OFF].sum() / lit[half > OFF].sum()
     assert 0.3 < share < 0.8  # light falls through holes
 
 
@@ -133,23 +132,14 @@ def test_pixel_truth_is_coverage_by_kind_of_object(renderer: Renderer) -> None:
     "light",
     [
         {"sun": Sun(direction=(0.0, -1.0, 0.0), color=(1.0, 1.0, 1.0), radius=3.0)},
-        {
-            "spot": Spot(
-                position=(0, 40, 0), target=(0, 0, 0), color=(9, 9, 9), inner=9.0, outer=10.0, reach=99.0
-            )
-        },
+        {"spot": Spot(position=(0, 40, 0), target=(0, 0, 0), color=(9, 9, 9), inner=9, outer=10, reach=99)},
     ],
     ids=["sun", "spot"],
 )
 def test_pixel_truth_has_the_light_outside_shadows(renderer: Renderer, light: Any) -> None:
-    camera = replace(ABOVE, position=(0.0, 1.8, 0.0), fov_y=75.0)  # below what casts the shadow
-    cover = Instance(mesh=plane(2.0), material=MATTE, model=moved(0, 2, 0, 0.5))
-    unshadowed = renderer.truth(seen_from(camera, floor(), cover, **light)).unshadowed
-    row, column = np.mgrid[:90, :160]
-    pixel = 1.8 * np.tan(np.radians(37.5)) / 45.0  # metres
-    off = np.maximum(np.abs(column - 79.5), np.abs(row - 44.5)) * pixel  # from the middle
-    assert (unshadowed[off < 0.44] == 0.0).all()
-    assert (unshadowed[off > 0.62] == 1.0).all()
+    unshadowed = renderer.truth(seen_from(LOW, floor(), COVER, **light)).unshadowed
+    assert (unshadowed[OFF < 0.44] == 0.0).all()
+    assert (unshadowed[OFF > 0.62] == 1.0).all()
     assert ((unshadowed > 0.0) & (unshadowed < 1.0)).any()  # the mean over a pixel's samples
 
 

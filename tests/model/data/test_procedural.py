@@ -33,11 +33,7 @@ from supersampler_model.data.scenes.analytic import (
     zone_plate,
 )
 from supersampler_model.data.scenes.procedural import lighting, shapes
-from supersampler_model.data.scenes.scene import (
-    Mesh,
-    Scene,
-    tangents_of,
-)
+from supersampler_model.data.scenes.scene import Mesh, Scene, tangents_of
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
 from supersampler_model.data.specs import Sequence, SequenceSpec
 
@@ -277,9 +273,6 @@ def test_pulses_are_never_negative_and_vary() -> None:
         assert np.ptp(values) > 0.3
 
 
-# --- errors of invalid scenes name the field that is wrong ---
-
-
 def test_tangents_follow_u_and_stand_on_the_normal() -> None:
     shape = bending_tube()
     derived = tangents_of(shape.positions, shape.normals, shape.uv, shape.indices)
@@ -400,6 +393,3 @@ def test_camera_motion_is_that_of_a_plane_that_an_analytic_camera_passes() -> No
     motion = camera_motion(frame.depth, projection @ cameras[1], projection @ cameras[0], jitter=jitter)
     np.testing.assert_allclose(motion, frame.motion, atol=1e-3)
     assert np.abs(frame.motion).min() > 0.1
-
-
-# --- the static scene of `bench still` ---

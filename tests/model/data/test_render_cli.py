@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 from gltf_files import cube
 from supersampler.cli.app import app
 from supersampler_model.data.dataset.storage import open_dataset, read_training_frame
+from upscale_runs import succeeded
 
 SMALL = ("--frames", "2", "--display-size", "64x36", "--samples", "4", "--ratio", "2")
 
@@ -32,8 +33,7 @@ def files(tmp_path: Path) -> Path:
 @pytest.mark.long  # renders sequences
 def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp_path: Path) -> None:
     options = ("--scenes", "floors", "--gltf", files, "--gltf-fraction", "0.5", "--sequences", "2", *SMALL)
-    answer = render(tmp_path / "set", *options)
-    assert answer.exit_code == 0, answer.output
+    answer = succeeded(render(tmp_path / "set", *options))
     assert "4 frames of 64x36" in answer.output
     dataset = open_dataset(tmp_path / "set")
     assert sorted(entry.spec.family for entry in dataset.entries()) == ["floors", "gltf"]
@@ -45,8 +45,7 @@ def test_further_ratios_of_a_set_are_rendered_on_request(tmp_path: Path) -> None
     options = ("--scenes", "floors", "--sequences", "1", *SMALL)
     assert render(tmp_path, *options).exit_code == 0
     before = dict.fromkeys(tmp_path.rglob("*.safetensors"))
-    answer = render(tmp_path, *options, "--also", "2,4")
-    assert answer.exit_code == 0, answer.output
+    answer = succeeded(render(tmp_path, *options, "--also", "2,4"))
     names = sorted(path.name for path in set(tmp_path.rglob("*.safetensors")) - set(before))
     assert names == [f"000{i}.{r}x.safetensors" for i in range(2) for r in (2, 4)]
     answer = render(tmp_path, *options, "--also", "0.5")

@@ -10,46 +10,33 @@ from typing import cast
 import numpy as np
 import pytest
 import torch
-from typer.testing import CliRunner
 
 import gbuffer_sets
 from flow_method import SMALL, Shadow, random_flow
 from gbuffer_sets import gbuffer_data
-from supersampler import Frame
-from supersampler.cli import app
-from supersampler.errors import ArgumentError
+from supersampler import ArgumentError, Frame
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import load_trained
 from supersampler_model.methods.guided_flow import GuidedFlow
+from supersampler_model.training import flow_task
 from supersampler_model.training.datasets import method_inputs
-from supersampler_model.training.flow_task import (
-    FULL_CHANNELS,
-    HALF_CHANNELS,
-    FlowTask,
-    LightCache,
-    LightCrop,
-    LightFrames,
-    LightStream,
-    changing_light,
-    draw_light,
-)
 from supersampler_model.training.task import start_task
 from supersampler_model.training.validation import validate, validation_entries
+from upscale_runs import run, succeeded
 
 SIZE = 16
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return FlowTask(random_flow()).data(gbuffer_data(tmp_path_factory.mktemp("set")))
+    return flow_task.FlowTask(random_flow()).data(gbuffer_data(tmp_path_factory.mktemp("set")))
 
 
 def training_frame(frame: Frame, *, reset: bool) -> TrainingFrame:
     """A frame of an analytic scene as a training set has it, all of render size."""
     assert frame.color is not None
-    assert frame.depth is not None
     assert frame.motion is not None
     nothing = np.zeros(frame.depth.shape, np.uint8)
     return TrainingFrame(
@@ -72,9 +59,9 @@ class Shown:
         return iter(self._frames)
 
 
-def found_of(method: GuidedFlow, frames: Sequence[TrainingFrame]) -> LightFrames:
+def found_of(method: GuidedFlow, frames: Sequence[TrainingFrame]) -> flow_task.LightFrames:
     entry = cast(SequenceEntry, frames[0].color.shape)  # any key
-    return LightCache(method).of(cast(Dataset, Shown(frames)), entry)
+    return flow_task.LightCache(method).of(cast(Dataset, Shown(frames)), entry)
 
 
 def shadow(count: int, speed: float = 3.0, edge: float = 24.0) -> list[TrainingFrame]:
@@ -82,14 +69,14 @@ def shadow(count: int, speed: float = 3.0, edge: float = 24.0) -> list[TrainingF
     return [training_frame(scene.frame(i), reset=i == 0) for i in range(count)]
 
 
-def whole(found: LightFrames, index: int) -> LightCrop:
+def whole(found: flow_task.LightFrames, index: int) -> flow_task.LightCrop:
     """A found frame, neither cut nor turned."""
-    later, earlier = torch.split(found.half[index : index + 1].float(), HALF_CHANNELS, dim=1)
+    later, earlier = torch.split(found.half[index : index + 1].float(), flow_task.HALF_CHANNELS, dim=1)
     light, guides, reflects, color, changed = torch.split(
-        found.full[index : index + 1].float(), FULL_CHANNELS, dim=1
+        found.full[index : index + 1].float(), flow_task.FULL_CHANNELS, dim=1
     )
     earlier = torch.cat([earlier, later[:, 3:]], dim=1)
-    return LightCrop(later, earlier, light, guides, reflects, color, changed, torch.ones(1))
+    return flow_task.LightCrop(later, earlier, light, guides, reflects, color, changed, torch.ones(1))
 
 
 # --- what is found ---
@@ -102,8 +89,8 @@ def test_light_is_computed_for_each_pattern_of_unshaded_frames() -> None:
     assert len(found_of(method, shadow(4)).full) == 1  # s u s [u]
     # s u s [u] s [u] s; from the second on: s u s [u] s [u]; s u u s [u] [u] s
     found = found_of(method, shadow(7))
-    assert found.full.shape == (6, sum(FULL_CHANNELS), 36, 64)
-    assert found.half.shape == (6, sum(HALF_CHANNELS), 18, 32)
+    assert found.full.shape == (6, sum(flow_task.FULL_CHANNELS), 36, 64)
+    assert found.half.shape == (6, sum(flow_task.HALF_CHANNELS), 18, 32)
 
 
 def test_no_light_is_computed_across_a_cut() -> None:
@@ -125,10 +112,9 @@ def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
             state = method.step(*(given[1][name] for name in method.inputs()), *(state or [])).history
         else:
             state = method.after_shaded(given[number], state)
-    assert state is not None
     image = method.step(*(given[3][name] for name in method.inputs()), *state).image
     with torch.no_grad():
-        stepped = FlowTask(method).step([whole(found, 0)], [[]])
+        stepped = flow_task.FlowTask(method).step([whole(found, 0)], [[]])
     assert (stepped.images - image).abs().max() < 0.02  # half floats
     assert torch.equal(whole(found, 0).reference, given[3]["color"].half().float())
 
@@ -138,7 +124,7 @@ def test_classes_are_those_of_the_pixel_that_a_sample_lies_in(dataset: Dataset) 
     ghost = np.zeros_like(frame.ghost)
     ghost[6, 11] = Ghost.SHADING  # of 36 x 64; samples are of 18 x 32
     for jitter, expected in (((0.25, -0.25), 1), ((-0.25, -0.25), 0), ((0.25, 0.25), 0)):
-        changed = changing_light(replace(frame, ghost=ghost, jitter=jitter))[0, 0]
+        changed = flow_task.changing_light(replace(frame, ghost=ghost, jitter=jitter))[0, 0]
         assert changed.shape == (18, 32)
         assert changed.sum() == expected
         assert bool(changed[3, 5]) == bool(expected)
@@ -150,7 +136,7 @@ def test_classes_are_those_of_the_pixel_that_a_sample_lies_in(dataset: Dataset) 
 @pytest.mark.parametrize("seed", range(8))
 def test_in_a_crop_half_size_pixels_are_the_first_of_each_two_however_it_is_turned(seed: int) -> None:
     found = found_of(random_flow(), shadow(4))
-    sample = draw_light(np.random.default_rng(seed), found, 12)
+    sample = flow_task.draw_light(np.random.default_rng(seed), found, 12)
     assert sample.light.shape[2:] == (24, 24)
     toned = sample.later[:, :3]
     light = toned / (1.0 - toned.amax(dim=1, keepdim=True))
@@ -159,35 +145,35 @@ def test_in_a_crop_half_size_pixels_are_the_first_of_each_two_however_it_is_turn
 
 
 def test_crops_are_of_one_frame_and_mostly_of_those_whose_light_changes() -> None:
-    full = torch.zeros(3, sum(FULL_CHANNELS), 40, 40)
+    full = torch.zeros(3, sum(flow_task.FULL_CHANNELS), 40, 40)
     full[1, -1] = 1.0
-    frames = LightFrames(torch.zeros(3, sum(HALF_CHANNELS), 20, 20), full)
-    crops = [draw_light(np.random.default_rng(seed), frames, 12) for seed in range(40)]
+    frames = flow_task.LightFrames(torch.zeros(3, sum(flow_task.HALF_CHANNELS), 20, 20), full)
+    crops = [flow_task.draw_light(np.random.default_rng(seed), frames, 12) for seed in range(40)]
     assert {crop.changed.shape for crop in crops} == {(1, 1, 24, 24)}
     assert sum(bool(crop.changed.all()) for crop in crops) > 30
 
 
 def test_a_restarted_stream_continues(dataset: Dataset) -> None:
-    lights = LightCache(random_flow())
-    stream = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
+    lights = flow_task.LightCache(random_flow())
+    stream = flow_task.LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
     for sample in islice(stream, 5):
-        again = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
+        again = flow_task.LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
         again.position = replace(stream.position, crop=stream.position.crop - 1)
         assert torch.equal(next(iter(again)).light, sample.light)
 
 
 def test_a_crop_as_large_as_a_frame_or_too_small_for_the_network_is_refused(dataset: Dataset) -> None:
     with pytest.raises(ArgumentError, match="at most 16"):
-        LightStream([dataset], LightCache(random_flow()), ratio=2, size=18, seed=[0])
+        flow_task.LightStream([dataset], flow_task.LightCache(random_flow()), ratio=2, size=18, seed=[0])
     with pytest.raises(ArgumentError, match="more than 32"):
-        FlowTask(GuidedFlow()).stream([dataset], size=32, seed=[0])
+        flow_task.FlowTask(GuidedFlow()).stream([dataset], size=32, seed=[0])
 
 
 # --- learning ---
 
 
 def test_gradients_reach_all_weights_and_crops_of_a_batch_do_not_mix() -> None:
-    task = FlowTask(random_flow())
+    task = flow_task.FlowTask(random_flow())
     one, two = (whole(found_of(task.method, shadow(4, *s)), 0) for s in ((3.0,), (-2.0, 40.0)))
     both, alone = task.step([one, two], [[], []]), task.step([two], [[]])
     torch.testing.assert_close(both.images[1:], alone.images, rtol=1e-3, atol=1e-3)
@@ -196,7 +182,7 @@ def test_gradients_reach_all_weights_and_crops_of_a_batch_do_not_mix() -> None:
 
 
 def test_errors_where_the_light_changed_weigh_more() -> None:
-    task = FlowTask(random_flow())
+    task = flow_task.FlowTask(random_flow())
     crop = whole(found_of(task.method, shadow(4)), 0)
     changed = torch.zeros_like(crop.changed)
     changed[..., :10] = 1.0
@@ -209,7 +195,7 @@ def test_errors_where_the_light_changed_weigh_more() -> None:
 
 def test_the_flow_network_learns_how_a_shadow_moves() -> None:
     torch.manual_seed(0)
-    task = FlowTask(GuidedFlow(SMALL))
+    task = flow_task.FlowTask(GuidedFlow(SMALL))
     samples = [whole(found_of(task.method, shadow(4, speed)), 0) for speed in (3.0, 2.0)]
     optimizer = torch.optim.Adam(task.method.parameters(), lr=1e-2)
     errors = []
@@ -227,7 +213,7 @@ def test_the_flow_network_learns_how_a_shadow_moves() -> None:
 
 
 def test_validation_hides_every_second_frame(dataset: Dataset) -> None:
-    task = FlowTask(random_flow())
+    task = flow_task.FlowTask(random_flow())
     entries = validation_entries([dataset], task.ratios)
     frames, runner = list(dataset.frames(entries[0][1])), task.runner(task.baseline.eval(), ops.Size(64, 36))
     results = [runner.step(frame) for frame in frames]
@@ -247,8 +233,7 @@ def test_a_run_writes_weights_and_reports_the_comparison(
     gbuffer_data(tmp_path / "set")
     arguments = ["train", "guided-flow", "--data", tmp_path / "set", "-o", tmp_path / "run", "--size", 36]
     more = ["--batch", 1, "--frames", 2, "--every", 1]
-    result = CliRunner().invoke(app, [str(word) for word in [*arguments, *more, "--steps", 2]])
-    assert result.exit_code == 0, result.output
+    succeeded(run(*arguments, *more, "--steps", 2))
     with (tmp_path / "run" / "log.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["step"] for row in rows] == ["1.0", "2.0"]

@@ -11,15 +11,7 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
-from render_frames import (  # type: ignore[import-not-found]
-    BlenderSceneError,
-    choose_camera,
-    chosen_scene,
-    named,
-    open_scene,
-    report,
-    run,
-)
+from render_frames import BlenderSceneError, choose_camera, chosen_scene, named, open_scene, report, run  # type: ignore[import-not-found]
 
 import bpy  # isort: skip  # render_frames reports where it is missing
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from supersampler.backends.gpu import program
 from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
 from supersampler.backends.gpu.memory import (
     DISPLAY,
@@ -11,16 +12,6 @@ from supersampler.backends.gpu.memory import (
     PixelMemory,
     PixelTexture,
     SizeRule,
-)
-from supersampler.backends.gpu.program import (
-    FRAME_MEMORY,
-    REST_CHANNELS,
-    REST_PLANES,
-    SHOWS_FROZEN,
-    SHOWS_STATIC,
-    GpuProgram,
-    PassSpec,
-    frame_passes,
 )
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
@@ -73,19 +64,19 @@ LAYOUT = HistoryLayout(
         "ranges": HistoryPlane("state", 1, "r32uint", Codec(_unpack_ranges, _pack_ranges)),
         "classes": HistoryPlane("classes", 2, None, Codec(_unpack_classes, _pack_classes)),
         "surface": HistoryPlane("depth", 2, "rg32float"),
-        **REST_PLANES,
+        **program.REST_PLANES,
     },
     {
         "color": of_plane("pixels", 0, 1, 2),
         "state": (("pixels", 3), ("ranges", 0), ("ranges", 1)),
         "classes": of_plane("classes", *range(CLASSES)),
         "depth": of_plane("surface", 0, 1),
-        **REST_CHANNELS,
+        **program.REST_CHANNELS,
     },
 )
 
 
-def classifier_program(info: ModelInfo) -> GpuProgram:
+def classifier_program(info: ModelInfo) -> program.GpuProgram:
     """Return the GPU program of a model of `classifier` or a related method.
 
     Raises:
@@ -98,16 +89,16 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     constants |= variant._asdict()
     blend = {"colors": variant.colors, "sharpness_at": variant.colors, "kernel_at": variant.colors + 1}
     levels = [_level_pass(one.constants, tile) for one, tile in zip(network, TILES, strict=True)]
-    compose = PassSpec(
+    compose = program.PassSpec(
         "compose",
         constants={**last_layers.constants, **blend},
-        static=(*SHOWS_STATIC, "history_classes"),
-        at_rest=SHOWS_FROZEN,
+        static=(*program.SHOWS_STATIC, "history_classes"),
+        at_rest=program.SHOWS_FROZEN,
     )
-    last, gather = _with_network(compose, "network_last"), PassSpec("gather", at_rest=("next_tiles",))
-    passes = *frame_passes("depth"), gather, *levels, last
+    last, gather = _with_network(compose, "network_last"), program.PassSpec("gather", at_rest=("next_tiles",))
+    passes = *program.frame_passes("depth"), gather, *levels, last
     memory: dict[str, PixelMemory] = {
-        **FRAME_MEMORY,
+        **program.FRAME_MEMORY,
         "inputs": PixelTexture(DISPLAY, "rgba32uint"),
         "differences": PixelBuffer(4, HALF),
     }
@@ -116,7 +107,7 @@ def classifier_program(info: ModelInfo) -> GpuProgram:
     weights = {f"network{i}": level.words for i, level in enumerate(network)}
     weights["network_last"] = last_layers.words
     packages = ("supersampler.methods.classifier",)
-    return GpuProgram(LAYOUT, packages, constants, passes, memory, weights, "int8")
+    return program.GpuProgram(LAYOUT, packages, constants, passes, memory, weights, "int8")
 
 
 def _level_size(level: int, across: int = 1, down: int = 1) -> SizeRule:
@@ -125,9 +116,9 @@ def _level_size(level: int, across: int = 1, down: int = 1) -> SizeRule:
     return SizeRule("display", 2 * ALIGNED, (side * across, side * down))
 
 
-def _level_pass(constants: Constants, tile: tuple[int, int]) -> PassSpec:
+def _level_pass(constants: Constants, tile: tuple[int, int]) -> program.PassSpec:
     level, kept = int(constants["level"]), int(constants["kept"])
-    spec = PassSpec(
+    spec = program.PassSpec(
         "encode_pooled" if level else "encode_inputs",
         _level_size(level),
         tile,
@@ -138,7 +129,7 @@ def _level_pass(constants: Constants, tile: tuple[int, int]) -> PassSpec:
     return _with_network(spec, f"network{level}")
 
 
-def _with_network(spec: PassSpec, weights: str) -> PassSpec:
+def _with_network(spec: program.PassSpec, weights: str) -> program.PassSpec:
     """Return the pass with these weights, in a uniform buffer if they fit."""
     fits = CHUNK * spec.constants["network_size"] <= UNIFORM_BYTES
     variants = {**spec.variants, "network": "network_uniform" if fits else "network_storage"}

@@ -2,18 +2,9 @@
 
 import numpy as np
 
+from supersampler.backends.gpu import program
 from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
 from supersampler.backends.gpu.memory import BLOCKS, ONE, PixelTexture
-from supersampler.backends.gpu.program import (
-    FRAME_MEMORY,
-    REST_CHANNELS,
-    REST_PLANES,
-    SHOWS_FROZEN,
-    SHOWS_STATIC,
-    GpuProgram,
-    PassSpec,
-    frame_passes,
-)
 from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
 from supersampler.methods.model_info import ModelInfo
@@ -37,31 +28,31 @@ LAYOUT = HistoryLayout(
         "pixels": PIXELS,
         "power": HistoryPlane("samples", 1, None),
         "surface": HistoryPlane("surface", 2, "rg32uint", Codec(_unpack_surface, _pack_surface)),
-        **REST_PLANES,
+        **program.REST_PLANES,
     },
     {
         "color": of_plane("pixels", 0, 1, 2),
         "samples": (("pixels", 3), ("power", 0)),
         "surface": of_plane("surface", 0, 1, 2),
-        **REST_CHANNELS,
+        **program.REST_CHANNELS,
     },
 )
 
 
-def taau_program(info: ModelInfo) -> GpuProgram:
+def taau_program(info: ModelInfo) -> program.GpuProgram:
     """Return the GPU program of a `taau` model."""
     constants = {name: info.config[name] for name in constants_of(TAAU)}
     passes = (
-        *frame_passes("shade"),
-        PassSpec("light", ONE, (1, 1)),
-        PassSpec(
+        *program.frame_passes("shade"),
+        program.PassSpec("light", ONE, (1, 1)),
+        program.PassSpec(
             "lag",
             BLOCKS,
             (8, 8),
             static=("samples", "history_pixels"),
             at_rest=("block_states", "kept_samples"),
         ),
-        PassSpec("blend", tile=(32, 4), static=SHOWS_STATIC, at_rest=SHOWS_FROZEN),
+        program.PassSpec("blend", tile=(32, 4), static=program.SHOWS_STATIC, at_rest=program.SHOWS_FROZEN),
     )
-    memory = {**FRAME_MEMORY, "kept_samples": PixelTexture(BLOCKS, "rg32float")}
-    return GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, memory)
+    memory = {**program.FRAME_MEMORY, "kept_samples": PixelTexture(BLOCKS, "rg32float")}
+    return program.GpuProgram(LAYOUT, ("supersampler.methods.taau",), constants, passes, memory)

@@ -7,14 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from supersampler_model.data.scenes.procedural import evaluation
 from supersampler_model.data.scenes.procedural.corners import moving_shadows, thin_movers
-from supersampler_model.data.scenes.procedural.evaluation import (
-    court,
-    gallery,
-    machine_hall,
-    market,
-    night_garden,
-)
 from supersampler_model.data.scenes.procedural.indoors import flicker, floors, metals, station
 from supersampler_model.data.scenes.procedural.outdoors import fences, foliage, movers
 from supersampler_model.data.scenes.procedural.rigging import rigging
@@ -28,5 +22,7 @@ def _by_name(*families: Family) -> dict[str, Family]:
 
 
 TRAIN = _by_name(fences, floors, metals, movers, foliage, flicker, station)
-TEST = _by_name(machine_hall, market, night_garden, gallery, court)
+TEST = _by_name(
+    evaluation.machine_hall, evaluation.market, evaluation.night_garden, evaluation.gallery, evaluation.court
+)
 APART = _by_name(rigging, thin_movers, moving_shadows)
