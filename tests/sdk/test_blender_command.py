@@ -205,7 +205,7 @@ def test_more_frames_may_follow_and_a_complete_render_needs_no_blender(tmp_path:
     assert blender(tmp_path, "--frames", "5-8").exit_code == 0
     assert rendered(tmp_path) == [7, 8]
     again = blender(tmp_path, "--frames", "5-8", program="nowhere")
-    assert "All 4 frames are there already" in again.stderr
+    assert "All 4 frames are complete already" in again.stderr
     assert again.exit_code == 0
     (tmp_path / "out" / "render" / "0006.exr").unlink()
     (tmp_path / "out" / "0007.exr").unlink()
