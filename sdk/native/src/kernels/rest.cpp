@@ -129,8 +129,8 @@ void add_samples(const RestWork& w, Rect rect) {
 // Slope of a mean at a pixel; see `at_centres` of the torch module.
 static F slope(F before, F here, F after, F known) {
     F below = here - before, above = after - here;
-    F most = minimum(absolute(below), absolute(above)) * known * 2.0f;
-    return maximum(minimum((below + above) * 0.5f, most), 0.0f - most);
+    F limit = minimum(absolute(below), absolute(above)) * known * 2.0f;
+    return maximum(minimum((below + above) * 0.5f, limit), 0.0f - limit);
 }
 
 // The mean at W pixels of a row from x on; those beyond the row repeat its ends.
