@@ -4,9 +4,8 @@
     python docs/images/pyvista_scenes.py [name of a scene ...]
 
 The scenes are those of examples/pyvista_gallery.py and examples/pyvista_viewer.py. The camera turns by half a
-degree a frame; each frame is rendered in every way, one after the other, so that all share what else the
-machine does. Errors are those of display values, against 64 samples a pixel. With names, nothing is written
-but crops into out/pyvista.
+degree a frame. All modes render each frame in turn, so that other load on the machine affects them alike.
+Errors are those of display values, against 64 samples a pixel. With names, only out/pyvista.jpg is written.
 """
 
 import runpy
@@ -32,8 +31,7 @@ ROOT = Path(__file__).parents[2]
 PAGE, HEADING = ROOT / "docs" / "tutorials" / "pyvista.md", "## Cost and quality"
 FIGURE = """![Crops of the scenes: MSAA, while the view turns, at rest, reference](../images/pyvista.jpg)
 
-The figure has a row for each scene, in the order of the table: MSAA, ours while the camera turns, ours at
-rest, the reference.
+One row per scene, in the order of the table: MSAA, ours while the camera turns, ours at rest, the reference.
 """
 GALLERY = runpy.run_path(str(ROOT / "examples" / "pyvista_gallery.py"))["SCENES"]
 FROG = runpy.run_path(str(ROOT / "examples" / "pyvista_viewer.py"))["frog"]
@@ -128,7 +126,7 @@ def measure(scene: str) -> tuple[dict[str, Any], list[np.ndarray[Any, Any]]]:
 
 
 def spread(seconds: list[float]) -> tuple[float, float, float]:
-    """Return median, least and most in ms."""
+    """Return median, minimum and maximum in ms."""
     return 1000 * median(seconds), 1000 * min(seconds), 1000 * max(seconds)
 
 
@@ -150,8 +148,8 @@ def crops(images: dict[str, Float32]) -> list[np.ndarray[Any, Any]]:
 
 def table(rows: dict[str, dict[str, Any]]) -> str:
     """Return the table of the page, with its caption."""
-    heads = ["scene", "MSAA ms", "SSAA ms", "ours ms", "of MSAA's", "of its CPU time", "scale"]
-    heads += ["none dB", "MSAA dB", "SSAA dB", "ours dB", "at rest dB"]
+    heads = ["scene", "MSAA ms", "SSAA ms", "ours ms", "ours / MSAA, wall time", "CPU time", "scale"]
+    heads += ["no AA dB", "MSAA dB", "SSAA dB", "ours dB", "ours at rest dB"]
     lines = []
     for scene, row in rows.items():
         none, msaa, ssaa, ours = (row[way] for way in WAYS)
@@ -165,9 +163,9 @@ def table(rows: dict[str, dict[str, Any]]) -> str:
     commit = (now.commit or "unknown")[:8]
     caption = (
         f"The camera turns by {TURN:g} degrees a frame; {SIZE[0]}x{SIZE[1]}. Medians of {FRAMES - WARM} "
-        f"frames after {WARM}, with the least and the most; all ways take turns. Scale: window size / render "
-        "size, chosen by times; off: upscaling does not pay, and frames are plain. PSNR of display values of "
-        f"the last frame against {GRID * GRID} samples a pixel; at rest: after `converge()`. VTK "
+        f"frames after {WARM}, with minimum and maximum; the modes alternate. Scale: window size / render "
+        "size, chosen by times; off: upscaling does not pay, and frames are PyVista's own. PSNR of display "
+        f"values of the last frame against {GRID * GRID} samples a pixel; at rest: after `converge()`. VTK "
         f"{'.'.join(map(str, pv.vtk_version_info))}, {opengl()}; {where}. Measured on "
         f"{now.date[:10]} at commit {commit} by `python docs/images/pyvista_scenes.py`."
     )

@@ -65,7 +65,7 @@ const RATIOS = [2 ** -4, 2 ** 4];
 const PIXEL_BYTES = 1024; // of all resources together, for each pixel; beyond FIXED_BYTES
 const FIXED_BYTES = 2 ** 29;
 
-/** Something is not as it must be; the message says what came, what was wanted, and what to do. */
+/** An error whose message states the value found, the value expected, and a remedy. */
 export class UpscalerError extends Error {
   constructor(name, got, want, hint = "") {
     super(`${name} is ${got}; want ${want}. ${hint}`.trimEnd());
@@ -73,7 +73,7 @@ export class UpscalerError extends Error {
   }
 }
 
-/** Return the sizes that rules of upscaler.json are of, from those of this frame, the one before and the image. */
+/** Return the base sizes of upscaler.json, from the sizes of this frame, the previous frame and the image. */
 export function basesOf(render, previous, display) {
   const signatures = ([width, height]) => {
     const phases = Math.floor((9 * display[0] * display[1]) / (width * height)) + 2;
@@ -156,9 +156,9 @@ export function reader(source) {
   };
 }
 
-/** A value of a JSON file, with its place in it. Reading what is not as wanted throws what `fail` makes. */
+/** A value of a JSON file, with its place in it. A value that does not fit throws the error that `fail` makes. */
 export class Field {
-  /** `fail` takes the place, what is there, and what was wanted. */
+  /** `fail` takes the place, the value found, and the value expected. */
   constructor(place, value, fail) {
     this.place = place;
     this.value = value;
@@ -181,13 +181,13 @@ export class Field {
     );
   }
 
-  /** Return a member of an object; its value is undefined where it is missing. */
+  /** Return a member of an object; its value is undefined if it is missing. */
   at(name) {
     const value = Object.hasOwn(this.object(), name) ? this.value[name] : undefined;
     return new Field(this.place ? `${this.place}.${name}` : name, value, this.fail);
   }
 
-  /** Return what `read` makes of a member; `otherwise` where it is missing or null. */
+  /** Return the result of `read` for a member; `otherwise` if it is missing or null. */
   read(name, read, otherwise) {
     const member = this.at(name);
     return member.value === undefined || member.value === null ? otherwise : read(member);
@@ -199,7 +199,7 @@ export class Field {
     return items.map((one, index) => new Field(`${this.place}[${index}]`, one, this.fail));
   }
 
-  /** Return what `read` makes of each of two items. */
+  /** Return the results of `read` for each of two items. */
   pair(read) {
     return this.items(2, 2).map(read);
   }
@@ -263,7 +263,7 @@ export async function readInfo(read) {
   return checkedInfo(await read("upscaler.json", "text", JSON_BYTES));
 }
 
-/** Return the content of upscaler.json, checked: all names in it are there, and all numbers are in range. */
+/** Return the content of upscaler.json after checking that all names exist and all numbers are in range. */
 export function checkedInfo(text) {
   const file = parsedJson(
     text,
@@ -372,7 +372,7 @@ function checkSize(size) {
   size.at("multiply").pair((factor) => factor.whole(1, FACTOR));
 }
 
-/** Check that each pair has two resources of a kind, and that all of their roles are in one. */
+/** Check that each pair has two resources of one kind, and that all resources of their roles are in a pair. */
 function checkHistory(file, resources) {
   const pairs = file.at("history").at("pairs");
   const single = new Set(
@@ -481,7 +481,7 @@ export function checkMemory(device, info, sizes, name, of) {
 /** Compile a pass. */
 export async function compiled(device, described, read) {
   const code = await read(described.file, "text", SHADER_BYTES);
-  device.pushErrorScope("validation"); // messages have the errors
+  device.pushErrorScope("validation"); // compilation messages have the errors
   const module = device.createShaderModule({ label: described.name, code });
   device.popErrorScope().catch(() => {}); // rejected where the device is lost
   const { messages } = await module.getCompilationInfo();

@@ -151,7 +151,7 @@ def _frame_hint(value: object) -> str:
         return "Pass one frame per call, in order."
     if hasattr(value, "shape"):
         return "Frame(color=, depth=, motion=, jitter=) takes the arrays."
-    return "`Conventions.converter` makes one of a RawFrame."
+    return "`Conventions.converter` converts a RawFrame."
 
 
 def arrays_of(frame: Frame) -> list[NDArray[Any]]:

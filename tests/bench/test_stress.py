@@ -325,11 +325,12 @@ def test_values_outside_their_bound_are_marked() -> None:
     bad = replace(
         good, method="other", figures=(Figure("difference", 0.5, 0.0), Figure("bad values", 3.0, 0.0))
     )
-    record = StressRecord([good, bad], quick=True)
-    table = record.table()
+    table = StressRecord([good, bad], quick=True).table()
     assert "| threads | difference | 0 | 0 | **0.5** |" in table
     assert "| values not in [0, 65504] | 0 | 0 | **3** |" in table
     assert "2 of 4 figures are within their bounds" in table
+    assert StressRecord([good, bad], quick=True).exceeded_table() == table
+    assert StressRecord([good], quick=True).exceeded_table() == "All 2 figures are within their bounds."
 
 
 def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:

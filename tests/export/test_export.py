@@ -199,7 +199,7 @@ def test_foreign_files_are_kept_and_those_of_an_earlier_export_replaced(
     made = {"step.onnx": b"graph", "MODEL_CARD.md": b"card", "model.json": described}
     monkeypatch.setattr(folder_module, "_folder_files", lambda *_: made)
     (tmp_path / name).write_text('{"mine": 1}')
-    with pytest.raises(SupersamplerError, match=rf"{name}: is there already, and is not listed by a model"):
+    with pytest.raises(SupersamplerError, match=rf"{name}: already exists, and is not listed by a model"):
         write_model_folder(Bilinear(), tmp_path)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, '{"mine": 1}')]
     (tmp_path / name).unlink()

@@ -207,7 +207,7 @@ def test_a_second_export_replaces_the_files_of_the_first(tmp_path: Path) -> None
 
 def test_foreign_files_are_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "00_measure.wgsl").write_text("mine")
-    with pytest.raises(ShotError, match="is there already"):
+    with pytest.raises(ShotError, match="already exists"):
         write_shader_folder("taa", tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["00_measure.wgsl"]
 

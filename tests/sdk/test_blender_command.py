@@ -140,7 +140,7 @@ def test_a_foreign_file_in_the_way_of_a_composited_frame_is_kept(tmp_path: Path)
     foreign = tmp_path / "out" / "composited" / "0006.png"
     foreign.write_text("mine")
     line = one_line(blender(tmp_path, "--composite", method=(), **DENOISED))
-    assert "0006.png: is there already, and is not listed by composite.json" in line
+    assert "0006.png: already exists, and is not listed by composite.json" in line
     assert foreign.read_text() == "mine"
 
 
@@ -205,7 +205,7 @@ def test_more_frames_may_follow_and_a_complete_render_needs_no_blender(tmp_path:
     assert blender(tmp_path, "--frames", "5-8").exit_code == 0
     assert rendered(tmp_path) == [7, 8]
     again = blender(tmp_path, "--frames", "5-8", program="nowhere")
-    assert "All 4 frames are there already" in again.stderr
+    assert "All 4 frames are complete already" in again.stderr
     assert again.exit_code == 0
     (tmp_path / "out" / "render" / "0006.exr").unlink()
     (tmp_path / "out" / "0007.exr").unlink()
@@ -245,7 +245,7 @@ def test_a_foreign_file_in_the_way_is_named_and_kept(
     path.parent.mkdir(parents=True)
     path.write_bytes(b"mine")
     line = one_line(blender(tmp_path, *options))
-    assert f"{path}: is there already" in line
+    assert f"{path}: already exists" in line
     assert "does not list it" in line
     assert path.read_bytes() == b"mine"
 
@@ -390,7 +390,7 @@ def test_a_foreign_file_that_appears_during_the_run_is_kept(tmp_path: Path) -> N
     thread.start()
     line = one_line(blender(tmp_path, wait_at=7, **{"for": str(tmp_path / "go")}))
     thread.join(60)
-    assert "0007.exr: is there already, and render.json does not list it" in line
+    assert "0007.exr: already exists, and render.json does not list it" in line
     assert late.read_text() == "mine"
 
 

@@ -103,7 +103,7 @@ def test_a_stopped_run_continues_to_the_same_images(
     whole = image_files(tmp_path / "whole")
     assert [data for data, _ in after.values()] == [data for data, _ in whole.values()]
     again = run("upscale", shot, "-o", tmp_path / "out")
-    assert f"All {COUNT} frames are there already" in again.stderr
+    assert f"All {COUNT} frames are complete already" in again.stderr
     assert image_files(tmp_path / "out") == after
 
 

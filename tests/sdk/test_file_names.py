@@ -80,7 +80,7 @@ def test_results_have_the_negative_numbers_of_their_frames_and_a_stopped_run_con
     upscale(tmp_path / "in", tmp_path / "out", *options)
     names = {"s.-0002.exr", "s.-0001.exr", "s.0000.exr", "s.0001.exr"}
     assert files(tmp_path / "out").keys() == {*names, "upscale.json"}
-    assert "All 4 frames are there already" in upscale(tmp_path / "in", tmp_path / "out", *options).stderr
+    assert "All 4 frames are complete already" in upscale(tmp_path / "in", tmp_path / "out", *options).stderr
     upscale(tmp_path / "in", tmp_path / "part", *options, "--frames=-2--1")
     assert files(tmp_path / "part").keys() == {"s.-0002.exr", "s.-0001.exr", "upscale.-002--001.json"}
     upscale(tmp_path / "in", tmp_path / "part", *options, "--frames", "0-1")

@@ -121,9 +121,9 @@ def test_without_a_jitter_file_there_is_no_jitter(tmp_path: Path) -> None:
 def test_a_jitter_file_of_another_shape_is_refused(tmp_path: Path, content: object) -> None:
     write_blender(tmp_path, "V")
     (tmp_path / "jitter.json").write_text(json.dumps(content))
-    with pytest.raises(ShotError, match=r"jitter\.json: holds something else; want \[x, y\] of each frame"):
+    with pytest.raises(ShotError, match=r"jitter\.json: does not hold pairs \[x, y\], one for each frame"):
         import_blender(tmp_path)
-    with pytest.raises(ArgumentError, match="jitter is something else; want"):
+    with pytest.raises(ArgumentError, match=r"jitter is .*; want pairs \[x, y\]"):
         import_blender(tmp_path, jitter=[])
 
 

@@ -93,7 +93,7 @@ def test_a_foreign_file_in_the_way_is_named_and_nothing_changes(
         case _:
             path.symlink_to(shot / "0001.exr" if kind == "link" else "nowhere")
     before = content(tmp_path)
-    assert f"{path}: is there already, and {FOREIGN}" in refused(shot, out, *options)
+    assert f"{path}: already exists, and {FOREIGN}" in refused(shot, out, *options)
     assert content(tmp_path) == before
 
 
@@ -101,10 +101,10 @@ def test_a_foreign_page_is_not_replaced(shot: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     (out / "compare.html").write_text("mine")
-    assert f"compare.html: is there already, and {FOREIGN}" in refused(shot, out, "--compare")
+    assert f"compare.html: already exists, and {FOREIGN}" in refused(shot, out, "--compare")
     assert content(out) == {"compare.html": b"mine"}
     assert upscale(shot, out).exit_code == 0
-    assert f"compare.html: is there already, and {FOREIGN}" in refused(shot, out, "--compare")
+    assert f"compare.html: already exists, and {FOREIGN}" in refused(shot, out, "--compare")
     assert (out / "compare.html").read_text() == "mine"
 
 
@@ -180,9 +180,9 @@ def test_files_in_the_way_of_a_recording_or_replay_are_named_and_kept(
     assert upscale(shot, out, "--record", recording).exit_code == 0
     before = content(tmp_path)
     if option == "-o":
-        assert f"{out}: is there already" in refusal("replay", recording, "-o", out)
+        assert f"{out}: already exists" in refusal("replay", recording, "-o", out)
     for options in ((), ("--overwrite",)):
-        assert f"{recording}: is there already" in refused(shot, out, *options, "--record", recording)
+        assert f"{recording}: already exists" in refused(shot, out, *options, "--record", recording)
     assert content(tmp_path) == before
 
 
@@ -213,7 +213,7 @@ def test_an_import_into_its_source_is_refused(shot: Path, where: str) -> None:
 def test_a_shot_does_not_overwrite_foreign_files(shot: Path, tmp_path: Path, name: str) -> None:
     (tmp_path / "copy").mkdir()
     (tmp_path / "copy" / name).write_bytes(b"mine")
-    with pytest.raises(ShotError, match=rf"{name}: is there already, and shot\.json does not list it"):
+    with pytest.raises(ShotError, match=rf"{name}: already exists, and shot\.json does not list it"):
         copy_shot(Shot.open(shot), tmp_path / "copy", resume=True)
     assert (tmp_path / "copy" / name).read_bytes() == b"mine"
     (tmp_path / "copy" / name).unlink()

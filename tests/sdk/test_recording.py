@@ -301,7 +301,7 @@ def test_a_path_that_is_not_a_recording_is_refused(file: Path) -> None:
 def test_an_existing_recording_is_not_overwritten(file: Path) -> None:
     recorded(file).close()
     before = files(file)
-    with pytest.raises(RecordingError, match=r"is there already\. Choose another name"):
+    with pytest.raises(RecordingError, match=r"already exists\. Choose another name"):
         recorded(file)
     assert files(file) == before
 
@@ -437,7 +437,7 @@ def test_a_flipped_bit_in_arrays_is_found(name: str, file: Path) -> None:
     data = bytearray((file / name).read_bytes())
     data[-7] ^= 1
     (file / name).write_bytes(data)
-    with pytest.raises(RecordingError, match=f"{name}: is not as it was recorded"):
+    with pytest.raises(RecordingError, match=f"{name}: has changed since it was recorded"):
         list(open_recording(file))
 
 

@@ -289,7 +289,7 @@ def test_a_frame_that_breaks_the_contract_is_named(tmp_path: Path) -> None:
 
 def test_a_second_run_does_not_overwrite_a_shot(tmp_path: Path) -> None:
     write_shot(tmp_path, 2)
-    with pytest.raises(ShotError, match=r"a shot of 2 frames is there already\. Resume it"):
+    with pytest.raises(ShotError, match=r"a shot of 2 frames already exists\. Resume it"):
         write_shot(tmp_path, 2)
 
 
@@ -570,7 +570,7 @@ def test_a_variant_is_resumed_without_the_others(tmp_path: Path) -> None:
             assert len(again) == 1
             again.write(sized_frame(1, SIZES[variant]), reference=truth_of(1))
         assert tuple(len(Shot.open(tmp_path / f"{name}.json")) for name in SIZES) == lengths
-    with pytest.raises(ShotError, match=r"4x\.json: a shot of 2 frames is there already"):
+    with pytest.raises(ShotError, match=r"4x\.json: a shot of 2 frames already exists"):
         writer(tmp_path, variant="4x")
 
 

@@ -109,7 +109,7 @@ def test_a_video_without_images_restarts_after_a_stop(shot: Path, every: Path, t
     upscale(shot, tmp_path, "--format", "mp4")
     assert [*images(tmp_path)] == ["video.mp4"]
     assert_same_images(tmp_path / "video.mp4", every / "video.mp4")
-    assert f"All {COUNT} frames are there already" in upscale(shot, tmp_path, "--format", "mp4").stderr
+    assert f"All {COUNT} frames are complete already" in upscale(shot, tmp_path, "--format", "mp4").stderr
 
 
 def test_images_beside_a_video_are_kept_after_a_stop_and_the_video_is_whole(

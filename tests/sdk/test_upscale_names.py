@@ -57,7 +57,7 @@ def test_names_are_those_of_the_option_in_every_format(
     upscale(shot, tmp_path / "out", "--name", name, *formats, "--frames", "1")
     assert [*images(tmp_path / "out")] == [f"{kind}/{want}.{kind}" for kind in ("exr", "png", "tif")]
     done = upscale(shot, tmp_path / "out", "--name", name, *formats, "--frames", "1")
-    assert "All 1 frames are there already" in done.stderr
+    assert "All 1 frames are complete already" in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -198,7 +198,7 @@ def test_a_run_is_not_continued_with_another_jitter_or_other_channels(tmp_path: 
     assert "its frames had other channels" in refusal("upscale", shot, "-o", out, *BILINEAR)
     assert files(out) == before
     upscale(shot, out, "--overwrite")
-    assert "All 3 frames are there already" in upscale(shot, out).stderr
+    assert "All 3 frames are complete already" in upscale(shot, out).stderr
 
 
 def test_a_frame_that_was_rendered_again_after_its_image_is_named(tmp_path: Path) -> None:

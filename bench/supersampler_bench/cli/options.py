@@ -33,16 +33,14 @@ def _checked_json(path: Path | None) -> Path | None:
 JSON = Annotated[
     Path | None, typer.Option(help="Write all values and their setting here.", callback=_checked_json)
 ]
-METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, with commas between.")]
+METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, comma-separated.")]
 DISPLAY_SIZE = Annotated[str, typer.Option(help="Size of the images, as 960x540.")]
-DISPLAY_SIZES = Annotated[str, typer.Option(help="Display sizes, with commas between.")]
+DISPLAY_SIZES = Annotated[str, typer.Option(help="Display sizes, comma-separated.")]
 ONE_RATIO = Annotated[float, typer.Option(min=1.0, help="Display over render size.")]
-THREADS = Annotated[
-    str | None, typer.Option(help="CPU threads, with commas between.", show_default="all cores")
-]
+THREADS = Annotated[str | None, typer.Option(help="CPU threads, comma-separated.", show_default="all cores")]
 STEPS = Annotated[int, typer.Option(min=1, help="Timed steps of each setting.")]
 SAMPLES = Annotated[int, typer.Option(min=1, help="Samples per pixel of the references.")]
-EXECUTORS = Annotated[str, typer.Option(help="cpu, onnx, gpu, with commas between.")]
+EXECUTORS = Annotated[str, typer.Option(help="cpu, onnx, gpu, comma-separated.")]
 SHOT = Annotated[
     str,
     typer.Argument(
@@ -51,8 +49,8 @@ SHOT = Annotated[
         f"{', '.join(name for s in public_shots.APART_SHOTS for name in s.seeds)}.",
     ),
 ]
-RATIO = Annotated[str, typer.Option(help="Of the test shots: display over render size, with commas between.")]
-RATIOS = Annotated[str, typer.Option(help="Display over render size, with commas between.")]
+RATIO = Annotated[str, typer.Option(help="Display over render size of test shots, comma-separated.")]
+RATIOS = Annotated[str, typer.Option(help="Display over render size, comma-separated.")]
 _CACHE_SOURCE: Any = {
     "envvar": public_shots.CACHE_VARIABLE,
     "help": "Folder of the test shots.",
@@ -118,7 +116,7 @@ def number_list(option: str, text: str) -> list[float]:
     try:
         return [float(part) for part in split_list(text)]
     except ValueError as error:
-        raise ArgumentError(option, got=repr(text), want="numbers with commas between: 1.5,2") from error
+        raise ArgumentError(option, got=repr(text), want="comma-separated numbers, such as 1.5,2") from error
 
 
 def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:
@@ -129,7 +127,7 @@ def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:
     """
     words = split_list(text)
     if not set(words) <= set(known):
-        want = f"{', '.join(map(str, known))}, or some with commas between"
+        want = f"comma-separated words of {', '.join(map(str, known))}"
         raise ArgumentError(option, got=repr(text), want=want)
     return [cast("T", word) for word in words]
 

@@ -42,7 +42,7 @@ def quality(
     methods: Annotated[
         str,
         typer.Option(
-            help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph, "
+            help="Shipped models or model folders, comma-separated; NAME:fp32, NAME:fp16 for a graph, "
             "NAME:gpu for shaders, NAME:x2 for two passes, NAME:native for frames of display size; "
             "easu, easu-rcas, fsr2-like."
         ),
@@ -107,10 +107,10 @@ def extrapolation(
     shot: SHOT,
     methods: METHODS = "classifier,taau",
     models: Annotated[
-        str, typer.Option(help="Extrapolation models, shipped ones or model folders, with commas between.")
+        str, typer.Option(help="Extrapolation models, shipped ones or model folders, comma-separated.")
     ] = "guided-warp",
     alternation: Annotated[
-        str, typer.Option(help="Unshaded frames to a shaded one, with commas between.")
+        str, typer.Option(help="Ratios of unshaded to shaded frames, comma-separated.")
     ] = "1:1,2:1",
     ratio: RATIO = "2",
     cache: CACHE = None,
@@ -255,7 +255,7 @@ def _scenes_of(text: str) -> list[tuple[str, float]]:
 
 def parity(
     methods: Annotated[
-        str, typer.Option(help="Names of shipped models, with commas between.")
+        str, typer.Option(help="Names of shipped models, comma-separated.")
     ] = "taa,taau,classifier-small,classifier,classifier-large,gbuffer-fast",
     frames: Annotated[int, typer.Option(min=10, help="Consecutive frames at each size.")] = 200,
     json: JSON = None,
@@ -276,7 +276,7 @@ def parity(
 
 def hashes(
     methods: Annotated[
-        str | None, typer.Option(help="Names of shipped models, with commas between.", show_default="all")
+        str | None, typer.Option(help="Names of shipped models, comma-separated.", show_default="all")
     ] = None,
     check: Annotated[
         Path | None,

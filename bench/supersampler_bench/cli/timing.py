@@ -93,7 +93,7 @@ def latency(
     executors: EXECUTORS = "cpu",
     providers: Annotated[str, typer.Option(help="ONNX Runtime providers: auto, cpu, cuda, ...")] = "cpu",
     threads: THREADS = None,
-    precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, with commas between.")] = "auto",
+    precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, comma-separated.")] = "auto",
     ratio: ONE_RATIO = 2.0,
     warm_up: Annotated[int, typer.Option(min=1, help="Warm-up steps of each setting.")] = 20,
     steps: STEPS = 200,
@@ -157,7 +157,7 @@ def against(
 
 
 def skip(
-    scenes: Annotated[str, typer.Option(help="Families of test shots, with commas between.")] = (
+    scenes: Annotated[str, typer.Option(help="Families of test shots, comma-separated.")] = (
         "court,gallery,market"
     ),
     methods: METHODS = "taau,classifier",

@@ -1,4 +1,4 @@
-"""Measures of what the eye sees first: trails, thin geometry, shadow edges, speckle; shares of the error.
+"""Measures of what the eye sees first: trails, thin geometry, shadow edges, speckle; fractions of the error.
 
 They concern few pixels, so means over the image hide them. Masks come from a shot's planes of truth
 (`Shot.read_truth`), never from an image. Images are display values, as in metrics.py; planes and masks are

@@ -48,7 +48,7 @@ def scene_and_samples(render: Path) -> tuple[str, int]:
     """
     found = re.fullmatch(r"(.+)-(\d+)", render.name)
     if found is None:
-        hint = "Rename the folder, or give a symbolic link to it."
+        hint = "Rename the folder, or pass a symbolic link of such a name."
         raise ArgumentError("RENDER", got=render.name, want="SCENE-SAMPLES, such as room-4", hint=hint)
     return found[1], int(found[2])
 

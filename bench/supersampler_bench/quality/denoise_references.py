@@ -44,7 +44,7 @@ def find_references(render: Path, scene: str, pattern: str) -> dict[int, list[Pa
         if number is not None and not path.name.startswith("."):
             found.setdefault(int(number[1]), []).append(path)
     if not found:
-        hint = "State where the references are: --reference 'references/{scene}/*.exr'."
+        hint = "Pass their pattern: --reference 'references/{scene}/*.exr'."
         raise ArgumentError("--reference", got=f"no file {whole}", want="files with frame numbers", hint=hint)
     return dict(sorted(found.items()))
 

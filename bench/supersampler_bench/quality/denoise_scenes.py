@@ -3,10 +3,9 @@
     python denoise_scenes.py [SCENE ...] -o renders                 # a Python with bpy
     blender -b -P denoise_scenes.py -- [SCENE ...] -o renders
 
-writes frames, SCENE-SAMPLES/0001.exr ..., with the renderer's CPU seconds in costs.jsonl, and references of a
-region of three frames, SCENE-reference1/0012.exr ...; the bench averages the files of a frame. A stopped run
-resumes with the same command. --variant gives other objects, places and colours: the filter is fitted to
-those.
+This writes frames, SCENE-SAMPLES/0001.exr ..., with the renderer's CPU seconds in costs.jsonl, and references
+of a region of three frames, SCENE-reference1/0012.exr ...; the bench averages the files of a frame. The same
+command resumes a stopped run. --variant changes objects, places and colours; the filter is fitted to those.
 """
 
 import json
@@ -87,7 +86,7 @@ def brick(first: Triple, second: Triple, *, upright: bool = True, scale: float =
 
 
 def checker(first: Triple, second: Triple, scale: float) -> Any:
-    """Return a material of cubes of two colours."""
+    """Return a checkered material."""
     return textured("Checker", Color1=(*first, 1.0), Color2=(*second, 1.0), Scale=scale)
 
 
@@ -370,7 +369,7 @@ def render_frame(scene: Any, number: int, path: Path) -> None:
 
 
 def main(words: Sequence[str]) -> None:
-    """Render what the command line asks for."""
+    """Render the scenes of the command line."""
     parser = ArgumentParser("denoise_scenes.py", description="Renders scenes for `bench denoise`.")
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help=f"of {', '.join(SCENES)}; all")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER")

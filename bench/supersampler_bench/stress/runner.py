@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
@@ -107,7 +108,7 @@ class StressRecord(BenchRecord):
 
     outcomes: list[ScenarioOutcome]
     BENCH = "stress"
-    TABLES = ("", "scenarios")
+    TABLES = ("", "exceeded", "scenarios")
 
     @classmethod
     def adapted(cls, data: JsonRecord) -> JsonRecord:
@@ -133,7 +134,9 @@ class StressRecord(BenchRecord):
         bold = (f"**{count:.0f}**" if count else "0" for count in bad)
         rows.append(["all of these", "values not in [0, 65504]", "0", *bold])
         within = sum(f.passed for _, f in figures)
-        caption = f"{within} of {len(figures)} figures are within their bounds; the others are bold."
+        caption = f"All {within} figures are within their bounds."
+        if within < len(figures):
+            caption = f"{within} of {len(figures)} figures are within their bounds; the others are bold."
         if {o.scenario for o in outcomes} & {s.name for s in FAMILIES["recovery"]}:
             caption += (
                 " After one hostile frame, the bound is the largest difference after a reset at one of "
@@ -143,10 +146,17 @@ class StressRecord(BenchRecord):
         headings = ["scenario", "figure", "at most:", *(f"{subject}:" for subject in subjects)]
         return "\n".join([table(headings, rows, caption), *([""] if broken else []), *broken])
 
+    def exceeded_table(self) -> str:
+        """Return the table without rows whose figures are all within their bounds."""
+        *head, lines = self.table().split("\n", 2)
+        kept = [line for line in lines.split("\n") if not line.startswith("|") or "**" in line]
+        return "\n".join([*head, *kept] if kept[0] else kept[1:])
+
     def scenarios_table(self) -> str:
-        """Return the table of all scenarios, with their descriptions and numbers of frames."""
+        """Return the table of all scenarios: those that differ only in a value share a row."""
         scenarios = (s for family in FAMILIES.values() for s in family)
-        rows = ([s.name, s.description, s.cpu or "–", s.onnx or "–"] for s in scenarios)
+        groups = groupby(scenarios, lambda s: (s.description, s.cpu or "–", s.onnx or "–"))
+        rows = ([", ".join(s.name for s in group), *facts] for facts, group in groups)
         return table(["scenario", "what is done", "frames, cpu:", "onnx:"], rows)
 
 

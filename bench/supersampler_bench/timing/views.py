@@ -143,7 +143,7 @@ class ViewsRecord(BenchRecord):
         caption = (
             f"{self.views} cameras at ratio {self.ratio:g}, {self.threads} threads; medians of {self.rounds} "
             "rounds, in which the three alternate. Ratio: `step_many` over one session's steps. Spread: "
-            f"quartiles, least and largest. {self.machine_name}, {self.provenance.date[:10]}, commit "
+            f"quartiles, minimum and maximum. {self.machine_name}, {self.provenance.date[:10]}, commit "
             f"{(self.provenance.commit or 'unknown')[:8]}."
         )
         headings = ["size", "method", f"one session, {self.views} steps, ms:", f"{self.views} sessions, ms:"]

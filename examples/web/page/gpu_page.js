@@ -55,12 +55,12 @@ class GpuPage {
     this.say = say;
     /** @type {SceneRenderer} */ this.renderer = undefined;
     /** @type {Comparison} */ this.comparison = undefined;
-    /** @type {ShotFolder | null} a shot of the user's */ this.ownShot = null;
+    /** @type {ShotFolder | null} the user's shot */ this.ownShot = null;
     this.isPaused = false;
     this.isStepping = false; // one frame, though paused
     this.isChanged = false; // a control
     this.isStale = false; // the stage
-    this.isWorking = false; // in a turn of the loop
+    this.isWorking = false; // inside an iteration of the loop
     this.isBroken = false; // until a control changes
     this.listening = new AbortController();
     /** @type {string | null} why the GPU is lost */ this.lost = null;
@@ -69,7 +69,7 @@ class GpuPage {
     });
   }
 
-  /** Runs what takes memory or compiles. Throws what the device refuses. @param {() => Promise<void>} action */
+  /** Runs an action that allocates or compiles; throws the device's errors. @param {() => Promise<void>} action */
   async guarded(action) {
     const { device } = this.gpu, filters = ["validation", "out-of-memory"];
     for (const filter of filters) device.pushErrorScope(filter);
@@ -96,7 +96,7 @@ class GpuPage {
     this.controls.pause.setAttribute("aria-pressed", String(isPaused));
   }
 
-  /** Brings source, method and sizes to what the controls say. */
+  /** Applies the controls: source, method and sizes. */
   async apply() {
     const { source, method, ratio, size, camera } = this.controls;
     const made = await this.#source(source.value, size.value.split("x").map(Number), Number(ratio.value));
@@ -152,7 +152,7 @@ class GpuPage {
   async #take(files) {
     try {
       const shot = await ShotFolder.open(readerOfFiles(await files));
-      await shot.frame(0); // says now what is missing
+      await shot.frame(0); // names missing channels now
       this.ownShot = shot;
     } catch (error) {
       this.say(error.message);
@@ -202,7 +202,7 @@ class GpuPage {
     throw new Error(`${this.gpu.adapter} was lost: ${this.lost.replace(/\.$/, "")}. Load the page again to use it.`);
   }
 
-  /** Waits for the news that the device is lost, where an error may be due to that. @param {Error} error */
+  /** Waits for the loss of the device that may have caused an error. @param {Error} error */
   async #findLoss(error) {
     if (!(error instanceof DOMException)) return;
     await Promise.race([this.gpu.device.lost, new Promise((resolve) => setTimeout(resolve, LOSS_DELAY))]);

@@ -2,11 +2,11 @@
  * Frames of the scene, drawn live.
  * @typedef {import("./timing.js").StageTimer} StageTimer
  *
- * @typedef {object} SourceFrame what a source has encoded for one frame
+ * @typedef {object} SourceFrame one frame that a source has encoded
  * @property {GPUTexture} color @property {GPUTexture} depth @property {GPUTexture} motion
  * @property {[number, number]} size width and height of these
  * @property {[number, number]} jitter @property {number} exposure @property {boolean} reset
- * @property {GPUTexture | null} [truth] at display size: native rendering or a reference; undefined where not asked for
+ * @property {GPUTexture | null} [truth] at display size: native rendering or a reference; undefined if not requested
  */
 
 import { haltonJitter } from "../jitter.js";

@@ -130,7 +130,7 @@ function fileOf(field) {
 
 /**
  * @template Value @param {string} name of a file @param {Promise<Value>} reading @returns {Promise<Value>}
- * @throws {ShotError} what the browser throws, with the name
+ * @throws {ShotError} the browser's error, with the name
  */
 const named = (name, reading) => reading.catch((error) => {
   throw new ShotError(`${name} cannot be read: ${error.message}.`);
@@ -166,7 +166,7 @@ export function readerOfFiles(files) {
 /**
  * The files of a dropped folder. Call it in the handler of the drop itself: its items are void afterwards.
  * @param {DataTransfer} dropped @returns {Promise<Map<string, File>>} by their paths below the folder
- * @throws {ShotError} what was dropped is not a folder, or one of too many files or of folders in folders
+ * @throws {ShotError} it is not a folder, or has too many files or nested folders
  */
 export function droppedFiles(dropped) {
   const entry = dropped.items[0]?.webkitGetAsEntry();

@@ -34,7 +34,7 @@ class SequenceSpec:
         check_number("spec.frame_rate", self.frame_rate, 0.0, np.inf, open_below=True)
         needs, has = self.family == GLTF, self.folder is not None and len(self.files) > 0
         if needs != has or (self.files and self.family not in (GLTF, SHOT)):
-            want = "both of a gltf sequence, files of a shot, neither of another"
+            want = "both for a gltf sequence, only files for a shot, neither for others"
             raise SceneError("spec.folder, files", got=f"{self.folder!r}, {len(self.files)} files", want=want)
 
 
@@ -75,6 +75,6 @@ class Sequence(ABC):
         """Return the camera of frame `index`."""
 
     def check_index(self, index: int) -> None:
-        """Raise a SceneError where there is no frame `index`."""
+        """Raise SceneError if there is no frame `index`."""
         if not 0 <= index < self.spec.frames:
             raise SceneError("index", got=index, want=f"0 to {self.spec.frames - 1}")

@@ -128,7 +128,7 @@ def scores(images: Sequence[Tensor], examples: Sequence[Example]) -> Tensor:
 
 
 def gains(model: TemporalFilter, render: Render) -> Tensor:
-    """Return what the filter gains: dB of PSNR, dB of tPSNR, share of the visible error; (3)."""
+    """Return what the filter gains: dB of PSNR, dB of tPSNR, fraction of the visible error; (3)."""
     before = scores([example.own for example in render.examples], render.examples)
     images = [blended(model, example, render.samples) for example in render.examples]
     return (scores(images, render.examples) - before) / torch.stack([*torch.ones(2), -before[2]])

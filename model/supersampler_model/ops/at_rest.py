@@ -20,7 +20,7 @@ Samples of a path tracer never repeat. Where `adds_samples` is NOISY, all sample
 confirmed or frozen. A block restarts where the mean residual of its small window, averaged over about eight
 frames, is more than NOISE_FLICKER and the noise of the residuals explain.
 
-A block that was confirmed for a whole period is frozen: its image is the mean, bit by bit, and no sample is
+A block that was confirmed for a whole period is frozen: its image is the mean, bit for bit, and no sample is
 added. In a tile of the display whose blocks are all frozen, the method's own history does not change, and
 where the whole frame is frozen, no history changes. A backend may therefore skip the method there.
 """

@@ -178,7 +178,7 @@ def _check_free(output: Path) -> None:
 
 
 def _warn_without_scores(trainer: Trainer, lengths: list[int]) -> None:
-    """Say that validation has no scores, if there are validation sequences but none is of use."""
+    """Warn that there are no validation scores if no validation sequence is usable."""
     from supersampler_model.training.validation import WARM_UP
 
     low, high = trainer.task.ratios

@@ -55,9 +55,9 @@ class TrainingPlan:
 
     def check(self) -> None:
         """Raise an ArgumentError unless there are updates of some crops at a positive rate."""
-        for name, least in (("steps", 1), ("batch", 1), ("frames", 1), ("size", SMALLEST_CROP), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise ArgumentError(name, got=getattr(self, name), want=f"at least {least}")
+        for name, low in (("steps", 1), ("batch", 1), ("frames", 1), ("size", SMALLEST_CROP), ("seed", 0)):
+            if getattr(self, name) < low:
+                raise ArgumentError(name, got=getattr(self, name), want=f"at least {low}")
         if not 0.0 < self.rate < math.inf:  # NaN fails, too
             raise ArgumentError("rate", got=self.rate, want="a finite number > 0")
 
@@ -78,7 +78,7 @@ class Trainer:
 
     Attributes:
         initial: provenance of the weights that the run has started with, {} for random ones.
-        attributions: attributions that the data requires; those of the run's start unless given again.
+        attributions: attributions that the data requires; by default those of the start of the run.
 
     Args:
         workers: number of processes that cut crops ahead; the crops are the same with any number.
@@ -216,7 +216,7 @@ class Trainer:
             text = (
                 f"the loss of update {self.done + 1} is {loss.item():g}, its gradient's norm {norm.item():g}"
             )
-            hint = "Use a lower learning rate in another folder, and look for values not finite in the data."
+            hint = "Use a lower learning rate in another folder, and look for NaN and infinity in the data."
             raise DivergedError(f"{text}; want finite numbers. {hint}")
         self.optimizer.step()
         self._averaged.update_parameters(self.method)

@@ -37,12 +37,12 @@ extern "C" {
 
 typedef enum ss_status {
     SS_OK = 0,
-    SS_BAD_ARGUMENT = 1, /* an argument that no frame could mend: a size, a pointer, an option */
+    SS_BAD_ARGUMENT = 1, /* an argument other than the frame: a size, a pointer, an option */
     SS_BAD_FRAME = 2,    /* the frame breaks the contract; the next one may be right */
     SS_BAD_MODEL = 3,    /* the bytes of a model are damaged, or of another version */
     SS_BAD_STATE = 4,    /* the bytes of a state are damaged, or of another model or size */
     SS_NO_MEMORY = 5,    /* the allocator returned NULL */
-    SS_CANCELLED = 6     /* `cancelled` of the outputs said so */
+    SS_CANCELLED = 6     /* `cancelled` of the outputs returned something other than 0 */
 } ss_status;
 
 typedef struct ss_error {
@@ -105,30 +105,30 @@ typedef struct ss_image {
     ptrdiff_t channel_stride; /* to the next channel; 0: the size of `type` */
 } ss_image;
 
-/* A frame of width x height samples. Images are read during the call alone. */
+/* A frame of width x height samples. Images are read only during the call. */
 typedef struct ss_frame {
     int width, height; /* render size; it may change from frame to frame */
     ss_image color;    /* 3 channels (more are not read): linear RGB, jittered, without anti-aliasing. NaN is a missing
                           sample; negative values count as 0, those above 65504 as 65504 */
     ss_image depth;    /* 1 channel: reversed, infinite far: near / view distance; 0 at the sky */
     ss_image motion;   /* 2 channels: render pixels without jitter, previous minus current position */
-    ss_image reactive; /* 1 channel in [0, 1], or none: how little the history says */
+    ss_image reactive; /* 1 channel in [0, 1], or none: how unreliable the history is */
     ss_image base_color, normal; /* G-buffers of render size, for methods that read them */
     ss_image display_base_color, display_normal, display_depth; /* the same of display size */
     float jitter[2];    /* sample position minus pixel centre, render pixels, in [-0.5, 0.5] */
     float exposure;     /* multiplies the colour before the tone curve; 0: measured */
-    float pre_exposure; /* what the colour has been multiplied by, 2^-24 to 2^24; 0 counts as 1 */
+    float pre_exposure; /* factor that the colour already contains, 2^-24 to 2^24; 0 counts as 1 */
     int reset;          /* 1 on the first frame after a cut: the history is dropped */
-    float adds_samples; /* 1: where nothing moves, samples are averaged over a period of the jitter; 0: this frame's
-                           colour is not sampled (extrapolated), or nothing converges; 2: of a path tracer */
+    float adds_samples; /* 1: static pixels converge to the mean of their samples; 0: they do not, or this frame's
+                           colour was extrapolated; 2: a path tracer's samples, averaged without limit */
 } ss_frame;
 
 /* Stages of a step. */
 typedef enum ss_stage {
     SS_PREPROCESS = 0, /* the frame is read, its samples toned, its motion dilated */
     SS_GATHER = 1,     /* frame and history are resampled at display pixels */
-    SS_NETWORK = 2,    /* of the classifiers: the encoder */
-    SS_FINISH = 3,     /* history and frame are blended; of the other methods, all at display size */
+    SS_NETWORK = 2,    /* classifiers: the encoder */
+    SS_FINISH = 3,     /* history and frame are blended; other methods: all work at display size */
     SS_REST = 4,       /* convergence at rest */
     SS_STAGES = 5
 } ss_stage;
@@ -141,16 +141,16 @@ typedef struct ss_outputs {
     ss_image image;     /* 3 channels: linear RGB, finite, >= 0, in the units of the colour */
     ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1] */
     ss_image converged; /* 1 channel: 1 where the image is frozen, else 0 */
-    int compute_all;    /* 1: compute tiles that cannot differ, too; for tests, as it changes no bit */
+    int compute_all;    /* 1: also compute frozen tiles, for tests; it changes no bit */
     double* seconds;    /* SS_STAGES wall times by stage, or NULL */
-    /* called now and then by the thread that called; other than 0 ends the step. Or NULL */
+    /* called now and then on the calling thread; returns other than 0 to end the step. Or NULL */
     int (*cancelled)(void* user);
     void* user;
 } ss_outputs;
 
 /* Upscalers ---------------------------------------------------------------------------------------------------- */
 
-/* The images of one camera, in order. */
+/* Upscales the frames of one camera, in order. */
 typedef struct ss_upscaler ss_upscaler;
 
 SS_API ss_status ss_upscaler_create(ss_model* model, int display_width, int display_height, ss_upscaler** upscaler,
@@ -162,10 +162,10 @@ SS_API ss_status ss_step(ss_upscaler* upscaler, const ss_frame* frame, const ss_
 
 /* Upscales the next frames of several cameras: one frame and one output for each of `count` upscalers of one model. Sizes
  * may differ. The images are those of `ss_step` on each, bit for bit. Each thread computes a whole view at a time, which is
- * faster than one call for each where images are small: robot simulators, stereo, thumbnails.
+ * faster than a call per view where images are small: robot simulators, stereo, thumbnails.
  *
  * An error leaves all histories unchanged; its message begins with the view: "view 3: jitter is 0.7". `cancelled` of the
- * first outputs is asked for all views. `ss_options.parallel_for` gets one task for each view. */
+ * first outputs counts for all views. `ss_options.parallel_for` gets one task for each view. */
 SS_API ss_status ss_step_many(ss_upscaler* const* upscalers, const ss_frame* frames, const ss_outputs* outputs,
                               int count, ss_error* error);
 
@@ -175,30 +175,30 @@ SS_API void ss_reset(ss_upscaler* upscaler);
 typedef struct ss_stats {
     int64_t frames;       /* steps that have ended */
     float converged;      /* fraction of the image that is frozen, [0, 1] */
-    size_t history_bytes; /* of both histories, with all that they hold when they have converged */
+    size_t history_bytes; /* of both histories once they have converged */
 } ss_stats;
 
 SS_API void ss_upscaler_stats(const ss_upscaler* upscaler, ss_stats* stats);
 
-/* States: an upscaler of the same model and display size that loads one computes the same next images, bit for bit. A
- * state is of this version of the library. Bytes are at a multiple of 8, as malloc returns them.
+/* States: an upscaler of the same model and display size that loads one computes the same next images, bit for bit. Only
+ * this version of the library loads them. `bytes` are aligned to 8, as malloc aligns them.
  *
- * ss_state_save: count is what ss_state_bytes returns.
- * ss_state_load: SS_BAD_STATE where the bytes are damaged, or of another model or display size; the history is as before. */
+ * ss_state_save: count is the result of ss_state_bytes.
+ * ss_state_load: SS_BAD_STATE if the bytes are damaged, or of another model or display size; the history is unchanged. */
 SS_API size_t ss_state_bytes(const ss_upscaler* upscaler);
 SS_API ss_status ss_state_save(const ss_upscaler* upscaler, void* bytes, size_t count, ss_error* error);
 SS_API ss_status ss_state_load(ss_upscaler* upscaler, const void* bytes, size_t count, ss_error* error);
 
 /* Frames that were not shaded ------------------------------------------------------------------------------------- */
 
-/* The last shaded frame, and the motion since. Arrays of the caller: keep copies if the renderer reuses its buffers. */
+/* The last shaded frame, and the motion since. The caller owns the arrays: copy them if the renderer reuses its buffers. */
 typedef struct ss_shaded {
     int width, height;                         /* of the shaded frame */
     ss_image color, depth, base_color, normal; /* as in `ss_frame` */
     float jitter[2], pre_exposure;
     int motion_width, motion_height; /* of the frame before the unshaded one */
-    /* from that frame back to the shaded one, its own pixels: `motion` of the call before. No data: it was the shaded
-     * one itself */
+    /* from that frame back to the shaded one, in that frame's pixels: `motion` of the call before. No data: that frame is
+     * the shaded one */
     ss_image motion;
     float motion_jitter[2]; /* of that frame */
 } ss_shaded;
@@ -217,24 +217,24 @@ SS_API ss_status ss_extrapolate(ss_model* model, const ss_frame* frame, const ss
 
 /* Images without a model ------------------------------------------------------------------------------------------ */
 
-/* Writes the motion of what does not move itself: where the previous camera saw each sample. What was behind that camera
- * gets a vector that points out of the image. One thread works.
+/* Writes the motion of static surfaces: where the previous camera saw each sample. Samples that were behind that camera get
+ * a vector that points out of the image. It runs on the calling thread.
  *
  * depth, motion: as in `ss_frame`; the depth may be that of a z-buffer. Motion is float32.
  * to_previous: row-major, takes (x, y, depth - far_depth, 1) in this frame's clip space, divided by w, y up, to the clip
  *     space of the previous frame: previous_view_projection * inverse(view_projection), both without jitter, where
  *     far_depth is 0.
- * far_depth: what the depth shows far away, so that none of it is rounded: 0 where it is reversed. */
+ * far_depth: the depth far away, 0 if reversed; subtracted first, so that small differences are not rounded. */
 SS_API ss_status ss_camera_motion(const ss_image* depth, int width, int height, const double to_previous[16],
                                   double far_depth, const float jitter[2], const ss_image* motion, ss_error* error);
 
 /* Writes opaque RGBA bytes of an image of display values; these are clamped to [0, 1]. `row_stride` is in bytes: 0 for
- * packed rows, negative from the last row on, for OpenGL. */
+ * packed rows; negative if `pixels` is the last row in memory, for OpenGL. */
 SS_API ss_status ss_encode_rgba(const ss_image* image, int width, int height, void* pixels, ptrdiff_t row_stride,
                                 ss_error* error);
 
-/* Writes the mean of two images, (height, width, 3) packed linear RGB, to the first: weighted by (height, width), after
- * the tone curve c / (1 + max(c)) of exposed colours, as the brighter of two linear values would dominate. */
+/* Writes the mean of two images, (height, width, 3) packed linear RGB, to the first. It is weighted by (height, width) and
+ * taken after the tone curve c / (1 + max(c)) of exposed colours, because the brighter of two linear values would dominate. */
 SS_API ss_status ss_merge_images(float* image, const float* other, const float* weight, const float* other_weight,
                                  int width, int height, float exposure, ss_error* error);
 
@@ -247,9 +247,9 @@ typedef struct ss_scatter {
     float jitter[2], next_jitter[2];
 } ss_scatter;
 
-/* Writes where each sample of the first frame is in the second, (height, width, 2) render pixels, for runs over reversed
- * frames: the motion of the second is scattered. A pixel that no sample of its depth reached takes the motion of the
- * nearest pixel of its surface. mismatch: (height, width), written to: the relative difference of depth. */
+/* Writes the motion of each sample of the first frame to the second, (height, width, 2) render pixels, for backward runs: it
+ * scatters the motion of the second. A pixel that no sample of its depth reached takes the motion of the nearest pixel of
+ * its surface. mismatch: (height, width), written to: the relative difference of depth. */
 SS_API ss_status ss_scatter_motion(const ss_scatter* frames, float* motion, float* mismatch, ss_error* error);
 
 /* Ids of one view: integers that name objects, parts, materials or classes. They are never blended. Arrays are packed. */
@@ -262,7 +262,7 @@ typedef struct ss_ids {
     const uint32_t* previous;       /* `image` of the previous frame; NULL on the first frame, and after a cut */
     const float* previous_distance; /* `distance` of the previous frame; NULL with `previous` */
     uint32_t* image;                /* (display_height, display_width, channels), written to; not `previous` */
-    /* (display_height, display_width), written to: from each pixel's centre to the sample that it is named after, in
+    /* (display_height, display_width), written to: distance of each pixel's centre from the sample whose ids it has, in
      * display pixels; not `previous_distance` */
     float* distance;
 } ss_ids;
@@ -270,10 +270,10 @@ typedef struct ss_ids {
 /* Resamples the ids of several views to display size: segmentation beside the images of `ss_step`. A pixel takes the ids
  * of the nearest sample of this frame; or keeps those of an earlier sample that was nearer to its centre, if the
  * surface survives: one of the 3x3 samples has these ids now, and its motion leads to them. Of several such surfaces the one
- * closest to the camera counts. So ids become as detailed as the image, and where nothing moves, stay. The distance of a
+ * closest to the camera counts. So ids become as detailed as the image, and stay where nothing moves. The distance of a
  * sample that is kept grows by its motion relative to that of the nearest sample.
  *
- * model: its threads do the work. NULL: the calling thread alone. */
+ * model: its threads do the work; NULL: the calling thread does. */
 SS_API ss_status ss_resample_ids(ss_model* model, const ss_ids* views, int count, ss_error* error);
 
 /* One frame of the temporal filter: packed arrays of the size of the image. */
@@ -295,7 +295,7 @@ typedef struct ss_temporal {
     int previous, following;
     int aov_groups;         /* arrays of AOVs in each frame */
     float exposure;         /* > 0, multiplies colour where colours are compared */
-    float samples;          /* > 0, per pixel, of the renderer: the more, the less a neighbour that differs counts */
+    float samples;          /* > 0, per pixel, of the renderer: the more, the less a neighbour may differ */
     int first_row, end_row; /* rows that are computed; several threads may compute rows of one image */
     float* image;           /* (height, width, 4) the mean, and the sum of the weights, of which 1 is the frame's own */
     float* const* aovs;     /* the means of the AOVs, (height, width, 4) each */
@@ -320,7 +320,7 @@ SS_API ss_status ss_history_create(ss_model* model, int display_width, int displ
                                    ss_history** history, ss_error* error);
 SS_API void ss_history_destroy(ss_history* history);
 
-/* Returns 1 where `history` can take the history after a frame of this size, else 0. */
+/* Returns 1 if `history` can hold the history after a frame of this size, else 0. */
 SS_API int ss_history_fits(const ss_history* history, int width, int height);
 
 /* Computes an image and the next history, which is not `history` and fits the frame. */
@@ -349,8 +349,8 @@ SS_API const char* ss_history_tensor(const ss_history* history, int index, int64
 SS_API ss_status ss_history_read(const ss_history* history, int index, float* values, ss_error* error);
 SS_API ss_status ss_history_write(ss_history* history, int index, const float* values, ss_error* error);
 
-/* Writes the bytes of a history, with all that it holds when it has converged, and of the work buffers of a step, which
- * the steps of a model share unless they overlap in time. For that, both are allocated and freed. */
+/* Writes the bytes of a history that has converged, and of the work buffers of a step, which the steps of a model share
+ * unless they overlap in time. To measure them, it allocates and frees both. */
 SS_API ss_status ss_required_bytes(ss_model* model, int display_width, int display_height, int width, int height,
                                    size_t* history, size_t* working, ss_error* error);
 

@@ -4,9 +4,9 @@
 
 namespace ss {
 
-constexpr int KEPT_SPACES = 4;  // at least, for dynamic resolution
+constexpr int KEPT_SPACES = 4;  // minimum number, for dynamic resolution
 
-// Takes the buffers that steps of all methods need.
+// Allocates the buffers that steps of all methods need.
 static void make_step_buffers(const Model& model, Space& space) {
     const Size render = space.render, display = space.display;
     Samples& s = space.samples;
@@ -14,7 +14,7 @@ static void make_step_buffers(const Model& model, Space& space) {
     s.width = render.width, s.height = render.height, s.stride = up_to(render.width, LANES),
     s.pitch = s.stride + 2 * PAD;
     s.kept = render.height;
-    if (const int stages = model.method->stages) {  // that many bands are worked on, and one for each thread
+    if (const int stages = model.method->stages) {  // a band for each stage, and one for each thread, at a time
         space.bands = min(divided_up(display.height, BAND), stages + model.pool.threads());
         s.kept =
             static_cast<int>(min<int64_t>(s.kept, space.bands * (int64_t{BAND} * render.height / display.height + 1)));
@@ -64,7 +64,7 @@ static Space* make_space(const Model& model, Size render, Size image) {
     return nullptr;
 }
 
-// Puts a list of spaces in front of those that other threads have given back meanwhile.
+// Adds a list of spaces before those that other threads have given back meanwhile.
 static void put(Space*& spaces, Space* first) {
     if (!first) return;
     Space* last = first;
@@ -89,7 +89,7 @@ void Model::give_back(Space* space) {
     space->next = __atomic_exchange_n(&spaces, nullptr, __ATOMIC_ACQUIRE);
     Space* last = space;
     for (int count = 1; last && count < max(KEPT_SPACES, pool.threads()); count++) last = last->next;
-    Space* dropped = last ? last->next : nullptr;  // those that were not used lately
+    Space* dropped = last ? last->next : nullptr;  // the least recently used ones
     if (last) last->next = nullptr;
     put(spaces, space);
     while (dropped) {

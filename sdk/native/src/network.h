@@ -1,4 +1,4 @@
-// The int8 network of the classifiers, and what its kernels work on. A packed pixel is 2x2 display pixels.
+// The int8 network of the classifiers, and the data of its kernels. A packed pixel is 2x2 display pixels.
 #pragma once
 
 #include "work.h"
@@ -61,7 +61,7 @@ struct Network {
     }
 };
 
-// Which planes and parameters a classifier has.
+// A variant of the classifier: its planes and parameters.
 struct Variant {
     bool rectified, own_motion, guided;
     constexpr int mean() const { return 14; }  // first plane of `rest` with mean and half extent of the box, YCoCg
@@ -75,7 +75,7 @@ struct Variant {
     constexpr int outputs() const { return up_to(4 * parameters(), 8); }
 };
 
-// What is gathered for the compositor, by groups of W pixels of a row: (kept, pitch / W, planes, W); row y is at y % kept.
+// Values gathered for the compositor, by groups of W pixels of a row: (kept, pitch / W, planes, W); row y is at y % kept.
 struct Gathered {
     int pitch, kept;
     float* history;    // toned RGB of the reprojected history: rounding to half floats would accumulate

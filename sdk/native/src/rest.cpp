@@ -1,4 +1,4 @@
-// Which blocks are static, what their mean is, and which tiles rest; the same as supersampler_model.ops.at_rest.
+// Finds static blocks and frozen tiles, and shows the mean of static pixels; the same as supersampler_model.ops.at_rest.
 #include "step.h"
 
 #include <math.h>
@@ -429,7 +429,7 @@ static bool has_enough(const RestWork& w, const float* mean, int by, int bx) {
     return true;
 }
 
-// Decides what is shown and frozen, and what the next history is but for its mean.
+// Decides which blocks are shown and frozen, and writes the next history except for its mean.
 static bool decide(const Step& step, RestWork& w, const RestHistory& before, RestHistory& after) {
     StaticBlocks& s = w.blocks;
     const Cycle& cycle = s.cycle;

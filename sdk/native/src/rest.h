@@ -84,7 +84,7 @@ struct StaticBlocks {
     int count() const { return size.width * size.height; }
 };
 
-// What at-rest kernels work on.
+// Data of the at-rest kernels.
 struct RestWork {
     Samples samples;
     StaticBlocks blocks;

@@ -19,7 +19,7 @@ struct PlaneSpec {
     bool bytes;  // 255 is 1; else float
 };
 
-// Where a history tensor of the contract is: in a plane, from channel `first` on, or in one of these.
+// Location of a history tensor of the contract: in a plane, from channel `first` on, or in one of these.
 enum {
     OF_JITTER = -1,
     OF_EXPOSURE = -2,

@@ -1,4 +1,4 @@
-// What kernels take: images of the caller, the samples of a frame, resampling tables, outputs.
+// Arguments of kernels: images of the caller, the samples of a frame, resampling tables, outputs.
 //
 // Kernels are compiled for several instruction sets (see kernels/simd.h); `Kernels` has those of one.
 #pragma once
@@ -23,7 +23,7 @@ struct View {
     }
 };
 
-// What is known of a row of samples.
+// Facts about a row of samples.
 struct RowFacts {
     float logs, count;    // sum of log luminance, number of usable samples
     float brightest;      // largest linear value
@@ -44,7 +44,7 @@ struct Samples {
     float* dilated;       // (kept, stride, 4) depth and motion of the closest of 2x2
     float* own;           // (kept, stride, 4) motion of the sample itself, range of depth in 3x3 samples, 1 where
                           // one of these is over GLARE_TONED
-    float* fill;          // (down, across, 6) of each FILL_WINDOW: what its missing samples show, linear and toned
+    float* fill;          // (down, across, 6) of each FILL_WINDOW: values of its missing samples, linear and toned
     int fill_across;      // windows in a row; 0 where no sample is missing
     bool has_reactive;
     float exposure;
@@ -59,7 +59,7 @@ struct Samples {
     }
 };
 
-// What `read_frame` reads.
+// Input of `read_frame`.
 struct FrameImages {
     View color, depth, motion, reactive;
     float pre_exposure;
@@ -67,7 +67,7 @@ struct FrameImages {
     size_t scratch_pitch;
 };
 
-// G-buffers of a frame, and what is prepared of them for the variant `guided` of the classifiers.
+// G-buffers of a frame, prepared for the variant `guided` of the classifiers.
 constexpr int SURFACE_PLANES = 9;
 struct Guide {
     View base_color, normal;                  // of the frame's samples
@@ -195,7 +195,7 @@ struct DownsampleWork {
 };
 constexpr int TAPS = 2 * classifier_large::REACH, RING = 8;  // a power of two, more than TAPS
 
-// What `guided-warp` works on. `previous` is the frame before the unshaded one, shaded or not.
+// Data of `guided-warp`. `previous` is the frame before the unshaded one, shaded or not.
 constexpr int WARP_PLANES = 10;
 struct WarpWork {
     guided_warp::Config config;
@@ -232,7 +232,7 @@ struct CameraMotion {
     float depth_w, far_depth;
     int x0, x1;
 };
-constexpr float CAMERA_BEHIND = 1e-6f;  // least W of what was before the previous camera
+constexpr float CAMERA_BEHIND = 1e-6f;  // minimum W of a point in front of the previous camera
 
 struct ClassifierWork;
 struct RestWork;

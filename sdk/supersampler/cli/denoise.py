@@ -10,16 +10,8 @@ from supersampler.cli.arguments import open_with, source_notes, source_of
 from supersampler.cli.terminal import Terminal, echo
 
 _JOB_OPTIONS = (
-    "output",
-    "compare",
-    "per_frame",
-    "passes",
-    "lookahead",
-    "samples",
-    "threads",
-    "overwrite",
-    "json",
-)
+    "output", "compare", "per_frame", "passes", "lookahead", "samples", "threads", "overwrite", "json",
+)  # fmt: skip
 """Parameters that are passed to `DenoiseJob` unchanged."""
 
 

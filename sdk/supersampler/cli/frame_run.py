@@ -234,7 +234,7 @@ def run_frames(
     page = job.compare and not (first == count and results.is_newest(results.record.page))
     video = job.images.video and not (first == count and results.is_newest(results.record.video))
     if first == count and not (page or video or all_frames):
-        job.console.print(f"All {count} frames are there already.")
+        job.console.print(f"All {count} frames are complete already.")
         with RunProgress(job.console, 0, json=job.json) as progress:
             progress.event("begin", shot=job.shot.name, frames=count, complete=count)
             progress.event("end", frames=0, seconds=0.0, cpu_seconds=0.0)
@@ -245,7 +245,7 @@ def run_frames(
     except KeyboardInterrupt:
         complete = results.count_complete(count)
         job.console.print(f"Stopped: {complete} of {count} frames are complete.")
-        job.console.print("The same command, given again, continues.")
+        job.console.print("Run the same command to resume.")
         raise typer.Exit(130) from None
     return results
 

@@ -75,7 +75,7 @@ def replay(
     if output is not None:
         check_apart(output, recording)
         if is_there(output):
-            raise ShotError(output, "is there already", "Choose another name, or move it away.")
+            raise ShotError(output, "already exists", "Choose another name, or move it away.")
     steps: list[Replayed] = []
     _print_machines(replay)
     try:

@@ -529,7 +529,7 @@ def _numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
             yield number, path
 
 
-def _foreign(path: Path, problem: str = "is there already") -> ShotError:
+def _foreign(path: Path, problem: str = "already exists") -> ShotError:
     """Return the error for a file of another program."""
     hint = "Move it away, or choose another folder."
     return ShotError(path, f"{problem}, and {FILE_NAME} does not list it as written by this command", hint)

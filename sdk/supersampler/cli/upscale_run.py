@@ -178,7 +178,7 @@ def run_upscale(job: UpscaleJob) -> Results:
         plan = frame_run.plan_frames(job.shot, job.numbers, job.preroll_of(upscaler), job.passes)
         upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
         if job.record is not None and is_there(job.record):
-            raise ShotError(job.record, "is there already", "Choose another name, or move it away.")
+            raise ShotError(job.record, "already exists", "Choose another name, or move it away.")
 
         def begin(results: Results, first: int) -> FrameRun[UpscaleJob]:
             used, bicubic = upscaler, None

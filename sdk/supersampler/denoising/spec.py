@@ -18,7 +18,7 @@ AGREEMENT = 0.35
 """Sum of the weights of all neighbours above which the denoised mean is used alone. Below it, the mean is
 blended with the frame denoised by itself: OIDN takes noise for detail where little was averaged."""
 KNOWN_SHARE = 0.999
-"""Smallest interpolated share of known samples at the end of a path that counts."""
+"""Minimum interpolated fraction of known samples at the end of a path; below it the path is ignored."""
 DEFAULT_SAMPLES = 8
 """Samples per pixel that are assumed where the frames do not state theirs."""
 MAX_SAMPLES = 64

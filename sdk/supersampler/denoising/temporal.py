@@ -135,7 +135,7 @@ def packed_guides(albedo: NDArray[Any] | None, normal: NDArray[Any] | None, size
 
 
 def packed_aovs(aovs: NDArray[Any] | None) -> list[Float32]:
-    """Return AOVs (h, w, k) as `WindowFrame.aovs`; what is not finite becomes 0."""
+    """Return AOVs (h, w, k) as `WindowFrame.aovs`; values that are not finite become 0."""
     if aovs is None:
         return []
     height, width, count = aovs.shape
@@ -148,10 +148,10 @@ def packed_aovs(aovs: NDArray[Any] | None) -> list[Float32]:
 
 @ieee_arithmetic
 def nearest_motion(depth: Float32, motion: NDArray[Any]) -> Float32:
-    """Return the motion of the closest of the 3x3 pixels around each: edges move with what is in front.
+    """Return the motion of the closest of the 3x3 pixels around each: edges move with the foreground.
 
     Args:
-        depth: (h, w) reversed: larger is closer. What is negative or not finite is far away.
+        depth: (h, w) reversed: larger is closer. Negative values, NaN and infinity count as far away.
         motion: (h, w, 2) pixels.
     """
     is_known = np.isfinite(depth) & (depth >= 0.0)

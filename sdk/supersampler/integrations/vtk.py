@@ -26,7 +26,7 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler.model import Model
 
 _SCALES = (1.0, 1.25, 1.5, 1.75, 2.0)  # window size / render size
-_BUDGET = 0.4  # of the time of a plain frame, for one that moves
+_BUDGET = 0.4  # maximum time of a frame that moves, relative to a plain one
 _MAX_SHARE = 0.9  # of that time; above it upscaling does not pay
 _NEW = 0.3  # weight of the last time in the mean
 _MIN_SAMPLES = 4  # multi-samples of plain renders
@@ -41,7 +41,7 @@ class Pace:
     Args:
         scale: window size / render size of frames that move; None chooses the largest render size whose
             frames take at most 0.4 of the time of a plain one, at least half the window's.
-        ratios: least and largest scale of the model.
+        ratios: minimum and maximum scale of the model.
         force: whether to upscale where that takes more than 0.9 of the time of a plain frame.
 
     Attributes:
@@ -64,8 +64,8 @@ class Pace:
     @property
     def pays(self) -> bool:
         """Whether upscaling takes less time than plain frames."""
-        least = self._moved.get(self._scales[-1])
-        return self._force or self.plain is None or least is None or least < _MAX_SHARE * self.plain
+        fastest = self._moved.get(self._scales[-1])
+        return self._force or self.plain is None or fastest is None or fastest < _MAX_SHARE * self.plain
 
     @property
     def moved(self) -> float:
@@ -110,7 +110,7 @@ class SupersampledWindow:
     - The camera or props have moved: surfaces and volumes are rendered at the window's size / scale and
       jittered, and an `Upscaler` computes the image. Lines, points and 3D text are rendered at full size on
       top, against the depth of the small render. Motion comes from the camera and the matrices of the props.
-    - Nothing has changed: full-size jittered renders are averaged, of which the first is plain; 16 suffice.
+    - Nothing has changed: the image is the mean of 16 full-size jittered renders; the first one is plain.
     - Anything else (the first frame, data, colours, lights, the size, a jump of the camera): the frame is
       plain, as without supersampling, with multi-sampling.
 
@@ -126,8 +126,7 @@ class SupersampledWindow:
         pace: times of frames, and the scale that is chosen by them.
 
     Args:
-        window: a `vtkRenderWindow` with OpenGL. One that is supersampled already is from now on supersampled
-            by this.
+        window: a `vtkRenderWindow` with OpenGL. This object replaces another one that supersamples it.
         renderers: the renderers of the scene; their viewports do not overlap.
         scale: window size / render size of frames that move, >= 1; None chooses it by times: see `Pace`.
         model: see `Upscaler`.
@@ -137,8 +136,8 @@ class SupersampledWindow:
             rest has not converged. On screen the window's interactor has a timer.
 
     Raises:
-        ArgumentError: `window` or `renderers` are none; `scale` is no ratio of the model; or the model reads
-            G-buffers.
+        ArgumentError: `window` has no OpenGL; `renderers` are not the window's; `scale` is not a ratio of the
+            model; or the model reads G-buffers.
         ModelError: see `Upscaler`.
     """
 
@@ -215,7 +214,7 @@ class SupersampledWindow:
 
     @property
     def _is_left_alone(self) -> bool:
-        """Whether this render shows no image: one of this class, or of ids for hardware selection."""
+        """Whether to ignore this render: this object started it, or it is for hardware selection."""
         return self._nested or any(renderer.GetSelector() for renderer in self._renderers)
 
     @ieee_arithmetic
@@ -240,7 +239,7 @@ class SupersampledWindow:
             self._begin(tuple(zip(viewports, modes, strict=True)))
 
     def _begin(self, modes: tuple[tuple[ViewportHistory, Mode], ...]) -> None:
-        """Prepare window and renderers for what is rendered below 2D props and other renderers."""
+        """Prepare window and renderers for all that lies below 2D props and other renderers."""
         self._modes = modes
         self._window.SetMultiSamples(self._samples if self._shows("plain") else 0)
         with ExitStack() as stack:
@@ -318,7 +317,7 @@ class SupersampledWindow:
             viewport.finish()
 
     def _is_special(self) -> bool:
-        """Return whether this frame is none of a moving or resting view."""
+        """Return whether this frame has to be rendered as without supersampling."""
         window, renderers = self._window, self._renderers
         cameras = [r.GetActiveCamera() for r in renderers if r.IsActiveCameraCreated()]
         return bool(
@@ -357,7 +356,7 @@ class SupersampledWindow:
             self._wake()  # a frame was rendered since the timer was started
 
     def _time(self) -> None:
-        """Note how long the frame took; stay out if upscaling does not pay."""
+        """Record the time of the frame; switch upscaling off if it does not pay."""
         seconds = perf_counter() - self._began
         if not self._shows("plain") and not self._shows("still"):
             self.pace.add(self.pace.scale, seconds)
@@ -390,7 +389,7 @@ def _checked_renderers(window: Any, renderers: Iterable[Any]) -> tuple[Any, ...]
     """Return the renderers of a window.
 
     Raises:
-        ArgumentError: `window` is no window with OpenGL, or these are not its renderers.
+        ArgumentError: `window` has no OpenGL, or these are not its renderers.
     """
     if not isinstance(window, vtkOpenGLRenderWindow):
         raise ArgumentError("window", got=shown(window), want="a vtkRenderWindow with OpenGL")
@@ -408,7 +407,7 @@ def _checked_scale(scale: float | None, info: ModelInfo) -> float | None:
     """Return the scale.
 
     Raises:
-        ArgumentError: it is below 1, or the model has not this ratio or reads G-buffers.
+        ArgumentError: it is below 1 or not a ratio of the model, or the model reads G-buffers.
     """
     if info.gbuffers:
         raise ArgumentError(

@@ -149,7 +149,7 @@ def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
     """
     if is_there(path) and not (is_regular(path) and is_ours(path)):
         hint = "Move it away, or choose another name."
-        raise ShotError(path, f"is there already, and is not {what}", hint)
+        raise ShotError(path, f"already exists, and is not {what}", hint)
 
 
 def remove_files(paths: Iterable[Path]) -> None:

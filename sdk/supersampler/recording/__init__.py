@@ -243,7 +243,7 @@ class Recording:
         tensors, texts = open_safetensors(path)
         text, arrays = str(texts.get("record")), {name: np.array(array) for name, array in tensors.items()}
         if str(texts.get(_CRC)) != str(_crc_of(text, arrays)):
-            raise ShotError(path, f"is not as it was recorded ({_CRC} differs)")
+            raise ShotError(path, f"has changed since it was recorded ({_CRC} differs)")
         return decoded(path, text, kind), arrays
 
 

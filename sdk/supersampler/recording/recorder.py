@@ -73,7 +73,7 @@ class Recorder:
                 self.path.mkdir(parents=True)
             except FileExistsError:
                 hint = "Choose another name, or move it away."
-                raise RecordingError(path, "is there already", hint) from None
+                raise RecordingError(path, "already exists", hint) from None
             content = {"format": recording.FORMAT, **msgspec.to_builtins(setup)}
             write_text(self.path / recording.SETUP, json.dumps(content, indent=1) + "\n")
 

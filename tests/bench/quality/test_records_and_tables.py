@@ -179,7 +179,7 @@ def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path) -> None:
     (tmp_path / "notes").write_text('{"mine": 1}')
     answer = run("bench", "parity", "--json", tmp_path / "notes")
     assert (answer.exit_code, answer.stderr.count("\n")) == (1, 1)
-    assert "notes: is there already, and is not a" in answer.stderr
+    assert "notes: already exists, and is not a" in answer.stderr
     assert (tmp_path / "notes").read_text() == '{"mine": 1}'
 
 

@@ -170,7 +170,7 @@ def test_foreign_folders_are_not_taken_for_rendered_frames(tmp_path: Path) -> No
     [entry] = description().sequences
     (tmp_path / entry.folder).mkdir(parents=True)
     (tmp_path / entry.folder / "0000.safetensors").write_bytes(b"mine")
-    with pytest.raises(DatasetError, match=r"yard-1: is there already, and no dataset\.json lists it"):
+    with pytest.raises(DatasetError, match=r"yard-1: already exists, and no dataset\.json lists it"):
         create_dataset(tmp_path, description())
     assert not (tmp_path / "dataset.json").exists()
 

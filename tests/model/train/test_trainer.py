@@ -371,5 +371,5 @@ def test_a_run_does_not_start_over_foreign_files(tmp_path: Path, name: str) -> N
     (tmp_path / name).write_bytes(b"mine")
     done = run("train", "classifier", "--data", tmp_path / "none", "-o", tmp_path)
     assert done.exit_code == 1
-    assert f"{name}: is there already, and is not of a run in this folder" in done.stderr
+    assert f"{name}: already exists, and is not of a run in this folder" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == [name]

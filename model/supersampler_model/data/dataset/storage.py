@@ -286,7 +286,7 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
         for entry in description.sequences:
             if is_there(folder / entry.folder):
                 hint = "Move it away, or choose another folder."
-                problem = f"is there already, and no {FILE_NAME} lists it"
+                problem = f"already exists, and no {FILE_NAME} lists it"
                 raise DatasetError(folder / entry.folder, problem, hint)
         with replacing(path) as partial:
             content = {"version": VERSION, **asdict(description)}

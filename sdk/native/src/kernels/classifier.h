@@ -1,4 +1,4 @@
-// What gather and finish of the classifiers share.
+// Functions that gather and finish of the classifiers share.
 #pragma once
 
 #include "disocclusion.h"

@@ -1,4 +1,4 @@
-// What kernels read of a preprocessed frame.
+// Access of kernels to a preprocessed frame.
 #pragma once
 
 #include "filters.h"
@@ -35,7 +35,7 @@ SS_INLINE void store_pixels(float* to, F (&v)[4]) {
     for (int k = 0; k < 4; k++) store(to + k * W, v[k]);
 }
 
-// What fills missing samples of row y from x on, linear or toned.
+// Returns the values that fill missing samples of row y from x on, linear or toned.
 SS_INLINE F3 fill_at(const Samples& s, int y, I x, bool toned) {
     I at = (x / FILL_WINDOW + y / FILL_WINDOW * s.fill_across) * 6 + (toned ? 3 : 0);
     return {gather(s.fill, at), gather(s.fill, at + 1), gather(s.fill, at + 2)};

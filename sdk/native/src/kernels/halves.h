@@ -28,7 +28,7 @@ SS_INLINE H to_half(F v) {  // ties to even; subnormal numbers round as floats d
 }
 #endif
 
-// Of numbers from half floats; clang would compare these as half floats, lane by lane.
+// For numbers converted from half floats: clang would compare them as half floats, lane by lane.
 SS_INLINE I is_positive(F v) { return bits_of(v) > 0; }
 
 SS_INLINE F load_half(const uint16_t* from) { return from_half(load_as<H>(from)); }

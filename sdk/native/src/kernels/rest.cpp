@@ -70,7 +70,7 @@ void sum_blocks(const RestWork& w, int y0, int y1) {
                 const int y = min(by * BLOCK + k / BLOCK, s.height - 1), x = min(bx * BLOCK + k % BLOCK, s.width - 1);
                 const float* sample = linear_row(s, y) + x;
                 if (sample[0] != sample[0]) continue;
-                float expected[4] = {};  // the mean there, and the share of pixels with enough samples
+                float expected[4] = {};  // the mean there, and the fraction of pixels with enough samples
                 for (int tap = 0; tap < 4; tap++) {
                     const int row = w.pixel_rows[2 * y + tap / 2], column = w.pixel_columns[2 * x + tap % 2];
                     if (w.ages[w.row_blocks[row] * across + w.column_blocks[column]] == 0.0f) continue;
@@ -129,8 +129,8 @@ void add_samples(const RestWork& w, Rect rect) {
 // Slope of a mean at a pixel; see `at_centres` of the torch module.
 static F slope(F before, F here, F after, F known) {
     F below = here - before, above = after - here;
-    F most = minimum(absolute(below), absolute(above)) * known * 2.0f;
-    return maximum(minimum((below + above) * 0.5f, most), 0.0f - most);
+    F limit = minimum(absolute(below), absolute(above)) * known * 2.0f;
+    return maximum(minimum((below + above) * 0.5f, limit), 0.0f - limit);
 }
 
 // The mean at W pixels of a row from x on; those beyond the row repeat its ends.
@@ -182,8 +182,8 @@ static F3 centred(const RestWork& w, int y, int x, I column_blocks, const F (&he
     return {moved[0], moved[1], moved[2]};
 }
 
-// Fades the image to the mean in a rectangle. Shares of blocks: 0 nothing, up to 1 the share of the mean, 2 the mean as
-// it is, -1 by its weight.
+// Fades the image to the mean in a rectangle. `shares` of blocks: 0 to 1 is the weight of the mean, 2 replaces the image by
+// the mean, -1 derives the weight from the mean's own.
 void show_mean(const RestWork& w, Rect rect) {
     float tail[3 * W];
     for (int y = rect.y0; y < rect.y1; y++) {

@@ -72,7 +72,7 @@ void taa_boxes(const TaaWork& w, int y0, int y1) {
     }
 }
 
-// Where the segment from `color` (0) to `sample` (1) enters and leaves a slab.
+// Positions, from 0 at `color` to 1 at `sample`, at which the segment enters and leaves a slab.
 static void segment_in_slab(F color, F sample, F low, F high, F& enter, F& leave) {
     F step = sample - color;
     step = select(absolute(step) < 1e-6f, 1e-6f, step);

@@ -117,8 +117,8 @@ static F change_of_light(const Config& n, F mean, F deviation, F mean_before, F 
     return clamped((absolute(mean - mean_before) / noise - 1.0f) / n.change_ramp, 0.0f, 1.0f);
 }
 
-// What is known of the history at W pixels.
-struct Past {
+// The history at W pixels.
+struct PixelHistory {
     F3 color, light;   // toned YCoCg; the same, linear RGB
     F samples, power;  // number of samples; mean square of sample - history, toned luma, which also holds the glare
     F surface;         // 0 where the surface was occluded in the previous frame, 1 where it was visible
@@ -135,8 +135,8 @@ struct Blended {
 // resampling, 0 on a pixel's centre, 1 on a corner of four; reactive: fraction of the image that is this frame alone.
 // upsampled(): YCoCg of this frame alone, for where that is shown.
 template <class Upsampled>
-SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const Past& past, F around, F fit, F glare, F flash,
-                        F speed, F blur, F reactive, const Upsampled& upsampled) {
+SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const PixelHistory& past, F around, F fit, F glare,
+                        F flash, F speed, F blur, F reactive, const Upsampled& upsampled) {
     const Config& n = w.config;
     F gamma = minimum(speed * (1.0f / n.gamma_speed), 1.0f) * (n.gamma_moving - n.gamma_still) + n.gamma_still;
     F power = past.power, warped_glare = F{}, unchanged = past.unchanged;
@@ -252,7 +252,7 @@ void taau_rows(const TaauWork& w, Rect rect, int thread) {
             F sharp[4], linear[4];
             load_four(scratch.pixels, 0, sharp);
             load_four(scratch.pixels, 1, linear);
-            Past past;
+            PixelHistory past;
             past.light = sanitize(F3{sharp[0], sharp[1], sharp[2]});
             past.color = ycocg(tone(past.light * exposure));
             past.samples = linear[2];

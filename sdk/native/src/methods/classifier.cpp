@@ -12,7 +12,7 @@ using namespace classifier;
 
 static bool is_guided(const Model& model) { return model.method->layout.planes == 4; }
 
-// Constants of the model; those of `gbuffer-fast` have others between them.
+// Returns the constants of the model, without those that only `gbuffer-fast` has.
 static Config config_of(const Model& model) {
     if (!is_guided(model)) return model.config_of<Config>();
     const gbuffer_fast::Config& c = model.config_of<gbuffer_fast::Config>();
@@ -261,8 +261,8 @@ static void make_work(const Step& step, ClassifierWork& work) {
     g.before = static_cast<const uint8_t*>(step.before.planes[3]), g.next = static_cast<uint8_t*>(step.after.planes[3]);
 }
 
-// The stages of a band. Each reads what the one before it has written of the band and its neighbours: the encoder has a stage
-// for the first layer of each level, which is in one with the other layers of the level above.
+// The stages of a band. Each reads the previous stage's results for the band and its neighbours. A stage of the encoder runs
+// the first layer of a level and the other layers of the level above.
 enum BandStage { PREPARE, GATHER, ENCODE, FINISH = ENCODE + LEVELS, BAND_STAGES };
 
 // The history of classifier-large has 7/5 of the display's rows.
@@ -274,7 +274,7 @@ static ss_stage run_stage(const Step& step, const ClassifierWork& work, int stag
     const Network& n = *work.network;
     const Size display = {work.target.width, work.target.height}, tiles = tiles_of(display);
     const int kernel = kernel_of(variant_of(step.model)), y0 = band * BAND, y1 = min(y0 + BAND, display.height);
-    // a band has three samples or more, so that filters read none but those of its neighbours
+    // a band has at least three samples, so that filters reach into the neighbouring bands only
     const auto sample_at = [&](int y) { return static_cast<int>(int64_t{y} * s.height / display.height); };
     const auto of_level = [&](int k, auto encode) {
         const Level& level = n.level[k];

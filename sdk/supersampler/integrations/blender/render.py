@@ -495,7 +495,7 @@ def find_blender(path: str | None = None) -> str:
 
 
 def _unlisted(path: Path) -> ShotError:
-    problem = f"is there already, and {RENDER_FILE} does not list it"
+    problem = f"already exists, and {RENDER_FILE} does not list it"
     return ShotError(path, problem, "Move it away, or choose another folder.")
 
 

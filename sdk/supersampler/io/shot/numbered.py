@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
-from supersampler.errors import ArgumentError, MissingFramesError, ShotError
+from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
 from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import LARGEST_NUMBER, is_frame_range
@@ -144,15 +144,15 @@ def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> 
             return [(0.0, 0.0) for _ in indices]
         jitter = folder / JITTER_FILE_NAME
     values = read_json(Path(jitter)) if isinstance(jitter, Path | str) else jitter
-    want = "[x, y] of each frame, or of the first frames, which then repeat"
+    want = "pairs [x, y], one for each frame; a shorter list repeats"
     try:
         pairs = [(float(x), float(y)) for x, y in values]
     except (TypeError, ValueError, OverflowError):
         pairs = []
     if not pairs:
         if isinstance(jitter, Path | str):
-            raise ShotError(jitter, f"holds something else; want {want}")
-        raise ArgumentError("jitter", got="something else", want=want)
+            raise ShotError(jitter, f"does not hold {want}")
+        raise ArgumentError("jitter", got=shown(jitter), want=want)
     return [pairs[index % len(pairs)] for index in indices]
 
 

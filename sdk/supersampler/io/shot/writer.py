@@ -197,7 +197,7 @@ class ShotWriter:
         for name, path in zip(names, paths, strict=True):
             is_own = files.is_regular(path) and (name in self._begun or self._is_listed(name))
             if files.is_there(path) and not is_own:
-                problem = f"is there already, and {self._description.name} does not list it"
+                problem = f"already exists, and {self._description.name} does not list it"
                 raise ShotError(path, problem, _FOREIGN)
         with files.os_errors_as_shot_error(self._note, "written", files.NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
@@ -236,7 +236,7 @@ class ShotWriter:
         info, entries = load_shot_json(path)
         if not resume:
             hint = "Resume it (resume=True), delete the folder, or choose another."
-            raise ShotError(path, f"a shot of {len(entries)} frames is there already", hint)
+            raise ShotError(path, f"a shot of {len(entries)} frames already exists", hint)
         for field in ("name", "display_size", "frame_rate", "conventions", *_NAMING):
             existing, requested = getattr(info, field), getattr(self._info, field)
             if existing != requested:

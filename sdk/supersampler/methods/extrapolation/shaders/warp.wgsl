@@ -18,7 +18,7 @@ struct Surfaces {
 @group(0) @binding(6) var frame_gbuffer_base_color: texture_2d<f32>;
 @group(0) @binding(7) var frame_gbuffer_normal: texture_2d<f32>;
 
-// Where a motion leads among the samples of another frame; 0 is its first sample.
+// Position to which a motion leads, among the samples of another frame; 0 is its first sample.
 fn place(p: vec2i, motion: vec2f, size: vec2f, jitter: vec2f) -> vec2f {
     return (vec2f(p) + motion + (params.jitter + 0.5)) * size / params.render - (jitter + 0.5);
 }

@@ -1,4 +1,4 @@
-// Colours of this frame and of its surface's history at a display pixel, from G-buffers. It takes the place of
+// Colours of this frame and of its surface's history at a display pixel, from G-buffers. It replaces
 // frame_colors.wgsl.
 // import current_frame
 // import relit
