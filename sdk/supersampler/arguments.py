@@ -130,6 +130,25 @@ def checked_size(name: str, size: Sequence[int] | None) -> tuple[int, int]:
     return width, height
 
 
+def checked_lookahead(passes: int, lookahead: int | None, most: int) -> int | None:
+    """Return the number of following frames to read: 0 with one pass, otherwise `lookahead`.
+
+    Raises:
+        ArgumentError: `passes` is not 1 or 2; or `lookahead` is not 1 to `most`, or given with one pass.
+    """
+    if type(passes) is not int or passes not in (1, 2):
+        raise ArgumentError("passes", got=shown(passes), want="1 or 2")
+    if lookahead is None:
+        return 0 if passes == 1 else None
+    if passes == 1:
+        want = "None, because one pass reads no later frame"
+        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
+    if type(lookahead) is not int or not 1 <= lookahead <= most:
+        want = f"a whole number of frames from 1 to {most}, or None"
+        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
+    return lookahead
+
+
 def checked_names(name: str, names: Collection[str]) -> tuple[str, ...]:
     """Return a collection of names as a tuple; a single name, None and generators are refused."""
     several = isinstance(names, Collection) and not isinstance(names, (str, bytes, np.ndarray))

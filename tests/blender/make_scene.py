@@ -34,6 +34,7 @@ def build(options: dict[str, Any]) -> None:
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.samples = "CYCLES", 1
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    scene.view_layers[0].samples = 3  # other than the scene's and --samples
     scene.frame_start, scene.frame_end = FIRST, LAST
     scene.render.resolution_x, scene.render.resolution_y = options["size"]
     scene.render.resolution_percentage = options["percentage"]

@@ -23,7 +23,7 @@ from blender_files import HERE
 from blender_motion import camera_motion_of
 from supersampler.cli import app
 from supersampler.io.display import BT709
-from supersampler.io.images import read_exr
+from supersampler.io.images import read_exr, read_header
 from supersampler.io.shot import Shot, import_blender, open_source
 from supersampler.io.shot.blender import RenderRecord, read_render_record
 from supersampler.validation import detect_conventions
@@ -78,6 +78,7 @@ def rendered(folder: Path) -> tuple[Shot, RenderRecord]:
         {"size": [192, 128], "percentage": 50},
         {"properties": {"scene.render.pixel_aspect_y": 1.5}},
         {"lens": [35.0, 50.0]},
+        {"properties": {"scene.render.frame_map_new": 80}},
     ],
     ids=str,
 )
@@ -90,6 +91,7 @@ def test_vectors_agree_with_the_camera_for_every_fit_of_the_sensor(
     for index in (1, 2):
         change = np.subtract(record.frames[index].shift, record.frames[index - 1].shift)
         assert np.abs(change).min() > 0.4
+        assert 0.3 < (shot.read(index).frame.depth > 0).mean() < 0.9
         wrong = np.abs(shot.read(index).frame.motion - camera_motion_of(shot, record, index)).max(axis=-1)
         assert np.percentile(wrong, 85) < 1e-3  # but the cube that moves
 
@@ -285,6 +287,7 @@ def test_temporal_denoising_renders_at_full_size_with_guides_in_world_space(tmp_
     assert "Cycles renders at full size with 1 samples" in done.stderr
     assert "motion blur is off" in done.stderr
     shot, record = rendered(tmp_path)
+    assert read_header(tmp_path / "out" / "render" / "0006.exr").metadata["cycles.ViewLayer.samples"] == "1"
     assert (record.scene.denoise, shot.render_size, shot.is_denoised) == ("temporal", (96, 64), True)
     items = list(shot)
     assert [item.frame.reset for item in items] == [True, False, True]
@@ -335,6 +338,8 @@ def pixels(path: Path) -> Any:
 
 
 def test_the_compositor_of_the_file_runs_on_the_results_and_writes_no_other_file(tmp_path: Path) -> None:
+    tmp_path = tmp_path / "ein {blend_name} #1"
+    tmp_path.mkdir()
     done = render(tmp_path, "--samples", 1, "--composite", compositor="ViewLayer")
     assert done.exit_code == 0, done.output
     assert "not those of File Output" in done.stderr

@@ -10,55 +10,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from supersampler import Frame, halton_jitter
-from supersampler.cli import app
-from supersampler.frame import Float32
 from supersampler.io.display import decibels, display_transform
-from supersampler.io.images import read_exr
-from supersampler.io.shot import ShotWriter
+from upscale_runs import pixels, upscale, write_shot
 
 pytest.importorskip("openjd.cli", reason="needs openjd-cli")
 
 TEMPLATE = Path(__file__).parents[2] / "examples" / "farm" / "supersample.yaml"
-RENDER, DISPLAY = (40, 24), (80, 48)
-FRAMES, CHUNK, PREROLL, SPEED = 24, 8, 6, 1.7
+FRAMES, CHUNK, PREROLL = 24, 8, 6
 METHOD = "taau"
 MIN_DECIBELS = 60.0  # dB, of a chunk's images against those of one run
 
 
-def moving(index: int) -> Frame:
-    """A frame of stripes that move, under light that changes; its exposure is measured."""
-    jitter = halton_jitter(index, 2.0)
-    x = np.arange(RENDER[0]) + 0.5 + jitter[0] - SPEED * index
-    y = np.arange(RENDER[1])[:, None] + 0.5 + jitter[1]
-    light = (0.5 + 0.4 * np.sin(1.3 * x + 0.7 * y)) * (1.0 + 0.5 * np.sin(index / 5.0))
-    motion = np.zeros((*light.shape, 2), np.float32)
-    motion[..., 0] = -SPEED
-    return Frame(
-        color=light[..., None].repeat(3, -1).astype(np.float32),
-        depth=np.full(light.shape, 0.1, np.float32),
-        motion=motion,
-        jitter=jitter,
-        reset=index == 0,
-    )
-
-
 @pytest.fixture(scope="module")
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("farm") / "shot"
-    with ShotWriter(folder, name="stripes", display_size=DISPLAY, frame_rate=24.0) as writer:
-        for index in range(FRAMES):
-            writer.write(moving(index))
-    return folder
+    """A shot whose light drifts; its exposure is measured."""
+    return write_shot(tmp_path_factory.mktemp("farm") / "shot", FRAMES, light=1.03)
 
 
 @pytest.fixture(scope="module")
 def whole(shot: Path) -> Path:
     """Images of one run over the whole shot."""
     folder = shot.parent / "whole"
-    run("upscale", shot, "-o", folder, "--method", METHOD, "--preroll", PREROLL, "--threads", 1)
+    upscale(shot, folder, "--preroll", PREROLL, "--threads", 1, method=METHOD)
     return folder
 
 
@@ -69,11 +43,6 @@ def chunks(shot: Path) -> tuple[Path, str]:
     done = subprocess.run(job(shot, folder), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder, done.stdout
-
-
-def run(*arguments: object) -> None:
-    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
-    assert result.exit_code == 0, result.output
 
 
 def job(shot: Path, output: Path, *options: str) -> list[str]:
@@ -90,11 +59,10 @@ def tasks(*ranges: str) -> tuple[str, ...]:
     return "--step", "Upscale", "--tasks", json.dumps([{"Frames": text} for text in ranges])
 
 
-def images(folder: Path) -> list[Float32]:
+def images(folder: Path) -> list[np.ndarray]:
     paths = sorted(folder.glob("[0-9]*.exr"))
     assert [path.stem for path in paths] == [f"{index:04d}" for index in range(FRAMES)]
-    found = [read_exr(path) for path in paths]
-    return [np.stack([image[name].astype(np.float32) for name in "RGB"], axis=-1) for image in found]
+    return [pixels(path) for path in paths]
 
 
 def kill_with_descendants(process: subprocess.Popen[bytes]) -> None:

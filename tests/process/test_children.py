@@ -178,10 +178,10 @@ LISTS_FRAMES = """
 import json, pathlib, sys, time
 out = pathlib.Path(sys.argv[1])
 print("motion blur is off", file=sys.stderr, flush=True)
-for count in (1, 2, 3):
+for count, name, done in (1, "", 1), (2, "", 2), (3, ".0004", 1):
     part = out / "part"
-    part.write_text(json.dumps({"files": {"exr/####.exr": count, "png/####.png": count, "compare.html": 1}}))
-    part.replace(out / "upscale.json")
+    part.write_text(json.dumps({"files": {"exr/####.exr": done, "png/####.png": done, "compare.html": 1}}))
+    part.replace(out / f"upscale{name}.json")
     while not (out / f"go{count}").exists():
         time.sleep(0.01)
 """

@@ -81,14 +81,10 @@ def test_data_of_the_denoiser_is_not_blended_but_light_passes_are(tmp_path: Path
     assert {"V.Noisy Image.R", "V.CryptoObject00.r", "V.Denoising Depth.Z"} <= {*shot.ignored_channels}
 
 
-def test_frames_with_a_noisy_image_are_denoised_already(tmp_path: Path) -> None:
-    assert not import_blender(write_blender(tmp_path / "plain", "V")).is_denoised
-    assert import_blender(denoised_frames(tmp_path / "denoised")[0]).is_denoised
-
-
 def test_the_noise_that_cycles_has_removed_comes_back(tmp_path: Path) -> None:
     plain = import_blender(write_blender(tmp_path / "plain", "V"))
     assert plain.with_noise() is plain
+    assert not plain.is_denoised
     shot = import_blender(denoised_frames(tmp_path / "denoised")[0])
     noisy = shot.with_noise()
     assert shot.is_denoised
@@ -127,6 +123,14 @@ def test_a_render_that_is_to_be_denoised_has_its_guides_in_world_space(tmp_path:
     shot = open_source(folder)
     items = list(shot)
     assert shot.is_denoised
+    assert shot.noisy_channels == (
+        "ViewLayer.Noisy Image.R",
+        "ViewLayer.Noisy Image.G",
+        "ViewLayer.Noisy Image.B",
+    )
+    record["scene"]["is_drawn_over"] = True  # the noisy image would lack what was drawn
+    (folder / "render.json").write_text(json.dumps(record))
+    assert open_source(folder).noisy_channels == ()
     assert [item.frame.reset for item in items] == [True, False, True, False]
     assert not items[2].frame.motion.any()  # another camera's vectors
     assert items[3].frame.motion.any()

@@ -30,23 +30,28 @@ def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
 
 
 def camera(name: str, *, kind: str = "PERSP", focused: bool = False, hidden: bool = False) -> SimpleNamespace:
-    data = SimpleNamespace(type=kind, dof=SimpleNamespace(use_dof=focused))
+    curve = SimpleNamespace(driver=SimpleNamespace())
+    dof = SimpleNamespace(use_dof=focused, driver_remove=lambda _: None, driver_add=lambda _: curve)
+    data = SimpleNamespace(type=kind, dof=dof)
     return SimpleNamespace(name=name, name_full=name, type="CAMERA", data=data, hide_render=hidden)
 
 
 def scene(engine: str = "CYCLES", *, blurred: bool = False, **attributes: Any) -> SimpleNamespace:
     layer = SimpleNamespace(
-        use=True, name="ViewLayer", use_pass_z=False, use_pass_vector=False, use_pass_normal=False,
+        use=True, name="ViewLayer", samples=0, use_pass_z=False, use_pass_vector=False, use_pass_normal=False,
         use_pass_diffuse_color=False,
         cycles=SimpleNamespace(use_denoising=False, denoising_store_passes=False),
     )  # fmt: skip
     cycles = SimpleNamespace(
-        samples=64, seed=3, use_denoising=False, use_animated_seed=False, use_adaptive_sampling=True,
+        samples=64, use_layer_samples="USE", seed=3, driver_remove=lambda _: None, use_denoising=False,
+        use_animated_seed=False, use_adaptive_sampling=True,
         pixel_filter_type=WIDE[0], filter_width=WIDE[1], denoiser="OPTIX", denoising_input_passes="RGB",
         denoising_prefilter="FAST",
     )  # fmt: skip
     found = {
-        "name": "Scene", "render": SimpleNamespace(engine=engine, use_motion_blur=blurred), "cycles": cycles,
+        "name": "Scene", "cycles": cycles, "render": SimpleNamespace(
+            engine=engine, use_motion_blur=blurred, use_freestyle=False, frame_map_old=100, frame_map_new=100,
+        ),
         "view_layers": [layer], "timeline_markers": [], "camera": camera("A"), "objects": [],
     }  # fmt: skip
     return SimpleNamespace(**found | attributes)
@@ -81,9 +86,9 @@ def test_temporal_denoising_of_another_engine_is_refused(script: ModuleType) -> 
 
 def test_frames_to_denoise_have_the_scenes_samples_and_filter_and_clean_guides(script: ModuleType) -> None:
     ours = scene()
-    script.set_engine(ours, None, "temporal")
-    assert script.set_passes(ours, "temporal") == "ViewLayer"
     cycles, layer = ours.cycles, ours.view_layers[0]
+    script.set_engine(ours, layer, None, "temporal")
+    script.set_passes(ours, layer, "temporal")
     assert (cycles.samples, cycles.use_adaptive_sampling) == (64, True)
     assert (cycles.pixel_filter_type, cycles.filter_width) == WIDE
     assert (cycles.use_denoising, cycles.denoiser) == (True, "OPENIMAGEDENOISE")
@@ -93,16 +98,20 @@ def test_frames_to_denoise_have_the_scenes_samples_and_filter_and_clean_guides(s
     assert layer.cycles.denoising_store_passes
     assert layer.cycles.use_denoising
     assert "Cycles renders at full size with 64 samples, and denoises; --scale 2" in script.notes[0]
-    script.set_engine(ours, 4, "temporal")
-    assert cycles.samples == 4
+    for number, use, given, want in (
+        (9, "USE", None, 9), (9, "USE", 4, 4), (90, "BOUNDED", None, 64), (9, "IGNORE", None, 64),
+    ):  # fmt: skip
+        layer.samples, cycles.use_layer_samples, cycles.samples = number, use, 64
+        script.set_engine(ours, layer, given, "temporal")
+        assert (cycles.samples, cycles.use_layer_samples) == (want, "IGNORE")
 
 
 @pytest.mark.parametrize("denoise", ["frame", "off"])
 def test_frames_to_upscale_have_points_as_pixels(script: ModuleType, denoise: str) -> None:
     ours = scene()
-    script.set_engine(ours, None, denoise)
-    script.set_passes(ours, denoise)
     cycles, layer = ours.cycles, ours.view_layers[0]
+    script.set_engine(ours, layer, None, denoise)
+    script.set_passes(ours, layer, denoise)
     assert (cycles.samples, cycles.use_adaptive_sampling) == (16, False)
     assert (cycles.filter_width, cycles.denoising_prefilter) == (0.01, "NONE")
     assert cycles.use_denoising == layer.cycles.use_denoising == (denoise == "frame")
@@ -114,8 +123,23 @@ def test_a_trial_has_other_noise_and_a_fixed_number_of_samples(script: ModuleTyp
     ours = scene()
     with pytest.raises(script.BlenderSceneError, match="samples adaptively, up to 64 times: pass --samples"):
         script.set_trial(ours, None, 1)
+    pencil = SimpleNamespace(name="Stroke", type="GREASEPENCIL", hide_render=False)
+    ours.objects, ours.render.use_freestyle = [pencil], True
+    ours.view_layers[0].use_freestyle = True
+    assert script.drawn_over(ours, ours.view_layers[0]) == ["Stroke", "Freestyle"]
+    assert "Stroke, Freestyle: drawn over frames that Cycles has denoised" in script.notes[-1]
     script.set_trial(ours, 8, 1)
     assert (ours.cycles.seed, ours.cycles.use_adaptive_sampling) == (4, False)
+    assert script.drawn_over(ours, ours.view_layers[0]) == []  # noisy colours, which trials compare, lack it
+
+
+def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(script: ModuleType) -> None:
+    ours = scene(sequence_editor=None, use_nodes=False, view_settings=SimpleNamespace(use_curve_mapping=True))
+    output = ours.render.image_settings = SimpleNamespace(color_management="OVERRIDE")
+    ours.render.use_compositing = ours.render.use_sequencer = False
+    script.set_output(ours, "temporal")
+    assert (output.color_management, output.file_format) == ("FOLLOW_SCENE", "OPEN_EXR_MULTILAYER")
+    assert "curves and white balance of the colour management are not applied" in script.notes[0]
 
 
 @pytest.mark.parametrize(
@@ -134,6 +158,7 @@ def test_blur_is_off_and_a_note_says_how_to_keep_it(script: ModuleType, denoise:
     script.set_blur(ours, keep=False, denoise=denoise)
     assert not ours.render.use_motion_blur
     assert not ours.camera.data.dof.use_dof
+    assert ours.camera.data.dof.driver_add("use_dof").driver.type == "SUM"  # where its animation turns it on
     assert [note.split(":")[0] for note in script.notes] == ["motion blur is off", "depth of field is off"]
     assert all(("--keep-blur" in note) == (denoise == "temporal") for note in script.notes)
 
@@ -141,7 +166,7 @@ def test_blur_is_off_and_a_note_says_how_to_keep_it(script: ModuleType, denoise:
 def test_blur_that_is_kept_costs_the_vectors_and_a_note_says_so(script: ModuleType) -> None:
     ours = scene(blurred=True, camera=camera("A", focused=True))
     script.set_blur(ours, keep=True, denoise="temporal")
-    script.set_passes(ours, "temporal")
+    script.set_passes(ours, ours.view_layers[0], "temporal")
     assert ours.render.use_motion_blur
     assert ours.camera.data.dof.use_dof
     assert not ours.view_layers[0].use_pass_vector
@@ -155,8 +180,8 @@ def test_each_marker_of_another_camera_is_a_cut(script: ModuleType) -> None:
     ours = scene(timeline_markers=markers((30, a), (1, a), (10, a), (12, None), (20, b), (25, hidden)))
     assert script.camera_switches(ours) == [20, 30]
     assert script.used_cameras(ours) == [a, b]
-    script.choose_camera(ours, None)
-    assert "markers switch cameras at frame 20, 30" in script.notes[0]
+    ours.render.frame_map_new = 250
+    assert script.camera_switches(ours) == [50, 75]
     script.set_blur(ours, keep=False, denoise="temporal")
     assert not b.data.dof.use_dof
 
@@ -173,6 +198,7 @@ def test_a_camera_that_is_named_is_used_without_cuts(script: ModuleType) -> None
     [
         (lambda ours: setattr(ours, "camera", None), "no active camera: add one"),
         (lambda ours: setattr(ours.camera.data, "type", "PANO"), "camera 'A' is panoramic"),
+        (lambda ours: setattr(ours.camera, "type", "LIGHT"), "camera 'A' is of type LIGHT"),
     ],
 )
 def test_a_camera_that_cannot_be_followed_is_refused(

@@ -154,7 +154,6 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (("info", "nothing"), "nothing: there is no such file or folder"),
-        (("upscale", SHIPPED, "-o", "x", "--display-size", "1080p"), "--display-size is '1080p'; want"),
         (("upscale", SHIPPED, "-o", "x", "--scale=2", "--display-size=2x2"), "both given; want one of the"),
         ((*UPSCALE, "--method=a", "--model=b"), "both given; want one of the two"),
         ((*UPSCALE, "--method", "nope"), "no model 'nope'"),
@@ -162,7 +161,6 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
         (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
         (("import", ".", "-o", "x", "--layout=blender", "--channels=none.json"), "--channels is none.json"),
         (("import", ".", "-o", "x", "--conventions", "opengl"), "want one of supersampler, fsr, xess"),
-        (("import", ".", "-o", "x", "--cuts", "1;2"), "--cuts is '1;2'"),
     ],
 )
 def test_bad_arguments_are_one_line(

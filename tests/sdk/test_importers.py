@@ -88,14 +88,17 @@ def test_passes_that_can_be_blended_and_metadata_stay_with_a_copy_and_its_result
 
 
 def test_one_of_several_complete_layers_must_be_chosen(tmp_path: Path) -> None:
-    write_blender(tmp_path / "in", "A", "B")
-    with pytest.raises(ArgumentError, match="layer is left out; want one of A, B"):
+    write_blender(tmp_path / "in", "B", "B.1")
+    with pytest.raises(ArgumentError, match=r"layer is left out; want one of B.1, B"):
         import_blender(tmp_path / "in")
-    with pytest.raises(ArgumentError, match="layer is 'C'; want one of A, B"):
+    with pytest.raises(ArgumentError, match=r"layer is 'C'; want one of B.1, B"):
         import_blender(tmp_path / "in", layer="C")
-    assert_is_the_scene(import_blender(tmp_path / "in", layer="B", cuts=[CUT]))
+    shot = import_blender(tmp_path / "in", layer="B", cuts=[CUT])
+    assert_is_the_scene(shot)
+    assert not any(name.startswith("1.") for name in shot.info.aov_names)
+    assert not any(name.startswith("B.1.") for name in shot.ignored_channels)
     command = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "shot"), "--cuts", str(CUT)]
-    assert "--layer is left out; want one of A, B" in run(*command).output
+    assert "--layer is left out; want one of B.1, B" in run(*command).output
     assert run(*command, "--layer", "B").exit_code == 0
     assert_is_the_scene(Shot.open(tmp_path / "shot"))
 

@@ -169,8 +169,6 @@ def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
 
     `copied` are channels that the results keep unchanged.
     """
-    from supersampler.io.images import UNKNOWN_COLOR_SPACE
-
     notes = []
     if copied:
         notes.append(f"Copied, because they cannot be blended: {', '.join(copied)}")
@@ -181,7 +179,7 @@ def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
     if shot.late_channels:
         names = ", ".join(shot.late_channels)
         notes.append(f"Not read, because frame {shot.first_number} lacks them: {names}")
-    if shot.info.color_space == UNKNOWN_COLOR_SPACE:
+    if shot.info.known_color_space is None:
         notes.append("The files' headers have unknown primaries. State the colour space: --color-space NAME.")
     return notes
 

@@ -115,6 +115,7 @@ def blender(
     from supersampler.integrations.blender.composite import composite as composite_frames
     from supersampler.integrations.blender.render import RenderRequest, rendering
     from supersampler.io.shot.numbered import FrameRange
+    from supersampler.methods.model_file import find_model, read_model_info
 
     formats = [str(item) for item in format or [Format.exr]]
     console = Terminal(stderr=True)
@@ -122,6 +123,13 @@ def blender(
         if denoise == "temporal":
             raise ArgumentError("--method", got="given with --denoise temporal", want="one of the two")
         scale = 2.0 if scale is None else scale  # the frames are upscaled, also in Cycles
+    if scale is not None:
+        name = "classifier" if method is None else method
+        low, high = read_model_info(find_model(name)).ratios
+        if not low <= scale <= high:
+            raise ArgumentError(
+                "--scale", got=f"{scale:g}", want=f"{low:g} to {high:g}, the ratios of {name}"
+            )
     request = RenderRequest(
         blend=scene_file,
         frames=None if frames is None else FrameRange.parse(frames, "--frames", lowest=0),
@@ -150,7 +158,8 @@ def blender(
         if blurs and render.scene.denoise != "temporal":
             want = "--denoise temporal, whose frames have motion and depth of full size"
             raise ArgumentError(_option(blurs), got="given with upscaled frames", want=want)
-        images = ImageOptions(formats=formats, transform=_transform_of(render.scene, formats))
+        transform, space = _transform_of(render.scene, formats), render.shot.info.known_color_space
+        images = ImageOptions(formats=formats, transform=transform, color_space=space)
         same: dict[str, Any] = {
             "shot": render.shot, "output": output, "images": images, "compare": compare,
             "overwrite": overwrite, "holds_shot": True, "console": console,

@@ -24,6 +24,8 @@ from supersampler.io.images import Bytes, Channel, Metadata
 from supersampler.io.shot import Shot
 from supersampler.io.shot.named_channels import is_id
 from supersampler.io.shot.numbered import FrameRange
+from supersampler.validation import FrameChecker
+from supersampler.validation.mistakes import MOTION_ZERO
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,18 +51,13 @@ class DenoiseJob(FrameJob):
     @property
     def denoiser(self) -> PerFrame:
         """The denoiser that runs: "oidn" or "none"."""
-        return chosen_denoiser(self.shot, self.per_frame)
+        if self.per_frame != "auto":
+            return self.per_frame
+        return "oidn" if not self.shot.is_denoised or (self.shot.noisy_channels and has_oidn()) else "none"
 
     def settled(self, count: int) -> int:
         """Return the number of images that later frames do not change; see `FrameJob`."""
-        return max(0, count - sequence.checked_lookahead(self.passes, self.lookahead))
-
-
-def chosen_denoiser(shot: Shot, per_frame: PerFrame | Literal["auto"]) -> PerFrame:
-    """Return the denoiser that `DenoiseJob.per_frame` stands for."""
-    if per_frame != "auto":
-        return per_frame
-    return "oidn" if not shot.is_denoised or (shot.noisy_channels and has_oidn()) else "none"
+        return max(0, count - sequence.frames_after(self.passes, self.lookahead))
 
 
 def copied_ids(shot: Shot) -> list[str]:
@@ -79,7 +76,7 @@ def run_denoise(job: DenoiseJob) -> Results:
     """Denoise the frames that are not complete yet, and print a summary; for errors see `run_frames`."""
     if job.denoiser == "oidn":
         job = replace(job, shot=job.shot.with_noise())
-    after = sequence.checked_lookahead(job.passes, job.lookahead)
+    after = sequence.frames_after(job.passes, job.lookahead)
     samples = sequence.checked_samples(job.shot.samples if job.samples is None else job.samples)
     plan = frame_run.plan_frames(job.shot, job.numbers, REACH, 2 if after else 1)
     settings = {
@@ -161,52 +158,42 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
     def steps(
         self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
     ) -> Generator[SteppedFrame]:
-        names: deque[Sequence[str] | None] = deque()
+        names, checker = deque[Sequence[str] | None](), FrameChecker()
 
         def read() -> Iterator[Frame]:
             for item in self._shot.frames(plan.start, plan.end, gbuffers=sequence.BUFFERS, references=False):
                 frame, self._reading = item.frame, item.index
                 if item.index == plan.start:
                     frame = replace(frame, reset=True)
-                    if missing := sequence.missing_guides(frame):
+                    guides = zip(("albedo", "normal"), sequence.guides_of(frame), strict=True)
+                    if missing := [name for name, guide in guides if guide is None]:
                         lost = "edges between surfaces of similar colour may blur"
                         text = f"The frames have no {' and no '.join(missing)}: {lost}."
                         self._job.console.print(text, soft_wrap=True)
+                with self._named(item.index, only=(MOTION_ZERO.kind,)):  # others are of jittered frames
+                    checker.check(frame, frame.size)
                 if item.index >= needed:
                     names.append(item.raw.aov_names)
                 yield frame
 
         try:
-            yield from self._denoised(read(), plan, needed, names, on_step, references=references)
+            exposure, before = self._exposure_at(needed), time.perf_counter()
+            for index, denoised in enumerate(self._denoiser.run(read(), skip=needed - plan.start), needed):
+                if index >= plan.stop:  # later frames are neighbours only
+                    return
+                reference = self._shot.read_reference(index) if references else None
+                frame = denoised.frame
+                if index == needed and exposure is not None:
+                    frame = replace(frame, exposure=exposure)
+                result = StepResult(denoised.image, aovs=denoised.aovs)
+                seconds = time.perf_counter() - before
+                self._count += 1
+                yield SteppedFrame(index, frame, reference, names.popleft(), result, seconds)
+                on_step(index, "forward")
+                before = time.perf_counter()
         except FrameError as error:  # in the frame that was read last
             number = self._shot.first_number + self._reading
             raise ShotError(self._shot.path, f"frame {number}: {error}") from error
-
-    def _denoised(
-        self,
-        frames: Iterator[Frame],
-        plan: FramePlan,
-        needed: int,
-        names: deque[Sequence[str] | None],
-        on_step: OnStep,
-        *,
-        references: bool,
-    ) -> Generator[SteppedFrame]:
-        exposure = self._exposure_at(needed)
-        before = time.perf_counter()
-        for index, denoised in enumerate(self._denoiser.run(frames, skip=needed - plan.start), needed):
-            if index >= plan.stop:  # later frames are neighbours only
-                return
-            reference = self._shot.read_reference(index) if references else None
-            frame = denoised.frame
-            if index == needed and exposure is not None:
-                frame = replace(frame, exposure=exposure)
-            result = StepResult(denoised.image, aovs=denoised.aovs)
-            seconds = time.perf_counter() - before
-            self._count += 1
-            yield SteppedFrame(index, frame, reference, names.popleft(), result, seconds)
-            on_step(index, "forward")
-            before = time.perf_counter()
 
     def summary(self, wall: float) -> tuple[int, str]:
         return self._count, f"{self._count} frames in {wall:.1f} s: {self._count / wall:.2f} per second"

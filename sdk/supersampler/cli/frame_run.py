@@ -1,7 +1,7 @@
 """Write the images of a run into a folder, frame by frame; a stopped run can be resumed."""
 
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -374,12 +374,12 @@ class FrameRun(Generic[Job]):
         return exposure
 
     @contextmanager
-    def _named(self, index: int) -> Iterator[None]:
-        """Add the frame's number to its errors and warnings."""
+    def _named(self, index: int, only: Collection[str] | None = None) -> Iterator[None]:
+        """Add the frame's number to its errors and warnings; `only` some kinds of warnings are printed."""
         number = self._shot.first_number + index
         ignored = OF_SRGB if self._shot.conventions.srgb else ()
         try:
-            with frame_warnings(self._job.console, number, ignored):
+            with frame_warnings(self._job.console, number, ignored, only):
                 yield
         except FrameError as error:
             raise ShotError(self._shot.path, f"frame {number}: {error}") from error

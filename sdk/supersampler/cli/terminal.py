@@ -37,17 +37,20 @@ class Terminal(Console):
 
 
 @contextmanager
-def frame_warnings(console: Terminal, index: int, ignored: Collection[str] = ()) -> Iterator[None]:
+def frame_warnings(
+    console: Terminal, index: int, ignored: Collection[str] = (), only: Collection[str] | None = None
+) -> Iterator[None]:
     """Print each FrameWarning of the block as one line with the frame's index; show others as usual.
 
-    Those of the kinds `ignored` are not printed.
+    Those of the kinds `ignored` are not printed, nor those of kinds outside of `only`, if it is given.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", FrameWarning)
         yield
     for warning in caught:
         if isinstance(warning.message, FrameWarning):
-            if warning.message.kind in ignored:
+            kind = warning.message.kind
+            if kind in ignored or (only is not None and kind not in only):
                 continue
             console.print(f"warning: frame {index}: {warning.message}", style="yellow", soft_wrap=True)
         else:

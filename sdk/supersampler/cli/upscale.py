@@ -192,10 +192,8 @@ def image_options(shot: "Shot", options: dict[str, Any]) -> "ImageOptions":
     """Return the options of a shot's images; by default, sRGB-encoded frames keep their format and bits."""
     from supersampler.cli.results import ImageOptions, name_pattern
     from supersampler.io.display_transforms import REC709
-    from supersampler.io.images import UNKNOWN_COLOR_SPACE
 
-    stored, srgb, stated = shot.stored_as, shot.conventions.srgb, shot.info.color_space
-    space = None if stated == UNKNOWN_COLOR_SPACE else stated
+    stored, srgb, space = shot.stored_as, shot.conventions.srgb, shot.info.known_color_space
     same = srgb and stored.format in ("png", "tif")
     return ImageOptions(
         formats=[str(item) for item in options["format"] or [stored.format if same else "exr"]],

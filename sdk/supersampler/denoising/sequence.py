@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, Self
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from supersampler.arguments import as_number, ieee_arithmetic
+from supersampler.arguments import as_number, checked_lookahead, ieee_arithmetic
 from supersampler.denoising import temporal
 from supersampler.denoising.oidn import FrameDenoiser, Guides, Oidn
 from supersampler.denoising.spec import ACCUMULATED, AGREEMENT, DEFAULT_SAMPLES, REACH
@@ -297,7 +297,7 @@ def denoise_sequence(
         ShotError: a frame cannot be read.
         ModuleNotFoundError: pyoidn is not installed.
     """
-    steps = checked_lookahead(passes, lookahead)
+    after = frames_after(passes, lookahead)
     if per_frame not in ("oidn", "none"):
         raise ArgumentError("per_frame", got=shown(per_frame), want='"oidn" or "none"')
     if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
@@ -306,7 +306,7 @@ def denoise_sequence(
         samples = frames.samples if samples is None else samples
         frames = frames.with_noise() if per_frame == "oidn" else frames
     denoiser = TemporalDenoiser(
-        per_frame=per_frame, lookahead=steps, samples=checked_samples(samples), threads=threads
+        per_frame=per_frame, lookahead=after, samples=checked_samples(samples), threads=threads
     )
     return _images(denoiser, frames)
 
@@ -317,21 +317,10 @@ def _images(denoiser: TemporalDenoiser, frames: Shot | Iterable[Frame]) -> Itera
             yield denoised.image
 
 
-def checked_lookahead(passes: int, lookahead: int | None) -> int:
-    """Return the number of later frames that are read; ArgumentError where one of the two is not usable."""
-    if type(passes) is not int or passes not in (1, 2):
-        raise ArgumentError("passes", got=shown(passes), want="1 or 2")
-    if passes == 1:
-        if lookahead is not None:
-            want = "None, because one pass reads no later frame"
-            raise ArgumentError("lookahead", got=shown(lookahead), want=want)
-        return 0
-    if lookahead is None:
-        return REACH
-    if type(lookahead) is not int or not 1 <= lookahead <= REACH:
-        want = f"a whole number of frames from 1 to {REACH}, or None"
-        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
-    return lookahead
+def frames_after(passes: int, lookahead: int | None) -> int:
+    """Return the number of following frames that are read; ArgumentError if one of the two is not usable."""
+    checked = checked_lookahead(passes, lookahead, REACH)
+    return REACH if checked is None else checked
 
 
 def checked_samples(samples: float | None) -> float:
@@ -340,8 +329,3 @@ def checked_samples(samples: float | None) -> float:
     if number is None or not 0.0 < number < inf:
         raise ArgumentError("samples", got=shown(samples), want="a number above 0, or None")
     return number
-
-
-def missing_guides(frame: Frame) -> list[str]:
-    """Return the names of the guides that a frame lacks: "albedo", "normal"."""
-    return [name for name, guide in zip(("albedo", "normal"), guides_of(frame), strict=True) if guide is None]

@@ -118,7 +118,7 @@ class ComparePage:
         """Encode and write one frame.
 
         Args:
-            number: the frame's number in the shot, >= 0; larger than the previous one.
+            number: the frame's number in the shot; larger than the previous one.
             layers: name to (h, w, 3) uint8 sRGB image of any size, shown stretched to the display size.
                 Frames may have different layers.
             numbers: name to value; the page shows each frame's values, and their means.
@@ -126,8 +126,7 @@ class ComparePage:
         Raises:
             ArgumentError: the number is not larger than the previous one.
         """
-        last = self._frames[-1]["number"] if self._frames else -1
-        if number <= last:
+        if self._frames and number <= (last := self._frames[-1]["number"]):
             raise ArgumentError("number", got=number, want=f"frames in order, more than {last}")
         for name, pixels in layers.items():
             small = pixels.shape[0] * pixels.shape[1] <= _PNG_PIXELS

@@ -23,6 +23,8 @@ from supersampler.io.files import check_is_file, utf8_path
 
 REC709 = "lin_rec709"
 """Linear light with the primaries of Rec. 709 and sRGB."""
+UNKNOWN_COLOR_SPACE = "unknown"
+"""Linear light of files with other primaries than those of known spaces."""
 SRGB = "srgb_rec709_display"
 """OpenImageIO's name of the encoding of sRGB displays."""
 STUDIO_CONFIG = "ocio://studio-config-latest"

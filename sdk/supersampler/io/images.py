@@ -21,7 +21,7 @@ from supersampler.errors import ArgumentError, ShotError, shown
 from supersampler.frame import Array, Size
 from supersampler.io import files
 from supersampler.io.display import MAX_HALF
-from supersampler.io.display_transforms import REC709, SRGB, STUDIO_CONFIG
+from supersampler.io.display_transforms import REC709, SRGB, STUDIO_CONFIG, UNKNOWN_COLOR_SPACE
 
 Channel: TypeAlias = NDArray[Any]
 """(h, w), of its type in the file: float16, float32 or uint32."""
@@ -233,10 +233,6 @@ def _in_display(plane: Channel, spec: ImageSpec, outside: float) -> Channel:
     return image
 
 
-UNKNOWN_COLOR_SPACE = "unknown"
-"""Colour space of files with primaries that are not in _PRIMARIES."""
-
-
 class TypedValues(NamedTuple):
     """A header entry other than plain text or a number, such as a matrix or a timecode.
 
@@ -391,6 +387,16 @@ def _color_space(spec: ImageSpec) -> str:
         if np.allclose(primaries, known, rtol=0, atol=_TOLERANCE):
             return name
     return UNKNOWN_COLOR_SPACE
+
+
+def scene_linear_space(config: str) -> str:
+    """Return the space of light in an OpenColorIO configuration, by its name as in `ImageHeader.color_space`.
+
+    Rec. 709, as in Blender's own configuration, if the configuration is not on this machine.
+    """
+    if not (config.startswith("ocio://") or files.is_file(Path(config))):
+        return REC709
+    return _INTEROP_IDS.get(ColorConfig(config).get_color_interop_id("scene_linear"), UNKNOWN_COLOR_SPACE)
 
 
 _TIME_CODE = "smpte:TimeCode"  # counts frames within a second

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from supersampler.arguments import AtRest, ExecutorName, Precision, Validate, checked_path
+from supersampler.arguments import AtRest, ExecutorName, Precision, Validate, checked_lookahead, checked_path
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.shot import Shot
@@ -81,7 +81,8 @@ def upscale_sequence(
         ShotError: a frame cannot be read, or there is no room for the scratch file.
         ModelError, ProviderError: see `Upscaler`.
     """
-    chunk = _checked_chunk(passes, lookahead)
+    block = checked_lookahead(passes, lookahead, MAX_LOOKAHEAD)
+    chunk = ChunkSize(block, block) if block else ChunkSize()
     folder = None if scratch is None else Path(checked_path("scratch", scratch))
     if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
         raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
@@ -114,17 +115,3 @@ def _both_ways(
     with forward, backward:
         for merged in runs.run(frames):
             yield merged.result.image
-
-
-def _checked_chunk(passes: int, lookahead: int | None) -> ChunkSize:
-    if type(passes) is not int or passes not in (1, 2):
-        raise ArgumentError("passes", got=shown(passes), want="1 or 2")
-    if lookahead is None:
-        return ChunkSize()
-    if passes == 1:
-        want = "None, because one pass reads no later frame"
-        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
-    if type(lookahead) is not int or not 1 <= lookahead <= MAX_LOOKAHEAD:
-        want = f"a whole number of frames from 1 to {MAX_LOOKAHEAD}, or None"
-        raise ArgumentError("lookahead", got=shown(lookahead), want=want)
-    return ChunkSize(lookahead, lookahead)

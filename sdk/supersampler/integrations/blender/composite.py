@@ -6,8 +6,6 @@ import secrets
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import msgspec
-
 from supersampler.errors import ShotError, printable
 from supersampler.integrations.blender.render import (
     LAST_LINES,
@@ -15,9 +13,9 @@ from supersampler.integrations.blender.render import (
     LastLines,
     Rendering,
     RenderRequest,
+    answers,
     end_of_script,
     find_blender,
-    script_messages,
     start_script,
 )
 from supersampler.io.files import (
@@ -30,21 +28,12 @@ from supersampler.io.files import (
     rename_partial,
     write_text,
 )
-from supersampler.io.json_files import decoded, read_json
+from supersampler.io.json_files import read_json
 
 RECORD_FILE = "composite.json"
 """Lists the composited files beside it."""
 _SCRIPT = Path(__file__).with_name("composite_frames.py")  # imports bpy, so it cannot be imported here
 _FRAMES = re.compile(r"\d{4,}\.\w+")
-
-
-class _Answer(msgspec.Struct, forbid_unknown_fields=True):
-    """A message of the script: see `composite_frames`."""
-
-    error: str | None = None
-    note: str | None = None
-    frame: int | None = None
-    extension: str = ""
 
 
 def composite(
@@ -91,53 +80,47 @@ def composite(
     with os_errors_as_shot_error(folder, "written", NO_ROOM):
         folder.mkdir(parents=True, exist_ok=True)
     log = LogFile(folder / "blender.log", "Output of Blender, as `supersampler blender` composited with it:")
-    files, lines, error = _Files(folder, run), LastLines(maxlen=LAST_LINES), ""
+    listed, written, lines, error = _listed(folder), 0, LastLines(maxlen=LAST_LINES), ""
     child = start_script(program, _SCRIPT, {SETTINGS: json.dumps(settings)})
     try:
         with child:
-            for text in script_messages(child, token, log, lines):
-                answer = decoded(request.blend, text, _Answer, "Blender runs another script.")
+            for answer in answers(child, token, log, lines, request.blend):
                 if answer.error is not None:
                     error = answer.error
                     break
                 if answer.note is not None:
                     note(printable(answer.note))
                 elif answer.frame is not None:
-                    yield files.add(f"{answer.frame:04d}{answer.extension}")
-            if files.count < count:
+                    yield _named(folder, f"{answer.frame:04d}{answer.extension}", run, listed)
+                    written += 1
+            if written < count:
                 problem = printable(error or end_of_script(child, lines)).rstrip(".")
                 hint = f"The frames are complete in {results}; Blender's output is in {log.path}."
                 raise ShotError(
-                    request.blend, f"its compositor ended after {files.count} frames: {problem}", hint
+                    request.blend, f"its compositor ended after {written} frames: {problem}", hint
                 )
     finally:
         log.close()
         remove_partial_files(folder, _FRAMES.fullmatch)
 
 
-class _Files:
-    """The composited files of a folder: a file is listed before it gets its final name."""
+def _listed(folder: Path) -> set[str]:
+    """Return the names of the files that earlier calls have composited."""
+    names = read_json(folder / RECORD_FILE) if (folder / RECORD_FILE).exists() else []
+    return {str(name) for name in names} if isinstance(names, list) else set()
 
-    def __init__(self, folder: Path, run: str) -> None:
-        self._folder, self._run = folder, run
-        self._listed: set[str] = set()
-        if (folder / RECORD_FILE).exists():
-            earlier = read_json(folder / RECORD_FILE)
-            self._listed = {str(name) for name in earlier} if isinstance(earlier, list) else set()
-        self.count = 0
 
-    def add(self, name: str) -> Path:
-        """Give the next file its final name, and return its path.
+def _named(folder: Path, name: str, run: str, listed: set[str]) -> Path:
+    """List the next file, give it its final name, and return its path.
 
-        Raises:
-            ShotError: another program's file has the name, or the disk refuses.
-        """
-        path = self._folder / name
-        if not _FRAMES.fullmatch(name):
-            raise ShotError(path, "is not the name of a composited frame")
-        check_ours(path, lambda path: path.name in self._listed, f"listed by {RECORD_FILE}")
-        self._listed.add(name)
-        write_text(self._folder / RECORD_FILE, json.dumps(sorted(self._listed)))
-        rename_partial(partial_name(path, self._run), path)
-        self.count += 1
-        return path
+    Raises:
+        ShotError: another program's file has the name, or the disk refuses.
+    """
+    path = folder / name
+    if not _FRAMES.fullmatch(name):
+        raise ShotError(path, "is not the name of a composited frame")
+    check_ours(path, lambda path: path.name in listed, f"listed by {RECORD_FILE}")
+    listed.add(name)
+    write_text(folder / RECORD_FILE, json.dumps(sorted(listed)))
+    rename_partial(partial_name(path, run), path)
+    return path

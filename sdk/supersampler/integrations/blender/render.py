@@ -32,6 +32,7 @@ from supersampler.io.files import (
     LogFile,
     check_apart,
     check_is_file,
+    check_ours,
     is_regular,
     is_there,
     os_errors_as_shot_error,
@@ -256,8 +257,7 @@ class _RenderFolder:
         if number != want:
             raise ShotError(self.path, f"Blender reports frame {number}; want {want}, the next one")
         path = self.path / frame_file(number)
-        if is_there(path) and path not in self._own:
-            raise _unlisted(path)
+        self._check_ours(path)
         self.record = msgspec.structs.replace(self.record, frames=(*self.record.frames, camera))
         self.record.write(self.path)
         rename_partial(partial_name(path, self.run), path)
@@ -278,9 +278,11 @@ class _RenderFolder:
         return len(self.request.frames or FrameRange(*self.record.scene.numbers))
 
     def _check_free(self) -> None:
-        for path in sorted(self.path.glob("*.exr")) if self.path.is_dir() else ():
-            if path.name[0] != "." and not (path in self._own and is_regular(path)):
-                raise _unlisted(path)
+        for path in sorted(self.path.glob("[!.]*.exr")) if self.path.is_dir() else ():
+            self._check_ours(path)
+
+    def _check_ours(self, path: Path) -> None:
+        check_ours(path, self._own.__contains__, f"listed by {RENDER_FILE}")
 
     def _check_same(self, earlier: RenderRecord) -> None:
         hint = "Choose another folder, or --overwrite to start over."
@@ -297,6 +299,20 @@ class _RenderFolder:
         if requested not in (None, earlier.first):
             problem = f"frames from {earlier.first} on are there; this render begins with {requested}"
             raise ShotError(self.path, problem, hint)
+
+
+class Answer(msgspec.Struct, forbid_unknown_fields=True):
+    """A message of a script: see `render_frames` and `composite_frames`."""
+
+    error: str | None = None
+    note: str | None = None
+    scene: RenderedScene | None = None
+    frame: int | None = None
+    extension: str = ""
+    camera: Rows | None = None
+    shift: tuple[float, float] = (0.0, 0.0)
+    seconds: float = 0.0
+    world: Rows | None = None
 
 
 class BlenderRender:
@@ -366,8 +382,8 @@ class BlenderRender:
         lines = LastLines(maxlen=LAST_LINES)
         error: str | ShotError = ""
         try:
-            for text in script_messages(self._child, self._token, self._log, lines):
-                self._take(text)
+            for answer in answers(self._child, self._token, self._log, lines, self._blend):
+                self._take(answer)
         except (ShotError, _ScriptError) as problem:
             error = problem if isinstance(problem, ShotError) else str(problem)
         except Exception as problem:  # otherwise the other threads would wait forever
@@ -380,14 +396,13 @@ class BlenderRender:
             self._done = True
             self._changed.notify_all()
 
-    def _take(self, text: str) -> None:
+    def _take(self, answer: Answer) -> None:
         """Process a message of the script.
 
         Raises:
-            ShotError: the message is invalid, or the frame cannot be stored.
+            ShotError: the message is incomplete, or the frame cannot be stored.
             _ScriptError: the script reports an error.
         """
-        answer = decoded(self._blend, text, _Answer, "Blender runs another script.")
         with self._changed:
             if answer.error is not None:
                 raise _ScriptError(answer.error)
@@ -412,19 +427,6 @@ class BlenderRender:
         return ShotError(self._blend, problem, f"Blender's output is in {self._log.path}.")
 
 
-class _Answer(msgspec.Struct, forbid_unknown_fields=True):
-    """A message of the script: see `render_frames`."""
-
-    error: str | None = None
-    note: str | None = None
-    scene: RenderedScene | None = None
-    frame: int | None = None
-    camera: Rows | None = None
-    shift: tuple[float, float] = (0.0, 0.0)
-    seconds: float = 0.0
-    world: Rows | None = None
-
-
 class _ScriptError(Exception):
     """The script cannot render the scene; the text says why."""
 
@@ -442,11 +444,15 @@ LastLines = deque[str]
 """Last lines of Blender's own output."""
 
 
-def script_messages(child: ChildProcess, token: str, log: LogFile, last: LastLines) -> Iterator[str]:
-    """Yield a script's messages until its output ends; write other lines to the log, and append them."""
+def answers(child: ChildProcess, token: str, log: LogFile, last: LastLines, blend: Path) -> Iterator[Answer]:
+    """Yield a script's messages until its output ends; write other lines to the log, and append them.
+
+    Raises:
+        ShotError: a message is invalid; the error names the file `blend`.
+    """
     for line in _lines(child):
         if line.startswith(token):
-            yield line.removeprefix(token)
+            yield decoded(blend, line.removeprefix(token), Answer, "Blender runs another script.")
         else:
             log.write(line)
             last.append(line)
@@ -492,11 +498,6 @@ def find_blender(path: str | None = None) -> str:
             "--blender", got="not given, and no Blender was found", want="its path", hint=hint
         )
     return found
-
-
-def _unlisted(path: Path) -> ShotError:
-    problem = f"already exists, and {RENDER_FILE} does not list it"
-    return ShotError(path, problem, "Move it away, or choose another folder.")
 
 
 def _files(record: RenderRecord) -> list[str]:

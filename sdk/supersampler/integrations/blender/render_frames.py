@@ -68,12 +68,16 @@ def main(settings: dict[str, Any]) -> None:
     choose_camera(scene, settings["camera"])
     if settings["engine"] is not None:
         choose_engine(scene, settings["engine"])
+    if switches := camera_switches(scene):
+        at = ", ".join(map(str, switches))
+        report(note=f"markers switch cameras at frame {at}: the history is dropped there")
     denoise = chosen_denoising(scene, settings["denoise"], settings["scale"])
-    set_engine(scene, settings["samples"], denoise)
+    layer = chosen_layer(scene)
+    set_engine(scene, layer, settings["samples"], denoise)
     if settings["most"] is not None and scene.render.engine == "CYCLES":
         set_trial(scene, settings["samples"], settings["seed"])
     set_blur(scene, keep=settings["keep_blur"], denoise=denoise)
-    layer = set_passes(scene, denoise)
+    set_passes(scene, layer, denoise)
     scale = 1.0 if denoise == "temporal" else settings["scale"] or SCALE
     display_size = set_size(scene, settings["display_size"], settings["part"], scale)
     set_output(scene, denoise)
@@ -81,13 +85,16 @@ def main(settings: dict[str, Any]) -> None:
         check_step(scene)
     own = own_range(scene, settings["most"])
     first, last = settings["frames"] or own
-    report(scene=facts(scene, layer, own, display_size, denoise))
-    numbers = range(first + settings["complete"], last + 1)
-    jitter = [] if denoise == "temporal" else settings["jitter"]
-    shift, moved = CameraShift(scene, numbers, is_jittered=bool(jitter)), MovedObjects(scene)
-    for number in numbers:
-        own_shift = shift.set(number, jitter[(number - first) % len(jitter)] if jitter else (0.0, 0.0))
+    is_drawn_over = denoise == "temporal" and bool(drawn_over(scene, layer))
+    report(scene=facts(scene, layer.name, own, display_size, denoise) | {"is_drawn_over": is_drawn_over})
+    jitter = [(0.0, 0.0)] if denoise == "temporal" else settings["jitter"]
+    shift, moved = CameraShift(scene, is_jittered=denoise != "temporal"), MovedObjects(scene)
+    for index in range(max(0, settings["complete"] - 1), last + 1 - first):
+        number = first + index
+        own_shift = shift.go_to(number, jitter[index % len(jitter)])
         moved.warn()
+        if index < settings["complete"]:  # the next frame's vectors lead to this one
+            continue
         began = time.perf_counter()
         render(scene, Path(settings["folder"]) / f".{number:04d}.{settings['run']}.partial.exr")
         seconds = round(time.perf_counter() - began, 3)
@@ -146,12 +153,10 @@ def choose_camera(scene: Any, name: str | None) -> None:
         hint = f"pass --camera, one of {named(cameras)}" if cameras else "add one"
         raise BlenderSceneError(f"scene {scene.name!r} has no active camera: {hint}")
     for camera in used_cameras(scene):
-        if camera.data.type == "PANO":
-            what = f"camera {camera.name!r} is panoramic, and cannot be jittered or followed"
+        kind = "panoramic" if camera.type == "CAMERA" else f"of type {camera.type}"
+        if camera.type != "CAMERA" or camera.data.type not in ("PERSP", "ORTHO"):
+            what = f"camera {camera.name!r} is {kind}, and cannot be jittered or followed"
             raise BlenderSceneError(f"{what}; use a perspective or orthographic one")
-    if switches := camera_switches(scene):
-        at = ", ".join(map(str, switches))
-        report(note=f"markers switch cameras at frame {at}: the history is dropped there")
 
 
 def camera_markers(scene: Any) -> list[Any]:
@@ -167,9 +172,9 @@ def used_cameras(scene: Any) -> list[Any]:
 
 
 def camera_switches(scene: Any) -> list[int]:
-    """Return the numbers of the frames at which a marker switches to another camera."""
-    pairs = pairwise(camera_markers(scene))
-    return [marker.frame for before, marker in pairs if marker.camera != before.camera]
+    """Return the numbers of the frames at which a marker switches to another camera, in remapped time."""
+    pairs, old, new = pairwise(camera_markers(scene)), scene.render.frame_map_old, scene.render.frame_map_new
+    return [-(-marker.frame * new // old) for before, marker in pairs if marker.camera != before.camera]
 
 
 def chosen_denoising(scene: Any, denoise: str | None, scale: float | None) -> str:
@@ -182,9 +187,25 @@ def chosen_denoising(scene: Any, denoise: str | None, scale: float | None) -> st
     return "off"
 
 
-def set_engine(scene: Any, samples: int | None, denoise: str) -> None:
+def chosen_layer(scene: Any) -> Any:
+    """Return the first view layer that is on; turn the others off."""
+    layers = [layer for layer in scene.view_layers if layer.use]
+    if not layers:
+        raise BlenderSceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
+    for other in layers[1:]:
+        other.use = False
+    if layers[1:]:
+        report(note=f"view layer {layers[0].name!r} is rendered, not {named(layers[1:])}")
+    return layers[0]
+
+
+def set_engine(scene: Any, layer: Any, samples: int | None, denoise: str) -> None:
     """Set samples, denoising, and a narrow pixel filter in frames that are upscaled."""
     if scene.render.engine == "CYCLES":
+        if layer.samples and scene.cycles.use_layer_samples != "IGNORE":
+            most = scene.cycles.samples if scene.cycles.use_layer_samples == "BOUNDED" else layer.samples
+            scene.cycles.samples = min(layer.samples, most)
+        scene.cycles.use_layer_samples = "IGNORE"
         scene.cycles.use_animated_seed = True  # other noise in each frame, which is averaged over time
         scene.cycles.use_denoising = denoise != "off"
         if denoise == "temporal":
@@ -216,12 +237,32 @@ def set_full_size_cycles(scene: Any, samples: int | None) -> None:
 
 
 def set_trial(scene: Any, samples: int | None, seed: int) -> None:
-    """Set another seed, and a fixed number of samples."""
+    """Set another seed, a fixed number of samples, and nothing that noisy colours lack."""
     if scene.cycles.use_adaptive_sampling and samples is None:
         problem = f"the scene samples adaptively, up to {scene.cycles.samples} times"
         raise BlenderSceneError(f"{problem}: pass --samples, the number to try")
     scene.cycles.use_adaptive_sampling = False
+    scene.cycles.driver_remove("seed")  # such as #frame
     scene.cycles.seed += seed
+    for item in pencils(scene):
+        item.hide_render = True
+    scene.render.use_freestyle = False
+
+
+def pencils(scene: Any) -> list[Any]:
+    """Return the Grease Pencil objects that are rendered."""
+    kinds = ("GREASEPENCIL", "GPENCIL")  # since Blender 4.3, before
+    return [item for item in scene.objects if item.type in kinds and not item.hide_render]
+
+
+def drawn_over(scene: Any, layer: Any) -> list[str]:
+    """Return the names of what Blender draws over a frame after Cycles has denoised it."""
+    lines = scene.render.use_freestyle and getattr(layer, "use_freestyle", False)
+    names = [item.name for item in pencils(scene)] + ["Freestyle"] * lines
+    if names:
+        what = f"{', '.join(names)}: drawn over frames that Cycles has denoised"
+        report(note=f"{what}; these frames are averaged over time, and their noise is not")
+    return names
 
 
 def set_small_cycles(scene: Any, samples: int | None, denoise: str) -> None:
@@ -254,7 +295,10 @@ def set_blur(scene: Any, *, keep: bool, denoise: str) -> None:
         scene.render.use_motion_blur = False
         report(note=f"motion blur is off: blurred frames {why}{ways.format('--motion-blur')}")
     for camera in focused:
-        camera.data.dof.use_dof = False
+        focus = camera.data.dof
+        focus.use_dof = False
+        focus.driver_remove("use_dof")
+        focus.driver_add("use_dof").driver.type = "SUM"  # of nothing: it stays off where it is animated
     if focused:
         report(note=f"depth of field is off: blurred depth and motion {why}{ways.format('--depth-of-field')}")
 
@@ -275,25 +319,17 @@ def choose_engine(scene: Any, engine: str) -> None:
     raise BlenderSceneError(f"this Blender has no engine {engine}")
 
 
-def set_passes(scene: Any, denoise: str) -> str:
-    """Enable the passes that are read, and return the name of the view layer."""
-    layers = [layer for layer in scene.view_layers if layer.use]
-    if not layers:
-        raise BlenderSceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
+def set_passes(scene: Any, layer: Any, denoise: str) -> None:
+    """Enable the passes that are read."""
     is_temporal = denoise == "temporal"
     for name in (*PASSES, *(() if is_temporal else SURFACE_PASSES)):
-        if hasattr(layers[0], name):
-            setattr(layers[0], name, True)
+        if hasattr(layer, name):
+            setattr(layer, name, True)
     if is_temporal:
-        layers[0].cycles.denoising_store_passes = True
-        layers[0].use_pass_vector = not scene.render.use_motion_blur  # with blur it is zero
+        layer.cycles.denoising_store_passes = True
+        layer.use_pass_vector = not scene.render.use_motion_blur  # with blur it is zero
     if denoise != "off":
-        layers[0].cycles.use_denoising = True
-    for other in layers[1:]:
-        other.use = False
-    if layers[1:]:
-        report(note=f"view layer {layers[0].name!r} is rendered, not {named(layers[1:])}")
-    return str(layers[0].name)
+        layer.cycles.use_denoising = True
 
 
 def set_size(scene: Any, display_size: list[int] | None, part: float, scale: float) -> tuple[int, int]:
@@ -317,6 +353,7 @@ def set_output(scene: Any, denoise: str) -> None:
     if hasattr(image, "media_type"):  # Blender 5
         image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
+    image.color_management = "FOLLOW_SCENE"  # pixels are not converted to another colour space
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
     if render.use_compositing and (getattr(scene, "compositing_node_group", None) or scene.use_nodes):
         frames = "denoised" if denoise == "temporal" else "upscaled"
@@ -329,46 +366,40 @@ def set_output(scene: Any, denoise: str) -> None:
     if getattr(render, "use_multiview", False):
         render.use_multiview = False
         report(note="stereoscopy is off: one view is rendered")
+    view = scene.view_settings
+    if view.use_curve_mapping or getattr(view, "use_white_balance", False):
+        report(note="curves and white balance of the colour management are not applied to png and mp4")
 
 
 class CameraShift:
     """Lens shift of the cameras: the scene's own in each frame, plus the jitter.
 
-    With jitter the shift is keyed in every frame of the scene in memory, because rendering evaluates the
-    animation again. Blender's Vector pass contains no motion of the shift, of jitter or of animation.
+    Blender's Vector pass contains no motion of the shift, of jitter or of animation.
     """
 
-    def __init__(self, scene: Any, numbers: range, *, is_jittered: bool) -> None:
-        self.scene, self.is_jittered = scene, is_jittered
-        if not is_jittered:
-            return
-        for camera in used_cameras(scene):
-            if camera.library is not None or camera.data.library is not None:
-                replace_linked(scene, camera)
-        cameras = [camera.data for camera in used_cameras(scene)]
-        changes = len(cameras) > 1 or cameras[0].animation_data is not None
-        self.own = {number: self._read(number) for number in (numbers if changes else numbers[:1])}
-        self.constant = None if changes else self.own[numbers[0]]
-        for data in cameras:
-            for name in ("shift_x", "shift_y") if data.animation_data is not None else ():
-                data.driver_remove(name)
+    def __init__(self, scene: Any, *, is_jittered: bool) -> None:
+        self.scene = scene
+        self.own: dict[Any, Any] = {}  # copies of the cameras with the animated shift, by the cameras' data
+        self.curves: dict[Any, list[Any]] = {}
+        for camera in used_cameras(scene) if is_jittered else ():
+            is_linked = camera.library is not None or camera.data.library is not None
+            data = (replace_linked(scene, camera) if is_linked else camera).data
+            if data not in self.own:
+                self.own[data] = copied(scene, camera)
+                self.curves[data] = [shift_curve(scene, data, name) for name in ("shift_x", "shift_y")]
 
-    def set(self, number: int, jitter: tuple[float, float]) -> tuple[float, float]:
+    def go_to(self, number: int, jitter: tuple[float, float]) -> tuple[float, float]:
         """Go to a frame, add the jitter, and return the shift without it; both in render pixels."""
-        data, x, y = (self.constant or self.own[number]) if self.is_jittered else self._read(number)
-        unit_x, unit_y = self._pixels(data)
-        if self.is_jittered:
-            data.shift_x, data.shift_y = x + jitter[0] / unit_x, y - jitter[1] / unit_y
-            for name in ("shift_x", "shift_y"):
-                data.keyframe_insert(name, frame=number)
+        self.scene.frame_set(number)  # markers activate the camera
+        camera = self.scene.camera
+        own = self.own.get(camera.data, camera).evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        (x, y), (unit_x, unit_y) = (own.shift_x, own.shift_y), self._pixels(camera.data)
+        values = x + jitter[0] / unit_x, y - jitter[1] / unit_y
+        for curve, value in zip(self.curves.get(camera.data, ()), values, strict=False):
+            curve.keyframe_points.insert(number, value)
+        if self.curves:
             self.scene.frame_set(number)
         return x * unit_x, y * unit_y
-
-    def _read(self, number: int) -> tuple[Any, float, float]:
-        """Go to a frame; return the data of its camera, and the animated shift."""
-        self.scene.frame_set(number)  # markers activate the camera
-        data = self.scene.camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-        return self.scene.camera.data, data.shift_x, data.shift_y
 
     def _pixels(self, data: Any) -> tuple[float, float]:
         """Return the render pixels of a shift of 1 in x and y: the side that the sensor is fitted to."""
@@ -381,16 +412,37 @@ class CameraShift:
         return side, side / aspect
 
 
-def replace_linked(scene: Any, camera: Any) -> None:
-    """Replace a linked camera, which is read-only, by a copy."""
-    copied = camera.copy()
-    copied.data = camera.data.copy()
-    scene.collection.objects.link(copied)
+def shift_curve(scene: Any, data: Any, name: str) -> Any:
+    """Drive a property by the number of the frame, whatever else animates it; return the curve of its values.
+
+    Keys in an action could be locked, linked, changed by modifiers, or moved by time remapping.
+    """
+    data.driver_remove(name)
+    curve = data.driver_add(name)
+    curve.driver.type = "SUM"
+    target = curve.driver.variables.new().targets[0]
+    target.id_type, target.id, target.data_path = "SCENE", scene, "frame_current"
+    curve.modifiers.remove(curve.modifiers[0])  # it takes the place of keys
+    return curve
+
+
+def copied(scene: Any, camera: Any) -> Any:
+    """Return a copy of a camera and its data, in the scene."""
+    copy = camera.copy()
+    copy.data = camera.data.copy()
+    scene.collection.objects.link(copy)
+    return copy
+
+
+def replace_linked(scene: Any, camera: Any) -> Any:
+    """Replace a linked camera, which is read-only, by a copy, and return that."""
+    copy = copied(scene, camera)
     for marker in scene.timeline_markers:
         if marker.camera == camera:
-            marker.camera = copied
+            marker.camera = copy
     if scene.camera == camera:
-        scene.camera = copied
+        scene.camera = copy
+    return copy
 
 
 class MovedObjects:
@@ -437,7 +489,10 @@ class MovedObjects:
 
 def render(scene: Any, path: Path) -> None:
     """Render the current frame to a file."""
-    scene.render.filepath = str(path)
+    name, setting = str(path), scene.render.bl_rna.properties["filepath"]
+    if getattr(setting, "is_path_supports_templates", False):  # since Blender 4.5, {name} is a variable
+        name = name.replace("{", "{{").replace("}", "}}")
+    scene.render.filepath = name
     bpy.ops.render.render(write_still=True, scene=scene.name)
 
 

@@ -16,7 +16,7 @@ from supersampler.conventions import Conventions, RawFrame, camera_motion, jitte
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32
 from supersampler.io.files import SHOT_FRAMES, write_text
-from supersampler.io.images import read_exr, read_header
+from supersampler.io.images import read_exr, read_header, scene_linear_space
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo, check_size, take
@@ -100,6 +100,7 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
         display_size: (width, height) of the final images.
         samples: samples per pixel in Cycles.
         denoise: denoising of the render. "temporal": the frames have display size and no jitter.
+        is_drawn_over: whether the frames show something that their noisy colours lack, such as Grease Pencil.
         cuts: numbers of the frames at which the camera changes.
         view: the scene's colour management.
         ocio: file of Blender's OpenColorIO configuration.
@@ -115,6 +116,7 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     display_size: FileSize
     samples: int | None = None
     denoise: Denoising = "off"
+    is_drawn_over: bool = False
     cuts: Annotated[tuple[_Marker, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
     view: ColorManagement
     ocio: Text
@@ -208,7 +210,7 @@ def import_blender(
     names = aov_names(channel_map.get("aovs", ()), layer)
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     used = {name for names in channel_map.values() for name in names}
-    shot.ignored_channels = tuple(name for name in types if name not in used)
+    shot.ignored_channels = tuple(name for name in _of_layer(types, layer) if name not in used)
     shot.late_channels = late_channels(shot, header)
     noisy = _channels(layer, "Noisy Image", "RGB")
     if {*noisy} <= types.keys():
@@ -297,7 +299,7 @@ def layer_map(
         if there := [group for group in groups if {*group} <= {*channels}]:
             found[name] = there[0]
     alpha = f"{layer}.Combined.A"
-    of_layer = {name: kind for name, kind in types.items() if name.startswith(f"{layer}.") and name != alpha}
+    of_layer = {name: types[name] for name in _of_layer(channels, layer) if name != alpha}
     aovs = [name for name in (alpha,) if name in channels] + blended_and_ignored(of_layer, found)[0]
     return found | ({"aovs": aovs} if aovs else {})
 
@@ -311,12 +313,22 @@ def aov_names(channels: Iterable[str], layer: str) -> list[str]:
     return [name.removeprefix(f"{layer}.").removeprefix("Combined.") for name in channels]
 
 
+def _layers(channels: Iterable[str]) -> list[str]:
+    """Return the names of the layers with colour, in the file's order."""
+    return [name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")]
+
+
+def _of_layer(channels: Iterable[str], layer: str) -> list[str]:
+    """Return the channels of a layer; those of a layer "Fg.Hero" are not of "Fg"."""
+    others = tuple(f"{name}." for name in _layers(channels) if name.startswith(f"{layer}."))
+    return [name for name in channels if name.startswith(f"{layer}.") and not name.startswith(others)]
+
+
 def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[str]:
     """Return the names of the layers with colour, depth and, if needed, motion, in the file's order."""
-    layers = [name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")]
     return [
         layer
-        for layer in layers
+        for layer in _layers(channels)
         if (not motion or f"{layer}.Vector.X" in channels)
         and any(f"{layer}.{depth}" in channels for depth in _DEPTH)
     ]
@@ -377,6 +389,7 @@ def rendered_shot(
         frame_rate=scene.frame_rate,
         conventions=Conventions.blender(),
         first_number=first,
+        color_space=scene_linear_space(scene.ocio),
     )
     entries = [
         FrameEntry(
@@ -420,7 +433,7 @@ def rendered_shot(
         folder, info, entries, read_raw, wait=camera_of, stop_waiting=stop_waiting, color_channel=color
     )
     shot.is_denoised = scene.denoise != "off"
-    if scene.denoise == "temporal":
+    if scene.denoise == "temporal" and not scene.is_drawn_over:
         shot.noisy_channels = tuple(_channels(scene.layer, "Noisy Image", "RGB"))
     shot.samples = scene.samples
     return shot

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Float32, Size
-from supersampler.io.display_transforms import REC709
+from supersampler.io.display_transforms import REC709, UNKNOWN_COLOR_SPACE
 from supersampler.io.files import IMAGE_CHANNELS, SHOT_FRAMES
 from supersampler.io.images import Channel, Metadata, read_exr, read_header, read_image, write_exr
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
@@ -59,6 +59,11 @@ class ShotInfo(msgspec.Struct, frozen=True, kw_only=True):
     file_names: Annotated[str, msgspec.Meta(max_length=_LONGEST)] = "####"
     aov_names: Annotated[tuple[Text, ...], msgspec.Meta(max_length=IMAGE_CHANNELS)] = ()
     color_space: Text = REC709
+
+    @property
+    def known_color_space(self) -> str | None:
+        """The colour space; None if the files have unknown primaries."""
+        return None if self.color_space == UNKNOWN_COLOR_SPACE else self.color_space
 
 
 class FrameEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

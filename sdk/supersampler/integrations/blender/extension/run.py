@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 
@@ -95,12 +96,13 @@ class Run:
                     del self.notes[:-_LINES]
 
     def _count(self) -> int:
-        """Return the number of frames that upscale.json lists."""
-        try:
-            files = json.loads((self._output / "upscale.json").read_text(encoding="utf-8"))["files"]
-            return int(min((count for pattern, count in files.items() if "#" in pattern), default=0))
-        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-            return 0  # not there yet, or another program's file
+        """Return the number of frames that upscale.json lists, and the records of ranges between cuts."""
+        count = 0
+        for path in self._output.glob("upscale*.json"):
+            with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+                files = json.loads(path.read_text(encoding="utf-8"))["files"]
+                count += int(min((number for pattern, number in files.items() if "#" in pattern), default=0))
+        return count  # another program's file counts as 0
 
 
 def command_line(
