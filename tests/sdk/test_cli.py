@@ -160,7 +160,6 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
         (("upscale", SHIPPED, "-o", "x", "--providers", "abacus"), "no execution provider is called"),
         (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
         (("import", ".", "-o", "x", "--layout=blender", "--channels=none.json"), "--channels is none.json"),
-        (("import", ".", "-o", "x", "--conventions", "opengl"), "want one of supersampler, fsr, xess"),
     ],
 )
 def test_bad_arguments_are_one_line(

@@ -95,8 +95,7 @@ def test_one_of_several_complete_layers_must_be_chosen(tmp_path: Path) -> None:
         import_blender(tmp_path / "in", layer="C")
     shot = import_blender(tmp_path / "in", layer="B", cuts=[CUT])
     assert_is_the_scene(shot)
-    assert not any(name.startswith("1.") for name in shot.info.aov_names)
-    assert not any(name.startswith("B.1.") for name in shot.ignored_channels)
+    assert not any("1." in name for name in (*shot.info.aov_names, *shot.ignored_channels))
     command = ["import", str(tmp_path / "in"), "-o", str(tmp_path / "shot"), "--cuts", str(CUT)]
     assert "--layer is left out; want one of B.1, B" in run(*command).output
     assert run(*command, "--layer", "B").exit_code == 0

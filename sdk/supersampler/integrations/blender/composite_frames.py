@@ -11,16 +11,8 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
-from render_frames import (
-    BlenderSceneError,
-    choose_camera,
-    chosen_scene,
-    named,
-    open_scene,
-    render,
-    report,
-    run,
-)  # type: ignore[import-not-found]
+import render_frames  # type: ignore[import-not-found]
+from render_frames import BlenderSceneError, choose_camera, chosen_scene, named, open_scene, report, run  # type: ignore[import-not-found]
 
 import bpy  # isort: skip  # render_frames reports where it is missing
 
@@ -59,7 +51,7 @@ def main(settings: dict[str, Any]) -> None:
         if defocus is not None:
             follow_camera(defocus, scene.camera)
         name = f".{number:04d}.{settings['run']}.partial{extension}"
-        render(scene, Path(settings["folder"]) / name)
+        render_frames.render(scene, Path(settings["folder"]) / name)
         report(frame=number, extension=extension)
 
 
