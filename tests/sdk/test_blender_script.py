@@ -124,8 +124,8 @@ def test_a_trial_has_other_noise_and_a_fixed_number_of_samples(script: ModuleTyp
     with pytest.raises(script.BlenderSceneError, match="samples adaptively, up to 64 times: pass --samples"):
         script.set_trial(ours, None, 1)
     pencil = SimpleNamespace(name="Stroke", type="GREASEPENCIL", hide_render=False)
-    ours.objects, ours.render.use_freestyle = [pencil], True
-    ours.view_layers[0].use_freestyle = True
+    ours.objects = ours.view_layers[0].objects = [pencil]
+    ours.render.use_freestyle = ours.view_layers[0].use_freestyle = True
     assert script.drawn_over(ours, ours.view_layers[0]) == ["Stroke", "Freestyle"]
     assert "Stroke, Freestyle: drawn over frames that Cycles has denoised" in script.notes[-1]
     script.set_trial(ours, 8, 1)

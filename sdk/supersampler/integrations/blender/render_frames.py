@@ -244,21 +244,21 @@ def set_trial(scene: Any, samples: int | None, seed: int) -> None:
     scene.cycles.use_adaptive_sampling = False
     scene.cycles.driver_remove("seed")  # such as #frame
     scene.cycles.seed += seed
-    for item in pencils(scene):
+    for item in pencils(scene.objects):
         item.hide_render = True
     scene.render.use_freestyle = False
 
 
-def pencils(scene: Any) -> list[Any]:
+def pencils(objects: Any) -> list[Any]:
     """Return the Grease Pencil objects that are rendered."""
     kinds = ("GREASEPENCIL", "GPENCIL")  # since Blender 4.3, before
-    return [item for item in scene.objects if item.type in kinds and not item.hide_render]
+    return [item for item in objects if item.type in kinds and not item.hide_render]
 
 
 def drawn_over(scene: Any, layer: Any) -> list[str]:
     """Return the names of what Blender draws over a frame after Cycles has denoised it."""
     lines = scene.render.use_freestyle and getattr(layer, "use_freestyle", False)
-    names = [item.name for item in pencils(scene)] + ["Freestyle"] * lines
+    names = [item.name for item in pencils(layer.objects)] + ["Freestyle"] * lines
     if names:
         what = f"{', '.join(names)}: drawn over frames that Cycles has denoised"
         report(note=f"{what}; these frames are averaged over time, and their noise is not")
