@@ -12,7 +12,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 import render_frames  # type: ignore[import-not-found]
-from render_frames import BlenderSceneError, choose_camera, chosen_scene, named, open_scene, report, run  # type: ignore[import-not-found]
+from render_frames import BlenderSceneError, choose_camera, chosen_scene, named, open_scene, report, run
 
 import bpy  # isort: skip  # render_frames reports where it is missing
 
