@@ -13,7 +13,7 @@ from noise import noise
 from supersampler import ShotError
 from supersampler.cli.results import read_run_record
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
-from upscale_runs import refusal, run, write_shot
+from upscale_runs import refusal, run, succeeded, write_shot
 
 COUNT = 4
 FOREIGN = "upscale.json does not list it"
@@ -66,8 +66,7 @@ def test_overwrite_removes_what_the_record_lists_and_nothing_else(shot: Path, tm
     }
     for name, data in foreign.items():
         (out / name).write_bytes(data)
-    done = upscale(shot, out, "--format", "png", "--overwrite")
-    assert done.exit_code == 0, done.output
+    succeeded(upscale(shot, out, "--format", "png", "--overwrite"))
     after = content(out)
     assert after.keys() == {*foreign, "upscale.json", *(f"{i:04d}.png" for i in range(COUNT))}
     assert {name: after[name] for name in foreign} == foreign

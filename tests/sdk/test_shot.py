@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from supersampler import ArgumentError, Frame, FrameError, ShotError
-from supersampler.conventions import Conventions, RawFrame
+from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, ShotError
 from supersampler.io.files import partial_name
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import (

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.table import Table
 
+from supersampler import ArgumentError, Shot
 from supersampler.cli.arguments import SOURCE_OPTIONS, ConventionsOption, open_with, parse_size
 from supersampler.cli.terminal import Terminal
-from supersampler.errors import ArgumentError
-from supersampler.io.shot import Shot
 from supersampler_bench.cli.options import (
     CACHE,
     CACHE_ARGUMENT,

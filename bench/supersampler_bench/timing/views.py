@@ -8,9 +8,8 @@ from statistics import median
 
 import numpy as np
 
-from supersampler import Frame, Model, Shot, Upscaler
+from supersampler import ArgumentError, Frame, Model, Shot, Upscaler
 from supersampler.cli.arguments import size_text
-from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler_bench.record import BenchRecord, table
 from supersampler_model.data.shots import render_size

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from safetensors.numpy import save
 
-from supersampler import Frame
-from supersampler.errors import ShotError
+from supersampler import Frame, ShotError
 from supersampler.io.files import is_there, replacing
 from supersampler.io.json_files import check_version, read_typed
 from supersampler.io.safetensors import open_safetensors
