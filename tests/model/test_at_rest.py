@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rest_scenes import RestScene, Stepped, cells, flat, wave, worse_by
+from rest_scenes import RestScene, Stepped, wave
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
@@ -33,27 +33,6 @@ def stepped(scene: RestScene, count: int = FROZEN, adds_samples: float = 1.0) ->
     for frame, _ in scene.frames(count):
         run.step(frame)
     return run
-
-
-@pytest.mark.long  # several periods of the jitter
-@pytest.mark.parametrize(
-    "scene",
-    [
-        RestScene(flat, lambda t: 1.0 - 0.5 * min(max(0, t - 66), 64) / 64),
-        RestScene(wave, lambda t: 1.0 + 0.2 * np.sin(2 * np.pi * t / 32)),
-        RestScene(wave, lambda t: 1.0 if t // 8 % 2 else 0.4),
-        RestScene(cells, lambda t: 1.0 if t // 4 % 2 else 0.4, place="spot"),
-        RestScene(flat, lambda t: 1.0 if t % 2 else 0.5, place="spot", mover=True),
-        RestScene(wave, place="spot", speed=1.0),
-    ],
-    ids=["fade", "pulse with the jitter", "blink with the jitter", "spot", "spot behind a mover", "screen"],
-)
-def test_light_that_changes_leaves_the_methods_own_image(scene: RestScene) -> None:
-    ours, own = (Stepped(taau(), scene.display, adds) for adds in (1.0, 0.0))
-    for index, (frame, truth) in enumerate(replace(scene, render=(32, 24)).frames(80)):
-        mean, quantile = worse_by(ours.step(frame), own.step(frame), truth)
-        assert mean <= 1.0, f"frame {index}: {mean:.2f}/255"
-        assert quantile <= 4.0, f"frame {index}: {quantile:.2f}/255 in the 99.9 % quantile"
 
 
 @pytest.mark.long  # two periods of the jitter
