@@ -41,6 +41,7 @@ if unknown:
     sys.exit(f"{model} has sizes that this example does not know: {', '.join(sorted(unknown))}")
 out.mkdir(parents=True, exist_ok=True)
 
+history: dict[str, np.ndarray] = {}
 for entry in description["frames"]:
     image = ImageBuf(str(shot / entry["file"]))
     pixels = np.asarray(image.get_pixels("float"))  # (h, w, channels)
@@ -50,18 +51,20 @@ for entry in description["frames"]:
         "depth": planes["depth.Z"][None, None],  # (1, 1, h, w)
         "motion": np.stack([planes["motion.X"], planes["motion.Y"]])[None],  # (1, 2, h, w)
         "jitter": np.array([entry["jitter"]], np.float32),
-        "exposure": np.array([entry["exposure"] or 0.0], np.float32),  # 0: the graph measures it
-        "reactive": planes.get("reactive.Y", np.zeros((h, w), np.float32))[None, None],  # (1, 1, h, w)
+        "exposure": np.array([entry.get("exposure") or 0.0], np.float32),  # 0: the graph measures it
+        "reactive": planes.get("reactive.Y", np.zeros_like(planes["depth.Z"]))[None, None],  # (1, 1, h, w)
         "pre_exposure": np.array([entry.get("pre_exposure", 1.0)], np.float32),
         "adds_samples": np.ones(1, np.float32),  # 0 on unshaded frames, 2 with a path tracer
         "display_size": np.array([display_w, display_h]),
     }
-    if entry["reset"]:
+    if entry.get("reset") or not history:
         history = {
             t["name"]: np.zeros([sizes.get(n, n) for n in t["shape"]], np.float32)
             for t in contract["history"]
         }
-    wanted = {t["name"]: frame[t["name"]] for t in contract["inputs"]}
+    wanted = {t["name"]: frame.get(t["name"]) for t in contract["inputs"]}
+    if lacking := [name for name, array in wanted.items() if array is None]:
+        sys.exit(f"{model} reads {', '.join(lacking)}, which this example does not pass")
     results = dict(
         zip([o.name for o in session.get_outputs()], session.run(None, {**wanted, **history}), strict=True)
     )

@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
-from noise import MASKED_DISPLAY, masked_shot
+from noise import MASKED_DISPLAY, masked_shot, noise
 from supersampler import Shot, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.io.display import display_transform
@@ -38,12 +38,27 @@ def short_shot(folder: Path) -> Shot:
     return Shot.open(folder)
 
 
+def sparse_shot(folder: Path) -> Shot:
+    """Write frames of several sizes; shot.json leaves out all that it may."""
+    with ShotWriter(folder, name="sparse", display_size=(64, 36), frame_rate=30.0) as writer:
+        for index, size in enumerate([(32, 18), (29, 17), (32, 18)]):
+            writer.write(noise(index, size))
+    content = json.loads((folder / "shot.json").read_text())
+    kept = ("file", "jitter", "render_size")
+    content["frames"] = [{k: entry[k] for k in kept if k in entry} for entry in content["frames"]]
+    (folder / "shot.json").write_text(json.dumps(content))
+    return Shot.open(folder)
+
+
 def test_the_bare_example_takes_the_shipped_shot() -> None:
     content = json.loads((Shot.open("plaza").path / "shot.json").read_text())
     assert content["conventions"] == {}  # it converts nothing, and refuses what would need it
 
 
-@pytest.mark.parametrize(("method", "write"), [("classifier", short_shot), ("classifier-large", masked_shot)])
+@pytest.mark.parametrize(
+    ("method", "write"),
+    [("classifier", short_shot), ("classifier-large", masked_shot), ("taau", sparse_shot)],
+)
 def test_bare_onnx_runtime_computes_the_images_of_upscaler(
     method: str, write: Callable[[Path], Shot], tmp_path: Path
 ) -> None:

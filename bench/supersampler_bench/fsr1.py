@@ -44,8 +44,9 @@ class Fsr1:
         """
         if frame.color is None:
             raise FrameError("color", got=None, want="a shaded frame")
-        exposure = usable_exposure(frame.exposure) or auto_exposure(frame.color)
-        shown = display_transform(frame.color, exposure)
+        color = frame.color / np.float32(frame.pre_exposure)
+        exposure = usable_exposure(frame.exposure) or auto_exposure(color)
+        shown = display_transform(color, exposure)
         weights, columns, rows = easu_weights(luma(shown), frame.jitter, self.display_size)
         image = dering(filtered(shown, weights, columns, rows), shown, columns, rows)
         image = rcas(image) if self.sharpens else image
@@ -54,7 +55,7 @@ class Fsr1:
         if frame.aovs is not None:
             upsampled = filtered(frame.aovs.astype(np.float32), weights, columns, rows)
             aovs = dering(upsampled, frame.aovs, columns, rows)
-        return np.asarray(linear, np.float32), aovs
+        return np.asarray(linear * np.float32(frame.pre_exposure), np.float32), aovs
 
 
 def luma(shown: Array) -> Array:

@@ -117,7 +117,7 @@ class Fsr2Like:
         self._average_log: float | None = None
 
     def step(self, frame: Frame) -> Float32:
-        """Return the image (H, W, 3), linear RGB in [0, 65504]. NaN counts as 0, like HLSL's max(0, NaN).
+        """Return the image (H, W, 3), linear RGB in [0, 65504] times the pre-exposure; NaN counts as 0.
 
         Raises:
             FrameError: the frame has no colour.
@@ -126,7 +126,7 @@ class Fsr2Like:
             raise FrameError("color", got=None, want="a shaded frame")
         if frame.reset:
             self._reset()
-        color = _finite(frame.color, 0.0, MAX_HALF)
+        color = _finite(frame.color / np.float32(frame.pre_exposure), 0.0, MAX_HALF)
         depth = _finite(frame.depth, 0.0, float(np.finfo(np.float32).max))
         motion = _finite(frame.motion, -MAX_HALF, MAX_HALF)
         sizes = FrameSizes(frame.size, self._display, frame.jitter)
@@ -149,7 +149,7 @@ class Fsr2Like:
             exposure=exposure,
         )
         self._history, self._motion = accumulate(ready, self._history, sizes), vectors
-        return np.ascontiguousarray(self._history.color[..., :3], np.float32)
+        return self._history.color[..., :3] * np.float32(frame.pre_exposure)
 
 
 def _finite(array: Array, low: float, high: float) -> Array:

@@ -165,11 +165,11 @@ def age_of(record: JsonRecord) -> str:
     return f"{when}{at} with another version of {', '.join(changed)}." if changed else ""
 
 
-def _is_other_shot(row: JsonRecord) -> bool:
-    """Return whether a shot of a record ships, and has changed since."""
-    file = SHIPPED / row["name"] / SHOT_FILE
-    then: str | None = row["shot_json_sha256"]
-    return file.is_file() and then != hashlib.sha256(file.read_bytes()).hexdigest()
+def _is_other_shot(row: JsonRecord | str) -> bool:
+    """Return whether a shot of a record ships, and has changed since; some records have its name alone."""
+    if isinstance(row, str) or not (file := SHIPPED / row["name"] / SHOT_FILE).is_file():
+        return False
+    return bool(row["shot_json_sha256"] != hashlib.sha256(file.read_bytes()).hexdigest())
 
 
 def _texts(values: object) -> Iterator[str]:

@@ -36,6 +36,6 @@ for entry in description["frames"][: int(sys.argv[3]) if len(sys.argv) == 4 else
         planes.astype("<f4").tofile(out / f"{stem}.{buffer}")
     x, y = (repr(float(np.float32(v))) for v in entry["jitter"])
     sizes = f"{pixels.shape[1]} {pixels.shape[0]} {width} {height}"
-    factors = f"{entry['exposure'] or 0.0!r} {entry.get('pre_exposure', 1.0)!r}"
-    lines.append(f"{stem} {sizes} {x} {y} {factors} {int(entry['reset'])} {int(has_reactive)}\n")
+    factors = f"{entry.get('exposure') or 0.0!r} {entry.get('pre_exposure', 1.0)!r}"
+    lines.append(f"{stem} {sizes} {x} {y} {factors} {int(entry.get('reset', False))} {int(has_reactive)}\n")
 (out / "frames.txt").write_text("".join(lines))

@@ -17,7 +17,7 @@ from onnx import helper
 from torch import Tensor
 
 from gbuffer_method import Demodulated, exported
-from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler
+from supersampler import Frame, StepResult, SupersamplerError, Upscaler
 from supersampler.methods.model_file import CONTRACT, find_model, read_model_info
 from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.registry import methods
@@ -206,16 +206,6 @@ def test_foreign_files_are_kept_and_those_of_an_earlier_export_replaced(
     for _ in range(2):
         write_model_folder(Bilinear(), tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made
-
-
-@pytest.mark.usefixtures("bilinear_traced_once")
-def test_an_exported_folder_is_a_model(tmp_path: Path) -> None:
-    write_model_folder(Bilinear(), tmp_path / "mine")
-    assert Model.load(tmp_path / "mine").info.method == "bilinear"
-    assert (
-        "| color | float32 | 1, 3, render_height, render_width |"
-        in (tmp_path / "mine" / "MODEL_CARD.md").read_text()
-    )
 
 
 def test_an_inner_folder_is_listed_by_its_description_only(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ from lit_scene import LitScene
 from shared_models import shared_model
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
-from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
 from supersampler_export.folder import write_model_folder
 from supersampler_export.graph import ExportError
@@ -67,21 +66,6 @@ def test_upscalers_compute_what_torch_computes_however_frames_alternate(
         off = np.abs(step(frame(index, pattern[index])) - truth)
         assert np.quantile(off, 0.99) < 1e-3
         assert off.mean() < 1e-4
-
-
-def test_both_folders_say_what_they_are_and_have_one_history() -> None:
-    folder = find_model("extrapolate")
-    outer, inner = read_model_info(folder), read_model_info(folder / "extrapolated")
-    assert (outer.method, inner.method) == ("extrapolate", "extrapolate-unshaded")
-    assert (outer.extrapolated, inner.extrapolated) == (folder / "extrapolated", None)
-    assert (outer.only_extrapolated, inner.only_extrapolated) == (False, True)
-    assert outer.history == inner.history
-    assert [t.name for t in inner.inputs if t not in outer.inputs] == ["gbuffer_base_color"]
-    assert "network.npz" not in outer.files
-    assert "extrapolated frames, on the history" in (folder / "extrapolated" / "MODEL_CARD.md").read_text(
-        encoding="utf-8"
-    )
-    assert "`extrapolated/model.json` describes" in (folder / "MODEL_CARD.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("inner", [True, False])

@@ -16,7 +16,6 @@ from supersampler_model.methods.base import Method, Outputs
 
 RENDER = ops.Size(17, 11)
 ALL = {name: method_class(name) for name in methods()}
-TEMPORAL = [name for name, kind in ALL.items() if "reactive" in kind.inputs()]
 CONVERGING = [name for name, kind in ALL.items() if "adds_samples" in kind.inputs()]
 
 
@@ -46,18 +45,6 @@ def run(name: str, changes: Sequence[Mapping[str, Tensor]]) -> list[Outputs]:
     return done
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_a_power_of_two_is_in_the_image_alone(name: str) -> None:
-    factors = [torch.tensor([2.0**power]) for power in (3, -7, 0, 11)]
-    plain, exposed = run(name, [{}] * 4), run(name, [{"pre_exposure": k} for k in factors])
-    if len(plain) < len(factors):  # the unshaded ones
-        factors = factors[1::2]
-    for one, other, factor in zip(plain, exposed, factors, strict=True):
-        assert torch.equal(factor * one.image, other.image)
-        for kept, also in zip(one.history, other.history, strict=True):
-            torch.testing.assert_close(kept, also, rtol=0.0, atol=0.0, equal_nan=True)
-
-
 @pytest.mark.long  # every method in torch
 @pytest.mark.parametrize("name", ALL)
 def test_bad_pixels_of_one_frame_reach_neither_images_nor_histories(name: str) -> None:
@@ -73,19 +60,6 @@ def test_bad_pixels_of_one_frame_reach_neither_images_nor_histories(name: str) -
             for done in run(name, [{key: pixels} if index == spoilt else {} for index in range(3)]):
                 assert done.image.min() >= 0.0, key
                 assert all(value.isfinite().all() for value in (done.image, *done.history)), key
-
-
-@pytest.mark.long  # every method in torch
-@pytest.mark.parametrize("name", TEMPORAL)
-@settings(max_examples=3, deadline=None)
-@given(value=st.floats(0.0, 1.0, width=32))
-def test_the_weight_of_the_history_is_what_the_mask_leaves(name: str, value: float) -> None:
-    mask = {"reactive": torch.full((1, 1, RENDER.height, RENDER.width), value)}
-    plain, masked = run(name, [{}] * 3)[-1], run(name, [{}, {}, mask])[-1]
-    assert plain.aux_outputs[0].max() > 0.05
-    torch.testing.assert_close(
-        masked.aux_outputs[0], (1.0 - value) * plain.aux_outputs[0], rtol=1e-4, atol=1e-6
-    )
 
 
 @pytest.mark.parametrize("name", CONVERGING)

@@ -12,8 +12,6 @@ from shared_models import shared_model
 from supersampler import Upscaler, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
-from supersampler.methods.at_rest import AT_REST_HISTORY
-from supersampler.methods.registry import methods
 from supersampler_model import ops
 from supersampler_model.methods.base import Method, Trained, load_trained, shipped_weights
 from supersampler_model.methods.classifier import Classifier
@@ -118,14 +116,6 @@ def test_once_trained_extrapolated_frames_depend_on_base_colour(from_classifier:
     assert not torch.equal(step(inner, inputs, history)[0], step(inner, black, history)[0])
 
 
-def test_the_method_on_extrapolated_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
-    assert UnshadedExtrapolate.history == Extrapolate.history
-    assert {**Extrapolate.history, **AT_REST_HISTORY} == Classifier.history
-    assert set(UnshadedExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
-    assert UnshadedExtrapolate.spec.only_extrapolated
-    assert UnshadedExtrapolate.name not in methods()
-
-
 def test_weights_of_another_method_are_refused(weights: Trained) -> None:
     with pytest.raises(ArgumentError, match="want of classifier or classifier-small"):
         Extrapolate.from_classifier(weights._replace(method="gbuffer-small"))
@@ -137,18 +127,6 @@ def test_weights_of_both_sizes_begin_it(weights: Trained) -> None:
     small = Extrapolate.from_classifier(load_trained(shipped_weights("classifier-small")))
     assert small.config.network.levels == (16, 32, 64, 128)
     assert small.provenance["steps"] > 0
-
-
-@pytest.mark.parametrize(("render", "display"), [((1, 1), (1, 1)), ((21, 13), (63, 38)), ((9, 7), (9, 7))])
-def test_odd_sizes_are_rendered(from_classifier: Extrapolate, render: Sizes, display: Sizes) -> None:
-    inner, history = (
-        changed(from_classifier, "extrapolated_encoder").on_extrapolated(),
-        first(from_classifier, render, display),
-    )
-    for index, method in enumerate((from_classifier, inner, inner, from_classifier)):
-        image, history = step(method, given(index, render, display), history)
-        assert image.shape == (1, 3, *display[::-1])
-        assert image.isfinite().all()
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf"), -3.0, 1e30])

@@ -147,18 +147,6 @@ def test_one_colour_stays_that_colour_from_frame_to_frame(kind: type[GBuffer]) -
     assert counted == pytest.approx(3.0 * 2.0 * np.pi * 0.47**2, rel=0.05)  # of each sample, its Gaussian
 
 
-@pytest.mark.parametrize("kind", BOTH)
-@pytest.mark.parametrize("size", [(1, 1), (13, 7)])
-def test_any_size_is_rendered(kind: type[GBuffer], size: tuple[int, int]) -> None:
-    method = kind().eval()
-    ratio, (width, height) = method.config.ratio, size
-    display = surfaces_of(torch.rand(1, 3, height * ratio, width * ratio))
-    render = Surfaces(*(value[:, :, ::ratio, ::ratio] for value in display))
-    image, _ = step(method, frame(render, display, torch.rand(1, 3, height, width), (0.2, 0.1)))
-    assert image.shape == (1, 3, height * ratio, width * ratio)
-    assert image.isfinite().all()
-
-
 def test_reflectance_is_the_base_colour_and_1_at_the_sky() -> None:
     base = torch.tensor([0.2, 0.4, 0.6]).reshape(1, 3, 1, 1)
     here = surfaces_of(base)

@@ -1,5 +1,7 @@
 """The registry names all parts of each method; the defaults are the configuration of the shipped weights."""
 
+from typing import Any
+
 import pytest
 
 from supersampler.errors import ArgumentError
@@ -18,9 +20,10 @@ def test_weights_of_another_version_are_refused_by_name() -> None:
     trained = load_trained(shipped_weights("classifier-small"))
     config = {"around": [], **trained.config}
     tensors = {name.replace("net.blend.", "net.mixing."): value for name, value in trained.tensors.items()}
-    for old in (trained._replace(config=config), trained._replace(tensors=tensors)):
-        with pytest.raises(ArgumentError, match=r"weights is of another version .*(around|mixing)"):
-            learned_method("classifier-small").of(old)
+    changes: list[dict[str, Any]] = [{"config": config}, {"tensors": tensors}, {"config": {"network": 5}}]
+    for change in changes:
+        with pytest.raises(ArgumentError, match=r"weights is of another version .*(around|mixing|'int')"):
+            learned_method("classifier-small").of(trained._replace(**change))
 
 
 @pytest.mark.parametrize("name", methods())

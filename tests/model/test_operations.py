@@ -18,14 +18,7 @@ from supersampler_model import ops
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 RATIOS = st.floats(1.0, 4.0)
 JITTER = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
-DISPLAY_SIZES = [
-    ops.Size(32, 18),
-    ops.Size(33, 17),
-    ops.Size(1, 1),
-    ops.Size(2, 1),
-    ops.Size(15, 40),
-    ops.Size(50, 3),
-]
+DISPLAY_SIZES = [ops.Size(*size) for size in ((32, 18), (33, 17), (1, 1), (2, 1), (15, 40), (50, 3))]
 LUMAS = st.one_of(st.floats(0.0, 65504.0, width=32), st.just(float("nan")))
 EXPOSURES = st.one_of(st.just(0.0), st.floats(2.0**-60, 2.0**60, width=32))
 BEFORE = st.floats(2.0**-18, 2.0**11, width=32)

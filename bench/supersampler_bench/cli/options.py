@@ -1,5 +1,6 @@
 """Shared options of the commands, progress bars, and output of records and tables."""
 
+import math
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -107,16 +108,31 @@ def size_list(option: str, text: str) -> list[Size]:
     return [parse_size(part, option) for part in split_list(text)]
 
 
-def number_list(option: str, text: str) -> list[float]:
-    """Return the numbers of an option.
+def ratio_list(text: str) -> list[float]:
+    """Return the ratios of `--ratio`.
 
     Raises:
-        ArgumentError: a part is not a number.
+        ArgumentError: a part is not a number from 1 to 4.
     """
     try:
-        return [float(part) for part in split_list(text)]
-    except ValueError as error:
-        raise ArgumentError(option, got=repr(text), want="comma-separated numbers, such as 1.5,2") from error
+        ratios = [float(part) for part in split_list(text)]
+    except ValueError:
+        ratios = [math.nan]
+    if not all(1.0 <= ratio <= 4.0 for ratio in ratios):  # NaN fails, too
+        raise ArgumentError("--ratio", got=repr(text), want="numbers from 1 to 4 with commas between: 1.5,2")
+    return ratios
+
+
+def count_list(option: str, text: str) -> list[int]:
+    """Return the counts of an option.
+
+    Raises:
+        ArgumentError: a part is not a whole number of at least 1.
+    """
+    parts = split_list(text)
+    if not all(part.isdecimal() and int(part) for part in parts):
+        raise ArgumentError(option, got=repr(text), want="numbers of at least 1 with commas between: 1,2")
+    return [int(part) for part in parts]
 
 
 def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:
@@ -161,7 +177,7 @@ def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[t
     if shots is None:
         one = open_source(shot)
         return one.name, [(one, {})]
-    ratios = number_list("--ratio", ratio)
+    ratios = ratio_list(ratio)
     folder = cache or public_shots.default_cache()
     found = public_shots.open_test_shots(folder, ratios, shots, public_shots.FROZEN)
     for public in found:

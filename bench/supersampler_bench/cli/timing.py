@@ -22,10 +22,11 @@ from supersampler_bench.cli.options import (
     SAMPLES,
     STEPS,
     THREADS,
+    count_list,
     counted,
     executors_of,
-    number_list,
     publish,
+    ratio_list,
     say,
     size_list,
     split_list,
@@ -33,6 +34,7 @@ from supersampler_bench.cli.options import (
     words_of,
 )
 from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Provenance, read_record, write_json
+from supersampler_bench.shots.public_shots import TEST_SHOTS
 
 
 def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) -> None:
@@ -61,7 +63,7 @@ def traffic(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import traffic as bench
 
-    size, ratios = parse_size(display_size, "--display-size"), number_list("--ratio", ratio)
+    size, ratios = parse_size(display_size, "--display-size"), ratio_list(ratio)
     publish(bench.TrafficRecord(bench.traffic_of(split_list(methods), size, ratios)), "traffic", json)
 
 
@@ -117,7 +119,7 @@ def latency(
             split_list(methods),
             size_list("--display-size", display_size),
             executors_of(executors),
-            [int(text) for text in split_list(threads or str(os.cpu_count() or 1))],
+            count_list("--threads", threads or str(os.cpu_count() or 1)),
             precisions=words_of("--precisions", precisions, known),
             providers=providers,
             ratio=ratio,
@@ -178,7 +180,7 @@ def skip(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import skip as bench
 
-    families, names = split_list(scenes), split_list(methods)
+    families, names = words_of("--scenes", scenes, [*TEST_SHOTS.seeds]), split_list(methods)
     size = parse_size(display_size, "--display-size")
     with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
@@ -243,18 +245,16 @@ def pareto(
       supersampler bench pareto --budget-ms 16 --display-size 1920x1080
       supersampler bench pareto bench/results/quality-test-shots*.json -o docs/images
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.quality.score_table import QualityRecord
     from supersampler_bench.specs import gbuffers_of
     from supersampler_bench.timing import pareto as bench
 
     records = [BenchRecord.from_json(read_record(path)) for path in quality or [SHIPPED_PARETO]]
     size = parse_size(display_size, "--display-size")
-    scored = [r for r in records if isinstance(r, QualityRecord | bench.ParetoRecord)]
-    with counted("rounds", 2 * len(bench.scores_of(scored)) * steps) as advance:
+    with counted("rounds", 2 * len(bench.scores_of(records)) * steps) as advance:
         points = bench.measure_pareto(
-            scored, size, threads=threads, steps=steps, on_left_out=warn, on_round=advance
+            records, size, threads=threads, steps=steps, on_left_out=warn, on_round=advance
         )
-    record = bench.ParetoRecord(bench.shot_names(scored[0]), size, threads, points)
+    record = bench.ParetoRecord(bench.shot_names(records[0]), size, threads, points)
     publish(record, "pareto", json)
     if output is not None:
         from supersampler_bench.report.figures import draw_pareto  # needs matplotlib
@@ -295,7 +295,7 @@ def device(
     from supersampler_bench.timing.other_runtimes import measure_other_runtimes
 
     names, displays = split_list(methods), size_list("--display-size", display_size)
-    ratios = number_list("--ratio", ratio)
+    ratios = ratio_list(ratio)
     device, began = device_with_timestamps(), time.perf_counter()
     record = GpuRecord.of(device)
     say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")

@@ -279,7 +279,7 @@ class WarpBaseline:
             before, last = self._last
             since = motion_over_two_frames(frame, self._since, before.jitter)
             if unshaded:
-                image = warped(last, frame)
+                image = warped(last, frame) * np.float32(frame.pre_exposure / before.pre_exposure)
                 image = with_background_filled(image, frame, before) if self._filled else image
             else:
                 image, since = self._upscaler.step(replace(frame, motion=since)), None

@@ -6,7 +6,7 @@ The metrics are in metrics.py, strred.py, masks.py and corners.py. Each frame ha
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
-from supersampler.io.display import auto_exposure, display_transform
+from supersampler.io.display import auto_exposure, display_transform, usable_exposure
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
 from supersampler.sequence.both_ways import BothWays, buffers_of, frames_of
@@ -127,6 +127,7 @@ def measure_steppers(
         truth = truths.next(item)
         for i, stepper in enumerate(steppers):
             stepped = stepper.step(item)
+            stepped = replace(stepped, image=stepped.image / np.float32(item.frame.pre_exposure))
             if truth is not None:
                 image = display_transform(stepped.image, truth.exposure)
                 flip = metrics.flip_map(image, truth.shown)
@@ -262,7 +263,7 @@ def _aov_indices(shot: Shot) -> dict[str, int]:
 
 @dataclass(frozen=True)
 class _Truth:
-    """The reference of one frame, with masks and classes, which all methods share."""
+    """The reference of one frame, without pre-exposure, with masks and classes, which all methods share."""
 
     frame: int
     exposure: float
@@ -290,14 +291,15 @@ class _Truths:
 
     def next(self, item: ShotFrame) -> _Truth | None:
         """Return the truth of the next frame; None if it has no reference."""
-        truth = None if item.reference is None else self._truth(item, item.reference)
+        reference = None if item.reference is None else item.reference / np.float32(item.frame.pre_exposure)
+        truth = None if reference is None else self._truth(item, reference)
         self._paired = truth is not None and truth.bands is not None
-        self._frame, self._reference = item.frame, item.reference
+        self._frame, self._reference = item.frame, reference
         return truth
 
     def _truth(self, item: ShotFrame, reference: Float32) -> _Truth:
         frame, classes = item.frame, self._shot.read_classes(item.index)
-        exposure = frame.exposure or auto_exposure(reference)
+        exposure = usable_exposure(frame.exposure) or auto_exposure(reference)
         known = {"moving": self._to_display(masks.moving(frame), frame)}
         if classes is None:
             known["disoccluded"] = self._to_display(masks.disoccluded(frame, self._frame), frame)

@@ -44,7 +44,7 @@ class ParetoPoint:
 
 
 def measure_pareto(
-    records: Sequence["QualityRecord | ParetoRecord"],
+    records: Sequence[BenchRecord],
     display: Size,
     *,
     threads: int,
@@ -66,7 +66,7 @@ def measure_pareto(
             on_left_out(f"{model} is left out: {error}")
     for ratio, scores in scored.items():
         setting_of = {
-            spec: Setting(spec.model, display, "auto", threads, spec.precision)
+            spec: Setting(spec.model, display, spec.executor, threads, spec.precision)
             for spec in scores
             if spec.model not in missing
         }
@@ -82,17 +82,18 @@ def measure_pareto(
     return points
 
 
-def scores_of(records: Sequence["QualityRecord | ParetoRecord"]) -> dict[float, dict[Spec, dict[str, float]]]:
+def scores_of(records: Sequence[BenchRecord]) -> dict[float, dict[Spec, dict[str, float]]]:
     """Return scores by ratio and setting, without warm-up and border: means, or those of the only shot.
 
     Raises:
-        ArgumentError: a record has no scores of shots, or scores other shots than the first.
+        ArgumentError: a record has no PSNR of shots after the warm-up, or is of other shots than the first.
     """
     found: dict[float, dict[Spec, dict[str, float]]] = {}
     for record in records:
-        scores = list(_scores(record))
+        scores = [each for each in _scores(record) if "psnr" in each[2]]
         if not scores or shot_names(record) != shot_names(records[0]):
             got = f"of bench {record.BENCH!r}, shots {', '.join(shot_names(record)) or 'none'}"
+            got += "" if scores else ", without PSNR of frames after the warm-up"
             want = "of `bench quality test-shots --json` or `bench pareto --json`, all of the same shots"
             raise ArgumentError("record", got=got, want=want)
         for ratio, spec, known in scores:
@@ -103,11 +104,11 @@ def scores_of(records: Sequence["QualityRecord | ParetoRecord"]) -> dict[float, 
     return dict(sorted(found.items()))
 
 
-def _scores(record: "QualityRecord | ParetoRecord") -> Iterator[tuple[float, Spec, Mapping[str, float]]]:
-    """Yield ratio, setting and known scores of each row of a record."""
+def _scores(record: BenchRecord) -> Iterator[tuple[float, Spec, Mapping[str, float]]]:
+    """Yield ratio, setting and known scores of each row of a record; nothing for another bench."""
     if isinstance(record, ParetoRecord):
         yield from ((point.ratio, point.run, point.scores) for point in record.points)
-    else:
+    elif isinstance(record, QualityRecord):
         for ratio, row in record.rows():
             yield ratio, parse_spec(row.method, two_passes=True), row.known()
 
@@ -124,7 +125,7 @@ def frontier(points: Sequence[ParetoPoint], metric: Column) -> list[ParetoPoint]
 
 
 def presets(points: Sequence[ParetoPoint]) -> dict[str, str]:
-    """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
+    """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio; {}: none fits.
 
     fast: the fastest that beats spatial methods by `MIN_GAIN`.
     high: the fastest within `NEGLIGIBLE_GAIN` of the best.
@@ -137,7 +138,10 @@ def presets(points: Sequence[ParetoPoint]) -> dict[str, str]:
     special = {name for name in model_names() if gbuffers_of([name]) or not _serves_presets(name)}
     live = [p for p in points if p.run.model not in special]
     line = frontier([p for p in live if p.run.at_rest == "converge"], CLIP_COLUMNS[0])
-    floor = max(p.scores["psnr"] for p in points if p.run.model in SPATIAL)
+    spatial = [p.scores["psnr"] for p in points if p.run.model in SPATIAL]
+    if not spatial or not line:
+        return {}
+    floor = max(spatial)
     good = [p for p in line if p.scores["psnr"] >= floor + MIN_GAIN] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
     fast = good[0]
@@ -179,15 +183,16 @@ def by_ratio(points: Sequence[ParetoPoint]) -> dict[float, list[ParetoPoint]]:
 
 def at_ratio(points: Sequence[ParetoPoint], ratio: float) -> list[ParetoPoint]:
     """Return the points of the nearest ratio."""
-    groups = by_ratio(points)
-    return groups[min(groups, key=lambda known: abs(known - ratio))]
+    nearest = min((p.ratio for p in points), key=lambda known: abs(known - ratio), default=ratio)
+    return [p for p in points if p.ratio == nearest]
 
 
-def shot_names(record: "QualityRecord | ParetoRecord") -> list[str]:
-    """Return the names of a record's shots."""
+def shot_names(record: BenchRecord) -> list[str]:
+    """Return the names of the shots that a record scores."""
     if isinstance(record, ParetoRecord):
         return record.shots
-    return list(dict.fromkeys(shot.name for shot in record.shots))
+    shots = record.shots if isinstance(record, QualityRecord) else []
+    return list(dict.fromkeys(shot.name for shot in shots))
 
 
 @dataclass(frozen=True)
@@ -220,5 +225,6 @@ class ParetoRecord(BenchRecord):
         return table(headings, rows, caption)
 
     def presets_table(self) -> str:
-        """Return the table of the presets that follow from the points."""
-        return table(["preset", "setting"], presets(at_ratio(self.points, PRESET_RATIO)).items())
+        """Return the table of the presets that follow from the points; "" if none do."""
+        chosen = presets(at_ratio(self.points, PRESET_RATIO))
+        return table(["preset", "setting"], chosen.items()) if chosen else ""

@@ -88,7 +88,7 @@ def render(
     if others:
         check_ratios("--also", others, plan.display_size)
     turns = [None, *others]
-    dataset = create_dataset(output, plan_sequences(plan))
+    dataset = create_dataset(output, plan_sequences(plan, lambda text: console.print(text, soft_wrap=True)))
     sets = [dataset, *(dataset.at(ratio) for ratio in turns if ratio)]
     total = len(turns) * sum(entry.spec.frames for entry in dataset.entries())
     done = sum(one.complete(entry) for one in sets for entry in one.entries())

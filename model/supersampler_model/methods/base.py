@@ -174,7 +174,7 @@ class LearnedMethod(Method):
         try:
             method = cls(config_of(cls.spec.config, trained.config))
             method.load_state_dict(trained.tensors)
-        except (TypeError, KeyError, RuntimeError) as error:  # names that this version does not have
+        except (TypeError, KeyError, AttributeError, RuntimeError) as error:  # other names or structure
             got = f"of another version ({' '.join(str(error).split())})"
             want = f"of this version of {cls.name}: train it again"
             raise ArgumentError("weights", got=got, want=want) from error

@@ -26,6 +26,7 @@ app = typer.Typer(help="Train a method that learns.", add_completion=False, rich
 _LEARNED = {name: spec for name, spec in methods().items() if spec.task}
 _CONSOLE = Terminal(stderr=True)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+WEIGHTS = "weights.safetensors"  # in the folder of a run
 
 
 @app.command()
@@ -70,18 +71,26 @@ def train(
     from supersampler_model.data.dataset.storage import open_dataset
     from supersampler_model.methods.base import load_trained, shipped_weights
     from supersampler_model.training.datasets import dataset_of_shots
+    from supersampler_model.training.run_log import read_log
     from supersampler_model.training.task import start_task
     from supersampler_model.training.trainer import Trainer, TrainingPlan
     from supersampler_model.training.validation import validate, validation_entries
 
     torch.manual_seed(seed)
     _check_free(output)
+    read_log(output)  # fails before the updates, not after them
     output.mkdir(parents=True, exist_ok=True)
     datasets = [open_dataset(folder) for folder in data or []]
     for paths, split in ((shot, "train"), (validation_shot, "validation")):
         if paths:
             shots = [open_source(path) for path in paths]
             datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
+    for dataset in datasets:
+        given = dataset.entries("train")
+        done, total = sum(map(dataset.complete, given)), sum(entry.spec.frames for entry in given)
+        if done < total:
+            text = f"{dataset.folder}: only {done} of {total} training frames are rendered, and are read."
+            _CONSOLE.print(text, soft_wrap=True)
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     if init == "shipped" and not _LEARNED[name].weights:
@@ -101,7 +110,8 @@ def train(
     _warn_without_scores(trainer, [entry.spec.frames for _, entry in entries])
     baseline = validate(task.baseline.eval(), entries, task.runner) if entries else None
     updates: list[Update] = []
-    while trainer.done < plan.steps:
+    # a run that was stopped in its last validation has all updates, but not their weights
+    while trainer.done < plan.steps or trainer.done > _steps_of_weights(output):
         update_and_save(trainer, min((trainer.done // every + 1) * every, plan.steps), updates)
         found = validate(trainer.average.eval(), entries, task.runner) if entries else None
         _report(trainer, output, updates, found, baseline)
@@ -156,6 +166,14 @@ class StopRequest:
         _CONSOLE.print("Stopping after this update. Ctrl-C again stops at once, without saving.")
 
 
+def _steps_of_weights(output: Path) -> int:
+    """Return the updates of the weights in the folder of a run; 0 if there are none."""
+    from supersampler_model.methods.base import load_trained
+
+    path = output / WEIGHTS
+    return int(load_trained(path).facts.get("steps", 0)) if path.exists() else 0
+
+
 def _lines(path: Path) -> list[str]:
     try:
         return path.read_text(encoding="utf-8").splitlines()
@@ -173,7 +191,7 @@ def _check_free(output: Path) -> None:
     from supersampler_model.training.trainer import CHECKPOINT
 
     if not (output / CHECKPOINT).exists():  # the checkpoint is written first, and checked when it is read
-        for name in ("weights.safetensors", *LOG_FILES):
+        for name in (WEIGHTS, *LOG_FILES):
             check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
 
 
@@ -198,10 +216,10 @@ def _report(
 
     scores, name = {**found.scores, **found.overlap} if found else {}, trainer.task.baseline.name
     baselines = {f"{key}_{name}": score for key, score in baseline.scores.items()} if baseline else {}
-    means = {key: mean(u.losses[key] for u in updates) for key in updates[0].losses}
-    save_trained(output / "weights.safetensors", trainer.trained(scores))
+    means = {key: mean(u.losses[key] for u in updates) for key in updates[0].losses} if updates else {}
+    save_trained(output / WEIGHTS, trainer.trained(scores))
     values = {**means, **scores, **baselines}
     write_log(output, trainer.done, values, found.image if found else None)
     line = ", ".join(f"{key} {value:.3f}" for key, value in values.items())
-    seconds = mean(update.seconds for update in updates)
-    _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s per update: {line}")
+    speed = f", {mean(update.seconds for update in updates):.2f} s per update" if updates else ""
+    _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}{speed}: {line}")

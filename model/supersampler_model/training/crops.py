@@ -73,7 +73,6 @@ class CropRegion:
     left: int  # display pixels
     top: int
     size: int  # width and height, display pixels
-    ratio: tuple[float, float]  # display over render size, per axis
     flip: tuple[bool, bool] = (False, False)  # whether columns, rows are reversed
     turned: bool = False  # whether rows and columns are swapped
     colors: tuple[int, int, int] = (0, 1, 2)  # order of the colour channels
@@ -97,7 +96,6 @@ class CropRegion:
     ) -> Self:
         """Draw a random region of a sequence, and its augmentation."""
         (width, height), step = display_size, round(entry.ratio) if aligned else 1
-        render = entry.render_size(display_size)
         r, g, b = (int(i) for i in random.permutation(3))
         values: dict[str, Any] = {
             "left": step * int(random.integers((width - size) // step + 1)),
@@ -110,16 +108,16 @@ class CropRegion:
         if gbuffers != "none":
             q, upper = np.linalg.qr(random.normal(size=(3, 3)))  # uniform rotations (Mezzadri 2007)
             values["world"] = (q * np.sign(np.diag(upper))).astype(np.float32)
-        ratio = width / render[0], height / render[1]
-        return cls(size=size, ratio=ratio, colors=(r, g, b), gbuffers=gbuffers, aligned=aligned, **values)
+        return cls(size=size, colors=(r, g, b), gbuffers=gbuffers, aligned=aligned, **values)
 
     def cut(self, frame: TrainingFrame, *, reset: bool) -> CropFrame:
         """Cut the crop out of one frame, with the G-buffers that the frame has."""
         down, across = here = self.render_region(frame)
-        corners = zip(frame.jitter, (across, down), (self.left, self.top), self.ratio, strict=True)
+        ratio = list(_ratio(frame))
+        corners = zip(frame.jitter, (across, down), (self.left, self.top), ratio, strict=True)
         jitter = [j + part.start - corner / ratio for j, part, corner, ratio in corners]
         motion = frame.motion[here].astype(np.float32)
-        ratio, inner = list(self.ratio), [part.stop - part.start for part in (across, down)]
+        inner = [part.stop - part.start for part in (across, down)]
         for axis, flipped in enumerate(self.flip):
             if flipped:
                 jitter[axis] = self.size / ratio[axis] - inner[axis] - jitter[axis]
@@ -184,14 +182,20 @@ class CropRegion:
             first = min(max(first, 0), extent - count)
             return slice(first, first + count)
 
-        height, width = frame.depth.shape
-        return axis(self.top, self.ratio[1], height), axis(self.left, self.ratio[0], width)
+        (height, width), (across, down) = frame.depth.shape, _ratio(frame)
+        return axis(self.top, down, height), axis(self.left, across, width)
 
     def turn(self, image: NDArray[Any]) -> NDArray[Any]:
         """Flip and turn (height, width, ...)."""
         image = image[:, ::-1] if self.flip[0] else image
         image = image[::-1] if self.flip[1] else image
         return image.swapaxes(0, 1) if self.turned else image
+
+
+def _ratio(frame: TrainingFrame) -> tuple[float, float]:
+    """Return display over render size, per axis."""
+    (height, width), (display_height, display_width) = frame.depth.shape, frame.ghost.shape
+    return display_width / width, display_height / height
 
 
 class PathNoise(NamedTuple):
@@ -312,10 +316,13 @@ class Stream(CropStream):
             regions = [draw() for _ in range(CANDIDATES)]
             region = max(regions, key=lambda region: region.aliased_pixels(first_frame))
             noise = PathNoise.draw(random)
-            for index in range(first + self.position.frame, count):
+            start = first + self.position.frame
+            size = dataset.read(entry, start - 1).depth.shape if start > first else None  # of the last frame
+            for index in range(start, count):
                 frame = dataset.read(entry, index)
                 self.position.frame += 1
-                crop = region.cut(frame, reset=frame.reset or index == first)
+                crop = region.cut(frame, reset=frame.reset or frame.depth.shape != size)
+                size = frame.depth.shape
                 of_frame = np.random.default_rng([*self._seed, self.position.crop, index])
                 if noise is not None:
                     crop = crop._replace(color=noise.on(crop.color, of_frame))

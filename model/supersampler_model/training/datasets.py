@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.display import auto_exposure
+from supersampler.io.display import MAX_HALF, auto_exposure, usable_exposure
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset.storage import (
@@ -66,13 +66,16 @@ def _training_frame(shot: Shot, item: ShotFrame, shape: tuple[int, int]) -> Trai
     frame = item.frame
     if frame.color is None:
         raise ShotError(shot.path, f"frame {item.index} has no colour to learn from")
+    pre_exposure = np.float32(frame.pre_exposure)  # training sets have none
+    color = np.minimum(frame.color / pre_exposure, MAX_HALF).astype(np.float16)
     unknown = np.full(shape, UNKNOWN, np.uint8)
     classes = shot.read_classes(item.index) or ClassMaps(unknown, unknown, None)
-    truth = np.full((*shape, 3), np.nan, np.float16) if item.reference is None else item.reference
+    truth = np.full((*shape, 3), np.nan) if item.reference is None else item.reference / pre_exposure
+    truth = np.minimum(truth, MAX_HALF).astype(np.float16)
     return TrainingFrame(
-        color=frame.color.astype(np.float16), depth=frame.depth, motion=frame.motion.astype(np.float16),
-        jitter=frame.jitter, reset=frame.reset, exposure=frame.exposure or auto_exposure(frame.color),
-        reference=truth.astype(np.float16), ghost=classes.ghost, alias=classes.alias,
+        color=color, depth=frame.depth, motion=frame.motion.astype(np.float16), jitter=frame.jitter,
+        reset=frame.reset, exposure=usable_exposure(frame.exposure) or auto_exposure(color),
+        reference=truth, ghost=classes.ghost, alias=classes.alias,
     )  # fmt: skip
 
 
@@ -120,15 +123,13 @@ def sequences_of(
     Raises:
         ArgumentError: no sequence has `min_frames` frames.
     """
-    found = [
-        (dataset, entry, count)
-        for dataset in datasets
-        for entry in dataset.entries("train")
-        if entry.within(ratios) and (count := dataset.complete(entry)) >= min_frames
-    ]
+    every = [(d, entry, d.complete(entry)) for d in datasets for entry in d.entries("train")]
+    found = [each for each in every if each[1].within(ratios) and each[2] >= min_frames]
     if not found:
-        want = f"{min_frames} frames in a row to train on, at a ratio from {ratios[0]} to {ratios[1]}"
-        raise ArgumentError("data", got="nothing of use", want=want)
+        kinds = sorted({(f"{entry.ratio:.3g}", count) for _, entry, count in every})
+        got = ", ".join(f"{count} frames in a row at a ratio of {ratio}" for ratio, count in kinds)
+        want = f"{min_frames} frames in a row to train on, at a ratio from {ratios[0]:g} to {ratios[1]:g}"
+        raise ArgumentError("data", got=got or "empty", want=want)
     return found
 
 

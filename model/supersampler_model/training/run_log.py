@@ -6,11 +6,13 @@ from pathlib import Path
 
 from torch.utils.tensorboard import SummaryWriter
 
+from supersampler.errors import ShotError
 from supersampler.frame import Float32
 from supersampler.io.display import to_uint8
 from supersampler.io.files import replacing
 
-FILES = ("log.csv", "tensorboard")  # in the folder of a run
+TABLE = "log.csv"  # in the folder of a run
+FILES = (TABLE, "tensorboard")
 
 
 def write_log(folder: Path, step: int, values: Mapping[str, float], image: Float32 | None = None) -> None:
@@ -18,10 +20,9 @@ def write_log(folder: Path, step: int, values: Mapping[str, float], image: Float
 
     `step` is the number of updates done. Rows of later steps, from a killed run, are removed.
     """
-    path = folder / "log.csv"
-    rows = [row for row in _read(path) if row["step"] < step]
+    rows = [row for row in read_log(folder) if row["step"] < step]
     rows.append({"step": float(step), **values})
-    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+    with replacing(folder / TABLE) as partial, partial.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, list(dict.fromkeys(name for row in rows for name in row)))
         table.writeheader()
         table.writerows(rows)
@@ -32,8 +33,19 @@ def write_log(folder: Path, step: int, values: Mapping[str, float], image: Float
             writer.add_image("image", to_uint8(image), step, dataformats="HWC")
 
 
-def _read(path: Path) -> list[dict[str, float]]:
+def read_log(folder: Path) -> list[dict[str, float]]:
+    """Return the rows of `log.csv`; [] if there is none.
+
+    Raises:
+        ShotError: the file is damaged, or another program has rewritten it.
+    """
+    path = folder / TABLE
     if not path.exists():
         return []
-    with path.open(newline="", encoding="utf-8") as file:
-        return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = [{k: float(value) for k, value in row.items() if value} for row in csv.DictReader(file)]
+        return sorted(rows, key=lambda row: row["step"])
+    except (ValueError, TypeError, KeyError, csv.Error) as error:
+        problem = f"is not the log of a run ({type(error).__name__}: {error})"
+        raise ShotError(path, problem, "Move it away; the same command then begins a new one.") from error

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from supersampler.io.shot import ShotWriter
+from checker_shot import write_checker_shot
 from supersampler_bench.quality.color_video_vdp import Clip
 from supersampler_bench.quality.score_table import QualityRecord
 from supersampler_bench.record import read_record
-from supersampler_model.data.scenes.analytic import Plane, checker
 from upscale_runs import run
 
 SHOWN = np.linspace(0.0, 1.0, 4 * 6 * 3, dtype=np.float32).reshape(4, 6, 3)
@@ -55,17 +54,9 @@ def test_runs_of_consecutive_frames_are_clips_and_count_by_their_length() -> Non
     assert np.isnan(Clip(None).jod())
 
 
-def write_shot(folder: Path) -> Path:
-    scene, size = Plane(checker, velocity=(1.0, 0.0)), (80, 60)
-    with ShotWriter(folder, name="own", display_size=size, frame_rate=30) as writer:
-        for index in range(11):
-            writer.write(scene.frame(index, (40, 30)), reference=scene.truth(index, size, samples=2))
-    return folder
-
-
 @pytest.mark.usefixtures("package")
 def test_the_score_is_of_frames_after_the_warm_up_without_the_border(tmp_path: Path) -> None:
-    shot, values = write_shot(tmp_path / "shot"), tmp_path / "values.json"
+    shot, values = write_checker_shot(tmp_path / "shot", 11), tmp_path / "values.json"
     command = ["bench", "quality", str(shot), "--methods", "bilinear", "--json", str(values)]
     answer = run(*command, "--cvvdp")
     assert answer.exit_code == 0, answer.output

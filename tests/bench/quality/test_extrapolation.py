@@ -150,10 +150,9 @@ class Taker:
 def test_the_warp_baseline_upscales_only_shaded_frames_with_motion_between_them(filled: bool) -> None:
     taker: Any = Taker()
     warping, scene = WarpBaseline(taker, Alternation("2:1"), filled=filled), LitScene(velocity=(1.0, -0.5))
-    images = [
-        warping.step(ShotFrame(index=index, frame=scene.frame(index, SIZE), **ITEM)) for index in range(7)
-    ]
-    assert [image[20, 40, 0] for image in images] == [1, 1, 1, 2, 2, 2, 3]
+    frames = [replace(scene.frame(index, SIZE), pre_exposure=2.0**index) for index in range(7)]
+    images = [warping.step(ShotFrame(index=index, frame=frame, **ITEM)) for index, frame in enumerate(frames)]
+    assert [image[20, 40, 0] for image in images] == [1, 2, 4, 2, 4, 8, 3]
     pixels = np.array(SIZE) / (64, 36)
     for frame in taker.frames[1:]:
         np.testing.assert_allclose(

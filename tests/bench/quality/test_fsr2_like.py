@@ -158,16 +158,6 @@ def test_bad_values_leave_images_finite_and_later_frames_recover(bad: float, exp
     assert psnr(image, scene.truth(0, (64, 36))) > 22.0
 
 
-@pytest.mark.parametrize(
-    ("render", "display"), [((1, 1), (1, 1)), ((1, 1), (3, 2)), ((17, 11), (29, 19)), ((33, 70), (50, 105))]
-)
-def test_any_size_gives_an_image_of_the_display(render: Size, display: Size) -> None:
-    for _, image in images(DiscOverPlane(), 3, render, display):
-        assert image.shape == (display[1], display[0], 3)
-        assert image.dtype == np.float32
-        assert np.isfinite(image).all()
-
-
 def test_the_render_size_may_change_between_frames() -> None:
     scene, upscaler = Plane(checker), Fsr2Like((64, 36))
     for index in range(40):

@@ -233,6 +233,22 @@ def test_output_and_reference_have_the_same_exposure(tmp_path: Path, monkeypatch
     assert too_bright["psnr"] < 25  # metered each on its own, they would be equal
 
 
+def test_pre_exposure_changes_no_score(tmp_path: Path) -> None:
+    """A shot whose frames and references have other factors has the scores of one without."""
+    methods, found = ["taau", "easu-rcas", "fsr2-like"], []
+    for name, factors in (("plain", (1.0, 1.0, 1.0)), ("exposed", (2.0, 0.25, 8.0))):
+        with ShotWriter(tmp_path / name, name="disc", display_size=DISPLAY, frame_rate=30) as writer:
+            for index, factor in enumerate(factors):
+                frame = SCENE.frame(index, RENDER, (0.25, -0.25))
+                color = factor * np.asarray(frame.color)
+                given = replace(frame, color=color, exposure=0.7, pre_exposure=factor)
+                writer.write(given, reference=factor * truth(index))
+        found.append(measure_quality(Shot.open(tmp_path / name), methods))
+    for plain, exposed in zip(*found, strict=True):
+        summaries = [scores.summary(warm=False) for scores in (plain, exposed)]
+        assert summaries[1] == pytest.approx(summaries[0], rel=1e-4, nan_ok=True), plain.method
+
+
 def test_a_shot_without_references_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ShotError, match="no frame has a reference to measure against"):
         measure_quality(write_shot(tmp_path, references=[]), ["bilinear"])

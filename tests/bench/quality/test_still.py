@@ -30,16 +30,8 @@ def test_pixels_near_what_moves_or_changes_are_not_scored() -> None:
 
 def test_the_command_measures_every_scene_and_backend_and_writes_all_files(tmp_path: Path) -> None:
     file = tmp_path / "still.json"
-    command = [
-        "still",
-        "--scenes",
-        "analytic:1,analytic-mover:1",
-        "--methods",
-        "taau",
-        "--display-size",
-        "96x54",
-    ]
-    answer = CliRunner().invoke(app, [*command, "-o", str(tmp_path), "--json", str(file)])
+    command = ["still", "--scenes", "analytic:1,analytic-mover:1", "--methods", "taau", "--json", str(file)]
+    answer = CliRunner().invoke(app, [*command, "--display-size", "96x54", "-o", str(tmp_path)])
     assert answer.exit_code == 0, answer.output
     record = StillRecord.from_json(read_record(file))
     scores = record.scores

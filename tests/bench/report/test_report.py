@@ -11,12 +11,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from checker_shot import write_checker_shot
 from supersampler import ArgumentError
-from supersampler.io.shot import ShotWriter
 from supersampler_bench.cli import app
 from supersampler_bench.record import Provenance, write_json
 from supersampler_bench.report.doc_tables import COMMANDS, RESULTS, Recipe, clock, find_all, measure, recipes
-from supersampler_model.data.scenes.analytic import Plane, checker
 
 ROOT = Path(__file__).parents[3]
 
@@ -135,10 +134,7 @@ def test_a_failing_command_keeps_the_record_and_gives_the_reason(root: Path) -> 
 
 
 def test_published_records_of_quality_have_no_scores_of_frames(root: Path, tmp_path: Path) -> None:
-    scene, shot = Plane(checker, velocity=(1.0, 0.0)), tmp_path / "shot"
-    with ShotWriter(shot, name="small", display_size=(80, 60), frame_rate=30) as writer:
-        for index in range(10):
-            writer.write(scene.frame(index, (40, 30)), reference=scene.truth(index, (80, 60), samples=2))
+    shot = write_checker_shot(tmp_path / "shot")
     command = f"supersampler bench quality {shot} --methods bilinear"
     (root / COMMANDS).write_text(f'[commands]\nquality = "{command}"\n')
     [recipe] = recipes(root)
@@ -158,9 +154,5 @@ def test_listing_measures_nothing(root: Path) -> None:
 
 
 def test_durations_are_printed_in_seconds_minutes_or_hours() -> None:
-    assert [clock(seconds) for seconds in (4.4, 119.0, 600.0, 5400.0)] == [
-        "4 s",
-        "2 min",
-        "10 min",
-        "1 h 30 min",
-    ]
+    said = [clock(seconds) for seconds in (4.4, 119.0, 600.0, 5400.0)]
+    assert said == ["4 s", "2 min", "10 min", "1 h 30 min"]

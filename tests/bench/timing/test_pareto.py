@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given
@@ -15,6 +16,7 @@ from supersampler_bench.quality.scores import MethodRow, ShotRow
 from supersampler_bench.record import SHIPPED_PARETO, read_record
 from supersampler_bench.report.figures import draw_pareto
 from supersampler_bench.specs import Spec, parse_spec
+from supersampler_bench.timing import pareto
 from supersampler_bench.timing.pareto import (
     ParetoPoint,
     ParetoRecord,
@@ -26,6 +28,7 @@ from supersampler_bench.timing.pareto import (
     scores_of,
     shot_names,
 )
+from supersampler_bench.timing.traffic import CostRecord
 
 PSNR, FLIP = CLIP_COLUMNS[0], CLIP_COLUMNS[2]
 SCORES = st.lists(st.tuples(st.floats(0.1, 100.0), st.floats(10.0, 50.0)), min_size=1, max_size=8)
@@ -87,6 +90,7 @@ def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
         ("classifier:fp32", Spec("classifier", "fp32")),
         ("classifier:int8:off", Spec("classifier", "int8", "off")),
         ("taau:accumulate", Spec("taau", at_rest="accumulate")),
+        ("taau:gpu", Spec("taau", executor="gpu")),
         ("C:/models/mine", Spec("C:/models/mine")),
         ("classifier:fp32:x2", Spec("classifier", "fp32", passes=2)),
         ("C:/models/mine:fp16", Spec("C:/models/mine", "fp16")),
@@ -162,9 +166,11 @@ def test_ratios_come_from_several_records_of_the_same_shots() -> None:
         scores_of([quality(), replace(other, shots=[shot()])])
 
 
-def test_a_record_without_means_is_refused() -> None:
-    with pytest.raises(ArgumentError, match="test-shots"):
-        measure_pareto([QualityRecord([])], (48, 27), threads=1)
+def test_a_record_without_scores_is_refused() -> None:
+    short = QualityRecord([shot(methods=[MethodRow("taau", {"warm_cropped": {"psnr": None}}, {})])])
+    for record in (QualityRecord([]), short, CostRecord([])):
+        with pytest.raises(ArgumentError, match="test-shots"):
+            measure_pareto([quality(), record], (48, 27), threads=1)
 
 
 def test_the_best_within_a_budget_is_followed_by_the_best_without_gbuffers() -> None:
@@ -185,6 +191,18 @@ def test_shipped_presets_are_chosen_by_their_rule() -> None:
     specs = {name: parse_spec(text) for name, text in chosen.items()}
     shipped = {name: (p.model, p.precision) for name, p in PRESETS.items()}
     assert {name: (s.model, s.precision) for name, s in specs.items()} == shipped
+
+
+def test_without_spatial_methods_or_points_there_are_no_presets() -> None:
+    for points in ([p for p in KNOWN if p.run.model != "bilinear"], [point("bilinear:off", 9.0, 26.7)], []):
+        assert ParetoRecord(["a"], (96, 54), 2, points).presets_table() == ""
+
+
+def test_a_setting_on_the_gpu_is_timed_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    timed = Mock(return_value=[])
+    monkeypatch.setattr(pareto, "measure_settings", timed)
+    measure_pareto([quality("taau:gpu")], (48, 27), threads=1)
+    assert [s.executor for s in timed.call_args.args[0] if s.method == "taau"] == ["auto", "gpu"]
 
 
 def test_presets_leave_out_methods_that_lack_a_ratio() -> None:

@@ -6,7 +6,6 @@ from supersampler.backends.gpu.program import TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Shader
 from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.traffic import (
     TrafficRecord,
     pass_costs,
@@ -96,10 +95,3 @@ def test_a_step_to_4k_moves_no_more_than_its_limit(method: str) -> None:
     assert step.moved <= 1e9 * MOST[method]
     assert step.passes <= 12
     assert f"| {method} | 1920x1080 to 3840x2160 |" in TrafficRecord([step]).table()
-
-
-@pytest.mark.parametrize("text", ["taau:gpu", "classifier:gpu"])
-def test_a_suffix_selects_the_gpu_backend(text: str) -> None:
-    spec = parse_spec(text)
-    assert spec == Spec(text.removesuffix(":gpu"), executor="gpu")
-    assert str(spec) == text

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from gl_scenes import Yard, unlit
 from supersampler import Frame, halton_jitter
+from supersampler.io.display import display_transform
 from supersampler.sequence.backward_motion import scattered_motion
+from supersampler_bench.quality.metrics import psnr
 from supersampler_model.data.labels import PixelStatistics
 from supersampler_model.data.rendered import SurfaceBuffers
 from supersampler_model.data.renderer.renderer import Renderer
@@ -20,24 +22,12 @@ Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-def toned(color: NDArray[np.floating]) -> Values:
-    """The display transform, without exposure: linear RGB to [0, 1]."""
-    color = np.asarray(color, np.float64)
-    color = color / (1.0 + color.max(axis=-1, keepdims=True))
-    return np.where(color < 0.0031308, 12.92 * color, 1.055 * np.maximum(color, 1e-9) ** (1 / 2.4) - 0.055)
-
-
-def psnr(a: Values, b: Values, where: Mask | None = None) -> float:
-    squares = (a - b) ** 2
-    return float(-10.0 * np.log10(np.mean(squares if where is None else squares[where])))
-
-
-def read_at(image: Values, motion: Values, mode: str = "bicubic") -> Values:
+def read_at(image: NDArray[np.floating], motion: Values, mode: str = "bicubic") -> Values:
     """Read (h, w, c) at each pixel + motion, in pixels."""
     h, w = image.shape[:2]
     y, x = np.mgrid[:h, :w] + 0.5
     places = np.stack([(x + motion[..., 0]) / w, (y + motion[..., 1]) / h], axis=-1) * 2.0 - 1.0
-    pixels = torch.from_numpy(np.moveaxis(image, -1, 0)[None].copy())
+    pixels = torch.from_numpy(np.moveaxis(image, -1, 0)[None].astype(np.float64))
     read = F.grid_sample(pixels, torch.from_numpy(places)[None], mode, "border", align_corners=False)
     return np.asarray(np.moveaxis(read[0].numpy(), 0, -1))
 
@@ -65,7 +55,7 @@ def undisturbed(now: SurfaceBuffers, truth_now: PixelStatistics, truth_before: P
     return np.asarray(mask)
 
 
-def shift_between(image: Values, other: Values, where: Mask) -> Values:
+def shift_between(image: Values, other: NDArray[np.floating], where: Mask) -> Values:
     """The (x, y) by which `image` has to be read elsewhere to show `other`: least squares, in pixels."""
     down, across = (np.asarray(np.gradient(image, axis=axis)) for axis in (0, 1))
     slopes = np.stack([across[where].ravel(), down[where].ravel()], axis=-1)
@@ -87,10 +77,11 @@ def test_motion_warps_the_history_onto_the_present(renderer: Renderer) -> None:
     assert where.mean() > 0.5
     assert np.linalg.norm(motion, axis=-1)[where].mean() > 0.5  # pixels: there is something to get wrong
 
-    warped = psnr(read_at(toned(past.color), motion), toned(truth.color), where)
+    history, present = display_transform(past.color), display_transform(truth.color)
+    warped = psnr(read_at(history, motion), present, where)
     assert warped >= 34.0
     for wrong in ((0, 0), (-1, -1), (-1, 1), (1, -1)):
-        assert psnr(read_at(toned(past.color), motion * wrong), toned(truth.color), where) <= warped - 10.0
+        assert psnr(read_at(history, motion * wrong), present, where) <= warped - 10.0
 
 
 @pytest.mark.parametrize("instance", [pytest.param(1, id="moving box"), pytest.param(5, id="skinned tube")])
@@ -103,7 +94,8 @@ def test_moving_objects_are_where_their_motion_points(renderer: Renderer, instan
     motion = now.motion.astype(np.float64)
     assert np.linalg.norm(motion, axis=-1)[where].mean() > 1.0
 
-    residual = shift_between(read_at(toned(past.color), motion), toned(truth.color), where)
+    shown = read_at(display_transform(past.color), motion)
+    residual = shift_between(shown, display_transform(truth.color), where)
     assert np.abs(residual).max() < 0.05
     still = renderer.display(replace(scene, instances=Yard(still=True).instances(0))).motion
     assert (
@@ -130,8 +122,8 @@ def scattered(renderer: Renderer, scene: Scene, sign: float) -> Values:
 
 def test_jittered_frames_average_to_the_reference(renderer: Renderer) -> None:
     scene = Yard().scene(4)
-    truth = toned(renderer.reference(scene).color)
-    right, wrong = (psnr(toned(scattered(renderer, scene, sign)), truth) for sign in (1.0, -1.0))
+    truth = display_transform(renderer.reference(scene).color)
+    right, wrong = (psnr(display_transform(scattered(renderer, scene, sign)), truth) for sign in (1.0, -1.0))
     assert right >= 45.0
     assert wrong <= right - 15.0
 

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gl_scenes import Yard, box, fence_texture, moved, plane, unlit
+from supersampler_model.data.errors import SceneError
 from supersampler_model.data.rendered import SurfaceBuffers
 from supersampler_model.data.renderer import renderer as module
 from supersampler_model.data.renderer.renderer import Renderer
@@ -243,6 +244,21 @@ def test_a_mirrored_model_shows_its_front(renderer: Renderer) -> None:
     mirrored = moved(0, 0, 0) @ np.diag([-1.0, 1.0, 1.0, 1.0]) @ turned_by(1, 0.3)
     here = Instance(mesh=box(), material=MATTE, model=mirrored)
     np.testing.assert_allclose(renderer.display(seen_from(ABOVE, here)).depth[MIDDLE], 0.1 / 3.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize(("scale", "drawn"), [((1.0, 0.0, 1.0), True), ((0.0, 0.0, 0.0), False)])
+def test_a_model_may_be_flattened_or_vanish(
+    renderer: Renderer, scale: tuple[float, float, float], drawn: bool
+) -> None:
+    here = Instance(mesh=box(), material=MATTE, model=np.diag([*scale, 1.0]))
+    surfaces = renderer.display(seen_from(ABOVE, here))
+    assert (surfaces.depth > 0.0).any() == drawn
+    np.testing.assert_allclose(surfaces.normal[MIDDLE], (0.0, float(drawn), 0.0), atol=1e-3)
+
+
+def test_a_display_larger_than_textures_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"display_size is \(70000, 9\); want at most \d+ pixels a side"):
+        Renderer((70000, 9))
 
 
 def test_statistics_hold_the_samples(renderer: Renderer) -> None:

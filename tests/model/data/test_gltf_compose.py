@@ -12,7 +12,7 @@ from OpenImageIO import ImageOutput, ImageSpec
 from gl_scenes import box, plane
 from gltf_files import GltfFile, cube, strip
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.scenes.gltf import Composition, GltfError, GltfScene, compose
+from supersampler_model.data.scenes.gltf import Composition, GltfError, GltfScene
 from supersampler_model.data.scenes.gltf.compose import read_folder
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
 from supersampler_model.data.scenes.scene import Scene
@@ -45,6 +45,10 @@ def files_in(folder: Path) -> Path:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return files_in(tmp_path)
+
+
+def compose(folder: Path, seed: int, frames: int = FRAMES) -> Composition:
+    return Composition(read_folder(folder).spec(seed, frames))
 
 
 def ground_of(file: GltfFile, folder: Path) -> Ground:
@@ -101,18 +105,18 @@ def assert_same(one: Scene, other: Scene) -> None:
 
 
 def test_the_same_seed_or_spec_is_the_same_sequence(folder: Path) -> None:
-    sequence = compose(folder, 3, FRAMES)
+    sequence = compose(folder, 3)
     again = make_sequence(SequenceSpec(**json.loads(json.dumps(asdict(sequence.spec)))))
     assert again.spec == sequence.spec
-    for other in (again, compose(folder, 3, FRAMES)):
+    for other in (again, compose(folder, 3)):
         assert_same(sequence.scene(5), other.scene(5))
-    assert sequence.scene(5).camera != compose(folder, 4, FRAMES).scene(5).camera
+    assert sequence.scene(5).camera != compose(folder, 4).scene(5).camera
 
 
 @pytest.fixture(scope="module")
 def sequences(tmp_path_factory: pytest.TempPathFactory) -> list[Composition]:
     folder = files_in(tmp_path_factory.mktemp("files"))
-    return [compose(folder, seed, FRAMES) for seed in range(8)]
+    return [compose(folder, seed) for seed in range(8)]
 
 
 def test_the_previous_state_is_the_previous_frame_except_at_cuts(sequences: list[Composition]) -> None:
@@ -161,7 +165,7 @@ def test_props_stand_on_the_stage_and_the_camera_above_it(sequences: list[Compos
 
 def test_without_a_stage_props_stand_on_a_bare_floor(tmp_path: Path) -> None:
     cube().save(tmp_path / "cube.glb")
-    sequence = compose(tmp_path, 0, FRAMES)
+    sequence = compose(tmp_path, 0)
     assert [name for name, _ in sequence.spec.files] == ["cube.glb"]
     assert len(sequence.scene(0).instances) > 2
 
@@ -174,11 +178,23 @@ def test_panoramas_of_the_folder_are_used_and_bad_ones_named(folder: Path) -> No
         output.close()
 
     write(32)
-    shapes = {compose(folder, seed, FRAMES).scene(0).environment.pixels.shape for seed in range(8)}
+    shapes = {compose(folder, seed).scene(0).environment.pixels.shape for seed in range(8)}
     assert shapes == {(32, 64, 3), (64, 128, 3)}
     write(33)
     with pytest.raises(GltfError, match=r"some\.hdr: environment\.pixels is \(33, 66, 3\); want"):
-        compose(folder, 0, FRAMES)
+        compose(folder, 0)
+
+
+def test_a_file_that_is_neither_prop_nor_stage_is_left_out_with_the_reason(folder: Path) -> None:
+    wall = GltfFile()  # as a prop in centimetres
+    corners = wall.primitive([[0, 0, 0], [20, 0, 0], [0, 180, 0]], [(0, 1, 2)])
+    wall.add("nodes", mesh=wall.add("meshes", primitives=[corners]))
+    wall.save(folder / "centimetres.glb")
+    reasons = list[str]()
+    read = read_folder(folder, reasons.append)
+    assert "centimetres.glb" not in {name for name, _ in (*read.stages, *read.props)}
+    [reason] = reasons
+    assert "centimetres.glb is left out: it is 20 x 180 x 0 m, too large for a prop" in reason
 
 
 def test_missing_or_broken_input_is_named(folder: Path, tmp_path: Path) -> None:
@@ -189,8 +205,8 @@ def test_missing_or_broken_input_is_named(folder: Path, tmp_path: Path) -> None:
         compose(tmp_path / "nowhere", 0)
     with pytest.raises(SceneError, match=r"spec\.frames is 0; want"):
         compose(folder, 0, 0)
-    with pytest.raises(SceneError, match=r"index is 32; want 0 to 31"):
-        compose(folder, 0).scene(32)
+    with pytest.raises(SceneError, match=r"index is 12; want 0 to 11"):
+        compose(folder, 0).scene(FRAMES)
     (folder / "room.glb").write_bytes(b"glTF")
     with pytest.raises(GltfError, match=r"room\.glb: "):
         compose(folder, 0)

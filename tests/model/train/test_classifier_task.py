@@ -231,7 +231,7 @@ def guided_samples(guided_task: GuidedTask, data: Dataset) -> list[CropFrame]:
 def test_a_crop_anywhere_has_the_g_buffers_of_both_sizes_at_its_place(data: Dataset) -> None:
     dataset = unshaded_set(data, (1.0, 4.0))
     frame_read = dataset.read(dataset.entries("train")[0], 2)
-    cut = CropRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), gbuffers="both")
+    cut = CropRegion(left=9, top=3, size=SIZE, gbuffers="both")
     sample = cut.cut(frame_read, reset=False)
     color = sample.gbuffer["gbuffer_display_base_color"][0].permute(1, 2, 0).numpy()
     expected = gbuffer_frame(2).gbuffer_display

@@ -93,10 +93,9 @@ def cropped(sequence: list[TrainingFrame], cut: CropRegion) -> torch.Tensor:
 @pytest.mark.parametrize("render", [(96, 64), (64, 43), (48, 32), (32, 21)])
 def test_crops_at_all_places_of_a_frame_read_as_many_samples(render: tuple[int, int]) -> None:
     frame, size = frames(render)[0], 40
-    ratio = DISPLAY[0] / render[0], DISPLAY[1] / render[1]
     shapes = set()
     for left, top in itertools.product(range(DISPLAY[0] - size + 1), range(DISPLAY[1] - size + 1)):
-        shapes.add(CropRegion(left=left, top=top, size=size, ratio=ratio).cut(frame, reset=True).color.shape)
+        shapes.add(CropRegion(left=left, top=top, size=size).cut(frame, reset=True).color.shape)
     assert len(shapes) == 1
 
 
@@ -114,8 +113,7 @@ def test_a_crop_renders_the_part_of_the_whole_image(
     render: tuple[int, int], flip: tuple[bool, bool], turned: bool
 ) -> None:
     sequence = frames(render)
-    ratio = DISPLAY[0] / render[0], DISPLAY[1] / render[1]
-    cut = CropRegion(left=31, top=9, size=40, ratio=ratio, flip=flip, turned=turned)
+    cut = CropRegion(left=31, top=9, size=40, flip=flip, turned=turned)
     part = whole(sequence)[:, :, 9:49, 31:71]
     part = part.flip(3) if flip[0] else part
     part = part.flip(2) if flip[1] else part
@@ -126,14 +124,14 @@ def test_a_crop_renders_the_part_of_the_whole_image(
 
 def test_a_gain_of_the_colours_alone_scales_the_image() -> None:
     sequence = frames((48, 32))
-    cut = CropRegion(left=31, top=9, size=40, ratio=(2.0, 2.0))
+    cut = CropRegion(left=31, top=9, size=40)
     brighter = dataclasses.replace(cut, gain=4.0)
     assert torch.allclose(cropped(sequence, brighter), 4.0 * cropped(sequence, cut), rtol=1e-3, atol=1e-4)
 
 
 def test_fireflies_strike_a_few_frames_in_colour_alone_and_stay_in_range() -> None:
     frame = frames((48, 32))[0]
-    sample = CropRegion(left=31, top=9, size=40, ratio=(2.0, 2.0)).cut(frame, reset=True)
+    sample = CropRegion(left=31, top=9, size=40).cut(frame, reset=True)
     made = [with_fireflies(sample, np.random.default_rng(seed)) for seed in range(400)]
     struck = [other for other in made if not torch.equal(other.color, sample.color)]
     assert 0.5 * FIREFLY_CHANCE < len(struck) / len(made) < 2.0 * FIREFLY_CHANCE
@@ -156,7 +154,7 @@ def stored_frames(dataset: Dataset) -> list[TrainingFrame]:
 
 def test_a_crop_is_the_slice_of_the_frame_and_looks_at_it_with_its_jitter(dataset: Dataset) -> None:
     frame = stored_frames(dataset)[3]
-    cut = aligned_region(left=8, top=4, size=24, ratio=(RATIO, RATIO))
+    cut = aligned_region(left=8, top=4, size=24)
     sample = cut.cut(frame, reset=False)
     inner, outer = np.s_[2:14, 4:16], np.s_[4:28, 8:32]
     for got, whole in (
@@ -187,9 +185,7 @@ def test_a_crop_is_the_slice_of_the_frame_and_looks_at_it_with_its_jitter(datase
 def test_jitter_motion_and_buffers_agree_however_a_crop_is_turned(
     dataset: Dataset, across: bool, down: bool, turned: bool
 ) -> None:
-    cut = aligned_region(
-        left=8, top=6, size=30, ratio=(RATIO, RATIO), flip=(across, down), turned=turned, colors=(2, 0, 1)
-    )
+    cut = aligned_region(left=8, top=6, size=30, flip=(across, down), turned=turned, colors=(2, 0, 1))
     before, now = (cut.cut(stored_frames(dataset)[index], reset=False) for index in (1, 2))
     jitter, motion = now.view.jitter[0], now.motion[0]
     still = torch.zeros_like(motion)
@@ -224,7 +220,7 @@ def test_normals_are_rotated_alike_and_stay_zero_at_the_sky(dataset: Dataset) ->
     frame, entry = stored_frames(dataset)[3], dataset.entries("train")[0]
     drawn = draw_aligned(np.random.default_rng(0), entry, gbuffer_sets.DISPLAY, 28)
     np.testing.assert_allclose(drawn.world @ drawn.world.T, np.eye(3), atol=1e-6)
-    plain = aligned_region(left=8, top=0, size=28, ratio=(RATIO, RATIO))
+    plain = aligned_region(left=8, top=0, size=28)
     turned = CropRegion(**{**vars(plain), "world": drawn.world})
     found = []
     for cut in (plain, turned):

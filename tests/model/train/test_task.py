@@ -17,9 +17,10 @@ from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.methods.classifier import LargeClassifier
+from supersampler_model.methods.extrapolate import Extrapolate
 from supersampler_model.methods.gbuffer import SmallGBuffer
 from supersampler_model.methods.gbuffer_fast import GuidedClassifier
-from supersampler_model.training.classifier_tasks import GuidedTask, LargeTask
+from supersampler_model.training.classifier_tasks import ExtrapolateTask, GuidedTask, LargeTask
 from supersampler_model.training.datasets import method_inputs
 from supersampler_model.training.gbuffer_task import GBufferTask
 from supersampler_model.training.task import State, Task, start_task
@@ -43,8 +44,12 @@ TINY_GBUFFER = replace(SMALL_NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8,
 TASKS: dict[str, Callable[[], Task]] = {
     "classifier-large": lambda: LargeTask(LargeClassifier(ClassifierConfig(network=TINY))),
     "gbuffer-fast": lambda: GuidedTask(GuidedClassifier(GuidedConfig(network=TINY))),
+    "extrapolate": lambda: ExtrapolateTask(Extrapolate(ClassifierConfig(network=TINY))),
     "gbuffer-small": lambda: GBufferTask(SmallGBuffer(GBufferConfig(network=TINY_GBUFFER))),
 }
+
+SHADED = [name for name in TASKS if name != "extrapolate"]
+"""Those whose weights all change in two frames."""
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -69,17 +74,7 @@ def test_gradients_of_three_frames_reach_all_weights(dataset: Dataset, name: str
     assert [name for name, p in task.method.named_parameters() if p.grad is None or not p.grad.any()] == []
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "classifier",
-        "classifier-small",
-        "classifier-large",
-        "classifier-paper",
-        "gbuffer-small",
-        "gbuffer-fast",
-    ],
-)
+@pytest.mark.parametrize("name", ["classifier", "classifier-small", "classifier-paper", *SHADED])
 def test_a_run_changes_all_weights_and_another_begins_with_them(
     dataset: Dataset, tmp_path: Path, name: str
 ) -> None:

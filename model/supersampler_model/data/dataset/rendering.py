@@ -72,11 +72,12 @@ def check_ratios(name: str, ratios: Sequence[float], display_size: Size) -> None
         raise ArgumentError(name, got=list(ratios), want=f"some from 1.0 to {most} at this display size")
 
 
-def plan_sequences(plan: RenderPlan) -> Description:
+def plan_sequences(plan: RenderPlan, on_left_out: Callable[[str], None] = lambda _: None) -> Description:
     """Draw the sequences of a set: families alternate; one seed determines files, ratios and seeds.
 
     Procedural sequences for validation have other seeds than those for training. Composed ones also have
-    other files, if there are at least two of a kind (stages, props, panoramas).
+    other files, if there are at least two of a kind (stages, props, panoramas). `on_left_out` is called with
+    the reason why a file is not used.
 
     Raises:
         ArgumentError: an unknown family, a ratio below 1, or nothing to render.
@@ -86,7 +87,9 @@ def plan_sequences(plan: RenderPlan) -> Description:
     plan.check()
     random = np.random.default_rng(plan.seed)
     next_ratio = _ratio_turns(plan.ratios, random)
-    training, validation = (None, None) if plan.gltf is None else read_folder(plan.gltf).split(plan.seed)
+    training, validation = None, None
+    if plan.gltf is not None:
+        training, validation = read_folder(plan.gltf, on_left_out).split(plan.seed)
     fraction, entries = 0.0 if plan.gltf is None else plan.gltf_fraction, []
     for index in range(plan.sequences):
         seed = int(random.integers(1 << 31))

@@ -176,7 +176,7 @@ class Renderer:
 
         Raises:
             GraphicsError: there is no OpenGL.
-            SceneError: `samples` is not a square number.
+            SceneError: `samples` is not a square number, or the display is larger than OpenGL's textures.
         """
         if samples < 1 or isqrt(samples) ** 2 != samples:
             raise SceneError("samples", got=samples, want="a square number, such as 16 or 64")
@@ -189,6 +189,9 @@ class Renderer:
         self._programs: dict[tuple[str, ...], Programs] = {}
         self._screens: dict[Any, Any] = {}
         with self._gl:
+            largest = self._gl.info["GL_MAX_TEXTURE_SIZE"]
+            if max(display_size) > largest:
+                raise SceneError("display_size", got=display_size, want=f"at most {largest} pixels a side")
             self._assets = uploads.Assets(self._gl)
             self._shadow_programs = tuple(
                 _build(self._gl, ("blocks", "skin", "shadow_vert"), ("material", "shadow_frag"), defines)

@@ -15,6 +15,7 @@ from supersampler_model.data.scenes.scene import (
     Environment,
     Instance,
     Material,
+    Matrix,
     Mesh,
     Scene,
     Spot,
@@ -197,12 +198,20 @@ def draw_blocks(instances: tuple[Instance, ...]) -> bytes:
     blocks = []
     for instance in instances:
         normal = np.eye(4)
-        normal[:3, :3] = np.linalg.inv(instance.model[:3, :3]).T
+        normal[:3, :3] = _normal_matrix(instance.model[:3, :3])
         block = columns(instance.model, np.asarray(instance.model_before), normal)
         is_thin, moves = instance.thin, instance.moves()
         block += rows((instance.emission, is_thin and not moves, is_thin and moves, moves and not is_thin))
         blocks.append(block.ljust(DRAW_BYTES, b"\0"))
     return b"".join(blocks)
+
+
+def _normal_matrix(model: Matrix) -> Matrix:
+    """Return the inverse transpose (3, 3), or cofactors of the same direction if the model is flattened."""
+    if np.linalg.det(model) != 0.0:
+        return np.asarray(np.linalg.inv(model).T)
+    x, y, z = model.T
+    return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
 
 
 def palette_blocks(instances: list[Instance]) -> bytes:

@@ -93,8 +93,10 @@ class Folder:
         return training, validation if validation.stages or validation.props else None
 
 
-def read_folder(path: Path) -> Folder:
+def read_folder(path: Path, on_left_out: Callable[[str], None] = lambda _: None) -> Folder:
     """Read all files (.glb, .gltf, .hdr) in a folder and below, so that errors occur before rendering.
+
+    Files are in metres, y up. `on_left_out` is called with the reason why a file is not used.
 
     Raises:
         SceneError: there is no such folder, or no file in it to compose a sequence of.
@@ -115,6 +117,9 @@ def read_folder(path: Path) -> Folder:
             props.append((name, model.digest))
         elif ground_of(_room(model)) is not None:
             stages.append((name, model.digest))
+        else:
+            size = " x ".join(f"{side:.3g}" for side in np.ptp(model.bounds, axis=0))
+            on_left_out(f"{file} is left out: it is {size} m, too large for a prop, and has no free floor.")
     if not stages and not props:
         want = f"at least one .glb or .gltf smaller than {MIN_STAGE_SIZE:g} m, or with room to stand in"
         raise SceneError("folder", got=f"{path}, without any", want=want)
@@ -386,18 +391,6 @@ class Composition(Sequence):
             if best > _CAMERA_CLEARANCE:
                 break
         return found
-
-
-def compose(folder: Path | str, seed: int, frames: int = 32) -> Composition:
-    """Compose a sequence of the files (.glb, .gltf) and panoramas (.hdr) in a folder and below.
-
-    Files are in metres, y up. The same files and seed give the same sequence.
-
-    Raises:
-        SceneError: there is no file in the folder.
-        GltfError: one of the files is broken or not supported.
-    """
-    return Composition(read_folder(Path(folder)).spec(seed, frames))
 
 
 def _read(spec: SequenceSpec) -> tuple[list[GltfScene], list[GltfScene], Environment | None]:
