@@ -213,22 +213,36 @@ def test_one_frame_is_too_few(frames: list[Frame]) -> None:
 SIZE = (8, 6)
 
 
-def raw(jitter: tuple[float, float] = (0.0, 0.0), **fields: Any) -> RawFrame:
+def raw(**fields: Any) -> RawFrame:
     w, h = SIZE
     plain: dict[str, Any] = {
         "color": np.ones((h, w, 3), np.float32),
         "depth": np.full((h, w), 0.5, np.float32),
         "motion": np.zeros((h, w, 2), np.float32),
     }
-    return RawFrame(**{**plain, **fields}, jitter=jitter)
+    return RawFrame(**{**plain, **fields})
 
 
 @pytest.mark.parametrize(
-    "fields", [{"depth": np.ones((6, 8, 1))}, {"motion": np.ones((6, 8))}, {"motion": np.ones((6, 8, 3))}]
-)
-def test_depth_and_motion_of_another_shape_are_refused(fields: dict[str, Any]) -> None:
-    with pytest.raises(FrameError, match="motion"):
-        FrameProbe.of_raw(raw(**fields), Conventions())
+    ("name", "value"),
+    [
+        ("depth", np.ones((6, 8, 1))), ("depth", np.ones((0, 8))),
+        ("motion", np.ones((6, 8))), ("motion", np.ones((6, 8, 3))), ("motion", np.ones((6, 7, 2))),
+        ("color", np.ones((6, 8, 4))), ("color", np.ones((12, 16, 3))), ("color", np.ones((6, 8))),
+        ("jitter", (0.1, 0.2, 0.3)), ("jitter", ("0.1", "0.2")), ("pre_exposure", 0.0), ("reset", "no"),
+    ],
+)  # fmt: skip
+def test_a_bad_input_of_a_raw_frame_is_named(name: str, value: Any) -> None:
+    with pytest.raises(FrameError) as caught:
+        detect_conventions([raw(**{name: value})] * 2)
+    assert caught.value.name == name
+
+
+def test_jitter_may_be_an_array_or_a_list(frames: list[Frame]) -> None:
+    conventions = Conventions(jitter_sign=-1)
+    for kind in (np.array, list):
+        raws = [replace(each, jitter=kind(each.jitter)) for each in planted(frames, conventions)]  # type: ignore[arg-type]
+        assert_found(detect_conventions(raws), conventions)
 
 
 def seen(depth: Any = None, jitter: tuple[float, float] = (0.0, 0.0)) -> FrameProbe:
