@@ -54,7 +54,7 @@ class Recorder:
         inputs: Collection[str],
         **settings: Any,
     ) -> None:
-        self.path, self._inputs = Path(path), inputs
+        self.path, self._inputs = Path(path).absolute(), inputs  # the working directory may change
         self._failure: RecordingError | None = None
         self._count, self._steps, self._on = 0, 0, True
         setup = Setup(
