@@ -324,5 +324,6 @@ def test_the_sky_of_linear_depth_is_its_far_plane(far: float, written: float | N
 
 def test_coarse_depth_has_no_kind() -> None:
     coarse = 0.1 + 0.01 * (X * 32 // 80)
-    verdict = rank_depth([], [seen(), seen(coarse)], Conventions())
+    verdict = rank_depth([], [seen(), seen(coarse)], Conventions(depth="linear"))
+    assert verdict.overrides == {}, "it stays as stated"
     assert verdict.reason == "it has only 32 evenly spaced values"

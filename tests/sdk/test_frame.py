@@ -15,7 +15,11 @@ H, W = 18, 32
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("depth", np.ones((W, H), np.float32), r"is \(32, 18\) float32; want \(18, 32\) float32. Width and"),
+        (
+            "depth",
+            np.ones((W, H), np.float32),
+            r"is \(32, 18\) float32; want \(18, 32\) float32. Width and",
+        ),
         ("depth", np.ones((H, W, 1), np.float32), r"want \(18, 32\) float32. Drop the last axis"),
         ("depth", np.ones((H, W), np.float16), r"is \(18, 32\) float16; want .* float32. Convert it"),
         ("motion", np.zeros((H, W, 2)), r"is .* float64; want .* float16 or float32"),
@@ -101,20 +105,6 @@ def test_anything_with_dlpack_is_taken() -> None:
 def test_a_frame_cannot_be_changed() -> None:
     with pytest.raises(AttributeError):
         noise(1).reset = True  # type: ignore[misc]
-
-
-def test_the_message_is_that_of_the_docs() -> None:
-    with pytest.raises(FrameError) as caught:
-        Frame(
-            color=np.zeros((45, 80, 3), np.float32),
-            depth=np.zeros((80, 45), np.float32),
-            motion=np.zeros((45, 80, 2), np.float32),
-            jitter=(0.0, 0.0),
-        )
-    assert str(caught.value) == (
-        "frame.depth is (80, 45) float32; want (45, 80) float32. "
-        "Width and height are swapped: arrays are (height, width, channels)."
-    )
 
 
 @pytest.mark.parametrize("channels", [3, 4])

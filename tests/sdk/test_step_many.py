@@ -85,7 +85,7 @@ def test_outputs_are_those_of_a_session_for_each_view() -> None:
     at_once, alone = cameras(model), cameras(model)
     names = "weight", "class_map", "ids"
     for index in range(3):
-        frames = [replace(f, ids=np.int32(9.0 * np.asarray(f.color))) for f in frames_at(index)]
+        frames = [replace(f, ids=(9.0 * np.asarray(f.color)).astype(np.int32)) for f in frames_at(index)]
         results = Upscaler.step_many(at_once, frames, outputs=names)
         for result, upscaler, frame in zip(results, alone, frames, strict=True):
             expected = upscaler.step(frame, outputs=names)
