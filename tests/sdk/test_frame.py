@@ -15,11 +15,7 @@ H, W = 18, 32
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        (
-            "depth",
-            np.ones((W, H), np.float32),
-            r"is \(32, 18\) float32; want \(18, 32\) float32. Width and",
-        ),
+        ("depth", np.ones((W, H), np.float32), r"is \(32, 18\) float32; want \(18, 32\) float32. Width and"),
         ("depth", np.ones((H, W, 1), np.float32), r"want \(18, 32\) float32. Drop the last axis"),
         ("depth", np.ones((H, W), np.float16), r"is \(18, 32\) float16; want .* float32. Convert it"),
         ("motion", np.zeros((H, W, 2)), r"is .* float64; want .* float16 or float32"),
@@ -147,7 +143,7 @@ def test_a_step_without_a_frame_names_the_argument_and_prints_no_pixels() -> Non
         (item, "Pass the `frame` of the ShotFrame"),
         ([item.frame], "one frame per call"),
         (item.frame.color, "Frame(color=, depth=, motion=, jitter=) takes the arrays"),
-        (shot.read_raw(0), "`Conventions.converter` makes one of a RawFrame"),
+        (shot.read_raw(0), "`Conventions.converter` converts a RawFrame"),
         ({"color": item.frame.color}, "want a supersampler.Frame"),
     ):
         with pytest.raises(ArgumentError) as caught:
