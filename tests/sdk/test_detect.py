@@ -22,7 +22,7 @@ FIELDS = (
     "motion_unit", "motion_direction", "motion_flip_y", "motion_jittered",
     "jitter_unit", "jitter_sign", "jitter_flip_y", "motion_resolution",
 )  # fmt: skip
-MOTION_READINGS = [
+MOTION_READINGS: list[dict[str, Any]] = [
     {
         "motion_unit": unit, "motion_direction": way, "motion_flip_y": flip,
         "motion_jittered": flip == (way == "current_minus_previous"),
@@ -32,15 +32,16 @@ MOTION_READINGS = [
     )
 ]  # fmt: skip
 """Every two values of different fields occur together, as in JITTER_READINGS."""
-JITTER_READINGS = [
+JITTER_READINGS: list[dict[str, Any]] = [
     {"jitter_unit": unit, "jitter_sign": sign, "jitter_flip_y": (sign < 0) == (unit == "ndc")}
     for unit, sign in product(("pixels", "uv", "ndc"), (1, -1))
 ]
-DEPTH_READINGS = [
+DEPTH_READINGS: list[dict[str, Any]] = [
     {"depth": "reversed", "far": 100.0}, {"depth": "forward", "far": 100.0},
     {"depth": "forward_infinite"}, {"depth": "linear"},
     {"depth": "linear", "far": 1e10}, {"depth": "linear", "far": 1000.0},
 ]  # fmt: skip
+PRESETS = ["fsr", "xess", "streamline", "unreal", "unity", "godot", "blender", "arm_gym"]
 
 
 @pytest.fixture(scope="module")
@@ -63,32 +64,19 @@ def assert_found(detection: Detection, conventions: Conventions) -> None:
 
 
 @pytest.mark.parametrize(
-    "mistake",
-    [*MOTION_READINGS, *JITTER_READINGS, *DEPTH_READINGS],
-    ids=lambda mistake: "-".join(map(str, mistake.values())),
+    "conventions",
+    [
+        *(Conventions(**reading) for reading in (*MOTION_READINGS, *JITTER_READINGS, *DEPTH_READINGS)),
+        *(
+            Conventions(motion_jittered=True, jitter_sign=sign, jitter_flip_y=flip)
+            for sign, flip in product((1, -1), (False, True))
+        ),
+        Conventions(motion_resolution="display", motion_unit="ndc"),
+        *(getattr(Conventions, name)() for name in PRESETS),
+    ],
+    ids=repr,
 )
-def test_every_reading_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
-    conventions = Conventions(**mistake)
-    assert_found(detect_conventions(planted(frames, conventions)), conventions)
-
-
-@pytest.mark.parametrize("flip", [False, True])
-@pytest.mark.parametrize("sign", [1, -1])
-def test_jitter_is_found_even_where_motion_has_it_in_it(frames: list[Frame], sign: int, flip: bool) -> None:
-    conventions = Conventions(motion_jittered=True, jitter_sign=sign, jitter_flip_y=flip)
-    assert_found(detect_conventions(planted(frames, conventions)), conventions)
-
-
-@pytest.mark.parametrize(
-    "name", ["fsr", "xess", "streamline", "unreal", "unity", "godot", "blender", "arm_gym"]
-)
-def test_every_preset_is_found_with_nothing_stated(frames: list[Frame], name: str) -> None:
-    conventions = getattr(Conventions, name)()
-    assert_found(detect_conventions(planted(frames, conventions)), conventions)
-
-
-def test_motion_at_display_size_is_found(frames: list[Frame]) -> None:
-    conventions = Conventions(motion_resolution="display", motion_unit="ndc")
+def test_conventions_are_found_with_nothing_stated(frames: list[Frame], conventions: Conventions) -> None:
     assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
