@@ -12,7 +12,7 @@ FORMATS = {
     "motion": ("rg32float", 2),
     "reactive": ("r32float", 1),
 }
-COPY_SRC, COPY_DST, SAMPLED, STORED, STORAGE = 1, 2, 4, 8, 128
+COPY_SRC, COPY_DST, SAMPLED, STORED, RENDERED, STORAGE = 1, 2, 4, 8, 16, 128
 """Usage flags of WebGPU: of textures, and of buffers."""
 
 

@@ -16,15 +16,22 @@ because a faster one cannot.
 """
 
 import difflib
+import inspect
+import os
+import warnings
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 INCOMPLETE_PACKAGE = (
     "Build a frozen app with pyinstaller --collect-all supersampler; otherwise install the package again."
 )
 """Remedy if a data file of this package is missing."""
 _MAX_SHOWN = 120  # characters of a value in a message
+_INSIDE = tuple(f"{Path(file).parent}{os.sep}" for file in (__file__, np.__file__))
+"""Folders of this package, and of numpy, which wraps its public functions (`ieee_arithmetic`)."""
 
 
 class SupersamplerError(Exception):
@@ -116,6 +123,14 @@ class FrameWarning(UserWarning):
 
 class BackendWarning(UserWarning):
     """A model runs on a slower backend; the message says why and what to install."""
+
+
+def warn(warning: Warning) -> None:
+    """Emit a warning at the line of the program that called this package."""
+    level, frame = 1, inspect.currentframe()
+    while frame is not None and frame.f_code.co_filename.startswith(_INSIDE):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(warning, stacklevel=level)
 
 
 def _restored(

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,7 +118,8 @@ class Model:
         self.providers: list[str] = getattr(executor, "providers", [CPU])
         self._executor = executor
         self._aov_blender = AovBlender(info, threads)
-        self._kind = type(executor), self.device, info.history
+        # ONNX Runtime's are plain tensors; others refer to their model, or are on its device
+        self._kind = self.device if executor.name == "onnx" else executor, info.history
         self.on_extrapolated = on_extrapolated or self
 
     @classmethod
@@ -163,6 +164,11 @@ class Model:
         other = read_model_info(info.extrapolated)
         steps = OnnxExecutor(other, threads, chosen.providers, chosen.precision)
         return cls(info, chosen, threads, cls(other, steps, threads))
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copying and pickling: a model has threads, and memory of its backend."""
+        hint = "Threads may share it; another process loads its own: Model.load(...)."
+        raise ArgumentError("model", got="to be copied or pickled", want="loaded", hint=hint)
 
     @property
     def executor(self) -> str:

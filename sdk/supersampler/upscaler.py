@@ -3,7 +3,9 @@
 import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
+from copy import copy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias, get_args, overload
@@ -79,6 +81,7 @@ class CameraState(NamedTuple):
 
     Attributes:
         display_size: (width, height) of the images; with `scale`, None before the first frame.
+        checker: checks of the frames so far; never changed.
         history: history for the next frame; None at the start or after a reset.
         spare: the previous history; the next step writes to its buffers.
         shaded: history from which unshaded frames are extrapolated.
@@ -86,6 +89,7 @@ class CameraState(NamedTuple):
     """
 
     display_size: Size | None
+    checker: FrameChecker
     history: History | None = None
     spare: History | None = None
     shaded: ShadedHistory | None = None
@@ -177,8 +181,8 @@ class Upscaler:
             self.model = Model.load(
                 model, providers=providers, threads=threads, executor=executor, precision=precision
             )
-        self._camera = CameraState(display_size)
-        self._checker = FrameChecker(validate, converges=self.model.info.converges)
+        self._new_checker = partial(FrameChecker, validate, converges=self.model.info.converges)
+        self._camera = CameraState(display_size, self._new_checker())
         self._extrapolator: Extrapolator | None = None
         self._on_extrapolated, infos = self.model, [self.model.info]
         if extrapolation is not None:
@@ -329,12 +333,14 @@ class Upscaler:
         """
         started = time.perf_counter()
         upscalers, frames = _checked_views(upscalers, frames, out)
-        steps, names = [], checked_names("outputs", outputs)
+        steps, following, names = [], [], checked_names("outputs", outputs)
         for view, (upscaler, frame) in enumerate(zip(upscalers, frames, strict=True)):
             try:
                 upscaler._checked_call(frame, names)
                 target = None if out is None else out[view]
-                steps.append(upscaler._checked_step(upscaler.model, frame, frame, target, names))
+                step, checker = upscaler._checked_step(upscaler.model, frame, frame, target, names)
+                steps.append(step)
+                following.append((checker, upscaler._after_shaded(frame)))
             except (FrameError, ArgumentError) as error:
                 error.name_view(view)
                 raise
@@ -346,12 +352,10 @@ class Upscaler:
             ]
             made = upscalers[0].model.run_checked(steps)
             seconds = (time.perf_counter() - started) / len(steps)
-            for upscaler, step, (result, next_history, stages), results in zip(
-                upscalers, steps, made, recorded, strict=True
+            for upscaler, step, after, (result, next_history, stages), results in zip(
+                upscalers, steps, following, made, recorded, strict=True
             ):
-                upscaler._advance(
-                    step.history, next_history, seconds, upscaler._after_shaded(step.frame), stages
-                )
+                upscaler._advance(step.history, next_history, seconds, *after, stages)
                 results.append(result)
         return [result if names else result.image for [result] in recorded]  # type: ignore[return-value]
 
@@ -401,7 +405,7 @@ class Upscaler:
         """Upscale the next frame, which was not shaded, with a colour that the caller has computed.
 
         As with `extrapolate`, the colour is not added to the means of static pixels. The call cannot be
-        recorded.
+        recorded. Requires no `extrapolation`.
 
         Args:
             frame: the frame, without colour.
@@ -410,7 +414,7 @@ class Upscaler:
 
         Raises:
             FrameError: see `step`; or the frame has colour.
-            ArgumentError: see `step`; or calls are recorded.
+            ArgumentError: see `step`; or calls are recorded, or the Upscaler has an `extrapolation`.
         """
         outputs = self._checked_call(frame, outputs)
         if self._recorder is not None:
@@ -418,9 +422,10 @@ class Upscaler:
         if frame.color is not None:
             hint = "`step` takes shaded frames."
             raise FrameError("color", got=frame.color.shape, want="None, as it is computed", hint=hint)
-        shaded_frame = replace(frame, color=color)
-        model = self.model.on_extrapolated
-        result = self._upscale(model, frame, shaded_frame, self._camera.shaded, None, outputs)
+        # the motion since the last shaded frame would lack that of this frame
+        self._check_no_extrapolation("step_computed", "`extrapolate` takes frames without colour.")
+        shaded_frame, model = replace(frame, color=color), self.model.on_extrapolated
+        result = self._upscale(model, frame, shaded_frame, None, None, outputs)
         return result if outputs else result.image
 
     @ieee_arithmetic
@@ -472,7 +477,7 @@ class Upscaler:
                 tensors, history, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, out=out,
                 history_out=self._camera.spare, adds_samples=ADDED[self.at_rest],
             )  # fmt: skip
-            self._advance(history, next_history, time.perf_counter() - started)
+            self._advance(history, next_history, time.perf_counter() - started, self._new_checker())
             results.append(image)
         return image
 
@@ -501,15 +506,16 @@ class Upscaler:
 
         Args:
             images: images by name, on the model's device, in the units of `Frame`: "color" (RGB), "depth"
-                (R), "motion" (RG), optionally "reactive" (R). Either textures of a float format, with
-                TEXTURE_BINDING, or buffers of float32, with STORAGE: the arrays of a `Frame`, row by row.
-                G-buffers that the method reads are textures in either case, by the names of the contract:
-                "gbuffer_normal", "gbuffer_display_depth".
+                (R), "motion" (RG), optionally "reactive" (R). Either textures of a float format, with one
+                sample and TEXTURE_BINDING, or buffers of float32, with STORAGE: the arrays of a `Frame`, row
+                by row. G-buffers that the method reads are textures in either case, by the names of the
+                contract: "gbuffer_normal", "gbuffer_display_depth".
             jitter: see `Frame`.
             exposure: see `Frame`.
             pre_exposure: see `Frame`.
             reset: see `Frame`.
-            render_size: (width, height) of buffers; not needed for textures.
+            render_size: (width, height) of the frame: of buffers, or of the part of larger textures that was
+                rendered, from the upper left. None is the size of the textures.
             out: where to write the image: a texture rgba16float with STORAGE_BINDING, or a buffer of float32
                 (H, W, 3) with STORAGE; None allocates a texture.
             aovs: AOVs to blend: textures, whose four channels are blended each, or one buffer of float32
@@ -528,12 +534,17 @@ class Upscaler:
             ArgumentError: the executor is not "gpu", or `out` or `aovs_out` has a wrong format, size, usage
                 or device.
         """
-        encoder = self.model.gpu.device.create_command_encoder()
+        camera, gpu = self._camera, self.model.gpu
+        encoder = gpu.device.create_command_encoder()
         image = self.encode_into(
             encoder, images, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset,
             render_size=render_size, out=out, aovs=aovs, aovs_out=aovs_out,
         )  # fmt: skip
-        self.model.gpu.device.queue.submit([encoder.finish()])
+        try:
+            gpu.submit(encoder)
+        except BaseException:
+            self._camera = camera
+            raise
         return image
 
     def encode_into(
@@ -558,9 +569,9 @@ class Upscaler:
         # other backends do not need it
         from supersampler.backends.gpu.frame import (
             DeviceFrame,
+            check_apart,
             check_encoder,
             checked_aovs,
-            checked_gbuffers,
             checked_images,
             checked_target,
             is_texture,
@@ -578,21 +589,23 @@ class Upscaler:
         names = [tensor.name for tensor in self.model.info.inputs]
         size = None if render_size is None else checked_size("render_size", render_size)
         read = [*names, "depth"] if aovs else names  # motion is dilated by depth
-        given, size = checked_images(images, read, size, gpu.device)
+        may_be_larger = size is not None
+        given, size = checked_images(images, read, size, self._display_size_for, gpu.device)
         reset = checked_reset(reset)
         values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
         display = self._display_size_for(size)
-        given |= checked_gbuffers(images, names, size, display, gpu.device)
         blended = checked_aovs(
-            aovs, aovs_out, size, display, gpu.device, in_textures=is_texture(given["color"])
-        )
+            aovs, aovs_out, size, display, gpu.device,
+            in_textures=is_texture(given["color"]), may_be_larger=may_be_larger,
+        )  # fmt: skip
         image = gpu.new_image(display) if out is None else checked_target(out, display, gpu.device)
+        check_apart([image, *aovs_out], [*given.values(), *aovs])
         history = self._history(size, reset=reset)
         next_history = self.model.encode(
             encoder, DeviceFrame(given, size, *values, blended), history, image, self._camera.spare,
             adds_samples=ADDED[self.at_rest], skip=self.skip,
         )  # fmt: skip
-        self._advance(history, next_history, time.perf_counter() - started)
+        self._advance(history, next_history, time.perf_counter() - started, self._new_checker())
         return image
 
     def reset(self) -> None:
@@ -600,8 +613,7 @@ class Upscaler:
         self._check_open()
         if self._recorder is not None:
             self._recorder.reset()
-        self._camera = self._camera._replace(history=None, shaded=None)
-        self._checker.reset()
+        self._camera = self._camera._replace(history=None, shaded=None, checker=self._new_checker())
 
     @ieee_arithmetic
     def warm_up(self, render_size: Size | None = None) -> None:
@@ -636,6 +648,8 @@ class Upscaler:
     def load_state(self, state: State) -> None:
         """Continue from `state`. If it has no shaded frame, `step` one before `extrapolate`.
 
+        A state from before the first frame drops the history, as `reset` does.
+
         Raises:
             ArgumentError: the state has another method, extrapolation or display size. The history is
                 unchanged.
@@ -649,12 +663,12 @@ class Upscaler:
             shaded = self._extrapolator.load(state.shaded)
         if self._recorder is not None:
             self._recorder.load_state(state)
-        self._camera = CameraState(state.display_size, history, None, shaded, self.stats)
-        self._checker.reset()
+        display, checker = state.display_size or self.display_size, self._new_checker()
+        self._camera = CameraState(display, checker, history, None, shaded, self.stats)
 
     def close(self) -> None:
         """Free the history and end the recording; all later calls except `close` raise ArgumentError."""
-        self._camera = CameraState(self.display_size, stats=self.stats)
+        self._camera = CameraState(self.display_size, self._new_checker(), stats=self.stats)
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
@@ -691,24 +705,26 @@ class Upscaler:
     ) -> StepResult:
         """Step on `frame`, which is `given`, or `given` with an extrapolated colour."""
         started = time.perf_counter()
-        step = self._checked_step(model, given, frame, out, outputs)
+        step, checker = self._checked_step(model, given, frame, out, outputs)
         [(result, next_history, stages)] = model.run_checked([step])
         seconds = time.perf_counter() - started
-        self._advance(step.history, next_history, seconds, shaded, stages, extrapolation_seconds)
+        self._advance(step.history, next_history, seconds, checker, shaded, stages, extrapolation_seconds)
         return result
 
     def _checked_step(
         self, model: Model, given: Frame, frame: Frame, out: Float32 | None, outputs: Collection[str]
-    ) -> ModelStep:
-        """Check the arguments of `_upscale`, and return those of `Model.run_checked`."""
+    ) -> tuple[ModelStep, FrameChecker]:
+        """Check the arguments of `_upscale`; return those of `Model.run_checked`, and the next checker."""
         display = self._display_size_for(frame.size)
         history = None if frame.reset else self._camera.history
         # before anything is allocated for a frame that may be refused
         model.check(frame, display, outputs, history, out)
-        self._checker.check(given, display, self.gbuffers)
+        checker = copy(self._camera.checker)  # the step may fail, or that of another view
+        checker.check(given, display, self.gbuffers)
         history = self._history(frame.size, reset=frame.reset)
         adds_samples = 0.0 if given.color is None else ADDED[self.at_rest]
-        return ModelStep(frame, history, outputs, out, self._camera.spare, adds_samples, self.skip)
+        step = ModelStep(frame, history, outputs, out, self._camera.spare, adds_samples, self.skip)
+        return step, checker
 
     def _after_shaded(self, frame: Frame) -> ShadedHistory | None:
         """Return the history from which unshaded frames after this one are extrapolated."""
@@ -730,18 +746,19 @@ class Upscaler:
         history: History,
         next_history: History,
         seconds: float,
+        checker: FrameChecker,
         shaded: ShadedHistory | None = None,
         stages: Mapping[str, float] | None = None,
         extrapolation_seconds: float | None = None,
     ) -> None:
-        """Store the result of a step that read `history` and took `seconds`."""
+        """Store the result of a step that read `history` and took `seconds`, and its checker."""
         stats = self._camera.stats.after_step(
             fresh=history is not self._camera.history,
             seconds=seconds,
             stages=stages,
             extrapolation_seconds=extrapolation_seconds,
         )
-        self._camera = CameraState(next_history.display_size, next_history, history, shaded, stats)
+        self._camera = CameraState(next_history.display_size, checker, next_history, history, shaded, stats)
 
     def _checked_call(self, frame: Frame, outputs: Collection[str]) -> tuple[str, ...]:
         """Check the arguments that a recording stores; return the names of the outputs."""
@@ -753,9 +770,10 @@ class Upscaler:
         if self._closed:
             raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
-    def _check_no_extrapolation(self, call: str) -> None:
+    def _check_no_extrapolation(
+        self, call: str, hint: str = "Extrapolation takes arrays only: use `step`."
+    ) -> None:
         if self._extrapolator is not None:
-            hint = "Extrapolation takes arrays only: use `step`."
             raise ArgumentError(call, got="called with extrapolation", want="one of the two", hint=hint)
 
     def _history_of(self, state: State) -> History | None:
@@ -769,7 +787,7 @@ class Upscaler:
             raise ArgumentError("state", got=f"of {state.method!r}", want=f"of {method!r}")
         display = state.display_size
         display = None if display is None else checked_size("state.display_size", display)
-        if self.display_size not in (None, display):
+        if None not in (self.display_size, display) and self.display_size != display:
             raise ArgumentError("state", got=f"at {state.display_size}", want=f"at {self.display_size}")
         if state.history is None:
             return None

@@ -174,7 +174,7 @@ def test_maps_and_aovs_are_those_of_the_cpu_backend() -> None:
             assert np.abs(one - other).mean() < (0.05 if name == "count" else 0.01), (name, index)
 
 
-def test_textures_give_the_images_of_arrays(device: Any) -> None:
+def test_textures_give_the_images_of_arrays_and_wrong_ones_are_refused_by_name(device: Any) -> None:
     (render, display) = SIZES[3]
     upscaler, arrays = make(METHOD, display=display), make(METHOD, display=display)
     for index in range(3):
@@ -183,6 +183,9 @@ def test_textures_give_the_images_of_arrays(device: Any) -> None:
         image = upscaler.step_textures(images, jitter=frame.jitter, exposure=1.0, reset=frame.reset)
         shown = [display_transform(each) for each in (pixels_of(device, image), arrays.step(frame))]
         assert np.abs(shown[0] - shown[1]).max() < 0.01
+    for name, wrong in (("gbuffer_display_normal", images["gbuffer_normal"]), ("gbuffer_base_color", None)):
+        with pytest.raises(FrameError, match=name):
+            upscaler.step_textures({**images, name: wrong}, jitter=frame.jitter)
 
 
 def gbuffer_textures(device: Any, frame: Frame) -> dict[str, Any]:
@@ -191,13 +194,3 @@ def gbuffer_textures(device: Any, frame: Frame) -> dict[str, Any]:
         name: texture_of(device, GBUFFERS[name].find(frame), *formats[GBUFFERS[name].channels])
         for name in GBUFFERS_READ
     }
-
-
-def test_a_texture_of_the_wrong_size_is_refused_by_name(device: Any) -> None:
-    frame = frame_at(0, *SIZES[3])
-    images = textures_of(device, frame) | gbuffer_textures(device, frame)
-    upscaler = make(METHOD, display=SIZES[3][1])
-    wrong = {"gbuffer_display_normal": images["gbuffer_normal"], "gbuffer_base_color": None}
-    for name, image in wrong.items():
-        with pytest.raises(FrameError, match=name):
-            upscaler.step_textures({**images, name: image}, jitter=frame.jitter)

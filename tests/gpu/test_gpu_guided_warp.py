@@ -153,13 +153,13 @@ def test_frames_that_were_not_shaded_run_on_the_device_of_the_model(device: Any)
         for model in (Model.load("taau", executor="gpu", device=own), Model.load("taau", executor="cpu"))
     )
     assert upscaler._extrapolator.executor == "gpu"
-    for index in range(4):
+    for index in range(6):
         frame = replace(moving(index), gbuffer=guides)
         if index % 2:
             images = [each.extrapolate(replace(frame, color=None)) for each in (upscaler, other)]
         else:
             images = [each.step(frame) for each in (upscaler, other)]
-        assert distance(images[0], images[1]) < 4e-3
+        assert distance(images[0], images[1]) <= 2e-3
 
 
 def test_a_model_without_shaders_extrapolates_beside_the_gpu_backend() -> None:

@@ -2,7 +2,6 @@
 
 import gc
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from gpu_steps import METHODS, RENDER, TOLERANCES, distance, make, moving
 from method_lists import WITH_SHADERS
 from noise import Size
 from shared_models import shared_model
-from supersampler import Frame, halton_jitter
 from supersampler.arguments import ExecutorName
 from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
@@ -21,39 +19,23 @@ from supersampler.backends.gpu.passes import MAX_GROUPS
 from supersampler.backends.gpu.program import ARRAYS
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
-from supersampler_bench.stress import scenes
 
 MAPS = {"taa": ["weight"], "taau": ["weight", "count", "converged"]}
 ALL_MAPS = ["class_map", "weight", "count", "converged"]
 MAX_GROWTH = 8 << 20
 
 
-def still(index: int) -> Frame:
-    """One scene, sampled with jitter."""
-    frame = scenes.Orbit().frame(0, RENDER, halton_jitter(index, 2.0))
-    zeros = np.zeros_like(frame.motion)
-    return replace(frame, motion=zeros, reset=index == 0, exposure=1.0)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_a_saved_state_continues_bit_for_bit(method: str) -> None:
-    ours, other = make(method), make(method)
-    for index in range(4):
-        ours.step(moving(index))
-    other.load_state(ours.save_state())
-    for index in range(4, 7):
-        np.testing.assert_array_equal(other.step(moving(index)), ours.step(moving(index)))
-
-
 @pytest.mark.parametrize("method", WITH_SHADERS)
-@pytest.mark.parametrize(("first", "second"), [("cpu", "gpu"), ("gpu", "cpu"), ("onnx", "gpu")])
+@pytest.mark.parametrize(
+    ("first", "second"), [("gpu", "gpu"), ("cpu", "gpu"), ("gpu", "cpu"), ("onnx", "gpu")]
+)
 def test_a_state_passes_from_one_backend_to_another(method: str, first: str, second: str) -> None:
     before, after, whole = make(method, first), make(method, second), make(method, second)
     for index in range(4):
         before.step(moving(index))
         whole.step(moving(index))
     after.load_state(before.save_state())
-    most = 2 * TOLERANCES[method] + (1e-3 if first == "onnx" else 0.0)
+    most = 2 * TOLERANCES[method] * (first != second) + 1e-3 * (first == "onnx")
     for index in range(4, 7):
         assert distance(after.step(moving(index)), whole.step(moving(index))) <= most
 
@@ -83,13 +65,6 @@ def test_a_recording_replays_bit_for_bit_and_on_other_backends(tmp_path: Path) -
         assert len(steps) == 3
         assert all(step.within for step in steps)
         assert all(step.exact for step in steps) == (executor is None)
-
-
-def test_without_convergence_nothing_freezes() -> None:
-    upscaler = make("taau", at_rest="off")
-    for index in range(40):
-        upscaler.step(still(index))
-    assert upscaler.stats.converged == 0.0
 
 
 @pytest.mark.parametrize("method", ["taau", "classifier-small"])

@@ -41,7 +41,6 @@ SIZES_OF_LARGE = [
     ((17, 9), (34, 17)),
 ]
 """`classifier-large` has ratios to 2."""
-FOUR_TIMES = ((9, 5), (36, 20))
 FRAMES = 100
 LEARNED_FRAMES = 15  # of a network in torch and ONNX Runtime, which are slow; `bench parity` compares more
 
@@ -78,15 +77,11 @@ def test_hundreds_of_images_stay_with_those_of_torch_onnx_and_the_cpu(method: st
     [
         *((method, *sizes) for method in METHODS for sizes in SIZES),
         *(("classifier-large", *sizes) for sizes in SIZES_OF_LARGE),
+        *((method, (9, 5), (36, 20)) for method in ("taa", "taau")),
     ],
 )
 def test_odd_sizes_and_ratios_have_the_images_of_the_cpu(method: str, render: Size, display: Size) -> None:
     assert_alike(method, [noise(seed, render) for seed in range(4)], display)
-
-
-@pytest.mark.parametrize("method", ["taa", "taau"])
-def test_a_ratio_of_four_has_the_images_of_the_cpu(method: str) -> None:
-    assert_alike(method, [noise(seed, FOUR_TIMES[0]) for seed in range(4)], FOUR_TIMES[1])
 
 
 @pytest.mark.parametrize("method", WITH_SHADERS)

@@ -49,15 +49,3 @@ def test_a_mask_of_zeros_and_a_power_of_two_change_no_bit(method: str) -> None:
         color = np.asarray(frame.color) * np.float32(factor)
         image = ours.step(replace(frame, color=color, pre_exposure=factor, reactive=zeros))
         np.testing.assert_array_equal(image, np.float32(factor) * theirs.step(frame))
-
-
-@pytest.mark.parametrize("method", ["taa", "taau", "classifier-small"])
-def test_a_missing_sample_shows_the_history_under_any_mask(method: str) -> None:
-    plain, full = make(method), make(method)
-    for index in range(3):
-        frame = noise(index, (20, 12), exposure=1.0)
-        plain.step(frame)
-        full.step(frame)
-    missing = noise(3, (20, 12), exposure=1.0, color=np.full((12, 20, 3), np.nan, np.float32))
-    everywhere = replace(missing, reactive=np.ones((12, 20), np.float32))
-    np.testing.assert_array_equal(full.step(everywhere), plain.step(missing))

@@ -8,9 +8,11 @@ import pytest
 
 from gpu_steps import DISPLAY, RENDER, device_or_skip, make, moving
 from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
+from supersampler.errors import DeviceError
 from texture_frames import (
     COPY_DST,
     COPY_SRC,
+    RENDERED,
     SAMPLED,
     STORAGE,
     STORED,
@@ -94,14 +96,29 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
     foreign = device_or_skip().create_texture(size=(*RENDER, 1), format="r32float", usage=SAMPLED)
     small = texture_of(device, np.zeros((3, 3)), "r32float", 1)
     unusable = device.create_texture(size=(*RENDER, 1), format="r32float", usage=COPY_DST)
-    for wrong in (depths, foreign, small, unusable, None):
-        with pytest.raises(FrameError, match="depth"):
+    layers = device.create_texture(size=(*RENDER, 2), format="r32float", usage=SAMPLED)
+    view = good["depth"].create_view()
+    for wrong in (depths, foreign, small, unusable, layers, view, np.zeros(RENDER[::-1], np.float32), None):
+        with pytest.raises(FrameError, match=r"frame\.depth is"):
             upscaler.step_textures({**good, "depth": wrong}, jitter=(0.0, 0.0))
+    multisampled = device.create_texture(
+        size=(*RENDER, 1), format="rgba16float", usage=SAMPLED | RENDERED, sample_count=4
+    )
+    for name, few in (("color", multisampled), ("color", good["motion"]), ("motion", good["depth"])):
+        with pytest.raises(FrameError, match=rf"frame\.{name} is .*want a colour format of . or more"):
+            upscaler.step_textures({**good, name: few}, jitter=(0.0, 0.0))
+    with pytest.raises(FrameError, match=r"frame\.color is"):
+        upscaler.step_textures(good, jitter=(0.0, 0.0), render_size=(RENDER[0] + 1, RENDER[1]))
     with pytest.raises(FrameError, match="render_size"):
         upscaler.step_textures(buffers_of(device, moving(1)), jitter=(0.0, 0.0))
     target = device.create_texture(size=(*DISPLAY, 1), format="rgba8unorm", usage=STORED)
     with pytest.raises(ArgumentError, match="rgba16float"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), out=target)
+    both = device.create_texture(size=(*RENDER, 1), format="rgba16float", usage=SAMPLED | STORED)
+    with pytest.raises(ArgumentError, match="out is another image of the step, too"):
+        Upscaler(ours, display_size=RENDER).step_textures(
+            {**good, "color": both}, jitter=(0.0, 0.0), out=both
+        )
     foreign_encoder = device_or_skip().create_command_encoder()
     for encoder in (None, 1, device, foreign_encoder):
         with pytest.raises(ArgumentError, match="encoder is"):
@@ -110,8 +127,28 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
     np.testing.assert_array_equal(pixels_of(device, image), pixels_of(device, wanted))
 
 
+def test_commands_that_cannot_be_submitted_leave_the_history(
+    device: Any, ours: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upscaler, other = Upscaler(ours, display_size=DISPLAY), Upscaler(ours, display_size=DISPLAY)
+    images = textures_of(device, moving(0))
+    for one in (upscaler, other):
+        one.step_textures(images, jitter=(0.0, 0.0))
+
+    def refuse(*_: Any) -> None:
+        raise RuntimeError("no memory")
+
+    others = textures_of(device, moving(1))
+    with monkeypatch.context() as patch:
+        patch.setattr(type(device.queue), "submit", refuse)
+        with pytest.raises(DeviceError, match="submitting a step"):
+            upscaler.step_textures(others, jitter=(0.1, 0.1))
+    image, wanted = (one.step_textures(images, jitter=(0.2, 0.0)) for one in (upscaler, other))
+    np.testing.assert_array_equal(pixels_of(device, image), pixels_of(device, wanted))
+    assert upscaler.stats.frames == other.stats.frames
+
+
 def test_other_backends_take_no_textures() -> None:
-    device_or_skip()
     with pytest.raises(ArgumentError, match="textures"):
         make("taau", "cpu").step_textures({}, jitter=(0.0, 0.0))
 
@@ -161,6 +198,24 @@ def test_aovs_in_textures_are_those_of_arrays(device: Any, method: str) -> None:
         assert np.abs(found - wanted).max() < 1e-3  # half floats
 
 
+def test_a_frame_may_be_the_upper_left_part_of_larger_textures(device: Any, ours: Model) -> None:
+    whole, part = (Upscaler(ours, display_size=DISPLAY, validate="off") for _ in range(2))
+    for index in range(3):
+        frame, results = with_aovs(index), []
+        for upscaler, margin in ((whole, 0), (part, 5)):
+            grown: Any = {}
+            for name in ("color", "depth", "motion", "aovs"):
+                image = np.asarray(getattr(frame, name))
+                grown[name] = np.pad(image, [(0, margin)] * 2 + [(0, 0)] * (image.ndim - 2))
+            larger, outs = replace(frame, **grown), targets(device, 2)
+            image = upscaler.step_textures(
+                textures_of(device, larger), jitter=frame.jitter, reset=frame.reset,
+                render_size=RENDER, aovs=textures_of_aovs(device, larger), aovs_out=outs,
+            )  # fmt: skip
+            results.append(np.concatenate([pixels_of(device, each, 4) for each in (image, *outs)]))
+        np.testing.assert_array_equal(results[0], results[1])
+
+
 def test_aovs_in_a_buffer_are_those_of_arrays_bit_for_bit(device: Any, ours: Model) -> None:
     upscaler, arrays = Upscaler(ours, display_size=DISPLAY), make("taau")
     out = device.create_buffer(size=20 * DISPLAY[0] * DISPLAY[1], usage=8 | 4)
@@ -183,16 +238,6 @@ def test_textures_and_arrays_share_one_history_of_aovs(device: Any, ours: Model)
     loaded.load_state(mixed.save_state())
     for each in (mixed, loaded):
         assert np.abs(stepped(device, each, with_aovs(2)) - wanted).max() < 1e-3
-
-
-def test_a_step_on_textures_without_aovs_drops_their_history(device: Any, ours: Model) -> None:
-    upscaler, arrays = (Upscaler(ours, display_size=DISPLAY, validate="off") for _ in range(2))
-    stepped(device, upscaler, with_aovs(0))
-    upscaler.step_textures(textures_of(device, moving(1)), jitter=moving(1).jitter)
-    for index in range(2):
-        arrays.step(moving(index))
-    found, wanted = stepped(device, upscaler, with_aovs(2)), aovs_by_arrays(arrays, with_aovs(2))
-    assert np.abs(found - wanted).max() < 1e-3
 
 
 def test_aovs_that_do_not_fit_are_refused_and_the_history_stays(device: Any, ours: Model) -> None:

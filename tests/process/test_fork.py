@@ -1,6 +1,7 @@
 """A process that has stepped may be forked, spawned, and used in worker processes of torch."""
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -28,19 +29,23 @@ def forked(check, seconds=60):
 
 
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
-def test_a_forked_child_goes_on_with_the_history_of_its_parent(executor: str) -> None:
+def test_a_forked_child_goes_on_with_the_history_of_its_parent(executor: str, tmp_path: Path) -> None:
+    """And leaves its recording alone."""
+    recording = tmp_path / "recording"
     run_apart(f"""{STEP}{FORKED}
-one, other = upscaler(executor="{executor}"), upscaler(executor="{executor}")
+one, other = upscaler(executor="{executor}", record={str(recording)!r}), upscaler(executor="{executor}")
 for u in (one, other):
     u.step(noise(0))
 expected = other.step(noise(1))
 def check():
     assert np.array_equal(one.step(noise(1)), expected)
+    one.reset()
     fresh = upscaler("taau", executor="{executor}")  # loads in the child
     fresh.step(noise(0))
 forked(check)
 assert np.array_equal(one.step(noise(1)), expected)
 """)
+    assert len(list((recording / "calls").iterdir())) == 2
 
 
 def test_a_child_forked_while_another_thread_steps_does_not_hang() -> None:

@@ -113,6 +113,15 @@ def test_json_and_repr_keep_every_field(conventions: Conventions) -> None:
     assert eval(repr(conventions)) == conventions  # noqa: S307 - repr is documented to be the call
 
 
+def test_numbers_of_numpy_are_plain_numbers() -> None:
+    half: Any = np.float32(0.5)
+    one: Any = np.int64(1)
+    given = Conventions(depth="forward", near=half, far=one, motion_scale=(half, one), jitter_sign=-one)
+    plain = Conventions(depth="forward", near=0.5, far=1.0, motion_scale=(0.5, 1.0), jitter_sign=-1)
+    assert repr(given) == repr(plain)
+    assert json.dumps(given.to_json()) == json.dumps(plain.to_json())
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_take_overrides_and_survive_json(name: str) -> None:
     preset = PRESETS[name]
@@ -237,6 +246,13 @@ def test_jitter_becomes_where_the_sample_is(
     assert one_pixel(conventions, jitter=jitter).jitter == pytest.approx(want, abs=1e-12)
 
 
+@pytest.mark.parametrize("kind", ["f8", ">f8", ">f4", ">f2", "g"])
+def test_floats_of_any_kind_are_converted(kind: str) -> None:
+    got = Conventions().converter().to_frame(raw(**{name: PLAIN[name].astype(kind) for name in ARRAYS}))
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(got, name), PLAIN[name])
+
+
 def test_an_inconvertible_field_is_named() -> None:
     converter = Conventions().converter()
     depth, motion = np.ones((2, 3), np.float32), np.zeros((2, 3, 2), np.float32)
@@ -273,6 +289,9 @@ PLAIN: dict[str, Any] = {
     "motion": np.zeros((2, 3, 2), np.float32),
     "jitter": (0.0, 0.0),
 }
+
+
+ARRAYS = "color", "depth", "motion"
 
 
 def raw(**fields: Any) -> RawFrame:

@@ -22,7 +22,7 @@ FIELDS = (
     "motion_unit", "motion_direction", "motion_flip_y", "motion_jittered",
     "jitter_unit", "jitter_sign", "jitter_flip_y", "motion_resolution",
 )  # fmt: skip
-MOTION_READINGS = [
+MOTION_READINGS: list[dict[str, Any]] = [
     {
         "motion_unit": unit, "motion_direction": way, "motion_flip_y": flip,
         "motion_jittered": flip == (way == "current_minus_previous"),
@@ -32,15 +32,16 @@ MOTION_READINGS = [
     )
 ]  # fmt: skip
 """Every two values of different fields occur together, as in JITTER_READINGS."""
-JITTER_READINGS = [
+JITTER_READINGS: list[dict[str, Any]] = [
     {"jitter_unit": unit, "jitter_sign": sign, "jitter_flip_y": (sign < 0) == (unit == "ndc")}
     for unit, sign in product(("pixels", "uv", "ndc"), (1, -1))
 ]
-DEPTH_READINGS = [
+DEPTH_READINGS: list[dict[str, Any]] = [
     {"depth": "reversed", "far": 100.0}, {"depth": "forward", "far": 100.0},
     {"depth": "forward_infinite"}, {"depth": "linear"},
     {"depth": "linear", "far": 1e10}, {"depth": "linear", "far": 1000.0},
 ]  # fmt: skip
+PRESETS = ["fsr", "xess", "streamline", "unreal", "unity", "godot", "blender", "arm_gym"]
 
 
 @pytest.fixture(scope="module")
@@ -63,32 +64,19 @@ def assert_found(detection: Detection, conventions: Conventions) -> None:
 
 
 @pytest.mark.parametrize(
-    "mistake",
-    [*MOTION_READINGS, *JITTER_READINGS, *DEPTH_READINGS],
-    ids=lambda mistake: "-".join(map(str, mistake.values())),
+    "conventions",
+    [
+        *(Conventions(**reading) for reading in (*MOTION_READINGS, *JITTER_READINGS, *DEPTH_READINGS)),
+        *(
+            Conventions(motion_jittered=True, jitter_sign=sign, jitter_flip_y=flip)
+            for sign, flip in product((1, -1), (False, True))
+        ),
+        Conventions(motion_resolution="display", motion_unit="ndc"),
+        *(getattr(Conventions, name)() for name in PRESETS),
+    ],
+    ids=repr,
 )
-def test_every_reading_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
-    conventions = Conventions(**mistake)
-    assert_found(detect_conventions(planted(frames, conventions)), conventions)
-
-
-@pytest.mark.parametrize("flip", [False, True])
-@pytest.mark.parametrize("sign", [1, -1])
-def test_jitter_is_found_even_where_motion_has_it_in_it(frames: list[Frame], sign: int, flip: bool) -> None:
-    conventions = Conventions(motion_jittered=True, jitter_sign=sign, jitter_flip_y=flip)
-    assert_found(detect_conventions(planted(frames, conventions)), conventions)
-
-
-@pytest.mark.parametrize(
-    "name", ["fsr", "xess", "streamline", "unreal", "unity", "godot", "blender", "arm_gym"]
-)
-def test_every_preset_is_found_with_nothing_stated(frames: list[Frame], name: str) -> None:
-    conventions = getattr(Conventions, name)()
-    assert_found(detect_conventions(planted(frames, conventions)), conventions)
-
-
-def test_motion_at_display_size_is_found(frames: list[Frame]) -> None:
-    conventions = Conventions(motion_resolution="display", motion_unit="ndc")
+def test_conventions_are_found_with_nothing_stated(frames: list[Frame], conventions: Conventions) -> None:
     assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
@@ -213,22 +201,36 @@ def test_one_frame_is_too_few(frames: list[Frame]) -> None:
 SIZE = (8, 6)
 
 
-def raw(jitter: tuple[float, float] = (0.0, 0.0), **fields: Any) -> RawFrame:
+def raw(**fields: Any) -> RawFrame:
     w, h = SIZE
     plain: dict[str, Any] = {
         "color": np.ones((h, w, 3), np.float32),
         "depth": np.full((h, w), 0.5, np.float32),
         "motion": np.zeros((h, w, 2), np.float32),
     }
-    return RawFrame(**{**plain, **fields}, jitter=jitter)
+    return RawFrame(**{**plain, **fields})
 
 
 @pytest.mark.parametrize(
-    "fields", [{"depth": np.ones((6, 8, 1))}, {"motion": np.ones((6, 8))}, {"motion": np.ones((6, 8, 3))}]
-)
-def test_depth_and_motion_of_another_shape_are_refused(fields: dict[str, Any]) -> None:
-    with pytest.raises(FrameError, match="motion"):
-        FrameProbe.of_raw(raw(**fields), Conventions())
+    ("name", "value"),
+    [
+        ("depth", np.ones((6, 8, 1))), ("depth", np.ones((0, 8))),
+        ("motion", np.ones((6, 8))), ("motion", np.ones((6, 8, 3))), ("motion", np.ones((6, 7, 2))),
+        ("color", np.ones((6, 8, 4))), ("color", np.ones((12, 16, 3))), ("color", np.ones((6, 8))),
+        ("jitter", (0.1, 0.2, 0.3)), ("jitter", ("0.1", "0.2")), ("pre_exposure", 0.0), ("reset", "no"),
+    ],
+)  # fmt: skip
+def test_a_bad_input_of_a_raw_frame_is_named(name: str, value: Any) -> None:
+    with pytest.raises(FrameError) as caught:
+        detect_conventions([raw(**{name: value})] * 2)
+    assert caught.value.name == name
+
+
+def test_jitter_may_be_an_array_or_a_list(frames: list[Frame]) -> None:
+    conventions = Conventions(jitter_sign=-1)
+    for kind in (np.array, list):
+        raws = [replace(each, jitter=kind(each.jitter)) for each in planted(frames, conventions)]  # type: ignore[arg-type]
+        assert_found(detect_conventions(raws), conventions)
 
 
 def seen(depth: Any = None, jitter: tuple[float, float] = (0.0, 0.0)) -> FrameProbe:
@@ -310,5 +312,6 @@ def test_the_sky_of_linear_depth_is_its_far_plane(far: float, written: float | N
 
 def test_coarse_depth_has_no_kind() -> None:
     coarse = 0.1 + 0.01 * (X * 32 // 80)
-    verdict = rank_depth([], [seen(), seen(coarse)], Conventions())
+    verdict = rank_depth([], [seen(), seen(coarse)], Conventions(depth="linear"))
+    assert verdict.overrides == {}, "it stays as stated"
     assert verdict.reason == "it has only 32 evenly spaced values"

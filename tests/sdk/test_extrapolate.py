@@ -113,9 +113,14 @@ def test_an_upscaler_without_extrapolation_says_how_to_make_one_with_it(taau: Mo
         upscaler.extrapolate(unshaded(1))
 
 
-def test_tensors_are_refused_rather_than_forgotten(taau: Model) -> None:
-    with pytest.raises(ArgumentError, match="called with extrapolation"):
-        make(taau).step_tensors({}, jitter=(0.0, 0.0))
+def test_calls_that_extrapolation_would_not_see_are_refused(taau: Model) -> None:
+    upscaler = make(taau)
+    for call in (
+        lambda: upscaler.step_tensors({}, jitter=(0.0, 0.0)),
+        lambda: upscaler.step_computed(unshaded(1), np.ones((36, 64, 3), np.float32)),
+    ):
+        with pytest.raises(ArgumentError, match="called with extrapolation"):
+            call()
 
 
 def test_extrapolation_models_and_upscaling_models_are_not_interchangeable(taau: Model) -> None:

@@ -103,20 +103,6 @@ def test_a_frame_cannot_be_changed() -> None:
         noise(1).reset = True  # type: ignore[misc]
 
 
-def test_the_message_is_that_of_the_docs() -> None:
-    with pytest.raises(FrameError) as caught:
-        Frame(
-            color=np.zeros((45, 80, 3), np.float32),
-            depth=np.zeros((80, 45), np.float32),
-            motion=np.zeros((45, 80, 2), np.float32),
-            jitter=(0.0, 0.0),
-        )
-    assert str(caught.value) == (
-        "frame.depth is (80, 45) float32; want (45, 80) float32. "
-        "Width and height are swapped: arrays are (height, width, channels)."
-    )
-
-
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("all_first", [True, False])
 def test_channels_first_arrays_are_refused_with_the_transpose_to_use(channels: int, all_first: bool) -> None:
@@ -157,7 +143,7 @@ def test_a_step_without_a_frame_names_the_argument_and_prints_no_pixels() -> Non
         (item, "Pass the `frame` of the ShotFrame"),
         ([item.frame], "one frame per call"),
         (item.frame.color, "Frame(color=, depth=, motion=, jitter=) takes the arrays"),
-        (shot.read_raw(0), "`Conventions.converter` makes one of a RawFrame"),
+        (shot.read_raw(0), "`Conventions.converter` converts a RawFrame"),
         ({"color": item.frame.color}, "want a supersampler.Frame"),
     ):
         with pytest.raises(ArgumentError) as caught:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from shared_models import shared_model
-from still_states import still_state
-from supersampler import ArgumentError, Frame, Upscaler, halton_jitter
+from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
@@ -170,26 +169,3 @@ def test_every_frame_may_have_another_size_and_what_rests_begins_anew(executor: 
     np.testing.assert_array_equal(again.step(frame), upscaler.step(frame))
     run(upscaler, range(2 * PERIOD + 1))
     assert upscaler.stats.converged == 1.0
-
-
-@pytest.mark.parametrize(
-    ("name", "at", "value", "match"),
-    [
-        ("static_blocks", (0, 0, 0, 0), 1.5, "ages of blocks such as 1.5"),
-        ("static_blocks", (0, 0, 0, 0), -(2.0**20) - 2.0, "ages of blocks from -1.04"),
-        ("static_blocks", (0, 1, 0, 0), np.nan, "history.static_blocks"),
-        ("static_mean", (0, 0, 3, 3), -1.0, "colours from -1"),
-        ("static_mean", (0, 2, 3, 3), 1e5, "colours from .* to 100000"),
-        ("static_mean", (0, 3, 3, 3), -1.0, "weights from -1"),
-        ("phases", (0, 0), 0.51, "jitter of phases"),
-        ("phases", (0, 2), -1.0, "ages of phases"),
-        ("phases", (0, 3), 0.25, "ages of phases such as 0.25"),
-        ("signatures", (0, 0, 0, 0), np.inf, "history.signatures"),
-    ],
-)
-def test_a_state_with_values_no_step_writes_is_refused(name: str, at: Any, value: float, match: str) -> None:
-    state = still_state()
-    history = {key: array.copy() for key, array in (state.history or {}).items()}
-    history[f"history.{name}"][at] = value
-    with pytest.raises(ArgumentError, match=match):
-        Upscaler(shared_model("taau", "cpu"), scale=2.0).load_state(replace(state, history=history))

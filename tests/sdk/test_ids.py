@@ -1,7 +1,6 @@
 """Ids at display size: never blended, as detailed as the image, independent of the backend."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from numpy.typing import NDArray
 
 from noise import noise
-from recorded_files import replayed
 from shared_models import shared_model
 from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, StepResult, Upscaler
 from supersampler.arguments import ExecutorName
@@ -146,17 +144,6 @@ def test_ids_of_what_moves_are_those_of_no_other_surface() -> None:
     assert np.mean(errors[8:]) < 0.6 * np.mean(nearest[8:]), (np.mean(errors[8:]), np.mean(nearest[8:]))
 
 
-def test_views_at_once_have_their_own_ids() -> None:
-    model = shared_model("taau", threads=2)
-    at_once, alone = ([Upscaler(model, display_size=DISPLAY) for _ in range(5)] for _ in range(2))
-    for index in range(4):
-        frames = [frame_at(index + 3 * view, reset=index == view) for view in range(5)]
-        for result, upscaler, frame in zip(
-            Upscaler.step_many(at_once, frames, outputs=("ids",)), alone, frames, strict=True
-        ):
-            np.testing.assert_array_equal(result.ids, ids_of(upscaler, frame))
-
-
 @pytest.mark.parametrize("dtype", ["int8", "uint8", "int16", "uint16", "int32", "uint32"])
 def test_ids_keep_their_type_and_all_their_values(dtype: str) -> None:
     limits = np.iinfo(dtype)
@@ -176,14 +163,6 @@ def test_a_state_holds_ids() -> None:
     other.load_state(one.save_state())
     for index in range(5, 8):
         np.testing.assert_array_equal(ids_of(one, frame_at(index)), ids_of(other, frame_at(index)))
-
-
-def test_frames_with_ids_are_recorded(tmp_path: Path) -> None:
-    file = tmp_path / "recording"
-    with Upscaler("taau", display_size=DISPLAY, threads=1, record=file) as upscaler:
-        for index in range(3):
-            ids_of(upscaler, frame_at(index))
-    assert [step.exact for step in replayed(file)] == [True] * 3
 
 
 def test_conventions_turn_ids_with_the_image() -> None:

@@ -11,7 +11,7 @@ from cpu_models import cpu_model
 from method_lists import WITH_KERNELS
 from noise import Size, noise
 from shared_models import shared_model
-from supersampler import Frame, FrameError, Upscaler, halton_jitter
+from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
 
 RENDER: Size = (160, 90)
@@ -69,8 +69,3 @@ def test_multiply_adds_are_those_of_the_network() -> None:
     plan, small = (Upscaler.plan(RENDER, DISPLAY, m) for m in ("classifier", "classifier-small"))
     assert plan.multiply_adds > 1.9 * small.multiply_adds > 1e8
     assert Upscaler.plan(RENDER, DISPLAY, "taau").multiply_adds == 0
-
-
-def test_a_ratio_that_the_method_lacks_is_refused() -> None:
-    with pytest.raises(FrameError, match="ratio"):
-        Upscaler.plan((64, 36), (640, 360))

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from plain_frames import complaints
-from supersampler import Conventions, Frame, FrameError, RawFrame, Shot, halton_jitter
+from supersampler import Conventions, Frame, RawFrame, Shot, halton_jitter
 from supersampler.conventions.encodings import srgb_encoded
-from supersampler.validation import FrameChecker, detect_conventions
-from supersampler.validation.rankings import Hypothesis, ranked
+from supersampler.validation import detect_conventions
 from supersampler_model.data.product_shot import Plaza
 from supersampler_model.data.renderer.renderer import Renderer
 
@@ -129,19 +128,6 @@ def test_a_planted_mistake_is_the_only_one_named(shots: Shots, name: str) -> Non
     assert len(said.splitlines()) == 1
 
 
-@pytest.mark.parametrize("name", ["motion zero", "bytes", "bottom-up", "reset"])
-def test_an_implausible_frame_is_refused(shots: Shots, name: str) -> None:
-    change, message = PLANTED[name]
-    checker, size = FrameChecker("strict"), shots("right")[0].size
-
-    def check_all() -> None:
-        for frame in shots("right"):
-            checker.check(change(frame), (2 * size[0], 2 * size[1]))
-
-    with pytest.raises(FrameError, match=message):
-        check_all()
-
-
 @pytest.mark.parametrize("name", [name for name in PLANTED if name != "bottom-up"])
 def test_check_notes_a_planted_mistake(shots: Shots, name: str) -> None:
     change, message = PLANTED[name]
@@ -221,23 +207,6 @@ def test_resets_on_different_images_are_not_a_mistake() -> None:
         jitter = halton_jitter(index, 2.0)
         frames.append(Frame(color=color, depth=depth, motion=motion, jitter=jitter, reset=True))
     assert complaints(*frames) == ""
-
-
-def test_coarse_depth_is_not_judged() -> None:
-    """Its kind stays as stated: one step may be a distance."""
-    coarse = [replace(frame, depth=in_steps(frame.depth, 255)) for frame in frames_of("vtk", "right")]
-    stated = Conventions(depth="linear")
-    raws = [Conventions().converter().from_frame(frame) for frame in coarse]
-    detection = detect_conventions(raws, conventions=stated)
-    assert "evenly spaced values" in detection.depth.reason
-    assert detection.conventions.depth == "linear"
-
-
-def test_a_thin_margin_never_contradicts_what_is_stated() -> None:
-    stated = Conventions(motion_unit="uv")
-    found = [Hypothesis(unit, {"motion_unit": unit}, error) for unit, error in (("ndc", 1.0), ("uv", 1.3))]
-    assert ranked("motion", found, stated).reason == "'ndc' fits only 1.30 times better than as stated"
-    assert ranked("motion", [found[0], replace(found[1], error=1.4)], stated).certain
 
 
 def test_colour_upside_down_is_blamed_and_motion_is_not(shots: Shots) -> None:

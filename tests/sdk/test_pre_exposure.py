@@ -112,17 +112,6 @@ def test_another_pre_exposure_is_refused_and_the_history_is_as_it_was(bad: Any) 
     np.testing.assert_array_equal(ours.step(noise(1, RENDER)), theirs.step(noise(1, RENDER)))
 
 
-def test_tensors_accept_pre_exposure() -> None:
-    ours, theirs = make("taau", "onnx"), make("taau", "onnx")
-    for index, factor in enumerate((1.0, 8.0, 0.25)):
-        frame = exposed(theirs, index, factor, 1.0)
-        image = ours.step_tensors(
-            tensors_of_frame(frame, "cpu"), jitter=frame.jitter, exposure=1.0, pre_exposure=factor
-        )
-        expected = theirs.step(frame).transpose(2, 0, 1)[None]
-        np.testing.assert_array_equal(np.from_dlpack(image), expected)
-
-
 def test_two_passes_and_the_display_of_a_run_are_in_the_unit_of_the_frame() -> None:
     from supersampler import upscale_sequence
 

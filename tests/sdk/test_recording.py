@@ -58,6 +58,7 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
         gbuffer={"normal": random.random((height, width, 3), np.float32)},
         gbuffer_display={"depth": random.random((high, wide), np.float32)},
         aovs=random.random((height, width, 4), np.float32)[..., ::2],
+        ids=random.integers(-9, 9, (height, width, 2), np.int16),
     )
 
 
@@ -65,7 +66,7 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
 def test_a_replay_is_bit_for_bit_what_was_recorded(name: str, file: Path) -> None:
     made: list[Float32 | None] = []
     with recorded(file, shared_model(name), skip=False) as upscaler:
-        maps = ("aovs", *shared_model(name).info.maps)
+        maps = ("aovs", "ids", *shared_model(name).info.maps)
         for seed, size in enumerate([(32, 18), (32, 18), (43, 24)]):
             result = upscaler.step(with_all_inputs(seed, size), outputs=maps)
             assert not isinstance(result, np.ndarray)
@@ -202,6 +203,18 @@ def test_a_recording_of_a_custom_model_asks_for_its_folder(file: Path) -> None:
     with pytest.raises(RecordingError, match=r"model 'mine' \(taau\), which does not ship.*--model FOLDER"):
         replayed(file)
     assert replayed(file, model=own)[0].exact
+
+
+def test_relative_paths_hold_when_the_working_directory_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(shared_model("taau").info.folder, tmp_path / "mine")
+    monkeypatch.chdir(tmp_path)
+    upscaler = Upscaler("mine", display_size=DISPLAY, threads=1, record="a.recording")
+    monkeypatch.chdir("/")
+    for seed in range(2):
+        upscaler.step(with_all_inputs(seed, (32, 18)), outputs=("aovs",))  # loads another graph
+    assert [step.exact for step in replayed(tmp_path / "a.recording", model=tmp_path / "mine")] == [True] * 2
 
 
 def test_a_shipped_model_that_has_changed_is_named(file: Path) -> None:

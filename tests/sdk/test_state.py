@@ -32,12 +32,6 @@ def with_array(state: State, name: str, array: Any, field: str = "history") -> S
     return replace(state, **{field: changed})  # type: ignore[arg-type]
 
 
-def with_values(state: State, name: str, value: Any, field: str = "history") -> State:
-    array = getattr(state, field)[name].copy()
-    array[(0,) * array.ndim] = value
-    return with_array(state, name, array, field)
-
-
 def assert_refused(state: Any, match: str) -> None:
     """By an Upscaler, which goes on as if it had never seen it."""
     one, other = upscaler(), upscaler()
@@ -78,19 +72,31 @@ def test_an_array_of_the_wrong_shape_to_extrapolate_from_is_refused(name: str, c
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
+    ("name", "at", "value", "match"),
     [
-        ("history.color", np.nan),
-        ("history.samples", np.inf),
-        ("history.surface", -np.inf),
-        ("history.aovs", np.nan),
-        ("history.jitter", 0.51),
-        ("history.static_mean", np.nan),
-        ("history.signatures", np.inf),
+        ("color", (0, 0, 0, 0), np.nan, "'history.color'"),
+        ("samples", (0, 0, 0, 0), np.inf, "'history.samples'"),
+        ("surface", (0, 0, 0, 0), -np.inf, "'history.surface'"),
+        ("aovs", (0, 0, 0, 0), np.nan, "'history.aovs'"),
+        ("jitter", (0, 0), 0.51, "'history.jitter'"),
+        ("static_blocks", (0, 0, 0, 0), 1.5, "ages of blocks such as 1.5"),
+        ("static_blocks", (0, 0, 0, 0), -(2.0**20) - 2.0, "ages of blocks from -1.04"),
+        ("static_blocks", (0, 1, 0, 0), np.nan, "'history.static_blocks'"),
+        ("static_mean", (0, 0, 0, 0), np.nan, "'history.static_mean'"),
+        ("static_mean", (0, 0, 3, 3), -1.0, "colours from -1"),
+        ("static_mean", (0, 2, 3, 3), 1e5, "colours from .* to 100000"),
+        ("static_mean", (0, 3, 3, 3), -1.0, "weights from -1"),
+        ("phases", (0, 0), 0.51, "jitter of phases"),
+        ("phases", (0, 2), -1.0, "ages of phases"),
+        ("phases", (0, 3), 0.25, "ages of phases such as 0.25"),
+        ("signatures", (0, 0, 0, 0), np.inf, "'history.signatures'"),
     ],
 )
-def test_a_value_that_no_frame_produces_is_refused(name: str, value: Any) -> None:
-    assert_refused(with_values(still_state(), name, value), f"'{name.replace('.', '[.]')}'")
+def test_a_value_that_no_step_writes_is_refused(name: str, at: Any, value: float, match: str) -> None:
+    state = still_state()
+    array = (state.history or {})[f"history.{name}"].copy()
+    array[at] = value
+    assert_refused(with_array(state, f"history.{name}", array), match)
 
 
 def test_invalid_pixels_of_a_shaded_history_are_taken_as_those_of_a_frame() -> None:
@@ -102,7 +108,8 @@ def test_invalid_pixels_of_a_shaded_history_are_taken_as_those_of_a_frame() -> N
     images = [each.extrapolate(frame(1, color=None)) for each in (one, other)]
     np.testing.assert_array_equal(images[0], images[1])
     assert np.isfinite(images[0]).all()
-    assert_refused(with_values(still_state(), "history.jitter", np.nan, "shaded"), "history.jitter")
+    jitter = np.full((1, 2), np.nan, np.float32)
+    assert_refused(with_array(still_state(), "history.jitter", jitter, "shaded"), "history.jitter")
 
 
 @pytest.mark.parametrize(
@@ -117,7 +124,7 @@ def test_invalid_pixels_of_a_shaded_history_are_taken_as_those_of_a_frame() -> N
         ({"display_size": (2**40, 2**40)}, "state.display_size is"),
         ({"display_size": "80x48"}, "state.display_size is '80x48'"),
         ({"display_size": (80.0, 48)}, "state.display_size"),
-        ({"display_size": None}, "at None"),
+        ({"display_size": None}, "without display_size or render_size"),
         ({"render_size": None}, "without display_size or render_size"),
         ({"render_size": (0, 24)}, "state.render_size is"),
         ({"render_size": (2**40, 1)}, "state.render_size is"),
@@ -178,3 +185,12 @@ def test_a_loaded_state_shares_no_memory() -> None:
         np.testing.assert_array_equal(one.step(frame(index)), other.step(frame(index)))
     images = [each.extrapolate(frame(9, color=None, reset=False)) for each in (one, other)]
     np.testing.assert_array_equal(images[0], images[1])
+
+
+def test_a_state_from_before_the_first_frame_drops_the_history() -> None:
+    one, other = (Upscaler(loaded("taau", "cpu"), scale=2.0, validate="off") for _ in range(2))
+    start = one.save_state()
+    images = [one.step(frame(index)) for index in (1, 2)]
+    for each in (one, other):
+        each.load_state(start)
+        np.testing.assert_array_equal([each.step(frame(index)) for index in (1, 2)], images)

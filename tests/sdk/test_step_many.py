@@ -11,7 +11,7 @@ from method_lists import WITH_KERNELS
 from noise import noise
 from recorded_files import replayed
 from shared_models import shared_model
-from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
+from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.arguments import ExecutorName
 from supersampler.frame import Float32
 
@@ -83,13 +83,13 @@ def test_an_image_in_memory_of_another_view_is_refused(view: int, other: int) ->
 def test_outputs_are_those_of_a_session_for_each_view() -> None:
     model = shared_model("classifier")
     at_once, alone = cameras(model), cameras(model)
-    for index in range(2):
-        frames = frames_at(index)
-        results = Upscaler.step_many(at_once, frames, outputs=("weight", "class_map"))
+    names = "weight", "class_map", "ids"
+    for index in range(3):
+        frames = [replace(f, ids=(9.0 * np.asarray(f.color)).astype(np.int32)) for f in frames_at(index)]
+        results = Upscaler.step_many(at_once, frames, outputs=names)
         for result, upscaler, frame in zip(results, alone, frames, strict=True):
-            expected = upscaler.step(frame, outputs=("weight", "class_map"))
-            assert isinstance(expected, StepResult)
-            for name in ("image", "weight", "class_map"):
+            expected = upscaler.step(frame, outputs=names)
+            for name in ("image", *names):
                 np.testing.assert_array_equal(getattr(result, name), getattr(expected, name))
 
 
@@ -111,22 +111,27 @@ def test_views_step_alone_between_common_calls() -> None:
 def test_a_refused_frame_names_its_view_and_changes_no_history() -> None:
     model = shared_model("taau")
     views, alone = cameras(model, validate="strict"), cameras(model)
-    Upscaler.step_many(views, frames_at(0))
-    for upscaler, frame in zip(alone, frames_at(0), strict=True):
-        upscaler.step(frame)
-    frames = frames_at(1)
-    frames[3] = noise(31, SIZES[3], depth=np.full(SIZES[3][::-1], -1.0, np.float32))
-    with pytest.raises(FrameError, match=r"^view 3: frame\.depth") as caught:
-        Upscaler.step_many(views, frames)
-    assert (caught.value.view, caught.value.name) == (3, "depth")
-    frames = frames_at(1)
-    frames[4] = noise(31, (500, 500))
-    with pytest.raises(FrameError, match=r"^view 4: ") as caught:
-        Upscaler.step_many(views, frames)
-    for image, upscaler, frame in zip(
-        Upscaler.step_many(views, frames_at(1)), alone, frames_at(1), strict=True
-    ):
-        np.testing.assert_array_equal(image, upscaler.step(frame))
+    for index in range(2):
+        good = frames_at(index)
+        for _ in range(3):  # the frames of the other views are handed in again: no jitter is repeated
+            frames = [*good[:3], replace(good[3], depth=-good[3].depth), good[4]]
+            with pytest.raises(FrameError, match=r"^view 3: frame\.depth") as caught:
+                Upscaler.step_many(views, frames)
+        assert (caught.value.view, caught.value.name) == (3, "depth")
+        with pytest.raises(FrameError, match=r"^view 4: "):
+            Upscaler.step_many(views, [*good[:4], noise(31, (500, 500))])
+        for image, upscaler, frame in zip(Upscaler.step_many(views, good), alone, good, strict=True):
+            np.testing.assert_array_equal(image, upscaler.step(frame))
+
+
+def test_a_frame_that_extrapolation_cannot_read_changes_no_view() -> None:
+    model = shared_model("taau")
+    options: dict[str, Any] = {"extrapolation": "guided-warp", "validate": "off"}
+    views = [Upscaler(model, display_size=(64, 36), **options) for _ in range(2)]
+    complete = noise(1, gbuffer=dict.fromkeys(("base_color", "normal"), noise(1).color))
+    with pytest.raises(FrameError, match=r"^view 1: frame\.gbuffer\['base_color'\] is None"):
+        Upscaler.step_many(views, [complete, noise(1)])
+    assert [view.stats.frames for view in views] == [0, 0]
 
 
 def test_arguments_that_do_not_belong_together_are_refused() -> None:

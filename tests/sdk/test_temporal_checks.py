@@ -85,7 +85,10 @@ def test_a_verdict_is_certain_if_the_runner_up_is_a_seventh_worse() -> None:
 def test_near_a_tie_what_was_stated_comes_first() -> None:
     assert verdict(1.0, 1.5, 1.01).ranked[0].text == "pixels"
     assert verdict(1.0, 1.5, 1.03).ranked[0].text == "uv"
-    assert verdict(1.0, 1.01, 1.5, stated=Conventions(motion_unit="ndc")).ranked[0].text == "ndc"
+    stated = Conventions(motion_unit="ndc")
+    assert verdict(1.0, 1.01, 1.5, stated=stated).ranked[0].text == "ndc"
+    assert verdict(1.0, 1.3, stated=stated).reason == "'uv' fits only 1.30 times better than as stated"
+    assert verdict(1.0, 1.4, stated=stated).certain
 
 
 def test_a_summary_gives_the_finding_or_the_reason_and_the_fix() -> None:

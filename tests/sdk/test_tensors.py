@@ -16,7 +16,8 @@ DISPLAY = (64, 36)
 
 
 def tensors_of(frame: Frame) -> dict[str, torch.Tensor]:
-    return {name: torch.from_numpy(planes_of(getattr(frame, name))) for name in ("color", "depth", "motion")}
+    images = {name: getattr(frame, name) for name in ("color", "depth", "motion", "reactive")}
+    return {name: torch.from_numpy(planes_of(a)) for name, a in images.items() if a is not None}
 
 
 def upscaler(method: str = "taau", executor: Any = "onnx") -> Upscaler:
@@ -27,12 +28,14 @@ def upscaler(method: str = "taau", executor: Any = "onnx") -> Upscaler:
 def test_tensors_give_the_image_that_arrays_give(method: str) -> None:
     one, other = upscaler(method), upscaler(method)
     for seed in (0, 1, 2, 0, 3):
-        frame = noise(seed)
+        mask = np.full((18, 32), 0.25, np.float32) if seed == 2 else None
+        frame = noise(seed, pre_exposure=4.0**seed, reactive=mask)
         image = np.from_dlpack(
             other.step_tensors(
-                tensors_of(frame), jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset
+                tensors_of(frame), jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset,
+                pre_exposure=frame.pre_exposure,
             )
-        )
+        )  # fmt: skip
         assert tuple(image.shape) == (1, 3, *DISPLAY[::-1])
         np.testing.assert_array_equal(one.step(frame), image[0].transpose(1, 2, 0))
     assert other.stats.resets == one.stats.resets

@@ -81,18 +81,10 @@ def test_motion_that_leads_off_screen_finds_no_history(
 def test_a_fork_continues_bit_for_bit(models: dict[str, Model], name: str) -> None:
     upscaler, fork = make(models[name]), make(models[name])
     steps(upscaler, range(3))
-    fork.load_state(pickle.loads(pickle.dumps(upscaler.save_state())))  # noqa: S301 - our own bytes
-    for a, b in zip(steps(upscaler, range(3, 6)), steps(fork, range(3, 6)), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-def test_a_saved_state_does_not_change_when_its_upscaler_goes_on(models: dict[str, Model]) -> None:
-    upscaler = make(models["taau"])
-    steps(upscaler, range(2))
     state = upscaler.save_state()
-    later = steps(upscaler, range(2, 5))
-    upscaler.load_state(state)
-    np.testing.assert_array_equal(steps(upscaler, range(2, 5)), later)
+    later = steps(upscaler, range(3, 6))  # the state stays as it was saved
+    fork.load_state(pickle.loads(pickle.dumps(state)))  # noqa: S301 - our own bytes
+    np.testing.assert_array_equal(steps(fork, range(3, 6)), later)
 
 
 @pytest.mark.parametrize("name", TEMPORAL)
@@ -163,8 +155,8 @@ def test_any_ratio_keeps_a_flat_image_of_any_size_flat(
 @pytest.mark.parametrize(
     ("display", "message"),
     [
-        ((20, 36), r"0\.625 times less in width.*want a ratio from 1\.0 to 4\.0"),
-        ((64, 90), r"5 times less in height"),
+        ((20, 36), r"a ratio of 0\.625 in width; want a ratio from 1\.0 to 4\.0"),
+        ((64, 90), r"a ratio of 5 in height"),
     ],
 )
 def test_a_ratio_out_of_range_is_named(
@@ -200,8 +192,6 @@ def test_a_model_is_pure(models: dict[str, Model]) -> None:
     np.testing.assert_array_equal(once, twice)
     for name, array in model.save_history(left).items():
         np.testing.assert_array_equal(array, before[name])
-    with pytest.raises(ArgumentError, match="history_out"):
-        model.run(noise(1), left, history_out=left)
     np.testing.assert_array_equal(image, make(model).step(noise(0)))
 
 
@@ -218,13 +208,15 @@ def test_warming_up_changes_nothing(models: dict[str, Model]) -> None:
 
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
 def test_an_upscaler_is_not_copied_as_two_must_not_share_a_history(
-    models: dict[str, Model], copied: Callable[[Upscaler], object]
+    models: dict[str, Model], copied: Callable[[object], object]
 ) -> None:
     upscaler, other = make(models["taau"]), make(models["taau"])
     for one in (upscaler, other):
         one.step(noise(0))
     with pytest.raises(ArgumentError, match=r"new\.load_state\(old\.save_state\(\)\)"):
         copied(upscaler)
+    with pytest.raises(ArgumentError, match=r"model is to be copied or pickled; .*Model\.load"):
+        copied(upscaler.model)
     np.testing.assert_array_equal(upscaler.step(noise(1)), other.step(noise(1)))
 
 

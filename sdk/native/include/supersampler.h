@@ -323,7 +323,8 @@ SS_API void ss_history_destroy(ss_history* history);
 /* Returns 1 if `history` can hold the history after a frame of this size, else 0. */
 SS_API int ss_history_fits(const ss_history* history, int width, int height);
 
-/* Computes an image and the next history, which is not `history` and fits the frame. */
+/* Computes an image and the next history. Both histories are of `model`; the next one is another one, and fits the frame.
+ * `reset` of the frame is not read: pass an empty history. */
 SS_API ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
                         const ss_outputs* outputs, ss_error* error);
 

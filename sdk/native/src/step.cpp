@@ -311,6 +311,9 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
 ss_status check_step(const Model& model, const StepCall& call, ss_error* error) {
     const auto& [frame, before, after, outputs] = call;
     const Size render = {frame.width, frame.height}, display = before.image;
+    if (&before.model != &model || &after.model != &model)
+        return fail(error, SS_BAD_ARGUMENT, "%s is of another model; want histories of this one",
+                    &before.model != &model ? "history" : "next_history");
     if (ss_status status = check_frame(*model.method, frame, display, error)) return status;
     if (!(after.image == display) || &before == &after)
         return fail(error, SS_BAD_ARGUMENT, "next_history is %s; want another history of the same display size",

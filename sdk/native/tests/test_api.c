@@ -665,6 +665,32 @@ static void states_are_saved_and_loaded(void) {
     }
 }
 
+static void histories_of_another_model_are_refused(void) {
+    static Pixels p;
+    static float image[DH][DW][3];
+    ss_error error;
+    ss_model* models[3] = {NULL};
+    ss_history *own[2] = {NULL}, *others[2] = {NULL};
+    const char* const names[] = {"taau", "taau", "bilinear"};
+    for (int k = 0; k < 3; k++)
+        CHECK(ss_model_create(names[k], NULL, &models[k], &error) == SS_OK, "%s", error.message);
+    for (int k = 0; k < 2; k++) {
+        CHECK(ss_history_create(models[0], DW, DH, W, H, &own[k], &error) == SS_OK, "%s", error.message);
+        CHECK(ss_history_create(models[k + 1], DW, DH, W, H, &others[k], &error) == SS_OK, "%s", error.message);
+    }
+    fill(&p, 0);
+    const ss_frame frame = frame_of(&p, 0);
+    const ss_outputs outputs = outputs_of(image);
+    for (int k = 0; k < 2; k++) {
+        CHECK(ss_run(models[0], &frame, others[k], own[0], &outputs, &error) == SS_BAD_ARGUMENT, "%s", names[k + 1]);
+        CHECK(strstr(error.message, "another model"), "%s", error.message);
+        CHECK(ss_run(models[0], &frame, own[0], others[k], &outputs, &error) == SS_BAD_ARGUMENT, "%s", names[k + 1]);
+    }
+    CHECK(ss_run(models[0], &frame, own[0], own[1], &outputs, &error) == SS_OK, "%s", error.message);
+    for (int k = 0; k < 2; k++) ss_history_destroy(own[k]), ss_history_destroy(others[k]);
+    for (int k = 0; k < 3; k++) ss_model_destroy(models[k]);
+}
+
 enum { TW = 37, TH = 21, WINDOW = 5 };
 
 static void the_temporal_filter_averages_frames(void) {
@@ -789,6 +815,7 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
 
 int main(void) {
     states_are_saved_and_loaded();
+    histories_of_another_model_are_refused();
     CHECK(ss_version() == SS_VERSION, "%d", ss_version());
     thread_counts_change_no_bit();
     views_at_once_have_the_images_of_one_at_a_time();

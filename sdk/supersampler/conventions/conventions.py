@@ -132,10 +132,13 @@ class Conventions:
                 checked_choice(field.name, value, get_args(field.type))
             elif field.type is bool and not isinstance(value, bool):
                 raise ArgumentError(field.name, got=shown(value), want="True or False")
-        if _number(self.jitter_sign) not in (1.0, -1.0):
+        if as_number(self.jitter_sign) not in (1.0, -1.0):
             raise ArgumentError("jitter_sign", got=shown(self.jitter_sign), want="+1 or -1")
-        object.__setattr__(self, "motion_scale", _checked_scale(self.motion_scale))
         self._check_planes()
+        plain = {"jitter_sign": int(self.jitter_sign), "motion_scale": _checked_scale(self.motion_scale)}
+        plain |= {"near": float(self.near), "far": None if self.far is None else float(self.far)}
+        for name, value in plain.items():  # numbers of numpy cannot be written as JSON
+            object.__setattr__(self, name, value)
 
     def _check_planes(self) -> None:
         if not _is_usable(self.near) or self.near <= 0:
@@ -550,13 +553,8 @@ class Converter:
         return self.display_size
 
 
-def _number(value: object) -> float | None:
-    """Return a number that JSON can hold as a float; None for other values."""
-    return as_number(value) if isinstance(value, int | float) else None
-
-
 def _is_usable(value: object) -> bool:
-    number = _number(value)
+    number = as_number(value)
     return number is not None and _MIN_FACTOR <= abs(number) <= _MAX_FACTOR
 
 
@@ -582,11 +580,11 @@ def _image(name: str, value: object) -> NDArray[Any]:
 
 
 def _floating(name: str, value: object) -> NDArray[Any]:
-    """Return a float16 or float32 array; float64 is converted to float32, other types are refused."""
+    """Return a float16 or float32 array; other floats are converted, other types are refused."""
     array = _image(name, value)
-    if array.dtype == np.float64:
-        return array.astype(np.float32)
     if array.dtype not in (np.float32, np.float16):
+        if array.dtype.kind == "f":  # double precision, or of the other byte order
+            return array.astype(np.float32)
         hint = "Bring integers to their range first, for example pixels.astype(np.float32) / 255."
         raise FrameError(name, got=array.dtype, want="float32 or float16", hint=hint)
     return array

@@ -45,7 +45,7 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
         if smallest > high or (largest < low and render_size[axis] > 1) or ratio < 1.0:
             raise FrameError(
                 "size",
-                got=f"{render_size}, {ratio:.3g} times less in {name} than the display's {display_size}",
+                got=f"{render_size} for a display of {display_size}: a ratio of {ratio:.3g} in {name}",
                 want=f"a ratio from {low} to {high}",
                 hint="Sizes are (width, height). No frame is larger than the display.",
             )

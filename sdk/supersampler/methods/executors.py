@@ -1,7 +1,6 @@
 """Choice of a model's backend, and checks that its kernels or shaders support the model."""
 
 import os
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
@@ -13,7 +12,7 @@ from supersampler.backends.cpu.library import Options, cpu_library
 from supersampler.backends.cpu.model_bytes import model_bytes
 from supersampler.backends.onnx.executor import OnnxExecutor, OnnxExtrapolation
 from supersampler.backends.onnx.runtime import CPU
-from supersampler.errors import ArgumentError, BackendWarning, LibraryError
+from supersampler.errors import ArgumentError, BackendWarning, LibraryError, warn
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.registry import find_method, load, methods
@@ -156,12 +155,8 @@ def _cpu_model(info: ModelInfo, threads: int, *, required: bool) -> CpuModel | N
             raise
         if not _warned:
             _warned.append(str(error))
-            warnings.warn(
-                f"{error} Steps run in ONNX Runtime instead: same images, several times slower, and static "
-                "tiles are not reused.",
-                BackendWarning,
-                stacklevel=2,
-            )
+            slower = "Steps run in ONNX Runtime instead: same images, several times slower, and static tiles"
+            warn(BackendWarning(f"{error} {slower} are not reused."))
         return None
     return CpuModel(library, model_bytes(info, spec), Options(threads=threads))
 

@@ -60,7 +60,7 @@ def find_model(name_or_path: str | Path) -> Path:
     Raises:
         ModelError: neither exists; or the package's own models are missing.
     """
-    path = Path(name_or_path)
+    path = Path(name_or_path).absolute()  # the working directory may change before a graph is loaded
     if is_file(path / "model.json"):
         return path
     name = str(name_or_path)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -54,9 +55,10 @@ class Recorder:
         inputs: Collection[str],
         **settings: Any,
     ) -> None:
-        self.path, self._inputs = Path(path), inputs
+        self.path, self._inputs = Path(path).absolute(), inputs  # the working directory may change
         self._failure: RecordingError | None = None
         self._count, self._steps, self._on = 0, 0, True
+        self._process = os.getpid()  # calls of a fork would be mixed with those of its parent
         setup = Setup(
             **msgspec.structs.asdict(recording.RecordedModel.of(model.info)),
             extrapolation=next(map(recording.RecordedModel.of, extrapolation), None),
@@ -205,7 +207,7 @@ class Recorder:
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure
-        return self._on
+        return self._on and os.getpid() == self._process
 
 
 def returned(index: int, result: StepResult) -> StepOutcome:

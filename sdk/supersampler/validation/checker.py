@@ -1,6 +1,5 @@
 """`FrameChecker`: runs pixel checks on selected frames, and warns of mistakes or raises them."""
 
-import warnings
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import get_args
@@ -8,7 +7,7 @@ from typing import get_args
 import numpy as np
 
 from supersampler.arguments import Validate, checked_choice, ieee_arithmetic
-from supersampler.errors import FrameWarning
+from supersampler.errors import FrameWarning, warn
 from supersampler.frame import Frame, Size
 from supersampler.methods.at_rest import MAX_STATIC_MOTION
 from supersampler.validation import mistakes
@@ -46,10 +45,6 @@ class FrameChecker:
     def __init__(self, validate: Validate = "warn", *, converges: bool = False) -> None:
         self.validate = checked_choice("validate", validate, get_args(Validate))
         self._converges = converges
-        self.reset()
-
-    def reset(self) -> None:
-        """Drop all earlier frames, as after a cut."""
         self._seen, self._read = FramesSeen(), 0
         self._reported: frozenset[str] = frozenset()
         self._resets = 0  # in a row
@@ -121,7 +116,7 @@ class FrameChecker:
             if mistake.kind not in reported:
                 warning = FrameWarning(str(mistake.error()))
                 warning.kind = mistake.kind
-                warnings.warn(warning, stacklevel=4)
+                warn(warning)
         return reported | {mistake.kind for mistake in found}
 
 

@@ -46,14 +46,15 @@ def detect_conventions(
 
     Raises:
         ArgumentError: there are fewer than two frames, or an argument has a wrong type.
-        FrameError: depth or motion has a wrong shape, or is not an array.
+        FrameError: an input has a wrong shape, or is not of its kind.
     """
     stated = _stated(shot, conventions)
     raws = _middle(shot, frames)
-    always_reset = all(raw.reset for raw in raws)
+    seen = [FrameProbe.of_raw(raw, stated) for raw in raws]
+    always_reset = all(frame.reset for frame in seen)
     if always_reset:
         raws = [replace(raw, reset=index == 0) for index, raw in enumerate(raws)]
-    seen = [FrameProbe.of_raw(raw, stated) for raw in raws]
+        seen = [replace(frame, reset=index == 0) for index, frame in enumerate(seen)]
     resolution: Resolution = "render" if seen[0].motion.shape[:2] == seen[0].depth.shape else "display"
     found = replace(stated, motion_resolution=resolution)
     textured = [pair for pair in frame_pairs(seen) if pair.textured and not _turned(pair.now)]

@@ -11,7 +11,16 @@ from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.conventions import Direction, Unit
 from supersampler.conventions.encodings import srgb_decoded
 from supersampler.errors import FrameError
-from supersampler.frame import Array, Float32, Frame, Size, as_array
+from supersampler.frame import (
+    Array,
+    Float32,
+    Frame,
+    Size,
+    as_array,
+    checked_pre_exposure,
+    checked_reset,
+    pair_of,
+)
 from supersampler.io.display import luminance
 
 PixelGrid = tuple[NDArray[np.intp], NDArray[np.intp]]
@@ -66,21 +75,28 @@ class FrameProbe:
 
     @classmethod
     def of_raw(cls, raw: RawFrame, stated: Conventions) -> "FrameProbe":
-        """Return the probe of a `RawFrame`, with rows and sRGB as stated; FrameError for wrong shapes."""
+        """Return the probe of a `RawFrame`, with rows and sRGB as stated; FrameError for a bad input."""
 
         def rows(name: str, value: object) -> NDArray[Any]:
             array = as_array(name, value)
             return array[::-1] if stated.bottom_up else array
 
         depth, motion = rows("depth", raw.depth), rows("motion", raw.motion)
-        if depth.ndim != 2 or motion.ndim != 3 or motion.shape[2] != 2:
-            shapes = f"depth {depth.shape}, motion {motion.shape}"
-            raise FrameError("motion", got=shapes, want="depth (h, w), motion (h, w, 2)")
+        if depth.ndim != 2 or 0 in depth.shape:
+            raise FrameError("depth", got=f"of shape {depth.shape}", want="(h, w), at least one pixel")
+        if motion.ndim != 3 or motion.shape[2] != 2 or np.less(motion.shape[:2], depth.shape).any():
+            want = f"({depth.shape[0]}, {depth.shape[1]}, 2), or larger at display size"
+            raise FrameError("motion", got=f"of shape {motion.shape}", want=want)
         light = None
         if raw.color is not None:
             color = rows("color", raw.color)
-            light = _luminance(srgb_decoded(color) if stated.srgb else color, raw.pre_exposure)
-        return cls(light, depth, motion, raw.jitter or (0.0, 0.0), raw.reset)
+            if color.shape != (*depth.shape, 3):
+                want = f"{(*depth.shape, 3)}, the size of depth"
+                raise FrameError("color", got=f"of shape {color.shape}", want=want)
+            pre_exposure = checked_pre_exposure(raw.pre_exposure)
+            light = _luminance(srgb_decoded(color) if stated.srgb else color, pre_exposure)
+        jitter = (0.0, 0.0) if raw.jitter is None else pair_of(raw.jitter)
+        return cls(light, depth, motion, jitter, checked_reset(raw.reset))
 
     @property
     def size(self) -> Size:

@@ -182,6 +182,11 @@ class GpuExecutor:
                 aovs = aovs._replace(images=images, targets=targets)
             self._encode(encoder, variants, params, history, next_history, inputs, buffers, aovs)
 
+    def submit(self, encoder: "wgpu.GPUCommandEncoder") -> None:
+        """Submit encoded steps to the device's queue."""
+        with raising(self.device, "submitting a step"):
+            self.device.queue.submit([encoder.finish()])
+
     @cached_property
     def _no_mask(self) -> Resource:
         """A texture to bind in place of a missing reactive mask; no shader reads it."""
@@ -197,7 +202,7 @@ class GpuExecutor:
         if not is_texture(given):
             return given
         if given not in self._views:
-            self._views[given] = given.create_view()
+            self._views[given] = given.create_view(mip_level_count=1)
         return self._views[given]
 
     def _encode(

@@ -1,6 +1,7 @@
 """Inputs of a step: a frame in arrays, or in textures and buffers of the caller; and the parameters."""
 
-from collections.abc import Collection, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -146,48 +147,43 @@ def is_texture(image: object) -> bool:
 
 
 def checked_images(
-    images: object, names: Sequence[str], render_size: Size | None, device: "wgpu.GPUDevice"
+    images: object,
+    names: Sequence[str],
+    render_size: Size | None,
+    display_of: Callable[[Size], Size],
+    device: "wgpu.GPUDevice",
 ) -> tuple[dict[str, Any], Size]:
-    """Return the images that a method reads, and their size.
+    """Return the images that a method reads, and the size of the frame.
 
-    `names` are the method's inputs, `render_size` is the size of buffers; see `Upscaler.step_textures`.
+    `names` are the method's inputs, `display_of` returns the display size for a render size; see
+    `Upscaler.step_textures` for `render_size`.
 
     Raises:
         FrameError: an image is missing, of another device, or has a wrong size, format or usage.
     """
     if not isinstance(images, Mapping):
         raise FrameError("images", got=shown(images), want="textures or buffers by name")
-    given = {name: images.get(name) for name in CHANNELS if name in names}
+    given = {name: images.get(name) for name in (*CHANNELS, *GBUFFERS) if name in names}
     if given.get("reactive") is None:
         given.pop("reactive", None)
     for name, image in given.items():
-        if image is None:
-            raise FrameError(name, got=None, want="a wgpu texture or buffer")
-    kinds = {is_texture(image) for image in given.values()}
+        is_buffer = hasattr(image, "map_state") and name not in GBUFFERS
+        if not is_texture(image) and not is_buffer:
+            want = "a wgpu texture" if name in GBUFFERS else "a wgpu texture or buffer"
+            hint = "Pass the texture of this view." if hasattr(image, "texture") else ""
+            raise FrameError(name, got=shown(image), want=want, hint=hint)
+    kinds = {is_texture(image) for name, image in given.items() if name not in GBUFFERS}
     if len(kinds) > 1:
         raise FrameError("images", got="textures and buffers", want="one kind")
-    size = tuple(images["color"].size[:2]) if kinds == {True} else render_size
+    size = tuple(images["color"].size[:2]) if kinds == {True} and render_size is None else render_size
     if size is None:
         raise FrameError("render_size", got=None, want="(width, height) of the buffers")
     for name, image in given.items():
-        _check_image(name, image, size, device)
+        of_display = name in GBUFFERS and GBUFFERS[name].of_display
+        may_be_larger = render_size is not None and not of_display
+        extent = display_of(size) if of_display else size
+        _check_image(name, image, extent, device, may_be_larger=may_be_larger)
     return given, size
-
-
-def checked_gbuffers(
-    images: Mapping[str, Any], names: Sequence[str], render: Size, display: Size, device: "wgpu.GPUDevice"
-) -> dict[str, Any]:
-    """Return the textures of the G-buffers that a method reads; `names` are its inputs.
-
-    Raises:
-        FrameError: a texture is missing, of another device, or has a wrong size, format or usage.
-    """
-    given = {name: images.get(name) for name in names if name in GBUFFERS}
-    for name, image in given.items():
-        if not is_texture(image):
-            raise FrameError(name, got=shown(image), want="a wgpu texture")
-        _check_image(name, image, display if GBUFFERS[name].of_display else render, device)
-    return given
 
 
 def checked_aovs(
@@ -198,8 +194,11 @@ def checked_aovs(
     device: "wgpu.GPUDevice",
     *,
     in_textures: bool,
+    may_be_larger: bool,
 ) -> DeviceAovs | None:
     """Return AOVs and where their blend is written, or None without any; see `Upscaler.step_textures`.
+
+    `may_be_larger`: whether textures of the frame may be larger than it.
 
     Raises:
         FrameError: an image is of another device, or has a wrong size, format or usage.
@@ -217,7 +216,7 @@ def checked_aovs(
     pixel_bytes = 4 * render[0] * render[1]
     channels = len(images) * TEXTURE_CHANNELS if in_textures else max(images[0].size // pixel_bytes, 1)
     for image in images:
-        _check_image("aovs", image, render, device, channels)
+        _check_image("aovs", image, render, device, channels, may_be_larger=may_be_larger)
     for target in targets:
         checked_target(target, display, device, "aovs_out", channels)
     return DeviceAovs(images, channels, targets)
@@ -233,8 +232,9 @@ def checked_target(
     """
     if is_texture(image):
         want = f"{IMAGE_FORMAT} {display} with STORAGE_BINDING"
-        good = tuple(image.size[:2]) == display and image.format == IMAGE_FORMAT and image.usage & _STORED
-        got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
+        good = _is_plain(image) and tuple(image.size[:2]) == display and image.usage & _STORED
+        good = good and image.format == IMAGE_FORMAT
+        got = _texture_text(image)
     else:
         usage = _STORAGE if name == "out" else _COPY_DST
         min_bytes, size = 4 * channels * display[0] * display[1], getattr(image, "size", 0)
@@ -246,6 +246,14 @@ def checked_target(
     if device_of(image) is not device:
         raise ArgumentError(name, got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
     return image
+
+
+def check_apart(targets: Sequence[Any], inputs: Sequence[Any]) -> None:
+    """Raise ArgumentError if a target is an image that the step reads, or another target."""
+    for place, target in enumerate(targets):
+        if any(target is other for other in (*inputs, *targets[:place])):
+            got, want = "another image of the step, too", "one that the step neither reads nor writes"
+            raise ArgumentError("aovs_out" if place else "out", got=got, want=want)
 
 
 def check_encoder(encoder: object, device: "wgpu.GPUDevice") -> None:
@@ -261,16 +269,40 @@ def device_of(resource: Any) -> Any:
     return resource._device  # wgpu has no public name for it
 
 
+def _is_plain(texture: Any) -> bool:
+    return bool(texture.dimension == "2d" and texture.size[2] == texture.sample_count == 1)
+
+
+def _texture_text(texture: Any) -> str:
+    text = f"{texture.format} {tuple(texture.size[:2])} with usage {texture.usage}"
+    kind = f", {texture.dimension}, {texture.size[2]} layers, {texture.sample_count} samples"
+    return text if _is_plain(texture) else text + kind
+
+
+def _float_channels(texture_format: str) -> int:
+    """Return the number of channels that shaders read as floats; 0 for depth, integers, compressed pixels."""
+    names = re.fullmatch(r"([rgba\d]+)(u?float|[us]norm(-srgb)?)", texture_format)
+    return len(re.sub(r"\d", "", names[1])) if names else 0
+
+
 def _check_image(
-    name: str, image: Any, size: Size, device: "wgpu.GPUDevice", channels: int | None = None
+    name: str,
+    image: Any,
+    size: Size,
+    device: "wgpu.GPUDevice",
+    channels: int | None = None,
+    *,
+    may_be_larger: bool = False,
 ) -> None:
     """Raise FrameError unless a shader can read this image; `channels` are those of a buffer of AOVs."""
     if is_texture(image):
-        kind = image.format
-        is_float = ("float" in kind or "norm" in kind) and "depth" not in kind  # shaders read depth otherwise
-        if tuple(image.size[:2]) != size or not is_float or not image.usage & _SAMPLED:
-            got = f"{image.format} {tuple(image.size[:2])} with usage {image.usage}"
-            raise FrameError(name, got=got, want=f"a colour format {size} with TEXTURE_BINDING")
+        least = GBUFFERS[name].channels if name in GBUFFERS else CHANNELS.get(name, 1)
+        width, height, _ = image.size
+        fits = width >= size[0] and height >= size[1] if may_be_larger else (width, height) == size
+        has_channels = _float_channels(image.format) >= least
+        if not (fits and has_channels and _is_plain(image) and image.usage & _SAMPLED):
+            want = f"a colour format of {least} or more channels, {size}, one sample, with TEXTURE_BINDING"
+            raise FrameError(name, got=_texture_text(image), want=want)
     else:
         min_bytes = 4 * (channels or CHANNELS[name]) * size[0] * size[1]
         if getattr(image, "size", 0) < min_bytes or not image.usage & _STORAGE:
