@@ -407,9 +407,9 @@ def test_where_the_node_cannot_run_it_says_so_and_three_js_upscales(
     page.set_default_timeout(180_000)
     page.add_init_script(script)
     page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-    page.goto(f"{url}three.html?size=320x180&method=taau{query}")
-    page.wait_for_function("document.getElementById('times').textContent")
-    page.wait_for_timeout(4000)
+    with page.expect_console_message(lambda message: message.text.startswith("supersampler:")):
+        page.goto(f"{url}three.html?size=320x180&method=taau{query}")
+    page.wait_for_timeout(1000)
     assert not page.is_visible("#note"), page.inner_text("#note")
     page.close()
     mine = [text for text in said if text.startswith("supersampler:")]
