@@ -16,7 +16,7 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.integrations.web import THREE_VERSION, page_files, serving, site_files, write_site
 from supersampler.methods.executors import with_shaders
 from supersampler_export.shaders.folder import shader_files
-from upscale_runs import run
+from upscale_runs import run, succeeded
 from web_page import FolderFiles
 
 BUDGET = 3_000_000
@@ -208,10 +208,8 @@ def test_another_version_of_three_in_the_working_directory_is_left_out(
     (tmp_path / "node_modules/three").mkdir(parents=True)
     (tmp_path / "node_modules/three/package.json").write_text('{"version": "0.1.0"}')
     monkeypatch.chdir(tmp_path)
-    demo = ["demo", "--web", "--write", "site"]
-    assert CliRunner().invoke(app, [*demo, "--node-modules", "node_modules"]).exit_code == 1
-    done = CliRunner().invoke(app, demo)
-    assert done.exit_code == 0, done.output
+    assert run("demo", "--web", "--write", "site", "--node-modules", "node_modules").exit_code == 1
+    done = succeeded(run("demo", "--web", "--write", "site"))
     assert f"npm install three@{THREE_VERSION}" in done.stderr
     assert not Path("site/vendor").exists()
 
