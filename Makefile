@@ -123,8 +123,8 @@ web-tests:
 	        'ziglang>=0.16,<0.18'
 	.venv-web/bin/python sdk/native/build.py wasm
 	mkdir -p .node
-	test -d $(NODE)/three || npm install --silent --no-save --prefix .node $$(.venv-web/bin/python -c \
-	    'from supersampler.integrations.web import PACKAGES; print(*map("@".join, PACKAGES.items()))') || true
+	test -d $(NODE)/three || npm install --silent --no-save --prefix .node three@$$(.venv-web/bin/python -c \
+	    'from supersampler.integrations.web import THREE_VERSION; print(THREE_VERSION)') || true
 	test ! -d $(NODE)/three || export SUPERSAMPLER_NODE_MODULES=$(CURDIR)/$(NODE); \
 	    .venv-web/bin/pytest -q -rsP --timeout=1800 tests/integrations/test_web_page_in_chromium.py \
 	    tests/integrations/test_npm_package.py tests/integrations/test_docs_site.py

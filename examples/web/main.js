@@ -6,6 +6,7 @@
 
 import { startFallback } from "./page/fallback.js";
 import { runGpuPage } from "./page/gpu_page.js";
+import { VIEWS } from "./page/presenter.js";
 import { Stage } from "./page/stage.js";
 
 const form = /** @type {HTMLFormElement} */ (document.getElementById("controls"));
@@ -18,13 +19,15 @@ function say(text) {
   note.hidden = !text;
 }
 
+say("");
 const stage = new Stage(document.getElementById("stage"));
 for (const [name, value] of query) {
   const control = form.elements.namedItem(name);
   if (control) control.value = value;
+  if (control?.selectedIndex < 0) control.selectedIndex = 0; // no such choice
 }
 for (const side of ["left", "right"]) {
-  if (query.has(side)) stage.setView(side, query.get(side));
+  if (VIEWS.includes(query.get(side))) stage.setView(side, query.get(side));
 }
 try {
   await runGpuPage({ form, stage, say, query });

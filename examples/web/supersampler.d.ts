@@ -1,6 +1,6 @@
 /// <reference types="@webgpu/types" />
 
-export type Size = [width: number, height: number];
+export type Size = readonly [width: number, height: number];
 
 /** Contents of upscaler.json; docs/how-to/run-the-shaders.md describes them. */
 export interface UpscalerInfo {
@@ -37,22 +37,22 @@ export interface UpscalerFrame extends Partial<Record<GBuffer, GPUTexture>> {
   /** May be missing, whatever the method. */
   reactive?: GPUTexture | null;
   /** Four channels each; as many as the folder was exported with. */
-  aovs?: GPUTexture[];
+  aovs?: readonly GPUTexture[];
 }
 
 export interface EncodeOptions {
-  jitter: [x: number, y: number];
+  jitter: readonly [x: number, y: number];
   renderSize?: Size;
   exposure?: number | null;
   preExposure?: number;
   addsSamples?: 0 | 1 | 2;
   reset?: boolean;
   /** Textures like the output, for the blended aovs of the frame. */
-  aovs?: GPUTexture[];
+  aovs?: readonly GPUTexture[];
   timestamps?: GPUComputePassTimestampWrites;
 }
 
-type File = Response | ArrayBuffer | ArrayBufferView | string;
+type File = Response | ArrayBuffer | ArrayBufferView | string | undefined;
 
 export class Upscaler {
   static load(
@@ -66,10 +66,14 @@ export class Upscaler {
   readonly displaySize: Size;
   encode(encoder: GPUCommandEncoder, frame: UpscalerFrame, output: GPUTexture, options: EncodeOptions): void;
   reset(): void;
-  /** Change the size of the images. The history is dropped. */
+  /** Change the size of the images, when all encoded steps are submitted. The history is dropped. */
   resize(displaySize: Size): void;
+  /** Free the memory on the device, when all encoded steps are submitted. */
   destroy(): void;
 }
+
+/** Jitter of a frame, for a display of `ratio` times the render size: render pixels, in [-0.5, 0.5). */
+export function haltonJitter(index: number, ratio: number): [x: number, y: number];
 
 export class UpscalerError extends Error {
   constructor(name: string, got: unknown, want: unknown, hint?: string);

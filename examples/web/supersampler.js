@@ -23,12 +23,14 @@ import {
   sizeOf,
 } from "./supersampler_folder.js";
 
+export { haltonJitter } from "./jitter.js";
 export { UpscalerError };
 
 const MAX_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
 const EXPOSURES = [2 ** -24, 2 ** 24];
 const BUFFER = { MAP_WRITE: 2, COPY_SRC: 4, COPY_DST: 8, UNIFORM: 64, STORAGE: 128 }; // GPUBufferUsage
 const TEXTURE = { COPY_SRC: 1, TEXTURE_BINDING: 4, STORAGE_BINDING: 8, RENDER_ATTACHMENT: 16 }; // GPUTextureUsage
+const losses = new WeakMap(); // of devices; a device outlives the upscalers, which nothing of it must keep
 
 /** Upscales the frames of one view; it holds the view's history. */
 export class Upscaler {
@@ -74,11 +76,11 @@ export class Upscaler {
     this._ids = new WeakMap(); // of textures and buffers, in keys of bind groups
     this._views = new WeakMap();
     this._count = 0;
-    this._lost = null;
     this._destroyed = false;
-    device.lost.then((lost) => {
-      this._lost = lost;
-    });
+    if (!losses.has(device)) {
+      losses.set(device, null);
+      device.lost.then((lost) => losses.set(device, lost));
+    }
     for (const [name, bytes] of weights) this._upload(name, bytes);
   }
 
@@ -121,6 +123,7 @@ export class Upscaler {
     } = {},
   ) {
     this._checkUsable();
+    if (!encoder?.beginComputePass) throw new UpscalerError("encoder", shown(encoder), "a GPUCommandEncoder");
     const offset = checkedJitter(jitter);
     const images = this._checkedFrame(frame, renderSize);
     this._checkCount("options.aovs", aovs);
@@ -161,28 +164,38 @@ export class Upscaler {
   }
 
   /**
-   * Change the size of the images. The history is dropped.
+   * Change the size of the images, when all encoded steps are submitted. The history is dropped, and its memory freed.
    *
    * @param {[number, number]} displaySize (width, height)
    * @throws {UpscalerError} the device has no textures of this size; the size is as before.
    */
   resize(displaySize) {
+    this._checkUsable();
     this.displaySize = checkedDisplay(this.device, this.info, displaySize);
+    this._free(([key]) => !["params", "weights"].includes(this._byName.get(key)?.role));
+    this._dirty = false;
     this.reset();
   }
 
-  /** Free the memory on the device. Call it when all submitted steps are done. */
+  /** Free the memory on the device. Call it when all encoded steps are submitted. */
   destroy() {
-    for (const { resource } of this._memory.values()) resource.destroy();
-    this._memory.clear();
-    for (const one of this._passes) one.bindGroups.clear();
+    this._free(() => true);
+    this._passes = [];
     this._destroyed = true;
+  }
+
+  _free(isFreed) {
+    for (const [key, { resource }] of [...this._memory].filter(isFreed)) {
+      resource.destroy();
+      this._memory.delete(key);
+    }
   }
 
   _checkUsable() {
     if (this._destroyed) throw new UpscalerError("upscaler", "destroyed", "one in use", "Load a new one.");
-    if (this._lost) {
-      const got = `on a lost device (${this._lost.message || this._lost.reason})`;
+    const lost = losses.get(this.device);
+    if (lost) {
+      const got = `on a lost device (${lost.message || lost.reason})`;
       throw new UpscalerError("upscaler", got, "a device", "Request a new device and load a new upscaler.");
     }
   }
@@ -234,12 +247,8 @@ export class Upscaler {
 
   /** Return what each resource is bound to, by name; allocates what is missing or too small. */
   _allocated(size, textures, outputs) {
-    const bound = new Map(
-      [["frame_reactive", this._noMask()], ...textures, ...outputs].map(([name, texture]) => [
-        name,
-        { resource: texture },
-      ]),
-    );
+    const given = [["frame_reactive", this._noMask()], ...textures, ...outputs];
+    const bound = new Map(given.map(([name, resource]) => [name, { resource }]));
     const sets = { history: this._current, next: 1 - this._current };
     for (const one of this.info.resources) {
       if (bound.has(one.name)) continue;
@@ -260,10 +269,8 @@ export class Upscaler {
       // What it replaces may be in an encoder that is not yet submitted: the garbage collector frees it.
       const [across, down] = isBuffer ? [0, 0] : (held?.room ?? [0, 0]);
       const room = isBuffer ? bytes : [Math.max(across, width), Math.max(down, height)];
-      held = {
-        resource: isBuffer ? this._newBuffer(described, bytes) : this._newTexture(described, room),
-        room,
-      };
+      const resource = isBuffer ? this._newBuffer(described, bytes) : this._newTexture(described, room);
+      held = { resource, room };
       this._memory.set(key, held);
     }
     return { resource: held.resource, bytes };
@@ -300,12 +307,7 @@ export class Upscaler {
     this._pairs.forEach((_, pair) => {
       const { resource } = this._memory.get(`${pair}/${this._current}`);
       if (!resource.createView) return encoder.clearBuffer(resource);
-      const color = {
-        view: this._view(resource),
-        loadOp: "clear",
-        storeOp: "store",
-        clearValue: [0, 0, 0, 0],
-      };
+      const color = { view: this._view(resource), loadOp: "clear", storeOp: "store", clearValue: [0, 0, 0, 0] };
       encoder.beginRenderPass({ label: "supersampler reset", colorAttachments: [color] }).end();
     });
   }
@@ -341,10 +343,7 @@ export class Upscaler {
     if (!group) {
       const entries = layout.bindings.map((one, i) => {
         const { resource, bytes } = given[i];
-        return {
-          binding: one.binding,
-          resource: bytes ? { buffer: resource, size: bytes } : this._view(resource),
-        };
+        return { binding: one.binding, resource: bytes ? { buffer: resource, size: bytes } : this._view(resource) };
       });
       group = this.device.createBindGroup({ layout: layout.layout, entries });
     }
@@ -388,12 +387,7 @@ function checkedJitter(jitter) {
   const good = jitter?.length === 2 && [jitter[0], jitter[1]].every((one) => Math.abs(one) <= 0.5);
   if (!good) {
     const want = "[x, y] in render pixels, in [-0.5, 0.5]";
-    throw new UpscalerError(
-      "jitter",
-      shown(jitter),
-      want,
-      "Divide offsets in clip space by 2 / render size.",
-    );
+    throw new UpscalerError("jitter", shown(jitter), want, "Divide offsets in clip space by 2 / render size.");
   }
   return [Math.fround(jitter[0]), Math.fround(jitter[1])];
 }

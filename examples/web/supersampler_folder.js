@@ -132,16 +132,18 @@ export function reader(source) {
   const get = folder === null ? source : (name) => fetch(folder + name);
   return async (name, kind, max) => {
     const where = `${folder ?? ""}${name}`;
-    let got;
+    let got, isPage;
     try {
       got = await get(name);
+      isPage = got?.headers?.get("content-type")?.startsWith("text/html");
       if (got?.ok !== false && typeof got?.arrayBuffer === "function") got = await bodyOf(got, max);
     } catch (error) {
       throw new UpscalerError(where, `unreadable (${error.message})`, "a file of the exported folder");
     }
-    if (got?.ok === false) {
-      const hint = "Copy the whole folder; its files lie side by side.";
-      throw new UpscalerError(where, `HTTP ${got.status}`, "a file of the exported folder", hint);
+    if (got?.ok === false || isPage) {
+      const hint = "Copy the whole folder to where the server finds it; its files lie side by side.";
+      const answer = isPage ? "answered by the server with a page of HTML" : `HTTP ${got.status}`;
+      throw new UpscalerError(where, answer, "a file of the exported folder", hint);
     }
     if (got === null || got?.byteLength > max || got?.length > max) {
       throw new UpscalerError(where, "larger", `at most ${max} bytes`, EXPORT);
@@ -338,8 +340,7 @@ function checkedResources(file) {
       () => inputs.includes("color") && new Set(inputs).size === inputs.length,
     );
   const aovs = inputs.filter((name) => AOVS.includes(name));
-  const given = { frame: inputs.map((name) => `frame_${name}`), image: ["image"], aovs };
-  const names = { params: ["params"], ...given };
+  const names = { params: ["params"], frame: inputs.map((name) => `frame_${name}`), image: ["image"], aovs };
   const resources = new Map();
   for (const one of file.at("resources").items(1, RESOURCES)) {
     const name = one.at("name").text();
@@ -381,17 +382,14 @@ function checkHistory(file, resources) {
       .map(({ name }) => name),
   );
   for (const pair of pairs.items(0, RESOURCES)) {
-    const [history, next] = pair.items(2, 2);
-    for (const [one, role] of [
-      [history, "history"],
-      [next, "next"],
-    ]) {
-      one.as(
+    const both = pair.items(2, 2);
+    for (const [index, role] of ["history", "next"].entries()) {
+      both[index].as(
         `a resource of the role ${role}, in one pair`,
         (name) => resources.get(name)?.role === role && single.delete(name),
       );
     }
-    const [before, after] = [resources.get(history.value), resources.get(next.value)];
+    const [before, after] = both.map((one) => resources.get(one.value));
     pair.as("two of a kind", () => ["kind", "format", "bytes"].every((key) => before[key] === after[key]));
   }
   pairs.as(`a list with ${[...single].join(", ")}`.slice(0, TEXT), () => single.size === 0);
@@ -425,6 +423,7 @@ function checkPass(pass, resources) {
 }
 
 export function checkDevice(device, info) {
+  if (!device?.createShaderModule) throw new UpscalerError("device", shown(device), "a GPUDevice");
   const lacking = Object.entries(info.requires.limits).filter(([name, min]) => device.limits[name] < min);
   lacking.push(
     ...info.requires.features.filter((name) => !device.features.has(name)).map((name) => [name, ""]),

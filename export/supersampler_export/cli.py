@@ -45,7 +45,7 @@ def export(
         ),
     ] = None,
     images: Annotated[
-        Images, typer.Option(help="With --target: where the shaders take frame and image.")
+        Images, typer.Option(help="With --target wgsl: where the shaders take frame and image.")
     ] = "textures",
     aovs: Annotated[
         int, typer.Option(min=0, help="With --target wgsl: channels of AOVs to blend; a texture has four.")
@@ -68,6 +68,8 @@ def export(
     """  # noqa: D301  # \b makes click keep the line breaks
     if aovs and target != "wgsl":
         raise ArgumentError("--aovs", got=aovs, want="none without --target wgsl")
+    if images != "textures" and target != "wgsl":
+        raise ArgumentError("--images", got=images, want="none without --target wgsl")
     if target is not None:
         if weights is not None:
             hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."
@@ -84,8 +86,6 @@ def export(
             write_shader_folder(name, folder, images=images, aovs=aovs)
             Terminal().print(f"{name}: {folder / DESCRIPTION}", soft_wrap=True)
         return
-    if images != "textures":
-        raise ArgumentError("--images", got=images, want="none without --target")
     from supersampler_export.folder import write_model_folder
     from supersampler_model.methods import load_method
 

@@ -242,7 +242,8 @@ def test_the_command_needs_neither_torch_nor_wgpu(tmp_path: Path) -> None:
     ("options", "message"),
     [
         (["--target", "wgsl", "--weights", "w.safetensors"], "none with --target"),
-        (["--images", "buffers"], "none without --target"),
+        (["--images", "buffers"], "none without --target wgsl"),
+        (["--images", "buffers", "--target", "npm"], "none without --target wgsl"),
         (["--aovs", "4"], "none without --target wgsl"),
         (["--aovs", "4", "--target", "npm"], "none without --target wgsl"),
     ],

@@ -9,7 +9,7 @@ import {
   readerOfUrl,
 } from "../../examples/web/page/shot_folder.js";
 import { Upscaler, UpscalerError } from "../../examples/web/supersampler.js";
-import { checkedInfo, fitsRatio, reader } from "../../examples/web/supersampler_folder.js";
+import { checkDevice, checkedInfo, fitsRatio, reader } from "../../examples/web/supersampler_folder.js";
 
 const found = {};
 
@@ -76,7 +76,7 @@ const server = createServer((request, response) => {
     const more = () => response.write(Buffer.alloc(1 << 16), more);
     more();
     response.on("error", () => {});
-  } else response.end("12345");
+  } else response.writeHead(200, /page/.test(request.url) ? { "content-type": "text/html" } : {}).end("12345");
 });
 await new Promise((listening) => server.listen(0, "127.0.0.1", listening));
 const address = `http://127.0.0.1:${server.address().port}`;
@@ -91,6 +91,9 @@ found["a file of a server without end"] = await refuses(ShotError, "endless is l
 const shaders = reader(`${address}/shaders`);
 found["a shader without end"] = await refuses(UpscalerError, "at most 1048576 bytes", () =>
   shaders("endless", "text", 1 << 20),
+);
+found["a page of HTML in place of a file"] = await refuses(UpscalerError, "answered by the server with a page of HTML", () =>
+  shaders("page.wgsl", "text", 100),
 );
 found["a shader is read"] = (await shaders("a.wgsl", "text", 100)) === "12345";
 asked.length = 0;
@@ -121,6 +124,9 @@ for (const [name, text] of Object.entries({
     checkedInfo(text),
   );
 }
+found["an upscaler without a device"] = await refuses(UpscalerError, "device is null; want a GPUDevice", () =>
+  checkDevice(null, {}),
+);
 found["a source that gives too much"] = await refuses(UpscalerError, "larger", () =>
   Upscaler.load({}, async () => new Uint8Array(2 << 20), {}),
 );

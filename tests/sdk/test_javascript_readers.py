@@ -1,6 +1,8 @@
 """The JavaScript readers refuse malicious files with typed errors, in little memory."""
 
+import hashlib
 import json
+import re
 import struct
 import subprocess
 import zlib
@@ -101,17 +103,9 @@ def attacks_by_images() -> dict[str, tuple[bytes, str]]:
             exr((1024, 96), [bomb] * 6, channels=wide),
             "a block becomes more than 262144 bytes",
         ),
-        "a bomb that blocks share": (
-            exr((1024, 3200), [bomb] * 200, channels=wide, offsets=lambda found: [found[0]] * 200)[:200_000],
-            "the block of row 16 states row 0",
-        ),
         "a block in another": (nested(), "have bytes of something else"),
         "a block in the header": (exr((8, 16), [rows], offsets=lambda _: [8]), "damaged"),
         "more bytes in the file than pixels": (exr((8, 16), [bytes(300)]), "are 300 bytes"),
-        "a negative block": (
-            exr((8, 16), [rows]).replace(struct.pack("<ii", 0, len(rows)), struct.pack("<ii", 0, -5)),
-            "are -5 bytes, which cannot be 256",
-        ),
         "a block beyond the end": (
             exr((8, 16), [rows])[:-1],
             "rows from 0 on reach beyond its end",
@@ -126,7 +120,6 @@ def attacks_by_images() -> dict[str, tuple[bytes, str]]:
         ),
         "too little": (exr((8, 16), [zlib.compress(bytes(10))]), "a block becomes 10 bytes; want 256"),
         "a stream cut off": (exr((8, 16), [zlib.compress(bytes(256))[:-3]]), "damaged or cut off"),
-        "no stream": (exr((8, 16), [b"\xff" * 20]), "damaged or cut off ("),
         "a large image in a small file": (
             exr((16384, 4096), [b"\0" * 9] * 256),
             "are 9 bytes, which cannot be 524288",
@@ -141,17 +134,9 @@ def attacks_by_images() -> dict[str, tuple[bytes, str]]:
         ),
         "a side beyond the limit": (exr((40000, 1), []), "is 40000 x 1; want 1 to 32768 pixels a side"),
         "pixels beyond the limit": (exr((32768, 32768), []), "is 32768 x 32768; want"),
-        "a negative window": (exr((8, 16), [], window=(0, 0, -9, -3)), "is -8 x -2; want"),
         "an empty window": (exr((8, 16), [], window=(0, 0, -1, 15)), "is 0 x 16; want"),
-        "the largest window": (
-            exr((8, 16), [], window=(-(2**31), -(2**31), 2**31 - 1, 2**31 - 1)),
-            "is 4294967296 x 4294967296; want",
-        ),
         "no window": (exr((8, 16), [rows], change=without("dataWindow")), "it has no dataWindow"),
-        "no display window": (exr((8, 16), [rows], change=without("displayWindow")), "no displayWindow"),
-        "no channels": (exr((8, 16), [rows], change=without("channels")), "it has no channels"),
         "an empty list of channels": (exr((8, 16), [rows], channels=[]), "it has no channels"),
-        "no compression": (exr((8, 16), [rows], change=without("compression")), "it has no compression"),
         "a list of channels without end": (
             exr((8, 16), [rows], change=set_to("channels", endless)),
             "damaged or cut off (Offset is outside",
@@ -201,6 +186,8 @@ def test_whole_images_are_read(tmp_path: Path) -> None:
         "R": rng.random((37, 21)).astype(np.float16),
         "depth.Z": rng.random((37, 21), np.float32),
     }
+    image["again"] = image["R"] * np.float16(1000.0)
+    whole = "read " + hashlib.sha256(b"".join(image[name].tobytes() for name in sorted(image))).hexdigest()
     cases = []
     for compression in ("none", "zips", "zip"):
         write_exr(tmp_path / "a.exr", image, compression=compression)
@@ -209,7 +196,9 @@ def test_whole_images_are_read(tmp_path: Path) -> None:
     cases.append({"a.exr": (tmp_path / "a.exr").read_bytes()})
     cases.append({"a.exr": exr((8, 16), [zlib.compress(bytes(256))])})
     cases.append({"a.exr": (Shot.open("plaza").source / "0000.exr").read_bytes()})
-    assert answers("images", tmp_path / "none", cases, tmp_path) == ["read"] * len(cases)
+    said = answers("images", tmp_path / "none", cases, tmp_path)
+    assert said[:3] == [whole] * 3
+    assert all(one.startswith("read ") for one in said)
 
 
 # --- JSON ---
@@ -242,10 +231,7 @@ SHOT_EDITS: dict[str, tuple[Edit, str]] = {
     "a name that leaves the folder": ((frames("file"), "../x.exr"), BELOW),
     "a name that leaves it later": ((frames("file"), "a/../../x.exr"), BELOW),
     "an address": ((frames("file"), "https://example.invalid/x.exr"), BELOW),
-    "an address without a scheme": ((frames("file"), "//example.invalid/x.exr"), BELOW),
-    "an absolute name": ((frames("file"), "/etc/passwd"), BELOW),
     "a name with backslashes": ((frames("file"), "..\\x.exr"), BELOW),
-    "a data address": ((frames("file"), "data:,x"), BELOW),
     "a reference that leaves the folder": ((frames("reference"), "../x.exr"), BELOW),
     "a long name": ((frames("file"), "é" * 200), BELOW),
     "an invalid name": ((frames("file"), ["0000.exr"]), "frames[0].file is"),
@@ -256,24 +242,18 @@ SHOT_EDITS: dict[str, tuple[Edit, str]] = {
     "a huge size": ((("render_size",), [10**9, 10**9]), "want 1 to 32768 pixels a side"),
     "many pixels": ((("display_size",), [32768, 32768]), "want 1 to 32768 pixels a side"),
     "a size of text": ((("render_size",), ["32", 18]), "render_size[0] is"),
-    "a size of three": ((("render_size",), [32, 18, 1]), "render_size is [32,18,1]"),
     "a size of fractions": ((frames("render_size"), [0.5, 18]), "frames[0].render_size[0] is 0.5"),
     "a frame of one pixel": ((frames("render_size"), [1, 1]), "is at most 8 times"),
     "a display much larger": ((("display_size",), [32000, 18]), "is at most 8 times"),
-    "a display much smaller": ((("display_size",), [1, 1]), "is at most 8 times"),
     "jitter beyond a pixel": ((frames("jitter"), [0.75, 0]), "frames[0].jitter[0] is 0.75"),
-    "jitter of text": ((frames("jitter"), ["0", 0]), "frames[0].jitter[0] is"),
     "no jitter": ((frames("jitter"), GONE), "frames[0].jitter is undefined"),
     "a negative exposure": ((frames("exposure"), -1), "frames[0].exposure is -1; want a number > 0"),
     "an exposure that is 0 in single precision": ((frames("exposure"), 1e-60), "want a number > 0"),
-    "an exposure of text": ((frames("exposure"), "1"), "want a number > 0"),
     "an invalid reset": ((frames("reset"), 1), "frames[0].reset is 1; want true or false"),
-    "a frame rate of 0": ((("frame_rate",), 0), "frame_rate is 0; want a number > 0"),
     "an invalid name of the shot": ((("name",), {"toString": 1}), "name is {"),
     "invalid conventions": ((("conventions",), "x"), "conventions is"),
     "other conventions": ((("conventions", "depth"), "linear"), "conventions of its own (depth)"),
     "another version": ((("version",), 2), "version is 2; want 1"),
-    "an object's own word": ((("render_size",), {"length": 2}), "render_size is {"),
 }  # fmt: skip
 
 
@@ -322,10 +302,8 @@ def shader_edits(content: dict[str, Any]) -> dict[str, tuple[Edit, str]]:
         "a base that is not there": (((*size, "of"), "__proto__"), f"resources[{work}].size.of is"),
         "a factor of text": (((*size, "multiply"), ["1", 1]), "multiply[0] is"),
         "a huge factor": (((*size, "multiply"), [1 << 16, 1 << 16]), "which needs"),
-        "a negative factor": (((*size, "multiply"), [-1, 1]), "multiply[0] is -1"),
         "a huge texture": ((("resources", texture, "size", "multiply"), [1 << 16, 1]), "in one direction"),
         "bytes without end": ((("resources", work, "bytes"), 1 << 40), f"resources[{work}].bytes is"),
-        "negative bytes": ((("resources", work, "bytes"), -4), f"resources[{work}].bytes is -4"),
         "an invalid format": ((("resources", texture, "format"), "rgba8"), "format is"),
         "an invalid role": ((("resources", work, "role"), "constructor"), f"resources[{work}].role is"),
         "an invalid kind": ((("resources", work, "kind"), "toString"), f"resources[{work}].kind is"),
@@ -338,22 +316,15 @@ def shader_edits(content: dict[str, Any]) -> dict[str, tuple[Edit, str]]:
         "tiles of 0": ((("passes", 0, "tile"), [0, 1]), "passes[0].tile[0] is 0"),
         "more workgroups than there are": ((("passes", 0, "covers", "multiply"), [1 << 16, 1]), "workgroups"),
         "a file that leaves the folder": ((("passes", 0, "file"), "../x.wgsl"), "passes[0].file is"),
-        "a file with an address": ((("passes", 0, "file"), "https://example.invalid/x"), "passes[0].file is"),
-        "weights that leave the folder": (
-            (("resources", at["network0"], "file"), "..%2fx"),
-            f"resources[{at['network0']}].file is",
-        ),
         "weights of another length": ((("resources", at["network0"], "bytes"), 4), "want at most 4 bytes"),
         "work with a file": ((("resources", work, "file"), "network0.bin"), f"resources[{work}].file is"),
         "a binding of nothing": (((*binding, "resource"), "nothing"), "want a name among resources"),
-        "a binding of a prototype": (((*binding, "resource"), "__proto__"), "want a name among resources"),
         "a binding of another kind": (((*binding, "kind"), "texture"), "passes[0].bindings[0].kind is"),
         "a gap in the groups": ((("passes", 0, "bindings", 2, "group"), 3), "want a list of groups"),
         "a group beyond the limit": (((*binding, "group"), 4), "passes[0].bindings[0].group is 4"),
         "a binding twice": ((("passes", 0, "bindings", 1, "binding"), 0), "want a binding of its own"),
         "more passes than are read": ((("passes",), content["passes"][:1] * 300), "a list of 1 to 256 items"),
         "more resources than are read": ((("resources",), [WORK] * 300), "want a list of 1 to 256 items"),
-        "a pair of nothing": ((("history", "pairs", 0), ["x", "y"]), "history.pairs[0][0] is"),
         "a pair twice": (
             (("history", "pairs"), [*content["history"]["pairs"], content["history"]["pairs"][0]]),
             "in one pair",
@@ -405,14 +376,5 @@ def test_texts_reach_the_page_as_text() -> None:
         path for path in (TESTS.parent / "examples" / "web").rglob("*") if path.suffix in {".js", ".html"}
     ]
     assert len(sources) > 25
-    markup = (
-        "innerHTML",
-        "outerHTML",
-        "insertAdjacentHTML",
-        "document.write",
-        "eval(",
-        "new Function",
-        "srcdoc",
-    )
-    found = {(path.name, word) for path in sources for word in markup if word in path.read_text("utf-8")}
-    assert found == set()
+    markup = re.compile(r"(inner|outer|insertAdjacent)HTML|document\.write|eval\(|new Function|srcdoc")
+    assert [path.name for path in sources if markup.search(path.read_text("utf-8"))] == []

@@ -13,10 +13,10 @@ from urllib.request import urlopen
 import pytest
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.integrations.web import PACKAGES, page_files, serving, site_files, write_site
+from supersampler.integrations.web import THREE_VERSION, page_files, serving, site_files, write_site
 from supersampler.methods.executors import with_shaders
 from supersampler_export.shaders.folder import shader_files
-from upscale_runs import run
+from upscale_runs import run, succeeded
 from web_page import FolderFiles
 
 BUDGET = 3_000_000
@@ -122,18 +122,7 @@ def answer_to(url: str, request: bytes) -> bytes:
 
 @pytest.mark.parametrize(
     "path",
-    [
-        "/%2e%2e/secret",
-        "/../secret",
-        "//etc/passwd",
-        "/a%00",
-        "/%00",
-        "/%ff",
-        "/\xff",
-        "http://x/y",
-        "/models",
-        "*",
-    ],
+    ["/%2e%2e/secret", "/../secret", "//etc/passwd", "/a%00", "/%ff", "/\xff", "http://x/y", "/models", "*"],
 )
 def test_other_paths_are_answered_with_404(url: str, path: str) -> None:
     assert b" 404 " in answer_to(url, f"GET {path} HTTP/1.0\r\n\r\n".encode("latin-1"))
@@ -183,12 +172,14 @@ def test_packages_of_npm_are_copied_if_they_are_of_the_tested_version(tmp_path: 
     three = tmp_path / "three"
     (three / "build").mkdir(parents=True)
     (three / "build/three.webgpu.js").write_text("")
-    (three / "package.json").write_text(json.dumps({"version": PACKAGES["three"]}))
+    (three / "package.json").write_text(json.dumps({"version": THREE_VERSION}))
     files = site_files(no_shaders, node_modules=tmp_path)
     assert files["vendor/three/build/three.webgpu.js"]() == b""
 
     (three / "package.json").write_text(json.dumps({"version": "0.1.0"}))
-    with pytest.raises(ShotError, match=rf"is version 0\.1\.0; .* npm install three@{PACKAGES['three']}"):
+    with pytest.raises(ShotError, match=r"package\.json: "):
+        site_files(no_shaders, node_modules=three)
+    with pytest.raises(ShotError, match=rf"is version 0\.1\.0; .* npm install three@{THREE_VERSION}"):
         site_files(no_shaders, node_modules=tmp_path)
 
 
@@ -211,12 +202,16 @@ def test_the_npm_package_has_its_listed_files_and_a_module_for_each_method(tmp_p
         assert held in model, name
 
 
-@pytest.mark.parametrize("damaged", [b"", b"[]", b"{", b'{"version": 3}', b"\xff", b"[" * 100_000])
-def test_a_damaged_package_is_an_error_that_names_it(tmp_path: Path, damaged: bytes) -> None:
-    (tmp_path / "three").mkdir()
-    (tmp_path / "three" / "package.json").write_bytes(damaged)
-    with pytest.raises(ShotError, match=r"package\.json: "):
-        site_files(no_shaders, node_modules=tmp_path)
+def test_another_version_of_three_in_the_working_directory_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "node_modules/three").mkdir(parents=True)
+    (tmp_path / "node_modules/three/package.json").write_text('{"version": "0.1.0"}')
+    monkeypatch.chdir(tmp_path)
+    assert run("demo", "--web", "--write", "site", "--node-modules", "node_modules").exit_code == 1
+    done = succeeded(run("demo", "--web", "--write", "site"))
+    assert f"npm install three@{THREE_VERSION}" in done.stderr
+    assert not Path("site/vendor").exists()
 
 
 def test_the_wheel_has_the_files_of_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,14 +1,5 @@
 /** The browser's GPU. */
 
-/** WebGPU is not available; the message is shown on the page. */
-export class NoGpuError extends Error {
-  /** @param {string} message */
-  constructor(message) {
-    super(message);
-    this.name = "NoGpuError";
-  }
-}
-
 /**
  * @typedef {object} Gpu
  * @property {GPUDevice} device
@@ -17,14 +8,14 @@ export class NoGpuError extends Error {
  * @property {boolean} isSoftware whether it runs on the processor
  */
 
-/** @returns {Promise<Gpu>} @throws {NoGpuError} */
+/** @returns {Promise<Gpu>} @throws {Error} WebGPU is not available; the message is for the person at the page */
 export async function requestGpu() {
-  if (!navigator.gpu) throw new NoGpuError("This browser has no WebGPU.");
+  if (!navigator.gpu) throw new Error("This browser has no WebGPU.");
   const adapter = await navigator.gpu.requestAdapter({ powerPreference: "high-performance" });
-  if (!adapter) throw new NoGpuError("This browser has WebGPU, but found no adapter for it.");
+  if (!adapter) throw new Error("This browser has WebGPU, but found no adapter for it.");
   const hasTimestamps = adapter.features.has("timestamp-query");
   const device = await adapter.requestDevice({ requiredFeatures: hasTimestamps ? ["timestamp-query"] : [] }).catch((error) => {
-    throw new NoGpuError(`${adapterName(adapter)} gives this page no device: ${error.message}`);
+    throw new Error(`${adapterName(adapter)} gives this page no device: ${error.message}`);
   });
   return { device, adapter: adapterName(adapter), hasTimestamps, isSoftware: adapter.info.isFallbackAdapter };
 }

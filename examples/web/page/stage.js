@@ -70,7 +70,7 @@ export class Stage {
     });
     this.root.addEventListener("wheel", (event) => {
       event.preventDefault();
-      this.#zoomAt(this.#at(event), event.deltaY < 0 ? 2 : 0.5);
+      if (event.deltaY) this.#zoomAt(this.#at(event), event.deltaY < 0 ? 2 : 0.5);
     }, { passive: false });
   }
 

@@ -32,19 +32,26 @@ export class Testing {
   }
 
   /** @param {number} samples a pixel @returns {Promise<string>} the live frame at display size, as `read` */
-  async readReference(samples) {
+  readReference(samples) {
     const { device, source } = this.comparison, { renderer, native } = source;
-    let mean;
-    for (let index = 0; index < samples; index++) {
+    return meanOf(samples, (jitter) => {
       const encoder = device.createCommandEncoder();
-      renderer.draw(encoder, native, { jitter: haltonJitter(index, Math.sqrt(samples / 8)), filterWidth: 0.5 });
+      renderer.draw(encoder, native, { jitter, filterWidth: 0.5 });
       device.queue.submit([encoder.finish()]);
-      const pixels = await readTexture(device, native.color);
-      mean ??= new Float32Array(pixels.length);
-      for (let i = 0; i < mean.length; i++) mean[i] += pixels[i] / samples;
-    }
-    return base64(mean);
+      return readTexture(device, native.color);
+    });
   }
+}
+
+/** @param {number} samples @param {(jitter: [number, number]) => Promise<Float32Array>} draw one @returns {Promise<string>} their mean, as `base64` */
+export async function meanOf(samples, draw) {
+  let mean;
+  for (let index = 0; index < samples; index++) {
+    const pixels = await draw(haltonJitter(index, Math.sqrt(samples / 8)));
+    mean ??= new Float32Array(pixels.length);
+    for (let i = 0; i < mean.length; i++) mean[i] += pixels[i] / samples;
+  }
+  return base64(mean);
 }
 
 /** @param {Float32Array} values @returns {string} */

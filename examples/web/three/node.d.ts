@@ -6,7 +6,7 @@ export interface SupersamplerOptions {
 }
 
 /** The upscaled image of a pass, at the size of the renderer's drawing buffer. */
-export class SupersamplerNode extends Node {
+export class SupersamplerNode extends Node<"vec4"> {
   private constructor();
   /** Resolves when images are upscaled, or when three.js' TAAU has taken over. */
   readonly ready: Promise<void>;

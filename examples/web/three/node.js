@@ -12,7 +12,7 @@
 
 import {
   FloatType, HalfFloatType, Matrix4, NoBlending, Node, NodeMaterial, NodeUpdateType, QuadMesh, RGFormat, RedFormat, RenderTarget,
-  RendererUtils, StorageTexture, Vector2,
+  RendererUtils, StorageTexture, Vector2, Vector3,
 } from "three/webgpu";
 import {
   OnAfterRenderPipeline, OnBeforeRenderPipeline, context, convertToTexture, dFdx, dFdy, ivec2, logarithmicDepthToViewZ,
@@ -24,6 +24,7 @@ import models from "../models/index.js";
 import { Upscaler, UpscalerError } from "../supersampler.js";
 
 const ANTIALIAS = "Make the renderer with antialias: false, and the pass without samples.";
+const PIPELINES = "Make a render pipeline for each view.";
 
 /**
  * Makes textures of a pass as sharp as at display size: their gradients are those of display pixels.
@@ -67,7 +68,7 @@ export class SupersamplerNode extends Node {
     this._clip = new Matrix4(); // world to clip coordinates, of this frame and the previous one
     this._previousClip = new Matrix4();
     this._uniforms = {
-      nearFar: uniform(new Vector2()), jitter: uniform(new Vector2()), size: uniform(new Vector2()), toPrevious: uniform(new Matrix4()),
+      planes: uniform(new Vector3()), jitter: uniform(new Vector2()), size: uniform(new Vector2()), toPrevious: uniform(new Matrix4()),
       detail: uniform(1), // render size / display size
     };
     this._inputs = inputsTarget();
@@ -75,6 +76,7 @@ export class SupersamplerNode extends Node {
     this._quad = new QuadMesh(this._material);
     this._output = Object.assign(new StorageTexture(1, 1), { name: "supersampler", type: HalfFloatType, generateMipmaps: false });
     this._textureNode = passTexture(this, beautyNode.value);
+    this._textureNode.mergeable = false; // merged with nodes of the pass, while it shows that, it would change them, too
   }
 
   /** @returns {import("three/webgpu").TextureNode} the upscaled image */
@@ -93,13 +95,14 @@ export class SupersamplerNode extends Node {
     for (const resource of [this._fallback, this._inputs, this._material, this._output]) resource?.dispose();
     this._upscaler?.destroy();
     this._upscaler = null;
+    this._isDisposed = true;
   }
 
   setup(builder) {
     const { renderer, renderPipeline } = builder;
     if (this._fallback || !renderer.backend.isWebGPUBackend) return this._setupFallback(builder);
     for (const node of [this.depthNode, this.velocityNode, this.beautyNode]) node.build(builder);
-    const { samples } = this._beautyTarget();
+    const samples = this.depthNode.value.renderTarget?.samples;
     if (samples > 1) throw new UpscalerError("the pass", `rendered with ${samples} samples a pixel`, "one sample", ANTIALIAS);
     const state = builder.context.renderPipelineState;
     if (renderPipeline && !state.viewOffsetOwner) {
@@ -107,64 +110,77 @@ export class SupersamplerNode extends Node {
       OnBeforeRenderPipeline(() => this._offsetView(renderer));
       OnAfterRenderPipeline(() => this._clearView());
     }
-    const { passNode } = this.beautyNode;
-    if (passNode?.isPassNode) passNode.contextNode ??= sharpTextures(this._uniforms.detail);
+    if (state && state.viewOffsetOwner !== this) throw new UpscalerError("the render pipeline", "jittered by another node", "one such node", PIPELINES);
+    if (this._pass) this._pass.contextNode ??= sharpTextures(this._uniforms.detail);
+    this._renderPipeline = renderPipeline;
     this._material.contextNode = context(builder.getSharedContext());
     this._material.fragmentNode = this._inputNodes(renderer);
-    if (!this._loading) this._loading = this._load(renderer, renderPipeline);
+    if (!this._loading) this._loading = this._load(renderer);
     return this._textureNode;
   }
 
   updateBefore({ renderer }) {
     if (this._fallback) return;
-    const { texture } = this._beautyTarget();
-    const isWhole = texture.width === this._renderSize[0] && texture.height === this._renderSize[1];
-    if (!this._jitter || !isWhole) {
-      this._textureNode.value = this.beautyNode.value;
+    const { width, height } = this._textureNode.value = this.beautyNode.value;
+    if (!this._jitter || width !== this._renderSize[0] || height !== this._renderSize[1]) return;
+    try {
+      this._resize(renderer);
+      this._drawInputs(renderer);
+      this._upscale(renderer);
+    } catch (error) { // thrown through three.js, it would leave the renderer without tone mapping
+      this._fallBack(error);
       return;
     }
-    this._resize(renderer);
-    this._drawInputs(renderer);
-    this._upscale(renderer);
     this._textureNode.value = this._output;
     this._previousClip.copy(this._clip);
     this._isReset = false;
   }
 
   _setupFallback(builder) {
-    if (!this._fallback) this._fallBack("This browser or device has no WebGPU, so that three.js draws with WebGL");
+    if (!this._fallback) this._fallBack(new Error("This browser or device has no WebGPU, so that three.js draws with WebGL."));
     this._fallback.build(builder);
     this._textureNode.value = this._fallback.getTextureNode().value;
     return this._textureNode;
   }
 
-  _fallBack(reason) {
-    console.error(`supersampler: ${reason}. The image is upscaled by three.js' own TAAU node instead.`);
+  /** @param {Error} error why this node cannot upscale */
+  _fallBack({ message }) {
+    console.error(`supersampler: ${message.replace(/\.$/, "")}. The image is upscaled by three.js' own TAAU node instead.`);
     this._fallback = taau(this.beautyNode, this.depthNode, this.velocityNode, this.camera);
+    this._upscaler?.destroy();
+    this._upscaler = null;
     this._resolveReady();
+    if (this._renderPipeline) this._renderPipeline.needsUpdate = true;
   }
 
-  async _load(renderer, renderPipeline) {
+  async _load(renderer) {
     try {
       const { default: files } = await models[this.method]();
-      this._upscaler = await Upscaler.load(renderer.backend.device, (name) => files[name], { displaySize: displaySize(renderer) });
+      const size = displaySize(renderer).map((side) => Math.max(side, 1)); // a hidden canvas may have no pixels yet
+      const upscaler = await Upscaler.load(renderer.backend.device, (name) => files[name], { displaySize: size });
+      if (this._isDisposed) upscaler.destroy();
+      else this._upscaler = upscaler;
       this._resolveReady();
     } catch (error) {
-      this._fallBack(error.message.replace(/\.$/, ""));
-      renderPipeline.needsUpdate = true;
+      if (!this._isDisposed) this._fallBack(error);
     }
   }
 
-  _beautyTarget() {
-    return this.beautyNode.isRTTNode ? this.beautyNode.renderTarget : this.beautyNode.passNode.renderTarget;
+  /** The pass that draws the scene. Nodes may lie between it and the colour. */
+  get _pass() {
+    const { passNode } = this.depthNode;
+    return passNode?.isPassNode ? passNode : null;
   }
 
   /** Moves the camera by the jitter, before the pass is rendered. */
   _offsetView(renderer) {
-    if (!this._upscaler) return;
-    const { passNode } = this.beautyNode, display = displaySize(renderer);
-    if (passNode?.isPassNode) passNode.setSize(...display); // as it does itself, but later
-    const { width, height } = this._beautyTarget().texture;
+    const display = displaySize(renderer), pass = this._pass;
+    if (pass) {
+      pass.setSize(...display); // as it does itself, but later
+      if (this.beautyNode.autoResize) this.beautyNode.setResolutionScale(pass.getResolutionScale());
+    }
+    const { width, height } = this.depthNode.value;
+    if (!this._upscaler || !Math.min(...display, width, height)) return;
     this._renderSize = [width, height];
     this._uniforms.detail.value = width / display[0];
     this._jitter = haltonJitter(this._frame++, display[0] / width);
@@ -191,10 +207,11 @@ export class SupersamplerNode extends Node {
 
   /** Draws depth and motion in our units. */
   _drawInputs(renderer) {
-    const { nearFar, jitter, size, toPrevious } = this._uniforms;
+    const { planes, jitter, size, toPrevious } = this._uniforms, { near, far } = this.camera;
     this._clip.multiplyMatrices(this._projection, this.camera.matrixWorldInverse);
     if (this._isReset) this._previousClip.copy(this._clip);
-    nearFar.value.set(this.camera.near, this.camera.far);
+    // Planes of an orthographic camera may lie behind it: distances then count from a point before them.
+    planes.value.set(near, far, near > 0 ? 0 : (far - near) / 10 - near);
     jitter.value.set(...this._jitter);
     size.value.set(...this._renderSize);
     toPrevious.value.multiplyMatrices(this._previousClip, this._clip.clone().invert());
@@ -209,20 +226,20 @@ export class SupersamplerNode extends Node {
       .map((texture) => backend.get(texture).texture);
     const encoder = backend.device.createCommandEncoder({ label: "supersampler" });
     this._upscaler.encode(encoder, { color, depth, motion }, output, {
-      jitter: this._jitter, reset: this._isReset, exposure: renderer.toneMappingExposure,
+      jitter: this._jitter, reset: this._isReset, exposure: renderer.toneMappingExposure > 0 ? renderer.toneMappingExposure : null,
     });
     backend.device.queue.submit([encoder.finish()]);
   }
 
   /** Depth: near / view distance, 0 at the sky. Motion: render pixels, y down, previous minus current. */
   _inputNodes(renderer) {
-    const { nearFar, jitter, size, toPrevious } = this._uniforms, { camera } = this;
-    const [near, far] = [nearFar.x, nearFar.y], isReversed = renderer.reversedDepthBuffer;
-    const toViewZ = renderer.logarithmicDepthBuffer ? logarithmicDepthToViewZ
-      : camera.isOrthographicCamera ? orthographicDepthToViewZ : perspectiveDepthToViewZ;
+    const { planes, jitter, size, toPrevious } = this._uniforms;
+    const [near, far, shift] = [planes.x, planes.y, planes.z], isReversed = renderer.reversedDepthBuffer;
+    const toViewZ = this.camera.isOrthographicCamera ? orthographicDepthToViewZ
+      : renderer.logarithmicDepthBuffer ? logarithmicDepthToViewZ : perspectiveDepthToViewZ;
     const [texel, z] = [ivec2(screenCoordinate), this.depthNode.load(ivec2(screenCoordinate)).r.toVar()];
     const isSky = isReversed ? z.lessThanEqual(0) : z.greaterThanEqual(1);
-    const depth = near.div(toViewZ(z, near, far).negate());
+    const depth = near.add(shift).div(shift.sub(toViewZ(z, near, far)));
 
     // three's velocity is current minus previous, in units of half the image with y up, and 0 at the sky, which moves
     // with the camera.

@@ -1,9 +1,8 @@
 /** Functions for measurements of the page of three.js: `window.threeDemo`, where its address has ?test. */
 
 import { HalfFloatType, NoToneMapping, RenderTarget } from "three/webgpu";
-import { haltonJitter } from "../jitter.js";
 import { readTexture } from "../page/readback.js";
-import { base64 } from "../page/testing.js";
+import { base64, meanOf } from "../page/testing.js";
 
 const STEP = 1 / 60, FIRST_TIME = 1;
 
@@ -36,20 +35,17 @@ export class ThreeTesting {
   /** @param {number} samples a pixel @returns {Promise<string>} the same frame drawn at display size, as `step` */
   async reference(samples) {
     const { renderer, target, camera, scene } = this, { width, height } = target;
-    let mean;
-    for (let index = 0; index < samples; index++) {
-      camera.setViewOffset(width, height, ...haltonJitter(index, Math.sqrt(samples / 8)), width, height);
+    const mean = await meanOf(samples, async (jitter) => {
+      camera.setViewOffset(width, height, ...jitter, width, height);
       await this.#inFrame(() => {
         renderer.setRenderTarget(target);
         renderer.render(scene, camera);
         renderer.setRenderTarget(null);
       });
-      const pixels = await this.#read();
-      mean ??= new Float32Array(pixels.length);
-      for (let i = 0; i < mean.length; i++) mean[i] += pixels[i] / samples;
-    }
+      return this.#read();
+    });
     camera.clearViewOffset();
-    return base64(mean);
+    return mean;
   }
 
   /** Changes the size of the image. */

@@ -9,8 +9,6 @@ import typer
 
 from supersampler.cli.terminal import echo
 
-_NODE_MODULES = Path("node_modules")
-
 
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("out"),
@@ -33,7 +31,7 @@ def demo(
         Path | None,
         typer.Option(
             help="With --web: npm's folder with three, for the page of three.js.  [default: node_modules, if "
-            "it exists]"
+            "it has the tested version]"
         ),
     ] = None,
 ) -> None:
@@ -44,7 +42,7 @@ def demo(
     page that renders a scene live and upscales it with WebGPU.
     """
     if web:
-        _serve(port or 0, write, node_modules or (_NODE_MODULES if _NODE_MODULES.is_dir() else None))
+        _serve(port or 0, write, node_modules)
     elif (port, write, node_modules) != (None, None, None):
         raise typer.BadParameter("--port, --write and --node-modules need --web")
     else:
@@ -74,16 +72,20 @@ def _upscale(output: Path, method: str, *, overwrite: bool) -> None:
 
 
 def _serve(port: int, write: Path | None, node_modules: Path | None) -> None:
-    from supersampler.integrations.web import PACKAGES, serving, site_files, write_site
+    from supersampler.errors import ShotError
+    from supersampler.integrations.web import THREE_VERSION, serving, site_files, write_site
 
     shader_files = import_module("supersampler_export.shaders.folder").shader_files
-    if node_modules is None:
-        names = " ".join(f"{name}@{version}" for name, version in PACKAGES.items())
-        echo(f"Without the page of three.js; to have it: npm install {names}", err=True)
-    files = site_files(shader_files, node_modules=node_modules)
+    try:
+        files = site_files(shader_files, node_modules=node_modules or Path("node_modules"))
+    except ShotError:  # a project may have another version
+        if node_modules is not None:
+            raise
+        echo(f"Without the page of three.js; to have it: npm install three@{THREE_VERSION}", err=True)
+        files = site_files(shader_files)
     if write is not None:
         write_site(write, files)
-        echo(f"Page: {write / 'index.html'}")
+        echo(f"Page: {write}  (browsers load it from a server only: python -m http.server -d {write})")
         return
     with serving(files, port) as url:
         echo(f"Open in a browser with WebGPU: {url}  (Ctrl-C stops)")

@@ -28,21 +28,19 @@ from supersampler.io.shot import Shot
 from supersampler.methods.executors import with_shaders
 from supersampler.methods.registry import methods
 
-__all__ = ["PACKAGES", "package_files", "page_files", "serving", "site_files", "write_site"]
+__all__ = ["THREE_VERSION", "package_files", "page_files", "serving", "site_files", "write_site"]
 
 SHOT = "plaza"
-PACKAGES: Mapping[str, str] = {"three": "0.187.0"}
-"""npm packages and their versions, for three.html."""
+THREE_VERSION = "0.187.0"
+"""Version of npm's package three that the page of three.js is tested with."""
 SiteFiles: TypeAlias = Mapping[str, Callable[[], bytes]]
 """Function that returns the content of each file, by the file's path in the page's folder, with "/"."""
-_FILES: Mapping[str, tuple[str, ...]] = {
-    "three": (
-        *(f"build/three.{part}.js" for part in ("core", "webgpu", "tsl")),
-        *(f"examples/jsm/tsl/display/{node}Node.js" for node in ("TAAU", "TRAA")),
-        "examples/jsm/tsl/utils/TAAUtils.js",
-        "LICENSE",
-    )
-}
+_THREE_FILES = (
+    *(f"build/three.{part}.js" for part in ("core", "webgpu", "tsl")),
+    *(f"examples/jsm/tsl/display/{node}Node.js" for node in ("TAAU", "TRAA")),
+    "examples/jsm/tsl/utils/TAAUtils.js",
+    "LICENSE",
+)
 _WASM = Path(library.__file__).with_name("supersampler.wasm")
 """The CPU library for browsers: in wheels; in a checkout `python sdk/native/build.py wasm` builds it."""
 HOST = "127.0.0.1"
@@ -82,15 +80,15 @@ def site_files(
 
     Args:
         shader_files: see `supersampler_export.shaders.folder`.
-        node_modules: npm's folder with PACKAGES; without it the page of three.js says what is missing.
+        node_modules: npm's folder with three; without it the page of three.js says what is missing.
 
     Raises:
-        ShotError: a package is damaged, or has another version.
+        ShotError: three is missing there, damaged, or of another version.
     """
     page = page_files()
     found = {path.relative_to(page).as_posix(): path for path in page.rglob("*") if path.is_file()}
-    for name, package in _packages(node_modules).items():
-        found |= {f"vendor/{name}/{file}": package / file for file in _FILES[name]}
+    if node_modules is not None:
+        found |= _three_files(node_modules / "three")
     if is_there(_WASM):
         found["cpu/supersampler.wasm"] = _WASM
     shot = Shot.open(SHOT)
@@ -168,19 +166,13 @@ def _reference(shot: Shot, index: int) -> bytes:
     return encode_exr(np.asarray(shot.read_reference(index), np.float16))
 
 
-def _packages(node_modules: Path | None) -> dict[str, Path]:
-    """Return the folders of the installed packages."""
-    found: dict[str, Path] = {}
-    for name, tested_version in PACKAGES.items():
-        if node_modules is None or not is_there(node_modules / name / "package.json"):
-            continue
-        package = node_modules / name
-        version = read_typed(package / "package.json", _Package).version
-        if version != tested_version:
-            hint = f"Install it: npm install {name}@{tested_version}"
-            raise ShotError(package, f"is version {version}; the page is tested with {tested_version}", hint)
-        found[name] = package
-    return found
+def _three_files(package: Path) -> dict[str, Path]:
+    """Return the files of three.js that its page loads, by their paths in the page's folder."""
+    version = read_typed(package / "package.json", _Package).version
+    if version != THREE_VERSION:
+        hint = f"Install it: npm install three@{THREE_VERSION}"
+        raise ShotError(package, f"is version {version}; the page is tested with {THREE_VERSION}", hint)
+    return {f"vendor/three/{file}": package / file for file in _THREE_FILES}
 
 
 @contextmanager

@@ -1,15 +1,6 @@
 /** A WebGPU device that computes nothing. It throws where a real one would throw or report a wrong number. */
 
-const FORMATS = [
-  "rgba32float",
-  "rgba32uint",
-  "rgba16float",
-  "rg32float",
-  "rg32uint",
-  "r32uint",
-  "r32float",
-  "rg16float",
-];
+const FORMATS = /^((r|rg|rgba)32float|(r|rg|rgba)32uint|(rg|rgba)16float)$/;
 const TEXEL = 16;
 const ROOM = 2 ** 32;
 
@@ -46,19 +37,24 @@ export function fakeDevice(limits = {}) {
     taken += bytes;
     check(taken <= ROOM, `${taken} bytes are taken`);
   };
-  const createBuffer = ({ size }) => {
+  const held = new Set(); // labels of what is not destroyed
+  const isHeld = (label) => {
+    if (label) held.add(label);
+    return { destroy: () => held.delete(label) };
+  };
+  const createBuffer = ({ size, label }) => {
     check(isWhole(size, 1, all.maxBufferSize), `a buffer has ${size} bytes`);
     take(size);
-    return { size, destroy() {}, unmap() {}, getMappedRange: () => new ArrayBuffer(size) };
+    return { ...isHeld(label), size, unmap() {}, getMappedRange: () => new ArrayBuffer(size) };
   };
-  const createTexture = ({ size: [width, height], format, usage = 0 }) => {
+  const createTexture = ({ size: [width, height], format, usage = 0, label }) => {
     check(
       [width, height].every((side) => isWhole(side, 1, all.maxTextureDimension2D)),
       `a texture is ${width}x${height}`,
     );
-    check(FORMATS.includes(format), `a texture is ${format}`);
+    check(FORMATS.test(format), `a texture is ${format}`);
     take(TEXEL * width * height);
-    const texture = { width, height, format, usage, sampleCount: 1, destroy() {} };
+    const texture = { ...isHeld(label), width, height, format, usage, sampleCount: 1 };
     texture.createView = () => ({ texture });
     return texture;
   };
@@ -86,6 +82,7 @@ export function fakeDevice(limits = {}) {
     return { entries };
   };
   return {
+    held,
     limits: all,
     features: new Set(),
     lost: new Promise(() => {}),

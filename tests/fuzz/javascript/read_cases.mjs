@@ -10,6 +10,7 @@
  * it must not: an error of another class than its own.
  */
 
+import { createHash } from "node:crypto";
 import { existsSync, readFileSync, readdirSync, statSync } from "node:fs";
 import { join } from "node:path";
 import { ExrError, readExr } from "../../../examples/web/page/exr.js";
@@ -19,19 +20,19 @@ import { Upscaler, UpscalerError } from "../../../examples/web/supersampler.js";
 import { fakeDevice } from "./fake_gpu.mjs";
 
 const DISPLAY = [64, 36];
-const RENDER_SIZES = [
-  [32, 18],
-  [40, 30],
-  [32, 18],
-];
+const RENDER_SIZES = [[32, 18], [40, 30], [32, 18]];
 
+/** Return a digest of all values. */
 async function readImages(files) {
+  const digest = createHash("sha256");
   for (const [name, data] of files) {
     const { width, height, planes } = await readExr(await data.arrayBuffer(), name);
     for (const [channel, { values }] of planes) {
       if (values.length !== width * height) throw new Error(`${channel} has ${values.length} values`);
+      digest.update(values);
     }
   }
+  return digest.digest("hex");
 }
 
 async function readShot(files) {
@@ -51,16 +52,15 @@ async function readShaders(files) {
   const upscaler = await Upscaler.load(device, source, { displaySize: DISPLAY });
   const output = texture("rgba16float", DISPLAY);
   const encoder = device.createCommandEncoder();
-  for (const reset of [false, true]) {
-    for (const size of RENDER_SIZES) {
-      const frame = {
-        color: texture("rgba32float", size),
-        depth: texture("r32float", size),
-        motion: texture("rg32float", size),
-      };
-      upscaler.encode(encoder, frame, output, { jitter: [0.1, 0], exposure: 1, reset });
-    }
-  }
+  const encode = (size, reset) => {
+    const [color, depth, motion] = ["rgba32float", "r32float", "rg32float"].map((format) => texture(format, size));
+    upscaler.encode(encoder, { color, depth, motion }, output, { jitter: [0.1, 0], exposure: 1, reset });
+  };
+  const loaded = new Set([...device.held, "params"]);
+  encode(RENDER_SIZES[0], true);
+  upscaler.resize(DISPLAY);
+  if (device.held.size > loaded.size) throw new Error(`${[...device.held]} outlive resize`);
+  for (const reset of [false, true]) RENDER_SIZES.forEach((size) => encode(size, reset));
   upscaler.destroy();
 }
 
@@ -95,8 +95,8 @@ for (let number = Number(first); number < Number(count); number++) {
   const files = new Map([...whole, ...filesOf(join(cases, String(number)))]);
   say({ case: number });
   try {
-    await read(files);
-    say({ case: number, said: "read" });
+    const digest = await read(files);
+    say({ case: number, said: digest ? `read ${digest}` : "read" });
   } catch (error) {
     const text = `${error.name}: ${error.message}`;
     if (own.some((one) => error instanceof one)) say({ case: number, said: text });
