@@ -36,6 +36,7 @@ def extrapolated_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[
             history = method.after_shaded(inputs, history)
             made.append(None)
             continue
+        assert history is not None
         with torch.no_grad():
             done = method.step(*(inputs[name] for name in method.inputs()), *history)
         history = done.history

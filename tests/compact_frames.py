@@ -9,6 +9,7 @@ from supersampler.frame import Array, Frame
 
 def compact(frame: Frame) -> Frame:
     """Round depth to 12 bits, colour to 7, and motion to 1 / 64 pixel."""
+    assert frame.color is not None
     motion = np.round(frame.motion * 64.0) / 64.0
     return replace(
         frame,
@@ -20,6 +21,7 @@ def compact(frame: Frame) -> Frame:
 
 def cropped(frame: Frame, width: int, height: int) -> Frame:
     """Return the middle of the frame, at most this large."""
+    assert frame.color is not None
     w, h = frame.size
     top, left = max(0, h - height) // 2, max(0, w - width) // 2
     part = slice(top, top + height), slice(left, left + width)

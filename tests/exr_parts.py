@@ -10,6 +10,7 @@ def write_parts(path: Path, *parts: tuple[ImageSpec, np.ndarray]) -> Path:
     """Write the pixels of each part, or page, with its specification."""
     path.parent.mkdir(parents=True, exist_ok=True)
     output = ImageOutput.create(str(path))
+    assert output is not None
     assert output.open(str(path), tuple(spec for spec, _ in parts) if len(parts) > 1 else parts[0][0])
     for index, (spec, values) in enumerate(parts):
         assert index == 0 or output.open(str(path), spec, "AppendSubimage")

@@ -210,6 +210,8 @@ def _run(file: str, name: str, report: str, first: int, count: int, memory: int,
     from supersampler.errors import SupersamplerError
 
     spec = importlib.util.spec_from_file_location(Path(file).stem, file)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)

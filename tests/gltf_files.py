@@ -95,6 +95,7 @@ def png(pixels: Array) -> bytes:
         height, width, channels = pixels.shape
         spec = ImageSpec(width, height, channels, pixels.dtype.name)
         spec.attribute("oiio:UnassociatedAlpha", 1)
+        assert output is not None
         assert output.open(str(path), spec)
         assert output.write_image(pixels)
         output.close()

@@ -19,6 +19,7 @@ BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 1e6)
 def display_of(method: Method) -> Size:
     ratio = only_ratio(method.ratios)
     found = scaled(RENDER, ratio) if ratio else (81, 47)
+    assert found is not None
     return Size(*found)
 
 

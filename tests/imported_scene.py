@@ -27,7 +27,9 @@ MAP = {"color": ["R", "G", "B"], "depth": "depth.V", "motion": ["motion/*.exr:R"
 
 
 def color(index: int) -> np.ndarray:
-    return SCENE.frame(index, SIZE, JITTER).color
+    found = SCENE.frame(index, SIZE, JITTER).color
+    assert found is not None
+    return found
 
 
 def distance() -> np.ndarray:
@@ -51,6 +53,7 @@ def assert_is_the_scene(shot: Shot) -> None:
     before: Frame | None = None
     for index, item in enumerate(shot):
         frame = item.frame
+        assert frame.color is not None
         np.testing.assert_allclose(frame.color, color(index), atol=1e-3)
         assert frame.jitter == pytest.approx(JITTER)
         assert frame.reset == (index in (0, CUT))

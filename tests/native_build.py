@@ -19,6 +19,8 @@ def native_generated() -> ModuleType:
 
 def _module(name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"native_{name}", SOURCES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -39,6 +39,7 @@ def masked_shot(folder: Path) -> Shot:
     with ShotWriter(folder, name="masked", display_size=MASKED_DISPLAY, frame_rate=30.0) as writer:
         for index, changed in enumerate(changes):
             frame = noise(index, **changed)
+            assert frame.color is not None
             frame.color[...] *= frame.pre_exposure
             writer.write(frame)
     return Shot.open(folder)

@@ -38,6 +38,7 @@ def frames() -> list[Frame]:
     made[MASKED] = replace(made[MASKED], reactive=mask)
     for index, factor in PRE_EXPOSED.items():
         color = made[index].color
+        assert color is not None
         made[index] = replace(made[index], color=color * np.float32(factor), pre_exposure=factor)
     for index in range(STILL, len(made)):
         jitter, motion = halton_jitter(index // 2, 2.0), np.zeros_like(made[index].motion)

@@ -46,9 +46,12 @@ def still_state(method: str = "taau", executor: str = "cpu") -> State:
         made.step(frame(index))
     made.step(frame(FRAMES - 1, aovs=np.ones((*RENDER[::-1], 2), np.float32)), outputs=("aovs",))
     aovs = made.save_state().history
+    assert aovs is not None
     made.reset()
     for index in range(FRAMES):
         made.step(frame(index))
     state = made.save_state()
+    assert state.history is not None
+    assert state.shaded is not None
     history = {**state.history, "history.aovs": aovs["history.aovs"]}
     return State(state.method, state.display_size, state.render_size, history, dict(state.shaded))

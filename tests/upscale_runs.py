@@ -74,6 +74,7 @@ def write_renders(folder: Path, names: dict[int, str], **header: Any) -> Path:
     """Write EXR frames as a renderer does; `names` by frame number. To be opened with OURS."""
     for number, name in names.items():
         frame = moving(number)
+        assert frame.color is not None
         channels = {axis: frame.color[..., at] for at, axis in enumerate("RGB")}
         channels |= {
             "depth.Z": frame.depth,

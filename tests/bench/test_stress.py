@@ -53,9 +53,11 @@ class Average:
         return self._past.copy()
 
     def save_state(self) -> State:
+        assert self._past is not None
         return State("average", self._display, None, {"history.color": self._past.copy()})
 
     def load_state(self, state: State) -> None:
+        assert state.history is not None
         self._past = np.array(state.history["history.color"])
 
 
@@ -119,6 +121,7 @@ class WithSum(Average):
 
     def load_state(self, state: State) -> None:
         super().load_state(state)
+        assert state.history is not None
         self.total = np.array(state.history["history.total"])
 
 

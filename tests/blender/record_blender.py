@@ -38,6 +38,7 @@ def record_render(blender: str, folder: Path, work: Path) -> None:
     make_scene(blender, work, {"properties": {"scene.frame_end": 8}})
     run_command(blender, work, "recorded", "--samples", "1", "--denoise", "off")
     record = read_render_record(work / "recorded" / "render")
+    assert record.scene is not None
     scene = msgspec.structs.replace(record.scene, ocio="/blender/config.ocio")
     msgspec.structs.replace(record, scene=scene).write(folder)
     for path in (work / "recorded" / "render").glob("*.exr"):

@@ -47,6 +47,7 @@ def main(renders: Path) -> None:
 
 def half(array: Array | Float32 | None, steps: int) -> Array:
     """Return the recorded part of an array, in steps of 1 / `steps`."""
+    assert array is not None
     rounded: Array = (np.round(np.asarray(array[PART], np.float32) * steps) / steps).astype(np.float16)
     return rounded
 

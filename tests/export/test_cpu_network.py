@@ -36,11 +36,13 @@ def with_random_weights(method: Classifier, folder: Path) -> Made:
     """Return the method, and its model, written to `folder` with only what the CPU backend needs."""
     torch.manual_seed(0)
     assert isinstance(method.net.blend, nn.Conv2d)
+    assert method.net.blend.bias is not None
     nn.init.normal_(method.net.blend.weight, std=0.5)  # zeros would hide what lies where
     nn.init.normal_(method.net.blend.bias, std=0.5)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(quantize, "FRAMES", 2)
         network = cpu_network(method.eval())
+    assert network is not None
     (folder / "network.npz").write_bytes(network)
     described = json.loads((find_model(method.name) / "model.json").read_text())
     described["config"] = asdict(method.config)

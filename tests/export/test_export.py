@@ -165,6 +165,7 @@ def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
         assert isinstance(result, StepResult)
         assert np.isfinite(result.image).all()
         assert (result.image >= 0.0).all()
+        assert result.class_map is not None
         np.testing.assert_allclose(result.class_map[..., :3].sum(axis=-1), 1.0, atol=1e-3)
 
 
@@ -264,6 +265,7 @@ def test_a_method_of_one_ratio_is_held_against_torch_at_sizes_of_it(gbuffer_mode
 
 def test_a_network_with_other_weights_is_refused() -> None:
     subgraph = load_method("classifier-small").subgraph()
+    assert subgraph is not None
     with torch.no_grad():
         subgraph.module.get_parameter("blend.bias").add_(1e-2)
     with pytest.raises(ExportError, match=r"blend_parameters at .*: ONNX Runtime is off by"):

@@ -50,6 +50,7 @@ def test_a_method_broken_by_half_floats_is_not_exported() -> None:
     method, half = halved("classifier-small")
     blend = half.get_submodule("net.blend")
     assert isinstance(blend, nn.Conv2d)
+    assert blend.bias is not None
     blend.bias.data[:4] += 3.0  # weight of the history
     with pytest.raises(ExportError, match="in half floats"):
         check_half(method, half)
@@ -78,6 +79,7 @@ def test_images_are_finite_for_any_network_output(name: str, bias: float) -> Non
     _, half = halved(name)
     blend = half.get_submodule("net.blend")
     assert isinstance(blend, nn.Conv2d)
+    assert blend.bias is not None
     blend.bias.data += bias
     display = display_of(half)
     history = half.first_history(display, RENDER, 3)

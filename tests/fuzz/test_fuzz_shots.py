@@ -68,6 +68,7 @@ def prepare() -> Callable[[int], object]:
         (folder / target).write_bytes(text_of(described[target], rng))
         if target.name == "upscale.json":
             record = read_run_record(folder)
+            assert record is not None
             assert all(path.parent.parent in (Path(), folder) for path in record.own_files(folder))
         elif target.name == "shot.json":
             for item in Shot.open(folder):

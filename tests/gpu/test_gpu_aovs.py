@@ -44,7 +44,9 @@ def asked(upscaler: Upscaler, frame: Frame, *outputs: str) -> StepResult:
 
 
 def aovs_of(upscaler: Upscaler, frame: Frame) -> Float32:
-    return asked(upscaler, frame, "aovs").aovs
+    found = asked(upscaler, frame, "aovs").aovs
+    assert found is not None
+    return found
 
 
 @pytest.mark.parametrize(("render", "display"), SIZES)
@@ -57,7 +59,9 @@ def test_blended_aovs_are_those_of_the_graph_with_the_same_weights(
     for index in range(6):
         frame = with_aovs(index, render)
         result = asked(ours, frame, "aovs", "weight")
+        assert result.weight is not None
         history = graph.blend(frame, result.weight[None, None], history, display)
+        assert result.aovs is not None
         apart.append(np.abs(result.aovs - history[0].transpose(1, 2, 0)).ravel())
     differences = np.concatenate(apart)
     assert differences.mean() < 5e-4
@@ -72,6 +76,7 @@ def test_blended_aovs_are_those_of_the_cpu_backend(method: str) -> None:
         frame = with_aovs(index, (20, 12))
         result = asked(ours, frame, "aovs")
         np.testing.assert_array_equal(result.image, silent.step(frame))
+        assert result.aovs is not None
         difference = np.abs(result.aovs - aovs_of(theirs, frame))
         assert difference.mean() < 4e-3
         assert difference.max() < (0.06 if method in ("taa", "taau") else 0.15)
@@ -81,6 +86,7 @@ def test_infinite_values_count_as_the_largest() -> None:
     ours, graph = make("taa"), blender()
     for value in (np.inf, -np.inf, 1e30):
         aovs = with_aovs(0, (20, 12)).aovs
+        assert aovs is not None
         frame = with_aovs(0, (20, 12), aovs=np.where(aovs > 0.8, np.float32(value), aovs))
         wanted = graph.blend(frame, None, None, (40, 24))
         np.testing.assert_allclose(aovs_of(ours, frame), wanted[0].transpose(1, 2, 0), rtol=1e-4, atol=1e-4)

@@ -307,6 +307,7 @@ def test_memory_that_holds_a_frozen_tile_already_is_not_written(method: str) -> 
     for given in uniform(2 * PERIOD + 6):
         stepped.step(given)
     assert stepped.history is not None
+    assert stepped.spare is not None
     gpu, pixels = stepped.executor, stepped.spare.memory["pixels"]
     marked = np.full_like(read_back(gpu.device, pixels), GARBAGE).reshape(*pixels.texture.size[1::-1], -1)
     write_to(gpu.device, pixels, marked)

@@ -84,6 +84,7 @@ def test_g_buffers_have_an_effect() -> None:
 
 def darkened(frame: Frame) -> dict[str, Array]:
     """The G-buffers of the display, with half the base colour."""
+    assert frame.gbuffer_display is not None
     buffers = dict(frame.gbuffer_display)
     return buffers | {"base_color": buffers["base_color"] * np.float32(0.5)}
 
@@ -148,6 +149,7 @@ def test_frozen_tiles_are_skipped_without_a_changed_bit() -> None:
         assert isinstance(result, StepResult)
         np.testing.assert_array_equal(skipping.step(frame), result.image, f"frame {index}")
         if index in (79, 82):
+            assert result.converged is not None
             frozen = float(result.converged.mean())
             assert (frozen == 1.0) == (index == 79), frozen
             assert frozen > 0.5, "there is something to skip"

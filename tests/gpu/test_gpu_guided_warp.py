@@ -46,6 +46,7 @@ def by_torch(frames: Sequence[Frame], pattern: str) -> list[Float32]:
 
 def in_halves(frame: Frame) -> Frame:
     """The frame with G-buffers that half floats hold exactly."""
+    assert frame.gbuffer is not None
     with np.errstate(over="ignore"):
         gbuffer = {name: image.astype(np.float16).astype(np.float32) for name, image in frame.gbuffer.items()}
     return replace(frame, gbuffer=gbuffer)
@@ -121,6 +122,7 @@ def test_a_shaded_frame_without_depth_does_not_concern_the_next_one(ours: Extrap
 def test_pre_exposure_multiplies_the_colour(ours: Extrapolator) -> None:
     frames = [surfaces(seed) for seed in range(2)]
     plain = extrapolated(ours, frames, "su")[0]
+    assert frames[0].color is not None
     lit = replace(frames[0], color=frames[0].color * np.float32(4.0), pre_exposure=4.0)
     exposed = extrapolated(ours, [lit, replace(frames[1], pre_exposure=2.0)], "su")[0]
     np.testing.assert_allclose(exposed, 2.0 * plain, rtol=1e-5)
@@ -152,6 +154,7 @@ def test_frames_that_were_not_shaded_run_on_the_device_of_the_model(device: Any)
         Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
         for model in (Model.load("taau", executor="gpu", device=own), Model.load("taau", executor="cpu"))
     )
+    assert upscaler._extrapolator is not None
     assert upscaler._extrapolator.executor == "gpu"
     for index in range(6):
         frame = replace(moving(index), gbuffer=guides)
@@ -164,6 +167,7 @@ def test_frames_that_were_not_shaded_run_on_the_device_of_the_model(device: Any)
 
 def test_a_model_without_shaders_extrapolates_beside_the_gpu_backend() -> None:
     upscaler = Upscaler("taau", display_size=DISPLAY, extrapolation="guided-flow", executor="gpu")
+    assert upscaler._extrapolator is not None
     assert upscaler._extrapolator.executor == "onnx"
 
 

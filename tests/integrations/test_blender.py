@@ -112,6 +112,7 @@ def test_each_pixel_is_one_place_whatever_the_number_of_samples(tmp_path: Path, 
         pytest.skip(f"no GPU, not even in software: {done.stderr}")
     assert done.exit_code == 0, done.output
     gbuffer = rendered(tmp_path)[0].read(0).frame.gbuffer
+    assert gbuffer is not None
     axis = np.abs(gbuffer["normal"].astype(np.float32)).max(
         axis=-1
     )  # of cubes and a floor, none of them turned
@@ -287,6 +288,7 @@ def test_temporal_denoising_renders_at_full_size_with_guides_in_world_space(tmp_
     assert "Cycles renders at full size with 1 samples" in done.stderr
     assert "motion blur is off" in done.stderr
     shot, record = rendered(tmp_path)
+    assert record.scene is not None
     assert read_header(tmp_path / "out" / "render" / "0006.exr").metadata["cycles.ViewLayer.samples"] == "1"
     assert (record.scene.denoise, shot.render_size, shot.is_denoised) == ("temporal", (96, 64), True)
     items = list(shot)
@@ -294,8 +296,10 @@ def test_temporal_denoising_renders_at_full_size_with_guides_in_world_space(tmp_
     assert {item.frame.jitter for item in items} == {(0.0, 0.0)}
     wrong = np.abs(items[1].frame.motion - camera_motion_of(shot, record, 1)).max(axis=-1)
     assert np.percentile(wrong, 85) < 1e-3  # but the cube that moves
+    assert items[0].frame.motion_next is not None
     assert np.median(np.abs(items[0].frame.motion_next + items[1].frame.motion)) < 0.1
     gbuffer, surface = items[0].frame.gbuffer, items[0].frame.depth > 0
+    assert gbuffer is not None
     axis = np.abs(gbuffer["normal"].astype(np.float32)).max(axis=-1)[surface]  # none of the cubes is turned
     assert np.percentile(axis, 20) > 0.999
     assert list(items[0].raw.aov_names or ()) == ["A"]

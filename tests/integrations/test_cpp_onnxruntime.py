@@ -97,6 +97,7 @@ def write_raw(folder: Path, frames: list[Frame], displays: list[tuple[int, int]]
     folder.mkdir()
     lines = []
     for index, (frame, display) in enumerate(zip(frames, displays, strict=True)):
+        assert frame.color is not None
         (folder / f"{index}.color").write_bytes(frame.color.transpose(2, 0, 1).astype("<f4").tobytes())
         (folder / f"{index}.depth").write_bytes(frame.depth.astype("<f4").tobytes())
         (folder / f"{index}.motion").write_bytes(frame.motion.transpose(2, 0, 1).astype("<f4").tobytes())

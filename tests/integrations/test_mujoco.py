@@ -26,6 +26,8 @@ if sys.platform == "linux":
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
     spec = importlib.util.spec_from_file_location("mujoco_cameras", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -93,6 +95,8 @@ def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleT
 
 def part_of_other_ids(before: Frame, frame: Frame, motion: Float32) -> float:
     """Return the part of samples of moving bodies that have other ids where this motion leads."""
+    assert before.ids is not None
+    assert frame.ids is not None
     height, width = frame.depth.shape
     y, x = np.mgrid[:height, :width]
     at = np.rint(np.stack([x, y], -1) + frame.jitter + motion - before.jitter).astype(int)
@@ -117,4 +121,5 @@ def test_ids_of_images_are_ids_of_the_simulation(example: ModuleType) -> None:
             frames, Upscaler.step_many(upscalers, frames, outputs=("ids",)), strict=True
         ):
             there = {tuple(ids) for ids in frame.ids.reshape(-1, 2).tolist()}
+            assert result.ids is not None
             assert {tuple(ids) for ids in result.ids.reshape(-1, 2).tolist()} <= there

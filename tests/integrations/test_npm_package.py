@@ -103,6 +103,7 @@ def test_the_page_of_the_development_server_upscales(project: Path, browser: "Br
 def development_server(project: Path) -> Iterator[str]:
     command = ["npx", "vite", "--host", "127.0.0.1", "--port", "0", "--clearScreen", "false"]
     with subprocess.Popen(command, cwd=project, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
         lines = iter(server.stdout.readline, "")
         line = next(line for line in lines if "http://" in line)
         yield "http://" + line.split("http://")[1].split()[0]

@@ -24,6 +24,8 @@ def test_color_and_guides_lose_their_noise() -> None:
         guide, other = oidn.clean_guides(noisy_albedo, normal)
         image, alone = oidn.denoise(color, guide, other), oidn.denoise(color, None, None)
         nothing = oidn.clean_guides(None, None)
+    assert guide is not None
+    assert other is not None
     assert nothing == (None, None)
     assert np.abs(guide - albedo).mean() < 0.5 * np.abs(noisy_albedo - albedo).mean()
     np.testing.assert_allclose(other, normal, atol=0.05)

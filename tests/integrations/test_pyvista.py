@@ -270,6 +270,7 @@ def test_an_actor_that_moves_has_its_own_motion_and_nothing_else_has(plotter: An
     np.testing.assert_allclose(frame.motion[row, column], before - now, atol=0.2)
     moved = (np.abs(frame.motion).max(axis=-1) > 1e-3) & (frame.depth > 0)
     assert 100 < moved.sum() < 0.3 * moved.size
+    assert frame.color is not None
     reddish = frame.color[..., 0] > 1.5 * frame.color[..., 2] + 0.1
     assert (moved & reddish).sum() > 0.95 * max(moved.sum(), reddish.sum())
 
@@ -529,6 +530,7 @@ def test_each_viewport_has_its_own_history() -> None:
         plotter.render()
     ours = seen(plotter)
     upscalers = [viewport.upscaler for viewport in window.viewports]
+    assert upscalers[0] is not None
     assert upscalers[0].stats.frames == 4
     assert upscalers[1] is None
     np.testing.assert_array_equal(ours[:, 160:], resting)
@@ -554,6 +556,7 @@ def test_a_volume_moves_as_its_centre_and_in_no_blocks(plotter: Any) -> None:
     inside = frame.motion[row - 12 : row + 12, column - 12 : column + 12]
     assert np.abs(np.diff(inside, axis=0)).max() < 0.1
     assert np.abs(np.diff(inside, axis=1)).max() < 0.1
+    assert frame.reactive is not None
     assert frame.reactive[row, column] > 0
 
 
@@ -590,6 +593,7 @@ def test_a_window_renders_on_by_a_timer_until_it_has_converged() -> None:
         [str(XVFB), "-displayfd", "1"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as xvfb:
         try:
+            assert xvfb.stdout is not None
             display = f":{int(xvfb.stdout.readline())}"
             done = subprocess.run(
                 [sys.executable, "-c", WINDOW], env=os.environ | {"DISPLAY": display}, timeout=240,

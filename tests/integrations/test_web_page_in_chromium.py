@@ -74,6 +74,7 @@ def test_the_split_shows_one_view_left_and_the_other_right(page: "Page", url: st
     page.evaluate("supersamplerDemo.step(8)")
     page.add_style_tag(content="#split, #stage select { visibility: hidden }")
     box = page.locator("#stage").bounding_box()
+    assert box is not None
 
     def shown(at: float) -> Float32:
         page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])

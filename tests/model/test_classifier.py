@@ -30,6 +30,7 @@ HISTORY = HISTORY._replace(range=torch.full((1, 2, 8, 16), DARK))
 def gathered(value: float | None = None) -> classifier_inputs.Gathered:
     """A frame of noise with a history of noise, `value` here and there in every image."""
     frame = noise(1)
+    assert frame.color is not None
     method, random = Classifier(), np.random.default_rng(3)
     images = [
         torch.from_numpy(np.ascontiguousarray(a, np.float32))[None]

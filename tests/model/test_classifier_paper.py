@@ -23,6 +23,7 @@ def always(method: PaperClassifier, weight: float) -> None:
     """Make the compositor answer with one weight everywhere."""
     last = method.net.get_submodule("compositor.2")
     assert isinstance(last, nn.Conv2d)
+    assert last.bias is not None
     with torch.no_grad():
         last.weight.zero_()
         last.bias.fill_(torch.tensor(weight).logit())

@@ -143,6 +143,7 @@ def test_one_colour_stays_that_colour_from_frame_to_frame(kind: type[GBuffer]) -
     for jitter in ((0.1, -0.3), (-0.4, 0.2), (0.0, 0.0)):
         image, history = step(method, frame(render, display, color, jitter), history)
         torch.testing.assert_close(image, torch.full_like(image, 0.37), rtol=1e-4, atol=1e-5)
+    assert history is not None
     counted = float(history[2].sum()) / color[:, :1].numel()
     assert counted == pytest.approx(3.0 * 2.0 * np.pi * 0.47**2, rel=0.05)  # of each sample, its Gaussian
 
@@ -275,6 +276,7 @@ def test_the_gate_is_of_the_branch_that_sees_base_colour_and_depth_alone() -> No
     torch.manual_seed(0)
     encoder = GatedEncoder(replace(SMALL_NETWORK, surfaces=(8, 8), detailed=(8, 8)), 2).eval()
     surfaces = torch.rand(1, SURFACES, 8, 8)
+    assert encoder.gate is not None
     with torch.no_grad():
         encoder.gate.fill_(0.0)
         plain = encoder(surfaces)
@@ -294,6 +296,7 @@ def test_the_gate_is_of_the_branch_that_sees_base_colour_and_depth_alone() -> No
 def seen(size: int = 16) -> NetworkInputs:
     """Noise of the shapes that a network of ratio 2 sees."""
     shapes = SmallGBuffer().subgraph()
+    assert shapes is not None
     fields = {}
     for name in NetworkInputs._fields:
         _, channels, *where = shapes.inputs[name]

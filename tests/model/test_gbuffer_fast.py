@@ -81,6 +81,7 @@ def test_neighbours_beyond_the_display_are_its_last_pixels() -> None:
 def blend_bias(method: gbuffer_fast.GuidedClassifier) -> Tensor:
     """Return the logarithms of the colours' weights, four of each: history, relit, sample, guided, kernel."""
     assert isinstance(method.net.blend, nn.Conv2d)
+    assert method.net.blend.bias is not None
     return method.net.blend.bias.data
 
 

@@ -46,6 +46,7 @@ def second_of(
 
 def off(image: Float32, frame: Frame) -> NDArray[np.float32]:
     """Relative errors of an image, (h, w)."""
+    assert frame.color is not None
     return np.asarray((np.abs(image - frame.color) / np.maximum(frame.color, 0.05)).max(axis=-1))
 
 
@@ -55,6 +56,7 @@ def test_a_textured_plane_that_pans_is_reproduced(velocity: tuple[float, float])
     now, then = scene.frame(1, SIZE, jitters[1]), scene.frame(0, SIZE, jitters[0])
     inner = np.s_[9:-9, 9:-9]
     assert off(second_of(scene, jitters), now)[inner].mean() < 0.06
+    assert then.color is not None
     moved = np.roll(then.color, np.round(velocity).astype(int), axis=(1, 0))
     assert off(moved, now)[inner].mean() > 0.4  # its texture is as fine as pixels
 
@@ -69,6 +71,7 @@ def test_light_is_read_where_the_sample_saw_it(x0: float, y0: float, x1: float, 
 
     scene = LitScene(base=even, light=rising, velocity=(v, -0.5 * v))
     image, now = second_of(scene, ((x0, y0), (x1, y1))), scene.frame(1, SIZE, (x1, y1))
+    assert now.color is not None
     pixels_off = 80.0 * (image - now.color)[9:-9, 9:-9, :2]
     # Four samples are not even around every place: between two rows, two of them are of one column beside.
     assert np.abs(pixels_off).max() < 0.45
@@ -81,6 +84,7 @@ def test_disoccluded_pixels_take_light_from_similar_surfaces_nearby() -> None:
     image, now = second_of(scene), scene.frame(1, SIZE)
     assert off(image, now)[uncovered].mean() < 0.12
     before = scene.frame(0, SIZE).color
+    assert before is not None
     assert off(before, now)[uncovered].mean() > 1.0
 
 

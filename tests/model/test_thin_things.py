@@ -48,6 +48,7 @@ def kept_depth(upscaler: Upscaler, frame: Frame) -> Float32:
     """Return the occluding depth, (h, w), that a step on a frame leaves in the history."""
     upscaler.step(frame)
     history = upscaler.save_state().history
+    assert history is not None
     surface = next(name for name in history if name.endswith(("surface", "depth")))
     kept: Float32 = np.asarray(history[surface])[0, 0 if surface.endswith("surface") else 1]
     return kept

@@ -204,6 +204,7 @@ class _Finder(ast.NodeVisitor):
         start, end = self._span(node)
         changed = self.source[:start] + new.encode() + self.source[end:]
         assert node.end_lineno is not None
+        assert self.statement is not None
         first, last = self.starts[node.lineno - 1], self.starts[node.end_lineno]
         before, after = (
             b" ".join(text.split()).decode()

@@ -98,6 +98,8 @@ def extension() -> Any:
     """The extension's module run.py, loaded without its package, which imports bpy."""
     file = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension" / "run.py"
     spec = importlib.util.spec_from_file_location("extension_run", file)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -167,6 +169,7 @@ print(run._process.pid, flush=True)
 time.sleep(600)
 """
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as blender:
+        assert blender.stdout is not None
         command_pid = int(blender.stdout.readline())
         wait_until(lambda: (tmp_path / "out" / "0005.exr").exists())
         blender.kill()
@@ -275,6 +278,7 @@ def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
     if not frozen:
         os.kill(child._process.pid, signal.SIGSTOP)
     child.close()
+    assert child.output is not None
     child.output.close()
     assert not is_running(int((tmp_path / "pid").read_text()))
 
@@ -286,4 +290,5 @@ def test_a_child_is_not_inherited_by_another_one() -> None:
         first.stop()
         assert first.wait(SECONDS) is not None
     for child in (first, second):
+        assert child.output is not None
         child.output.close()

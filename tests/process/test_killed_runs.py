@@ -38,6 +38,7 @@ def test_a_run_killed_at_any_moment_continues_to_the_files_of_an_unbroken_one(
     whole = tmp_path / "whole" / "out"
     began = time.perf_counter()
     with start(shot, whole, *RUNS[kind]) as process:
+        assert process.stdout is not None
         process.stdout.readline()
         until_begin = time.perf_counter() - began
         process.stdout.read()
@@ -47,6 +48,7 @@ def test_a_run_killed_at_any_moment_continues_to_the_files_of_an_unbroken_one(
     output = tmp_path / "0" / "out"
     while True:
         with start(shot, output, *RUNS[kind]) as process:
+            assert process.stdout is not None
             if kills < ALL // len(RUNS):
                 if chance.random() < 0.2:  # also before the first frame
                     time.sleep(chance.uniform(0.5, 1.1) * until_begin)

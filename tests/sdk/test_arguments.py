@@ -56,7 +56,7 @@ class Nasty:
 
     __repr__ = __eq__ = __len__ = __iter__ = __float__ = __index__ = __bool__ = _raise
     __getitem__ = __dlpack__ = __array__ = __lt__ = __gt__ = __le__ = __ge__ = _raise
-    __hash__ = None
+    __hash__ = None  # type: ignore[assignment]
 
 
 class Elsewhere:

@@ -140,6 +140,7 @@ def test_blenders_vector_pass_leads_to_the_next_frame() -> None:
     """Recorded Z and W agree with the next frame's X and Y, and so does the scattered motion."""
     shown = [item.frame for item in import_blender(RECORDED)]
     for now, after in pairwise(shown):
+        assert now.motion_next is not None
         off = np.abs(np.asarray(now.motion_next, np.float32) - scattered_motion(now, after)).max(axis=2)
         assert np.median(off) < 0.1  # they accelerate
         assert np.abs(now.motion_next).max() > 0.3

@@ -54,6 +54,7 @@ def denoised_frames(folder: Path, *, surface: bool = True) -> tuple[Path, np.nda
 
 def gbuffer(shot: Shot, index: int = 0) -> dict[str, np.ndarray]:
     found = shot.read(index).frame.gbuffer
+    assert found is not None
     return dict(found)
 
 
@@ -137,6 +138,7 @@ def test_a_render_that_is_to_be_denoised_has_its_guides_in_world_space(tmp_path:
     assert items[1].frame.motion_next is items[3].frame.motion_next is None  # the last before a cut, of all
     for now, following in ((0, 1), (2, 3)):
         motion_next, back = items[now].frame.motion_next, open_source(RECORDED).read(following).frame.motion
+        assert motion_next is not None
         assert np.median(np.abs(motion_next + back)) < 0.1  # both change slowly over the image
         sky = (items[now].frame.depth == 0) & (items[following].frame.depth == 0)
         assert np.abs(motion_next + back)[sky].max() < 0.1
@@ -144,5 +146,7 @@ def test_a_render_that_is_to_be_denoised_has_its_guides_in_world_space(tmp_path:
     assert items[0].raw.aov_names == ["A", "DiffCol.R", "DiffCol.G", "DiffCol.B", "Emit.R"]
     assert "ViewLayer.CryptoObject00.r" in shot.ignored_channels
     for item, original in zip(items, open_source(RECORDED), strict=True):
+        assert item.frame.gbuffer is not None
+        assert original.frame.gbuffer is not None
         np.testing.assert_allclose(item.frame.gbuffer["normal"], original.frame.gbuffer["normal"], atol=2e-3)
         np.testing.assert_array_equal(item.frame.gbuffer["base_color"][3, 3], (0.5, 0.25, 1.0))

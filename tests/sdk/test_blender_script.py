@@ -21,6 +21,8 @@ def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.setitem(sys.modules, "bpy", ModuleType("bpy"))
     monkeypatch.setenv("SUPERSAMPLER_RENDER", json.dumps({"token": ""}))
     spec = importlib.util.spec_from_file_location("render_frames", FILE)
+    assert spec is not None
+    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     notes: list[str] = []

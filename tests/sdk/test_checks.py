@@ -106,6 +106,7 @@ def test_motion_is_not_held_against_a_frame_that_it_does_not_lead_to() -> None:
 @pytest.mark.parametrize("name", ["black", "all sky", "noise", "one pixel", "not shaded"])
 def test_images_without_evidence_pass(frames: list[Frame], name: str) -> None:
     def change(frame: Frame) -> Frame:
+        assert frame.color is not None
         if name == "black":
             return replace(frame, color=frame.color * 0)
         if name == "all sky":
@@ -231,6 +232,7 @@ def test_a_refused_frame_leaves_the_checker_as_it_was(frames: list[Frame]) -> No
 
 
 def test_the_checker_keeps_no_buffer_of_the_caller(frames: list[Frame]) -> None:
+    assert frames[0].color is not None
     reused = replace(
         frames[0], color=frames[0].color.copy(), depth=frames[0].depth.copy(), motion=frames[0].motion.copy()
     )

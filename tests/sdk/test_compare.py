@@ -64,6 +64,7 @@ def test_small_images_come_back_to_the_byte(html: str, tmp_path: Path) -> None:
     (tmp_path / "back.png").write_bytes(data)
     assert kind == "png"
     image = ImageInput.open(str(tmp_path / "back.png"))
+    assert image is not None
     np.testing.assert_array_equal(image.read_image("uint8"), pixels(5))
 
 

@@ -47,7 +47,9 @@ def step_both(
 
 
 def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
-    return upscaler.save_state().history
+    history = upscaler.save_state().history
+    assert history is not None
+    return history
 
 
 def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, float] = ROUNDING) -> None:

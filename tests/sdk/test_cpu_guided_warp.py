@@ -60,6 +60,7 @@ def test_without_any_depth_in_the_shaded_frame_its_samples_are_told_apart_by_the
     onnx_backend: Extrapolator, cpu_backend: Extrapolator
 ) -> None:
     frames = [surfaces(seed) for seed in range(3)]
+    assert frames[0].gbuffer is not None
     lit = frames[0].gbuffer["base_color"] + np.float32(GUIDED_WARP.config().least)  # light of one everywhere
     lit[:, :16] *= 3.0 * frames[0].gbuffer["base_color"][:, :16]  # or of the surface itself
     frames[0] = replace(frames[0], color=lit, depth=np.full((18, 32), np.nan, np.float32))

@@ -137,6 +137,7 @@ def test_aovs_of_noisy_frames_lose_noise() -> None:
         color = np.asarray(noisy(index, noise=0.2).color)
         frames.append(noisy(index, noise=0.2, aovs=np.concatenate([color] * 2, axis=2)))
     aovs = run(frames)[REACH].aovs
+    assert aovs is not None
     for aov in (aovs[..., :3], aovs[..., 3:]):
         assert decibels(aov, REACH) > decibels(np.asarray(frames[REACH].color), REACH) + 7.0
 
@@ -253,6 +254,7 @@ def test_aovs_are_averaged_by_the_weights_of_the_image() -> None:
         frames.append(replace(frame, aovs=np.concatenate([np.asarray(frame.color)] * 2, axis=2)))
     with TemporalDenoiser(per_frame="none") as denoiser:
         for item in denoiser.run(frames):
+            assert item.aovs is not None
             np.testing.assert_array_equal(item.aovs[..., :3], item.aovs[..., 3:])
             np.testing.assert_allclose(item.aovs[..., :3], item.image, rtol=0.01)  # without change of light
 
@@ -269,13 +271,16 @@ def test_hostile_values_stay_where_they_are(value: float) -> None:
     frames = [noisy(index) for index in range(5)]
     broken = noisy(2)
     for array in (broken.color, broken.depth, broken.motion, *(broken.gbuffer or {}).values()):
+        assert array is not None
         array[3:6, 4:8] = value
     frames[2] = broken
     images = denoised(frames)
     assert np.isfinite(np.stack(images)).all()
     for index in (0, 2, 4):
         clean = images[index].copy()
-        clean[:9, :14] = noisy(index, noise=0.0).color[:9, :14]
+        color = noisy(index, noise=0.0).color
+        assert color is not None
+        clean[:9, :14] = color[:9, :14]
         assert decibels(clean, index) > 20.0
 
 

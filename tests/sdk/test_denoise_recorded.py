@@ -21,6 +21,7 @@ def recorded() -> Shot:
 
 
 def shown(image: Array | None) -> Float32:
+    assert image is not None
     inside = np.asarray(image, np.float32)[EDGE:-EDGE, EDGE:-EDGE]
     return srgb_encoded(np.clip(inside, 0.0, 1.0))
 

@@ -61,6 +61,7 @@ def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
 
 def brighter(index: int) -> np.float32:
     gbuffer = shaded(index).gbuffer
+    assert gbuffer is not None
     return np.float32(np.mean(gbuffer["base_color"], dtype=np.float64))
 
 
@@ -75,6 +76,8 @@ def test_each_kind_of_frame_has_its_graph_and_both_have_one_history(
         else:
             np.testing.assert_allclose(one, other + brighter(index), atol=1e-5)
     a, b = ours.save_state().history, theirs.save_state().history
+    assert a is not None
+    assert b is not None
     for name, array in a.items():
         np.testing.assert_array_equal(array, b[name])
 

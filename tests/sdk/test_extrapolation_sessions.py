@@ -60,6 +60,7 @@ def assert_same(one: Upscaler, other: Upscaler, pattern: str, start: int) -> Non
 
 
 def without(frame: Frame, name: str) -> Frame:
+    assert frame.gbuffer is not None
     return replace(frame, gbuffer={key: array for key, array in frame.gbuffer.items() if key != name})
 
 
@@ -128,6 +129,7 @@ def test_an_engine_may_use_its_buffers_again(make: Make) -> None:
         reused = shaded(index)
         other.step(reused)
         assert reused.color is not None
+        assert reused.gbuffer is not None
         for array in (reused.color, reused.depth, reused.motion, *reused.gbuffer.values()):
             array[...] = 0.123
     assert_same(one, other, "u", 2)

@@ -85,6 +85,8 @@ def fail_at(stage: int, runs: bool, upscaler: Upscaler, frame: Frame, patch: pyt
 
 def changed(first: State, second: State) -> list[str]:
     """Return the names of history tensors that differ."""
+    assert first.history is not None
+    assert second.history is not None
     return [name for name in first.history if not np.array_equal(first.history[name], second.history[name])]
 
 
@@ -98,6 +100,7 @@ def test_after_a_step_that_failed_at_any_stage_the_next_good_frame_works(
         calm, shaken = session(method), session(method)
         for index, (frame, _) in enumerate(SCENE.frames(FRAMES)):
             before = calm.save_state()
+            assert frame.color is not None
             with monkeypatch.context() as patch:
                 failing = replace(frame, color=frame.color * np.float32(light))
                 fail_at((first + index) % STAGES, runs, shaken, failing, patch)

@@ -105,6 +105,7 @@ def test_deep_pixels_are_refused_by_name(tmp_path: Path) -> None:
     data = OpenImageIO.DeepData()
     data.init(WIDTH * HEIGHT, len(NAMES), spec.channelformats or ("float",) * len(NAMES), NAMES)
     output = ImageOutput.create(str(tmp_path / "deep.exr"))
+    assert output is not None
     assert output.open(str(tmp_path / "deep.exr"), spec)
     output.write_deep_image(data)
     output.close()
@@ -149,6 +150,7 @@ def test_png_and_tiff_are_read_to_their_values(
     conventions = SRGB if kind.startswith("uint") else OURS
     shot = import_channels(tmp_path, {**MAP, **color_map(suffix)}, conventions=conventions)
     raw = shot.read_raw(0)
+    assert raw.color is not None
     np.testing.assert_allclose(raw.color, values, rtol=1e-7)
     np.testing.assert_array_equal(raw.depth, VALUES[..., 5])
     np.testing.assert_array_equal(raw.motion, VALUES[..., 3:5])
@@ -206,7 +208,9 @@ def test_colours_and_references_are_multiplied_by_their_alpha_in_linear_light(
     write_exr(tmp_path / "lit" / "c.0001.exr", dict.fromkeys("RGB", VALUES[..., 0]))
     lit = {**channel_map, "color": [f"lit/*.exr:{axis}" for axis in "RGB"]}
     of_exr = import_channels(tmp_path, lit, conventions=conventions).read_reference(0)
+    assert frame.aovs is not None
     for found in (frame.color, reference, of_exr):
+        assert found is not None
         np.testing.assert_allclose(found, linear * alpha, rtol=2e-5, atol=3.0 / 255 if most == 255 else 1e-4)
     np.testing.assert_allclose(frame.aovs, alpha, atol=0.5 / 255)
 

@@ -62,6 +62,7 @@ def ids_of(upscaler: Upscaler, frame: Frame) -> Ids:
 
 def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -> IdHistory:
     """Compute ids as supersampler.h defines them, a pixel at a time."""
+    assert frame.ids is not None
     (w, h), (width, height), f = frame.size, display, np.float32
     ids = frame.ids.astype(np.uint32)
     out = np.empty((height, width, ids.shape[2]), np.uint32)
@@ -86,6 +87,7 @@ def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -
             ]
             kept: list[tuple[np.float32, np.float32, int, int]] = []
             for j, i in around if history else ():
+                assert history is not None
                 motion = np.asarray(frame.motion[j, i], f) * (rx, ry)
                 ax, ay = f(x) + motion[0], f(y) + motion[1]
                 nx, ny = np.floor(ax + f(0.5)), np.floor(ay + f(0.5))
@@ -167,6 +169,7 @@ def test_a_state_holds_ids() -> None:
 
 def test_conventions_turn_ids_with_the_image() -> None:
     frame = frame_at(3)
+    assert frame.ids is not None
     conventions = Conventions(bottom_up=True)
     raw = RawFrame(
         color=frame.color, depth=frame.depth, motion=frame.motion, jitter=frame.jitter, ids=frame.ids[::-1]
@@ -176,6 +179,7 @@ def test_conventions_turn_ids_with_the_image() -> None:
 
 def test_wrong_ids_are_refused() -> None:
     frame = frame_at(0)
+    assert frame.ids is not None
     with pytest.raises(FrameError, match=r"ids is \(30, 40, 2\) float32; .*int32.*view\(np.uint32\)"):
         replace(frame, ids=frame.ids.astype(np.float32))
     with pytest.raises(FrameError, match=r"ids is \(30, 40, 2\) int64; .*astype\(np.int32\)"):

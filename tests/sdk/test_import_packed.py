@@ -93,6 +93,7 @@ def assert_is_the_capture(shot: Shot, scene: Captured, depth_step: float = 2.0**
     ratio = NEAR / FAR
     for index, item in enumerate(shot):
         frame = item.frame
+        assert frame.color is not None
         assert np.abs(frame.color - scene.color[index]).max() < 2.4 / 255 / 2  # the curve's steepest slope
         assert (np.abs(frame.motion - scene.motion[index]) <= half_step * 1.001).all()
         inverse = NEAR / scene.distance[index]
@@ -154,6 +155,7 @@ def test_references_of_8_bits_are_decoded_to_linear(tmp_path: Path) -> None:
     write_capture(tmp_path, scene)
     shot = opened(tmp_path, {"reference": COLOR})
     reference, color = shot.read(1).reference, shot.read(1).frame.color
+    assert reference is not None
     np.testing.assert_array_equal(reference, color)
 
 

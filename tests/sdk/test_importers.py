@@ -48,6 +48,8 @@ def test_blender_frames_come_out_as_ours(tmp_path: Path, layer: str, names: dict
     item = shot.read(1)
     np.testing.assert_array_equal(item.reference, truth(1))
     gbuffer, aovs = item.frame.gbuffer, item.frame.aovs
+    assert gbuffer is not None
+    assert aovs is not None
     assert aovs.shape == (36, 64, 1)
     assert (aovs == 0.5).all()
     np.testing.assert_array_equal(gbuffer["normal"][0, 0], [0, 1, 2])
@@ -153,6 +155,7 @@ def test_a_channel_map_reads_files_of_any_renderer(tmp_path: Path) -> None:
     assert_is_the_scene(shot)
     assert (shot.name, shot.conventions) == ("ue", CONVENTIONS)
     gbuffer = shot.read(2).frame.gbuffer
+    assert gbuffer is not None
     assert (gbuffer["roughness"] == np.float32(0.3)).all()
 
 
@@ -234,6 +237,7 @@ def test_an_arm_sequence_comes_out_as_ours(tmp_path: Path, far: float) -> None:
     assert shot.reference_indices == [0, 1, 2]
     assert [item.frame.exposure for item in shot] == pytest.approx([1, 2, 4])
     reference = shot.read(1).reference
+    assert reference is not None
     assert reference.dtype == np.float32
     np.testing.assert_allclose(reference, truth(1), atol=1e-3)
 

@@ -26,6 +26,7 @@ COUNT = 7
 def lit(index: int, *, light: float, shaded: bool = True, **overrides: Any) -> Frame:
     """A textured wall under a light, with the buffers of guided-warp."""
     frame = moving(index)
+    assert frame.color is not None
     base = (frame.color / (1.0 + frame.color)).astype(np.float32)
     normal = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
     normal[..., 2] = 1.0
@@ -94,6 +95,7 @@ def test_the_side_that_saw_the_surface_counts() -> None:
 
 def test_a_surface_that_moved_agrees_where_it_was_and_not_off_screen() -> None:
     now, before = lit(1, light=1.0, shaded=False), lit(0, light=1.0)
+    assert before.gbuffer is not None
     planes = {name: np.moveaxis(array, -1, 0)[None] for name, array in before.gbuffer.items()}
     history = {
         **{f"history.{name}": plane for name, plane in planes.items()},

@@ -120,6 +120,7 @@ def calls() -> Iterator[Callable[[], object]]:
     """Calls on a shot, and on images."""
     frames = [hostile(index) for index in range(3)]
     color = frames[0].color
+    assert color is not None
     yield lambda: list(upscale_sequence(frames, display_size=(48, 32), model="taau", passes=2))
     yield lambda: detect_conventions(Shot.open("plaza"), frames=4)
     yield lambda: ExposureMeter().read(color, given=None, reset=True)

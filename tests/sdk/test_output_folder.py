@@ -136,6 +136,7 @@ def test_a_killed_run_has_listed_its_files_and_continues(shot: Path, tmp_path: P
     code = KILLED.format(tests=tests, count=2, before=before, arguments=arguments)
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
     record = read_run_record(out)
+    assert record is not None
     there = sorted(path.name for path in out.glob("[0-9]*.exr"))
     assert 1 <= len(there) < COUNT  # several threads write
     assert [path.name for path in record.own_files(out)] == there

@@ -36,6 +36,7 @@ def make(model: Model | str) -> Upscaler:
 def with_aovs(seed: int, channels: int = 2) -> Frame:
     """Return a frame whose AOVs are its own colour's first channels, scaled to [0, 1]."""
     frame = noise(seed)
+    assert frame.color is not None
     return noise(seed, aovs=(frame.color / 8.0)[..., :channels].copy())
 
 
@@ -55,6 +56,8 @@ def test_outputs_do_not_change_the_image(model: Model) -> None:
 def test_the_first_frame_takes_nothing_from_the_history_and_the_next_ones_do(model: Model) -> None:
     upscaler = make(model)
     first, second = (stepped(upscaler, noise(seed), "weight").weight for seed in range(2))
+    assert first is not None
+    assert second is not None
     assert first.shape == (36, 64)
     assert first.max() == 0.0
     assert 0.0 <= second.min() < second.max() <= 1.0
@@ -65,6 +68,7 @@ def test_the_count_of_a_still_scene_grows() -> None:
     counts = []
     for index in range(6):
         count = stepped(upscaler, noise(1, motion=STILL, reset=index == 0), "count").count
+        assert count is not None
         counts.append(float(count.mean()))
     assert (np.diff(counts) > 0.0).all()
 
@@ -75,10 +79,12 @@ def test_pixels_without_history_are_classed_as_disoccluded(method: str, executor
     model = shared_model(method, executor)
     upscaler = Upscaler(model, display_size=(63, 37), validate="off")
     first = stepped(upscaler, noise(0, (32, 19), reset=True), "class_map").class_map
+    assert first is not None
     assert first.shape == (19, 32, 6)
     assert (first[..., :3] == (0.0, 1.0, 0.0)).all()
     pan = np.full((19, 32, 2), (4.0, 0.0), np.float32)  # the last 7.9 display pixels come from off screen
     second = stepped(upscaler, noise(1, (32, 19), motion=pan), "class_map").class_map
+    assert second is not None
     assert (second[:, 28:, :3] == (0.0, 1.0, 0.0)).all()
     assert second[:, :27, 1].max() < 1.0
 
@@ -95,6 +101,7 @@ def test_a_flat_channel_stays_flat_and_a_cut_forgets_it(model: Model) -> None:
     upscaler = make(model)
     for seed, value in ((0, 0.25), (1, 0.25), (0, 0.75)):  # noise(0) is a cut
         aovs = stepped(upscaler, noise(seed, aovs=np.full((18, 32, 1), value, np.float32)), "aovs").aovs
+        assert aovs is not None
         np.testing.assert_allclose(aovs, value, rtol=1e-5)
 
 
@@ -103,6 +110,8 @@ def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:
     zeros = np.zeros((18, 32, 1), np.float32)
     stepped(upscaler, noise(0, aovs=zeros), "aovs")
     result = stepped(upscaler, noise(1, aovs=zeros + 1.0, motion=STILL), "aovs", "weight")
+    assert result.aovs is not None
+    assert result.weight is not None
     np.testing.assert_allclose(result.aovs[..., 0], 1.0 - result.weight, atol=1e-5)
 
 
@@ -114,6 +123,7 @@ def test_a_bad_value_in_a_channel_does_not_spread(model: Model) -> None:
     bad[4, 5], bad[9, 9], bad[2, 2] = np.nan, np.inf, -np.inf
     for seed in range(1, 4):
         result = stepped(upscaler, noise(seed, aovs=bad if seed == 1 else aovs), "aovs")
+        assert result.aovs is not None
         assert np.isfinite(result.aovs).all()
 
 
@@ -128,6 +138,8 @@ def test_a_nan_in_a_channel_is_a_missing_sample_of_that_channel_alone(model: Mod
             stepped(one, noise(seed, aovs=values, motion=STILL), "aovs")
             for one, values in ((upscaler, given), (whole, aovs))
         )
+        assert result.aovs is not None
+        assert other.aovs is not None
         np.testing.assert_allclose(result.aovs[..., 0], 0.8, atol=1e-4)
         np.testing.assert_array_equal(result.aovs[..., 1], other.aovs[..., 1])
 
@@ -138,6 +150,7 @@ def test_a_saved_state_holds_aovs(model: Model) -> None:
     fork.load_state(upscaler.save_state())
     ours, theirs = (stepped(u, with_aovs(1), "aovs").aovs for u in (upscaler, fork))
     assert ours is not None
+    assert theirs is not None
     np.testing.assert_array_equal(ours, theirs)
 
 
@@ -157,11 +170,13 @@ def test_an_output_that_a_method_lacks_is_refused_by_name_and_the_next_frame_wor
     ours, theirs = (stepped(u, with_aovs(1), "aovs") for u in (upscaler, other))
     np.testing.assert_array_equal(ours.image, theirs.image)
     assert ours.aovs is not None
+    assert theirs.aovs is not None
     np.testing.assert_array_equal(ours.aovs, theirs.aovs)
 
 
 def test_a_spatial_method_upsamples_aovs() -> None:
     aovs = stepped(make("bilinear"), with_aovs(0), "aovs").aovs
+    assert aovs is not None
     assert aovs.shape == (36, 64, 2)
 
 
@@ -251,6 +266,7 @@ def test_opaque_pixels_are_shown_as_without_alpha(tmp_path: Path) -> None:
     want = to_uint16(display_transform(image)) / 65535
     np.testing.assert_allclose(np.stack([found[axis] for axis in "RGBA"], -1)[..., :3], want, atol=1e-5)
     assert (found["A"] == 1).all()
+    assert video is not None
     assert video.shape == (2, 3, 3)
 
 

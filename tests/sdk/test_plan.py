@@ -42,6 +42,7 @@ def test_the_bytes_of_a_plan_are_those_that_an_upscaler_takes(method: str) -> No
     model = cpu_model(method, threads=2, **functions)
     weights = held.total()
     plan = model.plan(RENDER, DISPLAY)
+    assert plan.working_bytes is not None
     still = noise(3, RENDER)
     upscaler = Upscaler(model, display_size=DISPLAY, validate="off")
     for index in range(jitter_phase_count(2.0) + 3):

@@ -76,6 +76,7 @@ def notes(frames: list[Frame]) -> str:
 
 
 def colored(frame: Frame, change: Callable[[Any], Any]) -> Frame:
+    assert frame.color is not None
     return replace(frame, color=change(frame.color.astype(np.float32)).astype(np.float32))
 
 

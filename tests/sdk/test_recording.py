@@ -47,6 +47,7 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
     """Every field that a frame can have, halves and arrays that do not lie in one piece among them."""
     random = np.random.default_rng(seed)
     plain = noise(seed, size)
+    assert plain.color is not None
     (width, height), (wide, high) = size, DISPLAY
     return replace(
         plain,
@@ -99,6 +100,7 @@ def test_recorded_calls_are_read_unchanged(file: Path) -> None:
     read = replace(frame, gbuffer=None, gbuffer_display=None)  # which the method does not look at
     for field in fields(Frame):
         np.testing.assert_equal(getattr(step.frame, field.name), getattr(read, field.name))
+    assert step.frame.color is not None
     assert step.frame.color.dtype == np.float16
     assert (step.index, step.outputs) == (0, ("aovs",))
     assert isinstance(loaded, LoadStateCall)

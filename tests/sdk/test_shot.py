@@ -587,6 +587,7 @@ def test_classes_and_planes_of_truth_are_read_as_they_were_written(
     shot = Shot.open(tmp_path / "a")
     for one, index in ((shot, 2), (copy_shot(shot, tmp_path / "b"), 2), (shot.cropped(2, 9), 0)):
         found, truth = one.read_classes(index), one.read_truth(index)
+        assert found is not None
         assert (list(found.known()), truth.keys()) == (list(classes.known()), planes.keys())
         for name, array in classes.known().items():
             assert found.known()[name].dtype == np.uint8
@@ -608,10 +609,13 @@ def test_the_shipped_shot_is_small_and_whole() -> None:
     assert shot.reference_indices == list(range(11, 16))
     assert (shot.info.license, shot.info.attribution) == ("Apache-2.0", ())
     first = shot.read(15)
+    assert first.frame.color is not None
     assert first.frame.color.dtype == np.float16
     assert first.frame.depth.dtype == np.float32
+    assert first.reference is not None
     assert first.reference.shape == (360, 640, 3)
     classes = shot.read_classes(15)
+    assert classes is not None
     assert {0, 1, 2} == set(np.unique(classes.ghost)) == set(np.unique(classes.alias))
 
 

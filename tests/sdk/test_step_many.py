@@ -48,6 +48,8 @@ def test_images_are_those_of_a_session_for_each_view(
         assert (ours.stats.frames, ours.stats.resets) == (theirs.stats.frames, theirs.stats.resets)
         assert ours.stats.seconds > 0.0
         saved, expected = ours.save_state().history, theirs.save_state().history
+        assert saved is not None
+        assert expected is not None
         for name, tensor in expected.items():
             np.testing.assert_array_equal(saved[name], tensor, err_msg=name)
 
@@ -151,11 +153,11 @@ def test_arguments_that_do_not_belong_together_are_refused() -> None:
     with pytest.raises(ArgumentError, match=r"upscalers\[1\] is of another Model"):
         Upscaler.step_many([views[0], *cameras(shared_model("bicubic"))[1:]], frames)
     with pytest.raises(ArgumentError, match=r"upscalers\[2\] is None; want an Upscaler"):
-        Upscaler.step_many([views[0], views[1], None], frames[:3])
+        Upscaler.step_many([views[0], views[1], None], frames[:3])  # type: ignore[list-item]
     with pytest.raises(ArgumentError, match=r"upscalers is <.*Upscaler.*>; want a sequence"):
         Upscaler.step_many(views[0], frames)  # type: ignore[call-overload]
     with pytest.raises(ArgumentError, match="view 0: frame is"):
-        Upscaler.step_many(views[:1], [None])
+        Upscaler.step_many(views[:1], [None])  # type: ignore[list-item]
     views[1].close()
     with pytest.raises(ArgumentError, match="view 1: upscaler is closed"):
         Upscaler.step_many(views, frames)

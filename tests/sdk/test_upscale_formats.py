@@ -157,6 +157,7 @@ def write_ramp(folder: Path, kind: str, suffix: str) -> np.ndarray:
     spec = ImageSpec(width, height, 3, kind)
     (folder / "data").mkdir(parents=True)
     output = ImageOutput.create(str(folder / f"c.0005.{suffix}"))
+    assert output is not None
     assert output.open(str(folder / f"c.0005.{suffix}"), spec)
     assert output.write_image(values)
     assert output.close()

@@ -281,6 +281,7 @@ def test_a_scratch_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
 def test_unusable_values_do_not_spread() -> None:
     given = frames(6)
     color, motion, depth = given[2].color, given[3].motion, given[4].depth
+    assert color is not None
     color[3:5, 4:9], motion[2:6, 5:7], depth[7:9, 1:4] = np.nan, np.inf, np.nan
     for image in merged(given, validate="off"):
         assert np.isfinite(image).all()
@@ -354,6 +355,7 @@ def test_alpha_is_merged_like_the_colour(tmp_path: Path) -> None:
     with ShotWriter(tmp_path / "shot", name="s", display_size=DISPLAY_SIZE, frame_rate=24) as writer:
         for index in range(5):
             color = moving(index).color
+            assert color is not None
             writer.write(moving(index, aovs=color[..., :1] * np.float32(1e-3), exposure=1e-3))
     for passes in (1, 2):
         upscale(tmp_path / "shot", tmp_path / str(passes), "--passes", passes, method="taau")

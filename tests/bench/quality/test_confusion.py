@@ -74,9 +74,11 @@ def test_counts_add_up_over_frames_and_shots_as_summaries_count_them() -> None:
     late, early = scores(one), scores(one, frame=7)
     both = MethodScores("m", [*early.frames, *late.frames])
     everything = both.classes(warm=False, cropped=False)
+    assert everything is not None
     assert everything.sum() == 2 * one.sum()
     mean = MethodRow.mean([MethodRow.of(s) for s in (both, late, scores(None))])
     of_all = mean.counts()
+    assert of_all is not None
     assert of_all.sum() == 2 * one.sum()
     assert scores(None).classes() is None
     assert early.classes() is None
@@ -102,6 +104,7 @@ def test_methods_without_classes_have_no_tables() -> None:
 def test_a_record_has_counts_by_true_and_then_by_predicted_class() -> None:
     counts = np.arange(18).reshape(2, 3, 3)
     record = ClassCounts.of(counts)
+    assert record is not None
     assert record["aliasing"].classes == ["none", "geometry", "texture"]
     assert record["ghosting"].pixels_by_true_and_predicted_class[0] == [0, 1, 2]
     assert record["ghosting"].intersection_over_union[2] == pytest.approx(8 / (21 + 15 - 8))

@@ -54,6 +54,7 @@ def after(*frames: dict[str, Array], motion: Array = STILL, ratio: float = 2.0) 
     truths = CornerTruths(ratio)
     for index, frame in enumerate(frames):
         truth = truths.next(frame, motion, NOWHERE, reset=index == 0)
+    assert truth is not None
     return truth
 
 
@@ -126,6 +127,7 @@ def test_a_cut_clears_the_positions_of_objects_and_shadows() -> None:
     truths = CornerTruths(2.0)
     truths.next(planes(thin_moving=column(10), unshadowed=column(50)), STILL, NOWHERE, reset=True)
     truth = truths.next(planes(thin_moving=column(30)), STILL, NOWHERE, reset=True)
+    assert truth is not None
     assert not truth.left.any()
     assert not truth.shadow_edges.any()
 

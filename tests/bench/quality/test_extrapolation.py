@@ -108,6 +108,7 @@ def test_disoccluded_pixels_are_filled_from_the_nearest_background() -> None:
     scene = LitScene(base=even, radius=7.0, disc_velocity=(3.0, 0.0))
     before, frame = scene.frame(0, (64, 36)), scene.frame(1, (64, 36))
     assert before.color is not None
+    assert frame.color is not None
     image, unshaded = warped(before.color, frame), disoccluded(frame, before)
     filled = with_background_filled(image, frame, before)
     assert (scene.uncovered(1) & unshaded).sum() > 20

@@ -60,6 +60,7 @@ def test_an_edge_is_smoother_along_itself_than_by_bilinear_interpolation() -> No
 
 def test_nothing_rings_beyond_the_four_nearest_samples() -> None:
     frame = DiscOverPlane().frame(0, RENDER)
+    assert frame.color is not None
     image, _ = Fsr1(DISPLAY, sharpens=False).step(replace(frame, exposure=1.0))
     shown, samples = display_transform(image), display_transform(frame.color)
     assert shown.min() > samples.min() - 1e-3
@@ -93,6 +94,7 @@ def test_aovs_are_filtered_like_the_image() -> None:
     half = np.zeros((27, 48, 2), np.float32)
     half[:, 24:, 0], half[..., 1] = 1.0, 0.5
     _, aovs = Fsr1(DISPLAY, sharpens=True).step(replace(frame, aovs=half))
+    assert aovs is not None
     assert aovs.shape == (54, 96, 2)
     np.testing.assert_allclose(aovs[..., 1], 0.5, atol=1e-5)
     assert (aovs[:, :44, 0] == 0.0).all()

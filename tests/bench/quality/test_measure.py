@@ -209,6 +209,7 @@ def test_predicted_classes_are_compared_with_the_true_ones(
     assert of_aliasing.tolist() == [[0, 0, 96 * 54], [0, 0, 0], [0, 0, 0]]
     assert result.classes() is None  # no frame after the warm-up
     cropped = result.frames[0].cropped_classes
+    assert cropped is not None
     assert cropped.sum() == 2 * 80 * 38
 
 

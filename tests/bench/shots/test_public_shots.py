@@ -64,6 +64,7 @@ def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
     assert public_shots.shots_named("test-shots") == public_shots.TEST_SHOTS
     assert public_shots.shots_named("rigging") == public_shots.RIGGING_SHOT
     one = public_shots.shots_named("moving_shadows")
+    assert one is not None
     assert (list(one.seeds), one.truth) == (["moving_shadows"], True)
     assert public_shots.shots_named("plaza") is None
 
@@ -72,7 +73,10 @@ def test_shots_apart_are_of_families_apart_and_in_no_mean() -> None:
 def test_only_shots_apart_have_a_class_of_thin_pixels(cache: Path, opened: list[PublicShot]) -> None:
     [apart] = open_test_shots(cache, [2.0], TINY_APART, cache / "none.json")
     classes, others = apart.shot.read_classes(4), opened[0].shot.read_classes(4)
+    assert classes is not None
+    assert classes.thin is not None
     assert 0.02 < classes.thin.mean() < 0.7
+    assert others is not None
     assert others.thin is None
 
 
@@ -81,6 +85,7 @@ def test_only_corner_shots_have_planes_of_truth_and_their_aovs(cache: Path, open
     planes, frame = corners.shot.read_truth(4), corners.shot.read(4).frame
     assert set(planes) == {"thin_still", "thin_moving", "moving", "unshadowed"}
     assert corners.shot.info.aov_names == ("thin_still", "thin_moving")
+    assert frame.aovs is not None
     assert set(np.unique(frame.aovs)) == {0.0, 1.0}
     assert frame.aovs.mean() == pytest.approx(
         (planes["thin_still"] + planes["thin_moving"]).mean() / 2, abs=0.01
@@ -97,6 +102,8 @@ def test_each_frame_has_its_reference_classes_and_both_g_buffers(opened: list[Pu
     for item in opened[3].shot:
         assert item.reference is not None
         assert opened[3].shot.read_classes(item.index) is not None
+        assert item.frame.gbuffer is not None
+        assert item.frame.gbuffer_display is not None
         assert {*item.frame.gbuffer, "depth"} == {*item.frame.gbuffer_display}
 
 

@@ -99,6 +99,7 @@ def test_sequences_rendered_at_another_ratio_share_what_is_of_display_size(
     np.testing.assert_array_equal(frame.color, again.color)
     assert frame.jitter == halton_jitter(1, 4.0)
     assert own.gbuffer is None
+    assert frame.gbuffer is not None
     np.testing.assert_allclose(frame.gbuffer["base_color"] / 255.0, again.render.base_color, atol=0.003)
     assert frame.frame().gbuffer_display is not None
 

@@ -39,6 +39,7 @@ def material_of(folder: Path, **content: Any) -> Material:
 
 
 def pixels_of(texture: Texture | None) -> Any:
+    assert texture is not None
     return texture.pixels
 
 
@@ -210,6 +211,7 @@ def test_nodes_hang_on_nodes(tmp_path: Path) -> None:
     world, before = moved(-1, 0, 0) @ turned_by(0, 0.3), moved(-2, 0, 0)
     (instance,) = opened(file, tmp_path).instances(0.0, 0.0, world, before)
     np.testing.assert_allclose(instance.model, world @ expected, atol=1e-12)
+    assert instance.model_before is not None
     np.testing.assert_allclose(instance.model_before, before @ expected, atol=1e-12)
 
 
@@ -251,6 +253,9 @@ def skinned(instance: Instance, *, before: bool = False) -> Matrix:
     """Vertices in the world."""
     palette = instance.palette_before if before else instance.palette
     model, skin, mesh = instance.model_before if before else instance.model, instance.mesh.skin, instance.mesh
+    assert model is not None
+    assert skin is not None
+    assert palette is not None
     local = np.concatenate([mesh.positions, np.ones((len(mesh.positions), 1))], axis=1)
     posed = np.einsum("nk,nkij,nj->ni", skin.weights, palette[skin.joints], local)
     return np.asarray((posed @ model.T)[:, :3])
@@ -275,6 +280,7 @@ def test_a_palette_holds_the_joints_in_use(tmp_path: Path) -> None:
     file.json["scenes"][0]["nodes"] += spare
     del file.json["skins"][0]["inverseBindMatrices"]
     (instance,) = opened(file, tmp_path).instances(0.0, 0.0, STILL)
+    assert instance.palette is not None
     assert instance.palette.shape == (2, 4, 4)
 
 

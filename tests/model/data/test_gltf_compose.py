@@ -173,6 +173,7 @@ def test_without_a_stage_props_stand_on_a_bare_floor(tmp_path: Path) -> None:
 def test_panoramas_of_the_folder_are_used_and_bad_ones_named(folder: Path) -> None:
     def write(height: int) -> None:
         output = ImageOutput.create("some.hdr")
+        assert output is not None
         assert output.open(str(folder / "some.hdr"), ImageSpec(2 * height, height, 3, "float"))
         assert output.write_image(np.full((height, 2 * height, 3), 0.5, np.float32))
         output.close()

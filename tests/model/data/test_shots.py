@@ -71,6 +71,8 @@ def test_each_ratio_has_its_own_frames_and_all_have_one_reference(
 def test_stored_frames_are_the_rendered_frames(folder: Path, small_renderer: Renderer) -> None:
     item, drawn = shots(folder)[2.0].read(1), small_renderer.display(Yard(1).scene(1))
     buffers, truth = item.frame.gbuffer_display, small_renderer.reference(Yard(1).scene(1))
+    assert buffers is not None
+    assert item.reference is not None
     np.testing.assert_array_equal(buffers["depth"], drawn.depth)
     np.testing.assert_array_equal(buffers["normal"], drawn.normal)
     np.testing.assert_allclose(buffers["base_color"], drawn.base_color, atol=0.5 / 255 + 1e-3)
@@ -86,6 +88,7 @@ def test_references_carry_the_labels_of_their_frame(folder: Path, small_renderer
         scene, reset = Yard(1).scene(index), index in (0, 2)
         now = small_renderer.render(scene, (48, 27), jitter=(0, 0), reset=reset)
         expected, found = labels_of(now, before), shots(folder)[1.5].read_classes(index)
+        assert found is not None
         np.testing.assert_array_equal(found.ghost, expected.ghost)
         np.testing.assert_array_equal(found.alias, expected.alias)
         before = now

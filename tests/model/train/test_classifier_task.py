@@ -235,6 +235,7 @@ def test_a_crop_anywhere_has_the_g_buffers_of_both_sizes_at_its_place(data: Data
     sample = cut.cut(frame_read, reset=False)
     color = sample.gbuffer["gbuffer_display_base_color"][0].permute(1, 2, 0).numpy()
     expected = gbuffer_frame(2).gbuffer_display
+    assert expected is not None
     np.testing.assert_allclose(color, expected["base_color"][3 : 3 + SIZE, 9 : 9 + SIZE], atol=3e-3)
     np.testing.assert_allclose(
         sample.gbuffer["gbuffer_base_color"], sample.color, atol=3e-3, err_msg="what shines is its colour"

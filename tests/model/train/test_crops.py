@@ -53,6 +53,7 @@ def frames(render: tuple[int, int]) -> list[TrainingFrame]:
     for index in range(FRAMES):
         x, y = halton_jitter(index, DISPLAY[0] / render[0])
         frame = scene.frame(index, render, (x + 0.013, y - 0.007))  # on no sample: ties are not symmetric
+        assert frame.color is not None
         blank = np.zeros(DISPLAY[::-1], np.uint8)
         made.append(
             TrainingFrame(
@@ -154,6 +155,8 @@ def stored_frames(dataset: Dataset) -> list[TrainingFrame]:
 
 def test_a_crop_is_the_slice_of_the_frame_and_looks_at_it_with_its_jitter(dataset: Dataset) -> None:
     frame = stored_frames(dataset)[3]
+    assert frame.gbuffer is not None
+    assert frame.gbuffer_display is not None
     cut = aligned_region(left=8, top=4, size=24)
     sample = cut.cut(frame, reset=False)
     inner, outer = np.s_[2:14, 4:16], np.s_[4:28, 8:32]

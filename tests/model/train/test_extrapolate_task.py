@@ -85,6 +85,7 @@ def test_the_middle_of_a_crop_is_rendered_as_the_whole_frame_is(data: Dataset) -
     ]
     with torch.no_grad():
         made = stepped(task, crop)
+    assert image is not None
     off = (made[-1].images - image[:, :, :, :36]).abs()[:, :, 4:-4, 12:-12]
     assert torch.quantile(off, 0.9) < 0.02
 

@@ -37,6 +37,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 def training_frame(frame: Frame, *, reset: bool) -> TrainingFrame:
     """A frame of an analytic scene as a training set has it, all of render size."""
     assert frame.color is not None
+    assert frame.depth is not None
     assert frame.motion is not None
     nothing = np.zeros(frame.depth.shape, np.uint8)
     return TrainingFrame(
@@ -112,6 +113,7 @@ def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
             state = method.step(*(given[1][name] for name in method.inputs()), *(state or [])).history
         else:
             state = method.after_shaded(given[number], state)
+    assert state is not None
     image = method.step(*(given[3][name] for name in method.inputs()), *state).image
     with torch.no_grad():
         stepped = flow_task.FlowTask(method).step([whole(found, 0)], [[]])

@@ -27,6 +27,7 @@ def test_pixels_without_truth_cost_nothing_and_have_no_gradient() -> None:
     holes[:, :, 2:5] = True
     known = torch.where(holes, torch.nan, off)
     image_loss(known, known.detach(), EVEN, CLASSES).backward()  # type: ignore[no-untyped-call]
+    assert off.grad is not None
     assert off.grad.isfinite().all()
     assert not off.grad[:, :, 2:5].any()
 
@@ -130,6 +131,7 @@ def test_images_are_compared_exposed_toned_and_in_srgb() -> None:
 def test_black_has_a_finite_gradient() -> None:
     image = torch.zeros(1, 3, 2, 2, requires_grad=True)
     display_values(image, torch.ones(1)).sum().backward()  # type: ignore[no-untyped-call]
+    assert image.grad is not None
     torch.testing.assert_close(image.grad, torch.full((1, 3, 2, 2), 12.92))
 
 

@@ -140,6 +140,7 @@ def test_sigterm_to_all_processes_saves_the_finished_updates(dataset: Dataset, t
             time.sleep(0.05)
         time.sleep(2.0)  # some updates
         os.killpg(process.pid, signal.SIGTERM)
+        assert process.stderr is not None
         said = process.stderr.read()
         assert process.wait(timeout=60) == 130, said
     assert "Traceback" not in said
