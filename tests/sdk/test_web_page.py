@@ -188,7 +188,7 @@ def test_the_npm_package_has_its_listed_files_and_a_module_for_each_method(tmp_p
     done = run("export", "all", "--target", "npm", "-o", folder)
     assert done.exit_code == 0, done.output
     package = json.loads((folder / "package.json").read_text("utf-8"))
-    for name in package["files"]:
+    for name in (*package["files"], "LICENSE", "NOTICE"):
         assert (folder / name).exists(), name
     index = (folder / "models/index.js").read_text("utf-8")
     assert re.findall(r'import\("\./([^"]+)\.js"\)', index) == list(with_shaders(gbuffers=False))
@@ -219,8 +219,12 @@ def test_the_wheel_has_the_files_of_the_page(tmp_path: Path, monkeypatch: pytest
     assert '"examples/web" = "supersampler/integrations/web_page"' in project
     module = tmp_path / "supersampler/integrations/web.py"
     shutil.copytree(page_files(), module.parent / "web_page")
+    for name in ("LICENSE", "NOTICE"):
+        assert f'"{name}" = "supersampler/integrations/web_page/{name}"' in project
+        shutil.copy(Path(__file__).parents[2] / name, module.parent / "web_page")
     monkeypatch.setattr("supersampler.integrations.web.__file__", str(module))
     assert page_files() == module.parent / "web_page"
+    assert site_files(no_shaders)["NOTICE"]().startswith(b"supersampler\n")
 
 
 def test_options_of_the_page_without_web_are_refused(tmp_path: Path) -> None:

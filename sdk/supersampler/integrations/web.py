@@ -67,9 +67,8 @@ def package_files(
     """
     page = page_files()
     listed = read_typed(page / "package.json", _Package).files
-    files = {
-        name: partial(_content, page / name) for name in (*listed, "package.json") if (page / name).is_file()
-    }
+    found = {name: page / name for name in (*listed, "package.json") if (page / name).is_file()}
+    files = {name: partial(_content, path) for name, path in (found | _licences()).items()}
     return {**files, **_models(names, shader_files)}
 
 
@@ -87,6 +86,7 @@ def site_files(
     """
     page = page_files()
     found = {path.relative_to(page).as_posix(): path for path in page.rglob("*") if path.is_file()}
+    found |= _licences()
     if node_modules is not None:
         found |= _three_files(node_modules / "three")
     if is_there(_WASM):
@@ -116,6 +116,13 @@ def page_files() -> Path:
     """Return the folder of the page's own files: next to this module, or in a checkout's examples/."""
     shipped = Path(__file__).parent / "web_page"
     return shipped if shipped.is_dir() else Path(__file__).parents[3] / "examples" / "web"
+
+
+def _licences() -> dict[str, Path]:
+    """Return LICENSE and NOTICE, which wheels have beside the page's files, and a checkout in its root."""
+    page = page_files()
+    folder = page if (page / "LICENSE").is_file() else page.parents[1]
+    return {name: folder / name for name in ("LICENSE", "NOTICE")}
 
 
 class _Package(msgspec.Struct):
