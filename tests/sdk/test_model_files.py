@@ -28,6 +28,7 @@ from supersampler.methods.classifier.spec import Variant
 from supersampler.methods.model_file import MAX_DESCRIPTION, find_model, read_model_info
 
 Change = Callable[[dict[str, Any]], object]
+SHIPPED = find_model("taa").parent
 
 
 @pytest.fixture
@@ -294,11 +295,22 @@ def in_subgraph(node: onnx.NodeProto, depth: int) -> onnx.NodeProto:
     return node
 
 
-@pytest.mark.parametrize("name", sorted(p.parent.name for p in find_model("taa").parent.glob("*/model.json")))
+@pytest.mark.parametrize("name", sorted(path.parent.name for path in SHIPPED.glob("*/model.json")))
 def test_graphs_that_ship_are_plain(name: str) -> None:
     graphs = list(find_model(name).rglob("*.onnx"))
     assert graphs
     assert [refusal_of(path.read_bytes()) for path in graphs] == [None] * len(graphs)
+
+
+def test_attributions_of_weights_that_ship_are_in_the_notice() -> None:
+    notice = " ".join((Path(__file__).parents[2] / "NOTICE").read_text("utf-8").split())
+    texts = {
+        text
+        for path in SHIPPED.glob("*/model.json")
+        for text in json.loads(path.read_bytes())["attributions"]
+    }
+    assert len(texts) > 5
+    assert {text for text in texts if text not in notice} == set()
 
 
 def test_data_in_other_files_is_found_wherever_it_is() -> None:
