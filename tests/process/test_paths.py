@@ -29,9 +29,11 @@ COMMANDS = [
 ]
 RUN = """
 import json, os, sys, traceback
+from typer.testing import CliRunner
+from supersampler.cli import app
 for words in json.loads(sys.argv[1]):
     words = [word.replace("{}", sys.argv[2]) for word in words.split()]
-    done = run(*words)
+    done = CliRunner().invoke(app, words)
     bug = done.exception is not None and not isinstance(done.exception, SystemExit)
     said = "".join(traceback.format_exception(done.exception)) if bug else done.stderr.strip()
     os.write(1, json.dumps([words[0], done.exit_code, bug, said]).encode() + b"\\n")

@@ -235,5 +235,5 @@ def test_a_files_digest_covers_those_that_it_refers_to(tmp_path: Path) -> None:
 @pytest.mark.parametrize("change", [{"folder": None}, {"files": ()}, {"family": "floors"}])
 def test_a_spec_without_its_files_or_with_others_is_refused(change: dict[str, object]) -> None:
     content = {"family": "gltf", "seed": 0, "frames": 1, "folder": "here", "files": (("a.glb", "0"),)}
-    with pytest.raises(SceneError, match=r"spec\.folder, files is .*; want both of a gltf sequence"):
+    with pytest.raises(SceneError, match=r"spec\.folder, files is .*; want both for a gltf sequence"):
         SequenceSpec(**{**content, **change})  # type: ignore[arg-type]
