@@ -129,7 +129,7 @@ def test_a_render_that_is_to_be_denoised_has_its_guides_in_world_space(tmp_path:
         "ViewLayer.Noisy Image.G",
         "ViewLayer.Noisy Image.B",
     )
-    record["scene"]["is_drawn_over"] = True  # the noisy image would lack what was drawn
+    record["scene"]["has_strokes"] = True  # the noisy image would lack what was drawn
     (folder / "render.json").write_text(json.dumps(record))
     assert open_source(folder).noisy_channels == ()
     assert [item.frame.reset for item in items] == [True, False, True, False]

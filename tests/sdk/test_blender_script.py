@@ -128,11 +128,11 @@ def test_a_trial_has_other_noise_and_a_fixed_number_of_samples(script: ModuleTyp
     pencil = SimpleNamespace(name="Stroke", type="GREASEPENCIL", hide_render=False)
     ours.objects = ours.view_layers[0].objects = [pencil]
     ours.render.use_freestyle = ours.view_layers[0].use_freestyle = True
-    assert script.drawn_over(ours, ours.view_layers[0]) == ["Stroke", "Freestyle"]
-    assert "Stroke, Freestyle: drawn over frames that Cycles has denoised" in script.notes[-1]
+    assert script.strokes(ours, ours.view_layers[0]) == ["Stroke", "Freestyle"]
+    assert "Stroke, Freestyle: Blender adds these strokes after Cycles has denoised" in script.notes[-1]
     script.set_trial(ours, 8, 1)
     assert (ours.cycles.seed, ours.cycles.use_adaptive_sampling) == (4, False)
-    assert script.drawn_over(ours, ours.view_layers[0]) == []  # noisy colours, which trials compare, lack it
+    assert script.strokes(ours, ours.view_layers[0]) == []  # noisy colours, which trials compare, lack it
 
 
 def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(script: ModuleType) -> None:

@@ -49,7 +49,7 @@ TASKS: dict[str, Callable[[], Task]] = {
 }
 
 SHADED = [name for name in TASKS if name != "extrapolate"]
-"""Those whose weights all change in two frames."""
+"""Tasks that change all weights of their network in two frames."""
 
 
 @pytest.mark.parametrize("name", TASKS)

@@ -85,8 +85,8 @@ def main(settings: dict[str, Any]) -> None:
         check_step(scene)
     own = own_range(scene, settings["most"])
     first, last = settings["frames"] or own
-    is_drawn_over = denoise == "temporal" and bool(drawn_over(scene, layer))
-    report(scene=facts(scene, layer.name, own, display_size, denoise) | {"is_drawn_over": is_drawn_over})
+    has_strokes = denoise == "temporal" and bool(strokes(scene, layer))
+    report(scene=facts(scene, layer.name, own, display_size, denoise) | {"has_strokes": has_strokes})
     jitter = [(0.0, 0.0)] if denoise == "temporal" else settings["jitter"]
     shift, moved = CameraShift(scene, is_jittered=denoise != "temporal"), MovedObjects(scene)
     for index in range(max(0, settings["complete"] - 1), last + 1 - first):
@@ -255,13 +255,15 @@ def pencils(objects: Any) -> list[Any]:
     return [item for item in objects if item.type in kinds and not item.hide_render]
 
 
-def drawn_over(scene: Any, layer: Any) -> list[str]:
-    """Return the names of what Blender draws over a frame after Cycles has denoised it."""
+def strokes(scene: Any, layer: Any) -> list[str]:
+    """Return the names of Grease Pencil objects, and "Freestyle": Blender adds strokes after denoising."""
     lines = scene.render.use_freestyle and getattr(layer, "use_freestyle", False)
     names = [item.name for item in pencils(layer.objects)] + ["Freestyle"] * lines
     if names:
-        what = f"{', '.join(names)}: drawn over frames that Cycles has denoised"
-        report(note=f"{what}; these frames are averaged over time, and their noise is not")
+        report(
+            note=f"{', '.join(names)}: Blender adds these strokes after Cycles has denoised a frame. "
+            "Denoised frames are averaged over time here, instead of noisy ones"
+        )
     return names
 
 

@@ -100,7 +100,7 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
         display_size: (width, height) of the final images.
         samples: samples per pixel in Cycles.
         denoise: denoising of the render. "temporal": the frames have display size and no jitter.
-        is_drawn_over: whether the frames show something that their noisy colours lack, such as Grease Pencil.
+        has_strokes: whether the frames show Grease Pencil or Freestyle; their noisy colours do not.
         cuts: numbers of the frames at which the camera changes.
         view: the scene's colour management.
         ocio: file of Blender's OpenColorIO configuration.
@@ -116,7 +116,7 @@ class RenderedScene(msgspec.Struct, frozen=True, kw_only=True):
     display_size: FileSize
     samples: int | None = None
     denoise: Denoising = "off"
-    is_drawn_over: bool = False
+    has_strokes: bool = False
     cuts: Annotated[tuple[_Marker, ...], msgspec.Meta(max_length=SHOT_FRAMES)] = ()
     view: ColorManagement
     ocio: Text
@@ -433,7 +433,7 @@ def rendered_shot(
         folder, info, entries, read_raw, wait=camera_of, stop_waiting=stop_waiting, color_channel=color
     )
     shot.is_denoised = scene.denoise != "off"
-    if scene.denoise == "temporal" and not scene.is_drawn_over:
+    if scene.denoise == "temporal" and not scene.has_strokes:
         shot.noisy_channels = tuple(_channels(scene.layer, "Noisy Image", "RGB"))
     shot.samples = scene.samples
     return shot
