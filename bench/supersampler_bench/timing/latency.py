@@ -249,14 +249,16 @@ class LatencyRecord(BenchRecord):
         rows = [
             [
                 r.setting.method,
-                *(f"{ms:.1f}" for ms in (r.median, r.p95, r.p99, r.processor)),
+                *(f"{time:.1f}" for time in (r.median, r.p95, r.p99, r.processor, r.multiple)),
                 f"{r.first:.0f}",
             ]
             for r in self.timed
             if (r.setting.display, r.setting.threads) == largest
         ]
-        headings = ["method", "ms:", "p95:", "p99:", "ms of all cores:", "first image, ms:"]
-        return table(headings, rows, f"{self.machine_name}, {self.timed[0].setting.executor} backend.")
+        headings = ["method", "ms:", "p95:", "p99:", "ms of all cores:", "of taa:", "first image, ms:"]
+        executor = self.timed[0].setting.executor
+        caption = f"{self.machine_name}, {executor} backend. Of taa: ms, divided by those of `taa`."
+        return table(headings, rows, caption)
 
 
 def _row(r: Timed) -> list[object]:
