@@ -152,19 +152,6 @@ def test_a_lasting_missing_sample_is_filled_from_neighbours_and_keeps_pixels_fro
     assert run.frozen[30:, 30:].all()
 
 
-@pytest.mark.parametrize("value", [-1e-7, np.inf])
-def test_a_value_out_of_range_that_lasts_is_clamped(value: float) -> None:
-    run, size = Stepped(taau(), WAVE.display), WAVE.render
-    rows, columns = np.mgrid[0 : size[1], 0 : size[0]]
-    for frame, _ in WAVE.frames(FROZEN):
-        x, y = (at + 0.5 + offset for at, offset in zip((columns, rows), frame.jitter, strict=True))
-        color = np.array(frame.color)
-        color[(np.maximum(np.abs(x - 16.0), np.abs(y - 16.0)) < 9.0)] = (0.9, 0.35, value)
-        image = run.step(replace(frame, color=color))
-    assert run.frozen[28:36, 28:36].all()
-    assert image[32, 32] == pytest.approx([0.9, 0.35, np.clip(value, 0.0, 65504.0)], rel=1e-3, abs=1e-5)
-
-
 def noisy(scene: RestScene, count: int, light: Callable[[int], float]) -> Iterator[tuple[Frame, Float32]]:
     rng = np.random.default_rng(1)
     for index, (frame, truth) in enumerate(scene.frames(count)):
