@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 
 from rest_scenes import RestScene, Stepped, wave
 from supersampler import Frame, halton_jitter
-from supersampler.frame import Float32, Size
+from supersampler.frame import Float32
 from supersampler.io.display import decibels, display_transform
 from supersampler.methods.at_rest import NOISY
 from supersampler_model.data.scenes.analytic import still_scene
@@ -94,28 +93,6 @@ def test_moving_or_reactive_pixels_unfreeze_only_themselves() -> None:
         run.step(replace(frames[-1], **changed))
         assert not run.frozen[16:24, 16:24].any()
         assert run.frozen[40:, 40:].all()
-
-
-def test_a_change_of_size_restarts_without_a_jump() -> None:
-    run, images = Stepped(taau(), WAVE.display), []
-    for index in range(FROZEN + 8):
-        size = (40, 27) if index >= FROZEN and index % 2 else (48, 32)
-        images.append(display_transform(run.step(sampled(size, index)), 1.0))
-        assert bool(run.frozen.any()) == (index in (FROZEN - 2, FROZEN - 1))
-    assert max(float(np.abs(a - b).mean()) for a, b in pairwise(images[FROZEN - 1 :])) < 6.0 / 255.0
-
-
-def sampled(size: Size, index: int) -> Frame:
-    """The wave at any render size, for a display of 96 x 64."""
-    (w, h), ratio = size, 96 / size[0]
-    jitter = halton_jitter(index, ratio)
-    y, x = np.mgrid[0:h, 0:w].astype(float)
-    color = wave((x + 0.5 + jitter[0]) * 96 / w, (y + 0.5 + jitter[1]) * 64 / h).astype(np.float32)
-    fields: dict[str, Any] = {
-        "depth": np.full((h, w), 0.1, np.float32),
-        "motion": np.zeros((h, w, 2), np.float32),
-    }
-    return Frame(color=color, **fields, jitter=jitter, exposure=1.0, reset=index == 0)
 
 
 @pytest.mark.long  # several periods of the jitter
