@@ -150,7 +150,7 @@ def test_a_lamp_that_stays_out_of_range_is_not_black(models: dict[str, Model], n
     for index in range(2 * jitter_phase_count(FEW) + 1):
         image = upscaler.step(still(index, FEW, color=color))
         if index > 0:  # the first frame of a method may know an edge alone
-            off = display_transform(image[12:15, 23:26]) - display_transform(np.float32([[want]]))
+            off = display_transform(image[12:15, 23:26]) - display_transform(np.array([[want]], np.float32))
             assert np.abs(off).max() < 0.03, index
     assert upscaler.stats.converged in (None, 1.0)
 
