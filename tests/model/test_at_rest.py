@@ -3,10 +3,12 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from rest_scenes import RestScene, Stepped, wave
 from supersampler import Frame, halton_jitter
@@ -16,6 +18,7 @@ from supersampler.methods.at_rest import NOISY
 from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau import Taau
+from supersampler_model.ops.at_rest import differing, signatures_of
 
 WAVE = RestScene(wave)
 FROZEN = 2 * WAVE.period + 1
@@ -74,6 +77,18 @@ def test_a_change_unfreezes_pixels(name: str) -> None:
         if k >= FROZEN:
             run.step(CHANGES[name](frame, k - FROZEN + 1))
     assert not run.frozen[20, 24]
+
+
+@pytest.mark.parametrize("cell", [1, 2])
+@pytest.mark.parametrize("light", [(1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_signatures_tell_where_a_chequered_pattern_lies(light: tuple[float, ...], cell: int) -> None:
+    places = []
+    for x, y in product(range(4), repeat=2):
+        squares = (torch.arange(x, x + 8) // cell + torch.arange(y, y + 8)[:, None] // cell) % 2
+        places.append(0.2 + 0.4 * squares * torch.tensor(light)[None, :, None, None])
+    for one, other in combinations(places, 2):
+        differs = differing(signatures_of(one), signatures_of(other), torch.ones(1))
+        assert differs.all() == (one != other).any()
 
 
 def test_motion_below_the_limit_accumulates_and_unfreezes() -> None:

@@ -109,6 +109,22 @@ def test_a_change_unfreezes_its_surroundings_in_the_same_frame(method: str, exec
     assert after.image[30:36, 60:66].mean() > before.max()
 
 
+@pytest.mark.parametrize("cell", [1, 2])
+@pytest.mark.parametrize(("method", "executor"), WAYS)
+def test_a_chequered_pattern_in_place_of_its_inverse_unfreezes_every_pixel(
+    method: str, executor: str, cell: int
+) -> None:
+    upscaler = make(method, executor)
+    columns, rows = (np.arange(extent) // cell for extent in RENDER)
+    squares = (rows[:, None] + columns) % 2 == 0
+    for index in range(2 * PERIOD + 2):
+        color = np.where(squares[..., None], 0.6, 0.2).astype(np.float32).repeat(3, -1)
+        upscaler.step(scene(index, color=color))
+    assert upscaler.stats.converged == 1.0
+    upscaler.step(scene(2 * PERIOD + 2, color=np.float32(0.8) - color))
+    assert upscaler.stats.converged == 0.0
+
+
 @pytest.mark.parametrize("change", [{"reset": True}, {"motion": np.full((38, 54, 2), 0.01, np.float32)}])
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 def test_a_cut_or_a_moving_camera_unfreezes_every_pixel(executor: str, change: dict[str, Any]) -> None:
