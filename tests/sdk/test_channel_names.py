@@ -27,8 +27,9 @@ def write_one(folder: Path, *channels: str, metadata: Metadata | None = None) ->
 
 
 def spellings(ours: str) -> list[list[str]]:
-    """Return all names of an array that are recognised, also in capitals, with a layer, or alone."""
+    """Return all names of an array that are recognised, also in capitals, spaced, with a layer, or alone."""
     bases, endings = _NAMES[ours]
+    bases = *bases, *map(" ".join, bases)
     groups = [[f"{base}.{letter}".lstrip(".") for letter in ending] for base in bases for ending in endings]
     groups += [[base] for base in bases if ours in ("depth", "roughness", "metallic", "specular")]
     groups += [[name.upper() for name in group] for group in groups]

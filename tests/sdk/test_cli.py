@@ -117,17 +117,6 @@ def test_a_page_requested_later_has_all_frames(shot: Path, tmp_path: Path) -> No
     assert image_files(tmp_path / "out") == before
 
 
-def test_other_settings_need_overwrite(shot: Path, tmp_path: Path) -> None:
-    run("upscale", shot, "-o", tmp_path / "out", "--format", "png")
-    other = ("upscale", shot, "-o", tmp_path / "out", "--method", "bilinear", "--scale", "1")
-    message = refusal(*other)
-    assert "method was classifier, is now bilinear" in message
-    assert "--overwrite" in message
-    assert run(*other, "--overwrite").exit_code == 0
-    assert len(image_files(tmp_path / "out")) == COUNT
-    assert list((tmp_path / "out").glob("*.png")) == []  # the earlier run's
-
-
 def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_work(
     shot: Path, tmp_path: Path
 ) -> None:
@@ -154,8 +143,8 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (("info", "nothing"), "nothing: there is no such file or folder"),
-        (("upscale", SHIPPED, "-o", "x", "--scale=2", "--display-size=2x2"), "both given; want one of the"),
-        ((*UPSCALE, "--method=a", "--model=b"), "both given; want one of the two"),
+        (("upscale", SHIPPED, "-o", "x", "--scale=2", "--display-size=2x2"), "with --display-size; want one"),
+        ((*UPSCALE, "--method=a", "--model=b"), "given with --model; want one of the two"),
         ((*UPSCALE, "--method", "nope"), "no model 'nope'"),
         (("upscale", SHIPPED, "-o", "x", "--providers", "abacus"), "no execution provider is called"),
         (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
@@ -213,11 +202,12 @@ def test_info_knows_every_method_and_says_where_no_weights_ship(name: str) -> No
         ((*UPSCALE, "--model", "gbuffer"), "No weights of it ship: `supersampler info gbuffer`."),
         ((*UPSCALE, "--preset", "fst"), "Did you mean 'fast'?"),
         ((*UPSCALE, "--providers", "cudda"), "Did you mean 'cuda'?"),
+        ((*UPSCALE[:2], "-o", ""), "'' is no folder"),  # an unset variable of a shell
         (("export", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
         (("train", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
     ],
 )
-def test_a_misspelt_word_is_answered_with_the_nearest_one(
+def test_a_wrong_word_is_answered_with_the_nearest_one(
     words: tuple[str, ...], hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -257,7 +247,7 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
         layers = dict.fromkeys(("R", "G", "B", "Z", "U", "V"), grey)
         write_exr(tmp_path / "renders" / f"{index}.exr", layers)
     channel_map = {"color": ["R", "G", "B"], "depth": "Z", "motion": ["U", "V"]}
-    (tmp_path / "map.json").write_text(json.dumps(channel_map))
+    (tmp_path / "map.json").write_text(json.dumps(channel_map), "utf-8-sig")  # as editors on Windows do
     arguments = ("import", tmp_path / "renders", "-o", tmp_path / "shot", "--channels", tmp_path / "map.json")
     assert "--conventions is left out; want given" in refusal(*arguments)
     info = ("info", tmp_path / "renders", "--channels", tmp_path / "map.json")
@@ -390,6 +380,7 @@ def test_an_output_that_cannot_be_made_is_one_line_of_error(
     done = run(command, *source, "-o", tmp_path / output, *options)
     assert isinstance(done.exception, SystemExit), repr(done.exception)
     assert (done.exit_code, done.stderr.splitlines()[-1][:7]) == (1, "error: ")
+    assert ("A file has the name of the folder." in done.stderr) == output.startswith("plain")
     assert (tmp_path / "plain").read_text() == "kept"
 
 

@@ -159,7 +159,8 @@ def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_
     [
         *(("--frame-rate", rate) for rate in ("0", "-5", "nan", "inf")),
         *(("upscale", f"--{name}", "x") for name in ("frames", "display-size", "name", "view")),
-        ("upscale", "--scale", "0.5"),
+        *(("upscale", "--scale", scale) for scale in ("0", "0.5")),
+        ("upscale", "--color-space", ""),
         ("--conventions", "x"),
         ("--cuts", "x"),
     ],

@@ -98,7 +98,17 @@ DISPLAY_OPTIONS = ("ocio", "display", "view", "look", "exposure")
 ImageFormat = StrEnum("ImageFormat", ["exr", "png", "tif"])
 Format = StrEnum("Format", ["exr", "png", "tif", "mp4"])
 
-OutputOption = Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")]
+
+def _output_folder(text: str) -> Path:
+    if not text:  # as of an unset variable of a shell; the path would be the current folder
+        raise ValueError("'' is no folder")
+    return Path(text)
+
+
+OutputOption = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="FOLDER", parser=_output_folder, help="Folder to write."),
+]
 FramesOption = Annotated[
     str | None,
     typer.Option(metavar="FIRST-LAST", help="Numbers of the frames to write: 10-50.", show_default="all"),
@@ -143,7 +153,7 @@ def open_with(
         ArgumentError: an option is wrong, or the layout does not use it. The error has the option's name.
         ShotError: see `open_source`.
     """
-    from supersampler.io.shot.sources import layout_of, open_source
+    from supersampler.io.shot.sources import open_source
 
     layout, given = options["layout"], {name: options[name] for name in SOURCE_OPTIONS[1:]}
     if (channels := given.pop("channels")) is not None:
@@ -152,9 +162,7 @@ def open_with(
         given[name] = None if given[name] is None else parse(given[name])
     try:
         arguments = {name: value for name, value in given.items() if value is not None}
-        if guides != "surface" and layout_of(source, layout, arguments) == "blender":
-            arguments["guides"] = guides
-        return open_source(source, layout=layout, frames=frames, **arguments)
+        return open_source(source, layout=layout, frames=frames, guides=guides, **arguments)
     except ArgumentError as error:
         raise _with_option(error, [*given, "channel_map"]) from error
 
@@ -182,6 +190,19 @@ def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
     if shot.info.known_color_space is None:
         notes.append("The files' headers have unknown primaries. State the colour space: --color-space NAME.")
     return notes
+
+
+def unused_options(options: dict[str, Any], formats: Collection[str]) -> list[str]:
+    """Return lines to print about given options that other options make useless.
+
+    `formats` are those of the results.
+    """
+    compare = options["compare"]
+    needed = {} if compare or {*formats} != {"exr"} else dict.fromkeys(DISPLAY_OPTIONS, "another --format")
+    needed |= {} if compare else {"maps": "--compare"}
+    needed |= {} if options["passes"] == 2 else {"scratch": "--passes 2"}
+    given = [name for name in needed if options.get(name) not in (None, False)]
+    return [f"--{name} has no effect without {needed[name]}." for name in given]
 
 
 def display_transform_of(color_space: str, *, srgb: bool, options: dict[str, Any]) -> "DisplayTransform":

@@ -35,7 +35,7 @@ from supersampler.io.files import (
 )
 from supersampler.io.images import Bytes, Channel, Metadata
 from supersampler.io.json_files import read_json
-from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, aov_channels, is_frame_range
+from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, NAME, aov_channels, is_frame_range
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.video import check_video_encoder
 
@@ -50,8 +50,6 @@ READ = "frames read"
 DEMO: Mapping[str, str] = {"command": "demo"}
 """SOURCE of a run of `supersampler demo`. Another demo replaces its files."""
 FORMATS = ("exr", "png", "tif")
-NAME = re.compile(r"(?!\.)[^/\\:*?\"<>|#\x00-\x1f]*#+[^/\\:*?\"<>|#\x00-\x1f]*")
-"""Names of images without extension. One run of # stands for the number and gives its minimum of digits."""
 _FRAME_FILES = re.compile(
     rf"(?:(?P<folder>{'|'.join(FORMATS)})/)?{NAME.pattern}\.(?P<format>{'|'.join(FORMATS)})"
 )

@@ -49,7 +49,7 @@ def choose_executor(
             return CpuExecutor(model, own)
     kind = "fp32" if precision == "auto" else precision
     if executor == "cpu" or kind not in info.steps:
-        got = f"{executor=}, {precision=}, providers {', '.join(providers)}"
+        got = f"{executor!r} with the precision {precision!r} and the providers {', '.join(providers)}"
         want = f"a graph of {info.method!r} ({' or '.join(info.steps)}), or its kernels, if any, on the CPU"
         raise ArgumentError("executor", got=got, want=want)
     return OnnxExecutor(info, threads, providers, kind)

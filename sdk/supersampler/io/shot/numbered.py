@@ -11,7 +11,7 @@ from typing import TypeAlias
 from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
 from supersampler.io.json_files import read_json
-from supersampler.io.shot.format import LARGEST_NUMBER, is_frame_range
+from supersampler.io.shot.format import FORBIDDEN, LARGEST_NUMBER, is_frame_range
 
 JITTER_FILE_NAME = "jitter.json"
 FRAME_SUFFIXES = (".exr", ".png", ".tif", ".tiff")
@@ -24,8 +24,6 @@ Range: TypeAlias = tuple[int, int]
 _Span: TypeAlias = tuple[int, int]
 
 _FIELD = re.compile(r"#+|%0?(\d{0,2})d")
-_WILDCARDS = {"*": ".*?", "?": "."}
-"""Regular expressions of the wildcards of file names; all other characters, also brackets, are text."""
 _LAST_NUMBER = re.compile(r"(.*?)(-?\d+)(\D*)", re.DOTALL)
 _SIGN_FOLLOWS = ("", ".", "_")
 """Characters after which a hyphen is always a sign; "" is the start of the name."""
@@ -63,18 +61,23 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     place = folder.joinpath(*parts[:-1])
     spans = _number_spans(place, parts[-1])
     files: dict[int, Path] = {}
+    rests = {name: (name[:start], name[stop:].lower()) for name, (start, stop) in spans.items()}
     there = _listed(sequences(place / name for name in spans))
     hint = f"Choose one sequence by a pattern: {there}."
     for name, span in spans.items():
         path, number = place / name, int(name[slice(*span)])
+        if not is_frame_range(number, number):
+            fewer = "Choose digits of it by a pattern, such as beauty.2026######.exr."
+            raise ShotError(path, f"has the frame number {number}; want at most {LARGEST_NUMBER}", fewer)
         if number in files:
-            if path.name.lower() == files[number].name.lower():
+            other = files[number].name
+            if rests[name] == rests[other]:
                 hint = "Move one of the two away."
-            raise ShotError(path, f"has the same frame number as {files[number].name}", hint)
+            raise ShotError(path, f"has the same frame number as {other}", hint)
         files[number] = path
     if not files:
         raise ShotError(folder, f"has no file {pattern}", suggestion(place))
-    if len({(begin, end.lower()) for begin, end in map(_without, spans, spans.values())}) > 1:
+    if len({*rests.values()}) > 1:
         raise ShotError(folder, f"has files of several sequences {pattern}", hint)
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
@@ -126,7 +129,7 @@ def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> d
 def file_names(path: Path, pattern: str) -> str:
     """Return the stem of a file of a pattern with #### for its number: `beauty.####` for beauty.0010.exr."""
     start, stop = _number_spans(path.parent, PurePosixPath(pattern).name).get(path.name, (0, 0))
-    begin, end = (re.sub(r"[^\w .+\-\[\]()]", "_", text) for text in (path.stem[:start], path.stem[stop:]))
+    begin, end = (re.sub(f"[{FORBIDDEN}#]", "_", text) for text in (path.stem[:start], path.stem[stop:]))
     return f"{begin}{'#' * max(4, len(path.name[start:stop].lstrip('-')))}{end}"
 
 
@@ -226,7 +229,12 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
 
 
 def _expression(text: str) -> str:
-    return "".join(_WILDCARDS.get(character, re.escape(character)) for character in text)
+    """Return the regular expression of a text with the wildcards * and ?; brackets are text.
+
+    Only the last * may match again in another way, so that no pattern takes long.
+    """
+    first, *others = (re.escape(part).replace(r"\?", ".") for part in text.split("*"))
+    return first + "".join(f"(?>.*?{part})" for part in others[:-1]) + "".join(f".*?{p}" for p in others[-1:])
 
 
 def _ending(text: str) -> str:
@@ -236,7 +244,7 @@ def _ending(text: str) -> str:
 
 
 def _has_wildcard(name: str) -> bool:
-    return not set(_WILDCARDS).isdisjoint(name)
+    return "*" in name or "?" in name
 
 
 def suggestion(folder: Path) -> str:

@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
@@ -123,7 +123,7 @@ class Shot:
         self._stop_waiting = stop_waiting  # ends a call that waits for a frame
         self._entries, self._raw = tuple(entries), read_arrays
         self._reference = read_reference
-        self._ignored_channels: list[str] = []  # of all copies: the first frame may be read later
+        self.ignored_channels: list[str] = []  # one list of all copies: the first frame may be read later
         self.late_channels: tuple[str, ...] = ()
         self.is_denoised = False
         self.noisy_channels: tuple[str, ...] = ()
@@ -254,15 +254,6 @@ class Shot:
         shot = self.with_conversion(noisy)
         shot.is_denoised, shot.noisy_channels = False, ()
         return shot
-
-    @property
-    def ignored_channels(self) -> tuple[str, ...]:
-        """See `Shot`."""
-        return tuple(self._ignored_channels)
-
-    @ignored_channels.setter
-    def ignored_channels(self, names: Iterable[str]) -> None:
-        self._ignored_channels[:] = names
 
     def __len__(self) -> int:
         return len(self._entries)
