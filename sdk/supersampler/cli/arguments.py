@@ -150,7 +150,7 @@ def open_with(
         guides: see `import_blender`; other layouts ignore it.
 
     Raises:
-        ArgumentError: an option is wrong, or the layout does not use it. The error has the option's name.
+        ArgumentError: an option is wrong, or the layout does not use it.
         ShotError: see `open_source`.
     """
     from supersampler.io.shot.sources import open_source
@@ -160,11 +160,8 @@ def open_with(
         layout, given["channel_map"] = "channels", _json_object(str(channels), "--channels")
     for name, parse in (("conventions", _conventions), ("cuts", _indices)):
         given[name] = None if given[name] is None else parse(given[name])
-    try:
-        arguments = {name: value for name, value in given.items() if value is not None}
-        return open_source(source, layout=layout, frames=frames, guides=guides, **arguments)
-    except ArgumentError as error:
-        raise _with_option(error, [*given, "channel_map"]) from error
+    arguments = {name: value for name, value in given.items() if value is not None}
+    return open_source(source, layout=layout, frames=frames, guides=guides, **arguments)
 
 
 def source_of(options: dict[str, Any]) -> dict[str, str]:
@@ -209,16 +206,13 @@ def display_transform_of(color_space: str, *, srgb: bool, options: dict[str, Any
     """Return the display transform of DISPLAY_OPTIONS; other `options` are ignored.
 
     Raises:
-        ArgumentError: see `display_transform_from`. The error has the option's name.
+        ArgumentError: see `display_transform_from`.
         ShotError: the configuration cannot be read.
     """
     from supersampler.io.display_transforms import display_transform_from
 
     given = {name: options[name] for name in DISPLAY_OPTIONS}
-    try:
-        return display_transform_from(color_space=color_space, srgb=srgb, **given)
-    except ArgumentError as error:
-        raise _with_option(error, [*given, "color_space"]) from error
+    return display_transform_from(color_space=color_space, srgb=srgb, **given)
 
 
 def parse_size(text: str, option: str = "size") -> Size:
@@ -238,14 +232,6 @@ def parse_providers(text: str) -> str | list[str]:
 def size_text(size: Sequence[int] | None) -> str:
     """Format (1920, 1080) as "1920x1080", and None as "none"."""
     return "none" if size is None else f"{size[0]}x{size[1]}"
-
-
-def _with_option(error: ArgumentError, arguments: Sequence[str]) -> ArgumentError:
-    """Return the error about one of these arguments with the name of its option; others unchanged."""
-    if error.name not in arguments:
-        return error
-    option = "channels" if error.name == "channel_map" else error.name.replace("_", "-")
-    return ArgumentError(f"--{option}", got=error.got, want=error.want, hint=error.hint)
 
 
 def _conventions(text: str) -> Conventions:
