@@ -114,6 +114,15 @@ def test_two_files_with_one_number_are_refused_with_the_patterns_that_part_them(
         open_source(tmp_path, conventions=CONVENTIONS)
 
 
+def test_a_sequence_with_a_later_number_in_its_names_is_answered_with_its_pattern(tmp_path: Path) -> None:
+    write_frames(tmp_path, "a-0001_v2", "a-0002_v2")
+    with pytest.raises(
+        ShotError, match=r"has the same frame number .* by a pattern: a-####_v2\.exr \(1-2\)\."
+    ):
+        open_source(tmp_path, conventions=CONVENTIONS)
+    assert len(open_source(tmp_path / "a-####_v2.exr", conventions=CONVENTIONS)) == 2
+
+
 def test_sequences_are_not_joined_even_if_all_their_numbers_differ(tmp_path: Path) -> None:
     write_frames(tmp_path, "a.0001", "a.0002", "b.0003", "b.0004")
     message = r"has files of several sequences \*\.exr\. .* a\.####\.exr \(1-2\) or b\.####\.exr \(3-4\)\."

@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -25,6 +26,7 @@ _Span: TypeAlias = tuple[int, int]
 
 _FIELD = re.compile(r"#+|%0?(\d{0,2})d")
 _LAST_NUMBER = re.compile(r"(.*?)(-?\d+)(\D*)", re.DOTALL)
+_NUMBER = re.compile(r"(?:(?:^|(?<=[._]))-)?\d+")
 _SIGN_FOLLOWS = ("", ".", "_")
 """Characters after which a hyphen is always a sign; "" is the start of the name."""
 
@@ -62,8 +64,10 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     spans = _number_spans(place, parts[-1])
     files: dict[int, Path] = {}
     rests = {name: (name[:start], name[stop:].lower()) for name, (start, stop) in spans.items()}
-    there = _listed(sequences(place / name for name in spans))
-    hint = f"Choose one sequence by a pattern: {there}."
+
+    def choose() -> str:
+        return f"Choose one sequence by a pattern: {_listed(sequences(place / name for name in spans))}."
+
     for name, span in spans.items():
         path, number = place / name, int(name[slice(*span)])
         if not is_frame_range(number, number):
@@ -71,14 +75,13 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
             raise ShotError(path, f"has the frame number {number}; want at most {LARGEST_NUMBER}", fewer)
         if number in files:
             other = files[number].name
-            if rests[name] == rests[other]:
-                hint = "Move one of the two away."
+            hint = "Move one of the two away." if rests[name] == rests[other] else choose()
             raise ShotError(path, f"has the same frame number as {other}", hint)
         files[number] = path
     if not files:
         raise ShotError(folder, f"has no file {pattern}", suggestion(place))
     if len({*rests.values()}) > 1:
-        raise ShotError(folder, f"has files of several sequences {pattern}", hint)
+        raise ShotError(folder, f"has files of several sequences {pattern}", choose())
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
     check_inside(folder, files.values())
@@ -86,15 +89,17 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
 
 
 def sequences(paths: Iterable[Path]) -> list[str]:
-    """Return the patterns of numbered files with their numbers, such as `beauty.####.exr (10-49)`."""
+    """Return the patterns of numbered files with their numbers, such as `beauty.####.exr (10-49)`.
+
+    The number of a name is the one that differs in most other names; of several, the last.
+    """
+    spans = {path.name: [found.span() for found in _NUMBER.finditer(path.stem)] for path in paths}
+    counts = Counter(_without(name, span) for name, each in spans.items() for span in each)
     groups: dict[tuple[str, str], list[str]] = {}
-    for path in paths:
-        if (found := _LAST_NUMBER.fullmatch(path.stem)) is None:
-            continue
-        start, stop = found.span(2)
-        if found[2][0] == "-" and found[1][-1:] not in _SIGN_FOLLOWS:
-            start += 1
-        groups.setdefault(_without(path.name, (start, stop)), []).append(path.name[start:stop])
+    for name, each in spans.items():
+        rests = [(_without(name, span), name[slice(*span)]) for span in reversed(each)]
+        for rest, number in sorted(rests, key=lambda found: -counts[found[0]])[:1]:
+            groups.setdefault(rest, []).append(number)
     result = []
     for (begin, end), texts in groups.items():
         numbers = sorted(map(int, texts))
