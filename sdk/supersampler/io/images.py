@@ -141,6 +141,7 @@ def _unreadable(path: Path | str, reason: str) -> ShotError:
     if re.search("subsampled", reason, re.IGNORECASE):
         return ShotError(path, f"holds channels of reduced size ({reason})", "Write all at one size.")
     hint = _DAMAGED if _SIGNS_OF_DAMAGE.search(reason) else "Write it with other settings, or copy it again."
+    hint = _TOO_LARGE if "limits:" in reason else hint  # of OpenImageIO
     return ShotError(path, f"is not an image that can be read ({reason})", hint)
 
 
