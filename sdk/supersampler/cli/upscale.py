@@ -8,13 +8,7 @@ import typer
 
 from supersampler.arguments import AtRest, Precision, PresetName, Validate
 from supersampler.cli import arguments
-from supersampler.cli.arguments import (
-    display_transform_of,
-    open_with,
-    source_notes,
-    source_of,
-    unused_options,
-)
+from supersampler.cli.arguments import display_transform_of, open_with, source_notes
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ArgumentError
 
@@ -169,11 +163,12 @@ def upscale(
     else:
         opened, note = open_for(numbers, preroll, partial(open_with, shot, given), passes)
     written = image_options(opened, given)
-    for line in (*filter(None, [note]), *source_notes(opened), *unused_options(given, written.formats)):
+    unused = arguments.unused_options(given, written.formats)
+    for line in (*filter(None, [note]), *source_notes(opened), *unused):
         console.print(line, soft_wrap=True)
     job = UpscaleJob(
         shot=opened,
-        source=source_of(given),
+        source=arguments.source_of(given),
         images=written,
         numbers=numbers,
         model=model or method,
