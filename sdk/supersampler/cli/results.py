@@ -316,7 +316,8 @@ def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
         return None
     if not is_regular(path):
         raise _foreign(path, "is not a regular file")
-    content = read_json(path)
+    text = json.dumps(read_json(path), ensure_ascii=False)
+    content = json.loads(os.fsdecode(text.encode()))  # text as in this locale's paths
     files = content.pop("files", None) if isinstance(content, dict) else None
     if not isinstance(files, dict):
         problem = "does not list the files of its run: it is of an earlier version, or of something else"
@@ -458,7 +459,7 @@ class Results:
         """Write the record with these files; `settings` None keeps its settings."""
         record = RunRecord(self.record.settings if settings is None else settings, files)
         content = {**record.settings, "files": dict(files)}
-        write_text(self.folder / record.file_name, json.dumps(content, indent=2) + "\n")
+        write_text(self.folder / record.file_name, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
         self.record = record
 
     def _is_own_name(self, name: str, listed: Collection[str]) -> bool:

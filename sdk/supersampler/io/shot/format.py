@@ -27,7 +27,7 @@ LARGEST_NUMBER = 10**9
 _LONGEST = 255  # bytes of a name; file systems accept no longer ones
 _HINT = "docs/shots.md lists the keys."
 _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
-FORBIDDEN = r"/\\:*?\"<>|\x00-\x1f\x7f\ud800-\udfff"
+FORBIDDEN = r"/\\:*?\"<>|\x00-\x1f\x7f"
 """Characters that names of results do not have, because a system refuses them; for a class of `re`."""
 NAME = re.compile(rf"(?!\.)[^#{FORBIDDEN}]*#+[^#{FORBIDDEN}]*")
 """Names of results without extension. One run of # stands for the number and gives its minimum of digits."""

@@ -335,8 +335,9 @@ class Shot:
             "cuts": [entry.reset for entry in entries],
             "exposure": [(entry.exposure, entry.pre_exposure) for entry in entries],
         }
-        texts = {name: json.dumps(values, sort_keys=True) for name, values in facts.items()}
-        return {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+        texts = {name: json.dumps(facts[name], sort_keys=True, ensure_ascii=False) for name in facts}
+        data = {name: text.encode(errors="surrogateescape") for name, text in texts.items()}
+        return {name: hashlib.sha256(each).hexdigest() for name, each in data.items()}
 
     def read(self, index: int) -> ShotFrame:
         """Read one frame by its index.
