@@ -93,8 +93,8 @@ def test_the_noise_that_cycles_has_removed_comes_back(tmp_path: Path) -> None:
     assert (np.asarray(noisy.read(1).frame.color) == 9.0).all()
     assert (np.asarray(shot.read(1).frame.color) != 9.0).any()
     assert noisy.ignored_channels == shot.ignored_channels
-    shot.ignored_channels = ("late",)  # as renders set it when their first frame is read
-    assert noisy.ignored_channels == ("late",)
+    shot.ignored_channels[:] = ["late"]  # as renders set it when their first frame is read
+    assert noisy.ignored_channels == ["late"]
 
 
 @pytest.mark.parametrize(("entry", "samples"), [("4", 4), ("0", None), ("many", None), (None, None)])

@@ -27,8 +27,9 @@ def write_one(folder: Path, *channels: str, metadata: Metadata | None = None) ->
 
 
 def spellings(ours: str) -> list[list[str]]:
-    """Return all names of an array that are recognised, also in capitals, with a layer, or alone."""
+    """Return all names of an array that are recognised, also in capitals, spaced, with a layer, or alone."""
     bases, endings = _NAMES[ours]
+    bases = *bases, *map(" ".join, bases)
     groups = [[f"{base}.{letter}".lstrip(".") for letter in ending] for base in bases for ending in endings]
     groups += [[base] for base in bases if ours in ("depth", "roughness", "metallic", "specular")]
     groups += [[name.upper() for name in group] for group in groups]
@@ -110,17 +111,8 @@ def test_channels_are_read_to_their_values_with_the_conventions_given(tmp_path: 
 
 def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_path: Path) -> None:
     blended = ["beauty.A", "diffuse.R", "diffuse.G", "diffuse.B", "fog"]
-    data = [
-        "P.X",
-        "P.Y",
-        "P.Z",
-        "motion.Z",
-        "uv.U",
-        "worldPosition.R",
-        "position.R",
-        "objectId",
-        "RenderID.Y",
-    ]
+    data = ["P.X", "P.Y", "P.Z", "motion.Z", "uv.U", "worldPosition.R", "position.R"]
+    data += ["objectId", "RenderID.Y"]
     data += ["id2", "primid", "object_id", "IndexOB.X", "crypto_object00.R", "VRayCryptomatte00.R"]
     data += ["ProxyMask.R", "ProxyMask00.R", "ProxyMask01.A"]
     color = ["beauty.R", "beauty.G", "beauty.B"]

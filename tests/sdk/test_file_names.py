@@ -8,6 +8,7 @@ import pytest
 from supersampler import Conventions, ShotError
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, import_channels, open_source
+from supersampler.io.shot.numbered import numbered_files
 from upscale_runs import files, upscale
 
 FRAME = ("R", "G", "B", "Z", "motion.X", "motion.Y")
@@ -125,7 +126,19 @@ def test_metadata_of_a_file_with_a_large_extension_is_kept(tmp_path: Path) -> No
     assert open_source(tmp_path, conventions=OURS).read_metadata(0)["ImageDescription"] == "night"
 
 
-def test_two_files_whose_extensions_differ_in_case_only_are_refused(tmp_path: Path) -> None:
-    write_frames(tmp_path, "s.0001.EXR", "s.0001.exr")
-    with pytest.raises(ShotError, match=r"same frame number as s\.0001\.EXR\. Move one of the two away"):
-        open_source(tmp_path / "s.####.exr", conventions=OURS)
+@pytest.mark.parametrize("names", [("s.0001.EXR", "s.0001.exr"), ("s.0001.exr", "s.1.exr")])
+def test_two_files_of_one_number_that_no_pattern_parts_are_refused(
+    tmp_path: Path, names: tuple[str, str]
+) -> None:
+    write_frames(tmp_path, *names)
+    with pytest.raises(ShotError, match=rf"same frame number as {names[0]}\. Move one of the two away"):
+        open_source(tmp_path / "s.#.exr", conventions=OURS)
+
+
+def test_no_pattern_takes_long(tmp_path: Path) -> None:
+    write_frames(tmp_path, f"{'s' * 200}.0001.exr")
+    many = "*s?" * 20
+    for pattern in (f"{many}x.exr", f"{many}.####*x*.exr"):
+        with pytest.raises(ShotError, match="has no file"):
+            numbered_files(tmp_path, pattern)
+    assert [*numbered_files(tmp_path, f"{many}*.####.exr")] == [1]

@@ -251,48 +251,28 @@ def test_the_colour_space_is_what_the_header_states(tmp_path: Path, name: str, v
 # --- EXR files with features of OpenEXR's test images: each is read right, or refused by name ---
 
 
-def luminance_chroma(width: int = 8, height: int = 4) -> bytes:
-    """An EXR file of Y, and of RY and BY at half the size, which OpenImageIO does not write."""
-
-    def attribute(name: str, kind: str, data: bytes) -> bytes:
-        return f"{name}\0{kind}\0".encode() + struct.pack("<i", len(data)) + data
-
-    channels = b"".join(
-        name + b"\0" + struct.pack("<iB3xii", 1, 0, step, step)
-        for name, step in ((b"BY", 2), (b"RY", 2), (b"Y", 1))
-    )
-    window = struct.pack("<iiii", 0, 0, width - 1, height - 1)
-    header = struct.pack("<II", 20000630, 2) + b"".join(
-        (
-            attribute("channels", "chlist", channels + b"\0"),
-            attribute("compression", "compression", b"\0"),
-            attribute("dataWindow", "box2i", window),
-            attribute("displayWindow", "box2i", window),
-            attribute("lineOrder", "lineOrder", b"\0"),
-            attribute("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
-            attribute("screenWindowCenter", "v2f", struct.pack("<ff", 0.0, 0.0)),
-            attribute("screenWindowWidth", "float", struct.pack("<f", 1.0)),
-            b"\0",
-        )
-    )
-    offsets, body = [], b""
-    for row in range(height):
-        offsets.append(len(header) + 8 * height + len(body))
-        values = np.full(width * (2 if row % 2 == 0 else 1), 0.5, np.float16).tobytes()
-        body += struct.pack("<ii", row, len(values)) + values
-    return header + struct.pack(f"<{height}Q", *offsets) + body
+def luminance_chroma(path: Path) -> None:
+    """Write Y, and RY and BY that state half the size, which OpenImageIO does not write."""
+    write_exr(path, dict.fromkeys(["Y", "RY", "BY"], np.ones((4, 8), np.float16)))
+    data = bytearray(path.read_bytes())
+    for name in (b"RY", b"BY"):
+        sampling = data.index(name) + 11  # after the name, the type, and the flag of linearity
+        data[sampling : sampling + 8] = struct.pack("<ii", 2, 2)
+    path.write_bytes(data)
 
 
 def test_luminance_chroma_images_are_refused_with_a_converter(tmp_path: Path) -> None:
-    (tmp_path / "s.0001.exr").write_bytes(luminance_chroma())
+    luminance_chroma(tmp_path / "s.0001.exr")
     for read in (read_image, read_exr):
         with pytest.raises(
             ShotError, match=r"luminance and chroma \(Y, RY, BY\).* R, G and B; ImageM"
         ) as caught:
             read(tmp_path / "s.0001.exr")
         assert "damaged" not in str(caught.value)
-    with pytest.raises(ShotError, match="luminance and chroma"):
-        open_source(tmp_path, conventions=Conventions())
+    write_exr(tmp_path / "full" / "s.0001.exr", dict.fromkeys(["Y", "RY", "BY", *NAMES[3:]], VALUES[..., 0]))
+    for folder in (tmp_path, tmp_path / "full"):
+        with pytest.raises(ShotError, match="luminance and chroma"):
+            open_source(folder, conventions=Conventions())
 
 
 @pytest.mark.parametrize(

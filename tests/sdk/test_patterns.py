@@ -89,6 +89,7 @@ def test_a_field_takes_its_digits_or_more(tmp_path: Path, pattern: str, numbers:
         ("bauty.####.exr", r"has no file bauty\.####\.exr\. Did you mean beauty\.####\.exr \(10-12\)\?"),
         ("beauty.#####.exr", r"has no file .* Did you mean beauty\.####\.exr \(10-12\)\?"),
         ("##.####.exr", r"##\.####\.exr: has 2 fields for the frame number\. Keep one"),
+        ("beauty.$F4.exr", r"no such file or folder\. Did you mean beauty\.####\.exr \(10-12\)\?"),
         ("beauty.0010.exr", r"is one image; want a sequence\. Did you mean beauty\.####\.exr \(10-12\)\?"),
     ],
 )
@@ -113,6 +114,15 @@ def test_two_files_with_one_number_are_refused_with_the_patterns_that_part_them(
         open_source(tmp_path, conventions=CONVENTIONS)
 
 
+def test_a_sequence_with_a_later_number_in_its_names_is_answered_with_its_pattern(tmp_path: Path) -> None:
+    write_frames(tmp_path, "a-0001_v2", "a-0002_v2")
+    with pytest.raises(
+        ShotError, match=r"has the same frame number .* by a pattern: a-####_v2\.exr \(1-2\)\."
+    ):
+        open_source(tmp_path, conventions=CONVENTIONS)
+    assert len(open_source(tmp_path / "a-####_v2.exr", conventions=CONVENTIONS)) == 2
+
+
 def test_sequences_are_not_joined_even_if_all_their_numbers_differ(tmp_path: Path) -> None:
     write_frames(tmp_path, "a.0001", "a.0002", "b.0003", "b.0004")
     message = r"has files of several sequences \*\.exr\. .* a\.####\.exr \(1-2\) or b\.####\.exr \(3-4\)\."
@@ -121,27 +131,18 @@ def test_sequences_are_not_joined_even_if_all_their_numbers_differ(tmp_path: Pat
     assert numbers_of(open_source(tmp_path / "b.*.exr", conventions=CONVENTIONS)) == [3, 4]
 
 
+def test_a_number_that_is_too_large_for_names_is_refused(tmp_path: Path) -> None:
+    write_frames(tmp_path, "s.20260101000001")
+    with pytest.raises(
+        ShotError, match=r"has the frame number 20260101000001; want at most .* Choose digits"
+    ):
+        open_source(tmp_path, conventions=CONVENTIONS)
+    assert open_source(tmp_path / "s.20260101######.exr", conventions=CONVENTIONS).first_number == 1
+
+
 def test_a_pattern_is_not_opened_as_another_layout(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="path is a pattern; want a folder or file"):
         open_source(tmp_path / "####.exr", layout="shot")
-
-
-def test_a_gap_counts_only_inside_of_the_range(tmp_path: Path) -> None:
-    write_frames(tmp_path, "a.0010", "a.0011", "a.0012", "a.0020", "a.0021")
-
-    def opened(first: int, last: int) -> list[int]:
-        return numbers_of(open_source(tmp_path, conventions=CONVENTIONS, frames=(first, last)))
-
-    assert opened(10, 12) == [10, 11, 12]
-    assert opened(11, 12) == [11, 12]
-    assert opened(20, 99) == [20, 21]
-    assert opened(0, 10) == [10]
-    with pytest.raises(ShotError, match=r"frame 13 to 15 between a\.0012\.exr and a\.0020\.exr is missing"):
-        opened(10, 15)
-    with pytest.raises(ShotError, match=r"has no frame from 22 to 30\. Its frames are 10 to 21"):
-        opened(22, 30)
-    with pytest.raises(ShotError, match="frame 13 to 19 between"):
-        open_source(tmp_path, conventions=CONVENTIONS)
 
 
 def test_jitter_and_cuts_count_from_the_first_file_whatever_the_range_is(tmp_path: Path) -> None:

@@ -215,6 +215,14 @@ def test_display_options_are_what_png_and_video_show(
     assert luma_difference(decoded(tmp_path / "video.mp4")[2], png) < 2
 
 
+def test_options_without_effect_are_named(shot: Path, tmp_path: Path) -> None:
+    given = ("--view", VIEW, "--maps", "--scratch", tmp_path)
+    without = upscale(shot, tmp_path / "out", *given).stderr
+    for option, other in (("view", "another --format"), ("maps", "--compare"), ("scratch", "--passes 2")):
+        assert f"--{option} has no effect without {other}." in without
+    assert "no effect" not in upscale(shot, tmp_path / "b", *given, "--compare", "--passes", "2").stderr
+
+
 def test_the_colour_space_of_the_shot_is_that_of_the_view(tmp_path: Path) -> None:
     renders = write_renders(tmp_path / "in", {1: "f.0001"})
     command = ("--format", "png", "--view", VIEW, *OURS)

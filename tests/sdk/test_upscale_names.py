@@ -23,6 +23,7 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({9: "b_9", 10: "b_10"}, "b_*.exr", ["b_0009", "b_0010"]),
         ({10: "v2_00010_left"}, "v2_#####_left.exr", ["v2_00010_left"]),
         ({7: "00007"}, "", ["00007"]),
+        ({1: "ku\u0308che, 5% (it's @home)_1"}, "", ["ku\u0308che, 5% (it's @home)_0001"]),
     ],
 )
 def test_results_have_the_names_of_the_frames(

@@ -167,30 +167,27 @@ def test_the_pixel_aspect_ratio_of_unequal_ratios_is_that_of_the_image(tmp_path:
     assert header(tmp_path / "odd" / "s.0002.exr")["PixelAspectRatio"] == 2.0
 
 
-def test_the_frame_rate_of_the_header_is_that_of_film_and_images(tmp_path: Path) -> None:
-    metadata: Metadata = {"framesPerSecond": FILM, "smpte:TimeCode": TIME}
-    out = results(tmp_path, metadata, "--format", "exr", "--format", "mp4")
-    assert rate_and_aspect(out / "video.mp4")[0] == Fraction(24000, 1001)
-    image = header(out / "s.0002.exr")
-    assert image.getattribute("framesPerSecond") == FILM.values
-    assert image.getattribute("smpte:TimeCode") == TIME.values
-
-
-def test_a_frame_rate_that_is_given_replaces_that_of_the_header_and_its_time_code(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("given", "rate", "time"), [((), FILM.values, TIME.values), (("--frame-rate", "30"), (30, 1), None)]
+)
+def test_film_and_images_have_the_frame_rate_that_is_given_or_that_of_the_header(
+    tmp_path: Path, given: tuple[str, ...], rate: tuple[int, int], time: tuple[int, int] | None
+) -> None:
     metadata: Metadata = {"framesPerSecond": FILM, "smpte:TimeCode": TIME, "comments": "night"}
-    out = results(tmp_path, metadata, "--format", "exr", "--format", "mp4", "--frame-rate", "30")
-    assert rate_and_aspect(out / "video.mp4")[0] == 30
+    out = results(tmp_path, metadata, "--format", "exr", "--format", "mp4", *given)
+    assert rate_and_aspect(out / "video.mp4")[0] == Fraction(*rate)
     image = header(out / "s.0002.exr")
-    assert image.getattribute("framesPerSecond") == (30, 1)
-    assert image.getattribute("smpte:TimeCode") is None
+    assert image.getattribute("framesPerSecond") == rate
+    assert image.getattribute("smpte:TimeCode") == time
     assert image["ImageDescription"] == "night"
 
 
 @pytest.mark.parametrize("values", [(0, 1), (24, 0), (-24, 1), (2000000, 1)])
 def test_a_header_without_a_usable_rate_leaves_the_default(tmp_path: Path, values: tuple[int, int]) -> None:
     metadata: Metadata = {"framesPerSecond": TypedValues("rational", values)}
-    write_renders(tmp_path, {1: "s.0001"}, metadata=metadata)
-    assert open_source(tmp_path, conventions=Conventions()).frame_rate == 24.0
+    image = header(results(tmp_path, metadata) / "s.0002.exr")
+    assert image.getattribute("framesPerSecond") == (24, 1)
+    assert open_source(tmp_path / "in", conventions=Conventions()).frame_rate == 24.0
 
 
 def test_entries_of_the_file_that_was_read_are_not_copied(tmp_path: Path) -> None:

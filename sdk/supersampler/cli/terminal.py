@@ -12,6 +12,7 @@ from typing import Any, Self
 
 import typer
 from rich.console import Console
+from rich.segment import Segment
 
 from supersampler.errors import FrameWarning, printable
 
@@ -30,10 +31,11 @@ class Terminal(Console):
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
 
-    def print(self, *objects: Any, **options: Any) -> None:
-        """Print text or renderables."""
-        safe = ["\n".join(map(printable, o.split("\n"))) if isinstance(o, str) else o for o in objects]
-        super().print(*safe, **options)
+    def render(self, *arguments: Any, **options: Any) -> Iterator[Segment]:
+        """Yield the segments of text or of a table, without unprintable characters."""
+        for segment in super().render(*arguments, **options):
+            lines = map(printable, segment.text.split("\n"))
+            yield segment if segment.control else segment._replace(text="\n".join(lines))
 
 
 @contextmanager
