@@ -104,9 +104,15 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
     multisampled = device.create_texture(
         size=(*RENDER, 1), format="rgba16float", usage=SAMPLED | RENDERED, sample_count=4
     )
-    for name, few in (("color", multisampled), ("color", good["motion"]), ("motion", good["depth"])):
+    for name, few in (("color", multisampled), ("color", good["motion"])):
         with pytest.raises(FrameError, match=rf"frame\.{name} is .*want a colour format of . or more"):
             upscaler.step_textures({**good, name: few}, jitter=(0.0, 0.0))
+    for kind in ("rg8unorm", "rg8snorm", "rg11b10ufloat"):
+        encoded = device.create_texture(size=(*RENDER, 1), format=kind, usage=SAMPLED)
+        with pytest.raises(
+            FrameError, match=rf"frame\.motion is {kind} .*; want a float format of 2 or more"
+        ):
+            upscaler.step_textures({**good, "motion": encoded}, jitter=(0.0, 0.0))
     with pytest.raises(FrameError, match=r"frame\.color is"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), render_size=(RENDER[0] + 1, RENDER[1]))
     with pytest.raises(FrameError, match="render_size"):

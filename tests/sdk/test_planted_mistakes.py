@@ -156,7 +156,7 @@ def test_check_blames_the_rows_of_vtk_where_nothing_is_stated(shots: Shots) -> N
 def test_jitter_missing_from_the_image_is_reported(shots: Shots) -> None:
     assert complaints(*shots("fixed")).startswith("frame.jitter is not in the image")
     assert "frame.jitter is not in the image" in notes(shots("fixed"))
-    assert "motion_jittered" not in notes(shots("fixed"))
+    assert "Write" not in notes(shots("fixed"))
 
 
 def test_a_fraction_of_the_jitter_is_estimated(shots: Shots) -> None:

@@ -217,6 +217,8 @@ def test_an_upscaler_is_not_copied_as_two_must_not_share_a_history(
         copied(upscaler)
     with pytest.raises(ArgumentError, match=r"model is to be copied or pickled; .*Model\.load"):
         copied(upscaler.model)
+    with pytest.raises(ArgumentError, match=r"history is to be copied or pickled; .*save_history"):
+        copied(upscaler.model.first_history((64, 36), (32, 18)))
     np.testing.assert_array_equal(upscaler.step(noise(1)), other.step(noise(1)))
 
 

@@ -289,10 +289,10 @@ def swapped_axes(
 
 def _vectors_have_jitter(pairs: Sequence[FramePair], reading: Conventions) -> bool:
     """Return whether motion changes with the jitter; True if there are too few frames to tell."""
-    sums = 0.0, 0.0
+    sums = 0.0, 0.0, 0.0
     for before, pair in _neighbours(pairs):
         sums = jitter_in_vectors(sums, pair, [before.before.jitter, before.now.jitter], reading)
-    return sums[1] == 0 or vectors_have_jitter(sums)
+    return sums[2] == 0 or vectors_have_jitter(sums)
 
 
 def _moving(pairs: Sequence[FramePair], reading: Conventions) -> dict[FramePair, NDArray[np.bool_]]:

@@ -29,6 +29,7 @@ def open_session(
     threads: int,
     providers: Sequence[str],
     *,
+    method: str | None = None,
     inputs: Sequence[TensorInfo] = (),
     outputs: Sequence[TensorInfo] = (),
     records_placement: bool = False,
@@ -42,12 +43,14 @@ def open_session(
         path: the graph.
         threads: number of threads; 0 uses every core.
         providers: ONNX Runtime's names of the providers, in order of preference.
+        method: the method that the graph must be of, if it states one; None disables the check.
         inputs: all inputs that the graph must have; empty disables the check.
         outputs: outputs that the graph must have; it may have others.
         records_placement: see `node_placement`.
 
     Raises:
-        ModelError: the graph is too large, refused, has other tensors, or ONNX Runtime cannot load it.
+        ModelError: the graph is too large, refused, of another method or with other tensors, or ONNX
+            Runtime cannot load it.
         ProviderError: the first provider cannot start.
     """
     output_names, options = {tensor.name for tensor in outputs}, ort.SessionOptions()
@@ -64,6 +67,9 @@ def open_session(
                 f"{', '.join(session.get_providers())}. Its libraries (CUDA and cuDNN for "
                 "CUDAExecutionProvider) are missing or of another version."
             )
+        stated = session.get_modelmeta().custom_metadata_map.get("supersampler.method")
+        if None not in (method, stated) and method != stated:
+            raise ModelError(f"{path}: is a graph of {stated!r}; model.json says {method!r}.")
         if inputs:
             _check_tensors(path, "input", inputs, session.get_inputs())
         found = [node for node in session.get_outputs() if node.name in output_names]
