@@ -216,6 +216,9 @@ def test_an_image_without_jitter_has_it_in_its_vectors_if_they_change_alike(
         FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.5), varied=(0.5, 0.5, 1.0))
     )
     assert "not in the image" in told(FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.5)))
+    for error, said in ((0.08, f"Try {NEGATED}"), (0.09, "not in the image")):  # no jitter has 0.085
+        seen = FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.15), errors={NEGATED: (0.1, error)})
+        assert said in told(seen)
     more = FramesSeen(pairs=2, amplitudes=errors(0.6, 0.6, 0.5), varied=varied)
     assert "0.60 times as large" in told(more)
 
@@ -250,6 +253,9 @@ def test_the_reading_that_fits_best_is_named() -> None:
     said = told(FramesSeen(pairs=2, errors={**errors_of, rows: (0.4, 0.02)}))
     assert "frame.color is bottom-up with depth and motion: frames then fit 20.0 times better" in said
     assert rows in said
+    alone = repr(Conventions(jitter_flip_y=True))
+    for fits, named in ((0.052, f"Try {alone}, or bottom_up=True if the image is upside down"), (0.06, rows)):
+        assert named in told(FramesSeen(pairs=2, errors={rows: (0.1, 0.05), alone: (0.1, fits)}))
 
 
 def seen_after_a_part_moves(rows: int, motion: float) -> FramesSeen:
