@@ -117,6 +117,12 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
         upscaler.step_textures(good, jitter=(0.0, 0.0), render_size=(RENDER[0] + 1, RENDER[1]))
     with pytest.raises(FrameError, match="render_size"):
         upscaler.step_textures(buffers_of(device, moving(1)), jitter=(0.0, 0.0))
+    padded = device.create_buffer(size=256 * RENDER[1], usage=STORAGE)
+    buffers = {**buffers_of(device, moving(1)), "depth": padded}
+    with pytest.raises(
+        FrameError, match=r"depth is .*, rows of 256; want rows of \d+ bytes, without padding"
+    ):
+        upscaler.step_textures(buffers, jitter=(0.0, 0.0), render_size=RENDER)
     target = device.create_texture(size=(*DISPLAY, 1), format="rgba8unorm", usage=STORED)
     with pytest.raises(ArgumentError, match="rgba16float"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), out=target)

@@ -37,6 +37,8 @@ CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1}
 _KINDS = {"motion": "float", "gbuffer_normal": "float|snorm", "gbuffer_display_normal": "float|snorm"}
 """Kinds of formats for values that others do not hold: pixels of motion, and components with a sign."""
 _SAMPLED, _STORED, _COPY_DST, _STORAGE = 4, 8, 8, 128  # WebGPU's usage flags
+_COPY_PITCH = 256
+"""Rows of a buffer that a texture was copied to begin at multiples of this number of bytes."""
 _SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
 
 
@@ -311,5 +313,10 @@ def _check_image(
         if getattr(image, "size", 0) < min_bytes or not image.usage & _STORAGE:
             want = f"at least {min_bytes} bytes with STORAGE: float32, row by row"
             raise FrameError(name, got=f"{getattr(image, 'size', shown(image))} bytes", want=want)
+        row = min_bytes // size[1]
+        padded = -(-row // _COPY_PITCH) * _COPY_PITCH
+        if row < padded and size[1] > 1 and image.size in (padded * size[1], padded * (size[1] - 1) + row):
+            got, want = f"{image.size} bytes, rows of {padded}", f"rows of {row} bytes, without padding"
+            raise FrameError(name, got=got, want=want)
     if device_of(image) is not device:
         raise FrameError(name, got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)
