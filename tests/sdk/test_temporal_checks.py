@@ -82,6 +82,20 @@ def test_a_verdict_is_certain_if_the_runner_up_is_a_seventh_worse() -> None:
     assert verdict(1.0).certain
 
 
+def test_of_readings_that_fit_alike_the_changes_that_they_share_count() -> None:
+    direction = {"motion_direction": "current_minus_previous", "motion_flip_y": False}
+    both, stated = (
+        {**direction, "motion_flip_y": True},
+        {**direction, "motion_direction": "previous_minus_current"},
+    )
+    hypotheses = [Hypothesis("", o, e) for o, e in ((both, 1.0), (direction, 1.1), (stated, 3.0))]
+    found = ranked("motion", hypotheses, Conventions())
+    assert found.certain
+    assert found.overrides == direction
+    assert found.margin == pytest.approx(3.0 / 1.1)
+    assert not ranked("motion", hypotheses, Conventions(motion_direction="current_minus_previous")).certain
+
+
 def test_near_a_tie_what_was_stated_comes_first() -> None:
     assert verdict(1.0, 1.5, 1.01).ranked[0].text == "pixels"
     assert verdict(1.0, 1.5, 1.03).ranked[0].text == "uv"
