@@ -14,7 +14,6 @@ from plain_frames import plain_frame
 from supersampler import Upscaler
 from supersampler.arguments import Validate
 from supersampler.conventions import Conventions
-from supersampler.conventions.encodings import srgb_encoded
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
@@ -42,10 +41,6 @@ def misread(frames: list[Frame], **overrides: Any) -> list[Frame]:
     """Return frames as they are read when their conventions are taken for the SDK's own."""
     there, taken_as_ours = Conventions(**overrides).converter(), Conventions().converter()
     return [taken_as_ours.to_frame(there.from_frame(frame)) for frame in frames]
-
-
-def test_a_real_shot_is_fine(frames: list[Frame]) -> None:
-    check_all(frames)
 
 
 @pytest.mark.parametrize("pattern", [zone_plate, checker])
@@ -291,12 +286,3 @@ def test_frames_kept_for_checks_are_freed_after_the_last_read() -> None:
         assert checker._seen.previous is not None
     checker.check(plain_frame(jitter=halton_jitter(3, 2.0)), (160, 120))
     assert checker._seen.previous is None
-
-
-@pytest.mark.parametrize("scale", [1, 255])
-def test_a_shot_as_it_is_displayed_is_hinted_at(frames: list[Frame], scale: int) -> None:
-    color = np.asarray(frames[0].color, np.float32)
-    shown = scale * srgb_encoded(color / (1 + color.max(axis=2, keepdims=True)))
-    [message] = messages_of([replace(frames[0], color=shown)], DISPLAY)
-    assert f"frame.color is never above {scale}, and as bright as a displayed image" in message
-    assert messages_of([replace(frames[0], color=scale * color / color.max())], DISPLAY) == []
