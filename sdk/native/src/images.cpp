@@ -92,8 +92,9 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
         return fail(error, SS_BAD_ARGUMENT,
                     "counts are %d, %d, %d, rows %d to %d; want counts from 0 on, and rows of the image", t->previous,
                     t->following, t->aov_groups, t->first_row, t->end_row);
-    if (!(t->samples > 0.0f))
-        return fail(error, SS_BAD_ARGUMENT, "samples is %g; want more than 0", static_cast<double>(t->samples));
+    if (!(t->samples > 0.0f && t->exposure > 0.0f))
+        return fail(error, SS_BAD_ARGUMENT, "samples is %g, exposure %g; want more than 0",
+                    static_cast<double>(t->samples), static_cast<double>(t->exposure));
     for (int k = 0; k <= t->previous + t->following; k++)
         if (!t->frames[k].color || !t->frames[k].guides || (t->aov_groups && !t->frames[k].aovs) ||
             (t->frames[0].noisy && !t->frames[k].noisy))

@@ -2,7 +2,6 @@
 #include "step.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 namespace ss {
 
@@ -39,16 +38,19 @@ ss_status check_pre_exposure(float pre_exposure, ss_error* error) {
 static ss_status check_strides(const char* name, const ss_image& image, Size size, int channels, ss_status status,
                                ss_error* error) {
     const View view = view_of(image, size.width, channels);
-    const ptrdiff_t strides[] = {view.row, view.pixel, view.channel};
+    // In double precision no stride is too large.
+    const double strides[] = {fabs(static_cast<double>(view.row)), fabs(static_cast<double>(view.pixel)),
+                              fabs(static_cast<double>(view.channel))};
     const int counts[] = {size.height, size.width, channels};
     for (int axis = 0; axis < 3; axis++) {
-        ptrdiff_t extent = image.type == SS_FLOAT32 ? 4 : image.type == SS_FLOAT16 ? 2 : 1;  // of the axes within
+        double extent = image.type == SS_FLOAT32 ? 4 : image.type == SS_FLOAT16 ? 2 : 1;  // of the axes within
         for (int other = 0; other < 3; other++)
-            if (other != axis && counts[other] > 1 && labs(strides[other]) <= labs(strides[axis]))
-                extent += labs(strides[other]) * (counts[other] - 1);
-        if (counts[axis] > 1 && labs(strides[axis]) < extent)
-            return fail(error, status, "%s overlaps itself: its strides are %td, %td, %td; want bytes, or 0 if packed",
-                        name, view.row, view.pixel, view.channel);
+            if (other != axis && counts[other] > 1 && strides[other] <= strides[axis])
+                extent += strides[other] * (counts[other] - 1);
+        if (counts[axis] > 1 && strides[axis] < extent)
+            return fail(error, status,
+                        "%s overlaps itself: its strides are %.0f, %.0f, %.0f; want bytes, or 0 if packed", name,
+                        strides[0], strides[1], strides[2]);
     }
     return SS_OK;
 }

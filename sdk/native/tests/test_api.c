@@ -781,6 +781,9 @@ static void the_temporal_filter_averages_frames(void) {
     CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "samples"), "%s",
           error.message);
     CHECK(ss_filter_temporal(NULL, &error) == SS_BAD_ARGUMENT, "NULL is a filter");
+    filter.samples = 4.0f, filter.exposure = NAN;
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "exposure nan"), "%s",
+          error.message);
 }
 
 /* Ids are never blended, become as detailed as the display, and follow what moves. */
