@@ -221,7 +221,11 @@ const wrong = device.createTexture({
   format: "rgba8uint",
   usage: GPUTextureUsage.TEXTURE_BINDING,
 });
-const unsigned = device.createTexture({ size: RENDER, format: "rgba8unorm", usage: GPUTextureUsage.TEXTURE_BINDING });
+const unsigned = device.createTexture({
+  size: RENDER,
+  format: "rgba8unorm",
+  usage: GPUTextureUsage.TEXTURE_BINDING,
+});
 const [{ images }] = list;
 found["jitter in other units"] = await refuses(
   encode(images, image(), { jitter: [3, 0] }),
