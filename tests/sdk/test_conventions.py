@@ -219,11 +219,6 @@ def test_a_refused_frame_does_not_count_as_seen() -> None:
     np.testing.assert_array_equal(converter.to_frame(good).motion, 0.0)
 
 
-def test_planes_of_presets_are_the_engines_defaults() -> None:
-    assert (Conventions.unity().near, Conventions.unity().far) == (0.3, 1000.0)
-    assert (Conventions.godot().near, Conventions.godot().far) == (0.05, 4000.0)
-
-
 @pytest.mark.parametrize(
     ("conventions", "jitter", "want"),
     [
