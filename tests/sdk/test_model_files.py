@@ -192,10 +192,9 @@ def test_unsupported_rings_run_in_onnx_runtime(strides: object, tmp_path: Path) 
     assert Extrapolator(folder, [CPU], 1).executor == "onnx"
 
 
-@pytest.mark.parametrize("method", ["taa", "mine"])
-def test_a_graph_of_another_method_is_refused(method: str, folder: Path) -> None:
-    change(folder, method=method)
-    with pytest.raises(ModelError, match=f"step.onnx: is a graph of 'taau'; model.json says '{method}'"):
+def test_a_graph_of_another_method_is_refused(folder: Path) -> None:
+    change(folder, method="taa")
+    with pytest.raises(ModelError, match=r"step\.onnx: is a graph of 'taau'; model\.json says 'taa'"):
         Model.load(folder)
 
 
