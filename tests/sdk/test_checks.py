@@ -50,6 +50,11 @@ def test_hard_patterns_still_or_moving_are_fine(pattern: Any, velocity: tuple[fl
     check_all([scene.frame(i, (96, 54), halton_jitter(i, 2.0)) for i in range(5)])
 
 
+def test_the_render_size_may_change_while_frames_are_read() -> None:
+    sizes = [(160, 90)] * 2 + [(96, 54)] * 3
+    check_all([Plane(checker, (2.0, 1.0)).frame(i, s, halton_jitter(i, 2.0)) for i, s in enumerate(sizes)])
+
+
 def jittered(place: Callable[[int], int], count: int = 32) -> list[Frame]:
     """Return frames of noise whose jitter is that of index `place(i)`; every second one is unshaded."""
     frames = [noise(i, (24, 16), jitter=halton_jitter(place(i), 2.0), reset=i == 0) for i in range(2 * count)]

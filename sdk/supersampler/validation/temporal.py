@@ -205,8 +205,8 @@ def _better_reading(seen: FramesSeen, readings: Mapping[str, Conventions], size:
     if seen.pairs < 2 and seen.previous is not None and not seen.previous.motion.any():
         return ""  # motion may be missing
     parts = {}
-    for call, (own, other) in seen.errors.items():
-        reading = readings[call]
+    for call, reading in readings.items():
+        own, other = seen.errors.get(call, (0.0, 0.0))
         # an image with another jitter than stated also fits vectors that contain jitter
         has_jitter = seen.pairs >= 2 and vectors_have_jitter(seen.varied, reading.motion_factor(size, size))
         if own > _NOISE * seen.pairs and (has_jitter or not reading.motion_jittered):
