@@ -188,8 +188,7 @@ def _errors(pair: FramePair, display_size: Size) -> Sums:
     own_all = pair.error(pair.offset(as_stated))
     errors = {}
     for call, reading in _readings(size, display_size).items():
-        of_both = reading in (_BOTTOM_UP, _RESEMBLING)
-        about_motion = reading.motion_factor(size, size) != (1.0, 1.0) and not of_both
+        about_motion = reading.motion_factor(size, size) != (1.0, 1.0) and reading != _RESEMBLING
         if about_motion and few:
             continue
         own = own_moving if about_motion else own_all
