@@ -104,13 +104,25 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
     multisampled = device.create_texture(
         size=(*RENDER, 1), format="rgba16float", usage=SAMPLED | RENDERED, sample_count=4
     )
-    for name, few in (("color", multisampled), ("color", good["motion"]), ("motion", good["depth"])):
+    for name, few in (("color", multisampled), ("color", good["motion"])):
         with pytest.raises(FrameError, match=rf"frame\.{name} is .*want a colour format of . or more"):
             upscaler.step_textures({**good, name: few}, jitter=(0.0, 0.0))
+    for kind in ("rg8unorm", "rg8snorm", "rg11b10ufloat"):
+        encoded = device.create_texture(size=(*RENDER, 1), format=kind, usage=SAMPLED)
+        with pytest.raises(
+            FrameError, match=rf"frame\.motion is {kind} .*; want a float format of 2 or more"
+        ):
+            upscaler.step_textures({**good, "motion": encoded}, jitter=(0.0, 0.0))
     with pytest.raises(FrameError, match=r"frame\.color is"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), render_size=(RENDER[0] + 1, RENDER[1]))
     with pytest.raises(FrameError, match="render_size"):
         upscaler.step_textures(buffers_of(device, moving(1)), jitter=(0.0, 0.0))
+    padded = device.create_buffer(size=256 * RENDER[1], usage=STORAGE)
+    buffers = {**buffers_of(device, moving(1)), "depth": padded}
+    with pytest.raises(
+        FrameError, match=r"depth is .*, rows of 256; want rows of \d+ bytes, without padding"
+    ):
+        upscaler.step_textures(buffers, jitter=(0.0, 0.0), render_size=RENDER)
     target = device.create_texture(size=(*DISPLAY, 1), format="rgba8unorm", usage=STORED)
     with pytest.raises(ArgumentError, match="rgba16float"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), out=target)

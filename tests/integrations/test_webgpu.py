@@ -66,7 +66,7 @@ def test_the_module_keeps_its_promises(environment: dict[str, str], tmp_path: Pa
     write_shader_folder("taau", tmp_path / "shaders")
     script = TESTS / "integrations" / "webgpu_checks.mjs"
     found = json.loads(run(["node", script, tmp_path / "shaders", MODULES], environment))
-    assert len(found) >= 23
+    assert len(found) >= 26
     assert {promise: answer for promise, answer in found.items() if answer is not True} == {}
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.lib.stride_tricks import as_strided
 
 from noise import noise
 from shared_models import shared_model
@@ -139,6 +140,10 @@ def test_an_image_is_not_written_over_what_the_step_reads() -> None:
     both[..., 3:] = GOOD.color
     with pytest.raises(ArgumentError, match="out is memory of the frame"):
         upscaler.step(replace(GOOD, color=both[..., 3:]), out=both[..., 2:5])
+    rows = np.zeros((19, 32, 3), np.float32)
+    for strides in ((12, 12, 4), (380, 12, 4), (384, 4, 4)):
+        with pytest.raises(ArgumentError, match="out is overlapping itself; want an array of separate"):
+            upscaler.step(GOOD, out=as_strided(rows, (18, 32, 3), strides))
     apart = upscaler.step(replace(GOOD, color=both[..., 3:]), out=both[..., :3])
     np.testing.assert_array_equal(apart, Upscaler(upscaler.model, display_size=SIZE).step(GOOD))
 

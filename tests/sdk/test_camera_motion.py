@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from supersampler.conventions import camera_motion, jittered_projection
+from supersampler.conventions import camera_motion
 from supersampler.errors import ArgumentError
 
 WIDTH, HEIGHT = 64, 36
@@ -122,26 +122,6 @@ def test_an_orthographic_camera_moves_every_depth_alike() -> None:
     np.testing.assert_allclose(
         motion, np.broadcast_to([0.5 * WIDTH / 2.0, -0.125 * WIDTH], motion.shape), atol=1e-4
     )
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_jittered_projection_samples_where_camera_motion_takes_it(kind: Kind) -> None:
-    projection, distance = perspective(kind), distances()
-    points = sampled_points(distance, projection, CURRENT)
-    jittered = jittered_projection(projection, JITTER, (WIDTH, HEIGHT))
-    seen, plain = pixels_of(points, jittered @ CURRENT), pixels_of(points, projection @ CURRENT)
-    columns, rows = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
-    np.testing.assert_allclose(seen[..., 0], columns, atol=1e-9)
-    np.testing.assert_allclose(seen[..., 1], rows, atol=1e-9)
-    np.testing.assert_array_equal(
-        (jittered @ CURRENT)[2:], (projection @ CURRENT)[2:]
-    )  # same depth, bit by bit
-    depth = written_depth(kind, plain[..., 2])
-    arguments = (depth, projection @ CURRENT, projection @ PREVIOUS)
-    motion = camera_motion(*arguments, jitter=JITTER, clip=clip_of(kind))
-    truth = pixels_of(points, projection @ PREVIOUS) - plain
-    np.testing.assert_allclose(motion, truth[..., :2], atol=1e-3)
-    assert np.abs(camera_motion(*arguments, clip=clip_of(kind)) - motion).max() > 1e-2  # jitter counts
 
 
 def test_motion_of_points_behind_the_previous_camera_leads_off_screen() -> None:

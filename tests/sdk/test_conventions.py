@@ -219,11 +219,6 @@ def test_a_refused_frame_does_not_count_as_seen() -> None:
     np.testing.assert_array_equal(converter.to_frame(good).motion, 0.0)
 
 
-def test_planes_of_presets_are_the_engines_defaults() -> None:
-    assert (Conventions.unity().near, Conventions.unity().far) == (0.3, 1000.0)
-    assert (Conventions.godot().near, Conventions.godot().far) == (0.05, 4000.0)
-
-
 @pytest.mark.parametrize(
     ("conventions", "jitter", "want"),
     [
@@ -259,16 +254,8 @@ def test_an_inconvertible_field_is_named() -> None:
     frame = Frame(color=None, depth=depth * 0.01, motion=motion, jitter=(0, 0))
     with pytest.raises(FrameError, match=r"frame\.color is uint8; .* / 255"):
         converter.to_frame(RawFrame(depth=depth, motion=motion, color=np.zeros((2, 3, 3), np.uint8)))
-    with pytest.raises(
-        FrameError, match=r"frame\.motion is of shape \(4, 6, 2\).*motion_resolution='display'"
-    ):
-        converter.to_frame(RawFrame(depth=depth, motion=np.zeros((4, 6, 2), np.float32)))
     with pytest.raises(FrameError, match=r"frame\.depth is of shape \(2, 3, 1\).*Drop the last axis"):
         converter.to_frame(RawFrame(depth=depth[..., None], motion=motion))
-    with pytest.raises(FrameError, match=r"frame\.jitter"):
-        converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=(3.0, 0.0)))
-    with pytest.raises(FrameError, match=r"frame\.depth is as small as 0\.01, beyond the far plane"):
-        Conventions(depth="reversed", near=1.0, far=10.0).converter().from_frame(frame)
     with pytest.raises(ArgumentError, match="display_size is None"):
         Conventions(motion_resolution="display").converter().from_frame(frame)
 
@@ -385,7 +372,7 @@ def test_a_surface_beyond_the_far_plane_cannot_be_written_but_one_at_it_may_be_r
     depth[1] *= 1.0 - 5e-6
     np.testing.assert_allclose(np.asarray(converter.from_frame(frame(depth=depth)).depth), 0.0, atol=1e-6)
     depth[1, 2] = 0.99 * NEAR / FAR
-    with pytest.raises(FrameError, match="beyond the far plane"):
+    with pytest.raises(FrameError, match=r"frame\.depth is as small as .*, beyond the far plane"):
         converter.from_frame(frame(depth=depth))
 
 
@@ -409,7 +396,7 @@ def test_rows_are_turned_in_every_buffer_and_colours_decoded() -> None:
 
 def test_motion_of_another_size_is_refused_and_a_larger_one_with_a_hint() -> None:
     motion = np.zeros((4, 5, 2), np.float32)
-    with pytest.raises(FrameError, match="motion_resolution='display'"):
+    with pytest.raises(FrameError, match=r"motion is of shape \(4, 5, 2\).*motion_resolution='display'"):
         Conventions().converter().to_frame(raw(motion=motion))
     for smaller in (motion[:1], motion[:, :2]):
         with pytest.raises(FrameError) as refused:

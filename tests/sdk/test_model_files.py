@@ -58,6 +58,7 @@ OK = "0" * 64
     [
         ({"ratios": []}, r"array` of length 2 - at `\$\.ratios`, is \[\]"),
         ({"ratios": [2, 1]}, "ratios"),
+        ({"ratios": [1, 5]}, r"ratios: \(1\.0, 5\.0\); want within \(1\.0, 4\.0\), the range of 'taau'"),
         ({"ratios": [1, True]}, r"Expected `float`, got `bool` - at `\$\.ratios\[1\]`, is True"),
         ({"ratios": [1, 10**400]}, r"out of range - at `\$\.ratios\[1\]`"),
         ({"ratios": "1,2"}, r"Expected `array`, got `str` - at `\$\.ratios`, is '1,2'"),
@@ -189,6 +190,12 @@ def test_unsupported_rings_run_in_onnx_runtime(strides: object, tmp_path: Path) 
     config = json.loads((folder / "model.json").read_text())["config"]
     change(folder, config={**config, "strides": strides})
     assert Extrapolator(folder, [CPU], 1).executor == "onnx"
+
+
+def test_a_graph_of_another_method_is_refused(folder: Path) -> None:
+    change(folder, method="taa")
+    with pytest.raises(ModelError, match=r"step\.onnx: is a graph of 'taau'; model\.json says 'taa'"):
+        Model.load(folder)
 
 
 def test_kernels_leave_an_unknown_history_to_the_graph(folder: Path) -> None:

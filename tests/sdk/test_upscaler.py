@@ -2,8 +2,8 @@
 
 import copy
 import pickle
-import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -168,18 +168,9 @@ def test_a_ratio_out_of_range_is_named(
 
 def test_several_upscalers_share_one_model_from_several_threads(models: dict[str, Model]) -> None:
     expected = steps(make(models["taau"]), range(6))
-    results: list[list[Float32]] = [[] for _ in range(4)]
-
-    def work(result: list[Float32]) -> None:
-        result.extend(steps(make(models["taau"]), range(6)))
-
-    threads = [threading.Thread(target=work, args=(result,)) for result in results]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for result in results:
-        np.testing.assert_array_equal(result, expected)
+    with ThreadPoolExecutor(4) as threads:
+        for result in threads.map(lambda _: steps(make(models["taau"]), range(6)), range(4)):
+            np.testing.assert_array_equal(result, expected)
 
 
 def test_a_model_is_pure(models: dict[str, Model]) -> None:
@@ -217,6 +208,8 @@ def test_an_upscaler_is_not_copied_as_two_must_not_share_a_history(
         copied(upscaler)
     with pytest.raises(ArgumentError, match=r"model is to be copied or pickled; .*Model\.load"):
         copied(upscaler.model)
+    with pytest.raises(ArgumentError, match=r"history is to be copied or pickled; .*save_history"):
+        copied(upscaler.model.first_history((64, 36), (32, 18)))
     np.testing.assert_array_equal(upscaler.step(noise(1)), other.step(noise(1)))
 
 
@@ -251,9 +244,6 @@ def test_a_damaged_model_folder_is_refused(tmp_path: Path, models: dict[str, Mod
         Model.load(folder)
     (folder / "model.json").write_text(description.replace('"contract": 4', '"contract": 99'))
     with pytest.raises(ModelError, match="contract is 99; this runtime drives 4"):
-        Model.load(folder)
-    (folder / "model.json").write_text("{")
-    with pytest.raises(ModelError, match="is not JSON"):
         Model.load(folder)
 
 

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.arguments import overlaps_itself
 from supersampler.errors import INCOMPLETE_PACKAGE, LibraryError, ModelError, SupersamplerError
 
 VERSION = 100
@@ -70,7 +71,7 @@ class Image(Structure):
     def of(cls, array: NDArray[Any], *, planes: bool = False) -> "Image":
         """Return a view of an array (h, w) or (h, w, channels), or with `planes` of (1, channels, h, w).
 
-        The array is float32 or float16, and none of its strides is 0; see `readable`.
+        The array is float32 or float16, and no two elements share memory; see `readable`.
         """
         if planes:
             array = array[0].transpose(1, 2, 0)
@@ -85,7 +86,7 @@ class Image(Structure):
 
 def readable(array: NDArray[Any]) -> NDArray[Any]:
     """Return the array if `Image.of` takes it, else a contiguous copy, float16 or float32."""
-    if array.dtype in (np.float32, np.float16) and 0 not in array.strides:
+    if array.dtype in (np.float32, np.float16) and not overlaps_itself(array):
         return array
     return np.array(array, np.float16 if array.dtype == np.float16 else np.float32, order="C")
 

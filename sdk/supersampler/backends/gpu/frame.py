@@ -34,7 +34,11 @@ TEXTURE_CHANNELS = 4
 """Channels of a texture of AOVs."""
 CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1}
 """Images of a frame that shaders read, and their channels; "reactive" may be missing."""
+_KINDS = {"motion": "float", "gbuffer_normal": "float|snorm", "gbuffer_display_normal": "float|snorm"}
+"""Kinds of formats for values that others do not hold: pixels of motion, and components with a sign."""
 _SAMPLED, _STORED, _COPY_DST, _STORAGE = 4, 8, 8, 128  # WebGPU's usage flags
+_COPY_PITCH = 256
+"""Rows of a buffer that a texture was copied to begin at multiples of this number of bytes."""
 _SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
 
 
@@ -279,9 +283,9 @@ def _texture_text(texture: Any) -> str:
     return text if _is_plain(texture) else text + kind
 
 
-def _float_channels(texture_format: str) -> int:
-    """Return the number of channels that shaders read as floats; 0 for depth, integers, compressed pixels."""
-    names = re.fullmatch(r"([rgba\d]+)(u?float|[us]norm(-srgb)?)", texture_format)
+def _float_channels(texture_format: str, kinds: str) -> int:
+    """Return the number of channels that shaders read as floats of these kinds; 0 for other formats."""
+    names = re.fullmatch(rf"([rgba\d]+)({kinds})", texture_format)
     return len(re.sub(r"\d", "", names[1])) if names else 0
 
 
@@ -299,14 +303,20 @@ def _check_image(
         least = GBUFFERS[name].channels if name in GBUFFERS else CHANNELS.get(name, 1)
         width, height, _ = image.size
         fits = width >= size[0] and height >= size[1] if may_be_larger else (width, height) == size
-        has_channels = _float_channels(image.format) >= least
+        has_channels = _float_channels(image.format, _KINDS.get(name, "u?float|[us]norm(-srgb)?")) >= least
         if not (fits and has_channels and _is_plain(image) and image.usage & _SAMPLED):
-            want = f"a colour format of {least} or more channels, {size}, one sample, with TEXTURE_BINDING"
+            kind = f"{_KINDS[name].replace('|', ' or ')} format" if name in _KINDS else "colour format"
+            want = f"a {kind} of {least} or more channels, {size}, one sample, with TEXTURE_BINDING"
             raise FrameError(name, got=_texture_text(image), want=want)
     else:
         min_bytes = 4 * (channels or CHANNELS[name]) * size[0] * size[1]
         if getattr(image, "size", 0) < min_bytes or not image.usage & _STORAGE:
             want = f"at least {min_bytes} bytes with STORAGE: float32, row by row"
             raise FrameError(name, got=f"{getattr(image, 'size', shown(image))} bytes", want=want)
+        row = min_bytes // size[1]
+        padded = -(-row // _COPY_PITCH) * _COPY_PITCH
+        if row < padded and size[1] > 1 and image.size in (padded * size[1], padded * (size[1] - 1) + row):
+            got, want = f"{image.size} bytes, rows of {padded}", f"rows of {row} bytes, without padding"
+            raise FrameError(name, got=got, want=want)
     if device_of(image) is not device:
         raise FrameError(name, got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)

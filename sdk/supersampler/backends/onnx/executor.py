@@ -39,8 +39,9 @@ class OnnxExecutor:
         self._info, self.precision = info, precision
         self._path = info.steps[precision]
         self._session = open_session(
-            self._path, threads, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
-        )
+            self._path, threads, providers,
+            method=info.method, inputs=info.graph_inputs, outputs=info.graph_outputs,
+        )  # fmt: skip
         self.providers: list[str] = self._session.get_providers()
         self.device = device_of(self.providers[0])
 
@@ -136,8 +137,9 @@ class OnnxExtrapolation:
     def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
         self._info, self._path = info, info.steps["fp32"]
         self._session = open_session(
-            self._path, threads, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
-        )
+            self._path, threads, providers,
+            method=info.method, inputs=info.graph_inputs, outputs=info.graph_outputs,
+        )  # fmt: skip
         self._device = device_of(self._session.get_providers()[0])
 
     def upload(self, array: NDArray[Any]) -> "ort.OrtValue":
