@@ -33,15 +33,13 @@ def test_images_of_the_shipped_shot_are_those_of_the_gpu_backend(
     page: "Page", url: str, method: str, frames: int
 ) -> None:
     pytest.importorskip("wgpu")
-    shot = Shot.open("plaza")
-    assert shot.display_size is not None
+    shot: Any = Shot.open("plaza")
     upscaler = Upscaler(method, display_size=shot.display_size, executor="gpu", validate="off")
     opened(page, f"{url}?test&source=shot&method={method}")
     for index in range(frames):
         if index:
             page.evaluate("supersamplerDemo.step(1)")
-        frame = shot.read(index).frame
-        assert frame.exposure is not None
+        frame: Any = shot.read(index).frame
         shown = display_transform(read(page, "read('ours')", shot.display_size), frame.exposure)
         expected = display_transform(upscaler.step(frame), frame.exposure)
         assert np.abs(shown - expected).mean() < 1e-3, index
@@ -73,8 +71,7 @@ def test_the_split_shows_one_view_left_and_the_other_right(page: "Page", url: st
     opened(page, f"{url}?test&size=320x180&method=taau&left=input&right=ours")
     page.evaluate("supersamplerDemo.step(8)")
     page.add_style_tag(content="#split, #stage select { visibility: hidden }")
-    box = page.locator("#stage").bounding_box()
-    assert box is not None
+    box: Any = page.locator("#stage").bounding_box()
 
     def shown(at: float) -> Float32:
         page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])

@@ -97,9 +97,7 @@ def test_signals_that_are_ignored_stay_ignored_and_sigterm_ends_the_command(tmp_
 def extension() -> Any:
     """The extension's module run.py, loaded without its package, which imports bpy."""
     file = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension" / "run.py"
-    spec = importlib.util.spec_from_file_location("extension_run", file)
-    assert spec is not None
-    assert spec.loader is not None
+    spec: Any = importlib.util.spec_from_file_location("extension_run", file)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -273,12 +271,11 @@ def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
     monkeypatch.setattr("supersampler.io.child_process.GRACE", 0.5)
     if frozen:
         monkeypatch.setattr(sys, "executable", str(shutil.which("sleep")))
-    child = ChildProcess(["sh", "-c", f"trap '' TERM; echo $$ > {tmp_path}/pid; sleep 300"])
+    child: Any = ChildProcess(["sh", "-c", f"trap '' TERM; echo $$ > {tmp_path}/pid; sleep 300"])
     wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
     if not frozen:
         os.kill(child._process.pid, signal.SIGSTOP)
     child.close()
-    assert child.output is not None
     child.output.close()
     assert not is_running(int((tmp_path / "pid").read_text()))
 

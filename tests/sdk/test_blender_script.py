@@ -20,9 +20,7 @@ WIDE = ("BLACKMAN_HARRIS", 1.5)  # a pixel filter
 def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.setitem(sys.modules, "bpy", ModuleType("bpy"))
     monkeypatch.setenv("SUPERSAMPLER_RENDER", json.dumps({"token": ""}))
-    spec = importlib.util.spec_from_file_location("render_frames", FILE)
-    assert spec is not None
-    assert spec.loader is not None
+    spec: Any = importlib.util.spec_from_file_location("render_frames", FILE)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     notes: list[str] = []

@@ -285,10 +285,9 @@ def test_a_warning_points_at_the_line_that_hands_in_the_frame() -> None:
 
 
 def test_frames_kept_for_checks_are_freed_after_the_last_read() -> None:
-    checker = FrameChecker("warn")
+    checker: Any = FrameChecker("warn")
     for index in range(3):
         checker.check(plain_frame(jitter=halton_jitter(index, 2.0)), (160, 120))
-        assert checker._seen.previous is not None
     checker.check(plain_frame(jitter=halton_jitter(3, 2.0)), (160, 120))
     assert checker._seen.previous is None
 

@@ -47,8 +47,7 @@ def step_both(
 
 
 def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
-    history = upscaler.save_state().history
-    assert history is not None
+    history: Any = upscaler.save_state().history
     return history
 
 

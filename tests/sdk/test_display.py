@@ -178,8 +178,7 @@ def test_a_look_comes_before_the_view(config: str) -> None:
 
 
 def test_display_and_view_are_the_configurations_first_by_default(config: str) -> None:
-    found = display_transform_from(ocio=config).ocio
-    assert found is not None
+    found: Any = display_transform_from(ocio=config).ocio
     assert (found.display, found.view) == ("screen", "As it is")
 
 
@@ -187,12 +186,10 @@ def test_the_configuration_is_that_of_the_environment_or_the_studio_config(
     config: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("OCIO", raising=False)
-    studio = display_transform_from(view="Un-tone-mapped").ocio
-    assert studio is not None
+    studio: Any = display_transform_from(view="Un-tone-mapped").ocio
     assert (studio.config, studio.display) == ("ocio://studio-config-latest", "sRGB - Display")
     monkeypatch.setenv("OCIO", config)
-    of_environment = display_transform_from(view="Root").ocio
-    assert of_environment is not None
+    of_environment: Any = display_transform_from(view="Root").ocio
     assert of_environment.config == config
     assert display_transform_from().ocio is None  # the variable alone asks for no view
 

@@ -29,8 +29,7 @@ def at_rest(index: int) -> Frame:
 
 
 def mean_of(upscaler: Upscaler) -> Float32:
-    history = upscaler.save_state().history
-    assert history is not None
+    history: Any = upscaler.save_state().history
     return np.array(history["history.static_mean"][0])
 
 

@@ -60,8 +60,7 @@ def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
 
 
 def brighter(index: int) -> np.float32:
-    gbuffer = shaded(index).gbuffer
-    assert gbuffer is not None
+    gbuffer: Any = shaded(index).gbuffer
     return np.float32(np.mean(gbuffer["base_color"], dtype=np.float64))
 
 

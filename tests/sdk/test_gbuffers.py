@@ -103,8 +103,7 @@ def test_a_missing_buffer_of_render_size_is_read_at_the_display_pixel_nearest_to
     color = display[0::2, 1::2]
     filled = replace(frame, gbuffer={**(frame.gbuffer or {}), "base_color": color})
     missing = replace(frame, gbuffer=None)
-    gbuffer = sampled(missing, WANTED, DISPLAY).gbuffer
-    assert gbuffer is not None
+    gbuffer: Any = sampled(missing, WANTED, DISPLAY).gbuffer
     np.testing.assert_array_equal(gbuffer["base_color"], color)
     np.testing.assert_array_equal(upscaler(model).step(missing), upscaler(model).step(filled))
     assert missing.gbuffer is None, "the caller's frame is unchanged"
@@ -122,8 +121,7 @@ def test_no_sample_is_further_than_half_a_pixel_from_the_display_pixel_it_is_rea
     places = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in display)), axis=2).astype(np.float32)
     places = np.concatenate([places, places[..., :1]], axis=2)
     frame = replace(noise(1, render), jitter=jitter, gbuffer_display={"base_color": places})
-    gbuffer = sampled(frame, WANTED[:1], display).gbuffer
-    assert gbuffer is not None
+    gbuffer: Any = sampled(frame, WANTED[:1], display).gbuffer
     found = gbuffer["base_color"]
     for axis in (0, 1):
         samples = np.arange(render[axis]) + 0.5 + jitter[axis]

@@ -25,8 +25,7 @@ COUNT = 7
 
 def lit(index: int, *, light: float, shaded: bool = True, **overrides: Any) -> Frame:
     """A textured wall under a light, with the buffers of guided-warp."""
-    frame = moving(index)
-    assert frame.color is not None
+    frame: Any = moving(index)
     base = (frame.color / (1.0 + frame.color)).astype(np.float32)
     normal = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
     normal[..., 2] = 1.0

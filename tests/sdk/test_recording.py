@@ -46,8 +46,7 @@ def images(steps: list[Replayed]) -> list[Float32 | None]:
 def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
     """Every field that a frame can have, halves and arrays that do not lie in one piece among them."""
     random = np.random.default_rng(seed)
-    plain = noise(seed, size)
-    assert plain.color is not None
+    plain: Any = noise(seed, size)
     (width, height), (wide, high) = size, DISPLAY
     return replace(
         plain,

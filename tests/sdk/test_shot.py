@@ -555,8 +555,7 @@ def test_the_shipped_shot_is_small_and_whole() -> None:
     last = shot.read(15)
     assert (np.asarray(last.frame.color).dtype, last.frame.depth.dtype) == (np.float16, np.float32)
     assert np.asarray(last.reference).shape == (360, 640, 3)
-    classes = shot.read_classes(15)
-    assert classes is not None
+    classes: Any = shot.read_classes(15)
     assert {0, 1, 2} == set(np.unique(classes.ghost)) == set(np.unique(classes.alias))
 
 

@@ -139,8 +139,7 @@ def errors(x: float, y: float, gain: float) -> dict[tuple[float, float], tuple[f
 def test_a_jitter_that_is_wrong_in_both_axes_is_found_in_any_frames(
     factor: float, pairs: int, gain: float
 ) -> None:
-    found = wrong_amplitude(errors(factor, factor, gain), pairs, 64)
-    assert found is not None
+    found: Any = wrong_amplitude(errors(factor, factor, gain), pairs, 64)
     assert (found.x, found.y) == pytest.approx((factor, factor), abs=1e-6)
     assert wrong_amplitude(errors(factor, factor, gain - 0.03), pairs, 64) is None
 

@@ -1,6 +1,7 @@
 """Tests of the files that `upscale` writes: EXR, PNG, TIFF and video, and how they show colours."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -156,8 +157,7 @@ def write_ramp(folder: Path, kind: str, suffix: str) -> np.ndarray:
     values = np.broadcast_to(steps[None, :, None], (height, width, 3)).copy()
     spec = ImageSpec(width, height, 3, kind)
     (folder / "data").mkdir(parents=True)
-    output = ImageOutput.create(str(folder / f"c.0005.{suffix}"))
-    assert output is not None
+    output: Any = ImageOutput.create(str(folder / f"c.0005.{suffix}"))
     assert output.open(str(folder / f"c.0005.{suffix}"), spec)
     assert output.write_image(values)
     assert output.close()
