@@ -82,9 +82,7 @@ def rendered(folder: Path) -> tuple[Shot, RenderRecord]:
     ],
     ids=str,
 )
-def test_vectors_agree_with_the_camera_for_every_fit_of_the_sensor(
-    tmp_path: Path, scene: dict[str, Any]
-) -> None:
+def test_vectors_agree_with_the_camera_for_any_sensor(tmp_path: Path, scene: dict[str, Any]) -> None:
     done = render(tmp_path, "--samples", 1, "--method", "bilinear", **scene)
     assert done.exit_code == 0, done.output
     shot, record = rendered(tmp_path)
@@ -190,7 +188,7 @@ def test_upscaled_frames_are_nearer_to_the_truth_than_one_frame(tmp_path: Path) 
     ],
     ids=str,
 )
-def test_the_script_of_the_docs_moves_the_camera_by_the_jitter(
+def test_the_docs_script_moves_the_camera(
     tmp_path: Path, scene: dict[str, Any], size: tuple[int, int]
 ) -> None:
     page = (HERE.parents[1] / "docs" / "shots.md").read_text(encoding="utf-8")
@@ -263,7 +261,7 @@ def test_a_video_shows_the_frames_as_blender_shows_them_at_the_rate_of_the_scene
         ({"camera_type": "PANO"}, (), "camera 'Camera' is panoramic, and cannot be jittered or followed"),
     ],
 )
-def test_an_unusable_scene_is_one_line_of_error(
+def test_an_unusable_scene_is_one_line(
     tmp_path: Path, scene: dict[str, Any], options: tuple[str, ...], message: str
 ) -> None:
     done = render(tmp_path, *options, **scene)

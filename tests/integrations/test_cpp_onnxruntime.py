@@ -79,9 +79,7 @@ def test_the_programs_images_of_the_shipped_shot_are_those_of_upscaler(
         assert np.abs(image - expected).mean() <= TOLERANCE, index
 
 
-def test_classifier_large_pre_exposure_and_a_reactive_mask_give_the_images_of_upscaler(
-    program: Path, tmp_path: Path
-) -> None:
+def test_pre_exposure_and_a_reactive_mask_give_the_images_of_upscaler(program: Path, tmp_path: Path) -> None:
     shot = masked_shot(tmp_path / "shot")
     script = [sys.executable, *map(str, (EXAMPLE / "raw_planes.py", shot.path, tmp_path / "raw"))]
     subprocess.run(script, check=True, timeout=120)
@@ -118,7 +116,7 @@ def noise_frame(index: int, size: tuple[int, int], *, reset: bool) -> Frame:
     )
 
 
-def test_a_new_render_size_keeps_the_history_and_a_cut_or_a_new_display_size_drops_it(
+def test_a_new_render_size_keeps_the_history_and_a_new_display_size_drops_it(
     program: Path, tmp_path: Path
 ) -> None:
     renders = [(64, 36), (64, 36), (80, 45), (72, 40), (64, 36), (64, 36), (64, 36)]
@@ -176,7 +174,7 @@ def test_a_tampered_list_of_frames_is_refused(program: Path, tmp_path: Path, lin
     assert not list(tmp_path.rglob("*.image"))
 
 
-def test_the_library_writes_nothing_to_the_home_of_the_user(
+def test_the_library_leaves_the_home_alone(
     program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])

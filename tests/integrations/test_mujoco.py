@@ -49,7 +49,7 @@ def test_images_are_closer_to_the_reference_than_those_of_msaa(
     assert picture.std() > 0.1
 
 
-def test_a_short_run_prints_times_and_writes_its_image(
+def test_a_short_run_writes_its_image(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     import argparse

@@ -25,9 +25,7 @@ if importlib.util.find_spec("pygfx") is None:
         ),
     ],
 )
-def test_the_example_refuses_no_frames_and_odd_sizes_before_it_renders(
-    tmp_path: Path, options: list[str], message: str
-) -> None:
+def test_no_frames_and_odd_sizes_are_refused(tmp_path: Path, options: list[str], message: str) -> None:
     command = [sys.executable, str(SCRIPT), *options, "-o", str(tmp_path / "out")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert (done.returncode, done.stderr.endswith(message)) == (2, True), done.stderr

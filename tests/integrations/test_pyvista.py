@@ -228,7 +228,7 @@ def test_motion_of_the_camera_is_that_of_a_point_on_the_screen(plotter: Any) -> 
     assert np.abs(was - now).max() > 0.5
 
 
-def test_the_background_moves_with_the_closest_broad_surface_of_its_tile_and_rests_without(
+def test_the_background_moves_with_the_closest_broad_surface_of_its_tile(
     plotter: Any,
 ) -> None:
     plotter.camera.zoom(0.4)
@@ -421,7 +421,7 @@ PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
 
 
 @pytest.mark.parametrize("prepare", PREPARED.values(), ids=PREPARED.keys())
-def test_changes_behind_a_prop_show_at_once(
+def test_changes_behind_props_show_at_once(
     plotter: Any, prepare: Callable[[Any], Callable[[], None]]
 ) -> None:
     change = prepare(plotter)
@@ -437,7 +437,7 @@ def test_changes_behind_a_prop_show_at_once(
 
 @pytest.mark.parametrize("while_moving", [False, True], ids=["at rest", "moving"])
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES.keys())
-def test_changes_of_the_scene_show_at_once(
+def test_changes_of_a_scene_show_at_once(
     plotter: Any, change: Callable[[Any], Any], while_moving: bool
 ) -> None:
     plotter.actors["floor"].GetProperty().LightingOn()
@@ -457,9 +457,7 @@ def test_changes_of_the_scene_show_at_once(
 
 @pytest.mark.parametrize("beside", ["nothing", "a translucent surface"])
 @pytest.mark.parametrize("kind", ["grid", "line", "points", "wireframe", "edges", "label"])
-def test_lines_points_and_text_are_those_of_plain_pyvista_while_the_view_moves(
-    plotter: Any, kind: str, beside: str
-) -> None:
+def test_lines_points_and_text_are_plain_while_the_view_moves(plotter: Any, kind: str, beside: str) -> None:
     plotter.remove_actor("floor", render=False)
     plotter.add_mesh(pv.Sphere(radius=0.7), color="white", lighting=False)
     plotter.set_background("white")

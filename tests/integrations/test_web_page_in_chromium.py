@@ -29,9 +29,7 @@ pytest_plugins = ["chromium_fixtures"]  # fixtures
     ("method", "frames"),
     [("taa", 3), ("taau", 3), ("classifier-small", 2), ("classifier", 2), ("classifier-large", 2)],
 )
-def test_images_of_the_shipped_shot_are_those_of_the_gpu_backend(
-    page: "Page", url: str, method: str, frames: int
-) -> None:
+def test_images_are_those_of_the_gpu_backend(page: "Page", url: str, method: str, frames: int) -> None:
     pytest.importorskip("wgpu")
     shot: Any = Shot.open("plaza")
     upscaler = Upscaler(method, display_size=shot.display_size, executor="gpu", validate="off")
@@ -47,7 +45,7 @@ def test_images_of_the_shipped_shot_are_those_of_the_gpu_backend(
 
 
 @pytest.mark.parametrize(("method", "gain_db"), [("taau", 2.5), ("classifier-small", 2.0)])
-def test_the_live_scene_under_a_moving_camera_comes_close_to_its_supersampled_rendering(
+def test_the_live_scene_comes_close_to_its_reference(
     page: "Page", url: str, method: str, gain_db: float
 ) -> None:
     opened(page, f"{url}?test&size=320x180&method={method}")
@@ -127,9 +125,7 @@ def test_an_unsupported_ratio_is_reported_and_the_next_choice_works(page: "Page"
     assert page.evaluate("supersamplerDemo.state")["size"] == [213, 120]
 
 
-def test_without_webgpu_the_page_says_so_and_the_cpu_library_upscales(
-    page: "Page", url: str, tmp_path: Path
-) -> None:
+def test_without_webgpu_the_cpu_library_upscales(page: "Page", url: str, tmp_path: Path) -> None:
     page.add_init_script(WITHOUT_GPU)
     page.goto(f"{url}?method=taau&left=input&right=ours")
     page.wait_for_function("performance.getEntriesByName('first-image').length > 1")
@@ -142,7 +138,7 @@ def test_without_webgpu_the_page_says_so_and_the_cpu_library_upscales(
 
 
 @pytest.mark.parametrize(("method", "mean"), [("taau", 1e-5), ("classifier", 1e-3)])
-def test_the_cpu_library_in_webassembly_computes_the_images_of_the_cpu_backend(
+def test_webassembly_computes_the_images_of_the_cpu_backend(
     page: "Page", url: str, method: str, mean: float
 ) -> None:
     page.add_init_script(WITHOUT_GPU)
@@ -175,7 +171,7 @@ def test_the_cpu_library_in_webassembly_computes_the_images_of_the_cpu_backend(
 
 
 @pytest.mark.parametrize("file", ["models/taau.js", "scene/scene.wgsl", "page/present.wgsl"])
-def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(
+def test_a_broken_shader_is_shown_with_the_adapter(
     browser: "Browser", url: str, site: Path, file: str
 ) -> None:
     broken = re.sub(r"(fn \w+)\(", r"\1((", (site / file).read_text("utf-8"))
@@ -190,9 +186,7 @@ def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(
 
 
 @pytest.mark.parametrize("loss", ["destroyed", "crashed"])
-def test_where_the_gpu_is_lost_the_page_says_so_and_goes_on_without(
-    browser: "Browser", url: str, loss: str
-) -> None:
+def test_where_the_gpu_is_lost_the_page_goes_on_without(browser: "Browser", url: str, loss: str) -> None:
     page = browser.new_page()
     page.set_default_timeout(180_000)
     page.goto(f"{url}?test&size=320x180&method=taau")

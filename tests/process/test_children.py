@@ -65,7 +65,7 @@ def command(folder: Path, *, ignored: bool = False, **plan: Any) -> "subprocess.
         (signal.SIGKILL, -9, True),
     ],
 )
-def test_blender_ends_with_the_command(
+def test_blender_ends_with_its_command(
     tmp_path: Path, number: signal.Signals, code: int, *, stubborn: bool
 ) -> None:
     process = command(tmp_path, **({"stubborn": True} if stubborn else {}))
@@ -120,7 +120,7 @@ def ignored() -> Any:
 
 
 @pytest.mark.usefixtures("ignored")
-def test_cancel_of_the_extension_ends_the_command_where_sigint_is_ignored(
+def test_cancel_works_where_sigint_is_ignored(
     extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(extension, "_PATIENCE", 1e9)  # to ask is enough
@@ -135,7 +135,7 @@ def test_cancel_of_the_extension_ends_the_command_where_sigint_is_ignored(
     wait_until(lambda: not is_running(pid))
 
 
-def test_a_command_that_ignores_cancel_is_terminated_then_killed(
+def test_a_command_that_ignores_cancel_is_killed(
     extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(extension, "_PATIENCE", 0.3)
@@ -265,7 +265,7 @@ def test_a_program_that_takes_too_long_is_ended_with_what_it_started(tmp_path: P
 
 
 @pytest.mark.parametrize("frozen", [False, True])
-def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
+def test_close_ends_a_program_whose_supervisor_hangs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, frozen: bool
 ) -> None:
     monkeypatch.setattr("supersampler.io.child_process.GRACE", 0.5)

@@ -150,9 +150,7 @@ def test_a_foreign_file_in_the_way_of_a_composited_frame_is_kept(tmp_path: Path)
         (("--denoise", "temporal", "--scale", "2"), "scale is 2, with temporal denoising; want one of"),
     ],
 )
-def test_options_that_cannot_hold_are_refused_before_the_results(
-    tmp_path: Path, options: tuple[str, ...], message: str
-) -> None:
+def test_impossible_options_are_refused(tmp_path: Path, options: tuple[str, ...], message: str) -> None:
     assert message in one_line(blender(tmp_path, *options, method=()))
     assert not images(tmp_path)
 
@@ -211,9 +209,7 @@ def test_frames_of_another_request_are_refused_until_overwritten(tmp_path: Path)
 
 @pytest.mark.parametrize("name", ["out/0006.exr", "out/render/0006.exr"])
 @pytest.mark.parametrize("options", [(), ("--overwrite",)])
-def test_a_foreign_file_in_the_way_is_named_and_kept(
-    tmp_path: Path, name: str, options: tuple[str, ...]
-) -> None:
+def test_a_foreign_file_in_the_way_is_kept(tmp_path: Path, name: str, options: tuple[str, ...]) -> None:
     path = tmp_path / name
     path.parent.mkdir(parents=True)
     path.write_bytes(b"mine")
@@ -329,9 +325,7 @@ def test_lines_are_printed_without_markup_or_control_codes_however_long_they_are
 @pytest.mark.parametrize("name", ["blender.log", "render.json"])
 @pytest.mark.parametrize("linked", [False, True])
 @pytest.mark.parametrize("options", [(), ("--overwrite",)])
-def test_foreign_files_beside_the_frames_are_kept(
-    tmp_path: Path, name: str, *, linked: bool, options: tuple[str, ...]
-) -> None:
+def test_foreign_files_are_kept(tmp_path: Path, name: str, *, linked: bool, options: tuple[str, ...]) -> None:
     path, other = tmp_path / "out" / "render" / name, tmp_path / "other"
     path.parent.mkdir(parents=True)
     (other if linked else path).write_text("mine")

@@ -201,7 +201,7 @@ def test_a_camera_that_is_named_is_used_without_cuts(script: ModuleType) -> None
         (lambda ours: setattr(ours.camera, "type", "LIGHT"), "camera 'A' is of type LIGHT"),
     ],
 )
-def test_a_camera_that_cannot_be_followed_is_refused(
+def test_unusable_cameras_are_refused(
     script: ModuleType, change: Callable[[Any], None], message: str
 ) -> None:
     ours = scene()

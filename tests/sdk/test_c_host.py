@@ -167,9 +167,7 @@ def test_a_folder_as_it_was_exported_is_stepped(program: Path, exported: Path, m
 
 
 @pytest.mark.parametrize("case", SHADERS)
-def test_a_tampered_folder_of_shaders_is_refused_by_name(
-    program: Path, exported: Path, tmp_path: Path, case: str
-) -> None:
+def test_a_tampered_folder_is_refused(program: Path, exported: Path, tmp_path: Path, case: str) -> None:
     path, value, message = SHADERS[case]
     method = "classifier-small" if "network0" in path else "taau"
     shutil.copytree(exported, tmp_path, dirs_exist_ok=True)
@@ -178,9 +176,7 @@ def test_a_tampered_folder_of_shaders_is_refused_by_name(
 
 
 @pytest.mark.parametrize("case", FRAMES)
-def test_tampered_frames_are_refused_by_name(
-    program: Path, exported: Path, tmp_path: Path, case: str
-) -> None:
+def test_tampered_frames_are_refused(program: Path, exported: Path, tmp_path: Path, case: str) -> None:
     shutil.copytree(exported, tmp_path, dirs_exist_ok=True)
     path, value, message = FRAMES[case]
     change(tmp_path / "frames" / "frames.json", path, value)
@@ -213,9 +209,7 @@ def test_a_damaged_file_is_refused_by_name(
     assert_refused(run(program, tmp_path), message)
 
 
-def test_a_folder_in_place_of_a_file_is_refused_by_name(
-    program: Path, exported: Path, tmp_path: Path
-) -> None:
+def test_a_folder_in_place_of_a_file_is_refused(program: Path, exported: Path, tmp_path: Path) -> None:
     shutil.copytree(exported, tmp_path, dirs_exist_ok=True)
     (tmp_path / "taau" / "00_measure.wgsl").unlink()
     (tmp_path / "taau" / "00_measure.wgsl").mkdir()

@@ -143,7 +143,7 @@ def test_images_without_evidence_pass(frames: list[Frame], name: str) -> None:
         ({"depth": "linear", "far": 1000.0}, "depth", "depth='linear'"),
     ],
 )
-def test_a_missed_convention_is_named_with_its_override(
+def test_a_missed_convention_is_named(
     frames: list[Frame], overrides: dict[str, Any], field: str, hint: str
 ) -> None:
     with pytest.raises(FrameError, match=hint) as caught:

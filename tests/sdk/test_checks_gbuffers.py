@@ -46,9 +46,7 @@ def spread(value: float, share: float, fill: float = 0.5) -> Float32:
     (1.0, 1.0, False), (0.0, 1.0, False), (1.0005, 1.0, False), (-0.0005, 1.0, False),
     (1.002, 0.009, False), (1.002, 0.011, True), (-0.002, 0.011, True),
 ])  # fmt: skip
-def test_fractions_are_in_0_to_1_but_for_rounding_and_a_hundredth(
-    value: float, share: float, found: bool
-) -> None:
+def test_fractions_are_in_0_to_1_but_for_a_hundredth(value: float, share: float, found: bool) -> None:
     assert ("outside [0, 1]" in complaint("gbuffer_roughness", spread(value, share))) is found
 
 

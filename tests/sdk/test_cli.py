@@ -80,15 +80,13 @@ def test_upscale_writes_what_the_library_makes(shot: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(("option", "size"), [("--scale=1.5", (27, 48)), ("--display-size=40x20", (20, 40))])
-def test_upscale_takes_a_scale_or_a_size(
-    option: str, size: tuple[int, int], shot: Path, tmp_path: Path
-) -> None:
+def test_upscale_takes_scale_or_size(option: str, size: tuple[int, int], shot: Path, tmp_path: Path) -> None:
     assert run("upscale", shot, "-o", tmp_path / "out", option, "--method", "bilinear").exit_code == 0
     assert read_exr(tmp_path / "out" / "0005.exr")["R"].shape == size
 
 
 @pytest.mark.parametrize("stop", [2, 4])
-def test_a_stopped_run_continues_to_the_same_images(
+def test_a_stopped_run_continues(
     stop: int, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run("upscale", shot, "-o", tmp_path / "whole")
@@ -129,9 +127,7 @@ def test_other_settings_need_overwrite(shot: Path, tmp_path: Path) -> None:
     assert list((tmp_path / "out").glob("*.png")) == []  # the earlier run's
 
 
-def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_work(
-    shot: Path, tmp_path: Path
-) -> None:
+def test_overwrite_keeps_what_is_there_until_the_new_settings_work(shot: Path, tmp_path: Path) -> None:
     run("upscale", shot, "-o", tmp_path / "out")
     before = image_files(tmp_path / "out")
     assert "want a ratio from" in refusal("upscale", shot, "-o", tmp_path / "out", "--scale=9", "--overwrite")
@@ -272,9 +268,7 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_check_exits_with_1_and_an_option_where_the_shot_is_not_what_it_says(
-    tmp_path: Path, sign: int
-) -> None:
+def test_check_exits_with_1_and_an_option_where_a_shot_is_not_as_stated(tmp_path: Path, sign: int) -> None:
     assert run("check", SHIPPED).exit_code == 0
     source, subtract = Shot.open("plaza"), Conventions(motion_direction="current_minus_previous")
     renders = tmp_path / "renders"
@@ -360,7 +354,7 @@ PATHS: dict[str, Callable[[Path], str]] = {
 
 @pytest.mark.parametrize("command", ["info", "check", "upscale", "import", "replay"])
 @pytest.mark.parametrize("path", PATHS)
-def test_a_path_of_any_kind_is_one_line_of_error(
+def test_any_path_is_one_line_of_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, path: str
 ) -> None:
     (tmp_path / "here").mkdir()
@@ -381,9 +375,7 @@ def one_frame(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("output", ["plain", "plain/out", "a" * 300, "x/" * 3000, "/proc/none"])
 @pytest.mark.parametrize("command", ["upscale", "import", "demo"])
-def test_an_output_that_cannot_be_made_is_one_line_of_error(
-    one_frame: Path, tmp_path: Path, command: str, output: str
-) -> None:
+def test_an_impossible_output_is_one_line(one_frame: Path, tmp_path: Path, command: str, output: str) -> None:
     (tmp_path / "plain").write_text("kept")
     source = () if command == "demo" else (str(one_frame),)
     options = ("--method", "bilinear") if command != "import" else ()
@@ -507,7 +499,7 @@ def test_every_package_of_an_extra_is_known_to_the_error_message() -> None:
         ("av", ["upscale", "plaza", "-o", "x", "--format", "mp4", "--method", "bilinear"], "video"),
     ],
 )
-def test_a_missing_extra_is_one_line_that_names_it(
+def test_a_missing_extra_is_named_in_a_line(
     missing: str, words: list[str], extra: str, tmp_path: Path
 ) -> None:
     code = f"import sys; sys.modules.update({missing}=None); from supersampler.cli import main; main()"

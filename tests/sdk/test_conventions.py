@@ -87,7 +87,7 @@ def assert_same(got: Frame, want: Frame) -> None:
 
 @settings(deadline=None, max_examples=150)
 @given(any_conventions(), st.integers(1, 9), st.integers(1, 9), st.integers(0, 99))
-def test_a_sequence_comes_back_as_it_was_under_any_conventions(
+def test_a_sequence_survives_any_conventions(
     conventions: Conventions, width: int, height: int, seed: int
 ) -> None:
     display_size = (2 * width + 1, 2 * height + 1)
@@ -240,7 +240,7 @@ def test_planes_of_presets_are_the_engines_defaults() -> None:
         (Conventions(), None, (0.0, 0.0)),
     ],
 )
-def test_jitter_becomes_where_the_sample_is(
+def test_jitter_is_where_the_sample_is(
     conventions: Conventions, jitter: Any, want: tuple[float, float]
 ) -> None:
     assert one_pixel(conventions, jitter=jitter).jitter == pytest.approx(want, abs=1e-12)
@@ -356,9 +356,7 @@ DISTANCES = np.array([[0.2, 1.0, 5.0], [25.0, 100.0, 100.0]], np.float32)
         ("forward", 1.0 - NEAR * (FAR - DISTANCES) / (DISTANCES * (FAR - NEAR))),
     ],
 )
-def test_depth_with_a_far_plane_becomes_near_over_distance_and_0_at_the_plane(
-    kind: Any, stored: Float32
-) -> None:
+def test_depth_becomes_near_over_distance_and_0_at_the_far_plane(kind: Any, stored: Float32) -> None:
     conventions = Conventions(depth=kind, near=NEAR, far=FAR)
     got = conventions.converter().to_frame(raw(depth=stored.astype(np.float32))).depth
     want = np.where(DISTANCES < FAR, NEAR / DISTANCES, 0.0)

@@ -79,7 +79,7 @@ def test_the_cpu_backend_computes_what_the_onnx_backend_computes(
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0, 1e30, 1e-42])
-def test_hostile_pixels_do_the_same_on_both(
+def test_hostile_pixels_are_alike_on_both(
     models: dict[tuple[str, str], Model], method: str, bad: float
 ) -> None:
     frames = [noise(seed) for seed in range(5)]
@@ -130,9 +130,7 @@ def test_taa_keeps_its_history_where_a_sample_is_not_usable(models: dict[tuple[s
 
 
 @pytest.mark.parametrize("method", ["classifier", "classifier-small"])
-def test_sudden_sparse_light_is_not_accumulated_for_two_frames(
-    models: dict[tuple[str, str], Model], method: str
-) -> None:
+def test_sparse_flashes_are_not_accumulated(models: dict[tuple[str, str], Model], method: str) -> None:
     frames = [replace(frame, exposure=1.0) for frame in still((32, 18))[:10]]
     spots = np.random.default_rng(0).random((18, 32)) < 0.1
     for index in (6, 7):
@@ -152,7 +150,7 @@ def test_sudden_sparse_light_is_not_accumulated_for_two_frames(
     assert not one[8:].any()
 
 
-def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
+def test_a_frame_of_outlying_exposure_is_not_accumulated(
     models: dict[tuple[str, str], Model],
 ) -> None:
     frames = [replace(frame, exposure=None) for frame in still((32, 18))[:5]]
@@ -171,7 +169,7 @@ def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_state_goes_from_one_executor_to_the_other(
+def test_a_state_goes_from_one_backend_to_the_other(
     models: dict[tuple[str, str], Model], method: str
 ) -> None:
     one, other = (

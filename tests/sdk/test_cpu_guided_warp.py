@@ -40,7 +40,7 @@ def check_alike(ones: list[Float32], others: list[Float32]) -> None:
 
 
 @pytest.mark.parametrize("sizes", [*((size,) * 7 for size in SIZES), (*SIZES, SIZES[0])])
-def test_kernels_compute_what_the_graph_computes(
+def test_kernels_compute_as_the_graph(
     onnx_backend: Extrapolator, cpu_backend: Extrapolator, sizes: Sequence[Size]
 ) -> None:
     frames = [surfaces(seed, size) for seed, size in enumerate(sizes)]
@@ -56,7 +56,7 @@ def test_hostile_pixels_do_the_same_on_both(
     check_alike(extrapolated(onnx_backend, frames, "suuu"), extrapolated(cpu_backend, frames, "suuu"))
 
 
-def test_without_any_depth_in_the_shaded_frame_its_samples_are_told_apart_by_their_other_features(
+def test_without_depth_samples_are_told_apart_by_other_features(
     onnx_backend: Extrapolator, cpu_backend: Extrapolator
 ) -> None:
     frames = [surfaces(seed) for seed in range(3)]
@@ -71,9 +71,7 @@ def test_without_any_depth_in_the_shaded_frame_its_samples_are_told_apart_by_the
     check_alike(extrapolated(cpu_backend, flat, "suu"), images)
 
 
-def test_depths_of_invalid_samples_are_no_depths(
-    onnx_backend: Extrapolator, cpu_backend: Extrapolator
-) -> None:
+def test_depths_of_invalid_samples_are_none(onnx_backend: Extrapolator, cpu_backend: Extrapolator) -> None:
     frames = [surfaces(seed) for seed in range(3)]
     normal = np.full((18, 32, 3), np.nan, np.float32)
     frames[0] = replace(frames[0], gbuffer={**(frames[0].gbuffer or {}), "normal": normal})
@@ -110,7 +108,7 @@ def test_frames_are_read_whatever_they_lie_in_memory(cpu_backend: Extrapolator) 
     )
 
 
-def test_a_cpu_takes_kernels_unless_it_is_told_not_to(
+def test_a_cpu_takes_kernels_unless_told_not_to(
     onnx_backend: Extrapolator, cpu_backend: Extrapolator
 ) -> None:
     assert cpu_backend.executor == "cpu"

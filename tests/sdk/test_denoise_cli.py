@@ -63,9 +63,7 @@ def test_a_range_of_frames_is_equal_to_those_of_the_whole_run(tmp_path: Path) ->
         np.testing.assert_array_equal(image(tmp_path / "part", number), image(tmp_path / "whole", number))
 
 
-def test_a_stopped_run_continues_with_the_same_images(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_run_continues_to_the_same_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shot = write_noisy(tmp_path / "shot", 14)
     assert denoise(shot, tmp_path / "whole").exit_code == 0
     with monkeypatch.context() as patch:
@@ -214,9 +212,7 @@ def test_the_frame_that_cannot_be_denoised_is_named(tmp_path: Path) -> None:
     )
 
 
-def test_frames_that_nothing_has_denoised_need_the_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_frames_that_are_not_denoised_need_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     shot = write_noisy(tmp_path / "shot", 2)
     result = CliRunner().invoke(app, ["denoise", str(shot), "-o", str(tmp_path / "out")])

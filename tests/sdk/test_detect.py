@@ -139,7 +139,7 @@ def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
         assert not detection.agrees
 
 
-def test_cleared_depth_is_no_evidence_and_a_mistake_where_motion_shows_several_depths(
+def test_cleared_depth_is_a_mistake_where_motion_shows_several_depths(
     frames: list[Frame],
 ) -> None:
     raws = [replace(raw, depth=np.zeros_like(raw.depth)) for raw in planted(frames, Conventions())]
@@ -284,9 +284,7 @@ def test_planes_and_the_sky_tell_the_kind_of_depth(kind: str, sky: bool) -> None
 
 @pytest.mark.parametrize("kind", SKIES)
 @pytest.mark.parametrize(("share", "certain"), [(0.0004, False), (0.0015, True)])
-def test_a_thousandth_of_sky_tells_the_kind_of_depth_without_planes(
-    kind: str, share: float, certain: bool
-) -> None:
+def test_a_thousandth_of_sky_tells_the_kind_of_depth(kind: str, share: float, certain: bool) -> None:
     card = np.where(X < 40, 0.3, 0.6)
     card.reshape(-1)[: round(share * card.size)] = SKIES[kind]
     with np.errstate(divide="ignore", invalid="ignore"):

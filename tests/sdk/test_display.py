@@ -182,7 +182,7 @@ def test_display_and_view_are_the_configurations_first_by_default(config: str) -
     assert (found.display, found.view) == ("screen", "As it is")
 
 
-def test_the_configuration_is_that_of_the_environment_or_the_studio_config(
+def test_the_configuration_is_the_environments_or_studio(
     config: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("OCIO", raising=False)

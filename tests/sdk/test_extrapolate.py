@@ -219,9 +219,7 @@ def test_a_frame_of_960x540_takes_less_than_a_gigabyte() -> None:
     assert int(run_apart(_LARGE).stdout) < 800_000
 
 
-def test_upscalers_in_use_share_the_graph_of_an_extrapolation(
-    taau: Model, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_upscalers_share_the_graph_of_an_extrapolation(taau: Model, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
 
     def counted(info: ModelInfo, *given: Any) -> Any:

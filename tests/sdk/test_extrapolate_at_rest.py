@@ -35,9 +35,7 @@ def mean_of(upscaler: Upscaler) -> Float32:
 
 @pytest.mark.parametrize("executor", ["onnx", "cpu"])
 @pytest.mark.parametrize("method", ["taau", "classifier-small"])
-def test_unshaded_frames_add_no_samples_to_the_mean_of_what_stands_still(
-    method: str, executor: ExecutorName
-) -> None:
+def test_unshaded_frames_add_nothing_to_the_mean_at_rest(method: str, executor: ExecutorName) -> None:
     upscaler = make(method, executor)
     alternate(upscaler, at_rest, "s" * 24)
     for index, kind in enumerate("uusu", 24):
@@ -56,9 +54,7 @@ def test_unshaded_frames_add_no_samples_to_the_mean_of_what_stands_still(
 
 @pytest.mark.parametrize("unshaded", [True, False])
 @pytest.mark.parametrize("executor", ["onnx", "cpu"])
-def test_where_each_jitter_comes_twice_all_that_stands_still_converges_and_stays_so(
-    executor: ExecutorName, unshaded: bool
-) -> None:
+def test_where_each_jitter_comes_twice_still_frames_converge(executor: ExecutorName, unshaded: bool) -> None:
     """The second frame of a jitter is extrapolated, or shaded again; it is not part of the period."""
     upscaler = Upscaler(
         shared_model("taau", executor),

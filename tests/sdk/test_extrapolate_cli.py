@@ -46,9 +46,7 @@ def test_upscale_renders_the_frames_that_were_not_shaded_and_resumes(folder: Pat
     assert "5 of 5 frames are bit-identical to the recorded ones" in said(run("replay", recording))
 
 
-def test_an_unshaded_frame_without_extrapolation_is_named_with_the_option(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_an_unshaded_frame_is_named_with_the_option(folder: Path, tmp_path: Path) -> None:
     refused = run("upscale", folder, "--method", "bilinear", "-o", tmp_path)
     assert refused.exit_code == 1
     assert "frame 1: frame.color is None" in said(refused)

@@ -71,7 +71,7 @@ def assert_alike(
 
 @pytest.mark.parametrize("pattern", ["susuus", "ssuuus", "suusuu"])
 @pytest.mark.parametrize("sizes", [(SIZE,) * 6, SIZES])
-def test_frames_are_extrapolated_as_torch_does_with_the_shipped_weights(
+def test_frames_are_extrapolated_as_by_torch(
     trained: GuidedFlow, pattern: str, sizes: tuple[tuple[int, int], ...]
 ) -> None:
     assert_alike(Extrapolator("guided-flow", [CPU], 1), trained, pattern, sizes)

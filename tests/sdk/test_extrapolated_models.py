@@ -65,9 +65,7 @@ def brighter(index: int) -> np.float32:
 
 
 @pytest.mark.parametrize("pattern", ["sususu", "suusuu", "ssuuusus"])
-def test_each_kind_of_frame_has_its_graph_and_both_have_one_history(
-    joint: Model, classifier: Model, pattern: str
-) -> None:
+def test_each_kind_of_frame_has_its_graph(joint: Model, classifier: Model, pattern: str) -> None:
     ours, theirs = make(joint), make(classifier)
     for index, (one, other) in enumerate(zip(run(ours, pattern), run(theirs, pattern), strict=True)):
         if pattern[index] == "s":

@@ -40,9 +40,7 @@ def places_of(shot: Shot) -> list[int]:
         (("-2.exr", "-1.exr", "0.exr", "1.exr"), "*.exr"),
     ],
 )
-def test_negative_numbers_are_in_the_order_of_time(
-    tmp_path: Path, names: tuple[str, ...], pattern: str
-) -> None:
+def test_negative_numbers_are_in_order_of_time(tmp_path: Path, names: tuple[str, ...], pattern: str) -> None:
     write_frames(tmp_path, *names)
     for path in (tmp_path, tmp_path / pattern):
         shot = open_source(path, conventions=OURS)
@@ -72,7 +70,7 @@ def test_a_pattern_without_the_hyphen_of_the_names_is_answered_with_it(tmp_path:
         open_source(tmp_path / "s####.exr", conventions=OURS)
 
 
-def test_results_have_the_negative_numbers_of_their_frames_and_a_stopped_run_continues(
+def test_results_have_the_negative_numbers_of_their_frames_and_runs_continue(
     tmp_path: Path,
 ) -> None:
     write_frames(tmp_path / "in", "s.-0002.exr", "s.-0001.exr", "s.0000.exr", "s.0001.exr")

@@ -46,7 +46,7 @@ def test_parts_with_different_data_windows_are_one_image(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("origin", [(0, 0), (-7, -5), (100, 60)])
 @pytest.mark.parametrize(("x", "y"), [(2, 1), (-3, -2), (4, -5), (20, 20)])
-def test_outside_of_a_data_window_is_background_without_motion(
+def test_outside_of_a_data_window_is_background(
     tmp_path: Path, x: int, y: int, origin: tuple[int, int]
 ) -> None:
     size = (12, 9)
@@ -78,7 +78,7 @@ def test_outside_of_a_data_window_is_background_without_motion(
         (Conventions(depth="linear"), np.inf),
     ],
 )
-def test_a_shot_of_any_depth_has_the_sky_outside(
+def test_shots_of_any_depth_have_the_sky_outside(
     tmp_path: Path, conventions: Conventions, sky: float
 ) -> None:
     write_exr(tmp_path / "in" / "1.exr", {name: np.full((4, 12), 0.5, np.float32) for name in NAMES})
@@ -142,7 +142,7 @@ def color_map(suffix: str, channels: str = "RGB") -> dict[str, list[str]]:
         ("float", "tif", ("tif", "float")),
     ],
 )
-def test_png_and_tiff_are_read_to_their_values(
+def test_png_and_tiff_keep_their_values(
     tmp_path: Path, kind: str, suffix: str, stored: tuple[str, str]
 ) -> None:
     values = write_frames(tmp_path, kind, suffix)
@@ -181,7 +181,7 @@ def test_integers_of_data_that_no_packing_describes_are_refused(tmp_path: Path, 
         ("float", "tif", "associated"),
     ],
 )
-def test_colours_and_references_are_multiplied_by_their_alpha_in_linear_light(
+def test_colours_are_multiplied_by_their_alpha_in_linear_light(
     tmp_path: Path, kind: str, suffix: str, stored: str
 ) -> None:
     write_frames(tmp_path, kind, suffix)  # motion and depth
@@ -303,9 +303,7 @@ def test_luminance_chroma_images_are_refused_with_a_converter(tmp_path: Path) ->
         (b"v/1\x01\x03\0\0\0" + bytes(90), False),  # a version to come
     ],
 )
-def test_only_files_that_are_not_whole_are_called_damaged(
-    tmp_path: Path, content: bytes, damaged: bool
-) -> None:
+def test_only_incomplete_files_are_called_damaged(tmp_path: Path, content: bytes, damaged: bool) -> None:
     (tmp_path / "s.0001.exr").write_bytes(content)
     with pytest.raises(ShotError, match=r"\. \w+.*\.$") as caught:
         read_image(tmp_path / "s.0001.exr")

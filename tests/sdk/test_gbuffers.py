@@ -94,7 +94,7 @@ def test_a_buffer_that_is_missing_is_named_and_the_history_stays(model: Model, n
     np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
 
 
-def test_a_missing_buffer_of_render_size_is_read_at_the_display_pixel_nearest_to_each_sample(
+def test_a_missing_buffer_is_read_at_the_display_pixel_nearest_to_each_sample(
     model: Model,
 ) -> None:
     frame = replace(lit(1), jitter=(0.3, -0.45))
@@ -114,7 +114,7 @@ def test_a_missing_buffer_of_render_size_is_read_at_the_display_pixel_nearest_to
     ratio=st.floats(1.0, 4.0),
     jitter=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)),
 )
-def test_no_sample_is_further_than_half_a_pixel_from_the_display_pixel_it_is_read_from(
+def test_samples_are_read_at_most_half_a_pixel_away(
     render: Size, ratio: float, jitter: tuple[float, float]
 ) -> None:
     display = round(ratio * render[0]), round(ratio * render[1])
@@ -161,9 +161,7 @@ def test_tensors_give_the_image_that_arrays_give(model: Model) -> None:
         ((1, 1), (1, 1), "a display of (2, 2)"),
     ],
 )
-def test_one_ratio_is_exact_and_the_sizes_that_would_do_are_said(
-    model: Model, render: Size, display: Size, would_do: str
-) -> None:
+def test_sizes_that_would_do_are_said(model: Model, render: Size, display: Size, would_do: str) -> None:
     with pytest.raises(FrameError) as caught:
         upscaler(model, display_size=display).step(lit(1, render))
     said = (
@@ -181,7 +179,7 @@ def test_odd_and_tiny_sizes_are_rendered(model: Model, render: Size) -> None:
     np.testing.assert_allclose(image, by_hand(frame, previous)[0], rtol=1e-4, atol=1e-5)
 
 
-def test_a_recording_holds_the_buffers_that_are_used_and_no_others(
+def test_a_recording_holds_only_buffers_that_are_used(
     model: Model, gbuffer_model: Path, tmp_path: Path
 ) -> None:
     file = tmp_path / "a.recording"
@@ -249,7 +247,7 @@ def broken(folder: Path, tmp_path: Path) -> Path:
     return tmp_path / "broken"
 
 
-def test_upscale_hands_a_shot_s_buffers_to_a_model_that_reads_them(
+def test_upscale_hands_buffers_to_a_model_that_reads_them(
     folder: Path, gbuffer_model: Path, tmp_path: Path
 ) -> None:
     arguments = ("upscale", folder, "--model", gbuffer_model, "-o", tmp_path / "out")
@@ -263,9 +261,7 @@ def test_upscale_hands_a_shot_s_buffers_to_a_model_that_reads_them(
     assert f"{FRAMES} of {FRAMES} frames are bit-identical to the recorded ones" in said(replayed)
 
 
-def test_a_shot_without_buffers_of_render_size_is_upscaled_by_those_of_display_size(
-    gbuffer_model: Path, tmp_path: Path
-) -> None:
+def test_buffers_of_display_size_replace_those_of_render_size(gbuffer_model: Path, tmp_path: Path) -> None:
     frame = replace(lit(1), gbuffer=None)
     with ShotWriter(tmp_path / "shot", name="shot", display_size=DISPLAY, frame_rate=24) as writer:
         writer.write(frame)
@@ -275,9 +271,7 @@ def test_a_shot_without_buffers_of_render_size_is_upscaled_by_those_of_display_s
     np.testing.assert_array_equal(np.stack([written[c] for c in "RGB"], -1), expected)
 
 
-def test_upscale_does_not_read_what_a_model_does_not_ask_for(
-    broken: Path, gbuffer_model: Path, tmp_path: Path
-) -> None:
+def test_upscale_reads_only_what_a_model_asks_for(broken: Path, gbuffer_model: Path, tmp_path: Path) -> None:
     assert run("upscale", broken, "--method", "bilinear", "-o", tmp_path / "one").exit_code == 0
     refused = run("upscale", broken, "--model", gbuffer_model, "-o", tmp_path / "other")
     assert refused.exit_code == 1

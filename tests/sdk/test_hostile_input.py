@@ -172,9 +172,7 @@ def test_a_bad_pixel_does_not_spread(models: dict[str, Model]) -> None:
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_lost_or_repeated_frames_and_corner_jitter_leave_no_trace(
-    models: dict[str, Model], name: str
-) -> None:
+def test_lost_or_repeated_frames_leave_no_trace(models: dict[str, Model], name: str) -> None:
     disturbed, calm = (make(models[name], FEW, at_rest="off") for _ in range(2))
     for index, (x, y) in enumerate(product((-0.5, 0.5), repeat=2)):
         frame = Plane(checker).frame(index, SIZE, (x, y))

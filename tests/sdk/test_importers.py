@@ -275,7 +275,7 @@ def test_pixels_are_left_in_the_file_until_their_frame_is_read(tmp_path: Path) -
         ({"colour_linear": np.zeros((3, 36, 64), np.float16)}, r"tensor colour_linear is \(3, 36, 64\)"),
     ],
 )
-def test_a_tensor_that_is_missing_or_of_another_shape_is_named(
+def test_a_missing_or_misshapen_tensor_is_named(
     tmp_path: Path, change: dict[str, np.ndarray | None], message: str
 ) -> None:
     tensors = {name: value for name, value in {**arm_tensors(), **change}.items() if value is not None}

@@ -139,16 +139,14 @@ def is_allowed(render: tuple[int, int], display: tuple[int, int], low: float = L
 
 
 @given(SIDES, SIDES, RATIO_FLOATS, st.sampled_from((math.floor, round, math.ceil)))
-def test_sizes_that_are_rounded_either_way_are_allowed(
-    width: int, height: int, ratio: float, to: Callable[[float], int]
-) -> None:
+def test_rounded_sizes_are_allowed(width: int, height: int, ratio: float, to: Callable[[float], int]) -> None:
     render = max(1, to(width / ratio)), max(1, to(height / ratio))
     assert is_allowed(render, (width, height))
     assert is_allowed((width, height), (max(1, to(width * ratio)), max(1, to(height * ratio))))
 
 
 @given(st.tuples(SIDES, SIDES), st.tuples(SIDES, SIDES), st.sampled_from((1.0, 1.5, 2.0)))
-def test_sizes_that_are_allowed_are_within_a_pixel_of_a_ratio(
+def test_allowed_sizes_are_within_a_pixel(
     render: tuple[int, int], display: tuple[int, int], low: float
 ) -> None:
     if is_allowed(render, display, low):

@@ -84,9 +84,7 @@ def test_a_hole_shows_what_is_near_or_the_history_on_the_gpu(method: str) -> Non
     ("method", "executor"),
     [pair for pair in SHADED if pair[0] in ("taau", "gbuffer-fast") or pair[0].startswith("classifier")],
 )
-def test_a_hole_of_some_frames_shows_the_history_and_takes_no_samples_from_it(
-    method: str, executor: str
-) -> None:
+def test_a_hole_of_some_frames_shows_and_keeps_the_history(method: str, executor: str) -> None:
     assert_shows_the_history(make(method, executor, at_rest="off"))
 
 

@@ -173,7 +173,7 @@ def test_a_folder_of_extrapolated_frames_with_another_history_is_refused(tmp_pat
         ("classifier-small", {"network": {"levels": [16, 32, 64, 128], "decoder": 64}}, "network.decoder"),
     ],
 )
-def test_constants_that_kernels_do_not_compute_with_are_refused(
+def test_unusable_constants_of_kernels_are_refused(
     method: str, constants: dict[str, Any], match: str, tmp_path: Path
 ) -> None:
     folder = Path(shutil.copytree(find_model(method), tmp_path / "model"))
@@ -232,9 +232,7 @@ def learned(tmp_path: Path) -> Path:
         ({"0.first.bias": np.zeros(1 << 20, np.float32)}, "bytes"),
     ],
 )
-def test_an_array_in_an_unsupported_layout_is_named(
-    changes: dict[str, Any], match: str, learned: Path
-) -> None:
+def test_an_array_of_another_layout_is_named(changes: dict[str, Any], match: str, learned: Path) -> None:
     network_with(learned, changes)
     with pytest.raises(ModelError, match=match):
         Model.load(learned)
@@ -380,7 +378,7 @@ def test_a_graph_that_fails_while_running_raises_a_typed_error_and_changes_nothi
     assert upscaler.save_state().history is None
 
 
-def test_an_app_without_the_packages_data_files_says_how_to_build_it(
+def test_an_app_without_data_files_says_how_to_build_it(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(model_file, "_shipped", lambda: tmp_path / "app" / "models")

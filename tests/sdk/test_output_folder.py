@@ -45,7 +45,7 @@ def refused(shot: Path, output: Path, *options: object) -> str:
 
 @pytest.mark.parametrize("where", ["shot", "shot/out", ".", "link", "link/out"])
 @pytest.mark.parametrize("options", [(), ("--overwrite",)])
-def test_an_output_that_overlaps_the_shots_folder_is_refused(
+def test_an_output_that_overlaps_the_shot_is_refused(
     shot: Path, where: str, options: tuple[str, ...]
 ) -> None:
     (shot.parent / "link").symlink_to("shot")
@@ -159,9 +159,7 @@ def test_a_record_that_does_not_list_its_files_is_refused_with_what_to_do(shot: 
 
 
 @pytest.mark.parametrize("linked", ["0001.exr", "exr", "upscale.json"])
-def test_links_in_the_place_of_listed_files_are_neither_followed_nor_removed(
-    shot: Path, tmp_path: Path, linked: str
-) -> None:
+def test_links_in_place_of_listed_files_are_kept(shot: Path, tmp_path: Path, linked: str) -> None:
     out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
     formats = ("--format", "exr", "--format", "png") if linked == "exr" else ()
     upscale(shot, out, *formats)
@@ -173,9 +171,7 @@ def test_links_in_the_place_of_listed_files_are_neither_followed_nor_removed(
 
 
 @pytest.mark.parametrize("option", ["--record", "-o"])
-def test_files_in_the_way_of_a_recording_or_replay_are_named_and_kept(
-    shot: Path, tmp_path: Path, option: str
-) -> None:
+def test_files_in_the_way_of_a_recording_or_replay_are_kept(shot: Path, tmp_path: Path, option: str) -> None:
     recording, out = tmp_path / "a.recording", tmp_path / "out"
     assert upscale(shot, out, "--record", recording).exit_code == 0
     before = content(tmp_path)
@@ -221,7 +217,7 @@ def test_a_shot_does_not_overwrite_foreign_files(shot: Path, tmp_path: Path, nam
     assert not list((tmp_path / "copy").glob(".*"))
 
 
-def test_a_shot_whose_run_was_killed_between_a_frame_and_its_list_goes_on(
+def test_a_run_killed_before_a_frame_is_listed_goes_on(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def killed(*_: object) -> None:

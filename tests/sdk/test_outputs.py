@@ -200,7 +200,7 @@ def test_classes_have_the_colours_of_the_legend() -> None:
 
 
 @pytest.mark.parametrize("outputs", [("aovs",), ("colour",)])
-def test_a_refused_frame_does_not_reach_the_checks_that_remember_frames(
+def test_a_refused_frame_does_not_reach_the_checks(
     outputs: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Frame] = []

@@ -92,9 +92,7 @@ def test_a_field_takes_its_digits_or_more(tmp_path: Path, pattern: str, numbers:
         ("beauty.0010.exr", r"is one image; want a sequence\. Did you mean beauty\.####\.exr \(10-12\)\?"),
     ],
 )
-def test_a_wrong_pattern_is_answered_with_those_that_are_there(
-    tmp_path: Path, pattern: str, message: str
-) -> None:
+def test_a_wrong_pattern_is_answered_with_right_ones(tmp_path: Path, pattern: str, message: str) -> None:
     write_frames(tmp_path, "beauty.0010", "beauty.0011", "beauty.0012")
     with pytest.raises(ShotError, match=message):
         open_source(tmp_path / pattern, conventions=CONVENTIONS)

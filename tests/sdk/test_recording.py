@@ -158,7 +158,7 @@ def test_wrong_calls_and_ctrl_c_are_not_recorded(file: Path, monkeypatch: pytest
 
 
 @pytest.mark.parametrize("moment", ["recorder.returned", "OutcomeRecord"])
-def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
+def test_ctrl_c_leaves_the_step_without_an_outcome(
     file: Path, monkeypatch: pytest.MonkeyPatch, moment: str
 ) -> None:
     def interrupt(*_: object) -> None:
@@ -174,9 +174,7 @@ def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
     assert [step.exact for step in replayed(file)] == [True, None, True]
 
 
-def test_a_replay_reports_an_error_that_only_one_side_raised(
-    file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_replay_reports_an_error_of_one_side_only(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("by zero")
 
@@ -206,9 +204,7 @@ def test_a_recording_of_a_custom_model_asks_for_its_folder(file: Path) -> None:
     assert replayed(file, model=own)[0].exact
 
 
-def test_relative_paths_hold_when_the_working_directory_changes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_relative_paths_outlive_a_change_of_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(shared_model("taau").info.folder, tmp_path / "mine")
     monkeypatch.chdir(tmp_path)
     upscaler = Upscaler("mine", display_size=DISPLAY, threads=1, record="a.recording")
@@ -272,7 +268,7 @@ upscaler.step(noise(2))
         (OUTCOME.format(1), b"x", "is not a safetensors file"),
     ],
 )
-def test_a_damaged_or_missing_file_is_an_error_after_the_frames_before(
+def test_frames_before_a_damaged_file_are_read(
     file: Path, name: str, content: bytes | None, problem: str
 ) -> None:
     with recorded(file) as upscaler:
@@ -336,7 +332,7 @@ def disk_full_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 
 
 @pytest.mark.parametrize("full", [CALL.format(1), OUTCOME.format(1)])
-def test_a_full_disk_ends_the_recording_with_the_last_complete_step_and_the_history_stays(
+def test_a_full_disk_ends_the_recording_with_the_last_step(
     full: str, file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Before the step it is refused; after it, the next one is."""

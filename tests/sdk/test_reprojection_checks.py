@@ -134,9 +134,7 @@ def test_places_off_the_screen_do_not_count_and_half_must_be_on_it(axis: int) ->
 
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize(("lines", "enough"), [(10, False), (50, True)])
-def test_stripes_in_either_direction_are_texture_if_they_fill_1000_pixels(
-    turned: bool, lines: int, enough: bool
-) -> None:
+def test_stripes_are_texture_if_they_fill_1000_pixels(turned: bool, lines: int, enough: bool) -> None:
     light = np.ones((70, 70)) + 0.2 * (np.arange(70) // 2 % 2)
     light[lines:] = 1.0
     light = light.T if turned else light
@@ -268,9 +266,7 @@ RISING = np.array([[0.1, 0.2, 0.5]] * 3, np.float32)
 @pytest.mark.parametrize(
     ("order", "depth"), [("reversed", RISING), ("forward", 1 - RISING), ("linear", 1 / RISING)]
 )
-def test_curvature_is_the_change_of_differences_of_inverse_distance(
-    order: DepthOrder, depth: Float32, turned: bool
-) -> None:
+def test_curvature_is_that_of_inverse_distance(order: DepthOrder, depth: Float32, turned: bool) -> None:
     assert plane_curvature(depth.T if turned else depth, order) == pytest.approx(0.5, rel=1e-4)
 
 
@@ -283,9 +279,7 @@ def plane(size: int = 60) -> Float32:
     ("order", "depth", "sky"),
     [("reversed", plane(), 0.0), ("forward", 1 - plane(), 1.0), ("linear", 1 / plane(), 1e6)],
 )
-def test_planes_are_not_curved_in_their_own_order_whatever_the_sky_is(
-    order: DepthOrder, depth: Float32, sky: float
-) -> None:
+def test_planes_are_not_curved_in_their_own_order(order: DepthOrder, depth: Float32, sky: float) -> None:
     assert plane_curvature(depth, order) < 1e-4
     striped = depth.copy()
     striped[:, ::4] = sky  # without it, three pixels in a row

@@ -273,9 +273,7 @@ def test_a_shot_is_neither_overwritten_nor_resumed_with_other_properties(tmp_pat
         writer(tmp_path, resume=True)
 
 
-def test_a_write_that_fails_leaves_the_shot_as_it_was_and_can_be_repeated(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_write_that_fails_can_be_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jittered = Conventions(motion_jittered=True)  # the writer must not have moved on to the failed frame
     writer = ShotWriter(tmp_path, name="t", display_size=None, frame_rate=24, conventions=jittered)
     writer.write(frame(0))
@@ -445,9 +443,7 @@ def test_written_values_are_read_back(tmp_path: Path, display_size: tuple[int, i
         ({"typo": 1}, r"unknown field `typo` - at `\$\.frames\[1\]`"),
     ],
 )
-def test_invalid_fields_of_shot_json_are_named(
-    tmp_path: Path, changes: dict[str, object], message: str
-) -> None:
+def test_invalid_fields_are_named(tmp_path: Path, changes: dict[str, object], message: str) -> None:
     path = write(tmp_path, **changes)
     with pytest.raises(ShotError, match=message) as caught:
         load_shot_json(path)
@@ -520,7 +516,7 @@ def test_a_variant_is_resumed_without_the_others(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("compression", ["zip", "dwab:45"])
 @pytest.mark.parametrize("thin", [None, CLASSES.ghost % 2])
-def test_classes_and_planes_of_truth_are_read_as_they_were_written(
+def test_classes_and_planes_of_truth_are_kept(
     tmp_path: Path, compression: str, thin: NDArray[np.uint8] | None
 ) -> None:
     classes = replace(CLASSES, thin=thin)

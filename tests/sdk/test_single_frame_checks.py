@@ -251,7 +251,7 @@ def test_the_fraction_of_edges_with_a_mixed_pixel_on_either_side_is_measured(par
     ("first", "second"),
     [(1.0, 1.0), (0.75, 1.0), (0.0, 0.0), (0.0, 0.25), (0.5, 0.5), (-0.2, 1.0), (0.0, 1.2)],
 )
-def test_a_pixel_of_the_other_side_or_an_even_brighter_one_is_neither_sharp_nor_mixed(
+def test_a_pixel_of_the_other_side_or_brighter_is_neither_sharp_nor_mixed(
     first: float, second: float
 ) -> None:
     tone, depth = edge(first=0.4)
@@ -285,9 +285,7 @@ def test_an_edge_is_a_jump_of_depth_by_a_tenth(far: float, seen: bool) -> None:
 @pytest.mark.parametrize("place", [1, 2, 4, 5])
 @pytest.mark.parametrize(("slope", "seen"), [(1.02, True), (1.05, False)])
 @pytest.mark.parametrize("direction", [1, -1])
-def test_both_sides_of_an_edge_are_one_surface_each(
-    place: int, slope: float, seen: bool, direction: int
-) -> None:
+def test_either_side_of_an_edge_is_one_surface(place: int, slope: float, seen: bool, direction: int) -> None:
     depths = np.array([0.5, 0.5, 0.5, 0.1, 0.1, 0.1])
     depths[place : 3 if place < 3 else 6] *= slope**direction
     assert (share_mixed(*edge(0.4, depths=tuple(depths))) > 0) is seen
@@ -437,9 +435,7 @@ DISTANCE = 3.0 / (1.0 - 0.95 * (0.7 * X / WIDTH + 0.3 * Y / HEIGHT))
     ],
     ids=["forward", "little sky", "near", "a wall", "a slope", "distances"],
 )
-def test_depths_crowded_just_below_1_are_forward_and_even_ones_may_be_a_wall(
-    depth: NDArray[Any], kind: str
-) -> None:
+def test_depths_crowded_just_below_1_are_forward_and_even_ones_a_wall(depth: NDArray[Any], kind: str) -> None:
     assert kind_of(depth) == kind
 
 
@@ -465,9 +461,7 @@ def test_depths_crowded_just_below_1_are_forward_and_even_ones_may_be_a_wall(
         "no planes", "hardly a slope", "hardly curved", "curved", "one depth of 1", "one depth",
     ],
 )  # fmt: skip
-def test_depth_is_linear_if_it_is_beyond_1_and_its_inverse_is_even_along_planes_or_at_a_huge_sky(
-    depth: NDArray[Any], kind: str
-) -> None:
+def test_depth_is_linear_beyond_1_if_planes_or_a_huge_sky_say_so(depth: NDArray[Any], kind: str) -> None:
     assert kind_of(depth) == kind
 
 
@@ -537,7 +531,7 @@ def test_few_pixels_with_many_values_prove_nothing() -> None:
 
 @pytest.mark.parametrize(("share", "found"), [(0.05, False), (0.06, True)])
 @pytest.mark.parametrize(("axis", "length"), [(0, 81.0), (1, -61.0)])
-def test_motion_across_the_whole_image_is_too_long_in_a_twentieth_of_the_pixels(
+def test_motion_across_the_whole_image_is_too_long(
     axis: int, length: float, share: float, found: bool
 ) -> None:
     motion = plain_frame().motion.copy()

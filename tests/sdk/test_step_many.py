@@ -32,9 +32,7 @@ def cameras(model: Model, **options: Any) -> list[Upscaler]:
 @pytest.mark.parametrize("executor", ["cpu", "onnx"])
 @pytest.mark.parametrize("threads", [1, 2, 3])
 @pytest.mark.parametrize("method", WITH_KERNELS)
-def test_images_are_those_of_a_session_for_each_view(
-    method: str, threads: int, executor: ExecutorName
-) -> None:
+def test_images_are_those_of_separate_sessions(method: str, threads: int, executor: ExecutorName) -> None:
     if (executor, threads) == ("onnx", 3):
         pytest.skip("ONNX Runtime computes one view after another, with any number of threads")
     model = shared_model(method, threads=threads, executor=executor)

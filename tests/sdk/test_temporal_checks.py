@@ -136,9 +136,7 @@ def errors(x: float, y: float, gain: float) -> dict[tuple[float, float], tuple[f
 
 @pytest.mark.parametrize("factor", [0.5, 1.5])
 @pytest.mark.parametrize(("pairs", "gain"), [(2, 0.14), (6, 0.05)])
-def test_a_jitter_that_is_wrong_in_both_axes_is_found_in_any_frames(
-    factor: float, pairs: int, gain: float
-) -> None:
+def test_a_jitter_that_is_wrong_in_both_axes_is_found(factor: float, pairs: int, gain: float) -> None:
     found: Any = wrong_amplitude(errors(factor, factor, gain), pairs, 64)
     assert (found.x, found.y) == pytest.approx((factor, factor), abs=1e-6)
     assert wrong_amplitude(errors(factor, factor, gain - 0.03), pairs, 64) is None
@@ -204,9 +202,7 @@ def test_a_part_of_the_jitter_in_the_image_is_told_by_axis_where_they_differ() -
     ((1.0, 1.0), True), ((1.9, 1.0), True), ((0.6, 1.0), True), ((0.4, 1.0), False), ((2.1, 1.0), False),
     ((0.0, 0.0), False), ((-1.0, 1.0), False),
 ])  # fmt: skip
-def test_an_image_without_jitter_has_it_in_its_vectors_if_they_change_alike(
-    varied: tuple[float, float], jittered: bool
-) -> None:
+def test_vectors_that_change_alike_have_the_jitter(varied: tuple[float, float], jittered: bool) -> None:
     assert vectors_have_jitter(varied) is jittered
     for factor in (0.0, 0.4):
         said = told(FramesSeen(pairs=2, amplitudes=errors(factor, factor, 0.5), varied=varied))
@@ -424,7 +420,7 @@ def next_told(before: FrameProbe, now: FrameProbe) -> str:
     ((8.0, -10.0), "leads back 4.0 pixels off, with vectors of 12.8"), ((25.0, -20.0), "leads back"),
     ((0.0, 0.0), "leads back 10.0 pixels off, with vectors of 10.0"),
 ])  # fmt: skip
-def test_motion_to_the_next_frame_leads_to_where_motion_leads_back(
+def test_motion_to_the_next_frame_leads_where_motion_leads_back(
     there: tuple[float, float], said: str
 ) -> None:
     """Motion of (-8, 6) pixels leads back; a quarter of its length may differ."""

@@ -61,9 +61,7 @@ def test_an_image_is_written_into_the_given_buffer() -> None:
         ({"motion": None}, "motion"),
     ],
 )
-def test_a_misshapen_tensor_is_refused_by_name_and_the_history_stays(
-    spoilt: Mapping[str, Any], name: str
-) -> None:
+def test_a_misshapen_tensor_is_refused_and_the_history_stays(spoilt: Mapping[str, Any], name: str) -> None:
     one, other = upscaler(), upscaler()
     first, second = noise(1), noise(2)
     for u in (one, other):

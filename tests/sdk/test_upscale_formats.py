@@ -70,7 +70,7 @@ def luma_difference(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_single_format_goes_into_the_folder_itself_with_the_same_content(
+def test_a_single_format_goes_into_the_folder_itself(
     shot: Path, every: Path, tmp_path: Path, name: str
 ) -> None:
     upscale(shot, tmp_path, *formats(name))
@@ -113,9 +113,7 @@ def test_a_video_without_images_restarts_after_a_stop(shot: Path, every: Path, t
     assert f"All {COUNT} frames are complete already" in upscale(shot, tmp_path, "--format", "mp4").stderr
 
 
-def test_images_beside_a_video_are_kept_after_a_stop_and_the_video_is_whole(
-    shot: Path, every: Path, tmp_path: Path
-) -> None:
+def test_images_beside_a_video_are_kept_after_a_stop(shot: Path, every: Path, tmp_path: Path) -> None:
     said = stopped_at(2, shot, tmp_path, *formats("png", "mp4"))
     assert f"Stopped: 2 of {COUNT} frames are complete." in said
     before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.png")}
@@ -174,7 +172,7 @@ def write_ramp(folder: Path, kind: str, suffix: str) -> np.ndarray:
 @pytest.mark.parametrize(
     ("kind", "suffix", "want"), [("uint8", "png", "png"), ("uint16", "png", "png"), ("uint16", "tif", "tif")]
 )
-def test_srgb_frames_come_back_in_their_format_type_and_values(
+def test_srgb_frames_keep_format_type_and_values(
     tmp_path: Path, kind: str, suffix: str, want: str, scale: int
 ) -> None:
     values = write_ramp(tmp_path / "in", kind, suffix)
@@ -201,7 +199,7 @@ def test_srgb_frames_as_exr_are_linear_light(tmp_path: Path) -> None:
     "options",
     [{"view": VIEW}, {"exposure": -1.5}, {"ocio": "ocio://default"}, {"view": VIEW, "exposure": 1.0}],
 )
-def test_display_options_are_what_png_and_video_show(
+def test_display_options_are_shown(
     shot: Path, every: Path, tmp_path: Path, options: dict[str, object]
 ) -> None:
     words = [word for name, value in options.items() for word in (f"--{name}", str(value))]

@@ -25,7 +25,7 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ({7: "00007"}, "", ["00007"]),
     ],
 )
-def test_results_have_the_names_of_the_frames(
+def test_results_are_called_as_the_frames(
     tmp_path: Path, names: dict[int, str], pattern: str, want: list[str]
 ) -> None:
     renders = write_renders(tmp_path / "in", names)
@@ -50,9 +50,7 @@ def test_frames_of_a_shot_json_are_called_by_four_digits(shot: Path, tmp_path: P
         ("ü ####", "ü 0001"),
     ],
 )
-def test_names_are_those_of_the_option_in_every_format(
-    shot: Path, tmp_path: Path, name: str, want: str
-) -> None:
+def test_every_format_has_the_names_of_the_option(shot: Path, tmp_path: Path, name: str, want: str) -> None:
     formats = ("--format", "png", "--format", "exr", "--format", "tif")
     upscale(shot, tmp_path / "out", "--name", name, *formats, "--frames", "1")
     assert [*images(tmp_path / "out")] == [f"{kind}/{want}.{kind}" for kind in ("exr", "png", "tif")]
@@ -124,9 +122,7 @@ def test_a_record_with_foreign_entries_removes_nothing(shot: Path, tmp_path: Pat
 
 
 @pytest.mark.parametrize("frames", ["0-3", "../0-1", "1-0", 3, None, "", "0-1,"])
-def test_a_record_of_other_frames_than_its_name_says_removes_nothing(
-    shot: Path, tmp_path: Path, frames: object
-) -> None:
+def test_a_record_under_a_wrong_name_removes_nothing(shot: Path, tmp_path: Path, frames: object) -> None:
     upscale(shot, tmp_path, "--frames", "0-1")
     path = tmp_path / "upscale.0000-0001.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "frames": frames}))

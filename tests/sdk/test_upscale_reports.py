@@ -27,7 +27,7 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (("--compare",), [0, 1, 2, 3, 4, 5]),
     ],
 )
-def test_json_is_a_line_for_each_frame_in_order_and_nothing_else_is_on_stdout(
+def test_stdout_is_a_line_of_json_for_each_frame(
     shot: Path, tmp_path: Path, options: tuple[str, ...], numbers: list[int]
 ) -> None:
     if "mp4" in options:
@@ -43,7 +43,7 @@ def test_json_is_a_line_for_each_frame_in_order_and_nothing_else_is_on_stdout(
     assert events[-1]["frames"] >= len(numbers)
 
 
-def test_a_frame_is_written_before_its_line_is_printed(
+def test_a_frame_is_written_before_its_line(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = []
@@ -69,9 +69,7 @@ def test_json_of_a_run_that_continues_has_the_frames_that_were_missing(shot: Pat
     assert [event["number"] for event in events[1:-1]] == [3, 4, 5]
 
 
-def test_a_log_has_lines_of_progress_with_rate_and_time_left(
-    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_has_lines_of_progress(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "frames/s" not in upscale(shot, tmp_path / "quick").stderr
     monkeypatch.setattr(terminal, "LOG_SECONDS", 0.0)
     said = upscale(shot, tmp_path / "slow").stderr
@@ -80,9 +78,7 @@ def test_a_log_has_lines_of_progress_with_rate_and_time_left(
     assert lines[-1][1] == "0:00"
 
 
-def test_exit_codes_are_those_of_the_help(
-    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_exit_codes_are_as_the_help_says(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = re.sub(r"\s+", " ", run("upscale", "--help").stdout)
     assert "Exit codes: 0 done, 1 an error, 2 wrong arguments, 130 stopped." in text
     command = ("upscale", shot, "-o", tmp_path, "--method", "bilinear")

@@ -117,7 +117,7 @@ def psnr(image: np.ndarray, truth: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("lookahead", [1, 3])
-def test_live_images_come_two_blocks_late_at_most_and_cost_three_steps(
+def test_live_images_come_two_blocks_late(
     lookahead: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path / "nowhere"))  # memory alone is used
@@ -321,9 +321,7 @@ def test_a_stopped_command_continues_to_the_same_images(kept: int, tmp_path: Pat
 
 @pytest.mark.usefixtures("small_chunks")
 @pytest.mark.parametrize(("kept", "again"), [(6, 4), (5, 0), (9, 6)])
-def test_frames_that_come_later_change_the_chunks_that_read_them(
-    kept: int, again: int, tmp_path: Path
-) -> None:
+def test_later_frames_change_the_chunks_that_read_them(kept: int, again: int, tmp_path: Path) -> None:
     for name, count in (("whole", COUNT), ("part", kept), ("part", COUNT)):
         shutil.rmtree(tmp_path / "shot", ignore_errors=True)
         shot = write_shot(tmp_path / "shot", count, cuts=(6,) if kept == 9 else ())

@@ -164,9 +164,7 @@ def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_
         ("--cuts", "x"),
     ],
 )
-def test_a_value_that_cannot_be_used_is_named_with_its_option_and_ends_with_2(
-    tmp_path: Path, options: tuple[str, ...]
-) -> None:
+def test_an_unusable_value_is_named_with_its_option(tmp_path: Path, options: tuple[str, ...]) -> None:
     shot = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in range(2)})
     commands = [options[0]] if options[0] == "upscale" else ["upscale", "import"]
     for command in commands:

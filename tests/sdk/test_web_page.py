@@ -129,7 +129,7 @@ def test_other_paths_are_answered_with_404(url: str, path: str) -> None:
 
 
 @pytest.mark.parametrize("request_", [b"\r\n\r\n", b"\0\r\n\r\n", b"GET\r\n\r\n", b"PUT / HTTP/1.1\r\n\r\n"])
-def test_malformed_requests_do_not_disturb_the_server(
+def test_malformed_requests_are_harmless(
     url: str, request_: bytes, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert b" 200 " not in answer_to(url, request_)
@@ -202,9 +202,7 @@ def test_the_npm_package_has_its_listed_files_and_a_module_for_each_method(tmp_p
         assert held in model, name
 
 
-def test_another_version_of_three_in_the_working_directory_is_left_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_version_of_three_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "node_modules/three").mkdir(parents=True)
     (tmp_path / "node_modules/three/package.json").write_text('{"version": "0.1.0"}')
     monkeypatch.chdir(tmp_path)
