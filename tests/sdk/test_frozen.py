@@ -1,6 +1,6 @@
 """Static pixels freeze and stay bit-identical; `skip` changes no image; "off" averages nothing."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +12,6 @@ from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
-from supersampler.history import StepResult
 from supersampler.io.display import display_transform
 
 RENDER, DISPLAY = (54, 38), (81, 57)  # neither whole blocks nor whole tiles
@@ -22,12 +21,8 @@ WAYS = [("taau", "cpu"), ("taau", "onnx"), ("classifier", "cpu"), ("classifier-l
 
 
 def make(method: str = "taau", executor: str = "cpu", threads: int = 1, **options: Any) -> Upscaler:
-    return Upscaler(
-        shared_model(method, executor, threads=threads),
-        display_size=DISPLAY,
-        validate="off",
-        **options,
-    )
+    model = shared_model(method, executor, threads=threads)
+    return Upscaler(model, display_size=DISPLAY, validate="off", **options)
 
 
 def waves(x: Any, y: Any) -> Float32:
@@ -37,20 +32,17 @@ def waves(x: Any, y: Any) -> Float32:
 
 def scene(index: int, *, spot: bool = False, size: Size = RENDER, **fields: Any) -> Frame:
     """A pattern that jitter samples, and a bright spot or none."""
-    w, h = size
-    jitter = halton_jitter(index, DISPLAY[0] / w)
-    x, y = (
-        (np.arange(w) + 0.5 + jitter[0]) * RENDER[0] / w,
-        (np.arange(h)[:, None] + 0.5 + jitter[1]) * RENDER[1] / h,
-    )
-    color = waves(x, y)
+    (w, h), jitter = size, halton_jitter(index, DISPLAY[0] / size[0])
+    x = (np.arange(w) + 0.5 + jitter[0]) * RENDER[0] / w
+    color = waves(x, (np.arange(h)[:, None] + 0.5 + jitter[1]) * RENDER[1] / h)
     if spot:
         color[20:24, 40:44] = 3.0
     given = {"depth": np.full((h, w), 0.1, np.float32), "motion": np.zeros((h, w, 2), np.float32)}
     return Frame(**{"color": color, **given, "jitter": jitter, "exposure": 1.0, **fields})
 
 
-def run(upscaler: Upscaler, frames: Iterator[Frame] | range) -> StepResult:
+def run(upscaler: Upscaler, frames: Iterable[Frame | int]) -> Any:
+    """Return the last result, with the map of what has converged."""
     for frame in frames:
         frame = scene(frame) if isinstance(frame, int) else frame
         result = upscaler.step(frame, outputs=("converged",))
@@ -98,7 +90,7 @@ def test_skipping_changes_no_bit_of_images_maps_and_states(method: str) -> None:
 def test_a_change_unfreezes_its_surroundings_in_the_same_frame(method: str, executor: str) -> None:
     upscaler = make(method, executor)
     before = run(upscaler, range(2 * PERIOD + 2)).image
-    after = run(upscaler, iter([scene(2 * PERIOD + 2, spot=True)]))
+    after = run(upscaler, [scene(2 * PERIOD + 2, spot=True)])
     frozen: Any = after.converged
     assert not frozen[30:36, 60:66].any()
     assert 0.7 < frozen.mean() < 1.0
@@ -112,7 +104,7 @@ def test_a_change_unfreezes_its_surroundings_in_the_same_frame(method: str, exec
 def test_a_cut_or_a_moving_camera_unfreezes_every_pixel(executor: str, change: dict[str, Any]) -> None:
     upscaler = make("taau", executor)
     run(upscaler, range(2 * PERIOD + 2))
-    run(upscaler, iter([scene(2 * PERIOD + 2, **change)]))
+    run(upscaler, [scene(2 * PERIOD + 2, **change)])
     assert upscaler.stats.converged == 0.0
 
 
@@ -160,7 +152,7 @@ def test_every_frame_may_have_another_size_and_what_rests_begins_anew(executor: 
     upscaler = make("taau", executor)
     sizes = (RENDER, (48, 34), (81, 57), (41, 29))
     for index in range(24):
-        result = run(upscaler, iter([scene(index, size=sizes[index % 4])]))
+        result = run(upscaler, [scene(index, size=sizes[index % 4])])
         again = make("taau", executor)
         again.load_state(upscaler.save_state())
         assert np.isfinite(result.image).all()

@@ -28,7 +28,7 @@ from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, copy_shot, import_channels, open_source
 from supersampler.io.shot.format import LARGEST_NUMBER
 from supersampler.io.shot.numbered import FrameRange
-from upscale_runs import run, succeeded
+from upscale_runs import files, run, succeeded, upscale
 
 FRAME = ("R", "G", "B", "Z", "motion.X", "motion.Y")
 
@@ -36,7 +36,7 @@ FRAME = ("R", "G", "B", "Z", "motion.X", "motion.Y")
 def write_frames(folder: Path, *names: str) -> Path:
     """Frames whose colour is the last number in their names."""
     for name in names:
-        number = int("".join(character if character.isdigit() else " " for character in name).split()[-1])
+        number = int(re.findall(r"\d+", name)[-1])
         write_exr(folder / f"{name}.exr", {channel: plane(number, (8, 6)) for channel in FRAME})
     return folder
 
@@ -214,3 +214,113 @@ def test_a_range_has_its_numbers_and_overlaps_where_one_is_shared(one: FrameRang
 @given(ranges(LARGEST_NUMBER), ranges(LARGEST_NUMBER))
 def test_labels_of_different_ranges_differ(one: FrameRange, other: FrameRange) -> None:
     assert (one.label == other.label) == (one == other)
+
+
+# --- names of files: signs, hyphens, brackets, wildcards, extensions in any case ---
+
+
+def write_named(folder: Path, *names: str) -> Path:
+    """Frames whose colour is 100 + their place in `names`."""
+    for place, name in enumerate(names):
+        write_exr(folder / "frame.exr", dict.fromkeys(FRAME, plane(100 + place, (8, 6))))
+        (folder / "frame.exr").rename(folder / name)
+    return folder
+
+
+def places_of(shot: Shot) -> list[int]:
+    """The places in `names` of the frames of a shot, in its order."""
+    colors = [shot.read_raw(index).color for index in range(len(shot))]
+    return [int(color[0, 0, 0]) - 100 for color in colors if color is not None]
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern"),
+    [
+        (("s.-0002.exr", "s.-0001.exr", "s.0000.exr", "s.0001.exr"), "s.####.exr"),
+        (("s.-002.exr", "s.-001.exr", "s.0000.exr", "s.0001.exr"), "s.%04d.exr"),
+        (("s.-2.exr", "s.-1.exr", "s.0000.exr", "s.0001.exr"), "s.####.exr"),
+        (("s_-2.exr", "s_-1.exr", "s_0.exr", "s_1.exr"), "s_*.exr"),
+        (("-0002.exr", "-0001.exr", "0000.exr", "0001.exr"), "####.exr"),
+        (("-2.exr", "-1.exr", "0.exr", "1.exr"), "*.exr"),
+    ],
+)
+def test_negative_numbers_are_in_order_of_time(tmp_path: Path, names: tuple[str, ...], pattern: str) -> None:
+    write_named(tmp_path, *names)
+    for path in (tmp_path, tmp_path / pattern):
+        shot = open_source(path, conventions=CONVENTIONS)
+        assert (places_of(shot), shot.first_number) == ([0, 1, 2, 3], -2)
+
+
+def test_a_hyphen_that_every_name_has_separates(tmp_path: Path) -> None:
+    write_named(tmp_path, "s-0001.exr", "s-0002.exr", "s-0003.exr")
+    for path in (tmp_path, tmp_path / "s-####.exr", tmp_path / "*####.exr"):
+        shot = open_source(path, conventions=CONVENTIONS)
+        assert (places_of(shot), shot.first_number, shot.info.file_names) == ([0, 1, 2], 1, "s-####")
+
+
+@pytest.mark.parametrize("pattern", ["", "s####.exr", "s*.exr", "*####.exr"])
+def test_a_hyphen_that_may_be_a_sign_is_refused(tmp_path: Path, pattern: str) -> None:
+    write_named(tmp_path, "s-0001.exr", "s0000.exr", "s0001.exr")
+    message = r"s-0001\.exr: has an ambiguous hyphen, .*: .* Name negative frames s\.-0001\.exr"
+    with pytest.raises(ShotError, match=message):
+        open_source(tmp_path / pattern, conventions=CONVENTIONS)
+
+
+def test_a_pattern_without_the_hyphen_of_the_names_is_answered_with_it(tmp_path: Path) -> None:
+    write_named(tmp_path, "s-0001.exr", "s-0002.exr")
+    with pytest.raises(ShotError, match=r"has no file s####\.exr\. Did you mean s-####\.exr \(1-2\)\?"):
+        open_source(tmp_path / "s####.exr", conventions=CONVENTIONS)
+
+
+def test_results_have_the_negative_numbers_of_their_frames_and_runs_continue(tmp_path: Path) -> None:
+    names = {"s.-0002.exr", "s.-0001.exr", "s.0000.exr", "s.0001.exr"}
+    write_named(tmp_path / "in", *sorted(names))
+    options = ("--conventions", "{}")
+    upscale(tmp_path / "in", tmp_path / "out", *options)
+    assert files(tmp_path / "out").keys() == {*names, "upscale.json"}
+    assert "All 4 frames are complete already" in upscale(tmp_path / "in", tmp_path / "out", *options).stderr
+    upscale(tmp_path / "in", tmp_path / "part", *options, "--frames=-2--1")
+    assert files(tmp_path / "part").keys() == {"s.-0002.exr", "s.-0001.exr", "upscale.-002--001.json"}
+    upscale(tmp_path / "in", tmp_path / "part", *options, "--frames", "0-1")
+    assert files(tmp_path / "part").keys() >= names
+
+
+@pytest.mark.parametrize("name", ["shot[v2]", "shot(1)", "take{a}", "a+b", "new^$"])
+def test_brackets_and_the_like_in_a_pattern_are_text(tmp_path: Path, name: str) -> None:
+    write_named(tmp_path, f"{name}.0001.exr", f"{name}.0002.exr", "shot2.0001.exr")
+    assert places_of(open_source(tmp_path / f"{name}.####.exr", conventions=CONVENTIONS)) == [0, 1]
+    assert places_of(open_source(tmp_path / f"{name}.*.exr", conventions=CONVENTIONS)) == [0, 1]
+
+
+@pytest.mark.parametrize("folder", ["a[1]", "w*", "which?", "n####", "%04d"])
+def test_names_of_folders_are_text(tmp_path: Path, folder: str) -> None:
+    write_named(tmp_path / folder / folder, "s.0001.exr", "s.0002.exr")
+    for other in ("a1", "which1"):
+        write_named(tmp_path / other / other, "s.0003.exr")
+    for path in (tmp_path / folder / folder, tmp_path / folder / folder / "s.####.exr"):
+        assert places_of(open_source(path, conventions=CONVENTIONS)) == [0, 1]
+    groups = {"color": FRAME[:3], "depth": FRAME[3:4], "motion": FRAME[4:]}
+    mapped = {ours: [f"{folder}/s.*.exr:{name}" for name in names] for ours, names in groups.items()}
+    assert places_of(import_channels(tmp_path / folder, mapped, conventions=CONVENTIONS)) == [0, 1]
+
+
+def test_an_extension_may_be_in_any_case(tmp_path: Path) -> None:
+    write_named(tmp_path, "s.0001.EXR", "s.0002.Exr", "s.0003.exr")
+    for path in (tmp_path, tmp_path / "s.####.exr", tmp_path / "s.*.EXR"):
+        assert places_of(open_source(path, conventions=CONVENTIONS)) == [0, 1, 2]
+    mapped = {"color": ["R", "G", "B"], "depth": "S.####.EXR:Z", "motion": ["motion.X", "motion.Y"]}
+    with pytest.raises(ShotError, match=r"has no file S\.####\.EXR"):  # only the extension
+        import_channels(tmp_path, mapped, conventions=CONVENTIONS)
+
+
+def test_metadata_of_a_file_with_a_large_extension_is_kept(tmp_path: Path) -> None:
+    channels = {name: np.ones((6, 8), np.float32) for name in FRAME}
+    write_exr(tmp_path / "s.0001.exr", channels, metadata={"comments": "night"})
+    (tmp_path / "s.0001.exr").rename(tmp_path / "s.0001.EXR")
+    assert open_source(tmp_path, conventions=CONVENTIONS).read_metadata(0)["ImageDescription"] == "night"
+
+
+def test_two_files_whose_extensions_differ_in_case_only_are_refused(tmp_path: Path) -> None:
+    write_named(tmp_path, "s.0001.EXR", "s.0001.exr")
+    with pytest.raises(ShotError, match=r"same frame number as s\.0001\.EXR\. Move one of the two away"):
+        open_source(tmp_path / "s.####.exr", conventions=CONVENTIONS)
