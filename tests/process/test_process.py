@@ -93,16 +93,3 @@ def test_without_the_library_the_graph_runs_and_one_warning_says_so(tmp_path: Pa
     done = run_apart(STEP + WARNED.format(path=str(tmp_path / "none.so")))
     assert "none.so is missing" in done.stdout
     assert "pip install" in done.stdout
-
-
-def test_a_step_changes_nothing_of_its_process() -> None:
-    run_apart(
-        f"""{STEP}
-import os, signal, locale
-def process():
-    return dict(os.environ), signal.getsignal(signal.SIGINT), os.getcwd(), locale.setlocale(locale.LC_ALL)
-before = process()
-upscaler("taa").step(noise(0))
-assert before == process()
-"""
-    )

@@ -124,15 +124,10 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(program: Path, root: Path, method: str = "taau") -> subprocess.CompletedProcess[str]:
     (root / "out").mkdir(exist_ok=True)
-    return subprocess.run(
-        [program, root / method, root / "frames", root / "out"],
-        check=False,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        timeout=60,
-        env={**os.environ, "ASAN_OPTIONS": "detect_leaks=0"},
-    )
+    command = [program, root / method, root / "frames", root / "out"]
+    variables = {**os.environ, "ASAN_OPTIONS": "detect_leaks=0"}
+    options: Any = {"text": True, "errors": "replace", "timeout": 60, "env": variables}
+    return subprocess.run(command, check=False, capture_output=True, **options)
 
 
 def assert_refused(done: subprocess.CompletedProcess[str], message: str) -> None:
@@ -194,26 +189,22 @@ def test_tampered_frames_are_refused(program: Path, exported: Path, tmp_path: Pa
         ("taau/00_measure.wgsl", b"\xff\xfe", "is no UTF-8"),
         ("taau/00_measure.wgsl", b"// \xc0\xaf", "is no UTF-8"),
         ("taau/00_measure.wgsl", bytes((1 << 24) + 1), "16777217 bytes; want at most 16777216"),
+        ("taau/00_measure.wgsl", Path("a folder"), "00_measure.wgsl: "),
         ("frames/frames.json", b"{", "is no JSON"),
         ("frames/1.depth", bytes(79), "1.depth: 79 bytes; want 80;"),
         ("frames/1.depth", None, "1.depth: cannot be opened"),
     ],
 )
 def test_a_damaged_file_is_refused_by_name(
-    program: Path, exported: Path, tmp_path: Path, file: str, content: bytes | None, message: str
+    program: Path, exported: Path, tmp_path: Path, file: str, content: bytes | Path | None, message: str
 ) -> None:
     shutil.copytree(exported, tmp_path, dirs_exist_ok=True)
     (tmp_path / file).unlink()
-    if content is not None:
+    if isinstance(content, bytes):
         (tmp_path / file).write_bytes(content)
+    elif content is not None:
+        (tmp_path / file).mkdir()
     assert_refused(run(program, tmp_path), message)
-
-
-def test_a_folder_in_place_of_a_file_is_refused(program: Path, exported: Path, tmp_path: Path) -> None:
-    shutil.copytree(exported, tmp_path, dirs_exist_ok=True)
-    (tmp_path / "taau" / "00_measure.wgsl").unlink()
-    (tmp_path / "taau" / "00_measure.wgsl").mkdir()
-    assert_refused(run(program, tmp_path), "00_measure.wgsl: ")
 
 
 def test_a_frame_without_the_aovs_that_shaders_blend_is_refused(program: Path, exported: Path) -> None:

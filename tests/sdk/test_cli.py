@@ -63,14 +63,6 @@ def test_the_module_is_the_command() -> None:
     assert done.stdout.startswith("supersampler 0.")
 
 
-@pytest.mark.parametrize(
-    "command", ["demo", "upscale", "info", "check", "replay", "import", "render", "export", "bench"]
-)
-def test_every_command_has_help_and_the_top_lists_it(command: str) -> None:
-    assert f"\n  {command} " in run("--help").output
-    assert run(command, "--help").exit_code == 0
-
-
 def test_upscale_writes_what_the_library_makes(shot: Path, tmp_path: Path) -> None:
     assert run("upscale", shot, "-o", tmp_path / "out").exit_code == 0
     upscaler = Upscaler("classifier", display_size=DISPLAY_SIZE)

@@ -17,10 +17,7 @@ from supersampler.validation import Detection, detect_conventions
 from supersampler.validation.probe import FrameProbe
 from supersampler.validation.rankings import (
     Verdict,
-    jitters_in_the_pixel,
     rank_depth,
-    rank_jitter,
-    rank_motion,
 )
 from supersampler_model.data.scenes.analytic import Plane, checker
 
@@ -237,26 +234,6 @@ def depth_of(*depths: Any, stated: Conventions | None = None) -> Verdict:
     """Return the kind of depth of frames that have these."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return rank_depth([], [seen(depth) for depth in depths], stated or Conventions())
-
-
-@pytest.mark.parametrize(("x", "y", "units"), [
-    (0.4, -0.3, {"pixels"}), (0.0, 0.5005, {"pixels"}), (-0.5005, 0.0, {"pixels"}), (0.503, 0.0, set()),
-    (0.0, -0.503, set()), (0.01, 0.01, {"pixels", "ndc"}), (0.005, -0.006, {"pixels", "uv", "ndc"}),
-    (0.0, 0.0124, {"pixels", "ndc"}), (0.0, 0.0124 + 0.005, {"pixels"}),
-])  # fmt: skip
-def test_units_of_the_jitter_that_leave_the_pixel_are_not_tried(x: float, y: float, units: set[str]) -> None:
-    found = jitters_in_the_pixel([seen(jitter=(0.0, 0.0)), seen(jitter=(x, y)), seen()], Conventions())
-    assert {reading["jitter_unit"] for reading in found} == units
-    assert len(found) == 4 * len(units)
-    assert jitters_in_the_pixel([seen(jitter=(x, y))] * 3, Conventions()) == [], "it never changes"
-
-
-def test_without_pairs_of_frames_motion_and_jitter_are_uncertain() -> None:
-    assert rank_motion([], [], Conventions()).reason.startswith("no two neighbouring frames have enough")
-    assert rank_jitter([], [{"jitter_sign": 1}], Conventions()).reason.startswith("no two neighbouring")
-    three = rank_jitter([], [{"jitter_sign": 1}], Conventions(motion_jittered=True))
-    assert three.reason.startswith("with jitter in motion, three")
-    assert rank_jitter([], [], Conventions()).reason.startswith("it never changes")
 
 
 Y, X = np.mgrid[:60, :80]

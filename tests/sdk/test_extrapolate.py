@@ -93,12 +93,6 @@ def test_an_extrapolated_frame_is_nearly_what_a_shaded_one_would_be(taau: Model)
     assert errors[1] < 1.3 * errors[0]
 
 
-def test_without_frames_to_draw_nothing_is_different(taau: Model) -> None:
-    plain = Upscaler(taau, display_size=DISPLAY, validate="off")
-    for image, index in zip(run(make(taau), "ssss"), range(4), strict=True):
-        np.testing.assert_array_equal(image, plain.step(shaded(index)))
-
-
 def test_the_render_size_may_change_between_frames(taau: Model) -> None:
     upscaler = make(taau)
     for index, size in enumerate([(64, 36), (48, 27), (80, 45)]):

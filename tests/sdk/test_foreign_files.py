@@ -117,15 +117,13 @@ def test_deep_pixels_are_refused_by_name(tmp_path: Path) -> None:
 
 def write_frames(folder: Path, kind: str, suffix: str) -> np.ndarray:
     """One frame with colour of a type; returns its values from 0 to 1, or as they are."""
-    most = {"uint8": 255, "uint16": 65535}.get(kind)
     values: np.ndarray = VALUES[..., :3]
-    if most is not None:
-        values = np.random.default_rng(1).integers(0, most + 1, (HEIGHT, WIDTH, 3)).astype(kind)
-    folder.mkdir(exist_ok=True)
+    if kind != "float":
+        values = np.random.default_rng(1).integers(0, np.iinfo(kind).max + 1, values.shape).astype(kind)
     write_parts(folder / "color" / f"c.0001.{suffix}", (spec_of(("R", "G", "B"), kind), values))
     write_parts(folder / "motion" / "m.0001.tif", (spec_of(("R", "G", "B")), VALUES[..., 3:]))
     write_exr(folder / "d.0001.exr", {"Z": VALUES[..., 5]})
-    return values if most is None else values.astype(np.float32) / np.float32(most)
+    return values if kind == "float" else values.astype(np.float32) / np.float32(np.iinfo(kind).max)
 
 
 def color_map(suffix: str, channels: str = "RGB") -> dict[str, list[str]]:
@@ -133,18 +131,10 @@ def color_map(suffix: str, channels: str = "RGB") -> dict[str, list[str]]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "suffix", "stored"),
-    [
-        ("uint8", "png", ("png", "uint8")),
-        ("uint16", "png", ("png", "uint16")),
-        ("uint8", "tif", ("tif", "uint8")),
-        ("uint16", "tiff", ("tif", "uint16")),
-        ("float", "tif", ("tif", "float")),
-    ],
+    ("kind", "suffix"),
+    [("uint8", "png"), ("uint16", "png"), ("uint8", "tif"), ("uint16", "tiff"), ("float", "tif")],
 )
-def test_png_and_tiff_keep_their_values(
-    tmp_path: Path, kind: str, suffix: str, stored: tuple[str, str]
-) -> None:
+def test_png_and_tiff_keep_their_values(tmp_path: Path, kind: str, suffix: str) -> None:
     values = write_frames(tmp_path, kind, suffix)
     conventions = SRGB if kind.startswith("uint") else OURS
     shot = import_channels(tmp_path, {**MAP, **color_map(suffix)}, conventions=conventions)
@@ -152,7 +142,7 @@ def test_png_and_tiff_keep_their_values(
     np.testing.assert_allclose(raw.color, values, rtol=1e-7)
     np.testing.assert_array_equal(raw.depth, VALUES[..., 5])
     np.testing.assert_array_equal(raw.motion, VALUES[..., 3:5])
-    assert (shot.stored_as, shot.info.file_names) == (stored, "c.####")
+    assert (shot.stored_as, shot.info.file_names) == ((suffix[:3], kind), "c.####")
 
 
 def test_integers_without_srgb_are_refused(tmp_path: Path) -> None:
@@ -251,29 +241,25 @@ def test_the_colour_space_is_what_the_header_states(tmp_path: Path, name: str, v
 
 def luminance_chroma(width: int = 8, height: int = 4) -> bytes:
     """An EXR file of Y, and of RY and BY at half the size, which OpenImageIO does not write."""
-
-    def attribute(name: str, kind: str, data: bytes) -> bytes:
-        return f"{name}\0{kind}\0".encode() + struct.pack("<i", len(data)) + data
-
     channels = b"".join(
         name + b"\0" + struct.pack("<iB3xii", 1, 0, step, step)
         for name, step in ((b"BY", 2), (b"RY", 2), (b"Y", 1))
     )
     window = struct.pack("<iiii", 0, 0, width - 1, height - 1)
-    header = struct.pack("<II", 20000630, 2) + b"".join(
-        (
-            attribute("channels", "chlist", channels + b"\0"),
-            attribute("compression", "compression", b"\0"),
-            attribute("dataWindow", "box2i", window),
-            attribute("displayWindow", "box2i", window),
-            attribute("lineOrder", "lineOrder", b"\0"),
-            attribute("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
-            attribute("screenWindowCenter", "v2f", struct.pack("<ff", 0.0, 0.0)),
-            attribute("screenWindowWidth", "float", struct.pack("<f", 1.0)),
-            b"\0",
-        )
+    attributes = (
+        ("channels", "chlist", channels + b"\0"),
+        ("compression", "compression", b"\0"),
+        ("dataWindow", "box2i", window),
+        ("displayWindow", "box2i", window),
+        ("lineOrder", "lineOrder", b"\0"),
+        ("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
+        ("screenWindowCenter", "v2f", struct.pack("<ff", 0.0, 0.0)),
+        ("screenWindowWidth", "float", struct.pack("<f", 1.0)),
     )
-    offsets, body = [], b""
+    header = struct.pack("<II", 20000630, 2)
+    for name, kind, data in attributes:
+        header += f"{name}\0{kind}\0".encode() + struct.pack("<i", len(data)) + data
+    header, offsets, body = header + b"\0", [], b""
     for row in range(height):
         offsets.append(len(header) + 8 * height + len(body))
         values = np.full(width * (2 if row % 2 == 0 else 1), 0.5, np.float16).tobytes()
@@ -283,14 +269,12 @@ def luminance_chroma(width: int = 8, height: int = 4) -> bytes:
 
 def test_luminance_chroma_images_are_refused_with_a_converter(tmp_path: Path) -> None:
     (tmp_path / "s.0001.exr").write_bytes(luminance_chroma())
-    for read in (read_image, read_exr):
+    for read in (read_image, read_exr, lambda path: open_source(path.parent, conventions=Conventions())):
         with pytest.raises(
-            ShotError, match=r"luminance and chroma \(Y, RY, BY\).* R, G and B; ImageM"
+            ShotError, match=r"luminance and chroma \(Y, RY, BY\).* R, G and B; Image"
         ) as caught:
             read(tmp_path / "s.0001.exr")
         assert "damaged" not in str(caught.value)
-    with pytest.raises(ShotError, match="luminance and chroma"):
-        open_source(tmp_path, conventions=Conventions())
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from OpenImageIO import ImageInput, ImageSpec
+from OpenImageIO import ImageBuf, ImageInput, ImageSpec
 
 from exr_parts import write_parts
 from supersampler import ShotError
@@ -55,8 +55,7 @@ def test_no_time_is_stored_so_that_equal_images_are_equal_files(tmp_path: Path) 
     for name in ("a.exr", "b.exr"):
         images.write_exr(tmp_path / name, PIXELS)
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
-    image: Any = ImageInput.open(str(tmp_path / "a.exr"))
-    assert image.spec().get_string_attribute("DateTime") == ""
+    assert ImageBuf(str(tmp_path / "a.exr")).spec().get_string_attribute("DateTime") == ""
 
 
 def test_whole_numbers_stay_whole_numbers(tmp_path: Path) -> None:
@@ -93,12 +92,6 @@ def test_values_that_exr_cannot_store_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_png_holds_the_bytes_given(tmp_path: Path) -> None:
-    images.write_png(tmp_path / "image.png", BYTES)
-    np.testing.assert_array_equal(decoded(tmp_path / "image.png"), BYTES)
-    assert images.encode_png(BYTES) == (tmp_path / "image.png").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("write", "name"), [(images.write_png, "image.png"), (images.write_tiff, "image.tif")]
 )
@@ -114,6 +107,8 @@ def test_integers_come_back_and_are_tagged_as_srgb(
     assert found.spec().get_string_attribute("oiio:ColorSpace").startswith("srgb_rec709")
     write(tmp_path / f"again {name}", image)
     assert (tmp_path / name).read_bytes() == (tmp_path / f"again {name}").read_bytes()
+    if (name, kind) == ("image.png", np.uint8):
+        assert images.encode_png(image) == (tmp_path / name).read_bytes()
 
 
 def test_a_png_of_another_display_is_tagged_as_its_encoding(tmp_path: Path) -> None:
@@ -188,10 +183,7 @@ def write_half_and_stop(path: Path) -> None:
 
 
 def decoded(path: Path) -> np.ndarray:
-    image: Any = ImageInput.open(str(path))
-    pixels: Any = image.read_image("uint8")
-    image.close()
-    return pixels
+    return np.asarray(ImageBuf(str(path)).get_pixels("uint8"))
 
 
 TYPES = ("f2", "f4", "f8", "?", "u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8")

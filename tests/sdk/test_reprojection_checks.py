@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from supersampler import Conventions, FrameError, RawFrame
@@ -21,7 +19,7 @@ from supersampler.validation.probe import (
     sky_fraction,
     tone_mapped,
 )
-from supersampler.validation.reprojection import FramePair, _sample, frame_pairs
+from supersampler.validation.reprojection import FramePair, frame_pairs
 
 OURS = Conventions()
 Pixels = tuple[int, int]
@@ -49,30 +47,6 @@ def view(x: int = 0, y: int = 0, size: Pixels = (80, 60), seed: int = 0) -> Floa
 
 def pair(before: NDArray[Any], now: NDArray[Any], **fields: Any) -> FramePair:
     return FramePair(probe(before), probe(now, **fields))
-
-
-# --- sampling and tone mapping ---
-
-
-@given(st.floats(0.6, 7.4), st.floats(0.6, 4.4), st.floats(-2.0, 2.0), st.floats(-2.0, 2.0))
-def test_a_sample_of_a_linear_image_is_its_value_there(x: float, y: float, in_x: float, in_y: float) -> None:
-    rows, columns = np.mgrid[-1:7, -1:10]
-    image = (3.0 + in_x * columns + in_y * rows).astype(np.float32)
-    assert _sample(image, np.array(x), np.array(y)) == pytest.approx(3.0 + in_x * x + in_y * y, abs=1e-5)
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_samples_end_at_the_border_of_the_outer_pixels(axis: int) -> None:
-    image, extent = np.ones((8, 11), np.float32), (9, 6)[axis]
-
-    def sample(place: float) -> float:
-        position = [np.array(2.0), np.array(2.0)]
-        position[axis] = np.array(place)
-        return float(_sample(image, *position))
-
-    assert sample(-0.49) == pytest.approx(1.0)
-    assert sample(extent - 0.51) == pytest.approx(1.0)
-    assert np.isnan([sample(-0.5), sample(extent - 0.5), sample(np.nan)]).all()
 
 
 def test_luminance_is_tone_mapped_around_the_median_of_lit_pixels() -> None:

@@ -46,8 +46,12 @@ def frames(count: int = COUNT, cuts: tuple[int, ...] = ()) -> list[Frame]:
     return [moving(index, reset=index in (0, *cuts)) for index in range(count)]
 
 
+def merged_lazily(given: Any, **options: Any) -> Iterator[np.ndarray]:
+    return upscale_sequence(given, display_size=DISPLAY_SIZE, **{"model": "taau", **options})
+
+
 def merged(given: Any, **options: Any) -> list[np.ndarray]:
-    return list(upscale_sequence(given, display_size=DISPLAY_SIZE, **{"model": "taau", **options}))
+    return list(merged_lazily(given, **options))
 
 
 def test_one_pass_is_step_bit_for_bit() -> None:
@@ -65,14 +69,6 @@ def test_lists_generators_and_shots_give_the_same_images(tmp_path: Path) -> None
     assert len(of_list) == COUNT
     for other in (merged(frame for frame in given), merged(shot), merged(iter(shot))):
         assert all(map(np.array_equal, of_list, other))
-
-
-@pytest.mark.parametrize("method", ["taau", "classifier", "taa", "bilinear"])
-def test_the_backends_agree(method: str) -> None:
-    """Each returns writable images and their weight maps."""
-    cpu, onnx = (merged(frames(5), model=method, executor=name) for name in ("auto", "onnx"))
-    for one, other in zip(cpu, onnx, strict=True):
-        assert np.abs(one - other).mean() < 0.01 * one.mean()
 
 
 @pytest.mark.usefixtures("small_chunks")
@@ -136,10 +132,8 @@ def test_live_images_come_two_blocks_late(
             yield moving(index, **buffers)
 
     monkeypatch.setattr(Upscaler, "step", counted)
-    result = []
-    for index, image in enumerate(
-        upscale_sequence(live(), display_size=DISPLAY_SIZE, model="taau", lookahead=lookahead)
-    ):
+    images, result = merged_lazily(live(), lookahead=lookahead), []
+    for index, image in enumerate(images):
         result.append(image)
         assert read[0] - index <= 2 * lookahead
     assert steps[0] <= 3 * 12
@@ -165,7 +159,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 def test_no_more_than_a_chunk_and_its_overlap_are_kept(tmp_path: Path, made: list[Any]) -> None:
     image = 4 * 3 * DISPLAY_SIZE[0] * DISPLAY_SIZE[1]  # bytes; a frame has fewer
     most = 0
-    for _ in merged_in(tmp_path, frames(20)):
+    for _ in merged_lazily(frames(20), scratch=tmp_path):
         (file,) = made
         most = max(most, os.fstat(file.fileno()).st_size)
     assert 0 < most <= (sum(SMALL) + SMALL.frames) * image  # frames, and backward images
@@ -184,18 +178,14 @@ def test_arrays_of_changing_sizes_do_not_make_the_scratch_file_grow(made: list[A
     assert max(sizes) < 4 * 9 * 977 * 8
 
 
-def merged_in(scratch: Path, given: Any) -> Iterator[np.ndarray]:
-    return upscale_sequence(given, display_size=DISPLAY_SIZE, model="taau", scratch=scratch)
-
-
 @pytest.mark.usefixtures("on_disk")
 def test_the_scratch_file_has_no_name_and_is_closed_whatever_happens(tmp_path: Path, made: list[Any]) -> None:
-    closed = merged_in(tmp_path, frames())
+    closed = merged_lazily(frames(), scratch=tmp_path)
     next(closed)
     assert list(tmp_path.iterdir()) == []  # so that a process that is killed leaves nothing
     closed.close()  # type: ignore[attr-defined]
 
-    deleted = merged_in(tmp_path, frames())
+    deleted = merged_lazily(frames(), scratch=tmp_path)
     next(deleted)
     del deleted
     gc.collect()
@@ -205,7 +195,7 @@ def test_the_scratch_file_has_no_name_and_is_closed_whatever_happens(tmp_path: P
         raise ValueError("the renderer stopped")
 
     with pytest.raises(ValueError, match="the renderer stopped"):
-        list(merged_in(tmp_path, broken()))
+        list(merged_lazily(broken(), scratch=tmp_path))
     assert [file.closed for file in made] == [True, True, True]
 
 
@@ -220,7 +210,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path: Path, monkeypatch:
     opened = Full(tmp_path / "scratch", "x+")
     monkeypatch.setattr("supersampler.sequence.frame_store.tempfile.TemporaryFile", lambda **_: opened)
     with pytest.raises(ShotError, match="No space left on device") as error:
-        list(merged_in(tmp_path, frames()))
+        list(merged_lazily(frames(), scratch=tmp_path))
     assert "scratch" in str(error.value)
     assert "\n" not in str(error.value)
     assert opened.closed
@@ -247,6 +237,8 @@ def test_arguments_are_refused_before_a_frame_is_read(options: dict[str, Any], s
         upscale_sequence(never(), **{"display_size": DISPLAY_SIZE, "model": "taau", **options})
     with pytest.raises(ArgumentError, match="frames is 5"):
         upscale_sequence(5, display_size=DISPLAY_SIZE)  # type: ignore[arg-type]
+    with pytest.raises(ShotError, match="nowhere"):
+        list(merged_lazily(frames(2), scratch=Path("nowhere")))
 
 
 def test_images_are_the_same_from_memory_and_from_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -271,11 +263,6 @@ def test_gbuffers_reach_both_runs_from_the_disk_too(monkeypatch: pytest.MonkeyPa
     assert (between[0] <= in_memory[0]).all()
     assert (in_memory[0] <= between[1]).all()
     assert np.abs(in_memory[0] - first).max() > 1e-3
-
-
-def test_a_scratch_folder_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ShotError, match="nowhere"):
-        list(merged_in(tmp_path / "nowhere", frames(2)))
 
 
 def test_unusable_values_do_not_spread() -> None:

@@ -88,17 +88,12 @@ def test_an_odd_size_repeats_the_last_column_and_row(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rate", "wanted"),
     [
-        (24, Fraction(24)),
-        (1, Fraction(1)),
-        (23.976, Fraction(24000, 1001)),
-        (23.98, Fraction(24000, 1001)),
-        (29.97, Fraction(30000, 1001)),
-        (59.94005994, Fraction(60000, 1001)),
-        (12.5, Fraction(25, 2)),
+        (24, (24, 1)), (1, (1, 1)), (23.976, (24000, 1001)), (23.98, (24000, 1001)), (29.97, (30000, 1001)),
+        (59.94005994, (60000, 1001)), (12.5, (25, 2)),
     ],
-)
-def test_rates_are_exact_fractions(rate: float, wanted: Fraction) -> None:
-    assert exact_rate(rate) == wanted
+)  # fmt: skip
+def test_rates_are_exact_fractions(rate: float, wanted: tuple[int, int]) -> None:
+    assert exact_rate(rate) == Fraction(*wanted)
 
 
 def test_a_video_that_fails_leaves_the_older_file_and_nothing_else(tmp_path: Path) -> None:
@@ -166,22 +161,19 @@ def test_the_pixel_aspect_ratio_of_unequal_ratios_is_that_of_the_image(tmp_path:
     assert header(tmp_path / "odd" / "s.0002.exr")["PixelAspectRatio"] == 2.0
 
 
-def test_the_frame_rate_of_the_header_is_that_of_film_and_images(tmp_path: Path) -> None:
-    metadata: Metadata = {"framesPerSecond": FILM, "smpte:TimeCode": TIME}
-    out = results(tmp_path, metadata, "--format", "exr", "--format", "mp4")
-    assert rate_and_aspect(out / "video.mp4")[0] == Fraction(24000, 1001)
-    image = header(out / "s.0002.exr")
-    assert image.getattribute("framesPerSecond") == FILM.values
-    assert image.getattribute("smpte:TimeCode") == TIME.values
-
-
-def test_a_frame_rate_that_is_given_replaces_that_of_the_header_and_its_time_code(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("given", "rate", "code"),
+    [((), FILM.values, TIME.values), (("--frame-rate", "30"), (30, 1), None)],
+)
+def test_the_frame_rate_is_the_headers_or_a_given_one_without_its_time_code(
+    tmp_path: Path, given: tuple[str, ...], rate: Any, code: Any
+) -> None:
     metadata: Metadata = {"framesPerSecond": FILM, "smpte:TimeCode": TIME, "comments": "night"}
-    out = results(tmp_path, metadata, "--format", "exr", "--format", "mp4", "--frame-rate", "30")
-    assert rate_and_aspect(out / "video.mp4")[0] == 30
+    out = results(tmp_path, metadata, "--format", "exr", "--format", "mp4", *given)
+    assert rate_and_aspect(out / "video.mp4")[0] == Fraction(*rate)
     image = header(out / "s.0002.exr")
-    assert image.getattribute("framesPerSecond") == (30, 1)
-    assert image.getattribute("smpte:TimeCode") is None
+    assert image.getattribute("framesPerSecond") == rate
+    assert image.getattribute("smpte:TimeCode") == code
     assert image["ImageDescription"] == "night"
 
 
