@@ -71,18 +71,6 @@ def test_the_error_is_0_at_the_place_in_the_previous_image_and_large_elsewhere(m
         assert made.error(wrong) > 0.2 * made.variance
 
 
-@pytest.mark.parametrize("brightness", [1e-3, 1.0, 50.0])
-def test_the_error_is_the_mean_squared_difference_of_tones(brightness: float) -> None:
-    lit = np.full((60, 80), brightness)
-    before = lit.copy()
-    before[:30] *= 3.0  # 0.75, and 0.5 in the others
-    made, top = pair(before, lit), np.repeat(np.arange(60) < 28, 80)
-    assert made.error(np.zeros(2), where=top) == pytest.approx(0.0625)
-    assert made.error(np.zeros(2)) == pytest.approx(0.0625 / 2, rel=0.02)
-    assert made.variance == pytest.approx(0.0)
-    assert pair(lit, before).variance == pytest.approx((0.25 / 2) ** 2, rel=0.2)
-
-
 @pytest.mark.parametrize("axis", [0, 1])
 def test_places_off_the_screen_do_not_count_and_half_must_be_on_it(axis: int) -> None:
     made, offset = pair(view(), view()), np.zeros(2)
@@ -104,31 +92,6 @@ def test_stripes_are_texture_if_they_fill_1000_pixels(turned: bool, lines: int, 
     assert pair(light, light).textured is enough
     faint = 1.0 + 0.1 * (light - 1.0)
     assert not pair(faint, faint).textured
-
-
-def test_a_pixels_previous_place_is_its_motion_and_the_change_of_the_jitter() -> None:
-    motion = np.full((60, 80, 2), (1.0, 2.0), np.float32)
-    made = FramePair(probe(view(), jitter=(-0.25, 0.25)), probe(view(), motion=motion, jitter=(0.25, -0.125)))
-    jittered = Conventions(motion_jittered=True)
-    assert made.shift(OURS).tolist() == [0.5, -0.375]
-    assert made.shift(Conventions(jitter_sign=-1)).tolist() == [-0.5, 0.375]
-    assert made.offset(OURS)[7].tolist() == [1.5, 1.625]
-    assert made.offset(OURS, motion_swapped=True)[7].tolist() == [2.5, 0.625]
-    assert made.offset(OURS, jitter_swapped=True)[7].tolist() == [0.625, 2.5]
-    assert made.offset(jittered)[7].tolist() == [1.0, 2.0]
-    assert made.offset(OURS, pixel_grid((80, 60), 50)).shape == (len(pixel_grid((80, 60), 50)[0]), 2)
-
-
-def test_vectors_of_display_size_are_read_at_the_pixels_centres_in_render_pixels() -> None:
-    rows, columns = np.mgrid[:120, :240].astype(np.float32)
-    made = probe(view(), motion=np.stack([columns, rows], axis=-1))
-    pixels = np.array([0, 7, 59]), np.array([0, 9, 79])
-    display = Conventions(motion_resolution="display")
-    np.testing.assert_allclose(
-        made.vectors(display, pixels), np.array([[1, 1], [28, 15], [238, 119]]) / [3, 2]
-    )
-    swapped = made.vectors(display, pixels, swapped=True)
-    np.testing.assert_allclose(swapped, np.array([[1, 1], [15, 28], [119, 238]]) / [3, 2], rtol=1e-6)
 
 
 def test_pixels_move_by_at_least_a_tenth_of_the_longest_vectors() -> None:
@@ -218,18 +181,6 @@ def test_bad_pixels_do_not_hide_that_an_image_moves() -> None:
 # --- depth ---
 
 
-RISING = np.array([[0.1, 0.2, 0.5]] * 3, np.float32)
-"""1 / distance whose differences are 0.1 and 0.3: they change by half of their sum."""
-
-
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize(
-    ("order", "depth"), [("reversed", RISING), ("forward", 1 - RISING), ("linear", 1 / RISING)]
-)
-def test_curvature_is_that_of_inverse_distance(order: DepthOrder, depth: Float32, turned: bool) -> None:
-    assert plane_curvature(depth.T if turned else depth, order) == pytest.approx(0.5, rel=1e-4)
-
-
 def plane(size: int = 60) -> Float32:
     y, x = np.mgrid[:size, :size]
     return np.asarray(0.3 + 0.001 * x + 0.002 * y, np.float32)
@@ -255,14 +206,6 @@ def test_depth_without_slopes_has_no_curvature() -> None:
     rounded = flat.copy()
     rounded[::2, ::3] = np.nextafter(np.float32(0.3), np.float32(1))
     assert np.isnan(plane_curvature(rounded, "reversed"))
-
-
-def test_curvature_is_that_of_the_middle_of_the_image() -> None:
-    depth = np.tile(RISING[:1].repeat(2, axis=0), (300, 300))
-    depth[100:500, 250:650] = plane(400)
-    assert plane_curvature(depth[:600, :900], "reversed") < 1e-4
-    assert plane_curvature(depth[:600, :300], "reversed") > 0.1
-    assert plane_curvature(depth[:130, :900], "reversed") > 0.1
 
 
 def disocclusion(near: float = 0.2, far: float = 0.1) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -314,18 +257,6 @@ def test_places_off_the_screen_are_not_the_nearest_ones_on_it(part: Any, offset:
     now, before = np.full((60, 80), 0.1, np.float32), np.full((60, 80), 0.1, np.float32)
     before[part] = 0.2
     assert counted(now, before, offset=offset) == (count, 0)
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("flip", [False, True])
-def test_a_surface_at_the_border_is_seen_by_the_pixels_next_to_it(axis: int, flip: bool) -> None:
-    """The outer row or column is closer, so that only the third to ninth are disoccluded."""
-    now, before = np.full((2, 60, 80), 0.1, np.float32)
-    near_now, near_before = (
-        np.moveaxis(np.flip(each, axis) if flip else each, axis, 0) for each in (now, before)
-    )
-    near_now[0], near_before[:10] = 0.2, 0.15
-    assert counted(now, before) == (7 * (80, 60)[axis], 0)
 
 
 # --- frames as they are read ---

@@ -17,7 +17,7 @@ from supersampler.errors import FrameWarning
 from supersampler.frame import Float32
 from supersampler.validation import FrameChecker
 from supersampler.validation.probe import GRID_PIXELS, pixel_grid, tone_mapped
-from supersampler.validation.single_frame import depth_values, mixed_edges
+from supersampler.validation.single_frame import mixed_edges
 
 PIXELS = WIDTH * HEIGHT
 Y, X = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
@@ -477,16 +477,6 @@ def test_even_values_are_coarse_only_if_they_are_rounded_in_places(rows: int, fo
     """Rows of one value each, some of which rise by one step at one column."""
     levels = (np.arange(HEIGHT) * 8 // HEIGHT)[:, None] + ((X == 40) & (rows > Y))
     assert (coarse(0.1 + 0.01 * levels) != "") is found
-
-
-def test_few_pixels_with_many_values_prove_nothing() -> None:
-    def depth(count: int) -> Float32:
-        levels = (np.arange(128) * count // 128).reshape(8, 16)
-        return np.pad(0.1 + 0.01 * levels, ((0, 0), (1, 1)), mode="edge").astype(np.float32)
-
-    assert depth_values(depth(16)) == 16
-    assert depth_values(depth(17)) == 0
-    assert depth_values(depth(16)[:, :2]) == 0
 
 
 # --- motion ---

@@ -10,11 +10,9 @@ from plain_frames import complaints
 from supersampler import Conventions, Frame
 from supersampler.validation.probe import FrameProbe
 from supersampler.validation.rankings import SURE, Hypothesis, Verdict, ranked
-from supersampler.validation.reprojection import FramePair
 from supersampler.validation.temporal import (
     FACTORS,
     FramesSeen,
-    jitter_in_vectors,
     motion_next_mistakes,
     temporal_mistakes,
     vectors_have_jitter,
@@ -271,24 +269,6 @@ def test_jitter_is_sought_in_vectors_that_change_with_it_in_two_pairs() -> None:
     assert "with jitter in it" in told(errors={in_another_unit: (0.2, 0.02)})
 
 
-def test_how_motion_changes_with_the_jitter_is_summed() -> None:
-    """Three jitters, whose changes are (0.5, -0.25) and (-0.25, 0.75), and vectors with a part of them."""
-    jitters, change = [(-0.25, 0.0), (0.25, -0.25), (0.0, 0.5)], np.array([-0.75, 1.0])
-    before, now = (FrameProbe.of_frame(even(jitter, (100, 90))) for jitter in jitters[1:])
-    light = np.random.default_rng(0).random((90, 100)).astype(np.float32)
-    motion = np.full((90, 100, 2), (3.0, 4.0), np.float32)
-    first = replace(before, light=light, motion=motion)
-    second = replace(now, light=light, motion=np.asarray(motion + 0.5 * change, np.float32))
-    pair = FramePair(first, second)
-    sums = jitter_in_vectors((1.0, 2.0), pair, jitters[:2], Conventions())
-    assert sums == pytest.approx((1.0 + 0.5 * 1.5625, 2.0 + 1.5625))
-    opposite = jitter_in_vectors((1.0, 2.0), pair, jitters[:2], Conventions(jitter_sign=-1))
-    assert opposite == pytest.approx((1.0 - 0.5 * 1.5625, 2.0 + 1.5625))
-    assert jitter_in_vectors((1.0, 2.0), pair, jitters[1:2], Conventions()) == (1.0, 2.0), "no third frame"
-    smaller = FramePair(replace(first, motion=motion[:45]), second)
-    assert jitter_in_vectors((1.0, 2.0), smaller, jitters[:2], Conventions()) == (1.0, 2.0)
-
-
 # --- depth of surfaces that hide others ---
 
 
@@ -311,27 +291,6 @@ def test_depth_is_of_the_kind_in_which_closer_surfaces_hide_others(
     assert ("as if depth were" in said) == bool(kind)
     assert kind in said
     assert "as if depth were" not in told(surfaces=surfaces, errors={FLIPPED: (0.2, 0.02)}), "wrong motion"
-
-
-def test_one_pair_of_frames_is_no_more_than_15_disoccluded_pixels() -> None:
-    """A card of linear depth is in front of a wall, disappears, and comes back in a strip of two rows."""
-    y, x = np.mgrid[:90, :100]
-    light = np.random.default_rng(0).random((90, 100, 3)).astype(np.float32)
-
-    def after(seen: FramesSeen, rows: int, step: float = 0.0) -> FramesSeen:
-        wall = np.float32(5.0) + np.float32(0.01) * x + np.float32(0.013) * y
-        depth = np.where((x < 40) & (y < rows), 2.0, np.rint(wall / step) * step if step else wall)
-        made = replace(even((0.1 * len(seen.jitters), 0.2), (100, 90)), color=light)
-        return seen.after(FrameProbe.of_frame(replace(made, depth=depth.astype(np.float32))), (200, 180))
-
-    gone = after(after(after(FramesSeen(), rows=40), rows=0), rows=0)
-    assert gone.surfaces["reversed"] == (0.0, 15.0)
-    assert gone.surfaces["forward"] == (0.0, 0.0), "negative"
-    back = after(gone, rows=10)
-    assert back.surfaces["reversed"] == (15.0, 15.0)
-    assert after(back, rows=10, step=0.25).surfaces == {}, "too coarse"
-    few = after(after(FramesSeen(), rows=0), rows=2)
-    assert few.surfaces["reversed"] == (38.0, 0.0) or few.surfaces["reversed"][0] <= 15.0
 
 
 # --- the state of the checks ---
