@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -21,26 +22,24 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("options", "numbers"),
     [
-        ((), [0, 1, 2, 3, 4, 5]),
-        (("--frames", "1-3", "--preroll", "1"), [1, 2, 3]),
-        (("--format", "mp4"), [0, 1, 2, 3, 4, 5]),
-        (("--compare",), [0, 1, 2, 3, 4, 5]),
+        ((), range(COUNT)), (("--frames", "1-3", "--preroll", "1"), [1, 2, 3]),
+        (("--format", "mp4"), range(COUNT)), (("--compare",), range(COUNT)),
     ],
-)
+)  # fmt: skip
 def test_stdout_is_a_line_of_json_for_each_frame(
-    shot: Path, tmp_path: Path, options: tuple[str, ...], numbers: list[int]
+    shot: Path, tmp_path: Path, options: tuple[str, ...], numbers: Sequence[int]
 ) -> None:
     if "mp4" in options:
         pytest.importorskip("av")
-    events = [json.loads(line) for line in upscale(shot, tmp_path, "--json", *options).stdout.splitlines()]
-    assert [event["event"] for event in events] == ["begin", *["frame"] * len(numbers), "end"]
-    assert (events[0]["shot"], events[0]["frames"], events[0]["complete"]) == ("tiny", len(numbers), 0)
-    frames = events[1:-1]
-    assert [frame["number"] for frame in frames] == numbers
-    assert [frame["index"] for frame in frames] == [*range(len(numbers))]
-    assert {frame["frames"] for frame in frames} == {len(numbers)}
-    assert all(frame["seconds"] >= 0.0 for frame in frames)
-    assert events[-1]["frames"] >= len(numbers)
+    first, *frames, last = map(json.loads, upscale(shot, tmp_path, "--json", *options).stdout.splitlines())
+    count = len(numbers)
+    wanted = {"event": "begin", "shot": "tiny", "frames": count, "complete": 0}
+    assert first | wanted == first
+    for index, (frame, number) in enumerate(zip(frames, numbers, strict=True)):
+        wanted = {"event": "frame", "number": number, "index": index, "frames": count}
+        assert frame | wanted == frame
+        assert frame["seconds"] >= 0.0
+    assert (last["event"], last["frames"] >= count) == ("end", True)
 
 
 def test_a_frame_is_written_before_its_line(
