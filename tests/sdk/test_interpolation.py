@@ -94,16 +94,10 @@ def test_the_side_that_saw_the_surface_counts() -> None:
 
 def test_a_surface_that_moved_agrees_where_it_was_and_not_off_screen() -> None:
     now, before = lit(1, light=1.0, shaded=False), lit(0, light=1.0)
-    assert before.gbuffer is not None
-    planes = {name: np.moveaxis(array, -1, 0)[None] for name, array in before.gbuffer.items()}
-    history = {
-        **{f"history.{name}": plane for name, plane in planes.items()},
-        "history.depth": before.depth[None, None],
-        "history.jitter": np.array([before.jitter], np.float32),
-        "history.motion": np.moveaxis(now.motion, -1, 0)[None].astype(np.float32),
-    }
-    found = surface_agreement(now, history)
-    assert np.median(found) > 0.5
+    arrays = {**(before.gbuffer or {}), "depth": before.depth[..., None], "motion": now.motion}
+    history = {f"history.{name}": np.moveaxis(array, -1, 0)[None] for name, array in arrays.items()}
+    history["history.jitter"] = np.array([before.jitter], np.float32)
+    assert np.median(surface_agreement(now, history)) > 0.5
     away = {**history, "history.motion": history["history.motion"] + np.float32(100.0)}
     assert (surface_agreement(now, away) == MIN_AGREEMENT).all()
 
