@@ -52,7 +52,6 @@ SERVER = (
 GALLERY = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pyvista_gallery.py"))["SCENES"]
 
 
-@pytest.fixture
 def add_floor(plotter: Any) -> None:
     """Add a textured floor, seen from above, at a slant."""
     plane = pv.Plane(i_size=4, j_size=4, i_resolution=24, j_resolution=24)

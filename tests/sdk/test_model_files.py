@@ -29,7 +29,6 @@ from supersampler.methods.model_file import MAX_DESCRIPTION, find_model, read_mo
 SHIPPED = find_model("taa").parent
 
 
-@pytest.fixture
 def copied(method: str, folder: Path) -> Path:
     """Copy a shipped model into a folder."""
     return Path(shutil.copytree(find_model(method), folder / "model"))
