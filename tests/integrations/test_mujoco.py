@@ -2,7 +2,6 @@
 
 import importlib.util
 import os
-import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from commands import finished
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.images import read_image
@@ -69,8 +69,7 @@ def test_a_short_run_writes_its_image(
     ],
 )
 def test_no_frames_and_odd_sizes_are_refused(options: list[str], message: str) -> None:
-    command = [sys.executable, str(SCRIPT), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = finished(sys.executable, SCRIPT, *options)
     assert (done.returncode, done.stderr.endswith(message)) == (2, True), done.stderr
 
 

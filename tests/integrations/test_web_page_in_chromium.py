@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,31 @@ if TYPE_CHECKING:
 WITHOUT_GPU = "Object.defineProperty(navigator, 'gpu', {value: undefined})"
 
 pytest_plugins = ["chromium_fixtures"]  # fixtures
+
+
+@pytest.fixture
+def any_page(browser: "Browser") -> "Iterator[Page]":
+    """A page that may log errors."""
+    page = browser.new_page()
+    page.set_default_timeout(180_000)
+    yield page
+    page.close()
+
+
+def choose(page: "Page", name: str, value: str) -> str:
+    """Choose a value, wait, and return the note that is then shown, if any."""
+    page.select_option(f"[name={name}]", value)
+    return note_after(page)
+
+
+def note_after(page: "Page") -> str:
+    page.evaluate("supersamplerDemo.settled()")
+    return page.inner_text("#note") if page.is_visible("#note") else ""
+
+
+def click_single(page: "Page") -> None:
+    page.click("[name=single]")
+    page.evaluate("supersamplerDemo.settled()")
 
 
 @pytest.mark.parametrize(
@@ -92,36 +118,28 @@ def test_the_split_shows_one_view_left_and_the_other_right(page: "Page", url: st
 
 def test_method_ratio_and_size_can_be_changed_and_frames_stepped(page: "Page", url: str) -> None:
     opened(page, f"{url}?test&size=320x180&method=taau&right=truth")
-
-    def change(name: str, value: str) -> dict[str, Any]:
-        page.select_option(f"[name={name}]", value)
-        page.evaluate("supersamplerDemo.settled()")
-        assert not page.is_visible("#note"), page.inner_text("#note")
-        state: dict[str, Any] = page.evaluate("supersamplerDemo.state")
-        return state
-
-    assert change("ratio", "3")["size"] == [107, 60]
-    assert change("ratio", "1.5")["size"] == [213, 120]
-    assert change("method", "taa")["method"] == "taa"
-    assert change("size", "640x360")["displaySize"] == [640, 360]
-    assert change("source", "shot")["size"] == [320, 180]
+    for name, value, key, wanted in (
+        ("ratio", "3", "size", [107, 60]),
+        ("ratio", "1.5", "size", [213, 120]),
+        ("method", "taa", "method", "taa"),
+        ("size", "640x360", "displaySize", [640, 360]),
+        ("source", "shot", "size", [320, 180]),
+    ):
+        assert choose(page, name, value) == ""
+        assert page.evaluate("supersamplerDemo.state")[key] == wanted
     assert not page.is_visible("[name=ratio]"), "a shot has its own"
-    assert change("source", "live")["displaySize"] == [640, 360]
+    assert choose(page, "source", "live") == ""
+    assert page.evaluate("supersamplerDemo.state.displaySize") == [640, 360]
     jitter = page.evaluate("supersamplerDemo.state.jitter")
-    page.click("[name=single]")
-    page.evaluate("supersamplerDemo.settled()")
+    click_single(page)
     assert page.evaluate("supersamplerDemo.state.jitter") != jitter
     assert "upscaling" in page.inner_text("#times")
 
 
 def test_an_unsupported_ratio_is_reported_and_the_next_choice_works(page: "Page", url: str) -> None:
     opened(page, f"{url}?test&size=320x180&method=classifier-large&ratio=none")
-    page.select_option("[name=ratio]", "3")
-    page.evaluate("supersamplerDemo.settled()")
-    assert "1 to 2 times less than the display" in page.inner_text("#note")
-    page.select_option("[name=ratio]", "1.5")
-    page.evaluate("supersamplerDemo.settled()")
-    assert not page.is_visible("#note"), page.inner_text("#note")
+    assert "1 to 2 times less than the display" in choose(page, "ratio", "3")
+    assert choose(page, "ratio", "1.5") == ""
     assert page.evaluate("supersamplerDemo.state")["size"] == [213, 120]
 
 
@@ -171,34 +189,30 @@ def test_webassembly_computes_the_images_of_the_cpu_backend(
 
 
 @pytest.mark.parametrize("file", ["models/taau.js", "scene/scene.wgsl", "page/present.wgsl"])
-def test_a_broken_shader_is_shown_with_the_adapter(
-    browser: "Browser", url: str, site: Path, file: str
-) -> None:
+def test_a_broken_shader_is_shown_with_the_adapter(any_page: "Page", url: str, site: Path, file: str) -> None:
     broken = re.sub(r"(fn \w+)\(", r"\1((", (site / file).read_text("utf-8"))
-    page = browser.new_page()
-    page.route(f"**/{file}", lambda route: route.fulfill(body=broken, content_type=TYPES[Path(file).suffix]))
-    page.goto(f"{url}?method=taau")
-    page.wait_for_function("document.getElementById('note').textContent.includes('wgsl')", timeout=60_000)
-    note = page.inner_text("#note")
-    page.close()
+    kind = TYPES[Path(file).suffix]
+    any_page.route(f"**/{file}", lambda route: route.fulfill(body=broken, content_type=kind))
+    any_page.goto(f"{url}?method=taau")
+    any_page.wait_for_function("document.getElementById('note').textContent.includes('wgsl')")
+    note = any_page.inner_text("#note")
     assert "swiftshader" in note
     assert "The live scene needs WebGPU." in note, "the fallback follows"
 
 
 @pytest.mark.parametrize("loss", ["destroyed", "crashed"])
-def test_where_the_gpu_is_lost_the_page_goes_on_without(browser: "Browser", url: str, loss: str) -> None:
-    page = browser.new_page()
-    page.set_default_timeout(180_000)
-    page.goto(f"{url}?test&size=320x180&method=taau")
-    page.wait_for_function("window.supersamplerDemo")
+def test_where_the_gpu_is_lost_the_page_goes_on_without(
+    browser: "Browser", any_page: "Page", url: str, loss: str
+) -> None:
+    any_page.goto(f"{url}?test&size=320x180&method=taau")
+    any_page.wait_for_function("window.supersamplerDemo")
     if loss == "destroyed":
-        page.evaluate("supersamplerDemo.comparison.device.destroy()")
+        any_page.evaluate("supersamplerDemo.comparison.device.destroy()")
     else:
         browser.new_browser_cdp_session().send("Browser.crashGpuProcess")
-    page.wait_for_function("document.getElementById('note').textContent.includes('Load the page again')")
-    page.wait_for_function("document.getElementById('times').textContent.includes('frame 2')")
-    note = page.inner_text("#note")
-    page.close()
+    for place, text in (("note", "Load the page again"), ("times", "frame 2")):
+        any_page.wait_for_function(f"document.getElementById('{place}').textContent.includes('{text}')")
+    note = any_page.inner_text("#note")
     assert "was lost" in note
     assert "the CPU library upscales the shipped shot" in note
 
@@ -225,39 +239,27 @@ def test_where_memory_is_short_the_page_says_so_and_a_smaller_size_works(page: "
         """
     )
     opened(page, f"{url}?test&size=320x180&method=taau")
-    page.select_option("[name=size]", "1280x720")
-    page.evaluate("supersamplerDemo.settled()")
-    assert "not enough memory for this size (allocation failed). Choose a smaller one." in page.inner_text(
-        "#note"
-    )
-    page.select_option("[name=size]", "320x180")
-    page.evaluate("supersamplerDemo.settled()")
-    assert not page.is_visible("#note"), page.inner_text("#note")
+    short = "not enough memory for this size (allocation failed). Choose a smaller one."
+    assert short in choose(page, "size", "1280x720")
+    assert choose(page, "size", "320x180") == ""
 
 
 def test_the_times_of_the_stages_add_up(page: "Page", url: str) -> None:
     opened(page, f"{url}?test&size=320x180&method=taau")
-    page.click("[name=single]")
-    page.evaluate("supersamplerDemo.settled()")
-    page.click("[name=single]")
-    page.evaluate("supersamplerDemo.settled()")
-    found = re.match(
-        r"GPU ([\d.]+) ms: rendering ([\d.]+), upscaling ([\d.]+), showing the views ([\d.]+); a frame every",
-        page.inner_text("#times"),
-    )
+    click_single(page)
+    click_single(page)
+    stages = r"GPU ([\d.]+) ms: rendering ([\d.]+), upscaling ([\d.]+), showing the views ([\d.]+); a frame "
+    found = re.match(stages, page.inner_text("#times"))
     assert found is not None, page.inner_text("#times")
     total, *stages = map(float, found.groups())
     assert total == pytest.approx(sum(stages), abs=0.011)
-    assert (
-        page.inner_text("#facts") == "Rendered at 160x90, shown at 320x180: 25 % of the pixels are rendered."
-    )
+    facts = "Rendered at 160x90, shown at 320x180: 25 % of the pixels are rendered."
+    assert page.inner_text("#facts") == facts
 
 
-def test_a_page_that_is_opened_as_a_file_asks_for_a_server(browser: "Browser", site: Path) -> None:
-    page = browser.new_page()
-    page.goto((site / "index.html").as_uri())
-    assert "from a server only" in page.inner_text("#note")
-    page.close()
+def test_a_page_that_is_opened_as_a_file_asks_for_a_server(any_page: "Page", site: Path) -> None:
+    any_page.goto((site / "index.html").as_uri())
+    assert "from a server only" in any_page.inner_text("#note")
 
 
 def test_the_code_of_the_tutorial_runs(page: "Page", url: str, site: Path) -> None:
@@ -275,8 +277,8 @@ def test_the_code_of_the_tutorial_runs(page: "Page", url: str, site: Path) -> No
 WITH_THREE = pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no three")
 
 
-def three_page(page: "Page", url: str, query: str) -> "Page":
-    page.goto(f"{url}three.html?test&size=320x180&{query}")
+def three_page(page: "Page", url: str, method: str = "taau") -> "Page":
+    page.goto(f"{url}three.html?test&size=320x180&method={method}")
     page.wait_for_function("window.threeDemo || !document.getElementById('note').hidden")
     assert not page.is_visible("#note"), page.inner_text("#note")
     page.evaluate("threeDemo.ready()")
@@ -291,7 +293,7 @@ def three_image(page: "Page", call: str) -> Float32:
 def test_the_node_for_three_js_is_better_than_its_own(page: "Page", url: str) -> None:
     found = {}
     for method in ("bilinear", "three-taau", "taau"):
-        three_page(page, url, f"method={method}")
+        three_page(page, url, method)
         images = [three_image(page, "step()") for _ in range(16)]
         found[method] = images[-1]
     truth = three_image(page, "reference(32)")
@@ -302,7 +304,7 @@ def test_the_node_for_three_js_is_better_than_its_own(page: "Page", url: str) ->
 
 @WITH_THREE
 def test_the_node_follows_new_sizes_and_drops_the_history_at_a_cut(page: "Page", url: str) -> None:
-    three_page(page, url, "method=taau")
+    three_page(page, url)
     for _ in range(8):
         before = three_image(page, "step()")
     page.evaluate("threeDemo.renderer.toneMappingExposure = 0")  # a film that fades to black
@@ -334,7 +336,7 @@ def with_node(page: "Page", beauty: str = "beautyNode", camera: str = "camera", 
 def test_effects_may_lie_between_the_pass_and_the_node(page: "Page", url: str) -> None:
     images = []
     for beauty in ("beautyNode", "beautyNode.mul(1)"):
-        with_node(three_page(page, url, "method=taau"), beauty)
+        with_node(three_page(page, url), beauty)
         page.evaluate("threeDemo.ready()")
         images.append([three_image(page, "step()") for _ in range(3)][-1])
     assert psnr(*images) > 40.0
@@ -342,7 +344,7 @@ def test_effects_may_lie_between_the_pass_and_the_node(page: "Page", url: str) -
 
 @WITH_THREE
 def test_the_pass_can_be_shown_beside_the_node(page: "Page", url: str) -> None:
-    with_node(three_page(page, url, "method=taau"), output="node.sub(beautyNode).abs()")
+    with_node(three_page(page, url), output="node.sub(beautyNode).abs()")
     page.evaluate("threeDemo.ready()")
     assert three_image(page, "step()").mean() > 1e-3, "shown by one texture, they would not differ"
 
@@ -350,7 +352,7 @@ def test_the_pass_can_be_shown_beside_the_node(page: "Page", url: str) -> None:
 @WITH_THREE
 @pytest.mark.parametrize("near", [0, -50])
 def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", url: str, near: int) -> None:
-    three_page(page, url, "method=taau")
+    three_page(page, url)
     with_node(page, camera=f"new THREE.OrthographicCamera(-3, 3, 2, -2, {near}, 60)")
     page.evaluate("threeDemo.ready()")
     page.evaluate("threeDemo.step()")
@@ -362,7 +364,7 @@ def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", url: s
 
 @WITH_THREE
 def test_a_node_that_is_disposed_while_it_loads_keeps_nothing(page: "Page", url: str) -> None:
-    with_node(three_page(page, url, "method=taau"))
+    with_node(three_page(page, url))
     page.evaluate("threeDemo.step()")
     page.evaluate("threeDemo.upscaled.dispose()")
     page.evaluate("threeDemo.upscaled.ready")
@@ -370,12 +372,11 @@ def test_a_node_that_is_disposed_while_it_loads_keeps_nothing(page: "Page", url:
 
 
 @WITH_THREE
-def test_a_second_node_that_jitters_is_refused(browser: "Browser", url: str) -> None:
-    page, said = browser.new_page(), []
-    page.on("console", lambda message: said.append(message.text))
-    with_node(three_page(page, url, "method=taau"), "threeDemo.upscaled")
-    page.evaluate("threeDemo.step()")
-    page.close()
+def test_a_second_node_that_jitters_is_refused(any_page: "Page", url: str) -> None:
+    said: list[str] = []
+    any_page.on("console", lambda message: said.append(message.text))
+    with_node(three_page(any_page, url), "threeDemo.upscaled")
+    any_page.evaluate("threeDemo.step()")
     assert any("the render pipeline is jittered by another node" in text for text in said)
 
 
@@ -393,50 +394,36 @@ def test_a_second_node_that_jitters_is_refused(browser: "Browser", url: str) -> 
     ],
 )
 def test_where_the_node_cannot_run_it_says_so_and_three_js_upscales(
-    browser: "Browser", url: str, script: str, query: str, reason: str
+    any_page: "Page", url: str, script: str, query: str, reason: str
 ) -> None:
-    page, said = browser.new_page(), []
-    page.set_default_timeout(180_000)
-    page.add_init_script(script)
-    page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-    with page.expect_console_message(lambda message: message.text.startswith("supersampler:")):
-        page.goto(f"{url}three.html?size=320x180&method=taau{query}")
-    page.wait_for_timeout(1000)
-    assert not page.is_visible("#note"), page.inner_text("#note")
-    page.close()
-    mine = [text for text in said if text.startswith("supersampler:")]
-    assert len(mine) == 1
-    assert reason in mine[0]
-    assert mine[0].endswith("The image is upscaled by three.js' own TAAU node instead.")
+    said: list[str] = []
+    any_page.add_init_script(script)
+    any_page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    with any_page.expect_console_message(lambda message: message.text.startswith("supersampler:")):
+        any_page.goto(f"{url}three.html?size=320x180&method=taau{query}")
+    any_page.wait_for_timeout(1000)
+    assert not any_page.is_visible("#note"), any_page.inner_text("#note")
+    [mine] = [text for text in said if text.startswith("supersampler:")]
+    assert reason in mine
+    assert mine.endswith("The image is upscaled by three.js' own TAAU node instead.")
 
 
 # --- shots of the user's own on the page, and its reader of EXR files ---
 
 
-def small_shot(folder: Path, *, without: str = "") -> Path:
-    """Write a shot of two frames, 32x18, without the channels of one kind."""
-    (folder / "frames").mkdir(parents=True)
-    rng = np.random.default_rng(0)
+CHANNELS = ["R", "G", "B", "motion.X", "motion.Y", "depth.Z"]
+
+
+def small_shot(folder: Path, channels: Sequence[str] = CHANNELS) -> Path:
+    """Write a shot of two frames, 32x18."""
+    planes = np.random.default_rng(0).random((18, 32, len(channels))).astype(np.float32)
     for index in range(2):
-        channels = {
-            name: rng.random((18, 32)).astype(np.float16) for name in ("R", "G", "B", "motion.X", "motion.Y")
-        }
-        channels["depth.Z"] = rng.random((18, 32)).astype(np.float32)
-        kept = {
-            name: plane for name, plane in channels.items() if not without or not name.startswith(without)
-        }
-        write_exr(folder / f"frames/{index}.exr", kept)
+        write_exr(folder / f"frames/{index}.exr", planes, channels)
     frames = [
         {"file": f"frames/{index}.exr", "jitter": [0.1, -0.2], "reset": index == 0} for index in range(2)
     ]
-    content = {
-        "version": 1,
-        "name": "mine",
-        "render_size": [32, 18],
-        "display_size": [64, 36],
-        "frames": frames,
-    }
-    (folder / "shot.json").write_text(json.dumps(content))
+    sizes = {"render_size": [32, 18], "display_size": [64, 36]}
+    (folder / "shot.json").write_text(json.dumps({"version": 1, "name": "mine", **sizes, "frames": frames}))
     return folder
 
 
@@ -450,12 +437,11 @@ def test_a_chosen_shot_is_shown(page: "Page", url: str, tmp_path: Path) -> None:
 
 def test_a_dropped_folder_is_read(page: "Page", url: str, tmp_path: Path) -> None:
     opened(page, f"{url}?test&size=320x180&method=taa")
-    folder = small_shot(tmp_path / "mine", without="depth")
+    folder = small_shot(tmp_path / "mine", CHANNELS[:-1])
     session = page.context.new_cdp_session(page)
     for kind in ("dragEnter", "dragOver", "drop"):
         data = {"items": [], "files": [str(folder)], "dragOperationsMask": 1}
         session.send("Input.dispatchDragEvent", {"type": kind, "x": 200, "y": 300, "data": data})
     page.wait_for_selector("#note:visible")
-    assert (
-        page.inner_text("#note") == "frames/0.exr has no channel depth.Z; it has B, G, R, motion.X, motion.Y."
-    )
+    said = "frames/0.exr has no channel depth.Z; it has B, G, R, motion.X, motion.Y."
+    assert page.inner_text("#note") == said

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import typer
 
+from commands import finished, ran
 from supersampler import Conventions, Upscaler
 from supersampler.cli import app
 from supersampler.cli.app import EXTRAS, TOOLS
@@ -26,7 +27,17 @@ from supersampler.cli.results import DEMO, SOURCE, read_run_record
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler.methods.registry import methods
-from upscale_runs import DISPLAY_SIZE, images, interrupt_at, moving, pixels, refusal, run, write_shot
+from upscale_runs import (
+    DISPLAY_SIZE,
+    images,
+    interrupt_at,
+    moving,
+    pixels,
+    refusal,
+    run,
+    succeeded,
+    write_shot,
+)
 
 COUNT = 6
 SHIPPED = "plaza"
@@ -44,8 +55,7 @@ def image_files(folder: Path) -> dict[str, tuple[bytes, int]]:
 
 
 def python(code: str, *words: str, **options: Any) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-c", code, *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    return finished(sys.executable, "-c", code, *words, **options)
 
 
 @pytest.mark.parametrize("option", ["--help", "--version"])
@@ -62,8 +72,7 @@ except SystemExit as end:
 
 
 def test_the_module_is_the_command() -> None:
-    done = subprocess.run([sys.executable, "-m", "supersampler", "--version"], capture_output=True, text=True)
-    assert done.stdout.startswith("supersampler 0.")
+    assert ran(sys.executable, "-m", "supersampler", "--version").startswith("supersampler 0.")
 
 
 def test_upscale_writes_what_the_library_makes(shot: Path, tmp_path: Path) -> None:
@@ -146,12 +155,19 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (("info", "nothing"), "nothing: there is no such file or folder"),
-        (("upscale", SHIPPED, "-o", "x", "--scale=2", "--display-size=2x2"), "both given; want one of the"),
+        ((*UPSCALE, "--scale=2", "--display-size=2x2"), "both given; want one of the"),
         ((*UPSCALE, "--method=a", "--model=b"), "both given; want one of the two"),
         ((*UPSCALE, "--method", "nope"), "no model 'nope'"),
-        (("upscale", SHIPPED, "-o", "x", "--providers", "abacus"), "no execution provider is called"),
+        ((*UPSCALE, "--providers", "abacus"), "no execution provider is called"),
         (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
         (("import", ".", "-o", "x", "--layout=blender", "--channels=none.json"), "--channels is none.json"),
+        (("info", "clasifier"), "Did you mean 'classifier'?\n"),
+        (("info", "plazza"), "Did you mean 'plaza'?\n"),
+        ((*UPSCALE, "--model", "tau"), "Did you mean 'taau'?\n"),
+        ((*UPSCALE, "--model", "gbuffer"), "No weights of it ship: `supersampler info gbuffer`.\n"),
+        ((*UPSCALE, "--providers", "cudda"), "Did you mean 'cuda'?\n"),
+        (("export", "clasifier", "-o", "x"), "Did you mean 'classifier'?\n"),
+        (("train", "clasifier", "-o", "x"), "Did you mean 'classifier'?\n"),
     ],
 )
 def test_bad_arguments_are_one_line(
@@ -160,6 +176,10 @@ def test_bad_arguments_are_one_line(
     monkeypatch.chdir(tmp_path)
     assert message in refusal(*arguments)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_misspelt_choice_is_answered_with_the_nearest_one() -> None:
+    assert run(*UPSCALE, "--preset", "fst").stderr.endswith("Did you mean 'fast'?\n")
 
 
 def test_debug_and_bugs_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,7 +194,7 @@ RUNTIME_ONLY = dict.fromkeys(("torch", "onnx", "onnxscript", "tensorboard", "mod
 @pytest.mark.parametrize("command", ["train", "export", "render"])
 def test_help_of_a_tool_works_in_a_runtime_only_install(command: str) -> None:
     code = f"import sys; sys.modules.update({RUNTIME_ONLY}); from supersampler.cli import main; main()"
-    done = python(code, command, "--help", env={**os.environ, "COLUMNS": "1000"})
+    done = python(code, command, "--help", COLUMNS="1000")
     assert (done.returncode, done.stderr) == (0, "")
     assert f"Usage: supersampler {command}" in done.stdout
     marked = "gbuffer-4x (no weights ship), gbuffer-depth (no weights ship)"
@@ -193,46 +213,6 @@ def test_info_knows_every_method_and_says_where_no_weights_ship(name: str) -> No
     assert done.exit_code == 0
     assert re.search(rf"^method +{name}$", done.stdout, re.MULTILINE)
     assert ("none ship" in done.stdout) == (not methods()[name].ships)
-
-
-@pytest.mark.parametrize(
-    ("words", "hint"),
-    [
-        (("info", "clasifier"), "Did you mean 'classifier'?"),
-        (("info", "plazza"), "Did you mean 'plaza'?"),
-        ((*UPSCALE, "--model", "tau"), "Did you mean 'taau'?"),
-        ((*UPSCALE, "--model", "gbuffer"), "No weights of it ship: `supersampler info gbuffer`."),
-        ((*UPSCALE, "--preset", "fst"), "Did you mean 'fast'?"),
-        ((*UPSCALE, "--providers", "cudda"), "Did you mean 'cuda'?"),
-        (("export", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
-        (("train", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
-    ],
-)
-def test_a_misspelt_word_is_answered_with_the_nearest_one(
-    words: tuple[str, ...], hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = run(*words)
-    assert done.exit_code in (1, 2)
-    assert done.stderr.endswith(f"{hint}\n")
-
-
-def test_demo_writes_frames_and_a_page(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    short = Shot.open(shot)
-    monkeypatch.setattr("supersampler.io.shot.Shot.open", lambda _: short)
-    done = run("demo", "-o", tmp_path / "out")
-    assert done.exit_code == 0
-    page = tmp_path / "out" / "compare.html"
-    made = page.stat().st_mtime_ns
-    run("demo", "-o", tmp_path / "out")
-    assert page.stat().st_mtime_ns == made  # not anew
-    assert str(page) in done.stdout
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {
-        "compare.html",
-        "exr",
-        "png",
-        "upscale.json",
-    }
 
 
 def test_info_names_what_a_model_takes_and_a_shot_holds(shot: Path) -> None:
@@ -350,10 +330,7 @@ def test_any_path_is_one_line_of_error(
     monkeypatch.chdir(tmp_path / "here")
     given = PATHS[path](tmp_path / "here")
     output = ("-o", str(tmp_path / "out")) if command in ("upscale", "import", "replay") else ()
-    done = run(command, given, *output)
-    assert isinstance(done.exception, SystemExit), repr(done.exception)
-    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
-    assert done.stderr.startswith("error: ")
+    refusal(command, given, *output)
     assert not (tmp_path / "out").exists()
 
 
@@ -383,9 +360,7 @@ def test_any_file_of_an_option_is_one_line_of_error(tmp_path: Path, option: str,
     (tmp_path / "given").write_bytes(content)
     options = {"--channels": tmp_path / "map.json", "--conventions": "unreal", option: tmp_path / "given"}
     listed = [str(part) for pair in options.items() for part in pair]
-    done = run("import", tmp_path / "in", "-o", tmp_path / "out", *listed)
-    assert isinstance(done.exception, SystemExit), repr(done.exception)
-    assert (done.exit_code, done.stderr.count("\n")) == (1 if option == "--jitter" else 2, 1)
+    refusal("import", tmp_path / "in", "-o", tmp_path / "out", *listed)
     assert not (tmp_path / "out").exists()
 
 
@@ -395,8 +370,7 @@ def test_names_in_a_file_cannot_control_the_terminal(one_frame: Path) -> None:
     done = run("info", one_frame)
     assert (done.exit_code, "?[2J" in done.stdout) == (0, True)
     (one_frame / "0000.exr").write_bytes(b"")
-    done = run("info", one_frame)
-    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    refusal("info", one_frame)
 
 
 # --- option names: messages name only options that exist; one thing has one name ---
@@ -492,7 +466,7 @@ def test_a_missing_extra_is_named_in_a_line(
     missing: str, words: list[str], extra: str, tmp_path: Path
 ) -> None:
     code = f"import sys; sys.modules.update({missing}=None); from supersampler.cli import main; main()"
-    done = python(code, *words, cwd=tmp_path)
+    done = python(code, *words, folder=tmp_path)
     assert done.returncode == 1
     last = done.stderr.strip().splitlines()[-1]
     assert f"needs {missing}" in last
@@ -508,7 +482,7 @@ def test_a_closed_output_pipe_ends_without_a_message(words: list[str]) -> None:
     assert python(CLOSED, *words).stderr == ""
 
 
-# --- `supersampler demo` in a folder that is not empty ---
+# --- `supersampler demo` ---
 
 
 @pytest.fixture
@@ -516,6 +490,16 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Demos of two frames."""
     whole = Shot.open
     monkeypatch.setattr(Shot, "open", lambda path: whole(path).cropped(0, 1))
+
+
+@pytest.mark.usefixtures("short")
+def test_demo_writes_frames_and_a_page_once(tmp_path: Path) -> None:
+    page = tmp_path / "compare.html"
+    assert str(page) in succeeded(run("demo", "-o", tmp_path)).stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["compare.html", "exr", "png", "upscale.json"]
+    made = page.stat().st_mtime_ns
+    run("demo", "-o", tmp_path)
+    assert page.stat().st_mtime_ns == made
 
 
 @pytest.mark.usefixtures("short")

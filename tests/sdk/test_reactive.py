@@ -87,15 +87,6 @@ def test_a_mask_acts_only_at_its_own_samples(method: str, executor: str) -> None
     assert (np.abs(after[there] - before[there]).max(axis=-1) > 0.0).mean() > 0.5
 
 
-@pytest.mark.parametrize("executor", ["onnx", "cpu"])
-@pytest.mark.parametrize("method", ["taa", "taau"])
-def test_fully_reactive_is_the_image_of_this_frame_alone(method: str, executor: str) -> None:
-    masked = stepped(begun(method, executor), 4, mask())
-    fresh = make(method, executor)
-    alone = stepped(fresh, 4)
-    np.testing.assert_allclose(masked.image, alone.image, rtol=1e-4, atol=1e-5)
-
-
 @pytest.mark.parametrize(("method", "executor"), WEIGHED)
 def test_a_fully_reactive_mask_removes_the_history(method: str, executor: str) -> None:
     """Earlier light does not show."""
@@ -108,7 +99,8 @@ def test_a_fully_reactive_mask_removes_the_history(method: str, executor: str) -
         upscaler.step(replace(frame, color=dark, reset=False))
         images.append(stepped(upscaler, 4, mask()).image)
     off = np.abs(display_transform(images[0]) - display_transform(images[1]))
-    assert off.mean() < 0.05  # a network sees the history, and weighs the samples of this frame by it
+    # A network sees the history, and weighs the samples of this frame by it.
+    assert off.max() < 1e-4 if method in ("taa", "taau") else off.mean() < 0.05
 
 
 @pytest.mark.parametrize(("method", "executor"), PLACED)
