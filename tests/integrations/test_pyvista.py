@@ -214,9 +214,7 @@ def test_motion_of_the_camera_is_that_of_a_point_on_the_screen(plotter: Any) -> 
     assert np.abs(was - now).max() > 0.5
 
 
-def test_the_background_moves_with_the_closest_broad_surface_of_its_tile(
-    plotter: Any,
-) -> None:
+def test_the_background_moves_with_the_closest_broad_surface_of_its_tile(plotter: Any) -> None:
     plotter.camera.zoom(0.4)
     window = supersampled(plotter)
     plotter.render()

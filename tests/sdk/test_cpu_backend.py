@@ -140,9 +140,7 @@ def test_sparse_flashes_are_not_accumulated(models: Models, method: str) -> None
     assert not one[8:].any()
 
 
-def test_a_frame_of_outlying_exposure_is_not_accumulated(
-    models: Models,
-) -> None:
+def test_a_frame_of_outlying_exposure_is_not_accumulated(models: Models) -> None:
     frames = [replace(frame, exposure=None) for frame in still((32, 18))[:5]]
     frames[3] = replace(frames[3], color=np.full((18, 32, 3), 300.0, np.float32))
     for upscaler in pair_of(models, "classifier"):

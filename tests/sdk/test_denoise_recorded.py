@@ -40,9 +40,7 @@ def films(request: pytest.FixtureRequest, recorded: Shot) -> tuple[list[Float32]
     return frames, [shown(images[index]) for index in indices], truth
 
 
-def test_neighbours_bring_every_frame_nearer_to_its_reference(
-    films: tuple[list[Float32], ...],
-) -> None:
+def test_neighbours_bring_every_frame_nearer_to_its_reference(films: tuple[list[Float32], ...]) -> None:
     gains = [psnr(image, truth) - psnr(frame, truth) for frame, image, truth in zip(*films, strict=True)]
     assert len(gains) == 3
     assert min(gains) > 0.2

@@ -15,10 +15,7 @@ from supersampler.frame import Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import Detection, detect_conventions
 from supersampler.validation.probe import FrameProbe
-from supersampler.validation.rankings import (
-    Verdict,
-    rank_depth,
-)
+from supersampler.validation.rankings import Verdict, rank_depth
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 FIELDS = (
@@ -146,9 +143,7 @@ def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
         assert not detection.agrees
 
 
-def test_cleared_depth_is_a_mistake_where_motion_shows_several_depths(
-    frames: list[Frame],
-) -> None:
+def test_cleared_depth_is_a_mistake_where_motion_shows_several_depths(frames: list[Frame]) -> None:
     raws = [replace(raw, depth=np.zeros_like(raw.depth)) for raw in planted(frames, Conventions())]
     detection = detect_conventions(raws)
     assert detection.depth.text == "depth: cannot tell, it is the same everywhere"

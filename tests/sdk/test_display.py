@@ -120,8 +120,7 @@ def test_acescg_is_converted_to_rec_709_before_the_tone_curve() -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
-    [{}, {"color_space": "ACEScg"}, {"srgb": True}, {"view": "ACES 2.0 - SDR 100 nits (Rec.709)"}],
+    "options", [{}, {"color_space": "ACEScg"}, {"srgb": True}, {"view": "ACES 2.0 - SDR 100 nits (Rec.709)"}]
 )
 def test_hostile_pixels_stay_inside_the_range(options: dict[str, Any]) -> None:
     shown = display_transform_from(**options).show(HOSTILE, 3.0)

@@ -97,9 +97,7 @@ def test_a_buffer_that_is_missing_is_named_and_the_history_stays(model: Model, n
     np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
 
 
-def test_a_missing_buffer_is_read_at_the_display_pixel_nearest_to_each_sample(
-    model: Model,
-) -> None:
+def test_a_missing_buffer_is_read_at_the_display_pixel_nearest_to_each_sample(model: Model) -> None:
     frame = replace(lit(1), jitter=(0.3, -0.45))
     display = image_of(frame, WANTED[1])
     # samples at 2 (i + 0.5 + jitter): 1.6 and 0.1 display pixels from the corner, then every second one

@@ -12,17 +12,7 @@ from supersampler.io import video
 from supersampler.io.display import BT709, to_uint8
 from supersampler.io.display_transforms import display_transform_from
 from supersampler.io.images import write_exr
-from upscale_runs import (
-    OURS,
-    images,
-    interrupt_at,
-    pixels,
-    refusal,
-    run,
-    upscale,
-    write_renders,
-    write_shot,
-)
+from upscale_runs import OURS, images, interrupt_at, pixels, refusal, run, upscale, write_renders, write_shot
 
 av = pytest.importorskip("av")
 

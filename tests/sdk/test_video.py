@@ -162,8 +162,7 @@ def test_the_pixel_aspect_ratio_of_unequal_ratios_is_that_of_the_image(tmp_path:
 
 
 @pytest.mark.parametrize(
-    ("given", "rate", "code"),
-    [((), FILM.values, TIME.values), (("--frame-rate", "30"), (30, 1), None)],
+    ("given", "rate", "code"), [((), FILM.values, TIME.values), (("--frame-rate", "30"), (30, 1), None)]
 )
 def test_the_frame_rate_is_the_headers_or_a_given_one_without_its_time_code(
     tmp_path: Path, given: tuple[str, ...], rate: Any, code: Any
