@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from commands import assert_code_is_of, ran, refused
-from noise import MASKED_DISPLAY, masked_shot
+from noise import MASKED_DISPLAY, masked_shot, noise
 from supersampler import Frame, Shot, Upscaler
 from supersampler.methods.model_file import find_model
 
@@ -92,24 +92,12 @@ def write_raw(folder: Path, frames: list[Frame], displays: list[tuple[int, int]]
     (folder / "frames.txt").write_text("".join(lines))
 
 
-def noise_frame(index: int, size: tuple[int, int], *, reset: bool) -> Frame:
-    random = np.random.default_rng(index)
-    shape = size[::-1]
-    return Frame(
-        color=random.uniform(0.0, 2.0, (*shape, 3)).astype(np.float32),
-        depth=random.uniform(0.01, 0.5, shape).astype(np.float32),
-        motion=random.normal(0.0, 1.0, (*shape, 2)).astype(np.float32),
-        jitter=(0.25, -0.125 * (index % 2)),
-        reset=reset,
-    )
-
-
 def test_a_new_render_size_keeps_the_history_and_a_new_display_size_drops_it(
     program: Path, tmp_path: Path
 ) -> None:
     renders = [(64, 36), (64, 36), (80, 45), (72, 40), (64, 36), (64, 36), (64, 36)]
     displays = [(128, 72)] * 5 + [(121, 67)] * 2
-    frames = [noise_frame(i, size, reset=i in (0, 4)) for i, size in enumerate(renders)]
+    frames = [noise(i, size, reset=i in (0, 4)) for i, size in enumerate(renders)]
     write_raw(tmp_path / "raw", frames, displays)
     ran(*upscale(program, "taau", tmp_path))
     for part in (slice(0, 5), slice(5, 7)):
@@ -123,7 +111,7 @@ def test_a_new_render_size_keeps_the_history_and_a_new_display_size_drops_it(
 @pytest.fixture
 def one(tmp_path: Path) -> Path:
     """A folder with a frame in raw/."""
-    write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])
+    write_raw(tmp_path / "raw", [noise(0, (64, 36))], [(128, 72)])
     return tmp_path
 
 

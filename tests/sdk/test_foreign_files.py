@@ -239,41 +239,24 @@ def test_the_colour_space_is_what_the_header_states(tmp_path: Path, name: str, v
 # --- EXR files with features of OpenEXR's test images: each is read right, or refused by name ---
 
 
-def luminance_chroma(width: int = 8, height: int = 4) -> bytes:
-    """An EXR file of Y, and of RY and BY at half the size, which OpenImageIO does not write."""
-    channels = b"".join(
-        name + b"\0" + struct.pack("<iB3xii", 1, 0, step, step)
-        for name, step in ((b"BY", 2), (b"RY", 2), (b"Y", 1))
-    )
-    window = struct.pack("<iiii", 0, 0, width - 1, height - 1)
-    attributes = (
-        ("channels", "chlist", channels + b"\0"),
-        ("compression", "compression", b"\0"),
-        ("dataWindow", "box2i", window),
-        ("displayWindow", "box2i", window),
-        ("lineOrder", "lineOrder", b"\0"),
-        ("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
-        ("screenWindowCenter", "v2f", struct.pack("<ff", 0.0, 0.0)),
-        ("screenWindowWidth", "float", struct.pack("<f", 1.0)),
-    )
-    header = struct.pack("<II", 20000630, 2)
-    for name, kind, data in attributes:
-        header += f"{name}\0{kind}\0".encode() + struct.pack("<i", len(data)) + data
-    header, offsets, body = header + b"\0", [], b""
-    for row in range(height):
-        offsets.append(len(header) + 8 * height + len(body))
-        values = np.full(width * (2 if row % 2 == 0 else 1), 0.5, np.float16).tobytes()
-        body += struct.pack("<ii", row, len(values)) + values
-    return header + struct.pack(f"<{height}Q", *offsets) + body
+def luminance_chroma(path: Path) -> Path:
+    """Write an EXR file of Y, and of RY and BY that claim half the size, which OpenImageIO does not write."""
+    write_exr(path, {name: np.ones((4, 8), np.float16) for name in ("Y", "RY", "BY")})
+    content = path.read_bytes()
+    for name in (b"RY\0", b"BY\0"):
+        full, half = (name + struct.pack("<iB3xii", 1, 0, step, step) for step in (1, 2))
+        assert content.count(full) == 1
+        content = content.replace(full, half)
+    path.write_bytes(content)
+    return path
 
 
 def test_luminance_chroma_images_are_refused_with_a_converter(tmp_path: Path) -> None:
-    (tmp_path / "s.0001.exr").write_bytes(luminance_chroma())
+    path = luminance_chroma(tmp_path / "s.0001.exr")
+    message = r"luminance and chroma \(Y, RY, BY\).* R, G and B; Image"
     for read in (read_image, read_exr, lambda path: open_source(path.parent, conventions=Conventions())):
-        with pytest.raises(
-            ShotError, match=r"luminance and chroma \(Y, RY, BY\).* R, G and B; Image"
-        ) as caught:
-            read(tmp_path / "s.0001.exr")
+        with pytest.raises(ShotError, match=message) as caught:
+            read(path)
         assert "damaged" not in str(caught.value)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from noise import noise
+from noise import full_noise, noise
 from recorded_files import DISPLAY, read, recorded, replayed, rewrite
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
@@ -39,24 +39,6 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "new folder" / "a.recording"
 
 
-def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
-    """Every field that a frame can have, halves and arrays that do not lie in one piece among them."""
-    random, plain = np.random.default_rng(seed), noise(seed, size)
-    (width, height), (wide, high) = size, DISPLAY
-    return replace(
-        plain,
-        color=np.asarray(plain.color).astype(np.float16),
-        motion=np.asfortranarray(plain.motion),
-        exposure=0.7 + 0.1 * seed,
-        pre_exposure=1.3 + seed,
-        reactive=random.random((height, width), np.float32).astype(np.float16),
-        gbuffer={"normal": random.random((height, width, 3), np.float32)},
-        gbuffer_display={"depth": random.random((high, wide), np.float32)},
-        aovs=random.random((height, width, 4), np.float32)[..., ::2],
-        ids=random.integers(-9, 9, (height, width, 2), np.int16),
-    )
-
-
 def interrupt(*_: object, **__: object) -> None:
     raise KeyboardInterrupt  # no signal: what runs in the background of a shell ignores those
 
@@ -71,7 +53,7 @@ def test_a_replay_is_bit_for_bit_what_was_recorded(name: str, file: Path) -> Non
     with recorded(file, shared_model(name), skip=False) as upscaler:
         maps = ("aovs", "ids", *shared_model(name).info.maps)
         for seed, size in enumerate([(32, 18), (32, 18), (43, 24)]):
-            result: Any = upscaler.step(with_all_inputs(seed, size), outputs=maps)
+            result: Any = upscaler.step(full_noise(seed, size), outputs=maps)
             made.append(result.image)
         state = upscaler.save_state()
         made += [upscaler.step(noise(seed)) for seed in (3, 4)]
@@ -88,7 +70,7 @@ def test_a_replay_is_bit_for_bit_what_was_recorded(name: str, file: Path) -> Non
 
 
 def test_recorded_calls_are_read_unchanged(file: Path) -> None:
-    frame = with_all_inputs(1, (32, 18))
+    frame = full_noise(1)
     with recorded(file, scale=2.0, display_size=None, at_rest="off") as upscaler:
         upscaler.step(frame, outputs=["aovs"])
         state = upscaler.save_state()
@@ -196,7 +178,7 @@ def test_relative_paths_outlive_a_change_of_folder(tmp_path: Path, monkeypatch: 
     upscaler = Upscaler("mine", display_size=DISPLAY, threads=1, record="a.recording")
     monkeypatch.chdir("/")
     for seed in range(2):
-        upscaler.step(with_all_inputs(seed, (32, 18)), outputs=("aovs",))  # loads another graph
+        upscaler.step(full_noise(seed), outputs=("aovs",))  # loads another graph
     assert is_exact(tmp_path / "a.recording", model=tmp_path / "mine") == [True] * 2
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from noise import full_noise, noise
 from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, ShotError
 from supersampler.io.files import partial_name
 from supersampler.io.images import read_exr, write_exr
@@ -82,28 +83,8 @@ def test_written_frames_are_read_in_order(tmp_path: Path) -> None:
 
 
 def test_every_input_a_frame_can_have_is_kept(tmp_path: Path) -> None:
-    random = np.random.default_rng(0)
-
-    def pixels(size: tuple[int, int], *channels: int, kind: type = np.float16) -> np.ndarray:
-        return random.random((size[1], size[0], *channels)).astype(kind)
-
-    full = Frame(
-        color=pixels(SIZE, 3),
-        depth=pixels(SIZE, kind=np.float32),
-        motion=pixels(SIZE, 2),
-        jitter=(0.25, -0.125),
-        exposure=1.5,
-        pre_exposure=0.375,
-        reactive=pixels(SIZE),
-        gbuffer={
-            "base_color": pixels(SIZE, 3),
-            "roughness": pixels(SIZE, kind=np.float32),
-            "normal": pixels(SIZE, 3),
-        },
-        gbuffer_display={"depth": pixels(DISPLAY_SIZE, kind=np.float32), "specular": pixels(DISPLAY_SIZE)},
-        aovs=pixels(SIZE, 11),
-    )
-    one = Frame(color=None, depth=full.depth, motion=full.motion, jitter=(0.0, 0.0), aovs=pixels(SIZE, 1))
+    full = replace(full_noise(1, SIZE, DISPLAY_SIZE), ids=None)  # shots have none
+    one = replace(noise(0, SIZE), color=None, aovs=np.full((*SIZE[::-1], 1), 0.3, np.float16))
     with ShotWriter(tmp_path, name="full", display_size=DISPLAY_SIZE, frame_rate=30) as writer:
         writer.write(full)
         writer.write(one)

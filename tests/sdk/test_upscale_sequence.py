@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from noise import noise
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, Shot, ShotError, Upscaler, halton_jitter, upscale_sequence
 from supersampler.io.display import display_transform
@@ -277,10 +278,7 @@ def test_unusable_values_do_not_spread() -> None:
 
 def test_sizes_may_change_within_a_sequence() -> None:
     given = frames(6)
-    given[3] = Frame(
-        color=np.full((12, 20, 3), 0.5, np.float32), depth=np.full((12, 20), 0.5, np.float32),
-        motion=np.zeros((12, 20, 2), np.float32), jitter=(0.0, 0.0),
-    )  # fmt: skip
+    given[3] = noise(3, (20, 12))
     assert [image.shape for image in merged(given)] == [(36, 64, 3)] * 6
 
 
