@@ -1,6 +1,6 @@
 """Motion from depth and two cameras, against points that are projected one by one in double precision."""
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pytest
@@ -16,9 +16,7 @@ NEAR, FAR = 0.1, 1e4
 JITTER = (0.21, -0.37)
 Matrix = NDArray[np.float64]
 Kind = Literal["reversed_infinite", "reversed", "forward", "forward_infinite", "opengl", "opengl_infinite"]
-KINDS: tuple[Kind, ...] = (
-    "reversed_infinite", "reversed", "forward", "forward_infinite", "opengl", "opengl_infinite"
-)  # fmt: skip
+KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 def perspective(kind: Kind, near: float = NEAR, far: float = FAR) -> Matrix:

@@ -11,14 +11,7 @@ from alternating import alternate
 from joint_folder import joint_folder
 from lit_scene import LitScene
 from shared_models import shared_model
-from supersampler import (
-    Frame,
-    FrameError,
-    Model,
-    ModelError,
-    Upscaler,
-    halton_jitter,
-)  # fmt: skip
+from supersampler import Frame, FrameError, Model, ModelError, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.methods.model_file import extrapolation_names, model_names
 from supersampler.recording import open_recording
@@ -104,15 +97,12 @@ def test_a_frame_without_base_colour_is_refused_by_the_graph_that_reads_it(joint
 
 
 def test_a_model_of_extrapolated_frames_alone_is_refused(folder: Path, joint: Model) -> None:
-    upscaler, plan = (
-        (lambda path: Upscaler(path, scale=2.0)),
-        (lambda path: Upscaler.plan(SIZE, DISPLAY, path)),
-    )
-    for use in (Model.load, upscaler, plan):
-        with pytest.raises(ModelError, match=r"'joint-drawn' only steps on .*joint', extrapolation="):
-            use(folder / "extrapolated")
+    path, message = folder / "extrapolated", r"'joint-drawn' only steps on .*joint', extrapolation="
+    for use in (Model.load, lambda path: Upscaler.plan(SIZE, DISPLAY, path)):
+        with pytest.raises(ModelError, match=message):
+            use(path)
     with pytest.raises(ModelError, match=r"'joint-drawn' upscales and does not extrapolate"):
-        make(joint, extrapolation=folder / "extrapolated")
+        make(joint, extrapolation=path)
     assert not {"extrapolated", "extrapolate-unshaded"} & {*model_names(), *extrapolation_names()}
     with pytest.raises(ModelError, match="no model 'extrapolate-unshaded'"):
         Model.load("extrapolate-unshaded")
