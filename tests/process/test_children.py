@@ -1,6 +1,5 @@
 """Child processes end with their parent, however it ends: commands, and the extension."""
 
-import importlib.util
 import os
 import shutil
 import signal
@@ -16,10 +15,12 @@ from typer.testing import CliRunner
 
 import supersampler
 from blender_files import fake_blender, is_running, scene_file
+from native_build import module_of
 from supersampler.cli import app
 from supersampler.io.child_process import ChildProcess, end_text, run
 
-SDK = Path(supersampler.__file__).parent
+TESTS = Path(__file__).parents[1]
+EXTENSION = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension" / "run.py"
 SECONDS = 40.0
 
 
@@ -96,11 +97,7 @@ def test_signals_that_are_ignored_stay_ignored_and_sigterm_ends_the_command(tmp_
 @pytest.fixture(scope="module")
 def extension() -> Any:
     """The extension's module run.py, loaded without its package, which imports bpy."""
-    file = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension" / "run.py"
-    spec: Any = importlib.util.spec_from_file_location("extension_run", file)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of(EXTENSION, "extension_run")
 
 
 def started(extension: Any, folder: Path) -> Any:
@@ -153,13 +150,12 @@ def test_a_command_that_ignores_cancel_is_killed(
 
 
 def test_a_command_of_the_extension_ends_with_blender(tmp_path: Path) -> None:
-    file = SDK / "integrations" / "blender" / "extension" / "run.py"
     scene, program = scene_file(tmp_path, hang_at=6), fake_blender(tmp_path)
     code = f"""
-import importlib.util, pathlib, sys, time
-spec = importlib.util.spec_from_file_location("run", {str(file)!r})
-module = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(module)
+import pathlib, sys, time
+sys.path.insert(0, {str(TESTS)!r})
+from native_build import module_of
+module = module_of(pathlib.Path({str(EXTENSION)!r}))
 words = ["from supersampler.cli import main; main()", "blender", {str(scene)!r}]
 words += ["-o", {str(tmp_path / "out")!r}, "--method", "bilinear", "--blender", {str(program)!r}]
 run = module.Run([sys.executable, "-P", "-c", *words], pathlib.Path("out"), 4)

@@ -1,6 +1,5 @@
 """Tests of the settings that render_frames.py makes inside Blender, on a scene of plain objects."""
 
-import importlib.util
 import json
 import sys
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from typing import Any
 import pytest
 
 import supersampler
+from native_build import module_of
 
 FILE = Path(supersampler.__file__).parent / "integrations" / "blender" / "render_frames.py"
 WIDE = ("BLACKMAN_HARRIS", 1.5)  # a pixel filter
@@ -21,9 +21,7 @@ def script(monkeypatch: pytest.MonkeyPatch) -> Any:
     """The script as a module, with the notes that it has reported."""
     monkeypatch.setitem(sys.modules, "bpy", ModuleType("bpy"))
     monkeypatch.setenv("SUPERSAMPLER_RENDER", json.dumps({"token": ""}))
-    spec: Any = importlib.util.spec_from_file_location("render_frames", FILE)
-    module: Any = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module: Any = module_of(FILE)
     module.notes = []
     monkeypatch.setattr(module, "report", lambda note: module.notes.append(note))
     return module
