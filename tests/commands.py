@@ -15,7 +15,8 @@ def finished(
     environment = {**os.environ, **variables}
     return subprocess.run(
         [str(part) for part in command],
-        cwd=folder, env=environment, capture_output=True, text=True, timeout=900, check=False,
+        cwd=folder, env=environment, capture_output=True, text=True, errors="replace", timeout=900,
+        check=False,
     )  # fmt: skip
 
 

@@ -1,7 +1,6 @@
 """The host in C refuses a folder that was tampered with, in one line, before it steps."""
 
 import json
-import os
 import shutil
 import subprocess
 from collections.abc import Sequence
@@ -11,12 +10,12 @@ from typing import Any
 import pytest
 
 from c_host import stubbed_or_skip
+from commands import finished
+from json_edits import GONE, edited
 from supersampler_export.shaders.folder import write_shader_folder
 
 DISPLAY, SIZES = (8, 6), ((4, 3), (5, 4), (5, 4))
 CHANNELS = {"color": 4, "depth": 1, "motion": 2}
-GONE = object()
-"""In place of a value: there is none."""
 
 Case = tuple[Sequence[str | int], Any, str]
 """A place in the JSON, the value there, and a part of the message."""
@@ -122,15 +121,13 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def run(program: Path, root: Path, method: str = "taau") -> subprocess.CompletedProcess[str]:
+def run(program: Path, root: Path, method: str = "taau") -> "subprocess.CompletedProcess[str]":
     (root / "out").mkdir(exist_ok=True)
-    command = [program, root / method, root / "frames", root / "out"]
-    variables = {**os.environ, "ASAN_OPTIONS": "detect_leaks=0"}
-    options: Any = {"text": True, "errors": "replace", "timeout": 60, "env": variables}
-    return subprocess.run(command, check=False, capture_output=True, **options)
+    command = (program, root / method, root / "frames", root / "out")
+    return finished(*command, ASAN_OPTIONS="detect_leaks=0")
 
 
-def assert_refused(done: subprocess.CompletedProcess[str], message: str) -> None:
+def assert_refused(done: "subprocess.CompletedProcess[str]", message: str) -> None:
     """The host exits with one line that has the message."""
     assert done.returncode == 1, done.stderr
     assert message in done.stderr
@@ -139,19 +136,7 @@ def assert_refused(done: subprocess.CompletedProcess[str], message: str) -> None
 
 
 def change(file: Path, path: Sequence[str | int], value: Any) -> None:
-    """Change a value of a JSON file; a text says which item of a list by its name."""
-    content: Any = json.loads(file.read_text())
-    at, keys = content, []
-    for key in path:
-        if isinstance(at, list) and isinstance(key, str):
-            key = [item["name"] for item in at].index(key)
-        keys.append((at, key))
-        at = at[key]
-    inner, last = keys[-1]
-    inner[last] = value
-    if value is GONE:
-        del inner[last]
-    file.write_text(json.dumps(content))
+    file.write_bytes(edited(json.loads(file.read_text()), path, value))
 
 
 @pytest.mark.parametrize("method", ["taau", "classifier-small"])

@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from noisy_frames import SIZE, decibels, noisy, truth
-from supersampler import ArgumentError, Frame, FrameError, denoise_sequence
+from supersampler import ArgumentError, Frame, FrameError, Shot, denoise_sequence
+from supersampler.conventions.encodings import srgb_encoded
 from supersampler.denoising.oidn import Guides
 from supersampler.denoising.sequence import Denoised, TemporalDenoiser
 from supersampler.denoising.spec import REACH
-from supersampler.frame import Float32
+from supersampler.frame import Array, Float32
 
 
 def denoised(frames: list[Frame], **options: Any) -> list[Float32]:
@@ -307,3 +309,35 @@ def test_frames_that_cannot_be_denoised_are_refused(frames: list[Frame], answer:
 def test_the_size_may_change_at_a_cut() -> None:
     images = denoised([noisy(0), noisy(1, size=(20, 10), reset=True)])
     assert [image.shape[:2] for image in images] == [SIZE[::-1], (10, 20)]
+
+
+# --- frames of Cycles, each denoised by Open Image Denoise, with references ---
+
+
+RECORDED = Path(__file__).parents[1] / "blender" / "denoised"  # by record_denoised.py beside it
+
+
+def shown(image: Array | None) -> Float32:
+    assert image is not None
+    return srgb_encoded(np.clip(np.asarray(image, np.float32)[8:-8, 8:-8], 0.0, 1.0))
+
+
+def gains(before: Float32, after: Float32, truth: Float32) -> Any:
+    """Return by how much images have come nearer to the truth, in dB."""
+    errors = [np.square(film - truth, dtype=np.float64).mean(axis=(1, 2, 3)) for film in (before, after)]
+    return 10.0 * np.log10(errors[0] / errors[1])
+
+
+@pytest.mark.parametrize("passes", [1, 2])
+def test_recorded_frames_come_nearer_to_their_references_and_flicker_less(passes: int) -> None:
+    recorded = Shot.open(RECORDED)
+    images = list(denoise_sequence(recorded, per_frame="none", passes=passes, samples=4, threads=1))
+    indices = recorded.reference_indices
+    films = [
+        np.stack([shown(recorded.read(index).frame.color) for index in indices]),
+        np.stack([shown(images[index]) for index in indices]),
+        np.stack([shown(recorded.read_reference(index)) for index in indices]),
+    ]
+    assert len(indices) == 3
+    assert gains(*films).min() > 0.2
+    assert gains(*(np.diff(film, axis=0) for film in films)).min() > 0.35
