@@ -309,90 +309,81 @@ def image_of(values: Any) -> Any:
     return image
 
 
-def textured(plotter: Any) -> Callable[[], None]:
+def textured(plotter: Any) -> Iterator[None]:
     texture = pv.Texture(image_of((200, 20, 20)))
     plotter.add_mesh(pv.Plane(center=(0, 0, 0.3)), texture=texture, lighting=False)
-
-    def change() -> None:
-        image = texture.GetInput()
-        image.GetPointData().GetScalars().Fill(40)
-        image.Modified()
-
-    return change
+    yield
+    texture.GetInput().GetPointData().GetScalars().Fill(40)
+    texture.GetInput().Modified()
 
 
-def clipped(plotter: Any) -> Callable[[], None]:
+def clipped(plotter: Any) -> Iterator[None]:
     plane = vtkPlane()
     actor = plotter.add_mesh(pv.Sphere(radius=0.6, center=(0, 0, 0.6)), color="red")
     actor.mapper.AddClippingPlane(plane)
-    return lambda: plane.SetOrigin(0.4, 0.0, 0.0)
+    yield
+    plane.SetOrigin(0.4, 0.0, 0.0)
 
 
-def glyphs(plotter: Any) -> Callable[[], None]:
+def glyphs(plotter: Any) -> Iterator[None]:
     mapper, source = vtkGlyph3DMapper(), pv.Sphere(radius=0.2)
     mapper.SetInputData(pv.PolyData(np.array([(0, 0, 0.5), (1, 0, 0.5)], np.float32)))
     mapper.SetSourceData(source)
     actor = vtkActor()
     actor.SetMapper(mapper)
     plotter.renderer.AddActor(actor)
-
-    def change() -> None:
-        source.points *= 2.0
-        source.Modified()
-
-    return change
+    yield
+    source.points *= 2.0
+    source.Modified()
 
 
-def assembled(plotter: Any) -> Callable[[], None]:
+def assembled(plotter: Any) -> Iterator[None]:
     mesh, assembly = pv.Cube(center=(0, 0, 0.6), x_length=0.5), vtkAssembly()
     assembly.AddPart(pv.Actor(mapper=pv.DataSetMapper(mesh)))
     plotter.renderer.AddActor(assembly)
-
-    def change() -> None:
-        mesh.points[:, 2] *= 1.5
-        mesh.Modified()
-
-    return change
+    yield
+    mesh.points[:, 2] *= 1.5
+    mesh.Modified()
 
 
-def followed(plotter: Any) -> Callable[[], None]:
+def followed(plotter: Any) -> Iterator[None]:
     follower = vtkFollower()
     follower.SetMapper(pv.DataSetMapper(pv.Disc(inner=0.0, outer=0.5)))
     follower.SetCamera(plotter.camera)
     follower.SetPosition(0.0, 0.0, 0.5)
     plotter.renderer.AddActor(follower)
-    return lambda: follower.SetPosition(0.5, 0.5, 0.5)
+    yield
+    follower.SetPosition(0.5, 0.5, 0.5)
 
 
-def written(plotter: Any) -> Callable[[], None]:
+def written(plotter: Any) -> Iterator[None]:
     text = vtkBillboardTextActor3D()
     text.SetInput("text")
     text.SetPosition(0.0, 0.0, 0.5)
     plotter.renderer.AddActor(text)
-    return lambda: text.GetTextProperty().SetColor(1.0, 0.0, 0.0)
+    yield
+    text.GetTextProperty().SetColor(1.0, 0.0, 0.0)
 
 
-def lit(plotter: Any) -> Callable[[], None]:
+def lit(plotter: Any) -> Iterator[None]:
     light, matrix = vtkLight(), vtkMatrix4x4()
     light.SetLightTypeToSceneLight()
     light.SetPosition(3.0, 0.0, 3.0)
     light.SetTransformMatrix(matrix)
     plotter.renderer.AddLight(light)
     plotter.add_mesh(pv.Sphere(radius=0.6, center=(0, 0, 0.6)))
-
-    def change() -> None:
-        matrix.SetElement(0, 3, -6.0)
-        light.SetTransformMatrix(matrix)
-
-    return change
+    yield
+    matrix.SetElement(0, 3, -6.0)
+    light.SetTransformMatrix(matrix)
 
 
-def backed(plotter: Any) -> Callable[[], None]:
+def backed(plotter: Any) -> Iterator[None]:
     plotter.renderer.SetBackgroundTexture(pv.Texture(image_of((20, 200, 20))))
-    return lambda: plotter.renderer.TexturedBackgroundOn()
+    yield
+    plotter.renderer.TexturedBackgroundOn()
 
 
-PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
+PREPARED: dict[str, Callable[[Any], Iterator[None]]] = {
     "pixels of a texture": textured,
     "a clipping plane": clipped,
     "the shape of glyphs": glyphs,
@@ -402,17 +393,17 @@ PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
     "the matrix of a light": lit,
     "a background image": backed,
 }
+"""Each prepares something, and changes it when it goes on."""
 
 
 @pytest.mark.parametrize("prepare", PREPARED.values(), ids=PREPARED.keys())
-def test_changes_behind_props_show_at_once(
-    plotter: Any, prepare: Callable[[Any], Callable[[], None]]
-) -> None:
-    change = prepare(plotter)
+def test_changes_behind_props_show_at_once(plotter: Any, prepare: Callable[[Any], Iterator[None]]) -> None:
+    prepared = prepare(plotter)
+    next(prepared)
     window = supersampled(plotter)
     window.converge()
     before = seen(plotter)
-    change()
+    next(prepared, None)
     ours = shown(plotter)
     expected = without(window, plotter)
     assert np.abs(before - expected).mean() > 0.002

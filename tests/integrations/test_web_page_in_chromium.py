@@ -274,11 +274,16 @@ def test_the_code_of_the_tutorial_runs(page: "Page", url: str, site: Path) -> No
     assert page.evaluate("window.calls") == 4
 
 
-WITH_THREE = pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no three")
+@pytest.fixture
+def three(url: str) -> str:
+    """The address of the page of three.js."""
+    if not NODE_MODULES:
+        pytest.skip("SUPERSAMPLER_NODE_MODULES has no three")
+    return f"{url}three.html"
 
 
-def three_page(page: "Page", url: str, method: str = "taau") -> "Page":
-    page.goto(f"{url}three.html?test&size=320x180&method={method}")
+def three_page(page: "Page", three: str, method: str = "taau") -> "Page":
+    page.goto(f"{three}?test&size=320x180&method={method}")
     page.wait_for_function("window.threeDemo || !document.getElementById('note').hidden")
     assert not page.is_visible("#note"), page.inner_text("#note")
     page.evaluate("threeDemo.ready()")
@@ -289,11 +294,10 @@ def three_image(page: "Page", call: str) -> Float32:
     return pixels(page.evaluate(f"threeDemo.{call}"), (320, 180))
 
 
-@WITH_THREE
-def test_the_node_for_three_js_is_better_than_its_own(page: "Page", url: str) -> None:
+def test_the_node_for_three_js_is_better_than_its_own(page: "Page", three: str) -> None:
     found = {}
     for method in ("bilinear", "three-taau", "taau"):
-        three_page(page, url, method)
+        three_page(page, three, method)
         images = [three_image(page, "step()") for _ in range(16)]
         found[method] = images[-1]
     truth = three_image(page, "reference(32)")
@@ -302,9 +306,8 @@ def test_the_node_for_three_js_is_better_than_its_own(page: "Page", url: str) ->
     assert errors["taau"] > errors["bilinear"] + 1.5, errors
 
 
-@WITH_THREE
-def test_the_node_follows_new_sizes_and_drops_the_history_at_a_cut(page: "Page", url: str) -> None:
-    three_page(page, url)
+def test_the_node_follows_new_sizes_and_drops_the_history_at_a_cut(page: "Page", three: str) -> None:
+    three_page(page, three)
     for _ in range(8):
         before = three_image(page, "step()")
     page.evaluate("threeDemo.renderer.toneMappingExposure = 0")  # a film that fades to black
@@ -332,27 +335,24 @@ def with_node(page: "Page", beauty: str = "beautyNode", camera: str = "camera", 
     )
 
 
-@WITH_THREE
-def test_effects_may_lie_between_the_pass_and_the_node(page: "Page", url: str) -> None:
+def test_effects_may_lie_between_the_pass_and_the_node(page: "Page", three: str) -> None:
     images = []
     for beauty in ("beautyNode", "beautyNode.mul(1)"):
-        with_node(three_page(page, url), beauty)
+        with_node(three_page(page, three), beauty)
         page.evaluate("threeDemo.ready()")
         images.append([three_image(page, "step()") for _ in range(3)][-1])
     assert psnr(*images) > 40.0
 
 
-@WITH_THREE
-def test_the_pass_can_be_shown_beside_the_node(page: "Page", url: str) -> None:
-    with_node(three_page(page, url), output="node.sub(beautyNode).abs()")
+def test_the_pass_can_be_shown_beside_the_node(page: "Page", three: str) -> None:
+    with_node(three_page(page, three), output="node.sub(beautyNode).abs()")
     page.evaluate("threeDemo.ready()")
     assert three_image(page, "step()").mean() > 1e-3, "shown by one texture, they would not differ"
 
 
-@WITH_THREE
 @pytest.mark.parametrize("near", [0, -50])
-def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", url: str, near: int) -> None:
-    three_page(page, url)
+def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", three: str, near: int) -> None:
+    three_page(page, three)
     with_node(page, camera=f"new THREE.OrthographicCamera(-3, 3, 2, -2, {near}, 60)")
     page.evaluate("threeDemo.ready()")
     page.evaluate("threeDemo.step()")
@@ -362,25 +362,22 @@ def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", url: s
     assert max(depths) > 0.0
 
 
-@WITH_THREE
-def test_a_node_that_is_disposed_while_it_loads_keeps_nothing(page: "Page", url: str) -> None:
-    with_node(three_page(page, url))
+def test_a_node_that_is_disposed_while_it_loads_keeps_nothing(page: "Page", three: str) -> None:
+    with_node(three_page(page, three))
     page.evaluate("threeDemo.step()")
     page.evaluate("threeDemo.upscaled.dispose()")
     page.evaluate("threeDemo.upscaled.ready")
     assert page.evaluate("threeDemo.upscaled._upscaler") is None
 
 
-@WITH_THREE
-def test_a_second_node_that_jitters_is_refused(any_page: "Page", url: str) -> None:
+def test_a_second_node_that_jitters_is_refused(any_page: "Page", three: str) -> None:
     said: list[str] = []
     any_page.on("console", lambda message: said.append(message.text))
-    with_node(three_page(any_page, url), "threeDemo.upscaled")
+    with_node(three_page(any_page, three), "threeDemo.upscaled")
     any_page.evaluate("threeDemo.step()")
     assert any("the render pipeline is jittered by another node" in text for text in said)
 
 
-@WITH_THREE
 @pytest.mark.parametrize(
     ("script", "query", "reason"),
     [
@@ -394,13 +391,13 @@ def test_a_second_node_that_jitters_is_refused(any_page: "Page", url: str) -> No
     ],
 )
 def test_where_the_node_cannot_run_it_says_so_and_three_js_upscales(
-    any_page: "Page", url: str, script: str, query: str, reason: str
+    any_page: "Page", three: str, script: str, query: str, reason: str
 ) -> None:
     said: list[str] = []
     any_page.add_init_script(script)
     any_page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
     with any_page.expect_console_message(lambda message: message.text.startswith("supersampler:")):
-        any_page.goto(f"{url}three.html?size=320x180&method=taau{query}")
+        any_page.goto(f"{three}?size=320x180&method=taau{query}")
     any_page.wait_for_timeout(1000)
     assert not any_page.is_visible("#note"), any_page.inner_text("#note")
     [mine] = [text for text in said if text.startswith("supersampler:")]
