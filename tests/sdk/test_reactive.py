@@ -89,7 +89,6 @@ def test_a_mask_acts_only_at_its_own_samples(method: str, executor: str) -> None
 
 @pytest.mark.parametrize(("method", "executor"), WEIGHED)
 def test_a_fully_reactive_mask_removes_the_history(method: str, executor: str) -> None:
-    """Earlier light does not show."""
     images = []
     for light in (0.0, 50.0):
         upscaler = make(method, executor)
