@@ -30,14 +30,6 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def whole(shot: Path) -> Path:
-    """Images of one run over the whole shot."""
-    folder = shot.parent / "whole"
-    upscale(shot, folder, "--preroll", PREROLL, "--threads", 1, method=METHOD)
-    return folder
-
-
-@pytest.fixture(scope="module")
 def chunks(shot: Path) -> tuple[Path, str]:
     """Images of a job, and what its session printed."""
     folder = shot.parent / "job"
@@ -78,7 +70,9 @@ def kill_with_descendants(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def test_a_job_of_chunks_has_the_images_of_one_run(whole: Path, chunks: tuple[Path, str]) -> None:
+def test_a_job_of_chunks_has_the_images_of_one_run(shot: Path, chunks: tuple[Path, str]) -> None:
+    whole = shot.parent / "whole"
+    upscale(shot, whole, "--preroll", PREROLL, "--threads", 1, method=METHOD)
     for index, (image, other) in enumerate(zip(images(chunks[0]), images(whole), strict=True)):
         if index < CHUNK:
             assert np.array_equal(image, other), index

@@ -100,14 +100,6 @@ def extension() -> Any:
     return module_of(EXTENSION, "extension_run")
 
 
-def started(extension: Any, folder: Path) -> Any:
-    words = [sys.executable, "-P", "-c", "from supersampler.cli import main; main()"]
-    given = ["blender", str(scene_file(folder, hang_at=6)), "-o", str(folder / "out"), "--method", "bilinear"]
-    run = extension.Run([*words, *given, "--blender", str(fake_blender(folder))], folder / "out", 4)
-    wait_until(lambda: (folder / "out" / "0005.exr").exists())
-    return run
-
-
 @pytest.fixture
 def ignored() -> Any:
     """SIGINT is ignored in this process and those that it starts, as under `nohup` or `&`."""
@@ -121,7 +113,11 @@ def test_cancel_works_where_sigint_is_ignored(
     extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(extension, "_PATIENCE", 1e9)  # to ask is enough
-    running = started(extension, tmp_path)
+    scene, program, out = scene_file(tmp_path, hang_at=6), fake_blender(tmp_path), tmp_path / "out"
+    words = ["blender", str(scene), "-o", str(out), "--method", "bilinear", "--blender", str(program)]
+    main = [sys.executable, "-P", "-c", "from supersampler.cli import main; main()"]
+    running = extension.Run([*main, *words], out, 4)
+    wait_until(lambda: (out / "0005.exr").exists())
     pid = int((tmp_path / "pid").read_text())
     began = time.monotonic()
     running.cancel()

@@ -71,11 +71,6 @@ def distances(nearest: float = 0.3, farthest: float = 5e3) -> NDArray[Any]:
     return np.asarray(np.exp(rng.uniform(np.log(nearest), np.log(farthest), (HEIGHT, WIDTH))))
 
 
-def written_depth(kind: Kind, ndc_depth: NDArray[Any]) -> NDArray[np.float32]:
-    buffer = (ndc_depth + 1.0) / 2.0 if kind.startswith("opengl") else ndc_depth
-    return np.asarray(buffer, np.float32)
-
-
 CURRENT, PREVIOUS = view((0.05, 0.1, 0.02), 0.01), view((0.0, 0.1, 0.0), 0.0)
 
 
@@ -160,7 +155,8 @@ def test_any_small_move_is_exact(
     projection, current = perspective(kind), view(move, yaw)
     points = sampled_points(distances(1.0, 500.0), projection, current, jitter)
     here, before = (pixels_of(points, projection @ camera) for camera in (current, PREVIOUS))
-    depth, clip = written_depth(kind, here[..., 2]), clip_of(kind)
+    written = (here[..., 2] + 1.0) / 2.0 if kind.startswith("opengl") else here[..., 2]
+    depth, clip = written.astype(np.float32), clip_of(kind)
     motion = camera_motion(depth, projection @ current, projection @ PREVIOUS, jitter=jitter, clip=clip)
     np.testing.assert_allclose(motion, (before - here)[..., :2], atol=1e-3)
     jittered = pixels_of(points, jittered_projection(projection, jitter, (WIDTH, HEIGHT)) @ current)

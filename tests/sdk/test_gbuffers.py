@@ -240,15 +240,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def broken(folder: Path, tmp_path: Path) -> Path:
-    """A shot with files of display size whose pixels cannot be read."""
-    copied = Path(shutil.copytree(folder, tmp_path / "broken"))
-    for file in copied.rglob("display/*"):
-        file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    return copied
-
-
 def assert_upscaled(out: Path, frames: Sequence[Frame], model: Path) -> None:
     upscaler = Upscaler(model, display_size=DISPLAY)
     for index, frame in enumerate(frames):
@@ -275,7 +266,10 @@ def test_buffers_of_display_size_replace_those_of_render_size(gbuffer_model: Pat
     assert_upscaled(tmp_path / "out", [frame], gbuffer_model)
 
 
-def test_upscale_reads_only_what_a_model_asks_for(broken: Path, gbuffer_model: Path, tmp_path: Path) -> None:
+def test_upscale_reads_only_what_a_model_asks_for(folder: Path, gbuffer_model: Path, tmp_path: Path) -> None:
+    broken = Path(shutil.copytree(folder, tmp_path / "broken"))
+    for file in broken.rglob("display/*"):
+        file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     assert run("upscale", broken, "--method", "bilinear", "-o", tmp_path / "one").exit_code == 0
     refused = run("upscale", broken, "--model", gbuffer_model, "-o", tmp_path / "other")
     assert refused.exit_code == 1

@@ -79,14 +79,6 @@ def steps(upscaler: Upscaler, first: int, last: int) -> Float32:
     return image
 
 
-def spoilt(case: str, seed: int) -> Frame:
-    name, place, value = HOSTILE[case]
-    array = np.array(getattr(still(seed, FEW), name))
-    with np.errstate(over="ignore"):
-        array[place] = value
-    return still(seed, FEW, **{name: array})
-
-
 def make(model: Model, ratio: float = 2.0, **options: Any) -> Upscaler:
     return Upscaler(model, scale=ratio, render_size=SIZE, validate="off", **options)
 
@@ -99,7 +91,11 @@ def test_a_hostile_frame_gives_a_clean_image_and_leaves_no_trace(
 ) -> None:
     upscaler = make(models[name], FEW)
     steps(upscaler, 0, BAD - 1)
-    bad = upscaler.step(spoilt(case, BAD))
+    field, place, value = HOSTILE[case]
+    array = np.array(getattr(still(BAD, FEW), field))
+    with np.errstate(over="ignore"):
+        array[place] = value
+    bad = upscaler.step(still(BAD, FEW, **{field: array}))
     assert np.isfinite(bad).all()
     assert bad.min() >= 0
     assert bad.max() <= 65504

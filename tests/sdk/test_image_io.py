@@ -1,6 +1,5 @@
 """Tests of reading and writing EXR, PNG and JPEG files."""
 
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
@@ -14,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from OpenImageIO import ImageBuf, ImageInput, ImageSpec
 
+from commands import ran
 from exr_parts import write_parts
 from supersampler import ShotError
 from supersampler.io import images
@@ -131,7 +131,8 @@ def test_a_jpeg_is_close_and_closer_with_more_quality(tmp_path: Path) -> None:
     errors = []
     for quality in (30, 100):
         (tmp_path / "image.jpg").write_bytes(images.encode_jpeg(image, quality))
-        errors.append(np.abs(decoded(tmp_path / "image.jpg").astype(float) - image).mean())
+        shown = np.asarray(ImageBuf(str(tmp_path / "image.jpg")).get_pixels("uint8"))
+        errors.append(np.abs(shown.astype(float) - image).mean())
     assert errors[1] < 1 < errors[0] < 20
 
 
@@ -144,8 +145,14 @@ def test_a_png_of_anything_but_bytes_is_refused(tmp_path: Path, image: np.ndarra
 def test_a_write_that_fails_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
     path = tmp_path / "image.exr"
     images.write_exr(path, PIXELS)
+
+    def write_half_and_stop() -> None:
+        with replacing(path) as partial:
+            partial.write_bytes(b"half of it")
+            raise RuntimeError("stopped")
+
     with pytest.raises(RuntimeError, match="stopped"):
-        write_half_and_stop(path)
+        write_half_and_stop()
     assert [file.name for file in tmp_path.iterdir()] == ["image.exr"]
     np.testing.assert_array_equal(images.read_exr(path)["R"], PIXELS[..., 0])
 
@@ -167,23 +174,11 @@ for write, name, image in ((write_exr, "a.exr", noise), (write_png, "a.png", (no
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit on the size of files to set")
 def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", FULL_DISK, str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    exr, png = done.stdout.splitlines()
+    exr, png = ran(sys.executable, "-c", FULL_DISK, tmp_path).splitlines()
     for line, name in ((exr, "a.exr"), (png, "a.png")):  # OpenImageIO's PNG writer says that all went well
         assert line.startswith(f"{tmp_path / name}: cannot be written (")
         assert "partial" not in line
     assert list(tmp_path.iterdir()) == []
-
-
-def write_half_and_stop(path: Path) -> None:
-    with replacing(path) as partial:
-        partial.write_bytes(b"half of it")
-        raise RuntimeError("stopped")
-
-
-def decoded(path: Path) -> np.ndarray:
-    return np.asarray(ImageBuf(str(path)).get_pixels("uint8"))
 
 
 TYPES = ("f2", "f4", "f8", "?", "u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8")

@@ -211,14 +211,6 @@ def test_kernels_leave_an_unknown_history_to_the_graph(folder: Path) -> None:
 # --- network.npz ---
 
 
-def network_with(folder: Path, changes: dict[str, Any]) -> None:
-    with np.load(folder / "network.npz") as file:
-        arrays = {**dict(file), **changes}
-    stream = io.BytesIO()
-    np.savez(stream, **{name: array for name, array in arrays.items() if array is not None})
-    replace_file(folder, "network.npz", stream.getvalue())
-
-
 @pytest.fixture
 def learned(tmp_path: Path) -> Path:
     return copied("classifier-small", tmp_path)
@@ -239,7 +231,11 @@ def learned(tmp_path: Path) -> Path:
     ],
 )
 def test_an_array_of_another_layout_is_named(changes: dict[str, Any], match: str, learned: Path) -> None:
-    network_with(learned, changes)
+    with np.load(learned / "network.npz") as file:
+        arrays = {**dict(file), **changes}
+    stream = io.BytesIO()
+    np.savez(stream, **{name: array for name, array in arrays.items() if array is not None})
+    replace_file(learned, "network.npz", stream.getvalue())
     with pytest.raises(ModelError, match=match):
         Model.load(learned)
 

@@ -4,8 +4,6 @@ import json
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -271,21 +269,6 @@ def test_a_path_that_is_not_a_recording_is_refused_and_an_existing_one_is_kept(f
             open_recording(path)
 
 
-@contextmanager
-def disk_full_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Writing this file fails."""
-    replace_file = Path.replace
-
-    def refuse(part: Path, to: Path) -> Path:
-        if to == path:
-            raise OSError(28, "No space left on device")
-        return replace_file(part, to)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "replace", refuse)
-        yield
-
-
 @pytest.mark.parametrize("full", [CALL.format(1), OUTCOME.format(1)])
 def test_a_full_disk_ends_the_recording_with_the_last_step(
     full: str, file: Path, monkeypatch: pytest.MonkeyPatch
@@ -294,8 +277,15 @@ def test_a_full_disk_ends_the_recording_with_the_last_step(
     upscaler, plain = recorded(file), Upscaler(shared_model("taau"), display_size=DISPLAY)
     upscaler.step(noise(0))
     plain.step(noise(0))
-    before, seed = files(file), 1
-    with disk_full_for(file / full, monkeypatch):
+    before, seed, replace_file = files(file), 1, Path.replace
+
+    def refuse(part: Path, to: Path) -> Path:
+        if to == file / full:
+            raise OSError(28, "No space left on device")
+        return replace_file(part, to)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", refuse)
         if full == OUTCOME.format(1):
             np.testing.assert_array_equal(upscaler.step(noise(seed)), plain.step(noise(seed)))
             seed += 1

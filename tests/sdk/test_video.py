@@ -23,11 +23,6 @@ COLORS = np.array(
 )
 
 
-def patches(side: int = 32) -> Any:
-    """Return a row of squares, one of each colour."""
-    return np.repeat(np.repeat(COLORS[None], side, axis=0), side, axis=1)
-
-
 def gradient(size: tuple[int, int], number: int) -> Any:
     """Return a smooth image that differs from frame to frame."""
     x, y = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
@@ -59,7 +54,7 @@ def test_a_video_has_the_images_in_order_at_their_size_and_rate(tmp_path: Path) 
 
 
 def test_colours_stay_as_they_are_and_are_tagged_as_bt709(tmp_path: Path) -> None:
-    path, image = tmp_path / "a.mp4", patches()
+    path, image = tmp_path / "a.mp4", np.tile(COLORS.repeat(32, axis=0), (32, 1, 1))
     write(path, [image], size=(image.shape[1], image.shape[0]))
     stream, _ = decoded(path)
     context = stream.codec_context
