@@ -248,8 +248,8 @@ def test_the_times_of_the_stages_add_up(page: "Page", url: str) -> None:
     opened(page, f"{url}?test&size=320x180&method=taau")
     click_single(page)
     click_single(page)
-    stages = r"GPU ([\d.]+) ms: rendering ([\d.]+), upscaling ([\d.]+), showing the views ([\d.]+); a frame "
-    found = re.match(stages, page.inner_text("#times"))
+    text = r"GPU ([\d.]+) ms: rendering ([\d.]+), upscaling ([\d.]+), showing the views ([\d.]+); a frame "
+    found = re.match(text, page.inner_text("#times"))
     assert found is not None, page.inner_text("#times")
     total, *stages = map(float, found.groups())
     assert total == pytest.approx(sum(stages), abs=0.011)

@@ -105,7 +105,7 @@ def test_a_reversed_frame_has_the_motion_that_is_given() -> None:
     now = replace(frame(DISC, 0), motion_next=given)
     turned, last = reversed_frame(now, frame(DISC, 1)), reversed_frame(now, None)
     np.testing.assert_array_equal(turned.motion, given.astype(np.float32))
-    assert (turned.reset, last.reset, last.motion.any()) == (False, True, False)
+    assert (turned.reset, last.reset, bool(last.motion.any())) == (False, True, False)
     with pytest.raises(FrameError, match=r"frame.motion_next is \(72, 127, 2\) float16; want"):
         replace(now, motion_next=given[:, 1:])
 

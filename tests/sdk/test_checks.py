@@ -198,7 +198,8 @@ def test_a_refused_frame_leaves_the_checker_as_it_was(frames: list[Frame]) -> No
 
 
 def test_the_checker_keeps_no_buffer_of_the_caller(frames: list[Frame]) -> None:
-    buffers = {name: np.array(getattr(frames[0], name)) for name in ("color", "depth", "motion")}
+    names = ("color", "depth", "motion")
+    buffers: dict[str, Any] = {name: np.array(getattr(frames[0], name)) for name in names}
     checker = FrameChecker("strict")
     for frame in frames:
         for name, buffer in buffers.items():

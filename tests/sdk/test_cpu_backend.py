@@ -46,8 +46,7 @@ def step_both(models: Models, method: str, frames: list[Frame], display: Size) -
 
 
 def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
-    history: Any = upscaler.save_state().history
-    return history
+    return upscaler.save_state().history or {}
 
 
 def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, float] = ROUNDING) -> None:
@@ -81,8 +80,8 @@ def test_the_cpu_backend_computes_what_the_onnx_backend_computes(
 def test_hostile_pixels_are_alike_on_both(models: Models, method: str, bad: float) -> None:
     frames = [noise(seed) for seed in range(5)]
     spots = np.random.default_rng(0).random((18, 32)) < 0.05
-    names = "color", "depth", "motion"
-    frames[2] = replace(frames[2], **{name: spoilt(getattr(frames[2], name), spots, bad) for name in names})
+    fields = {n: spoilt(getattr(frames[2], n), spots, bad) for n in ("color", "depth", "motion")}
+    frames[2] = replace(frames[2], **fields)  # type: ignore[arg-type]
     for one, other in step_both(models, method, frames, (64, 36)):
         assert np.isfinite(other.image).all()
         assert other.image.min() >= 0

@@ -78,7 +78,7 @@ def test_maps_and_aovs_go_through_both(joint: Model, classifier: Model) -> None:
     for index in range(4):
         aovs = np.full((*SIZE[::-1], 1), 0.1 * index, np.float32)
         frame = shaded(index, aovs=aovs, **({"color": None} if index % 2 else {}))
-        steps = [each.extrapolate if index % 2 else each.step for each in (ours, theirs)]
+        steps: list[Any] = [each.extrapolate if index % 2 else each.step for each in (ours, theirs)]
         one, other = (step(frame, outputs=("weight", "aovs")) for step in steps)
         for name in ("weight", "aovs"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

@@ -137,7 +137,8 @@ def test_buffers_that_a_method_does_not_use_are_neither_asked_for_nor_looked_at(
     for name in spoilt.keys() - set(WANTED):
         spoilt[name] = np.full_like(spoilt[name], np.nan)
     groups = ("gbuffer", "gbuffer_display")
-    frames = [replace(lit(1), **dict(zip(groups, grouped(found), strict=True))) for found in (wanted, spoilt)]
+    fields: list[Any] = [dict(zip(groups, grouped(found), strict=True)) for found in (wanted, spoilt)]
+    frames = [replace(lit(1), **changed) for changed in fields]
     few, many = (upscaler(model, validate="strict").step(frame) for frame in frames)
     np.testing.assert_array_equal(few, many)
     plain = Upscaler("bilinear", display_size=DISPLAY, executor="onnx", threads=1)

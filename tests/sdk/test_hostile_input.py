@@ -17,11 +17,12 @@ from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler_model.data.scenes.analytic import Plane, checker
 
-SIZE, DISPLAY = (32, 18), (64, 36)
+SIZE = (32, 18)
 FEW = 1.5
 """A ratio whose jitter has few phases."""
 METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier"]
-Models, Images = dict[str, Model], dict[Any, Float32]
+Models = dict[str, Model]
+Images = dict[Any, Float32]
 BAD = 4
 LAST = BAD + 3 * jitter_phase_count(FEW)
 """Three jitter periods later: the bad samples differ from those after one; two more freeze it."""

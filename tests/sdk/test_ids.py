@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from noise import noise
 from shared_models import shared_model
-from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, StepResult, Upscaler
+from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, Upscaler
 from supersampler.arguments import ExecutorName
 from supersampler.backends.cpu.ids import IdHistory
 from supersampler.conventions.jitter import halton_jitter, jitter_phase_count
@@ -47,8 +47,7 @@ def truth_at(index: int, *, moves: bool = True) -> Ids:
 
 def ids_of(upscaler: Upscaler, frame: Frame) -> Ids:
     result: Any = upscaler.step(frame, outputs=("ids",))
-    assert isinstance(result, StepResult)
-    return result.ids
+    return np.asarray(result.ids)
 
 
 def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -> IdHistory:

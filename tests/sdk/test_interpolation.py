@@ -25,14 +25,13 @@ COUNT = 7
 
 def lit(index: int, *, light: float, shaded: bool = True, **overrides: Any) -> Frame:
     """A textured wall under a light, with the buffers of guided-warp."""
-    frame: Any = moving(index)
-    base = (frame.color / (1.0 + frame.color)).astype(np.float32)
+    frame = moving(index)
+    base = np.asarray(frame.color, np.float32) / (1.0 + np.asarray(frame.color, np.float32))
     normal = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
     normal[..., 2] = 1.0
-    color = (base + np.float32(0.02)) * np.float32(light)
+    color = (base + np.float32(0.02)) * np.float32(light) if shaded else None
     buffers = {"base_color": base, "normal": normal}
-    given = {"color": color if shaded else None, "gbuffer": buffers, "exposure": 1.0, **overrides}
-    return replace(frame, **given)
+    return replace(frame, color=color, gbuffer=buffers, exposure=1.0, **overrides)
 
 
 def alternating(count: int = COUNT) -> list[Frame]:

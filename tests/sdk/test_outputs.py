@@ -223,7 +223,7 @@ def written(folder: Path, aovs: float, *formats: str, grey: float = 0.4, **field
     output = OutputImage(
         image=image, exposure=1.0, aovs=np.full((2, 3, channels), aovs, np.float32), **fields
     )
-    return ImageOptions(formats=[*formats]).write(folder, 1, output)  # type: ignore[list-item]
+    return ImageOptions(formats=[*formats]).write(folder, 1, output)
 
 
 def test_opaque_pixels_are_shown_as_without_alpha(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def images(method: str, executor: str, factors: Sequence[float], exposure: float
 
 
 def exposed(upscaler: Upscaler, index: int, factor: float, exposure: float | None) -> Frame:
-    frame: Any = frame_for(upscaler, index)
+    frame = frame_for(upscaler, index)
     color = np.asarray(frame.color) * np.float32(factor)
     return replace(frame, color=color, pre_exposure=factor, exposure=exposure)
 

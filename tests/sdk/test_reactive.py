@@ -114,7 +114,7 @@ def test_a_missing_sample_shows_the_history_under_any_mask(method: str, executor
     np.testing.assert_array_equal(np.asarray(after)[there], np.asarray(before)[there])
 
 
-def at_rest(upscaler: Upscaler) -> StepResult:
+def at_rest(upscaler: Upscaler) -> Any:
     """Step through two periods of what stands still, and one frame more."""
     for index in range(2 * PERIOD + 1):
         result: Any = upscaler.step(still(upscaler, index), outputs=("converged",))
@@ -126,7 +126,7 @@ def at_rest(upscaler: Upscaler) -> StepResult:
 def test_at_rest_any_value_over_zero_ends_what_is_frozen_around_it(method: str, executor: str) -> None:
     upscaler, corner = make(method, executor), mask(0.0)
     corner[0, 0] = 1e-3
-    before: Any = at_rest(upscaler)
+    before = at_rest(upscaler)
     frame = replace(still(upscaler, 2 * PERIOD + 1), reactive=corner)
     after: Any = upscaler.step(frame, outputs=("converged",))
     assert after.converged[:15, :15].max() == 0.0  # of its block and the next ones, of four samples each

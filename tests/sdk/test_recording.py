@@ -332,27 +332,30 @@ def test_an_invalid_setup_is_refused(name: str, value: object, file: Path) -> No
         open_recording(file)
 
 
+CALLS: list[tuple[Any, str]] = [
+    ({"call": "explode"}, "Invalid value 'explode'"),
+    ({}, "missing required field `call`"),
+    ([], "Expected `object`, got `array`"),
+    ({**STEP, "name": "warm_up"}, r"Invalid enum value 'warm_up' - at `\$.name`"),
+    ({**STEP, "jitter": [9, 9]}, "frame.jitter"),
+    ({**STEP, "exposure": -1.0}, "frame.exposure"),
+    ({**STEP, "surprise": 1}, "unknown field `surprise`"),
+    ({**STEP, "outputs": "aovs"}, r"Expected `array`, got `str` - at `\$.outputs`"),
+    ({**STATE, "method": 1}, "method"),
+    ({**STATE, "history": None}, "history"),
+    ({"call": "close", "image": 1}, "unknown field `image`"),
+    (None, "Expected `object`"),
+]
+
+
 @pytest.mark.parametrize(
     ("name", "record", "message"),
     [
-        *((CALL, *case) for case in (
-            ({"call": "explode"}, "Invalid value 'explode'"),
-            ({}, "missing required field `call`"),
-            ([], "Expected `object`, got `array`"),
-            ({**STEP, "name": "warm_up"}, r"Invalid enum value 'warm_up' - at `\$.name`"),
-            ({**STEP, "jitter": [9, 9]}, "frame.jitter"),
-            ({**STEP, "exposure": -1.0}, "frame.exposure"),
-            ({**STEP, "surprise": 1}, "unknown field `surprise`"),
-            ({**STEP, "outputs": "aovs"}, r"Expected `array`, got `str` - at `\$.outputs`"),
-            ({**STATE, "method": 1}, "method"),
-            ({**STATE, "history": None}, "history"),
-            ({"call": "close", "image": 1}, "unknown field `image`"),
-            (None, "Expected `object`"),
-        )),
+        *((CALL, *case) for case in CALLS),
         (OUTCOME, {"returned": {"image": 2**40}}, "is not as expected"),
         (OUTCOME, {"raised": [1, 2]}, "is not as expected"),
     ],
-)  # fmt: skip
+)
 def test_an_unknown_call_or_outcome_is_refused(name: str, record: object, message: str, file: Path) -> None:
     begun(file).close()
     path = file / name.format(0)

@@ -25,7 +25,7 @@ def stepped(upscaler: Upscaler, frame: Frame) -> NDArray[np.float32]:
     """Return the image (h, w, 3) of a frame's tensors."""
     names = "jitter", "exposure", "reset", "pre_exposure"
     image = upscaler.step_tensors(tensors_of(frame), **{name: getattr(frame, name) for name in names})
-    return np.asarray(np.from_dlpack(image))[0].transpose(1, 2, 0)
+    return np.asarray(np.asarray(np.from_dlpack(image))[0].transpose(1, 2, 0))
 
 
 def upscaler(method: str = "taau", executor: Any = "onnx") -> Upscaler:

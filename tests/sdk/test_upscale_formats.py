@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def formats(*names: str) -> list[str]:
     return [word for name in names for word in ("--format", name)]
 
 
-def shown(path: Path) -> np.ndarray:
+def shown(path: Path) -> Any:
     """Return the pixels of an image file as integers, as they are stored."""
     image = ImageBuf(str(path))
     return np.asarray(image.get_pixels(image.spec().format))
