@@ -400,6 +400,13 @@ def commands() -> dict[str, frozenset[str]]:
     return found
 
 
+def test_every_command_has_help_and_the_top_lists_it() -> None:
+    top = run("--help").output
+    for command in commands():
+        assert f"\n  {command.split()[0]} " in top
+        assert run(*command.split(), "--help").exit_code == 0, command
+
+
 def messages(file: Path) -> Iterator[str]:
     """Yield the texts of a module that name options; those of f-strings have NAME for each field."""
     tree = ast.parse(file.read_text("utf-8"))
