@@ -2,15 +2,17 @@
 
 import importlib.util
 import os
-import subprocess
 import sys
+from argparse import Namespace
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
-from supersampler import Frame, Upscaler, halton_jitter
+from commands import finished
+from native_build import module_of
+from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.images import read_image
 
@@ -25,21 +27,14 @@ if sys.platform == "linux":
 
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("mujoco_cameras", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of(SCRIPT)
 
 
 def test_images_are_closer_to_the_reference_than_those_of_msaa(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import argparse
-
     options = {"cameras": 4, "size": 192, "frames": 33, "model": "classifier", "score_every": 8}
-    example.main(argparse.Namespace(**options, output=tmp_path))
+    example.main(Namespace(**options, output=tmp_path))
     lines = dict(line.split(": ") for line in capsys.readouterr().out.splitlines())
     upscaled, nearest = (float(lines[f"PSNR {name}, dB"]) for name in ("upscaled", "nearest"))
     assert upscaled > nearest + 3.0, lines
@@ -50,13 +45,11 @@ def test_images_are_closer_to_the_reference_than_those_of_msaa(
     assert picture.std() > 0.1
 
 
-def test_a_short_run_prints_times_and_writes_its_image(
+def test_a_short_run_writes_its_image(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import argparse
-
     options = {"cameras": 1, "size": 64, "frames": 1, "model": "taau", "score_every": 8}
-    example.main(argparse.Namespace(**options, output=tmp_path))
+    example.main(Namespace(**options, output=tmp_path))
     names = [line.split(": ")[0] for line in capsys.readouterr().out.splitlines()]
     assert names == ["rendered small", "step_many", "rendered in full"]
     assert (tmp_path / "cameras.png").exists()
@@ -70,8 +63,7 @@ def test_a_short_run_prints_times_and_writes_its_image(
     ],
 )
 def test_no_frames_and_odd_sizes_are_refused(options: list[str], message: str) -> None:
-    command = [sys.executable, str(SCRIPT), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = finished(sys.executable, SCRIPT, *options)
     assert (done.returncode, done.stderr.endswith(message)) == (2, True), done.stderr
 
 
@@ -112,8 +104,8 @@ def test_ids_of_images_are_ids_of_the_simulation(example: ModuleType) -> None:
     renderer = example.make_renderer(96, samples=0)
     data = mujoco.MjData(renderer.model)
     views = [example.View(index, 3) for index in range(3)]
-    upscalers = [Upscaler("taau", display_size=(192, 192), threads=1) for _ in range(1)]
-    upscalers += [Upscaler(upscalers[0].model, display_size=(192, 192)) for _ in range(2)]
+    model = Model.load("taau", threads=1)
+    upscalers = [Upscaler(model, display_size=(192, 192)) for _ in range(3)]
     for index in range(4):
         mujoco.mj_step(renderer.model, data, nstep=10)
         frames = [view.frame(renderer, data, data.time, halton_jitter(index, 2.0)) for view in views]

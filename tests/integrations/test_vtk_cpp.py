@@ -2,24 +2,16 @@
 
 import re
 import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from OpenImageIO import ImageBuf
 
+from commands import finished, ran
 from native_build import native_build
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "vtk_cpp"
-
-
-def run(*command: object) -> str:
-    done = subprocess.run(
-        [str(part) for part in command], capture_output=True, text=True, timeout=900, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -33,22 +25,17 @@ def viewer(tmp_path_factory: pytest.TempPathFactory) -> list[object]:
         pytest.skip("xvfb-run cannot be found: Debian's xvfb and xauth have it")
     build.compile_library(build.FOLDER, options)
     prefix, folder = tmp_path_factory.mktemp("prefix"), tmp_path_factory.mktemp("vtk_cpp")
-    run("cmake", "--install", build.FOLDER, "--prefix", prefix)
-    configured = subprocess.run(
-        [shutil.which("cmake") or "cmake", "-S", EXAMPLE, "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ran("cmake", "--install", build.FOLDER, "--prefix", prefix)
+    configured = finished("cmake", "-S", EXAMPLE, "-B", folder, f"-DCMAKE_PREFIX_PATH={prefix}")
     if "FindVTK" in configured.stderr or "VTKConfig" in configured.stderr:
         pytest.skip("VTK cannot be found: Debian's libvtk9-dev has it")
     assert configured.returncode == 0, configured.stderr
-    run("cmake", "--build", folder)
+    ran("cmake", "--build", folder)
     return ["xvfb-run", "-a", folder / "viewer"]
 
 
 def test_a_turning_model_is_close_to_its_reference(viewer: list[object], tmp_path: Path) -> None:
-    output = run(*viewer, "-o", tmp_path, "-n", 17, "-s", "640x360")
+    output = ran(*viewer, "-o", tmp_path, "-n", 17, "-s", "640x360")
     print(output)
     decibels = dict(re.findall(r"PSNR (\w+): ([\d.]+) dB", output))
     assert float(decibels["upscaled"]) > 33.0  # 34.5 as it is
@@ -63,8 +50,6 @@ def test_a_turning_model_is_close_to_its_reference(viewer: list[object], tmp_pat
 
 
 def test_a_model_that_does_not_ship_is_named(viewer: list[object]) -> None:
-    done = subprocess.run(
-        [str(part) for part in (*viewer, "-m", "other")], capture_output=True, text=True, check=False
-    )
+    done = finished(*viewer, "-m", "other")
     assert done.returncode == 1
     assert "there is no model 'other' in this library" in done.stderr

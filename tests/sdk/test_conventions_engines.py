@@ -18,10 +18,7 @@ from supersampler.conventions import Conventions, RawFrame, jittered_projection
 SIZE = (160, 90)
 NEAR, FAR = 0.3, 500.0
 JITTER = (0.25, -0.375)
-NOW, BEFORE = (
-    np.array([0.4, 0.3, -5.0, 1.0]),
-    np.array([0.1, 0.35, -4.0, 1.0]),
-)  # right, up, towards the viewer
+NOW, BEFORE = np.array([0.4, 0.3, -5.0, 1.0]), np.array([0.1, 0.35, -4.0, 1.0])  # y up, z to the viewer
 
 Matrix = NDArray[np.floating[Any]]
 
@@ -170,14 +167,10 @@ def test_the_vectors_jitter_and_depth_of_an_engine_become_those_of_a_frame(case:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_preset_of_vtk_places_a_sample_where_the_window_centre_puts_it(sign: int) -> None:
     """VTK moves the frustum: the point at NDC c comes to the image's centre."""
-    projection = frustum(*PLANES)
-    moved = translated(-2.0 * JITTER[0] / SIZE[0], 2.0 * JITTER[1] / SIZE[1])
-    np.testing.assert_array_equal(moved @ projection, jittered_projection(projection, JITTER, SIZE))
-    raw = RawFrame(
-        depth=np.array([[1.0], [0.5]], np.float32),
-        motion=np.zeros((2, 1, 2), np.float32),
-        jitter=(0.25, 0.125 * sign),
-    )
+    moved = translated(-2.0 * JITTER[0] / SIZE[0], 2.0 * JITTER[1] / SIZE[1]) @ frustum(*PLANES)
+    np.testing.assert_allclose(moved, jittered_projection(frustum(*PLANES), JITTER, SIZE), atol=1e-15)
+    depth, motion = np.array([[1.0], [0.5]], np.float32), np.zeros((2, 1, 2), np.float32)
+    raw = RawFrame(depth=depth, motion=motion, jitter=(0.25, 0.125 * sign))
     frame = Conventions.vtk(near=4.0, far=8.0).converter().to_frame(raw)
     assert frame.jitter == (0.125, -0.125 * sign)  # of 1 x 2 pixels
-    np.testing.assert_allclose(frame.depth, [[4.0 / (8.0 * 4.0 / (8.0 - 0.5 * 4.0))], [0.0]], rtol=1e-6)
+    np.testing.assert_allclose(frame.depth, [[4.0 / (8.0 * 4.0 / 6.0)], [0.0]], rtol=1e-6)
