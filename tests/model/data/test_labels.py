@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from label_samples import Sample, label_inputs, samples, statistics_of
 from more_scenes import Floor, ShadingStep, dots, near, ripples, thin_lines
@@ -24,7 +23,6 @@ from supersampler_model.data.scenes.analytic import (
     zone_plate,
 )
 
-Mask = NDArray[np.bool_]
 SIZE = (128, 72)
 PAPER = LabelThresholds(slope_aware=False)
 
