@@ -15,6 +15,7 @@ from gpu_steps import moving
 from noise import Size
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.gpu.device import default_device
+from texture_frames import texture_of
 
 DISPLAY = (41, 25)
 SIZES = ((20, 12), (20, 12), (27, 17), (21, 13), (21, 13), *((20, 12),) * 12)
@@ -89,7 +90,10 @@ def wanted_images(
     inputs, size, images = [one.name for one in upscaler.model.info.inputs], (*display, 1), {}
     names = ["rgba16f", *(f"aovs{i}.rgba16f" for i in range(aovs))]
     for index, frame in enumerate(shot or frames()):
-        textures = {name: _texture(device, image) for name, image in RAW["images_of"](frame).items()}
+        textures = {
+            name: texture_of(device, image, FORMATS[image.shape[2]], image.shape[2])
+            for name, image in RAW["images_of"](frame).items()
+        }
         written = [device.create_texture(size=size, format="rgba16float", usage=8 | 1) for _ in range(aovs)]
         given: Any = {
             name: texture for name, texture in textures.items() if name in inputs or name == "depth"
@@ -102,16 +106,6 @@ def wanted_images(
             pixels = device.queue.read_texture({"texture": texture}, {"bytes_per_row": 8 * size[0]}, size)
             images[f"{index:04d}.{name}"] = bytes(pixels)
     return images
-
-
-def _texture(device: Any, image: NDArray[np.float32]) -> Any:
-    height, width, channels = image.shape
-    size, usage = (width, height, 1), 4 | 2  # sampled, written by a copy
-    texture = device.create_texture(size=size, format=FORMATS[channels], usage=usage)
-    layout = {"bytes_per_row": 4 * channels * width, "rows_per_image": height}
-    values = np.ascontiguousarray(image, np.float32)
-    device.queue.write_texture({"texture": texture}, values, layout, size)
-    return texture
 
 
 def read_images(folder: Path) -> dict[str, bytes]:
