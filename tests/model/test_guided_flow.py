@@ -145,23 +145,6 @@ def sure_of(image: Tensor) -> Tensor:
 # --- the history ---
 
 
-def test_after_a_shaded_frame_the_history_holds_it_and_its_predecessor() -> None:
-    frames = [tensors(SCENE.frame(index)) for index in range(3)]
-    first = GuidedFlow.after_shaded(frames[0])
-    names = ("color", "base_color", "normal", "depth", "jitter", "motion", "motion_jitter")
-    for name in names:
-        assert first[HISTORY.index(f"earlier_{name}")] is first[HISTORY.index(name)]
-    assert not first[HISTORY.index("shaded_motion")].any()
-    second = dict(zip(HISTORY, GuidedFlow.after_shaded(frames[1], first), strict=True))
-    assert torch.equal(second["color"], frames[1]["color"])
-    assert second["base_color"] is frames[1]["gbuffer_base_color"]
-    assert second["shaded_motion"] is frames[1]["motion"]
-    assert second["motion_jitter"] is frames[1]["jitter"]
-    assert not second["motion"].any()
-    for name in names:
-        assert second[f"earlier_{name}"] is first[HISTORY.index(name)]
-
-
 @pytest.mark.parametrize("sizes", [(SIZE,) * 5, ((48, 27), (96, 54), (64, 36), (80, 45), (72, 40))])
 def test_motion_adds_up_to_that_back_to_both_shaded_frames(sizes: tuple[Size, ...]) -> None:
     """An image is zoomed about the middle, by another factor and with another jitter each frame."""

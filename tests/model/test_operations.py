@@ -251,11 +251,6 @@ def by_torch(image: Float32, display: ops.Size, exposure: float = 1.0) -> Float3
     return ops.downsample(planes, display, torch.tensor([exposure]))[0].permute(1, 2, 0).numpy()
 
 
-def larger(display: ops.Size) -> Float32:
-    width, height = large_size(display)
-    return np.random.default_rng(0).gamma(0.5, 4.0, (height, width, 3)).astype(np.float32)
-
-
 @pytest.mark.parametrize("display", DISPLAY_SIZES)
 def test_one_colour_stays_what_it_is(display: ops.Size) -> None:
     width, height = large_size(display)
