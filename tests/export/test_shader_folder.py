@@ -19,6 +19,7 @@ from supersampler.backends.gpu.memory import PixelBuffer
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram
 from supersampler.cli.app import app
 from supersampler.errors import ArgumentError, ModelError, ShotError
+from supersampler.methods.aovs.gpu import aov_pass, aov_shader
 from supersampler.methods.executors import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
 from supersampler_export.shaders.folder import write_shader_folder
@@ -161,11 +162,13 @@ def test_frames_and_images_are_in_buffers_where_that_is_asked_for(folders: dict[
 
 
 def test_textures_of_aovs_hold_four_channels_each_and_a_buffer_all(folders: dict[str, Path]) -> None:
-    for name, channels, targets in (
-        ("taau aovs", [4, 4], ["aovs0", "aovs1"]),
-        ("taau aovs buffers", [5], ["next_aovs"]),
+    for name, channels, targets, last in (
+        ("taau aovs", [4, 4], ["aovs0", "aovs1"], aov_pass(2, 1, in_texture=True, has_history=True)),
+        ("taau aovs buffers", [5], ["next_aovs"], aov_pass(5, 0, in_texture=False, has_history=True)),
     ):
         described = about(folders[name])
+        shader = aov_shader(last, ARRAYS if "buffers" in name else TEXTURES)
+        assert (folders[name] / described["passes"][-1]["file"]).read_text() == shader.code
         aovs = [one for one in described["inputs"] if one["name"].startswith("aovs")]
         assert [one["channels"] for one in aovs] == channels
         assert described["aovs"]["resources"] == targets

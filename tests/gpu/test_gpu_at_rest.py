@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from gpu_steps import INT8
-from rest_scenes import Stepped
 from supersampler import Frame, halton_jitter
 from supersampler.backends.base import StepRequest
 from supersampler.backends.gpu.executor import GpuExecutor
@@ -21,6 +20,7 @@ from supersampler.methods.at_rest import NOISY
 from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import read_upscaling_info
 from supersampler_model.methods import load_method
+from torch_inputs import Stepped
 
 RENDER, DISPLAY = (22, 14), (44, 28)
 PERIOD = 32
