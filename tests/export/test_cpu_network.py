@@ -25,8 +25,7 @@ from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.gbuffer_fast import GuidedClassifier
 from supersampler_model.methods.taau import Taau
-from supersampler_model.ops.images import Size as ModelSize
-from torch_inputs import tensors_of
+from torch_inputs import Stepped
 
 TINY = NetworkConfig(levels=(16, 16, 32, 64), decoder=16, hidden=16)
 Made = tuple[Classifier, Model]
@@ -54,15 +53,8 @@ def with_random_weights(method: Classifier, folder: Path) -> Made:
 def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
     """Return the images of torch and of the CPU backend, (H, W, 3)."""
     method, model = made
-    upscaler = Upscaler(model, display_size=display, validate="off")
-    history: Any = method.first_history(ModelSize(*display), ModelSize(*frames[0].size))
-    pairs = []
-    for frame in frames:
-        tensors = tensors_of(frame, display, method.inputs()).values()
-        with torch.no_grad():
-            image, history, _ = method.step(*tensors, *history)
-        pairs.append((image[0].permute(1, 2, 0).numpy(), upscaler.step(frame)))
-    return pairs
+    upscaler, torch_steps = Upscaler(model, display_size=display, validate="off"), Stepped(method, display)
+    return [(torch_steps.step(frame), upscaler.step(frame)) for frame in frames]
 
 
 def compare(pairs: list[tuple[Float32, Float32]]) -> None:

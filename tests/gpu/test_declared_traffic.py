@@ -1,17 +1,19 @@
 """Declared accesses of GPU passes, which `bench traffic` counts, match the accesses of the shaders."""
 
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from noise import noise
+from gbuffer_method import lit
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.backends.gpu.memory import PixelMemory
 from supersampler.backends.gpu.program import ARRAYS
 from supersampler.methods.at_rest import phase_count
 from supersampler.methods.executors import with_shaders
+from supersampler.methods.gbuffers import GBUFFERS
+from supersampler_bench.specs import with_default_gbuffers
 from supersampler_bench.timing.traffic import UNTOUCHED, touched_fraction
 from touched_elements import Recorder
 
@@ -19,29 +21,6 @@ RENDER, DISPLAY = (64, 32), (128, 64)
 PERIOD, MAX_PERIODS = 32, 4
 SPARE = 0.01
 """How much more of a resource than declared a pass may access."""
-
-
-def with_gbuffers(frame: Frame, random: np.random.Generator | None) -> Frame:
-    """The frame with G-buffers, of noise or of one surface."""
-
-    def image(size: tuple[int, int], *channels: int) -> Any:
-        shape = (*size[::-1], *channels)
-        return np.full(shape, 0.5, np.float32) if random is None else random.random(shape, np.float32)
-
-    found = {
-        size: {"base_color": image(size, 3), "normal": image(size, 3), "depth": image(size)}
-        for size in (RENDER, DISPLAY)
-    }
-    shown = found[DISPLAY]
-    del found[RENDER]["depth"]
-    return Frame(
-        color=frame.color, depth=frame.depth, motion=frame.motion, jitter=frame.jitter,
-        gbuffer=found[RENDER], gbuffer_display=shown,
-    )  # fmt: skip
-
-
-def moving(index: int) -> Frame:
-    return with_gbuffers(noise(index, RENDER), np.random.default_rng(index))
 
 
 def still(index: int) -> Frame:
@@ -52,7 +31,7 @@ def still(index: int) -> Frame:
         motion=np.zeros((*shape, 2), np.float32),
         jitter=halton_jitter(index % PERIOD, 2.0),
     )
-    return with_gbuffers(frame, None)
+    return with_default_gbuffers(frame, GBUFFERS, DISPLAY)
 
 
 class Access(NamedTuple):
@@ -91,7 +70,7 @@ def test_passes_access_what_they_declare_where_all_pixels_move_and_where_all_are
     upscaler = Upscaler(recorder.model, display_size=DISPLAY, validate="off")
     for index in range(4):
         recorder.clear()
-        upscaler.step(moving(index))
+        upscaler.step(lit(index, RENDER))
     check(list(accesses(recorder, frozen=False)))
     if not upscaler.model.info.converges:
         return

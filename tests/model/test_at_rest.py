@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rest_scenes import RestScene, Stepped, wave
+from rest_scenes import RestScene, wave
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
@@ -17,6 +17,7 @@ from supersampler.methods.at_rest import NOISY
 from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau import Taau
+from torch_inputs import Stepped
 
 WAVE = RestScene(wave)
 FROZEN = 2 * WAVE.period + 1

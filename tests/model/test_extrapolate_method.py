@@ -17,7 +17,7 @@ from supersampler_model.methods.base import Method, Trained, load_trained, shipp
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate, packed_base_color
 from supersampler_model.methods.guided_warp import GuidedWarp
-from torch_inputs import tensors_of
+from torch_inputs import step_by_name, tensors_of
 
 RENDER, DISPLAY = (40, 23), (80, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
@@ -47,9 +47,8 @@ def given(index: int, render: Sizes = RENDER, display: Sizes = DISPLAY) -> dict[
 
 
 def step(method: Method, inputs: Mapping[str, Tensor], history: State) -> tuple[Tensor, State]:
-    with torch.no_grad():
-        done = method.step(*(inputs[name] for name in method.inputs()), *history)
-    return done.image, done.history
+    image, history, _ = step_by_name(method, inputs, history)
+    return image, history
 
 
 def first(method: Method, render: Sizes = RENDER, display: Sizes = DISPLAY) -> State:

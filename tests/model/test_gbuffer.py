@@ -27,7 +27,7 @@ from supersampler_model.methods.gbuffer_surfaces import (
     weighted_mean,
 )
 from supersampler_model.training.losses import dissimilarity
-from torch_inputs import plain_inputs
+from torch_inputs import plain_inputs, step_by_name
 
 BOTH = [SmallGBuffer, SmallGBuffer4]
 GREY, SIDE = 0.2, 15
@@ -65,9 +65,8 @@ def step(
     if history is None:
         display, render = inputs["gbuffer_display_depth"].shape[2:], inputs["depth"].shape[2:]
         history = method.first_history(ops.Size(*display[::-1]), ops.Size(*render[::-1]))
-    with torch.no_grad():
-        done = method.step(*(inputs[name] for name in method.inputs()), *history)
-    return done.image, done.history
+    image, history, _ = step_by_name(method, inputs, history)
+    return image, history
 
 
 def textured(ratio: int, seed: int = 0) -> tuple[Surfaces, Surfaces]:

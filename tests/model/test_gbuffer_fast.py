@@ -7,7 +7,7 @@ from torch import Tensor, nn
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler_model import ops
 from supersampler_model.methods import gbuffer_fast
-from torch_inputs import plain_inputs
+from torch_inputs import plain_inputs, step_by_name
 
 RENDER, DISPLAY = ops.Size(16, 8), ops.Size(32, 16)
 VIEW = ops.View(DISPLAY, RENDER, torch.zeros(1, 2))
@@ -86,9 +86,8 @@ def step(
         "gbuffer_display_normal": display.normal,
         "gbuffer_display_depth": display.depth,
     }
-    with torch.no_grad():
-        image, after, _ = method.step(*(found[name] for name in method.inputs()), *history)
-    return image, after
+    image, history, _ = step_by_name(method, found, history)
+    return image, history
 
 
 def test_the_first_frame_has_the_textures_of_display_size_g_buffers() -> None:

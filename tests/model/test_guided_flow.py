@@ -17,7 +17,7 @@ from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.guided_flow import Gathered, GuidedFlow, flow_history, halved, motions_of
 from supersampler_model.methods.guided_warp import GuidedWarp, surface_of
-from torch_inputs import tensors_of
+from torch_inputs import step_by_name, tensors_of
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedFlow.inputs()]
@@ -38,10 +38,8 @@ def run(method: Method, frames: Sequence[dict[str, Tensor]], pattern: str) -> li
         if kind == "s" or history is None:
             history = method.after_shaded(frame, history)
             continue
-        with torch.no_grad():
-            done = method.step(*(frame[name] for name in method.inputs()), *history)
-        history = done.history
-        images.append(done.image)
+        image, history, _ = step_by_name(method, frame, history)
+        images.append(image)
     return [*images, *(history or [])]
 
 
@@ -171,9 +169,7 @@ def zoomed(size: Size, jitter: tuple[float, float], factor: float) -> NDArray[np
 def test_without_a_shaded_frame_the_image_is_black() -> None:
     method, frame = random_flow(), tensors(SCENE.frame(1))
     nothing = method.first_history(ops.Size(*SIZE), ops.Size(*SIZE))
-    with torch.no_grad():
-        image = method.step(*(frame[name] for name in method.inputs()), *nothing).image
-    assert image.max() == 0.0
+    assert step_by_name(method, frame, nothing).image.max() == 0.0
 
 
 # --- sizes and bad values ---

@@ -13,7 +13,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32
 from supersampler_model import ops
 from supersampler_model.methods.guided_warp import GuidedWarp, indices_of_smallest, samples_at
-from torch_inputs import tensors_of
+from torch_inputs import step_by_name, tensors_of
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedWarp.inputs()]
@@ -26,11 +26,8 @@ def tensors(frame: Frame) -> dict[str, Tensor]:
 
 
 def extrapolated(frame: Frame, history: list[Tensor]) -> tuple[Float32, list[Tensor]]:
-    inputs, method = tensors(frame), GuidedWarp()
-    with torch.no_grad():
-        done = method.step(*(inputs[name] for name in method.inputs()), *history)
-    image: Float32 = done.image[0].numpy().transpose(1, 2, 0)
-    return image, done.history
+    image, history, _ = step_by_name(GuidedWarp(), tensors(frame), history)
+    return image[0].numpy().transpose(1, 2, 0), history
 
 
 def after(frame: Frame) -> list[Tensor]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from more_scenes import ShadingStep, dots
-from rest_scenes import Stepped
 from shared_models import shared_model
 from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
@@ -27,7 +26,7 @@ from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier import Classifier, SmallClassifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.taa import Gathered, Taa
-from torch_inputs import plain_inputs
+from torch_inputs import Stepped, plain_inputs
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 OPTIONS = {

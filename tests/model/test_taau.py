@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from rest_scenes import Light, RestScene, Stepped, flat, stripes, wave
+from rest_scenes import Light, RestScene, flat, stripes, wave
 from supersampler import Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
@@ -39,7 +39,7 @@ from supersampler_model.methods.taau import (
     shade_of,
 )
 from supersampler_model.ops import at_rest
-from torch_inputs import tensors_of
+from torch_inputs import Stepped
 
 RULES = Taau()
 C = RULES.config
@@ -470,15 +470,12 @@ class Ball(AnalyticScene):
 
 def errors(scene: Ball, ratio: float, count: int = 20) -> list[Float32]:
     """Errors of display values on the ball's middle, frame by frame, after eight frames; elsewhere NaN."""
-    method, render = Taau().eval(), ops.Size(round(DISPLAY[0] / ratio), round(DISPLAY[1] / ratio))
-    history, found = method.first_history(ops.Size(*DISPLAY), render), []
+    run, found = Stepped(taau(), DISPLAY), []
     for index in range(count):
-        frame = scene.frame(index, render, halton_jitter(index, ratio))
-        inputs = tensors_of(frame, DISPLAY, method.inputs()).values()
-        with torch.no_grad():
-            _, history, _ = method.step(*inputs, *history)
+        size = round(DISPLAY[0] / ratio), round(DISPLAY[1] / ratio)
+        run.step(scene.frame(index, size, halton_jitter(index, ratio)))
         if index >= 8:
-            image = history[0][0].permute(1, 2, 0).numpy()  # at rest the image is a mean of samples
+            image = run.tensor("color")[0].transpose(1, 2, 0)  # at rest the image is a mean of samples
             error = display_transform(image, 1.0) - display_transform(scene.truth(index, DISPLAY, 4), 1.0)
             found.append(np.where(scene.middle(index), error[..., 0], np.nan))
     return found

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gl_scenes import bending_tube
-from more_scenes import Cut, Floor, ShadingStep, dots, ripples, thin_lines
+from more_scenes import Floor, ShadingStep, dots, ripples, thin_lines
 from supersampler import Frame, halton_jitter
 from supersampler.conventions import camera_motion
 from supersampler.io.display import display_transform
@@ -345,7 +345,6 @@ def test_pixels_panning_in_from_off_screen_are_disoccluded() -> None:
         WiresOverPlane(),
         DiscOverPlane(),
         ShadingStep(Floor(checker, 3.0), at=9),
-        Cut(Plane(dots), Floor(checker, 3.0), at=4),
     ],
 )
 def test_motion_and_depth_agree_with_the_previous_frame(scene: AnalyticScene) -> None:

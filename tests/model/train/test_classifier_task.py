@@ -25,7 +25,7 @@ from supersampler_model.training.crops import CropFrame, CropRegion
 from supersampler_model.training.datasets import UNKNOWN, unshaded_set
 from supersampler_model.training.losses import class_loss
 from supersampler_model.training.task import State, Stepped, fast_convolutions, in_batches, start_task
-from torch_inputs import plain_inputs
+from torch_inputs import plain_inputs, step_by_name
 
 RENDER, DISPLAY = ops.Size(12, 8), ops.Size(24, 16)
 TINY = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
@@ -131,8 +131,8 @@ def test_a_state_is_that_of_a_whole_frame(task: ClassifierTask) -> None:
     state = task.first_state(frame)
     assert torch.equal(state[4], frame.view.jitter)
     for _ in range(3):
+        done = step_by_name(task.method, inputs, history)
         with torch.no_grad():
-            done = task.method.step(*(inputs[name] for name in task.method.inputs()), *history)
             stepped = task.step([frame], [state])
         history, state = done.history, stepped.states[0]
         torch.testing.assert_close(stepped.images, done.image)

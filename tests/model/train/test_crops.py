@@ -35,6 +35,7 @@ from supersampler_model.training.crops import (
     with_fireflies,
 )
 from supersampler_model.training.datasets import gbuffer_set, method_inputs
+from torch_inputs import step_by_name
 
 DISPLAY = (96, 64)
 FRAMES = 3
@@ -75,8 +76,7 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     method = Classifier().eval()
     history = method.first_history(ops.Size(*DISPLAY), ops.Size(*sequence[0].depth.shape[::-1]))
     for frame in sequence:
-        with torch.no_grad():
-            image, history, _ = method.step(*method_inputs(frame, method.inputs()).values(), *history)
+        image, history, _ = step_by_name(method, method_inputs(frame, method.inputs()), history)
     shown: torch.Tensor = image
     return shown
 

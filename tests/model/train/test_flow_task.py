@@ -24,6 +24,7 @@ from supersampler_model.training import flow_task
 from supersampler_model.training.datasets import method_inputs
 from supersampler_model.training.task import start_task
 from supersampler_model.training.validation import validate, validation_entries
+from torch_inputs import step_by_name
 from upscale_runs import run, succeeded
 
 SIZE = 16
@@ -107,14 +108,8 @@ def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
     found = found_of(method, frames)
     names = ["color", *method.inputs()]
     given = [method_inputs(frame, names) for frame in frames]
-    state: list[torch.Tensor] | None = None
-    for number in (0, 1, 2):
-        if number == 1:
-            state = method.step(*(given[1][name] for name in method.inputs()), *(state or [])).history
-        else:
-            state = method.after_shaded(given[number], state)
-    assert state is not None
-    image = method.step(*(given[3][name] for name in method.inputs()), *state).image
+    state = step_by_name(method, given[1], method.after_shaded(given[0])).history
+    image = step_by_name(method, given[3], method.after_shaded(given[2], state)).image
     with torch.no_grad():
         stepped = flow_task.FlowTask(method).step([whole(found, 0)], [[]])
     assert (stepped.images - image).abs().max() < 0.02  # half floats
