@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gbuffer_method import textured as surfaces
 from gpu_steps import make
 from noise import Size, noise
 from supersampler import Frame, FrameError, StepResult, halton_jitter
@@ -25,21 +26,6 @@ SIZES: list[tuple[Size, Size]] = [
     ((9, 21), (27, 61)),
     ((11, 7), (44, 28)),
 ]
-
-
-def surfaces(size: Size, offset: tuple[float, float], moved: float) -> dict[str, Array]:
-    """G-buffers of tiles with textures and different depths, below a sky."""
-    x = (np.arange(size[0]) + 0.5 + offset[0])[None] / size[0] + moved
-    y = (np.arange(size[1]) + 0.5 + offset[1])[:, None] / size[1]
-    tile = np.floor(5.0 * x) + 2.0 * np.floor(4.0 * y)
-    base = [0.5 + 0.4 * np.sin(k * tile + 40.0 * x) * np.cos(30.0 * y + k) for k in (1.0, 2.0, 3.0)]
-    normal = np.stack([np.sin(tile), np.cos(tile + 8.0 * x), np.ones_like(tile + y)], -1)
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    sky = np.broadcast_to(y < 0.15, tile.shape)
-    normal[sky] = 0.0
-    depth = np.where(sky, 0.0, 0.05 * (1.0 + tile % 3))
-    found = {"base_color": np.stack(base, -1), "normal": normal, "depth": depth}
-    return {name: image.astype(np.float32) for name, image in found.items()}
 
 
 def frame_at(index: int, render: Size, display: Size, **fields: Any) -> Frame:
