@@ -90,7 +90,8 @@ def glb(text: bytes, binary: bytes) -> bytes:
 
 
 def png(pixels: Array) -> bytes:
-    spec = ImageSpec(*pixels.shape[1::-1], pixels.shape[2], pixels.dtype.name)
+    height, width, channels = pixels.shape
+    spec = ImageSpec(width, height, channels, pixels.dtype.name)
     spec.attribute("oiio:UnassociatedAlpha", 1)
     with tempfile.TemporaryDirectory() as folder:
         return write_parts(Path(folder) / "image.png", (spec, pixels)).read_bytes()
