@@ -60,6 +60,18 @@ def test_inputs_of_the_network_are_at_most_about_one(value: float | None) -> Non
         assert seen.max() <= 1.001
 
 
+@pytest.mark.parametrize(("across", "down", "blur"), [(0.0, 0.0, 0.0), (0.5, 0.0, 0.5), (0.5, 0.5, 1.0)])
+def test_the_history_is_blurred_most_where_it_is_read_between_pixels(
+    across: float, down: float, blur: float
+) -> None:
+    g = gathered()
+    position = torch.zeros_like(g.reprojection.position) + torch.tensor([4.0 + across, 7.0 + down])
+    seen = classifier_inputs.pixel_inputs(
+        g._replace(reprojection=g.reprojection._replace(position=position))
+    )["blur"]
+    torch.testing.assert_close(seen, torch.full_like(seen, blur))
+
+
 @pytest.mark.parametrize(
     ("code", "of_one", "of_64"), [("saturating", 0.2, 64 / 68), ("logarithm", 0.166, 1.0)]
 )

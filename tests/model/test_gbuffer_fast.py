@@ -57,6 +57,13 @@ def test_agreement_is_near_one_on_a_sampled_surface_and_near_zero_on_one_that_no
     assert float(guided(plane(RENDER, 3, 0.5), display=turned).agreement.max()) < 1e-3
 
 
+def test_neighbours_beyond_the_display_are_its_last_pixels() -> None:
+    image = torch.arange(6.0).reshape(1, 1, 1, 6).expand(1, 3, 4, 6)
+    window = gbuffer_fast.neighbours(image, ops.Size(4, 4))
+    assert window.color[0, 0, 5, 0, 3] == 3.0, "right of the last pixel of the display"
+    assert window.color[0, 0, 3, 0, 3] == 2.0
+
+
 def blend_bias(method: gbuffer_fast.GuidedClassifier) -> Tensor:
     """Return the logarithms of the colours' weights, four of each: history, relit, sample, guided, kernel."""
     assert isinstance(method.net.blend, nn.Conv2d)
