@@ -143,6 +143,12 @@ def sure_of(image: Tensor) -> Tensor:
 # --- the history ---
 
 
+def test_after_a_reset_no_light_has_moved() -> None:
+    first = dict(zip(HISTORY, GuidedFlow.after_shaded(tensors(SCENE.frame(0))), strict=True))
+    assert not first["shaded_motion"].any()
+    assert first["earlier_color"] is first["color"]
+
+
 @pytest.mark.parametrize("sizes", [(SIZE,) * 5, ((48, 27), (96, 54), (64, 36), (80, 45), (72, 40))])
 def test_motion_adds_up_to_that_back_to_both_shaded_frames(sizes: tuple[Size, ...]) -> None:
     """An image is zoomed about the middle, by another factor and with another jitter each frame."""
