@@ -18,7 +18,6 @@ from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights
 from supersampler_model.training.losses import display_values, dissimilarity
 
 SIDE = 12  # of the render size
-RATIO, SIZE = 2, 24
 
 
 def sample(display: Surfaces) -> CropFrame:
