@@ -145,8 +145,8 @@ def test_fireflies_strike_a_few_frames_in_colour_alone_and_stay_in_range() -> No
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return gbuffer_set(gbuffer_data(tmp_path_factory.mktemp("set"), RATIO), RATIO)
+def dataset(data: Dataset) -> Dataset:
+    return gbuffer_set(data, RATIO)
 
 
 def stored_frames(dataset: Dataset) -> list[TrainingFrame]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from gbuffer_sets import DISPLAY, gbuffer_data
+from gbuffer_sets import DISPLAY
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model import ops
@@ -27,11 +27,6 @@ from upscale_runs import run
 
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 SIZE = 32
-
-
-@pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return gbuffer_data(tmp_path_factory.mktemp("set"))
 
 
 @pytest.fixture

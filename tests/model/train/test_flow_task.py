@@ -31,8 +31,8 @@ SIZE = 16
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return flow_task.FlowTask(random_flow()).data(gbuffer_data(tmp_path_factory.mktemp("set")))
+def dataset(data: Dataset) -> Dataset:
+    return flow_task.FlowTask(random_flow()).data(data)
 
 
 def training_frame(frame: Frame, *, reset: bool) -> TrainingFrame:
