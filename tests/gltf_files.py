@@ -38,7 +38,6 @@ class GltfFile:
         return self.add("bufferViews", buffer=0, byteOffset=start, byteLength=len(data), **more)
 
     def array(self, values: Any, dtype: str = "float32", **more: Any) -> int:
-        """Store (n,) or (n, width) as an accessor."""
         rows = np.asarray(values).astype(dtype)
         rows = rows.reshape(len(rows), -1)
         return self.add(

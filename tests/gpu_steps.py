@@ -48,7 +48,6 @@ def moving(index: int, render: Size = RENDER, ratio: float = 2.0) -> Frame:
 
 
 def distance(one: Float32, other: Float32, exposure: float | None = None) -> float:
-    """Mean difference of display values."""
     shown = [display_transform(image, exposure or 1.0) for image in (one, other)]
     return float(np.abs(shown[0] - shown[1]).mean())
 

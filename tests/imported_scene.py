@@ -48,7 +48,6 @@ def truth(index: int) -> np.ndarray:
 
 
 def assert_is_the_scene(shot: Shot) -> None:
-    """All frames are the scene's, in our conventions, however they were stored."""
     assert (len(shot), shot.render_size) == (COUNT, SIZE)
     before: Frame | None = None
     for index, item in enumerate(shot):

@@ -57,7 +57,6 @@ class Floor(AnalyticScene):
     FOCAL = EXTENT[0]  # units of the screen at distance 1; 53 degrees from left to right
 
     def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
-        """Return the floor, nearer by `speed` with each frame."""
         depth = FAR + self.SLOPE * y
         depth_before = 1.0 / (1.0 / depth + self.speed)
         aside = x - EXTENT[0] / 2
@@ -76,16 +75,13 @@ class ShadingStep(AnalyticScene):
     gain: float = 0.25
 
     def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
-        """Return the scene, in the light of now."""
         surface = self.scene.surface(index, x, y)
         return surface._replace(color=surface.color * (self.gain if index >= self.at else 1.0))
 
     def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return the visibility of the scene; light occludes nothing."""
         return self.scene.visible_before(index, x, y)
 
     def cut(self, index: int) -> bool:
-        """See `AnalyticScene.cut`."""
         return self.scene.cut(index)
 
 

@@ -8,12 +8,10 @@ SOURCES = Path(__file__).parents[1] / "sdk" / "native"
 
 
 def native_build() -> ModuleType:
-    """Return sdk/native/build.py."""
     return _module("build")
 
 
 def native_generated() -> ModuleType:
-    """Return sdk/native/generate.py."""
     return _module("generate")
 
 

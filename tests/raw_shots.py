@@ -66,7 +66,6 @@ def with_buffers(frame: Frame, index: int) -> Frame:
 
 
 def write_raw(folder: Path) -> None:
-    """Write the shot as examples/raw_frames.py does."""
     folder.mkdir()
     described = []
     for index, frame in enumerate(frames()):
@@ -109,7 +108,6 @@ def wanted_images(
 
 
 def read_images(folder: Path) -> dict[str, bytes]:
-    """Return the images that a host wrote, by file name."""
     return {file.name: file.read_bytes() for file in folder.glob("*.rgba16f")}
 
 

@@ -69,7 +69,6 @@ class RestScene:
 
     @property
     def display(self) -> Size:
-        """(width, height) of the images."""
         return round(self.render[0] * self.ratio), round(self.render[1] * self.ratio)
 
     @property

@@ -46,7 +46,6 @@ class Stepped:
         self.history: list[Tensor] = []
 
     def step(self, frame: Frame) -> Float32:
-        """Return the image, (H, W, 3)."""
         if frame.reset or not self.history:
             self.history = self.method.first_history(ops.Size(*self.display), ops.Size(*frame.size))
         names = self.method.inputs()
@@ -56,5 +55,4 @@ class Stepped:
         return np.asarray(image[0].permute(1, 2, 0).numpy())
 
     def tensor(self, name: str) -> NDArray[Any]:
-        """Return a history tensor."""
         return np.asarray(self.history[list(self.method.history).index(name)].numpy())

@@ -52,7 +52,6 @@ def with_random_weights(method: Classifier, folder: Path) -> Made:
 
 
 def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
-    """Return the images of torch and of the CPU backend, (H, W, 3)."""
     method, model = made
     upscaler, torch_steps = Upscaler(model, display_size=display, validate="off"), Stepped(method, display)
     return [(torch_steps.step(frame), upscaler.step(frame)) for frame in frames]

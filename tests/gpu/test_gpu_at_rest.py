@@ -31,8 +31,6 @@ OWN = {"taau": 9.0, "classifier": 40.0, "classifier-large": 40.0}
 
 
 class Given(NamedTuple):
-    """A frame of a sequence."""
-
     frame: Frame
     adds_samples: float = 1.0
 
@@ -285,7 +283,6 @@ def spoil(stepped: OnGpu) -> None:
 
 
 def work_of(stepped: OnGpu, name: str) -> NDArray[np.uint32]:
-    """Return memory between passes, (h, w, words) of a texture."""
     memory = stepped.executor._buffers_for(WIDE, WIDE_DISPLAY).memory[name]
     words = read_back(stepped.executor.device, memory)
     if memory.texture is None:
@@ -360,7 +357,6 @@ def repeated() -> list[Given]:
 
 
 def masked() -> list[Given]:
-    """A reactive mask of two samples, once all is frozen."""
     mask = np.zeros(RENDER[::-1], np.float32)
     mask[5, 6], mask[10, 15] = 0.25, 1e-6
     frames = still(2 * PERIOD + 4)

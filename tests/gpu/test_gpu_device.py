@@ -50,7 +50,6 @@ def test_passes_stay_within_webgpus_default_limits() -> None:
 
 
 def flat(width: int, height: int) -> Frame:
-    """A frame of one colour that does not move."""
     values = np.full((height, width, 3), 0.5, np.float32)
     motion = np.zeros((height, width, 2), np.float32)
     return Frame(color=values, depth=values[..., 0], motion=motion, jitter=(0.0, 0.0))

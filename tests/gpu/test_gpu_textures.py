@@ -26,7 +26,6 @@ from texture_frames import (
 
 @pytest.fixture(scope="module")
 def device() -> Any:
-    """A device of the caller."""
     return device_or_skip().adapter.request_device_sync()
 
 
@@ -174,7 +173,6 @@ def textures_of_aovs(device: Any, frame: Frame) -> list[Any]:
 
 
 def stepped(device: Any, upscaler: Upscaler, frame: Frame) -> Any:
-    """Step on textures, and return the AOVs."""
     images, outs = textures_of_aovs(device, frame), targets(device, np.asarray(frame.aovs).shape[2] // 4)
     upscaler.step_textures(
         textures_of(device, frame), jitter=frame.jitter, reset=frame.reset, aovs=images, aovs_out=outs

@@ -25,7 +25,6 @@ def assert_close(found: Tensor, expected: Tensor | float, rtol: float = 1e-4) ->
 
 
 def always(method: PaperClassifier, weight: float) -> None:
-    """Make the compositor answer with one weight everywhere."""
     last = method.net.get_submodule("compositor.2")
     assert isinstance(last, nn.Conv2d)
     assert last.bias is not None

@@ -177,7 +177,6 @@ def image(value: float, channels: int = 3, side: int = SIDE) -> Tensor:
 
 
 def with_block(size: int) -> Tensor:
-    """A grey image with a bright square in its middle."""
     block, reach = image(GREY), size // 2
     block[..., SIDE // 2 - reach : SIDE // 2 + reach + 1, SIDE // 2 - reach : SIDE // 2 + reach + 1] = 0.9
     return block

@@ -155,7 +155,6 @@ def fit(luma: Tensor, usable: Tensor | None = None) -> Tensor:
 
 
 def inner(image: Tensor, ratio: float) -> Tensor:
-    """Pixels whose windows are inside the image."""
     border = int(3 * ratio)
     return image[..., border:-border, border:-border]
 
@@ -320,7 +319,6 @@ class Ball(AnalyticScene):
         )
 
     def light(self, index: int, normal: Values) -> Values:
-        """Return what a matte surface with a highlight reflects."""
         angle = 0.6 + index * self.turn
         light = np.array([np.sin(angle), 0.4, np.cos(angle)]) / np.hypot(1.0, 0.4)
         half = light + np.array([0.0, 0.0, 1.0])

@@ -71,7 +71,6 @@ class Wire(analytic.AnalyticScene):
 
     @property
     def step(self) -> float:
-        """Units a frame."""
         return self.speed * analytic.EXTENT[0] / RENDER[0]
 
     def middle(self, index: int, y: analytic.Values) -> analytic.Values:
@@ -79,7 +78,6 @@ class Wire(analytic.AnalyticScene):
         return self.START + self.step * index + self.LEAN * y
 
     def surface(self, index: int, x: analytic.Values, y: analytic.Values) -> analytic.SurfaceSample:
-        """Return the wire where it is, else the wall."""
         off = y - 0.51 * analytic.EXTENT[1] if self.level else x - self.middle(index, y)
         is_wire = np.abs(off) < 0.5 * self.WIDTH
         depth = np.where(is_wire, analytic.NEAR, analytic.FAR)
@@ -90,7 +88,6 @@ class Wire(analytic.AnalyticScene):
 
 
 def last_image(upscaler: Upscaler, scene: analytic.AnalyticScene) -> Float32:
-    """Return the image of the last of FRAMES frames."""
     for index in range(FRAMES):
         image = upscaler.step(scene.frame(index, RENDER, halton_jitter(index, RATIO)))
     return image
@@ -113,7 +110,6 @@ def contrast(upscaler: Upscaler, speed: float) -> float:
 
 
 def upscaler_of(method: str, **options: Any) -> Upscaler:
-    """Return an Upscaler at the display size of the wire."""
     return Upscaler(method, display_size=DISPLAY, validate="off", **options)
 
 

@@ -40,7 +40,6 @@ INT8 = Bound(2e-3, 3e-2, 8e-2)
 
 @pytest.fixture(scope="session")
 def path() -> Path:
-    """The library of the package."""
     built = native_build().build()
     assert isinstance(built, Path)
     return built
@@ -60,8 +59,6 @@ def frames(render: Size, count: int) -> Iterator[Frame]:
 
 
 class Run:
-    """Steps of an executor, with its two histories."""
-
     def __init__(self, executor: Any, render: Size, display: Size) -> None:
         self.executor, self.display = executor, display
         self.history, self.spare = executor.zeros(display, render), executor.zeros(display, render)

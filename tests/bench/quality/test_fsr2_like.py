@@ -33,14 +33,12 @@ SMALL = (32, 18)
 def images(
     scene: AnalyticScene, count: int, render: Size = RENDER, display: Size = DISPLAY
 ) -> Iterator[tuple[int, Float32]]:
-    """Yield the number and the image of each frame of a scene."""
     upscaler = Fsr2Like(display)
     for index in range(count):
         yield index, upscaler.step(scene.frame(index, render, halton_jitter(index, display[0] / render[0])))
 
 
 def last(scene: AnalyticScene, count: int, render: Size = RENDER, display: Size = DISPLAY) -> Float32:
-    """Return the last image of `count` frames."""
     return list(images(scene, count, render, display))[-1][1]
 
 

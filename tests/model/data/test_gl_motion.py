@@ -33,7 +33,6 @@ def read_at(image: NDArray[np.floating], motion: Values, mode: str = "bicubic") 
 
 
 def widest(values: Values, radius: int) -> Values:
-    """The largest value in the square around each pixel."""
     pooled = F.max_pool2d(torch.from_numpy(values)[None, None], 2 * radius + 1, 1, radius)
     return np.asarray(pooled[0, 0].numpy())
 

@@ -179,7 +179,6 @@ def samples(data: Dataset) -> list[list[CropFrame]]:
 
 
 def stepped(task: ClassifierTask, crops: list[list[CropFrame]]) -> list[Stepped]:
-    """Step each frame of crops of one size."""
     states: list[State] = [task.first_state(frames[0]) for frames in crops]
     results = []
     for frames in zip(*crops, strict=True):

@@ -47,7 +47,6 @@ def samples(data: Dataset, unshaded: int) -> list[CropFrame]:
 
 
 def stepped(task: ExtrapolateTask, sequence: Sequence[CropFrame]) -> list[Stepped]:
-    """Step a crop."""
     made, states = list[Stepped](), list[State]([task.first_state(sequence[0])])
     for sample in sequence:
         made.append(task.step([sample], states))
