@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 import gbuffer_sets
-from gbuffer_sets import gbuffer_data
+from gbuffer_sets import gbuffer_data, training_frame
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
@@ -49,26 +49,11 @@ COLOR = torch.rand(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
 
 
 def frames(render: tuple[int, int]) -> list[TrainingFrame]:
-    scene = DiscOverPlane(start=(22.0, 14.0))
-    made = []
+    scene, made = DiscOverPlane(start=(22.0, 14.0)), []
     for index in range(FRAMES):
         x, y = halton_jitter(index, DISPLAY[0] / render[0])
         frame = scene.frame(index, render, (x + 0.013, y - 0.007))  # on no sample: ties are not symmetric
-        assert frame.color is not None
-        blank = np.zeros(DISPLAY[::-1], np.uint8)
-        made.append(
-            TrainingFrame(
-                color=frame.color.astype(np.float16),
-                depth=frame.depth,
-                motion=frame.motion.astype(np.float16),
-                jitter=frame.jitter,
-                reset=index == 0,
-                exposure=1.0,
-                reference=np.zeros((*DISPLAY[::-1], 3), np.float16),
-                ghost=blank,
-                alias=blank,
-            )
-        )
+        made.append(training_frame(frame, np.zeros((*DISPLAY[::-1], 3), np.float16)))
     return made
 
 

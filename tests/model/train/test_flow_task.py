@@ -13,8 +13,8 @@ import torch
 
 import gbuffer_sets
 from flow_method import SMALL, Shadow, random_flow
-from gbuffer_sets import gbuffer_data
-from supersampler import ArgumentError, Frame
+from gbuffer_sets import gbuffer_data, training_frame
+from supersampler import ArgumentError
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.data.labels import Ghost
@@ -33,19 +33,6 @@ SIZE = 16
 @pytest.fixture(scope="module")
 def dataset(data: Dataset) -> Dataset:
     return flow_task.FlowTask(random_flow()).data(data)
-
-
-def training_frame(frame: Frame, *, reset: bool) -> TrainingFrame:
-    """A frame of an analytic scene as a training set has it, all of render size."""
-    assert frame.color is not None
-    assert frame.depth is not None
-    assert frame.motion is not None
-    nothing = np.zeros(frame.depth.shape, np.uint8)
-    return TrainingFrame(
-        color=frame.color, depth=frame.depth, motion=frame.motion, reference=frame.color, ghost=nothing,
-        alias=nothing, jitter=frame.jitter, reset=reset, exposure=1.0,
-        gbuffer=dict(frame.gbuffer or {}),
-    )  # fmt: skip
 
 
 class Shown:
@@ -68,7 +55,8 @@ def found_of(method: GuidedFlow, frames: Sequence[TrainingFrame]) -> flow_task.L
 
 def shadow(count: int, speed: float = 3.0, edge: float = 24.0) -> list[TrainingFrame]:
     scene = Shadow(speed, edge=edge)
-    return [training_frame(scene.frame(i), reset=i == 0) for i in range(count)]
+    frames = (scene.frame(index) for index in range(count))
+    return [training_frame(frame, np.asarray(frame.color)) for frame in frames]
 
 
 def whole(found: flow_task.LightFrames, index: int) -> flow_task.LightCrop:
