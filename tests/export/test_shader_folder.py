@@ -3,8 +3,6 @@
 import hashlib
 import json
 import re
-import subprocess
-import sys
 from functools import cache
 from importlib.resources import files
 from math import prod
@@ -15,6 +13,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from apart import run_apart
 from supersampler.backends.gpu.memory import PixelBuffer
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram
 from supersampler.cli.app import app
@@ -226,18 +225,17 @@ def test_a_method_without_shaders_is_refused_with_those_that_have_them(tmp_path:
 
 
 PROGRAM = """
-import sys
+import os, sys
 for name in ("torch", "onnx", "wgpu", "supersampler_model"):
     sys.modules[name] = None
 from supersampler.cli.app import main
-sys.argv[1:] = ["export", "classifier", "--target", "wgsl", "-o", sys.argv[1]]
+sys.argv[1:] = ["export", "classifier", "--target", "wgsl", "-o", os.environ["OUT"]]
 main()
 """
 
 
 def test_the_command_needs_neither_torch_nor_wgpu(tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    run_apart(PROGRAM, OUT=str(tmp_path))
     assert about(tmp_path)["method"] == "classifier"
 
 
