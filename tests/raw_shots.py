@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpu_steps import moving
+from gpu_steps import moving, with_aovs
 from noise import Size
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.gpu.device import default_device
@@ -60,9 +60,8 @@ def with_buffers(frame: Frame, index: int) -> Frame:
         "depth": image(DISPLAY, 1)[..., 0],
     }
     render = {"base_color": image(frame.size, 3), "normal": image(frame.size, 3)}
-    aovs = image(frame.size, AOVS)
-    aovs[random.random(aovs.shape) < 0.1] = np.nan
-    return replace(frame, gbuffer=render, gbuffer_display=display, aovs=aovs)
+    frame = with_aovs(frame, min(index, STILL), AOVS)
+    return replace(frame, gbuffer=render, gbuffer_display=display)
 
 
 def write_raw(folder: Path) -> None:
