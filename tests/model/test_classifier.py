@@ -128,24 +128,6 @@ def test_a_few_bright_pixels_are_a_glint_and_an_area_that_comes_to_light_is_expl
         assert not unexplained_light(luma, around, HISTORY, SIZE, None).any()
 
 
-def test_light_that_the_history_has_seen_or_that_it_cannot_know_is_explained() -> None:
-    luma, around = spots(4), torch.full((1, 1, 8, 16), DARK)
-    seen = HISTORY._replace(range=torch.cat([HISTORY.range[:, :1], torch.full((1, 1, 8, 16), LIT)], dim=1))
-    for history in (
-        seen,
-        HISTORY._replace(samples=torch.zeros(1, 1, 8, 16)),
-        HISTORY._replace(surface=torch.zeros(1, 1, 8, 16)),
-    ):
-        assert not unexplained_light(luma, around, history, SIZE, None).any()
-
-
-def test_light_where_the_history_is_kept_does_not_count() -> None:
-    luma, around, resting = spots(4), torch.full((1, 1, 8, 16), DARK), torch.zeros(1, 1, 8, 16)
-    resting.view(-1)[5:20] = 1.0
-    assert not unexplained_light(luma, around, HISTORY, SIZE, resting).any()
-    assert unexplained_light(luma, around, HISTORY, SIZE, torch.zeros_like(resting)).any()
-
-
 @pytest.mark.parametrize(("render", "display"), [((16, 9), (32, 18)), ((13, 7), (21, 11)), ((1, 1), (1, 1))])
 def test_the_image_is_that_of_the_classifier_at_the_larger_size_filtered(
     render: tuple[int, int], display: tuple[int, int]
