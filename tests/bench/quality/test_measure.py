@@ -296,11 +296,8 @@ def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> Non
 def test_the_first_image_of_a_shot_has_no_history_whether_or_not_it_is_marked_as_a_cut(
     tmp_path: Path,
 ) -> None:
-    with ShotWriter(tmp_path / "shot", name="disc", display_size=DISPLAY, frame_rate=30) as writer:
-        for index in range(2):
-            frame = replace(SCENE.frame(index, RENDER, (0.25, -0.25)), reset=False)
-            writer.write(frame, reference=SCENE.truth(index, DISPLAY, samples=4))
-    [scores] = measure_quality(Shot.open(tmp_path / "shot"), ["bilinear"])
+    shot = write_shot(tmp_path, cuts=(), references=[0, 1], count=2)
+    [scores] = measure_quality(shot, ["bilinear"])
     assert ["psnr_first" in frame.cropped for frame in scores.frames] == [True, False]
 
 
