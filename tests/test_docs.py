@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from typer.core import TyperGroup
 from typer.main import get_command
-from typer.testing import CliRunner
 
 import supersampler.methods
 import supersampler_model.methods
 from supersampler.cli import app
 from supersampler.methods import registry
 from supersampler.methods.model_file import find_model
+from upscale_runs import run, succeeded
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -53,8 +53,7 @@ def test_the_page_on_adding_a_method_adds_a_step(tmp_path: Path, monkeypatch: py
     try:
         aovs = find_model("bilinear") / "aovs.onnx"  # as in all folders
         monkeypatch.setattr("supersampler_export.folder.aovs_graph", aovs.read_bytes)
-        exported = CliRunner().invoke(app, ["export", "average", "-o", "average"])
-        assert exported.exit_code == 0, exported.output
+        succeeded(run("export", "average", "-o", "average"))
         promised: dict[str, object] = {}
         exec(files[2][1], promised)  # noqa: S102
         promised["test_each_frame_of_a_scene_at_rest_adds_one_sample"]()  # type: ignore[operator]

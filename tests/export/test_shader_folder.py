@@ -11,17 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from apart import run_apart
 from supersampler.backends.gpu.memory import PixelBuffer
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram
-from supersampler.cli.app import app
 from supersampler.errors import ArgumentError, ModelError, ShotError
 from supersampler.methods.aovs.gpu import aov_pass, aov_shader
 from supersampler.methods.executors import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
 from supersampler_export.shaders.folder import write_shader_folder
+from upscale_runs import refusal, run, succeeded
 
 METHODS = with_shaders()
 PACKAGE = Path(str(files("supersampler")))
@@ -252,13 +251,10 @@ def test_the_command_needs_neither_torch_nor_wgpu(tmp_path: Path) -> None:
 def test_options_that_do_not_go_together_are_refused(
     tmp_path: Path, options: list[str], message: str
 ) -> None:
-    done = CliRunner().invoke(app, ["export", "taau", "-o", str(tmp_path / "out"), *options])
-    assert done.exit_code == 2
-    assert message in done.output
+    assert message in refusal("export", "taau", "-o", tmp_path / "out", *options)
 
 
 def test_all_writes_every_shipped_model_that_has_shaders(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["export", "all", "--target", "wgsl", "-o", str(tmp_path)])
-    assert done.exit_code == 0, done.output
+    succeeded(run("export", "all", "--target", "wgsl", "-o", tmp_path))
     assert {folder.name for folder in tmp_path.iterdir()} == {*METHODS}
     assert all(about(tmp_path / method)["method"] == method for method in METHODS)

@@ -8,18 +8,17 @@ import time
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from gltf_files import cube
-from supersampler.cli.app import app
 from supersampler_model.data.dataset.storage import open_dataset, read_training_frame
-from upscale_runs import succeeded
+from upscale_runs import run, succeeded
 
 SMALL = ("--frames", "2", "--display-size", "64x36", "--samples", "4", "--ratio", "2")
 
 
 def render(*arguments: object) -> Result:
-    return CliRunner().invoke(app, ["render", *map(str, arguments)])
+    return run("render", *arguments)
 
 
 @pytest.fixture
