@@ -27,6 +27,8 @@ from supersampler_model.training.losses import class_loss
 from supersampler_model.training.task import State, Stepped, fast_convolutions, in_batches, start_task
 from torch_inputs import plain_inputs, step_by_name
 
+pytest_plugins = ["training_fixtures"]
+
 RENDER, DISPLAY = ops.Size(12, 8), ops.Size(24, 16)
 TINY = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 SIZE = 24

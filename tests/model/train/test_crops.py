@@ -37,6 +37,8 @@ from supersampler_model.training.crops import (
 from supersampler_model.training.datasets import gbuffer_set, method_inputs
 from torch_inputs import step_by_name
 
+pytest_plugins = ["training_fixtures"]
+
 DISPLAY = (96, 64)
 FRAMES = 3
 RATIO = 2

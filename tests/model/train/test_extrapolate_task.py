@@ -25,6 +25,8 @@ from supersampler_model.training.task import State, Stepped, start_task
 from supersampler_model.training.validation import SequenceRunner, validate, validation_entries
 from upscale_runs import run
 
+pytest_plugins = ["training_fixtures"]
+
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 SIZE = 32
 

@@ -27,6 +27,8 @@ from supersampler_model.training.validation import validate, validation_entries
 from torch_inputs import step_by_name
 from upscale_runs import run, succeeded
 
+pytest_plugins = ["training_fixtures"]
+
 SIZE = 16
 
 

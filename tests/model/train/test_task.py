@@ -26,6 +26,8 @@ from supersampler_model.training.task import State, Task, start_task
 from supersampler_model.training.trainer import Trainer, TrainingPlan
 from supersampler_model.training.validation import CLASS_NAMES, validate, validation_entries
 
+pytest_plugins = ["training_fixtures"]
+
 
 def test_a_frame_without_an_input_of_the_step_is_refused(data: Dataset) -> None:
     frame = data.read(data.entries("validation")[0], 0)
