@@ -1,5 +1,6 @@
 """The CPU library's temporal filter is the one that torch defines."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,8 @@ def frames_of(
         guides = temporal.packed_guides(albedo, normal, (height, width))
         ours.append(temporal.WindowFrame(packed, guides, back, on, temporal.packed_aovs(aovs), grain))
         tensors = map(planes, (packed, albedo, normal, back, on, aovs))
-        theirs.append(definition.WindowFrame(*tensors, None if grain is None else planes(grain)))
+        frame = definition.WindowFrame(*tensors)
+        theirs.append(replace(frame, noisy=None if grain is None else planes(grain)))
     return ours, theirs
 
 
