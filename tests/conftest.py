@@ -18,7 +18,6 @@ LONG = {
     "fuzz": "draws inputs by chance",
     "gpu": "runs software Vulkan",
     "integrations": "starts other programs",
-    "mutation": "runs tests",
     "process": "starts processes",
     "test_examples.py": "runs every example",
 }

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from rest_scenes import RestScene, Stepped, wave
+from rest_scenes import RestScene, wave
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import decibels, display_transform
@@ -19,6 +19,7 @@ from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau import Taau
 from supersampler_model.ops.at_rest import differing, signatures_of
+from torch_inputs import Stepped
 
 WAVE = RestScene(wave)
 FROZEN = 2 * WAVE.period + 1
@@ -97,15 +98,13 @@ def test_motion_below_the_limit_accumulates_and_unfreezes() -> None:
 
 
 def test_moving_or_reactive_pixels_unfreeze_only_themselves() -> None:
-    frames = [frame for frame, _ in WAVE.frames(FROZEN + 1)]
+    *_, (last, _) = WAVE.frames(FROZEN + 1)
     for field, value in (("motion", 0.01), ("reactive", 0.5)):
-        run = Stepped(taau(), WAVE.display)
-        for frame in frames[:-1]:
-            run.step(frame)
+        run = stepped(WAVE)
         image = np.zeros((32, 48, 2) if field == "motion" else (32, 48), np.float32)
         image[8:12, 8:12] = value
         changed: dict[str, Any] = {field: image}
-        run.step(replace(frames[-1], **changed))
+        run.step(replace(last, **changed))
         assert not run.frozen[16:24, 16:24].any()
         assert run.frozen[40:, 40:].all()
 

@@ -80,19 +80,16 @@ def test_replacing_a_block_keeps_the_text_around_it(tmp_path: Path, line_end: st
 
 
 @pytest.mark.parametrize(("text", "found"), [("no marks", 0), (README + README, 2)])
-def test_a_file_without_one_block_is_left_alone_and_told_what_to_write(
+def test_a_missing_file_is_named_and_one_without_one_block_is_left_alone(
     tmp_path: Path, text: str, found: int
 ) -> None:
     file = tmp_path / "README.md"
+    with pytest.raises(ArgumentError, match=r"README\.md"):
+        update_block(file, "quality plaza", "new")
     file.write_text(text, encoding="utf-8")
     with pytest.raises(ArgumentError, match=rf"{found} blocks .*Write the lines <!-- bench:"):
         update_block(file, "quality plaza", "new")
     assert file.read_text(encoding="utf-8") == text
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ArgumentError, match=r"README\.md"):
-        update_block(tmp_path / "README.md", "quality plaza", "new")
 
 
 def test_a_record_holds_its_provenance_and_is_strict_json(tmp_path: Path) -> None:

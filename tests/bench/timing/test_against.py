@@ -8,14 +8,13 @@ from statistics import median
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from supersampler.cli import app as supersampler
+import upscale_runs
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
-from supersampler_bench.cli import app
 from supersampler_bench.timing import against
 from supersampler_bench.timing.against import FIRST_IMAGE, STEPS, Version
+from upscale_runs import refusal, succeeded
 
 SMALL = (32, 18)
 
@@ -33,9 +32,8 @@ def test_each_round_has_new_processes_of_both_versions_alternately(
 
     monkeypatch.setattr(against, "run", noted)
     options = ["--methods", "bilinear", "--display-size", "32x18", "--threads", "1", "--rounds", "4"]
-    files = ["--json", str(tmp_path / "against.json")]
-    result = CliRunner().invoke(app, ["against", sys.executable, *options, "--steps", "1", *files])
-    assert result.exit_code == 0, result.output
+    options += ["--steps", "1", "--json", str(tmp_path / "against.json")]
+    result = succeeded(upscale_runs.run("bench", "against", sys.executable, *options))
     assert started == ["other", "this", "this", "other"] * 2
     record = json.loads((tmp_path / "against.json").read_text())
     (found,) = record["compared"]
@@ -58,10 +56,7 @@ def test_a_program_reports_the_time_to_its_first_image(tmp_path: Path) -> None:
     ],
 )
 def test_a_wrong_interpreter_gives_one_line(python: str, message: str) -> None:
-    result = CliRunner().invoke(supersampler, ["bench", "against", python])
-    assert result.exit_code == 2
-    assert result.output.startswith(f"error: PYTHON is {python}: {message}")
-    assert result.output.count("\n") == 1
+    assert refusal("bench", "against", python).startswith(f"error: PYTHON is {python}: {message}")
 
 
 def test_an_interpreter_without_the_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
