@@ -114,7 +114,7 @@ def measure(scene: str) -> tuple[dict[str, Any], list[np.ndarray[Any, Any]]]:
     moving = {way: decibels(error(viewer.image(), reference)) for way, viewer in viewers.items()}
     shown = {"MSAA": viewers["msaa"].image(), "moving": viewers["ours"].image()}
     ours = viewers["ours"].window
-    row: dict[str, Any] = {"out": ours.is_out, "scale": ours.pace.scale}
+    row: dict[str, Any] = {"bypassed": ours.is_bypassed, "scale": ours.pace.scale}
     ours.converge()
     shown |= {"at rest": viewers["ours"].image(), "reference": reference}
     for way, viewer in viewers.items():
@@ -153,7 +153,7 @@ def table(rows: dict[str, dict[str, Any]]) -> str:
     lines = []
     for scene, row in rows.items():
         none, msaa, ssaa, ours = (row[way] for way in WAYS)
-        scale = "off" if row["out"] else f"{row['scale']:g}"
+        scale = "off" if row["bypassed"] else f"{row['scale']:g}"
         times = [f"{way[0]:.0f} ({way[1]:.0f} to {way[2]:.0f})" for way in (msaa, ours)]
         shares = [f"{ours[0] / msaa[0]:.2f}", f"{ours[3] / msaa[3]:.2f}"]
         errors = [f"{value:.1f}" for value in (none[4], msaa[4], ssaa[4], ours[4], ours[5])]

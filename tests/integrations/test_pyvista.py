@@ -404,6 +404,11 @@ def lit(plotter: Any) -> Callable[[], None]:
     return change
 
 
+def measured(plotter: Any) -> Callable[[], None]:
+    axes = plotter.show_grid(bounds=(-1, 1, -1, 1, 0, 1), color="black")
+    return lambda: axes.SetBounds(-1, 1, -1, 1, 0, 0.5)
+
+
 def backed(plotter: Any) -> Callable[[], None]:
     plotter.renderer.SetBackgroundTexture(pv.Texture(image_of((20, 200, 20))))
     return lambda: plotter.renderer.TexturedBackgroundOn()
@@ -418,6 +423,7 @@ PREPARED: dict[str, Callable[[Any], Callable[[], None]]] = {
     "the colour of a text": written,
     "the matrix of a light": lit,
     "a background image": backed,
+    "the bounds of a grid": measured,
 }
 
 
@@ -567,7 +573,7 @@ def test_upscaling_that_does_not_pay_says_so_and_stays_out(plotter: Any) -> None
     window.pace.plain = 1e-6
     with pytest.warns(UserWarning, match="does not pay"):
         moving(plotter)
-    assert window.is_out
+    assert window.is_bypassed
     turn(plotter)
     ours = shown(plotter)
     window.converge()
@@ -789,24 +795,43 @@ def test_a_slider_that_moves_at_rest_has_one_knob(plotter: Any) -> None:
     np.testing.assert_array_equal(rest, expected)
 
 
-def test_surfaces_are_peeled_as_without(plotter: Any) -> None:
+@pytest.mark.parametrize("samples", [0, 4])
+def test_surfaces_are_peeled_as_without_multi_sampling(plotter: Any, samples: int) -> None:
     plotter.remove_actor("floor", render=False)
     for radius, color in ((0.4, "red"), (0.7, "lime"), (1.0, "blue")):
         plotter.add_mesh(pv.Sphere(radius=radius), color=color, opacity=0.4, lighting=False)
     plotter.render_window.SetMultiSamples(0)
     plotter.renderer.enable_depth_peeling(10)
     before = shown(plotter)
+    plotter.render_window.SetMultiSamples(samples)
     window = supersampled(plotter)
     np.testing.assert_array_equal(shown(plotter), before)
     window.converge()
     assert np.abs(seen(plotter) - before)[40:120, 80:160].mean() < 0.01
 
 
-def test_a_projection_matrix_of_the_program_is_rendered_as_without(plotter: Any) -> None:
+def project(plotter: Any) -> None:
     camera = plotter.camera
     camera.SetExplicitProjectionTransformMatrix(camera.GetProjectionTransformMatrix(1.5, -1, 1))
     camera.SetUseExplicitProjectionTransformMatrix(True)
-    ours, rest, expected = in_turn(supersampled(plotter), plotter)
+
+
+COMPOSED: dict[str, Callable[[Any], Any]] = {
+    "projection": project,
+    "FXAA": lambda plotter: plotter.renderer.UseFXAAOn(),
+    "SSAO": lambda plotter: plotter.renderer.UseSSAOOn(),
+    "pass": lambda plotter: plotter.enable_depth_of_field(),
+}
+
+
+@pytest.mark.parametrize("compose", COMPOSED.values(), ids=COMPOSED.keys())
+def test_what_is_more_than_a_render_of_props_is_rendered_as_without(
+    plotter: Any, compose: Callable[[Any], Any]
+) -> None:
+    window = supersampled(plotter)
+    window.converge()
+    compose(plotter)
+    ours, rest, expected = in_turn(window, plotter)
     np.testing.assert_array_equal(ours, expected)
     np.testing.assert_array_equal(rest, expected)
 

@@ -20,7 +20,7 @@ from supersampler.arguments import checked_scale, ieee_arithmetic
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Frame
 from supersampler.integrations.vtk_pixels import WindowPixels
-from supersampler.integrations.vtk_scene import visible
+from supersampler.integrations.vtk_scene import is_composed, visible
 from supersampler.integrations.vtk_viewport import STILL_RENDERS, Mode, ViewportHistory, changed
 from supersampler.methods.model_info import ModelInfo
 from supersampler.model import Model
@@ -117,9 +117,10 @@ class SupersampledWindow:
     2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
     Colours are display values, as VTK blends and resolves them.
 
-    Frames are plain, too, where a renderer has a render pass, a projection matrix of the program, or is not
-    in layer 0, and for stereo and tiles. Where upscaling is measured not to pay, frames that move are plain;
-    a warning says so. An exception while a frame is upscaled leaves a plain image, too.
+    Frames are plain, too, where a renderer has a render pass, FXAA, SSAO, shadows, or a projection matrix of
+    the program, keeps what it has drawn before, or is not in layer 0, and for stereo and tiles. Where
+    upscaling is measured not to pay, frames that move are plain; a warning says so. An exception while a
+    frame is upscaled leaves a plain image, too.
 
     Attributes:
         viewports: the history of each renderer.
@@ -159,7 +160,7 @@ class SupersampledWindow:
         if earlier is not None:
             earlier.disable()
         self._wake_up = wake
-        self._window, self._nested, self._out = window, False, False
+        self._window, self._nested, self._bypassed = window, False, False
         pixels = WindowPixels(window)
         self.viewports = tuple(ViewportHistory(window, r, pixels, loaded) for r in self._renderers)
         self._modes: tuple[tuple[ViewportHistory, Mode], ...] = ()  # while a frame is rendered
@@ -167,7 +168,7 @@ class SupersampledWindow:
         self._began = self._ended = 0.0  # times of the last frame
         self._timed: Any = None  # interactor whose timer renders on at rest
         self._timer: int | None = None  # the one that is running
-        self._given_samples = window.GetMultiSamples()
+        self._given_samples = int(window.GetMultiSamples())
         _enabled[window] = ref(self)
         self._observers = [
             window.AddObserver("StartEvent", lambda *_: self._before_render()),
@@ -175,9 +176,9 @@ class SupersampledWindow:
         ]
 
     @property
-    def is_out(self) -> bool:
-        """Whether frames that move are plain because upscaling does not pay."""
-        return self._out
+    def is_bypassed(self) -> bool:
+        """Whether frames that move are plain, as upscaling does not pay."""
+        return self._bypassed
 
     @property
     def is_converged(self) -> bool:
@@ -208,9 +209,9 @@ class SupersampledWindow:
 
     @property
     def _samples(self) -> int:
-        """Multi-samples of plain renders; depth peeling works with the program's own number only."""
+        """Multi-samples of plain renders; with them, VTK's depth peeling loses translucent surfaces."""
         peels = any(renderer.GetUseDepthPeeling() for renderer in self._renderers)
-        return int(self._given_samples if peels else max(_MIN_SAMPLES, self._given_samples))
+        return 0 if peels else max(_MIN_SAMPLES, self._given_samples)
 
     @property
     def _is_left_alone(self) -> bool:
@@ -230,7 +231,7 @@ class SupersampledWindow:
             return
         viewports = [viewport for viewport in self.viewports if viewport.has_pixels]
         modes = [viewport.mode() for viewport in viewports]
-        if "moved" in modes and (self._out or not any(v.has_surfaces for v in viewports)):
+        if "moved" in modes and (self._bypassed or not any(v.has_surfaces for v in viewports)):
             return
         is_timed = self.pace.is_timed or "moved" not in modes
         if "plain" in modes or not is_timed:
@@ -323,7 +324,7 @@ class SupersampledWindow:
         return bool(
             window.GetStereoRender()
             or window.GetTileScale() != (1, 1)
-            or any(renderer.GetPass() or renderer.GetLayer() for renderer in renderers)
+            or any(map(is_composed, renderers))
             or any(camera.GetUseExplicitProjectionTransformMatrix() for camera in cameras)
         )
 
@@ -362,8 +363,8 @@ class SupersampledWindow:
             self.pace.add(self.pace.scale, seconds)
         elif not self._shows("moved") and self._shows("plain"):
             self.pace.add(None, seconds)
-        if not self._out and not self.pace.pays:
-            self._out = True
+        if not self._bypassed and not self.pace.pays:
+            self._bypassed = True
             plain, moved = 1000.0 * (self.pace.plain or 0.0), 1000.0 * self.pace.moved
             warnings.warn(
                 f"upscaling does not pay here: a frame that moves takes {moved:.0f} ms with it, {plain:.0f} "
@@ -375,10 +376,10 @@ class SupersampledWindow:
         """Upscale again when plain frames take twice as long as upscaled ones did."""
         for viewport in self.viewports:
             viewport.finish()
-        if self._out:
+        if self._bypassed:
             self._window.WaitForCompletion()
             if perf_counter() - self._began > 2.0 * self.pace.moved:
-                self._out = False
+                self._bypassed = False
                 self.pace.restart()
         self._ended = perf_counter()
         if not self._is_special():
