@@ -93,6 +93,24 @@ def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleT
     assert wrong_still > 0.4, wrong_still
 
 
+def test_a_site_moves_with_its_body(example: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    import mujoco
+
+    falling = '<freejoint/><geom size=".02" contype="0" conaffinity="0"/><site size=".15"/>'
+    monkeypatch.setattr(example, "BODIES", f'<body pos="0 0 1">{falling}</body>')
+    renderer, view = example.make_renderer(64, samples=0), example.View(0, 1)
+    data, centers = mujoco.MjData(renderer.model), []
+    for index in range(2):
+        mujoco.mj_step(renderer.model, data, nstep=60)
+        frame = view.frame(renderer, data, data.time, halton_jitter(index, 2.0))
+        camera = view.aim(renderer, data, data.time, (0.0, 0.0))
+        centers.append(camera.pixels(data.site_xpos[0] - camera.position, 64))
+    motion = frame.motion[frame.ids[..., 1] == mujoco.mjtObj.mjOBJ_SITE]
+    assert len(motion) > 50
+    assert np.abs(centers[0] - centers[1]).max() > 2.0
+    np.testing.assert_allclose(motion.mean(axis=0), centers[0] - centers[1], rtol=0.2, atol=0.1)
+
+
 def part_of_other_ids(before: Frame, frame: Frame, motion: Float32) -> float:
     """Return the part of samples of moving bodies that have other ids where this motion leads."""
     assert before.ids is not None
