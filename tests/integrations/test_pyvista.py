@@ -462,6 +462,20 @@ def test_changes_of_the_scene_show_at_once(
     np.testing.assert_array_equal(ours, plain(plotter))
 
 
+def test_a_frame_that_changes_is_rendered_once_and_the_next_one_is_waited_for(plotter: Any) -> None:
+    waits: list[int] = []
+    window = SupersampledWindow(plotter.render_window, plotter.renderers, wake=waits.append)
+    window.converge()
+    waits.clear()
+    renders: list[int] = []
+    plotter.renderer.AddObserver("EndEvent", lambda *_: renders.append(1))
+    change_scalars(plotter)
+    plotter.render()
+    assert len(renders) == 1
+    plotter.render()
+    assert waits == [100, 10]
+
+
 @pytest.mark.parametrize("beside", ["nothing", "a translucent surface"])
 @pytest.mark.parametrize("kind", ["grid", "line", "points", "wireframe", "edges", "label"])
 def test_lines_points_and_text_are_those_of_plain_pyvista_while_the_view_moves(

@@ -31,7 +31,7 @@ _MAX_SHARE = 0.9  # of that time; above it upscaling does not pay
 _NEW = 0.3  # weight of the last time in the mean
 _MIN_SAMPLES = 4  # multi-samples of plain renders
 _DELAY = 10  # ms between renders at rest, for the events of the window
-_PAUSE = 100  # ms after a frame that moved, as the next one may move, too
+_PAUSE = 100  # ms after a frame that moved or changed, as the next one may, too
 _enabled: "WeakKeyDictionary[Any, ref[SupersampledWindow]]" = WeakKeyDictionary()  # by window
 
 
@@ -231,18 +231,18 @@ class SupersampledWindow:
             return
         viewports = [viewport for viewport in self.viewports if viewport.has_pixels]
         modes = [viewport.mode() for viewport in viewports]
-        if "moved" in modes and (self._bypassed or not any(v.has_surfaces for v in viewports)):
+        can_upscale = self.pace.is_timed and not self._bypassed and any(v.has_surfaces for v in viewports)
+        if "changed" in modes or ("moved" in modes and not can_upscale):
             return
-        is_timed = self.pace.is_timed or "moved" not in modes
-        if "plain" in modes or not is_timed:
-            modes = ["plain" for _ in modes]
+        if "first" in modes:
+            modes = ["first" for _ in modes]
         if modes:
             self._begin(tuple(zip(viewports, modes, strict=True)))
 
     def _begin(self, modes: tuple[tuple[ViewportHistory, Mode], ...]) -> None:
         """Prepare window and renderers for all that lies below 2D props and other renderers."""
         self._modes = modes
-        self._window.SetMultiSamples(self._samples if self._shows("plain") else 0)
+        self._window.SetMultiSamples(self._samples if self._shows("first") else 0)
         with ExitStack() as stack:
             stack.enter_context(changed(self._window, "SwapBuffers", 0))
             for renderer in self._others():
@@ -271,18 +271,16 @@ class SupersampledWindow:
                 frames = self._read()
             if None in frames.values():
                 self._render_plain()
-                frames = {}
-            self._show(frames)
+            else:
+                self._show(frames)
         except Exception:
             self.reset()
             self._render_plain()
-            self._show({})
             raise
         finally:
             self._nested = False
         self._time()
-        self._ended = perf_counter()
-        self._wake()
+        self._end()
 
     def _read(self) -> dict[ViewportHistory, Frame | None]:
         """Return the frames of viewports that have moved; None where the camera has jumped."""
@@ -292,9 +290,10 @@ class SupersampledWindow:
         return {viewport: viewport.frame() for viewport in moved}
 
     def _render_plain(self) -> None:
-        self._begin(tuple((viewport, "plain") for viewport, _ in self._modes))
-        with self._stack:
-            self._window.Render()
+        """Render as without supersampling, in place of what was rendered for this frame."""
+        self._modes = ()
+        self._window.SetMultiSamples(self._samples)
+        self._window.Render()
 
     def _show(self, frames: Mapping[ViewportHistory, Frame | None]) -> None:
         for viewport, mode in self._modes:
@@ -302,7 +301,7 @@ class SupersampledWindow:
                 viewport.upscale(frame)
             else:
                 viewport.average(mode, max(1, self._samples))
-        if not self._shows("plain"):
+        if not self._shows("first"):
             lines = any(viewport.has_lines_on_top(mode) for viewport, mode in self._modes)
             lines = lines or any(renderer.GetDraw() and visible(renderer) for renderer in self._others())
             self._window.SetMultiSamples(self._samples if lines else 0)
@@ -314,8 +313,6 @@ class SupersampledWindow:
             for viewport, mode in self._modes:
                 viewport.show(mode, stack)
             self._window.Render()
-        for viewport, _ in self._modes:
-            viewport.finish()
 
     def _is_special(self) -> bool:
         """Return whether this frame has to be rendered as without supersampling."""
@@ -345,7 +342,7 @@ class SupersampledWindow:
     @property
     def _pause(self) -> int:
         """Time in ms from the last frame to the next one at rest."""
-        return _PAUSE if self._shows("moved") else _DELAY
+        return _DELAY if self._modes and not self._shows("moved") else _PAUSE
 
     def _on_timer(self) -> None:
         if self._timer is None or not self._observers:
@@ -358,11 +355,8 @@ class SupersampledWindow:
 
     def _time(self) -> None:
         """Record the time of the frame; switch upscaling off if it does not pay."""
-        seconds = perf_counter() - self._began
-        if not self._shows("plain") and not self._shows("still"):
-            self.pace.add(self.pace.scale, seconds)
-        elif not self._shows("moved") and self._shows("plain"):
-            self.pace.add(None, seconds)
+        if self._shows("moved") and not self._shows("still"):
+            self.pace.add(self.pace.scale, perf_counter() - self._began)
         if not self._bypassed and not self.pace.pays:
             self._bypassed = True
             plain, moved = 1000.0 * (self.pace.plain or 0.0), 1000.0 * self.pace.moved
@@ -373,14 +367,21 @@ class SupersampledWindow:
             )  # fmt: skip
 
     def _watch(self) -> None:
-        """Upscale again when plain frames take twice as long as upscaled ones did."""
+        """Time a plain frame; upscale again when it takes twice as long as upscaled ones did."""
+        if self._is_special():
+            self._end()
+            return
+        self._window.WaitForCompletion()
+        seconds = perf_counter() - self._began
+        self.pace.add(None, seconds)
+        if self._bypassed and seconds > 2.0 * self.pace.moved:
+            self._bypassed = False
+            self.pace.restart()
+        self._end()
+
+    def _end(self) -> None:
         for viewport in self.viewports:
             viewport.finish()
-        if self._bypassed:
-            self._window.WaitForCompletion()
-            if perf_counter() - self._began > 2.0 * self.pace.moved:
-                self._bypassed = False
-                self.pace.restart()
         self._ended = perf_counter()
         if not self._is_special():
             self._wake()
