@@ -368,15 +368,13 @@ class SupersampledWindow:
 
     def _watch(self) -> None:
         """Time a plain frame; upscale again when it takes twice as long as upscaled ones did."""
-        if self._is_special():
-            self._end()
-            return
-        self._window.WaitForCompletion()
-        seconds = perf_counter() - self._began
-        self.pace.add(None, seconds)
-        if self._bypassed and seconds > 2.0 * self.pace.moved:
-            self._bypassed = False
-            self.pace.restart()
+        if not self._is_special():
+            self._window.WaitForCompletion()
+            seconds = perf_counter() - self._began
+            self.pace.add(None, seconds)
+            if self._bypassed and seconds > 2.0 * self.pace.moved:
+                self._bypassed = False
+                self.pace.restart()
         self._end()
 
     def _end(self) -> None:
