@@ -5,7 +5,6 @@ text are then rendered at full size on top, against the depth of the small rende
 window shows the mean of full-size renders. Every other frame is rendered as without supersampling.
 """
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -17,7 +16,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLRenderWindow
 
 from supersampler.arguments import checked_scale, ieee_arithmetic
-from supersampler.errors import ArgumentError, shown
+from supersampler.errors import ArgumentError, shown, warn
 from supersampler.frame import Frame
 from supersampler.integrations.vtk_pixels import WindowPixels
 from supersampler.integrations.vtk_scene import is_composed, visible
@@ -360,11 +359,11 @@ class SupersampledWindow:
         if not self._bypassed and not self.pace.pays:
             self._bypassed = True
             plain, moved = 1000.0 * (self.pace.plain or 0.0), 1000.0 * self.pace.moved
-            warnings.warn(
+            message = (
                 f"upscaling does not pay here: a frame that moves takes {moved:.0f} ms with it, {plain:.0f} "
-                "ms without. It is off until frames take longer; force=True keeps it on.",
-                stacklevel=2,
-            )  # fmt: skip
+                "ms without. It is off until frames take longer; force=True keeps it on."
+            )
+            warn(UserWarning(message))
 
     def _watch(self) -> None:
         """Time a plain frame; upscale again when it takes twice as long as upscaled ones did."""
