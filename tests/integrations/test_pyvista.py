@@ -602,9 +602,19 @@ def test_each_render_changes_nothing_of_the_plotter(plotter: Any) -> None:
 
 @pytest.mark.skipif(XVFB is None, reason="xvfb-run cannot be found: Debian's xvfb and xauth have it")
 def test_a_window_renders_on_by_a_timer_until_it_has_converged() -> None:
-    command = [str(XVFB), "-a", sys.executable, "-c", WINDOW]
-    done = subprocess.run(command, timeout=240, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["vtkXOpenGLRenderWindow", "16"]
+    assert in_a_window(CONVERGING) == ["vtkXOpenGLRenderWindow", "16"]
+
+
+@pytest.mark.skipif(XVFB is None, reason="xvfb-run cannot be found: Debian's xvfb and xauth have it")
+def test_timers_of_the_program_start_no_more_timers() -> None:
+    frames, timers = map(int, in_a_window(ANIMATED))
+    assert timers < 0.7 * frames
+
+
+def in_a_window(program: str) -> list[str]:
+    """Run a program that uses `plotter` and `window`, on screen, and return the words that it prints."""
+    command = [str(XVFB), "-a", sys.executable, "-c", WINDOW + program]
+    return subprocess.run(command, timeout=240, capture_output=True, text=True, check=True).stdout.split()
 
 
 WINDOW = """
@@ -614,21 +624,41 @@ from supersampler.integrations.pyvista import enable_supersampling
 plotter = pyvista.Plotter(window_size=(160, 120))
 plotter.add_mesh(pyvista.Sphere())
 window = enable_supersampling(plotter, scale=2, force=True)
+plotter.iren.initialize()
+interactor = plotter.iren.interactor
+"""
+CONVERGING = """
 frames, waited = [], []
 
 def wait(*_):
     if window.is_converged:
         waited.append(len(frames))
     if len(waited) > 8:  # and renders no more
-        plotter.iren.interactor.TerminateApp()
+        interactor.TerminateApp()
 
 plotter.render_window.AddObserver("EndEvent", lambda *_: frames.append(1), -1.0)
-plotter.iren.initialize()
-plotter.iren.interactor.AddObserver("TimerEvent", wait)
-plotter.iren.interactor.CreateRepeatingTimer(100)
+interactor.AddObserver("TimerEvent", wait)
+interactor.CreateRepeatingTimer(100)
 plotter.show(auto_close=False)
 assert waited[0] == waited[-1]
 print(plotter.render_window.GetClassName(), window.viewports[0].renders)
+"""
+ANIMATED = """
+frames, timers = [], []
+create = interactor.CreateOneShotTimer
+interactor.CreateOneShotTimer = lambda ms: timers.append(ms) or create(ms)
+
+def animate(*_):
+    frames.append(1)
+    plotter.camera.Azimuth(0.2)
+    plotter.render()
+    if len(frames) == 60:
+        interactor.TerminateApp()
+
+interactor.AddObserver("TimerEvent", animate)
+interactor.CreateRepeatingTimer(40)
+plotter.show(auto_close=False)
+print(len(frames), len(timers))
 """
 
 

@@ -31,6 +31,7 @@ _NEW = 0.3  # weight of the last time in the mean
 _MIN_SAMPLES = 4  # multi-samples of plain renders
 _DELAY = 10  # ms between renders at rest, for the events of the window
 _PAUSE = 100  # ms after a frame that moved or changed, as the next one may, too
+_EARLY = 0.9e-3  # seconds after which a timer of 1 ms counts as ended: timers may be early
 _enabled: "WeakKeyDictionary[Any, ref[SupersampledWindow]]" = WeakKeyDictionary()  # by window
 
 
@@ -166,7 +167,7 @@ class SupersampledWindow:
         self._stack = ExitStack()  # restores what was changed for the frame
         self._began = self._ended = 0.0  # times of the last frame
         self._timed: Any = None  # interactor whose timer renders on at rest
-        self._timer: int | None = None  # the one that is running
+        self._due: float | None = None  # time at which the timer that is running ends; None: none is
         self._given_samples = int(window.GetMultiSamples())
         _enabled[window] = ref(self)
         self._observers = [
@@ -332,11 +333,12 @@ class SupersampledWindow:
         if self._window.GetOffScreenRendering():
             if self._wake_up is not None:
                 self._wake_up(self._pause)
-        elif self._timer is None and interactor is not None and interactor.GetInitialized():
+        elif self._due is None and interactor is not None and interactor.GetInitialized():
             if self._timed is not interactor:
                 self._timed = interactor
                 interactor.AddObserver("TimerEvent", lambda *_: self._on_timer())
-            self._timer = interactor.CreateOneShotTimer(self._pause)
+            interactor.CreateOneShotTimer(self._pause)
+            self._due = perf_counter() + _EARLY * self._pause
 
     @property
     def _pause(self) -> int:
@@ -344,10 +346,11 @@ class SupersampledWindow:
         return _DELAY if self._modes and not self._shows("moved") else _PAUSE
 
     def _on_timer(self) -> None:
-        if self._timer is None or not self._observers:
-            return
-        self._timer = None
-        if 1000.0 * (perf_counter() - self._ended) >= 0.9 * self._pause:
+        now = perf_counter()
+        if self._due is None or now < self._due or not self._observers:
+            return  # it was another timer of the program
+        self._due = None
+        if now - self._ended >= _EARLY * self._pause:
             self._window.Render()
         else:
             self._wake()  # a frame was rendered since the timer was started
