@@ -27,7 +27,7 @@ if sys.platform == "linux":
 import mujoco
 
 Array = NDArray[Any]
-GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+KEY = np.array([1, 1 << 20])  # times ids, object and type: one number per object
 SUPERSAMPLES = 4  # samples per pixel of the references, on each axis
 WARM_UP = 8  # number of first frames that are not scored
 SCENE = """
@@ -100,20 +100,14 @@ class Camera(NamedTuple):
 
 
 def poses(scene: Any, data: Any) -> dict[int, Array]:
-    """Return rotation and position, (3, 4), of each object that is drawn, by the key of its ids."""
-    shapes = scene.geoms[: scene.ngeom]  # sites, tendons and deformables, too
-    found = {
-        int(keys([shape.objid, shape.objtype])): np.column_stack([shape.mat, shape.pos]) for shape in shapes
-    }
-    # infinite planes follow the camera in `scene`
-    names = keys(np.stack([np.arange(len(data.geom_xpos)), np.full(len(data.geom_xpos), GEOM)], -1))
-    rotations = data.geom_xmat.reshape(-1, 3, 3)
-    return found | dict(zip(names.tolist(), np.dstack([rotations, data.geom_xpos]), strict=True))
-
-
-def keys(ids: Any) -> Array:
-    """Return one number per object of ids (..., 2): object, type."""
-    return np.asarray(ids) @ (1, 1 << 20)
+    """Return rotation and position, (3, 4), of each object that is drawn, by `KEY` @ its ids."""
+    found = {}
+    for shape in scene.geoms[: scene.ngeom]:  # sites, tendons and deformables, too
+        found[int(KEY @ (shape.objid, shape.objtype))] = np.column_stack([shape.mat, shape.pos])
+    geoms = zip(data.geom_xmat.reshape(-1, 3, 3), data.geom_xpos, strict=True)
+    for index, pose in enumerate(geoms):  # in `scene`, infinite planes follow the camera
+        found[int(KEY @ (index, mujoco.mjtObj.mjOBJ_GEOM))] = np.column_stack(pose)
+    return found
 
 
 class View:
@@ -149,7 +143,7 @@ class View:
         there = poses(renderer.scene, data)
         before_camera, before_poses = self._before or (camera, there)
         seen = ids[..., 0] >= 0
-        names, index = np.unique(keys(ids), return_inverse=True)
+        names, index = np.unique(ids @ KEY, return_inverse=True)
         still = np.eye(3, 4)  # of the sky, and of objects that are new
         of_now = [there.get(name, still) for name in names.tolist()]
         of_before = [before_poses.get(name, pose) for name, pose in zip(names.tolist(), of_now, strict=True)]

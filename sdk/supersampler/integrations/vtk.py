@@ -189,7 +189,7 @@ class SupersampledWindow:
         """Render until the image has converged, as before a screenshot."""
         for _ in range(2 + STILL_RENDERS):
             self._window.Render()
-            if self.is_converged:
+            if self.is_converged or self._is_special():
                 break
 
     def reset(self) -> None:
