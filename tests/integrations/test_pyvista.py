@@ -976,18 +976,21 @@ def test_a_surface_that_a_matrix_flattens_shows_at_once(plotter: Any) -> None:
         window.converge()
 
 
-def test_a_viewport_without_pixels_leaves_the_others_alone() -> None:
+@pytest.mark.parametrize("width", [0, 1])
+def test_a_viewport_without_pixels_or_with_few_leaves_the_others_alone(width: int) -> None:
     plotter = side_by_side()
     plotter.show(auto_close=False)
-    window = supersampled(plotter)
-    plotter.renderers[0].SetViewport(0, 0, 0, 0)
-    plotter.renderers[1].SetViewport(0, 0, 1, 1)
-    plotter.render()
-    window.converge()
-    assert window.is_converged
-    plotter.renderers[1].camera.Azimuth(1.0)
-    plotter.render()
-    assert window.viewports[1].upscaler is not None
+    window = supersampled(plotter, scale=3)
+    plotter.renderers[0].SetViewport(0, 0, width / 320, width)
+    plotter.renderers[1].SetViewport(width / 320, 0, 1, 1)
+    for _ in range(3):
+        window.converge()
+        for renderer in plotter.renderers:
+            renderer.camera.Azimuth(0.01)
+        plotter.render()
+    upscaler = window.viewports[1].upscaler
+    assert upscaler is not None
+    assert upscaler.stats.frames == 3
     plotter.close()
 
 

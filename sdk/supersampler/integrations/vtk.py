@@ -12,7 +12,6 @@ from time import perf_counter
 from typing import Any
 from weakref import WeakKeyDictionary, ref
 
-from vtkmodules.vtkRenderingCore import vtkRenderer
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLRenderWindow
 
 from supersampler.arguments import checked_scale, ieee_arithmetic
@@ -395,8 +394,7 @@ def _checked_renderers(window: Any, renderers: Iterable[Any]) -> tuple[Any, ...]
     """
     if not isinstance(window, vtkOpenGLRenderWindow):
         raise ArgumentError("window", got=shown(window), want="a vtkRenderWindow with OpenGL")
-    found = [renderers] if isinstance(renderers, vtkRenderer) else renderers
-    found = tuple(found) if isinstance(found, Iterable) else (found,)
+    found = tuple(renderers) if isinstance(renderers, Iterable) else (renderers,)
     of_window = list(window.GetRenderers())
     strangers = [one for one in found if one not in of_window]
     if strangers or not found:

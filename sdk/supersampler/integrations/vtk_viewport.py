@@ -154,7 +154,8 @@ class ViewportHistory:
         """Prepare the renderer for a frame; `stack` restores it."""
         stack.callback(self.configure, None)
         if mode == "moved" and self._view is not None:
-            if self._upscaled is None:  # one sample of each pixel is better than one of four
+            # without history, one sample of each pixel is better than one of four
+            if self._upscaled is None or min(self._part[2:]) < 2.0 * scale:
                 scale = 1.0
             left, bottom, right, top = self._renderer.GetViewport()
             small = left + (right - left) / scale, bottom + (top - bottom) / scale
