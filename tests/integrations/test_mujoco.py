@@ -106,7 +106,6 @@ def test_a_site_moves_with_its_body(example: ModuleType, monkeypatch: pytest.Mon
         camera = view.aim(renderer, data, data.time, (0.0, 0.0))
         centers.append(camera.pixels(data.site_xpos[0] - camera.position, 64))
     motion = frame.motion[frame.ids[..., 1] == mujoco.mjtObj.mjOBJ_SITE]
-    assert len(motion) > 50
     assert np.abs(centers[0] - centers[1]).max() > 2.0
     np.testing.assert_allclose(motion.mean(axis=0), centers[0] - centers[1], rtol=0.2, atol=0.1)
 

@@ -124,6 +124,7 @@ class SupersampledWindow:
     Attributes:
         viewports: the history of each renderer.
         pace: times of frames, and the scale that is chosen by them.
+        is_bypassed: whether frames that move are plain, as upscaling does not pay.
 
     Args:
         window: a `vtkRenderWindow` with OpenGL. This object replaces another one that supersamples it.
@@ -159,7 +160,7 @@ class SupersampledWindow:
         if earlier is not None:
             earlier.disable()
         self._wake_up = wake
-        self._window, self._nested, self._bypassed = window, False, False
+        self._window, self._nested, self.is_bypassed = window, False, False
         pixels = WindowPixels(window)
         self.viewports = tuple(ViewportHistory(window, r, pixels, loaded) for r in self._renderers)
         self._modes: tuple[tuple[ViewportHistory, Mode], ...] = ()  # while a frame is rendered
@@ -173,11 +174,6 @@ class SupersampledWindow:
             window.AddObserver("StartEvent", lambda *_: self._before_render()),
             window.AddObserver("EndEvent", lambda *_: self._after_render()),
         ]
-
-    @property
-    def is_bypassed(self) -> bool:
-        """Whether frames that move are plain, as upscaling does not pay."""
-        return self._bypassed
 
     @property
     def is_converged(self) -> bool:
@@ -230,7 +226,7 @@ class SupersampledWindow:
             return
         viewports = [viewport for viewport in self.viewports if viewport.has_pixels]
         modes = [viewport.mode() for viewport in viewports]
-        can_upscale = self.pace.is_timed and not self._bypassed and any(v.has_surfaces for v in viewports)
+        can_upscale = self.pace.is_timed and not self.is_bypassed and any(v.has_surfaces for v in viewports)
         if "changed" in modes or ("moved" in modes and not can_upscale):
             return
         if "first" in modes:
@@ -358,8 +354,8 @@ class SupersampledWindow:
         """Record the time of the frame; switch upscaling off if it does not pay."""
         if self._shows("moved") and not self._shows("still"):
             self.pace.add(self.pace.scale, perf_counter() - self._began)
-        if not self._bypassed and not self.pace.pays:
-            self._bypassed = True
+        if not self.is_bypassed and not self.pace.pays:
+            self.is_bypassed = True
             plain, moved = 1000.0 * (self.pace.plain or 0.0), 1000.0 * self.pace.moved
             message = (
                 f"upscaling does not pay here: a frame that moves takes {moved:.0f} ms with it, {plain:.0f} "
@@ -373,8 +369,8 @@ class SupersampledWindow:
             self._window.WaitForCompletion()
             seconds = perf_counter() - self._began
             self.pace.add(None, seconds)
-            if self._bypassed and seconds > 2.0 * self.pace.moved:
-                self._bypassed = False
+            if self.is_bypassed and seconds > 2.0 * self.pace.moved:
+                self.is_bypassed = False
                 self.pace.restart()
         self._end()
 
