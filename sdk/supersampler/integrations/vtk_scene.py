@@ -32,7 +32,7 @@ _RENDERER_LOOKS = (
     "Ambient", "Background", "Background2", "BackgroundAlpha", "EnvironmentRight", "EnvironmentUp",
     "GradientBackground", "GradientMode", "MaximumNumberOfPeels", "OcclusionRatio", "TexturedBackground",
     "TwoSidedLighting", "UseDepthPeeling", "UseDepthPeelingForVolumes", "UseHiddenLineRemoval",
-    "UseImageBasedLighting", "UseSphericalHarmonics",
+    "UseImageBasedLighting", "UseOIT", "UseSphericalHarmonics",
 )  # fmt: skip
 
 
