@@ -1014,6 +1014,19 @@ def test_disabled_within_a_frame_the_window_renders_as_it_did(plotter: Any) -> N
     np.testing.assert_array_equal(shown(plotter), before)
 
 
+def test_observers_of_the_window_see_one_render_and_the_image_of_each_frame(plotter: Any) -> None:
+    ball = plotter.add_mesh(pv.Sphere(radius=0.4, center=(0, 0, 0.5)), color="red")
+    images: list[Float32] = []
+    plotter.render_window.AddObserver("EndEvent", lambda *_: images.append(seen(plotter)))
+    window = supersampled(plotter)
+    window.converge()
+    for index in range(3):
+        ball.SetPosition(0.0, 0.0, 0.02 * index)
+        turn(plotter)
+        images.clear()
+        np.testing.assert_array_equal(shown(plotter)[None], images)
+
+
 def test_an_error_within_a_frame_leaves_a_plain_image(
     plotter: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -31,6 +31,7 @@ _MIN_SAMPLES = 4  # multi-samples of plain renders
 _DELAY = 10  # ms between renders at rest, for the events of the window
 _PAUSE = 100  # ms after a frame that moved or changed, as the next one may, too
 _EARLY = 0.9e-3  # seconds after which a timer of 1 ms counts as ended: timers may be early
+_FIRST = 1.0  # priority of observers: others see the image of the frame
 _enabled: "WeakKeyDictionary[Any, ref[SupersampledWindow]]" = WeakKeyDictionary()  # by window
 
 
@@ -171,9 +172,23 @@ class SupersampledWindow:
         self._given_samples = int(window.GetMultiSamples())
         _enabled[window] = ref(self)
         self._observers = [
-            window.AddObserver("StartEvent", lambda *_: self._before_render()),
-            window.AddObserver("EndEvent", lambda *_: self._after_render()),
-        ]
+            self._observe("StartEvent", self._before_render), self._observe("EndEvent", self._after_render)
+        ]  # fmt: skip
+
+    def _observe(self, event: str, react: Callable[[], None]) -> int:
+        """Have a method called at an event of the window, before other observers, which see one per frame."""
+
+        def observe(*_: Any) -> None:
+            try:
+                if not self._is_left_alone:
+                    react()
+            finally:
+                command = self._window.GetCommand(tag)  # kept, it would be a cycle that Python cannot free
+                if command is not None:  # else the method has removed it
+                    command.SetAbortFlag(self._nested)  # of a render that this object started
+
+        tag: int = self._window.AddObserver(event, observe, _FIRST)
+        return tag
 
     @property
     def is_converged(self) -> bool:
@@ -215,8 +230,6 @@ class SupersampledWindow:
 
     @ieee_arithmetic
     def _before_render(self) -> None:
-        if self._is_left_alone:
-            return
         self._began = perf_counter()
         self._stack.close()
         self._modes = ()
@@ -255,8 +268,6 @@ class SupersampledWindow:
 
     @ieee_arithmetic
     def _after_render(self) -> None:
-        if self._is_left_alone:
-            return
         if not self._modes:
             self._watch()
             return
