@@ -1,5 +1,6 @@
 """Tests of examples/mujoco_cameras.py with MuJoCo; software OpenGL is enough: `make mujoco` runs them."""
 
+import argparse
 import importlib.util
 import os
 import subprocess
@@ -14,13 +15,14 @@ from supersampler import Frame, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.images import read_image
 
-TABLE = 1  # id of the last of the large geoms that stand
-SCRIPT = Path(__file__).parents[2] / "examples" / "mujoco_cameras.py"
-
 if importlib.util.find_spec("mujoco") is None:
     pytest.skip("mujoco is not installed here", allow_module_level=True)
 if sys.platform == "linux":
     os.environ.setdefault("MUJOCO_GL", "egl")
+import mujoco
+
+TABLE = 1  # id of the last of the large geoms that stand
+SCRIPT = Path(__file__).parents[2] / "examples" / "mujoco_cameras.py"
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +38,6 @@ def example() -> ModuleType:
 def test_images_are_closer_to_the_reference_than_those_of_msaa(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import argparse
-
     options = {"cameras": 4, "size": 192, "frames": 33, "model": "classifier", "score_every": 8}
     example.main(argparse.Namespace(**options, output=tmp_path))
     lines = dict(line.split(": ") for line in capsys.readouterr().out.splitlines())
@@ -53,8 +53,6 @@ def test_images_are_closer_to_the_reference_than_those_of_msaa(
 def test_a_short_run_prints_times_and_writes_its_image(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import argparse
-
     options = {"cameras": 1, "size": 64, "frames": 1, "model": "taau", "score_every": 8}
     example.main(argparse.Namespace(**options, output=tmp_path))
     names = [line.split(": ")[0] for line in capsys.readouterr().out.splitlines()]
@@ -76,8 +74,6 @@ def test_no_frames_and_odd_sizes_are_refused(options: list[str], message: str) -
 
 
 def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleType) -> None:
-    import mujoco
-
     renderer = example.make_renderer(128, samples=0)
     data = mujoco.MjData(renderer.model)
     view = example.View(1, 4)  # it orbits
@@ -94,8 +90,6 @@ def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleT
 
 
 def test_a_site_moves_with_its_body(example: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
-    import mujoco
-
     falling = '<freejoint/><geom size=".02" contype="0" conaffinity="0"/><site size=".15"/>'
     monkeypatch.setattr(example, "BODIES", f'<body pos="0 0 1">{falling}</body>')
     renderer, view = example.make_renderer(64, samples=0), example.View(0, 1)
@@ -124,8 +118,6 @@ def part_of_other_ids(before: Frame, frame: Frame, motion: Float32) -> float:
 
 
 def test_ids_of_images_are_ids_of_the_simulation(example: ModuleType) -> None:
-    import mujoco
-
     renderer = example.make_renderer(96, samples=0)
     data = mujoco.MjData(renderer.model)
     views = [example.View(index, 3) for index in range(3)]

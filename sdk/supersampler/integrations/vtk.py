@@ -274,7 +274,10 @@ class SupersampledWindow:
         self._nested = True
         try:
             with self._stack:
-                frames = self._read()
+                moved = [viewport for viewport, mode in self._modes if mode == "moved"]
+                for viewport in moved:
+                    viewport.read()
+                frames = {viewport: viewport.frame() for viewport in moved}  # None: it jumped
             if None in frames.values():
                 self._render_plain()
             else:
@@ -287,13 +290,6 @@ class SupersampledWindow:
             self._nested = False
         self._time()
         self._end()
-
-    def _read(self) -> dict[ViewportHistory, Frame | None]:
-        """Return the frames of viewports that have moved; None where the camera has jumped."""
-        moved = [viewport for viewport, mode in self._modes if mode == "moved"]
-        for viewport in moved:
-            viewport.read()
-        return {viewport: viewport.frame() for viewport in moved}
 
     def _render_plain(self) -> None:
         """Render as without supersampling, in place of what was rendered for this frame."""
