@@ -1,5 +1,6 @@
 """Tests of examples/mujoco_cameras.py with MuJoCo; software OpenGL is enough: `make mujoco` runs them."""
 
+import argparse
 import importlib.util
 import os
 import sys
@@ -16,13 +17,14 @@ from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.images import read_image
 
-TABLE = 1  # id of the last of the large geoms that stand
-SCRIPT = Path(__file__).parents[2] / "examples" / "mujoco_cameras.py"
-
 if importlib.util.find_spec("mujoco") is None:
     pytest.skip("mujoco is not installed here", allow_module_level=True)
 if sys.platform == "linux":
     os.environ.setdefault("MUJOCO_GL", "egl")
+import mujoco
+
+TABLE = 1  # id of the last of the large geoms that stand
+SCRIPT = Path(__file__).parents[2] / "examples" / "mujoco_cameras.py"
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +70,6 @@ def test_no_frames_and_odd_sizes_are_refused(options: list[str], message: str) -
 
 
 def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleType) -> None:
-    import mujoco
-
     renderer = example.make_renderer(128, samples=0)
     data = mujoco.MjData(renderer.model)
     view = example.View(1, 4)  # it orbits
@@ -83,6 +83,21 @@ def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleT
     wrong_still = part_of_other_ids(before, frame, np.zeros_like(frame.motion))
     assert wrong < 0.2, wrong
     assert wrong_still > 0.4, wrong_still
+
+
+def test_a_site_moves_with_its_body(example: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    falling = '<freejoint/><geom size=".02" contype="0" conaffinity="0"/><site size=".15"/>'
+    monkeypatch.setattr(example, "BODIES", f'<body pos="0 0 1">{falling}</body>')
+    renderer, view = example.make_renderer(64, samples=0), example.View(0, 1)
+    data, centers = mujoco.MjData(renderer.model), []
+    for index in range(2):
+        mujoco.mj_step(renderer.model, data, nstep=60)
+        frame = view.frame(renderer, data, data.time, halton_jitter(index, 2.0))
+        camera = view.aim(renderer, data, data.time, (0.0, 0.0))
+        centers.append(camera.pixels(data.site_xpos[0] - camera.position, 64))
+    motion = frame.motion[frame.ids[..., 1] == mujoco.mjtObj.mjOBJ_SITE]
+    assert np.abs(centers[0] - centers[1]).max() > 2.0
+    np.testing.assert_allclose(motion.mean(axis=0), centers[0] - centers[1], rtol=0.2, atol=0.1)
 
 
 def part_of_other_ids(before: Frame, frame: Frame, motion: Float32) -> float:
@@ -99,8 +114,6 @@ def part_of_other_ids(before: Frame, frame: Frame, motion: Float32) -> float:
 
 
 def test_ids_of_images_are_ids_of_the_simulation(example: ModuleType) -> None:
-    import mujoco
-
     renderer = example.make_renderer(96, samples=0)
     data = mujoco.MjData(renderer.model)
     views = [example.View(index, 3) for index in range(3)]
