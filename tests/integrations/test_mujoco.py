@@ -1,6 +1,5 @@
 """Tests of examples/mujoco_cameras.py with MuJoCo; software OpenGL is enough: `make mujoco` runs them."""
 
-import argparse
 import importlib.util
 import os
 import sys
