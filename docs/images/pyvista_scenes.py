@@ -3,9 +3,9 @@
     pip install . pyvista sympy
     python docs/images/pyvista_scenes.py [name of a scene ...]
 
-The scenes are those of examples/pyvista_gallery.py and examples/pyvista_viewer.py. The camera turns by half a
-degree a frame. All modes render each frame in turn, so that other load on the machine affects them alike.
-Errors are those of display values, against 64 samples a pixel. With names, only out/pyvista.jpg is written.
+The scenes are those of examples/pyvista_gallery.py. The camera turns by half a degree a frame. All modes
+render each frame in turn, so that other load on the machine affects them alike. Errors are those of display
+values, against 64 samples a pixel. With names, only out/pyvista.jpg is written.
 """
 
 import runpy
@@ -33,9 +33,7 @@ FIGURE = """![Crops of the scenes: MSAA, while the view turns, at rest, referenc
 
 One row per scene, in the order of the table: MSAA, ours while the camera turns, ours at rest, the reference.
 """
-GALLERY = runpy.run_path(str(ROOT / "examples" / "pyvista_gallery.py"))["SCENES"]
-FROG = runpy.run_path(str(ROOT / "examples" / "pyvista_viewer.py"))["frog"]
-SCENES = {"frog": FROG, **GALLERY}
+SCENES = runpy.run_path(str(ROOT / "examples" / "pyvista_gallery.py"))["SCENES"]
 WAYS = {"none": "none", "msaa": "MSAA", "ssaa": "SSAA", "ours": "supersampled"}
 SIZE, FRAMES, WARM, TURN = (1280, 720), 26, 14, 0.5
 GRID = 8  # samples of a pixel in each direction, of references

@@ -2,12 +2,12 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.table import Table
 
-from supersampler import ArgumentError, Shot
+from supersampler import ArgumentError
 from supersampler.cli.arguments import SOURCE_OPTIONS, ConventionsOption, open_with, parse_size
 from supersampler.cli.terminal import Terminal
 from supersampler_bench.cli.options import (
@@ -32,9 +32,6 @@ from supersampler_bench.cli.options import (
 from supersampler_bench.record import read_record, write_json
 from supersampler_bench.shots import public_shots
 
-if TYPE_CHECKING:
-    from supersampler_bench.quality.scores import ShotRow
-
 
 def quality(
     shot: SHOT,
@@ -51,7 +48,6 @@ def quality(
     cvvdp: Annotated[
         bool, typer.Option("--cvvdp", help="Also measure ColorVideoVDP, which takes seconds per image.")
     ] = False,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for error heat maps.")] = None,
     json: JSON = None,
 ) -> None:
     """Compare the images of methods with a shot's references.
@@ -65,41 +61,27 @@ def quality(
     \b
     Examples:
       supersampler bench quality plaza --methods bilinear,taau
-      supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.color_video_vdp import metric
+    from supersampler_bench.quality.measure import measure_quality, runnable
     from supersampler_bench.quality.score_table import QualityRecord, terminal_tables
+    from supersampler_bench.quality.scores import shot_row
 
     if cvvdp:
         metric()  # fails before the measurement, which takes minutes
     _, opened = opened_shots(shot, cache, ratio)
-    rows = [_measured(one, origin, split_list(methods), output, cvvdp=cvvdp) for one, origin in opened]
+    rows = []
+    for one, origin in opened:
+        names = runnable(one, split_list(methods), warn)
+        with counted(one.name, len(one)) as advance:
+            rows.append(shot_row(one, measure_quality(one, names, cvvdp=cvvdp, on_frame=advance), origin))
     record = QualityRecord.of(rows)
     console = Terminal()
     for titled in [*record.shot_tables(), *record.mean_tables().values()]:
         console.print(*terminal_tables(*titled))
     if json is not None:
         write_json(record, json)
-
-
-def _measured(
-    shot: Shot, origin: dict[str, Any], methods: list[str], output: Path | None, *, cvvdp: bool
-) -> "ShotRow":
-    from supersampler_bench.quality.measure import measure_quality, runnable
-    from supersampler_bench.quality.scores import shot_row
-
-    methods = runnable(shot, methods, warn)
-    with counted(shot.name, len(shot)) as advance:
-        if output is None:
-            return shot_row(shot, measure_quality(shot, methods, cvvdp=cvvdp, on_frame=advance), origin)
-        from supersampler_bench.report.figures import ErrorMaps, draw_shot  # needs matplotlib
-
-        maps = ErrorMaps(methods)
-        scores = measure_quality(shot, methods, cvvdp=cvvdp, watch=maps, on_frame=advance)
-        measured = shot_row(shot, scores, origin)
-    draw_shot(measured, maps, output)
-    return measured
 
 
 def extrapolation(
