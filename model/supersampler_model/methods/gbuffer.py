@@ -17,7 +17,6 @@ from supersampler.methods.gbuffer.spec import (
     FRAME,
     GBUFFER,
     GBUFFER_4X,
-    GBUFFER_DEPTH,
     GBUFFER_SMALL,
     GBUFFER_SMALL_4X,
     NEIGHBOUR_WEIGHTS,
@@ -324,17 +323,6 @@ class SmallGBuffer4(GBuffer):
     """`SmallGBuffer` at a ratio of 4."""
 
     spec: ClassVar = GBUFFER_SMALL_4X
-
-
-class DepthGBuffer(GBuffer):
-    """`gbuffer-depth`: `SmallGBuffer` for forward renderers. Display-size depth is the only G-buffer."""
-
-    spec: ClassVar = GBUFFER_DEPTH
-
-    @staticmethod
-    def surfaces_of(gbuffers: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
-        """Return neutral surfaces, of known depth."""
-        return surfaces.neutral_surfaces(depth), surfaces.neutral_surfaces(gbuffers["gbuffer_display_depth"])
 
 
 def network_inputs(
