@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-from supersampler.arguments import Precision
 from supersampler.cli.arguments import parse_size
 from supersampler_bench.cli import options
 from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Provenance, read_record, write_json
@@ -68,7 +67,7 @@ def startup(
     names, render = options.split_list(methods), parse_size(render_size, "--render-size")
     with options.counted("programs", len(names) * (cold + warm)) as advance:
         results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
-    options.publish(bench.StartupRecord(render, 2.0, results), "startup", json)
+    options.publish(bench.StartupRecord(render, bench.STARTUP_SCALE, results), "startup", json)
 
 
 def latency(
@@ -77,7 +76,6 @@ def latency(
     executors: options.EXECUTORS = "cpu",
     providers: Annotated[str, typer.Option(help="ONNX Runtime providers: auto, cpu, cuda, ...")] = "cpu",
     threads: options.THREADS = None,
-    precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, comma-separated.")] = "auto",
     ratio: options.ONE_RATIO = 2.0,
     warm_up: Annotated[int, typer.Option(min=1, help="Warm-up steps of each setting.")] = 20,
     steps: options.STEPS = 200,
@@ -95,14 +93,12 @@ def latency(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import latency as bench
 
-    known: tuple[Precision, ...] = ("auto", "fp32", "fp16", "int8")
     with options.ERRORS.status("timing"):
         results = bench.measure_latency(
             options.split_list(methods),
             options.size_list("--display-size", display_size),
             options.executors_of(executors),
             options.count_list("--threads", threads or str(os.cpu_count() or 1)),
-            precisions=options.words_of("--precisions", precisions, known),
             providers=providers,
             ratio=ratio,
             steps=steps,

@@ -130,11 +130,13 @@ class FirstFrame:
     cache_bytes: int
 
 
+STARTUP_SCALE = 2.0
+
+
 def measure_startup(
     methods: Sequence[str],
     render: Size,
     *,
-    scale: float = 2.0,
     cold: int = 3,
     warm: int = 5,
     on_process: Callable[[], None] = lambda: None,
@@ -147,7 +149,7 @@ def measure_startup(
     results = []
     for method in methods:
         spec = parse_spec(method)
-        request: dict[str, Any] = {"method": spec.model, "render": list(render), "scale": scale}
+        request: dict[str, Any] = {"method": spec.model, "render": list(render), "scale": STARTUP_SCALE}
         if spec.executor == "gpu":
             request["executor"] = spec.executor
         cold_seconds, warm_seconds, cache_bytes = [], [], 0
