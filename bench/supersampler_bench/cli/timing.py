@@ -4,7 +4,7 @@ import os
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -62,12 +62,12 @@ def startup(
       supersampler bench startup --methods classifier
       supersampler bench startup --methods taau:gpu,classifier:gpu
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing import against as bench
+    from supersampler_bench.timing import startup as bench
 
     names, render = options.split_list(methods), parse_size(render_size, "--render-size")
     with options.counted("programs", len(names) * (cold + warm)) as advance:
         results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
-    options.publish(bench.StartupRecord(render, bench.STARTUP_SCALE, results), "startup", json)
+    options.publish(bench.StartupRecord(render, bench.RATIO, results), "startup", json)
 
 
 def latency(
@@ -106,34 +106,6 @@ def latency(
             on_left_out=options.warn,
         )
     options.publish(bench.LatencyRecord(ratio, results), "latency", json)
-
-
-def against(
-    python: Annotated[str, typer.Argument(help="Interpreter of an environment that has the other version.")],
-    methods: options.METHODS = "taa,taau,classifier-small,classifier",
-    display_size: options.DISPLAY_SIZE = "960x540",
-    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; all cores unless given.")] = None,
-    ratio: options.ONE_RATIO = 2.0,
-    rounds: Annotated[int, typer.Option(min=1, help="Pairs of new processes for each method.")] = 10,
-    steps: options.STEPS = 30,
-    json: options.JSON = None,
-) -> None:
-    """Time the steps of this version against another one.
-
-    Methods have default settings and read no G-buffers. Nothing else should run on the machine.
-
-    \b
-    Example:
-      supersampler bench against ../before/.venv/bin/python --methods classifier
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing import against as bench
-
-    names, display = options.split_list(methods), parse_size(display_size, "--display-size")
-    count = threads or os.cpu_count() or 1
-    with options.counted("rounds", len(names) * rounds) as advance:
-        settings: dict[str, Any] = {"ratio": ratio, "rounds": rounds, "steps": steps, "on_round": advance}
-        results = bench.measure_against(python, names, display, count, **settings)
-    options.publish(bench.AgainstRecord(display, ratio, count, steps, results), "against", json)
 
 
 def skip(

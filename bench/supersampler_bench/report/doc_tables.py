@@ -24,7 +24,7 @@ from supersampler_bench.record import (
     write_json,
 )
 from supersampler_bench.stress import runner  # noqa: F401
-from supersampler_bench.timing import against, gpu_record, latency, pareto, skip, traffic, views  # noqa: F401
+from supersampler_bench.timing import gpu_record, latency, pareto, skip, startup, traffic, views  # noqa: F401
 
 RESULTS = Path("bench/results")
 """Folder of the records of published numbers, in the repository."""
