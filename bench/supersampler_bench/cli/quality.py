@@ -166,8 +166,7 @@ def denoise(
 
 def still(
     scenes: Annotated[
-        str,
-        typer.Option(help="SCENE:RATIO, such as analytic:2, court:2; court-mover has moving objects."),
+        str, typer.Option(help="SCENE:RATIO, such as analytic:2, court:2; court-mover has moving objects.")
     ] = "analytic:1,analytic:1.5,analytic:2,analytic:3,analytic-mover:2,court:2,gallery:2,court-mover:2",
     methods: options.METHODS = "taa,taau,classifier-small,classifier",
     executors: options.EXECUTORS = "cpu,onnx",

@@ -75,11 +75,7 @@ class Stepper(NamedTuple):
 
 
 def measure_quality(
-    shot: Shot,
-    methods: Sequence[str],
-    *,
-    cvvdp: bool = False,
-    on_frame: Callable[[], None] = lambda: None,
+    shot: Shot, methods: Sequence[str], *, cvvdp: bool = False, on_frame: Callable[[], None] = lambda: None
 ) -> list[MethodScores]:
     """Step every method through the shot and score the frames that have a reference; see `measure_steppers`.
 
