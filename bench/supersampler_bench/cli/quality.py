@@ -188,15 +188,15 @@ def still(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.still import StillRecord, frame_count, measure_still
 
+    if output is not None:
+        from supersampler_bench.report import figures  # without matplotlib it fails before the measurement
     chosen, display = _scenes_of(scenes), parse_size(display_size, "--display-size")
     names, kinds = options.split_list(methods), options.executors_of(executors)
     with options.counted("frames", sum(frame_count(ratio) for _, ratio in chosen)) as advance:
         results = measure_still(chosen, names, display, executors=kinds, samples=samples, on_frame=advance)
     record = StillRecord(display, results)
     if output is not None:
-        from supersampler_bench.report.figures import draw_still  # needs matplotlib
-
-        draw_still(record, output / "still.png")
+        figures.draw_still(record, output / "still.png")
         options.say(str(output / "still.png"))
     options.publish(record, "still", json)
 

@@ -198,6 +198,8 @@ def pareto(
     from supersampler_bench.specs import gbuffers_of
     from supersampler_bench.timing import pareto as bench
 
+    if output is not None:
+        from supersampler_bench.report import figures  # without matplotlib it fails before the measurement
     records = [BenchRecord.from_json(read_record(path)) for path in quality or [SHIPPED_PARETO]]
     size = parse_size(display_size, "--display-size")
     with options.counted("rounds", 2 * len(bench.scores_of(records)) * steps) as advance:
@@ -207,9 +209,7 @@ def pareto(
     record = bench.ParetoRecord(bench.shot_names(records[0]), size, threads, points)
     options.publish(record, "pareto", json)
     if output is not None:
-        from supersampler_bench.report.figures import draw_pareto  # needs matplotlib
-
-        draw_pareto(record, output)
+        figures.draw_pareto(record, output)
     if budget_ms is not None:
         best = bench.best_within(points, budget_ms)
         for point in best:
