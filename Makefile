@@ -156,7 +156,7 @@ wheels: .venv-wheels/installed
 	mkdir -p dist
 	$(WHEELS) dist
 
-# ONNX Runtime is left out: the kit is to be small, and measures the GPU backend alone.
+# ONNX Runtime is left out: the kit is to be small, and uses the one of the machine, if it has one.
 KIT_PYTHON ?= 3.12
 KIT := dist/measuring-kit
 kit: .venv-wheels/installed

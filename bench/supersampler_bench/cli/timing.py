@@ -228,11 +228,12 @@ def device(
     minutes: Annotated[float, typer.Option(help="Begin no further measurement after this time.")] = 5.0,
     json: options.JSON = None,
 ) -> None:
-    """Measure the GPU backend: throughput of the device, images, steps and passes.
+    """Measure the GPU backend: throughput of the device, images, steps and passes, other runtimes.
 
     Steps are timed by timestamps of the device, with frame and image in textures. Their floor is the time of
     their bytes or multiply-adds at the device's measured throughput. Images are compared with the CPU
-    backend's. The record is written after each result.
+    backend's. At the first size, torch on CUDA and ONNX Runtime's GPU providers are timed if they are
+    installed. The record is written after each result.
 
     \b
     Example:
@@ -241,6 +242,7 @@ def device(
     from supersampler_bench.timing.gpu_record import GpuRecord
     from supersampler_bench.timing.gpu_steps import compare_images, measure_gpu
     from supersampler_bench.timing.gpu_stopwatch import device_with_timestamps
+    from supersampler_bench.timing.other_runtimes import measure_other_runtimes
 
     names, displays = options.split_list(methods), options.size_list("--display-size", display_size)
     ratios = options.ratio_list(ratio)
@@ -262,5 +264,9 @@ def device(
         record.steps.append(step)
         size = f"{step.render} to {step.display}"
         if not keep(f"{step.method} {size}: {step.median:.3f} ms, first {step.first:.1f} s"):
+            break
+    for other in measure_other_runtimes(names, displays[0], ratios[0], steps=50, on_left_out=options.warn):
+        record.others.append(other)
+        if not keep(f"{other.method}, {other.runtime}: {other.median:.2f} ms, first {other.first:.1f} s"):
             break
     options.publish(replace(record, provenance=Provenance.now()), "device", json)

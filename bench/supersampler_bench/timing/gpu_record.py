@@ -7,6 +7,7 @@ from supersampler.io.machine import installed_versions
 from supersampler_bench.record import BenchRecord, sizes_text, table
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
 from supersampler_bench.timing.gpu_steps import GpuImages, GpuStep
+from supersampler_bench.timing.other_runtimes import RuntimeStep
 
 if TYPE_CHECKING:
     import wgpu
@@ -24,8 +25,9 @@ class GpuRecord(BenchRecord):
     limits: GpuLimits
     images: list[GpuImages] = field(default_factory=list)
     steps: list[GpuStep] = field(default_factory=list)
+    others: list[RuntimeStep] = field(default_factory=list)
     BENCH = "device-gpu"
-    TABLES = ("", "passes", "images")
+    TABLES = ("", "passes", "images", "others")
 
     @classmethod
     def of(cls, device: "wgpu.GPUDevice") -> "GpuRecord":
@@ -104,3 +106,19 @@ class GpuRecord(BenchRecord):
             + "At 99.9 %: of the frame where it is largest."
         )
         return table(["method", "mean:", "at 99.9 %:", "largest:"], rows, caption)
+
+    def others_table(self) -> str:
+        """Return the table of other runtimes."""
+        rows = [
+            [
+                *(sizes_text(s.render, s.display), s.method, s.runtime),
+                *(f"{s.median:.2f}", f"{s.p95:.2f}", f"{s.first:.1f}"),
+            ]
+            for s in self.others
+        ]
+        versions = ", ".join(dict.fromkeys(f"{s.runtime.split(',')[0]} {s.version}" for s in self.others))
+        caption = (
+            f"Other runtimes on the same device ({versions or 'none'}), wall time of a step; torch with "
+            "frame and image on the device, ONNX Runtime from arrays to arrays."
+        )
+        return table(["size", "method", "runtime", "ms:", "p95:", "first s:"], rows, caption)

@@ -15,6 +15,7 @@ from supersampler_bench.timing import gpu_limits, gpu_steps
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
 from supersampler_bench.timing.gpu_record import GpuRecord
 from supersampler_bench.timing.gpu_stopwatch import Stopwatch, device_with_timestamps
+from supersampler_bench.timing.other_runtimes import RuntimeStep, measure_other_runtimes
 
 DISPLAY = (128, 72)
 LIMITS = GpuLimits(buffers=1e12, textures=2e12, multiplied=1e13)
@@ -29,6 +30,7 @@ STEP = gpu_steps.GpuStep(
 ADAPTER = {"device": "Some GPU", "backend_type": "Vulkan", "description": "1.2.3"}
 EMPTY = GpuRecord(ADAPTER, {"wgpu": "0.32.0"}, LIMITS)
 IMAGES = gpu_steps.GpuImages("classifier", (161, 91), (321, 181), 8, 4e-4, 8e-3, 6e-2)
+ELSEWHERE = RuntimeStep("taau", "torch, compiled", "2.13.0", (960, 540), (1920, 1080), 50, 7.0, 8.0, 30.0)
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +41,7 @@ def device() -> Any:
 
 def record() -> GpuRecord:
     measured = replace(EMPTY, steps=[STEP, replace(STEP, display=(1440, 810))], images=[IMAGES])
+    measured = replace(measured, others=[ELSEWHERE])
     return GpuRecord.from_json(json.loads(json.dumps(measured.to_json())))
 
 
@@ -91,6 +94,12 @@ def test_images_are_compared_with_those_of_the_cpu_backend(device: Any) -> None:
     assert found.mean < found.p999 < found.largest < 0.05
 
 
+def test_runtimes_without_a_gpu_are_left_out_with_the_reason() -> None:
+    notes: list[str] = []
+    found = list(measure_other_runtimes(["taau"], DISPLAY, 2.0, steps=1, on_left_out=notes.append))
+    assert found or "CUDA" in notes[0]
+
+
 def test_the_steps_of_a_record_are_restored() -> None:
     assert record().steps[0].passes == STEP.passes
     assert (STEP.moved, STEP.multiply_adds) == (600_000_000, 4_000_000_000)
@@ -106,6 +115,7 @@ def test_tables_have_steps_and_their_longest_passes() -> None:
     assert passes.count("gather") == 1, "of the first size alone"
     assert "classifier 1.11 of 1.20" in passes
     assert "| classifier | 4.0e-04 | 8.0e-03 | 6.0e-02 |" in record().images_table()
+    assert "| 960x540 to 1920x1080 | taau | torch, compiled | 7.00 | 8.00 | 30.0 |" in record().others_table()
 
 
 def test_a_record_without_results_has_tables() -> None:
@@ -114,7 +124,7 @@ def test_a_record_without_results_has_tables() -> None:
 
 def test_each_table_of_a_record_has_a_block() -> None:
     blocks = blocks_of("device-some", record().to_json())
-    assert list(blocks) == [f"device some{table}" for table in ("", " passes", " images")]
+    assert list(blocks) == [f"device some{table}" for table in ("", " passes", " images", " others")]
     assert blocks["device some passes"]() == record().passes_table()
 
 
