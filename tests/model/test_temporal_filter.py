@@ -1,20 +1,30 @@
 """The CPU library's temporal filter is the one that torch defines."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
+import noisy_frames
+from supersampler import Shot
 from supersampler.backends.cpu.library import cpu_library
 from supersampler.denoising import spec, temporal
 from supersampler.denoising.spec import OF_DENOISED, OF_NOISY, REACH
 from supersampler.denoising.temporal import TemporalFilter
-from supersampler.frame import Float32
+from supersampler.frame import Array
+from supersampler.io.shot import ShotWriter
 from supersampler_model.denoising import filter as definition
-
-
-def planes(array: Float32) -> torch.Tensor:
-    """Return an array (h, w, c) as (1, c, h, w)."""
-    return torch.from_numpy(np.ascontiguousarray(array, np.float32)).permute(2, 0, 1)[None]
+from supersampler_model.denoising.training import (
+    LEAST_GAINS,
+    Render,
+    constants,
+    example_of,
+    fit,
+    gains,
+    planes,
+    render_of,
+)
 
 
 def frames_of(
@@ -135,10 +145,60 @@ def test_the_more_samples_the_less_a_neighbour_that_differs_counts(guide: str) -
     def weight(other: definition.WindowFrame, samples: float) -> float:
         gathered = definition.gathered(frame(), [other], "to_previous")
         distances = definition.distances(frame(), gathered[0], 1.0)
-        model = definition.TemporalFilter().requires_grad_(False)
-        return model.weight(distances, samples).mean().item()
+        return model().weight(distances, samples).mean().item()
 
     other = frame(**{guide: base + 0.15})
     assert weight(other, 8.0) < 0.9 * weight(other, 1.0) < 0.9 * weight(frame(), 1.0)
     assert weight(frame(), 8.0) == pytest.approx(weight(frame(), 1.0))
     assert weight(other, 1e4) == weight(other, spec.MAX_SAMPLES)
+
+
+def test_fitting_learns_which_neighbours_to_trust() -> None:
+    generator = np.random.default_rng(0)
+    height, width = 40, 60
+    clean = generator.random((height, width, 3), np.float32)
+
+    def frame(color: Array) -> definition.WindowFrame:
+        guide, still = torch.zeros(1, 3, height, width), torch.zeros(1, 2, height, width)
+        return definition.WindowFrame(planes(temporal.packed_color(color)), guide, guide, still, still)
+
+    def noise() -> Array:
+        return (clean * (1.0 + 0.3 * generator.standard_normal(clean.shape))).clip(0.0).astype(np.float32)
+
+    other = generator.random((height, width, 3), np.float32)
+    example = example_of(frame(noise()), [frame(noise())], [frame(other)], planes(clean), 4.0)
+    render = Render([example], 4.0)
+    fitted, before = fit([render], rounds=60), model()
+    with torch.no_grad():
+        trusted, first = (
+            each.weight(example.distances, 4.0).mean(dim=(1, 2, 3)) for each in (fitted, before)
+        )
+        psnr, _, seen = gains(fitted, render)
+    assert trusted[0] > 1.5 * first[0]
+    assert trusted[0] > 5.0 * trusted[1]
+    assert psnr > LEAST_GAINS[0]
+    assert seen > LEAST_GAINS[1]
+    assert constants(before) == OF_DENOISED
+
+
+def test_examples_come_from_the_frames_with_references(tmp_path: Path) -> None:
+    with ShotWriter(tmp_path, name="noisy", display_size=noisy_frames.SIZE, frame_rate=24.0) as writer:
+        for index in range(5):
+            reference = noisy_frames.truth(index) if index in (1, 3) else None
+            writer.write(noisy_frames.noisy(index), reference=reference)
+    shot = Shot.open(tmp_path)
+    shot.is_denoised = True
+    render = render_of(shot, 2.0)
+    first, second = render.examples
+    width, height = noisy_frames.SIZE
+    assert first.colors.shape == (4, 3, height, width)
+    assert second.own.shape == first.own.shape
+    assert bool(first.scored.all())
+    psnr, tpsnr, seen = gains(model(), render).tolist()
+    assert psnr > 2.0
+    assert tpsnr > 2.0
+    assert seen > 0.1
+
+
+def model() -> definition.TemporalFilter:
+    return definition.TemporalFilter().requires_grad_(False)

@@ -428,7 +428,7 @@ OTHERS = {"--help", "--version", "--debug"} | {
     "--abbrev", "--always", "--dirty",  # git
     "--background", "--python", "--python-exit-code",  # Blender
     "--collect-all",  # PyInstaller
-    "--reference-samples",  # denoise_scenes.py, which runs where bpy is
+    "--reference-samples", "--variant",  # denoise_scenes.py, which runs where bpy is
 }  # fmt: skip
 """Options of all commands, and of other programs."""
 

@@ -5,7 +5,7 @@
 
 This writes frames, SCENE-SAMPLES/0001.exr ..., with the renderer's CPU seconds in costs.jsonl, and references
 of a region of three frames, SCENE-reference1/0012.exr ...; the bench averages the files of a frame. The same
-command resumes a stopped run.
+command resumes a stopped run. --variant changes objects, places and colours; the filter is fitted to those.
 """
 
 import json
@@ -379,11 +379,12 @@ def main(words: Sequence[str]) -> None:
     )
     parser.add_argument("--frames", type=int, nargs=2, default=(1, FRAMES), metavar=("FIRST", "LAST"))
     parser.add_argument("--size", type=int, nargs=2, default=SIZE, metavar=("WIDTH", "HEIGHT"))
+    parser.add_argument("--variant", type=int, default=0, help="other objects, places and colours")
     parser.add_argument("--threads", type=int, default=0, help="0: one per core")
     options = parser.parse_args(words)
     for name in options.scenes or SCENES:
         build, region = SCENES[name]
-        scene = prepare(build, f"{name} 0", options.size, options.threads)
+        scene = prepare(build, f"{name} {options.variant}", options.size, options.threads)
         for samples in options.samples:
             scene.cycles.samples = samples
             for number in range(options.frames[0], options.frames[1] + 1):

@@ -1,1 +1,1 @@
-"""The definition of the temporal denoiser of path-traced frames."""
+"""The temporal denoiser of path-traced frames: its definition, and the training of its weights."""

@@ -58,10 +58,10 @@ class Weights(NamedTuple):
 
 
 OF_DENOISED = Weights(-0.6249, 0.0220, 0.1223, 0.2019, 0.3178, 0.6003, 0.5483, 0.9074, 1.0483, 0.7610)
-"""Weights that average denoised frames, fitted to frames with references (commit f5460a9b has the program).
-Its shift_9x9 was multiplied by 0.3 when small changes of light were first corrected."""
+"""Weights that average denoised frames, fitted by `supersampler_model.denoising.training`. Its shift_9x9 was
+multiplied by 0.3 when small changes of light were first corrected."""
 OF_NOISY = Weights(0.0, 0.0220, 0.1223, 0.2019, 0.95, 1.8, 1.65, 2.7, 0.315, 0.875)
 """Weights that average noisy frames, whose mean is denoised afterwards. They are those of OF_DENOISED with
-groups of costs scaled by the best factors of a search on the scenes of `bench denoise`, with other objects.
+groups of costs scaled by the best factors of a search on renders of `denoise_scenes.py --variant 1`.
 Neighbours count more, because they remove noise, but less across edges, where errors of motion would blur
 detail."""
