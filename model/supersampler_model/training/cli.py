@@ -44,6 +44,9 @@ def train(
     rate: Annotated[float, typer.Option(help="Peak learning rate.")] = 6e-3,
     every: Annotated[int, typer.Option(min=1, help="Updates between validations and checkpoints.")] = 500,
     seed: Annotated[int, typer.Option(min=0, help="Seed of weights and crops.")] = 0,
+    workers: Annotated[
+        int, typer.Option(min=0, help="Processes that cut crops ahead; the crops are the same.")
+    ] = 0,
     attributions: Annotated[
         Path | None, typer.Option(help="Text file with the attributions that the data requires, one a line.")
     ] = None,
@@ -97,7 +100,7 @@ def train(
     initial = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     authors = [] if attributions is None else _lines(attributions)
     plan = TrainingPlan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
-    trainer = Trainer(task, datasets, plan, output, initial=initial, attributions=authors)
+    trainer = Trainer(task, datasets, plan, output, workers=workers, initial=initial, attributions=authors)
     if initial not in ({}, trainer.initial):
         _CONSOLE.print(
             "--init is ignored: the run in this folder has begun with other weights.", soft_wrap=True

@@ -18,7 +18,6 @@ from typing import Any, NamedTuple, cast
 import torch
 from torch import Tensor
 from torch.optim.swa_utils import AveragedModel
-from torch.utils import _pytree as pytree
 
 from supersampler.errors import ArgumentError, SupersamplerError
 from supersampler.io.child_process import run
@@ -30,6 +29,7 @@ from supersampler_model.training.crops import StreamPosition
 from supersampler_model.training.datasets import assets, data_hash
 from supersampler_model.training.losses import display_values, image_loss
 from supersampler_model.training.optimizer import Muon
+from supersampler_model.training.prefetch import frames_of
 from supersampler_model.training.task import State, Task
 
 CPU = torch.device("cpu")
@@ -80,6 +80,9 @@ class Trainer:
         initial: provenance of the weights that the run has started with, {} for random ones.
         attributions: attributions that the data requires; by default those of the start of the run.
 
+    Args:
+        workers: number of processes that cut crops ahead; the crops are the same with any number.
+
     Raises:
         ArgumentError: there is no training data, the plan is impossible, or the folder holds a run of other
             data, another method, other weights of the loss or another plan.
@@ -92,6 +95,7 @@ class Trainer:
         plan: TrainingPlan,
         folder: Path,
         *,
+        workers: int = 0,
         initial: Mapping[str, Any] = MappingProxyType({}),
         attributions: Sequence[str] = (),
     ) -> None:
@@ -108,7 +112,7 @@ class Trainer:
         self.done = 0
         seeds = [[plan.seed, number] for number in range(plan.batch)]
         self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds]
-        self._crops = [iter(stream) for stream in self._streams]
+        self._frames = frames_of(self._streams, self.device, workers)
         self._states: Sequence[State | None] = [None] * plan.batch
         self._error: Tensor | None = None
         if (folder / CHECKPOINT).exists():
@@ -186,8 +190,8 @@ class Trainer:
             want = f"the run's own {', '.join(changed)}, or a new folder"
             raise ArgumentError("checkpoint", got=f"{path}, of another {changed[0]}", want=want)
         self.done = content["done"]
-        self.initial = content["initial"]
-        self.attributions = self.attributions or content["attributions"]
+        self.initial = content.get("initial", self.initial)  # older checkpoints lack these two
+        self.attributions = self.attributions or content.get("attributions", [])
         self.method.load_state_dict(content["method"])
         self._averaged.load_state_dict(content["average"])
         self.optimizer.load_state_dict(content["optimizer"])
@@ -223,8 +227,10 @@ class Trainer:
 
     def _frame(self) -> dict[str, Tensor]:
         """Step all streams by one frame; return the terms of the loss."""
-        crops: list[Any] = [next(crop) for crop in self._crops]
-        crops = pytree.tree_map_only(Tensor, lambda tensor: tensor.to(self.device), crops)
+        crops = []
+        for stream, (crop, position) in zip(self._streams, next(self._frames), strict=True):
+            stream.position = position
+            crops.append(crop)
         known = [None if crop.reset else state for crop, state in zip(crops, self._states, strict=True)]
         fresh = torch.tensor([state is None for state in known], device=self.device)[:, None, None, None]
         pairs = zip(crops, known, strict=True)

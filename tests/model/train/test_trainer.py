@@ -2,8 +2,12 @@
 
 import csv
 import dataclasses
+import os
 import shutil
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable, Sequence
 from itertools import cycle, islice, pairwise
 from pathlib import Path
@@ -56,10 +60,10 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return dataset_of_shots([shot(folder / "shot", every=1, known=True)], folder / "set", "train")
 
 
-def trainer(dataset: Dataset, folder: Path, plan: TrainingPlan = PLAN) -> Trainer:
+def trainer(dataset: Dataset, folder: Path, plan: TrainingPlan = PLAN, *, workers: int = 0) -> Trainer:
     folder.mkdir(exist_ok=True)
     torch.manual_seed(0)
-    return Trainer(ClassifierTask(Classifier()), [dataset], plan, folder)
+    return Trainer(ClassifierTask(Classifier()), [dataset], plan, folder, workers=workers)
 
 
 def test_a_stopped_and_resumed_run_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
@@ -76,29 +80,37 @@ def test_a_stopped_and_resumed_run_ends_with_the_same_weights(dataset: Dataset, 
             assert torch.equal(value, other.state_dict()[name]), name
 
 
+def test_crops_that_workers_cut_ahead_are_the_same(dataset: Dataset, tmp_path: Path) -> None:
+    plan = dataclasses.replace(PLAN, batch=3)  # one worker has two streams, the other one
+    alone = trainer(dataset, tmp_path / "alone", plan)
+    alone.run(until=3)
+    ahead = trainer(dataset, tmp_path / "ahead", plan, workers=2)
+    ahead.run(until=1)
+    ahead.save()
+    resumed = trainer(dataset, tmp_path / "ahead", plan, workers=2)
+    resumed.run(until=3)
+    for name, value in alone.method.state_dict().items():
+        assert torch.equal(value, resumed.method.state_dict()[name]), name
+
+
 class Interrupting(list[Update]):
-    """Updates; a signal comes so many times when the second one is added."""
+    """Updates; Ctrl-C is pressed so many times when the second one is added."""
 
     times = 1
-    number: signal.Signals = signal.SIGINT
 
     def append(self, update: Update) -> None:
         super().append(update)
         for _ in range(self.times * (len(self) == 2)):
-            signal.raise_signal(self.number)
+            signal.raise_signal(signal.SIGINT)
 
 
 @pytest.mark.parametrize("until", [2, PLAN.steps])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_and_sigterm_save_the_finished_updates(
-    dataset: Dataset, tmp_path: Path, until: int, number: signal.Signals
-) -> None:
-    before, updates = signal.getsignal(number), Interrupting()
-    updates.number = number
+def test_ctrl_c_saves_the_finished_updates(dataset: Dataset, tmp_path: Path, until: int) -> None:
+    before, updates = signal.getsignal(signal.SIGINT), Interrupting()
     with pytest.raises(typer.Exit):
         update_and_save(trainer(dataset, tmp_path), until, updates)
     assert load_checkpoint(tmp_path / CHECKPOINT)["done"] == len(updates) == 2
-    assert signal.getsignal(number) is before
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_ctrl_c_in_the_last_update_ends_as_any_run(dataset: Dataset, tmp_path: Path) -> None:
@@ -113,6 +125,28 @@ def test_ctrl_c_twice_stops_at_once(dataset: Dataset, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         update_and_save(trainer(dataset, tmp_path), PLAN.steps, updates)
     assert not (tmp_path / CHECKPOINT).exists()
+
+
+@pytest.mark.long  # trains in a process of its own
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_sigterm_to_all_processes_saves_the_finished_updates(dataset: Dataset, tmp_path: Path) -> None:
+    small = ("--steps", "100000", "--size", "32", "--batch", "2", "--frames", "2", "--workers", "2")
+    words = ["train", "classifier-small", "--data", str(dataset.folder), "-o", str(tmp_path), *small]
+    command = [sys.executable, "-m", "supersampler", *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        while len(children.read_text().split()) < 2:
+            assert process.poll() is None
+            time.sleep(0.05)
+        time.sleep(2.0)  # some updates
+        os.killpg(process.pid, signal.SIGTERM)
+        assert process.stderr is not None
+        said = process.stderr.read()
+        assert process.wait(timeout=60) == 130, said
+    assert "Traceback" not in said
+    assert f"Stopped after {load_checkpoint(tmp_path / CHECKPOINT)['done']} updates" in said
+    with pytest.raises(ProcessLookupError):
+        os.killpg(process.pid, 0)
 
 
 Relabel = Callable[[int, TrainingFrame], TrainingFrame]

@@ -1,0 +1,130 @@
+"""Frames of a batch's streams, cut in worker processes ahead of the updates that need them.
+
+A frame of a batch has hundreds of small tensors. A worker packs the tensors of its streams into one buffer,
+which moves to another process, or to a GPU, in one copy.
+"""
+
+import atexit
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.utils import _pytree as pytree
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
+
+from supersampler_model.training.crops import CropStream, StreamPosition
+
+ALIGNMENT = 64  # bytes
+AHEAD = 8  # frames that each worker cuts in advance
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Place of a tensor in a buffer: first byte, shape and type."""
+
+    start: int
+    shape: torch.Size
+    dtype: torch.dtype
+
+    def of(self, buffer: Tensor) -> Tensor:
+        """Return the tensor, a view of the buffer."""
+        size = self.shape.numel() * self.dtype.itemsize
+        return buffer[self.start : self.start + size].view(self.dtype).view(self.shape)
+
+
+@dataclass(frozen=True)
+class PackedCrops:
+    """One frame of some crops."""
+
+    buffer: Tensor  # bytes of all tensors
+    crops: list[Any]  # the crops, with slots in place of tensors
+    positions: list[StreamPosition]  # of each stream after this frame
+
+    @classmethod
+    def of(cls, crops: list[Any], positions: list[StreamPosition]) -> "PackedCrops":
+        """Pack crops, which are nested tuples and dictionaries of tensors and other values."""
+        tensors: dict[Slot, Tensor] = {}
+        end = 0
+
+        def place(tensor: Tensor) -> Slot:
+            nonlocal end
+            slot = Slot(end, tensor.shape, tensor.dtype)
+            tensors[slot] = tensor
+            end += -(-tensor.nbytes // ALIGNMENT) * ALIGNMENT
+            return slot
+
+        slots = pytree.tree_map_only(Tensor, place, crops)
+        buffer = torch.empty(end, dtype=torch.uint8)
+        for slot, tensor in tensors.items():
+            slot.of(buffer).copy_(tensor)
+        return cls(buffer, slots, positions)
+
+    def pin_memory(self) -> "PackedCrops":
+        """Return a copy in page-locked memory, for asynchronous copies to a GPU; the loader calls this."""
+        return replace(self, buffer=self.buffer.pin_memory())
+
+    def on(self, device: torch.device) -> list[Any]:
+        """Return the crops with their tensors on a device."""
+        buffer = self.buffer.to(device, non_blocking=True)
+        return list(pytree.tree_map_only(Slot, lambda slot: slot.of(buffer), self.crops))
+
+
+class _Frames(IterableDataset[PackedCrops]):
+    """Frames of all streams; each of n workers cuts every n-th stream."""
+
+    def __init__(self, streams: Sequence[CropStream]) -> None:
+        self._streams = streams
+
+    def __iter__(self) -> Iterator[PackedCrops]:
+        worker = get_worker_info()
+        own = self._streams if worker is None else self._streams[worker.id :: worker.num_workers]
+        iterators = [iter(stream) for stream in own]
+        while True:
+            crops = [next(iterator) for iterator in iterators]
+            yield PackedCrops.of(crops, [replace(stream.position) for stream in own])
+
+
+def frames_of(
+    streams: Sequence[CropStream], device: torch.device, workers: int
+) -> Iterator[list[tuple[Any, StreamPosition]]]:
+    """Yield the next frame of each stream, with the stream's position after it.
+
+    Worker processes cut crops ahead. Without workers, crops are cut on demand. The crops are the same.
+    """
+    workers = min(workers, len(streams))
+    loader: DataLoader[PackedCrops] = DataLoader(
+        _Frames(streams),
+        batch_size=None,
+        num_workers=workers,
+        collate_fn=_as_is,
+        pin_memory=device.type == "cuda",
+        worker_init_fn=_ignore_signals,
+        prefetch_factor=AHEAD if workers else None,
+    )
+    parts: Any = iter(loader)
+    turns = max(workers, 1)  # from each worker in turn
+    end: Callable[[], None] = parts._shutdown_workers if workers else lambda: None
+    atexit.register(end)  # by itself, torch leaves them to a SIGTERM at exit, which they ignore
+    try:
+        while True:
+            frame: list[Any] = [None] * len(streams)
+            for turn in range(turns):
+                packed: PackedCrops = next(parts)
+                frame[turn::turns] = zip(packed.on(device), packed.positions, strict=True)
+            yield frame
+    finally:
+        atexit.unregister(end)
+        end()
+
+
+def _as_is(crops: Any) -> Any:
+    return crops
+
+
+def _ignore_signals(_worker: int) -> None:
+    """Leave Ctrl-C and a scheduler's SIGTERM, which reach all processes, to the trainer."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
