@@ -17,7 +17,7 @@
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
 # make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
 # make pyvista   the second: PyVista from PyPI, software OpenGL is enough
-# make mitsuba   the third: the example with Mitsuba from PyPI, which needs an LLVM of the system
+# make mitsuba   the third: the examples with Mitsuba from PyPI, of which one needs an LLVM of the system
 # make oidn    frames are denoised by Open Image Denoise, pyoidn from PyPI
 # make pygfx   the fourth: examples/pygfx_live.py with pygfx from PyPI, software Vulkan is enough
 # make mujoco  examples/mujoco_cameras.py with MuJoCo from PyPI: software OpenGL is enough, by EGL or OSMesa
@@ -79,8 +79,8 @@ pyvista: $(DEVELOPMENT)
 
 mitsuba: $(DEVELOPMENT)
 	test -d .venv-mitsuba || $(PYTHON) -m venv .venv-mitsuba
-	.venv-mitsuba/bin/python -c 'import mitsuba, supersampler, pytest_timeout' 2>/dev/null \
-	    || .venv-mitsuba/bin/pip install -q --disable-pip-version-check -e . pytest pytest-timeout hypothesis mitsuba
+	.venv-mitsuba/bin/python -c 'import mitsuba, pyoidn, supersampler, pytest_timeout' 2>/dev/null \
+	    || .venv-mitsuba/bin/pip install -q --disable-pip-version-check -e '.[denoise]' pytest pytest-timeout hypothesis mitsuba
 	.venv-mitsuba/bin/pytest -q -rs --timeout=1800 tests/integrations/test_mitsuba.py
 
 oidn: $(DEVELOPMENT)

@@ -1,4 +1,4 @@
-"""Test of the example with Mitsuba, which needs LLVM: `make mitsuba` runs it."""
+"""Tests of the examples with Mitsuba, of which one needs LLVM: `make mitsuba` runs them."""
 
 import importlib.util
 import re
@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "examples" / "mitsuba_sequence.py"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SCRIPT = EXAMPLES / "mitsuba_sequence.py"
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba is not installed here")
@@ -24,3 +25,16 @@ def test_the_history_averages_the_noise_of_a_path_tracer() -> None:
     ]
     assert ours_of_1 > bicubic_of_1 + 1
     assert ours_of_4 > max(bicubic_of_4, full_size, ours_of_1) + 1
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba is not installed here")
+@pytest.mark.skipif(importlib.util.find_spec("pyoidn") is None, reason="pyoidn is not installed here")
+def test_neighbours_denoise_what_a_path_tracer_renders(tmp_path: Path) -> None:
+    options = ["-o", str(tmp_path), "--size", "64", "--frames", "9", "--reference-samples", "256"]
+    command = [sys.executable, str(EXAMPLES / "mitsuba_denoise.py"), *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    rendered, alone, over_time = map(float, re.findall(r"([\d.]+) dB", done.stdout))
+    assert alone > rendered + 5
+    assert over_time > alone + 0.3
+    assert (tmp_path / "0008.exr").exists()
