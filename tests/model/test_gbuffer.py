@@ -13,14 +13,13 @@ from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfi
 from supersampler_bench.quality import metrics
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.gbuffer import DepthGBuffer, GBuffer, SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.gbuffer import GBuffer, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer_network import (
     GBufferNetwork,
 )
 from supersampler_model.methods.gbuffer_surfaces import (
     Surfaces,
     changed_light,
-    neutral_surfaces,
     occluded,
     reflectance,
     samples_of,
@@ -90,21 +89,6 @@ def test_texture_is_visible_in_the_first_frame(kind: type[GBuffer]) -> None:
     off = (ops.tone(image) - ops.tone(truth)).abs()
     blurred = torch.nn.functional.avg_pool2d(truth, 3, 1, 1, count_include_pad=False)
     assert off.mean() < 0.5 * (ops.tone(blurred) - ops.tone(truth)).abs().mean()
-
-
-def test_depth_alone_is_treated_as_uniform_surfaces() -> None:
-    method = DepthGBuffer().eval()
-    assert [name for name in method.inputs() if "gbuffer" in name] == ["gbuffer_display_depth"]
-    render, display = textured(2)
-    inputs = frame(render, display, reflectance(render), (0.1, -0.2))
-    image, history = step(method, inputs)
-    grey = frame(
-        neutral_surfaces(render.depth), neutral_surfaces(display.depth), reflectance(render), (0.1, -0.2)
-    )
-    ours, _ = step(SmallGBuffer().eval(), grey)
-    torch.testing.assert_close(image, ours)
-    again, _ = step(method, inputs, history)
-    assert again.isfinite().all()
 
 
 def test_without_blending_the_previous_image_has_no_effect() -> None:

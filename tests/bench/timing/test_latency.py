@@ -11,9 +11,9 @@ from supersampler import ArgumentError
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.record import read_record
 from supersampler_bench.timing import latency
-from supersampler_bench.timing.against import FirstFrame, StartupRecord, measure_startup
 from supersampler_bench.timing.latency import measure_latency, plaza_frames
 from supersampler_bench.timing.skip import MOVES, SkipRecord, frame_count, measure_skipping
+from supersampler_bench.timing.startup import FirstFrame, StartupRecord, measure_startup
 from supersampler_bench.timing.traffic import CostRecord, cost_of
 from supersampler_bench.timing.views import ViewsRecord, measure_views
 from upscale_runs import refusal, run, succeeded
@@ -128,6 +128,11 @@ def test_a_program_on_the_gpu_is_timed_from_its_start() -> None:
     (result,) = measure_startup(["taa:gpu"], (64, 36), cold=1, warm=1)
     assert result.method == "taa:gpu"
     assert result.warm_seconds > 0.0
+
+
+def test_a_method_whose_process_fails_is_named() -> None:
+    with pytest.raises(ArgumentError, match=r"--methods is no-such, whose process ended with code 1: .*such"):
+        measure_startup(["no-such"], (64, 36), cold=1, warm=0)
 
 
 def test_the_table_has_a_row_for_each_method() -> None:

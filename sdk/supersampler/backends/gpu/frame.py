@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.memory import (
-    DISPLAY,
-    RENDER,
-    Memory,
-    PixelBuffer,
-    PixelMemory,
-    PixelTexture,
-    write_to,
-)
+from supersampler.backends.gpu import memory as gpu
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.display import usable_exposure
@@ -62,15 +54,18 @@ def step_params(
     return np.array([*sizes, *values, *flags, 0.0, 0.0], np.float32)
 
 
-def frame_memory(names: Collection[str]) -> dict[str, PixelMemory]:
+def frame_memory(names: Collection[str]) -> dict[str, gpu.PixelMemory]:
     """Return the memory of the images that a method reads, by the names that shaders use.
 
     G-buffers are in textures, because a pass may have no more than eight storage buffers.
     """
-    buffers = {f"frame_{name}": PixelBuffer(4 * n, RENDER) for name, n in CHANNELS.items() if name in names}
+    buffers = {
+        f"frame_{name}": gpu.PixelBuffer(4 * n, gpu.RENDER) for name, n in CHANNELS.items() if name in names
+    }
     textures = {
-        f"frame_{name}": PixelTexture(
-            DISPLAY if place.of_display else RENDER, "r32float" if place.channels == 1 else "rgba16float"
+        f"frame_{name}": gpu.PixelTexture(
+            gpu.DISPLAY if place.of_display else gpu.RENDER,
+            "r32float" if place.channels == 1 else "rgba16float",
         )
         for name, place in GBUFFERS.items()
         if name in names
@@ -79,14 +74,14 @@ def frame_memory(names: Collection[str]) -> dict[str, PixelMemory]:
 
 
 def upload_frame(
-    device: "wgpu.GPUDevice", memory: Mapping[str, Memory], frame: Frame, names: Collection[str]
+    device: "wgpu.GPUDevice", memory: Mapping[str, gpu.Memory], frame: Frame, names: Collection[str]
 ) -> None:
     """Copy the images of a frame that the method reads to the device."""
     for name, image in arrays_by_name(frame).items():
         if name in names and name in GBUFFERS:
-            write_to(device, memory[f"frame_{name}"], _texels(image))
+            gpu.write_to(device, memory[f"frame_{name}"], _texels(image))
         elif name in names:
-            write_to(device, memory[f"frame_{name}"], np.asarray(image, np.float32))
+            gpu.write_to(device, memory[f"frame_{name}"], np.asarray(image, np.float32))
 
 
 def _texels(gbuffer: Array) -> NDArray[np.floating[Any]]:
