@@ -117,6 +117,10 @@ class TemporalDenoiser:
             count = 0 if frame.aovs is None else frame.aovs.shape[2]
             yield Denoised(frame, image, np.concatenate(aovs, axis=2)[..., :count] if aovs else None)
 
+    def windows(self, frames: Iterable[Frame]) -> list[temporal.WindowFrame]:
+        """Return all frames of one shot, each denoised by itself, as the filter reads them."""
+        return [item.window for item in self._linked(frames)]
+
     def _linked(self, frames: Iterable[Frame]) -> Iterator[_Item]:
         """Yield each frame, denoised by itself and linked to the one before."""
         last: _Item | None = None
