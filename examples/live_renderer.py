@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame, SupersamplerError, Upscaler, halton_jitter
+from supersampler.arguments import checked_scale
 from supersampler.cli.arguments import parse_size
 from supersampler.io.display import ExposureMeter, display_transform, to_uint8
 from supersampler.io.images import write_png
@@ -38,7 +39,8 @@ Pixels = NDArray[np.uint8]
 
 def main(options: Namespace) -> None:
     width, height = display_size = options.display_size
-    render_size = (round(width / options.ratio), round(height / options.ratio))
+    ratio = checked_scale(options.ratio)
+    render_size = (round(width / ratio), round(height / ratio))
     game = make_sequence(SequenceSpec(family=options.family, seed=options.seed, frames=options.frames))
     show = open_window(options.window)
     renderer = Renderer(display_size)
@@ -49,7 +51,7 @@ def main(options: Namespace) -> None:
     for index in range(options.frames):
         began = perf_counter()
         scene = game.scene(index)  # objects, with their positions in the previous frame
-        jitter = halton_jitter(index, options.ratio)  # samples are taken at pixel centre + jitter
+        jitter = halton_jitter(index, ratio)  # samples are taken at pixel centre + jitter
         color, surfaces = renderer.frame(scene, render_size, jitter=jitter)
         frame = Frame(
             color=color,  # (h, w, 3) linear RGB, before tone mapping, not anti-aliased

@@ -27,6 +27,7 @@ if sys.platform == "linux":
 import mujoco
 
 Array = NDArray[Any]
+KEY = np.array([1, 1 << 20])  # times ids, object and type: one number per object
 SUPERSAMPLES = 4  # samples per pixel of the references, on each axis
 WARM_UP = 8  # number of first frames that are not scored
 SCENE = """
@@ -98,24 +99,23 @@ class Camera(NamedTuple):
         return np.stack([right * scale, down * scale], -1) + (0.5 * size - 0.5)
 
 
-class Poses(NamedTuple):
-    """Positions (n, 3) and rotations (n, 3, 3) of all geoms."""
-
-    positions: Array
-    rotations: Array
-
-    @classmethod
-    def of(cls, data: Any) -> "Poses":
-        """Return copies of the simulation's poses."""
-        return cls(data.geom_xpos.copy(), data.geom_xmat.reshape(-1, 3, 3).copy())
+def poses(scene: Any, data: Any) -> dict[int, Array]:
+    """Return rotation and position, (3, 4), of each object that is drawn, by `KEY` @ its ids."""
+    found = {}
+    for shape in scene.geoms[: scene.ngeom]:  # sites, tendons and deformables, too
+        found[int(KEY @ (shape.objid, shape.objtype))] = np.column_stack([shape.mat, shape.pos])
+    geoms = zip(data.geom_xmat.reshape(-1, 3, 3), data.geom_xpos, strict=True)
+    for index, pose in enumerate(geoms):  # in `scene`, infinite planes follow the camera
+        found[int(KEY @ (index, mujoco.mjtObj.mjOBJ_GEOM))] = np.column_stack(pose)
+    return found
 
 
 class View:
-    """A camera, with its pose and those of all geoms in the previous frame."""
+    """A camera, with its pose and those of all objects in the previous frame."""
 
     def __init__(self, index: int, count: int) -> None:
         self._index, self._count = index, count
-        self._before: tuple[Camera, Poses] | None = None
+        self._before: tuple[Camera, dict[int, Array]] | None = None
 
     def aim(self, renderer: Any, data: Any, time: float, jitter: tuple[float, float]) -> Camera:
         """Update the renderer's scene; samples are taken at pixel centre + jitter."""
@@ -137,25 +137,27 @@ class View:
         return Camera(position, np.stack([np.cross(forward, up), -up, forward]), tangent)
 
     def frame(self, renderer: Any, data: Any, time: float, jitter: tuple[float, float]) -> Frame:
-        """Render colour, depth and ids, and compute motion from poses of geoms and of the camera."""
-        camera, poses = self.aim(renderer, data, time, jitter), Poses.of(data)
+        """Render colour, depth and ids, and compute motion from poses of objects and of the camera."""
+        camera, size = self.aim(renderer, data, time, jitter), renderer.width
         color, distance, ids = rendered(renderer)
-        before_camera, before_poses = self._before or (camera, poses)
-        size = renderer.width
+        there = poses(renderer.scene, data)
+        before_camera, before_poses = self._before or (camera, there)
         seen = ids[..., 0] >= 0
-        geoms = np.where(seen & (ids[..., 1] == mujoco.mjtObj.mjOBJ_GEOM), ids[..., 0], 0)
+        names, index = np.unique(ids @ KEY, return_inverse=True)
+        still = np.eye(3, 4)  # of the sky, and of objects that are new
+        of_now = [there.get(name, still) for name in names.tolist()]
+        of_before = [before_poses.get(name, pose) for name, pose in zip(names.tolist(), of_now, strict=True)]
+        now, then = (np.stack(of)[index.reshape(size, size)] for of in (of_now, of_before))
         y, x = np.mgrid[:size, :size].astype(float)
         here = np.stack([x + jitter[0], y + jitter[1]], -1)  # positions of the samples
         slopes = (here - (0.5 * size - 0.5)) * (2.0 * camera.tangent / size)
         rays = np.concatenate([slopes, np.ones((size, size, 1))], -1) @ camera.axes
         points = camera.position + rays * distance[..., None]
-        own = np.einsum("...ji,...j->...i", poses.rotations[geoms], points - poses.positions[geoms])
-        moved = (
-            np.einsum("...ij,...j->...i", before_poses.rotations[geoms], own) + before_poses.positions[geoms]
-        )
+        own = np.einsum("...ji,...j->...i", now[..., :3], points - now[..., 3])
+        moved = np.einsum("...ij,...j->...i", then[..., :3], own) + then[..., 3]
         # the sky is infinitely far away
         before = np.where(seen[..., None], moved - before_camera.position, rays)
-        reset, self._before = self._before is None, (camera, poses)
+        reset, self._before = self._before is None, (camera, there)
         return Frame(
             color=color,
             depth=np.where(seen, 1.0 / distance, 0.0).astype(np.float32),

@@ -33,9 +33,9 @@ def main(options: Namespace) -> None:
         image = upscaler.step(render(camera, speed, rendered))
         rendered += 1
         if speed == 0.0 and is_final(upscaler):
-            print(f"frame {index}: converged, {index - PAN + 1} frames after the camera stopped")
             write_png(options.output, to_uint8(display_transform(image)))
-    print(f"rendered {rendered} of {PAN + STAND + PAN} frames; the final image: {options.output}")
+            print(f"frame {index}: converged, {index - PAN + 1} frames after the stop: {options.output}")
+    print(f"rendered {rendered} of {PAN + STAND + PAN} frames")
 
 
 def is_final(upscaler: Upscaler) -> bool:

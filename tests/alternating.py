@@ -8,7 +8,7 @@ import torch
 from supersampler import Frame, Upscaler
 from supersampler.frame import Float32
 from supersampler_model.methods.base import Method
-from torch_inputs import tensors_of
+from torch_inputs import step_by_name, tensors_of
 
 Shaded = Callable[[int], Frame]
 """Every frame of a scene, with its colour."""
@@ -37,8 +37,6 @@ def extrapolated_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[
             made.append(None)
             continue
         assert history is not None
-        with torch.no_grad():
-            done = method.step(*(inputs[name] for name in method.inputs()), *history)
-        history = done.history
-        made.append(done.image[0].numpy().transpose(1, 2, 0))
+        image, history, _ = step_by_name(method, inputs, history)
+        made.append(image[0].numpy().transpose(1, 2, 0))
     return made

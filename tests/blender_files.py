@@ -11,7 +11,6 @@ NUMBERS = (5, 8)  # of the recorded frames
 
 
 def fake_blender(folder: Path) -> Path:
-    """Write a program that acts as Blender."""
     path = folder / "blender"
     path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{HERE / "fake_blender.py"}" "$@"\n')
     path.chmod(0o755)

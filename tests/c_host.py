@@ -49,7 +49,6 @@ def _skip_without(*programs: str) -> None:
 
 
 def _wgpu() -> Path:
-    """Return wgpu's library, beside its headers."""
     folder = files("wgpu") / "resources"
     return Path(str(next(file for file in folder.iterdir() if "release" in file.name)))
 

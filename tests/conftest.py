@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from native_build import native_build
-from supersampler.backends.onnx import executor, session
+from supersampler.backends.onnx import session
 from supersampler.methods.model_file import is_shipped
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ LONG = {
     "fuzz": "draws inputs by chance",
     "gpu": "runs software Vulkan",
     "integrations": "starts other programs",
-    "mutation": "runs tests",
     "process": "starts processes",
     "test_examples.py": "runs every example",
 }
@@ -44,15 +43,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def shipped_graphs_are_opened_once() -> Iterator[None]:
     """Share ONNX Runtime's sessions of shipped graphs in a process: opening one takes half a second."""
     opened: dict[str, Any] = {}
+    open_session = session.open_session
 
     def shared(path: Path, *args: Any, **options: Any) -> Any:
         key = str((path, args, options))
         if not is_shipped(path) or key not in opened:
-            opened[key] = session.open_session(path, *args, **options)
+            opened[key] = open_session(path, *args, **options)
         return opened[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(executor, "open_session", shared)
+        patch.setattr(session, "open_session", shared)
         yield
 
 

@@ -11,7 +11,6 @@ from supersampler.methods.registry import find_method
 
 
 def bytes_of(method: str) -> bytes:
-    """Return the bytes of a shipped model."""
     spec = find_method(method)
     assert spec is not None
     return model_bytes(shared_model(method, "onnx").info, spec)

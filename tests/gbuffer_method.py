@@ -100,6 +100,21 @@ def gbuffers(seed: int, render: Size, display: Size) -> dict[str, Any]:
     return made
 
 
+def textured(size: Size, offset: tuple[float, float] = (0.0, 0.0), moved: float = 0.0) -> dict[str, Any]:
+    """G-buffers of tiles with textures and different depths, below a sky."""
+    x = (np.arange(size[0]) + 0.5 + offset[0])[None] / size[0] + moved
+    y = (np.arange(size[1]) + 0.5 + offset[1])[:, None] / size[1]
+    tile = np.floor(5.0 * x) + 2.0 * np.floor(4.0 * y)
+    base = [0.5 + 0.4 * np.sin(k * tile + 40.0 * x) * np.cos(30.0 * y + k) for k in (1.0, 2.0, 3.0)]
+    normal = np.stack([np.sin(tile), np.cos(tile + 8.0 * x), np.ones_like(tile + y)], -1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    sky = np.broadcast_to(y < 0.15, tile.shape)
+    normal[sky] = 0.0
+    depth = np.where(sky, 0.0, 0.05 * (1.0 + tile % 3))
+    found = {"base_color": np.stack(base, -1), "normal": normal, "depth": depth}
+    return {name: image.astype(np.float32) for name, image in found.items()}
+
+
 def lit(seed: int, render: Size = (32, 18), *, drop: str = "", **overrides: Any) -> Frame:
     """A frame of noise with all G-buffers; those of `overrides` in place, without the one to drop."""
     display = RATIO * render[0], RATIO * render[1]

@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from supersampler import halton_jitter
+from supersampler import Frame, halton_jitter
 from supersampler_model.data.dataset import storage
 from supersampler_model.data.scenes.analytic import EXTENT, Values, places
 from supersampler_model.data.specs import SequenceSpec
@@ -47,6 +47,16 @@ def frame(index: int, *, gbuffers: bool = True) -> storage.TrainingFrame:
         color=color, depth=depth, motion=motion, jitter=jitter, reset=index == 0, exposure=1.0 + 0.1 * index,
         reference=there["base_color"].astype(np.float16), ghost=np.zeros_like(alias), alias=alias,
         gbuffer_display=there if gbuffers else None,
+    )  # fmt: skip
+
+
+def training_frame(frame: Frame, reference: NDArray[Any]) -> storage.TrainingFrame:
+    """A frame of an analytic scene, with its exposure and without classes."""
+    assert frame.color is not None
+    nothing = np.zeros(reference.shape[:2], np.uint8)
+    return storage.TrainingFrame(
+        color=frame.color, depth=frame.depth, motion=frame.motion, jitter=frame.jitter, reset=frame.reset,
+        exposure=1.0, reference=reference, ghost=nothing, alias=nothing, gbuffer=dict(frame.gbuffer or {}),
     )  # fmt: skip
 
 

@@ -107,29 +107,22 @@ class Yard:
 
     Args:
         seed: seed of the textures.
-        frozen_lights: nothing but objects and the camera moves, no highlights follow them.
         still: nothing moves at all.
     """
 
-    def __init__(self, seed: int = 0, *, frozen_lights: bool = False, still: bool = False) -> None:
-        self.frozen_lights, self.still = frozen_lights, still
+    def __init__(self, seed: int = 0, *, still: bool = False) -> None:
+        self.still = still
         floor = tinted(smooth_noise(seed + 1, blur=0.12), (70, 60, 55), (200, 180, 150))
         paint = tinted(smooth_noise(seed + 2, blur=0.07), (30, 60, 160), (250, 200, 60))
         skin = tinted(smooth_noise(seed + 3, blur=0.08), (160, 40, 30), (240, 200, 170))
         orm = np.stack([np.full((64, 64), 255.0), 100 + 120 * smooth_noise(seed + 4), np.zeros((64, 64))], -1)
-        matte = frozen_lights
         self.floor = Material(
-            base_color_texture=floor, roughness=1.0, specular=0.0 if matte else 0.5,
-            normal_texture=bumps(seed + 5, 0.01),
-            orm_texture=None if matte else Texture(pixels=orm.astype(np.uint8), srgb=False),
+            base_color_texture=floor, roughness=1.0, normal_texture=bumps(seed + 5, 0.01),
+            orm_texture=Texture(pixels=orm.astype(np.uint8), srgb=False),
         )  # fmt: skip
-        self.paint = Material(
-            base_color_texture=paint, roughness=1.0 if matte else 0.4, specular=0.0 if matte else 0.5
-        )
-        self.skin = Material(base_color_texture=skin, roughness=1.0, specular=0.0 if matte else 0.5)
-        self.metal = Material(base_color=(0.95, 0.75, 0.4), metallic=0.0 if matte else 1.0, roughness=0.15)
-        if matte:
-            self.metal = replace(self.metal, roughness=1.0, specular=0.0)
+        self.paint = Material(base_color_texture=paint, roughness=0.4)
+        self.skin = Material(base_color_texture=skin, roughness=1.0)
+        self.metal = Material(base_color=(0.95, 0.75, 0.4), metallic=1.0, roughness=0.15)
         self.fence = Material(
             base_color_texture=fence_texture(), alpha_cutoff=0.5, double_sided=True, roughness=0.6
         )
@@ -151,23 +144,16 @@ class Yard:
             (self.ball, self.metal, "ball"), (self.fence_shape, self.fence, "fence"),
             (self.ball, self.lamp, "lamp"),
         ]  # fmt: skip
+        glow = 1.0 if self.still else 1.0 + 0.5 * np.sin(3.0 * index)
         rigid = [
-            Instance(
-                mesh=mesh,
-                material=material,
-                model=now[name],
-                model_before=before[name],
-                emission=self.glow(index),
-            )
+            Instance(mesh=mesh, material=material, model=now[name], model_before=before[name], emission=glow)
             for mesh, material, name in things
         ]
-        bent, bent_before = self.palette(index), self.palette(index - 1)
-        place = moved(-1.0, 0.0, 0.8)
-        tube = self.tube
-        return (
-            *rigid,
-            Instance(mesh=tube, material=self.skin, model=place, palette=bent, palette_before=bent_before),
-        )
+        tube = Instance(
+            mesh=self.tube, material=self.skin, model=moved(-1.0, 0.0, 0.8), palette=self.palette(index),
+            palette_before=self.palette(index - 1),
+        )  # fmt: skip
+        return *rigid, tube
 
     def poses(self, index: int) -> dict[str, Values]:
         t = 0.0 if self.still else index / 30.0
@@ -184,12 +170,10 @@ class Yard:
         bend = moved(0, 1, 0) @ turned_by(2, 0.6 * np.sin(6.0 * t)) @ moved(0, -1, 0)
         return np.stack([np.eye(4), bend])
 
-    def glow(self, index: int) -> float:
-        return 1.0 if self.frozen_lights or self.still else 1.0 + 0.5 * np.sin(3.0 * index)
-
     def scene(self, index: int) -> Scene:
-        t = 0.0 if self.still or self.frozen_lights else index / 30.0
+        t = 0.0 if self.still else index / 30.0
         pulse = 1.5 + np.sin(9.0 * t)
+        lamp = PointLight(position=(0.9, 0.5, 1.4), color=(1.2 * pulse, 0.6 * pulse, 0.15 * pulse), reach=4.0)
         sparks = np.random.default_rng(7).uniform((-1, 0.2, 0), (2, 2, 2), (20, 3))
         sparks[:, 1] += 0.3 * t
         particles = Particles(
@@ -205,12 +189,8 @@ class Yard:
             spot=Spot(
                 position=(2.5 - t, 3.5, 2.5), target=(0.5, 0.0, 0.0), color=(10.0, 8.0, 20.0), outer=30.0
             ),
-            points=(
-                PointLight(
-                    position=(0.9, 0.5, 1.4), color=(1.2 * pulse, 0.6 * pulse, 0.15 * pulse), reach=4.0
-                ),
-            ),
-            particles=() if self.frozen_lights else (particles,),
+            points=(lamp,),
+            particles=(particles,),
         )
 
 

@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenImageIO import ImageOutput, ImageSpec
+from OpenImageIO import ImageSpec
 
+from exr_parts import write_parts
 from gl_scenes import box
 
 Array = NDArray[Any]
@@ -37,7 +38,6 @@ class GltfFile:
         return self.add("bufferViews", buffer=0, byteOffset=start, byteLength=len(data), **more)
 
     def array(self, values: Any, dtype: str = "float32", **more: Any) -> int:
-        """Store (n,) or (n, width) as an accessor."""
         rows = np.asarray(values).astype(dtype)
         rows = rows.reshape(len(rows), -1)
         return self.add(
@@ -89,17 +89,11 @@ def glb(text: bytes, binary: bytes) -> bytes:
 
 
 def png(pixels: Array) -> bytes:
+    height, width, channels = pixels.shape
+    spec = ImageSpec(width, height, channels, pixels.dtype.name)
+    spec.attribute("oiio:UnassociatedAlpha", 1)
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "image.png"
-        output = ImageOutput.create(str(path))
-        height, width, channels = pixels.shape
-        spec = ImageSpec(width, height, channels, pixels.dtype.name)
-        spec.attribute("oiio:UnassociatedAlpha", 1)
-        assert output is not None
-        assert output.open(str(path), spec)
-        assert output.write_image(pixels)
-        output.close()
-        return path.read_bytes()
+        return write_parts(Path(folder) / "image.png", (spec, pixels)).read_bytes()
 
 
 def noise(seed: int, height: int = 4, width: int = 8, channels: int = 3) -> Array:

@@ -48,7 +48,6 @@ def moving(index: int, render: Size = RENDER, ratio: float = 2.0) -> Frame:
 
 
 def distance(one: Float32, other: Float32, exposure: float | None = None) -> float:
-    """Mean difference of display values."""
     shown = [display_transform(image, exposure or 1.0) for image in (one, other)]
     return float(np.abs(shown[0] - shown[1]).mean())
 
@@ -63,3 +62,17 @@ def assert_alike(method: str, frames: Sequence[Frame], display: Size = DISPLAY, 
         assert image.min() >= 0.0, f"frame {index}"
         off = distance(image, theirs.step(frame), frame.exposure)
         assert off <= tolerance, f"frame {index}"
+
+
+def with_aovs(frame: Frame, index: int, channels: int = 3) -> Frame:
+    """AOVs of noise; some of them are missing."""
+    random = np.random.default_rng(index)
+    values = random.random((*frame.size[::-1], channels), np.float32)
+    values[random.random(values.shape) < 0.1] = np.nan
+    return replace(frame, aovs=values)
+
+
+def aovs_of(upscaler: Upscaler, frame: Frame) -> Float32:
+    aovs = upscaler.step(frame, outputs=("aovs",)).aovs
+    assert aovs is not None
+    return aovs

@@ -6,10 +6,10 @@ It has a sky, jitter, and motion by whole pixels, so that motion vectors lead ex
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from safetensors.numpy import save_file
 
 from supersampler import Conventions, Frame, Shot
 from supersampler.io.images import write_exr
@@ -48,7 +48,6 @@ def truth(index: int) -> np.ndarray:
 
 
 def assert_is_the_scene(shot: Shot) -> None:
-    """All frames are the scene's, in our conventions, however they were stored."""
     assert (len(shot), shot.render_size) == (COUNT, SIZE)
     before: Frame | None = None
     for index, item in enumerate(shot):
@@ -128,19 +127,9 @@ CONVENTIONS = Conventions.unreal(depth="linear", near=NEAR)
 UNREAL_JITTER = [(-JITTER[0], -JITTER[1])] * COUNT
 
 
-TYPES = {"float16": "F16", "float32": "F32", "int32": "I32", "int64": "I64", "bool": "BOOL"}
-
-
 def write_safetensors(path: Path, tensors: dict[str, np.ndarray]) -> Path:
-    header: dict[str, Any] = {"__metadata__": {"Length": "3", "Version": "test"}}
-    content = b""
-    for name, array in tensors.items():
-        data = np.ascontiguousarray(array).tobytes()
-        offsets = [len(content), len(content) + len(data)]
-        header[name] = {"dtype": TYPES[str(array.dtype)], "shape": array.shape, "data_offsets": offsets}
-        content += data
-    text = json.dumps(header).encode()
-    path.write_bytes(len(text).to_bytes(8, "little") + text + content)
+    contiguous = {name: np.ascontiguousarray(array) for name, array in tensors.items()}
+    save_file(contiguous, path, {"Length": "3", "Version": "test"})
     return path
 
 

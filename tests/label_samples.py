@@ -20,37 +20,19 @@ class Sample(NamedTuple):
 
 
 def statistics_of(samples: Iterable[Sample], exposure: float = 1.0) -> PixelStatistics:
-    """Gather the samples of one frame, one at a time, so that memory does not grow with their number.
+    """Gather the samples of one frame; the first has the normals that the others are compared with.
 
-    Args:
-        samples: at least one; the first gives the normals that the others are compared with.
-        exposure: multiplies the colours before they are toned, > 0.
+    `exposure` multiplies the colours before they are toned.
     """
-    rest = iter(samples)
-    first = next(rest)
-    color = toned(first.color, exposure)
-    low, high, nearest, farthest = color, color, first.depth, first.depth
-    total = np.array(first.color, np.float64)
-    spread = mapped_spread = np.zeros(first.depth.shape)
-    count = 1
-    for sample in rest:
-        color = toned(sample.color, exposure)
-        low, high = np.minimum(low, color), np.maximum(high, color)
-        farthest, nearest = np.minimum(farthest, sample.depth), np.maximum(nearest, sample.depth)
-        spread = np.maximum(spread, _distance(first.normal, sample.normal))
-        mapped_spread = np.maximum(mapped_spread, _distance(first.normal_mapped, sample.normal_mapped))
-        total += sample.color
-        count += 1
+    color, depth, normal, mapped = (np.array(values) for values in zip(*samples, strict=True))
+    lit = toned(color, exposure)
+    spread, mapped_spread = (np.abs(v - v[0]).sum(axis=-1).max(axis=0) for v in (normal, mapped))
     arrays = {
-        "depth_min": farthest, "depth_max": nearest, "color_min": low, "color_max": high,
-        "color": total / count, "normal_spread": spread, "normal_mapped_spread": mapped_spread,
+        "depth_min": depth.min(axis=0), "depth_max": depth.max(axis=0), "color_min": lit.min(axis=0),
+        "color_max": lit.max(axis=0), "color": color.mean(axis=0), "normal_spread": spread,
+        "normal_mapped_spread": mapped_spread,
     }  # fmt: skip
     return PixelStatistics(**{name: array.astype(np.float32) for name, array in arrays.items()})
-
-
-def _distance(a: Values, b: Values) -> Values:
-    """Return the L1 distances (H, W) of vectors (H, W, 3)."""
-    return np.asarray(np.abs(a - b).sum(axis=-1))
 
 
 def samples(scene: AnalyticScene, index: int, size: Size, count: int = 8) -> Iterator[Sample]:

@@ -35,7 +35,6 @@ def make(method: str, executor: Any, **options: Any) -> Upscaler:
 
 
 def frame_for(upscaler: Upscaler, index: int, **fields: Any) -> Frame:
-    """A frame of noise with the G-buffers that an Upscaler asks for."""
     display = upscaler.display_size
     assert display is not None
     return with_default_gbuffers(noise(index, RENDER, **fields), upscaler.gbuffers, display)

@@ -1,4 +1,4 @@
-"""Analytic scenes and patterns that only tests use: a floor, a change of light, a cut, fine patterns."""
+"""Analytic scenes and patterns that only tests use: a floor, a change of light, fine patterns."""
 
 from dataclasses import dataclass
 
@@ -57,7 +57,6 @@ class Floor(AnalyticScene):
     FOCAL = EXTENT[0]  # units of the screen at distance 1; 53 degrees from left to right
 
     def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
-        """Return the floor, nearer by `speed` with each frame."""
         depth = FAR + self.SLOPE * y
         depth_before = 1.0 / (1.0 / depth + self.speed)
         aside = x - EXTENT[0] / 2
@@ -76,42 +75,14 @@ class ShadingStep(AnalyticScene):
     gain: float = 0.25
 
     def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
-        """Return the scene, in the light of now."""
         surface = self.scene.surface(index, x, y)
         return surface._replace(color=surface.color * (self.gain if index >= self.at else 1.0))
 
     def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return the visibility of the scene; light occludes nothing."""
         return self.scene.visible_before(index, x, y)
 
     def cut(self, index: int) -> bool:
-        """See `AnalyticScene.cut`."""
         return self.scene.cut(index)
-
-
-@dataclass(frozen=True)
-class Cut(AnalyticScene):
-    """One scene until frame `at`, another from then on, which starts with a reset."""
-
-    before: AnalyticScene
-    after: AnalyticScene
-    at: int
-
-    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
-        """Return the surfaces of the current scene."""
-        return self.shown(index).surface(index, x, y)
-
-    def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return the visibility of the current scene; nothing on the cut."""
-        return self.shown(index).visible_before(index, x, y) & (not self.cut(index))
-
-    def cut(self, index: int) -> bool:
-        """Return True where the scene changes, and where the one that is on starts anew."""
-        return index == self.at or self.shown(index).cut(index)
-
-    def shown(self, index: int) -> AnalyticScene:
-        """Return the scene that frame `index` shows."""
-        return self.before if index < self.at else self.after
 
 
 def near(mask: Mask) -> Mask:

@@ -1,4 +1,4 @@
-"""The modules beside the sources of the CPU library, which are in no package."""
+"""Modules by their files: those beside the sources of the CPU library, and others in no package."""
 
 import importlib.util
 from pathlib import Path
@@ -9,16 +9,17 @@ SOURCES = Path(__file__).parents[1] / "sdk" / "native"
 
 def native_build() -> ModuleType:
     """Return sdk/native/build.py."""
-    return _module("build")
+    return module_of(SOURCES / "build.py", "native_build")
 
 
 def native_generated() -> ModuleType:
     """Return sdk/native/generate.py."""
-    return _module("generate")
+    return module_of(SOURCES / "generate.py", "native_generate")
 
 
-def _module(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"native_{name}", SOURCES / f"{name}.py")
+def module_of(file: Path, name: str = "") -> ModuleType:
+    """Return the module in a file, under a name that differs from its own where packages have one like it."""
+    spec = importlib.util.spec_from_file_location(name or file.stem, file)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

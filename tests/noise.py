@@ -1,5 +1,6 @@
 """Random frames of plausible content, for tests that need no particular scene."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,24 @@ def noise(seed: int, size: Size = (32, 18), **overrides: Any) -> Frame:
         "reset": seed == 0,
     }
     return Frame(**{**fields, **overrides})
+
+
+def full_noise(seed: int, size: Size = (32, 18), display: Size = (64, 36)) -> Frame:
+    """Return a frame with every field; some arrays are halves, or do not lie in one piece."""
+    random, plain = np.random.default_rng(seed), noise(seed, size)
+    (width, height), (wide, high) = size, display
+    return replace(
+        plain,
+        color=np.asarray(plain.color).astype(np.float16),
+        motion=np.asfortranarray(plain.motion),
+        exposure=0.7 + 0.1 * seed,
+        pre_exposure=1.3 + seed,
+        reactive=random.random((height, width), np.float32).astype(np.float16),
+        gbuffer={"normal": random.random((height, width, 3), np.float32)},
+        gbuffer_display={"depth": random.random((high, wide), np.float32)},
+        aovs=random.random((height, width, 4), np.float32)[..., ::2],
+        ids=random.integers(-9, 9, (height, width, 2), np.int16),
+    )
 
 
 def masked_shot(folder: Path) -> Shot:

@@ -12,7 +12,6 @@ VELOCITY = (1.3, -0.7)  # pixels a frame
 
 
 def truth(index: int, size: tuple[int, int] = SIZE) -> Float32:
-    """Return the image of a frame without noise."""
     width, height = size
     y, x = np.mgrid[:height, :width]
     x, y = x - VELOCITY[0] * index, y - VELOCITY[1] * index

@@ -1,13 +1,14 @@
 """A correct frame without features, and what the checks say about frames."""
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from supersampler.arguments import Validate
 from supersampler.errors import FrameError, FrameWarning
-from supersampler.frame import Frame
+from supersampler.frame import Frame, Size
 from supersampler.validation import FrameChecker
 
 SIZE = WIDTH, HEIGHT = 80, 60
@@ -26,14 +27,20 @@ def plain_frame(**fields: Any) -> Frame:
     return Frame(**{**plain, **fields})
 
 
-def complaints(*frames: Frame, validate: Validate = "warn") -> str:
+def complaints(
+    *frames: Frame,
+    validate: Validate = "warn",
+    display: Size | None = None,
+    converges: bool = True,
+    gbuffers: Sequence[str] = (),
+) -> str:
     """Return all messages about consecutive frames, one a line; an error ends them."""
-    checker = FrameChecker(validate)
+    checker = FrameChecker(validate, converges=converges)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", FrameWarning)
         try:
             for frame in frames:
-                checker.check(frame, (2 * frame.size[0], 2 * frame.size[1]))
+                checker.check(frame, display or (2 * frame.size[0], 2 * frame.size[1]), gbuffers)
         except FrameError as error:
             return "\n".join([*(str(each.message) for each in caught), str(error)])
     return "\n".join(str(each.message) for each in caught)

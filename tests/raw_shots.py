@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpu_steps import moving
+from gpu_steps import moving, with_aovs
 from noise import Size
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.gpu.device import default_device
+from texture_frames import texture_of
 
 DISPLAY = (41, 25)
 SIZES = ((20, 12), (20, 12), (27, 17), (21, 13), (21, 13), *((20, 12),) * 12)
@@ -59,13 +60,11 @@ def with_buffers(frame: Frame, index: int) -> Frame:
         "depth": image(DISPLAY, 1)[..., 0],
     }
     render = {"base_color": image(frame.size, 3), "normal": image(frame.size, 3)}
-    aovs = image(frame.size, AOVS)
-    aovs[random.random(aovs.shape) < 0.1] = np.nan
-    return replace(frame, gbuffer=render, gbuffer_display=display, aovs=aovs)
+    frame = with_aovs(frame, min(index, STILL), AOVS)
+    return replace(frame, gbuffer=render, gbuffer_display=display)
 
 
 def write_raw(folder: Path) -> None:
-    """Write the shot as examples/raw_frames.py does."""
     folder.mkdir()
     described = []
     for index, frame in enumerate(frames()):
@@ -89,7 +88,10 @@ def wanted_images(
     inputs, size, images = [one.name for one in upscaler.model.info.inputs], (*display, 1), {}
     names = ["rgba16f", *(f"aovs{i}.rgba16f" for i in range(aovs))]
     for index, frame in enumerate(shot or frames()):
-        textures = {name: _texture(device, image) for name, image in RAW["images_of"](frame).items()}
+        textures = {
+            name: texture_of(device, image, FORMATS[image.shape[2]], image.shape[2])
+            for name, image in RAW["images_of"](frame).items()
+        }
         written = [device.create_texture(size=size, format="rgba16float", usage=8 | 1) for _ in range(aovs)]
         given: Any = {
             name: texture for name, texture in textures.items() if name in inputs or name == "depth"
@@ -104,18 +106,7 @@ def wanted_images(
     return images
 
 
-def _texture(device: Any, image: NDArray[np.float32]) -> Any:
-    height, width, channels = image.shape
-    size, usage = (width, height, 1), 4 | 2  # sampled, written by a copy
-    texture = device.create_texture(size=size, format=FORMATS[channels], usage=usage)
-    layout = {"bytes_per_row": 4 * channels * width, "rows_per_image": height}
-    values = np.ascontiguousarray(image, np.float32)
-    device.queue.write_texture({"texture": texture}, values, layout, size)
-    return texture
-
-
 def read_images(folder: Path) -> dict[str, bytes]:
-    """Return the images that a host wrote, by file name."""
     return {file.name: file.read_bytes() for file in folder.glob("*.rgba16f")}
 
 

@@ -28,7 +28,6 @@ def replayed(file: Path, **arguments: Any) -> list[Replayed]:
 
 
 def read(path: Path) -> tuple[str, dict[str, NDArray[Any]]]:
-    """Return JSON text and arrays of a file of a recording."""
     tensors, texts = open_safetensors(path)
     return texts["record"], {name: np.array(array) for name, array in tensors.items()}
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -13,10 +12,6 @@ from supersampler import Frame, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler.io.display import display_transform
-from supersampler.methods.model_info import extents
-from supersampler.methods.spec import sized
-from supersampler_model.methods.base import Method
-from torch_inputs import tensors_of
 
 FINE = 3
 """Side of the grid of truth samples in a display pixel."""
@@ -74,7 +69,6 @@ class RestScene:
 
     @property
     def display(self) -> Size:
-        """(width, height) of the images."""
         return round(self.render[0] * self.ratio), round(self.render[1] * self.ratio)
 
     @property
@@ -125,32 +119,6 @@ class RestScene:
             disc = np.hypot(x - 0.75 * self.ratio * t % 160, y - 20) < 7
             lit = np.where(disc[..., None], [0.7, 0.5, 0.2], lit)
         return lit, disc
-
-
-class Stepped:
-    """A torch module in sequence."""
-
-    def __init__(self, method: Method, display: Size, adds_samples: float = 1.0) -> None:
-        self._method, self._display, self.adds_samples = method, display, adds_samples
-        self._history: dict[str, torch.Tensor] = {}
-        self._before: Size = display
-
-    def step(self, frame: Frame) -> Float32:
-        """Return the image, (H, W, 3)."""
-        if frame.reset or not self._history:
-            at = extents(render=frame.size, display=self._display, previous=frame.size)
-            self._history = {name: torch.zeros(sized(s, at)) for name, s in self._method.history.items()}
-        names = self._method.inputs()
-        inputs = tensors_of(frame, self._display, names, adds_samples=self.adds_samples)
-        with torch.no_grad():
-            outputs = self._method.step(*inputs.values(), *self._history.values())
-        self._history = dict(zip(self._method.history, outputs.history, strict=True))
-        self.frozen: Float32 = (outputs.aux_outputs or [torch.zeros(1, 1, 1, 1)])[-1][0, 0].numpy()
-        return np.asarray(outputs.image[0].permute(1, 2, 0).numpy())
-
-    def tensor(self, name: str) -> NDArray[Any]:
-        """Return a history tensor."""
-        return np.asarray(self._history[name].numpy())
 
 
 def worse_by(image: Float32, own: Float32, truth: Float32) -> tuple[float, float]:

@@ -6,5 +6,4 @@ from supersampler.frame import Float32
 
 
 def image_of(seed: int) -> Float32:
-    """Return the first image of a new Upscaler."""
     return Upscaler("taau", display_size=(64, 36), threads=2, validate="off").step(noise(seed))

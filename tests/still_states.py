@@ -40,7 +40,6 @@ def frame(index: int, **overrides: Any) -> Frame:
 
 @lru_cache
 def still_state(method: str = "taau", executor: str = "cpu") -> State:
-    """The state after FRAMES frames."""
     made = upscaler(method, executor)
     for index in range(FRAMES):
         made.step(frame(index))

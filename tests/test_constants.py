@@ -90,7 +90,6 @@ def is_plain(value: float) -> bool:
 
 
 def numbers(file: str, text: str) -> list[float]:
-    """Return the number literals of a file that are not plain."""
     found = python_numbers(text) if file.endswith(".py") else shader_numbers(text)
     return [value for value in found if not is_plain(value)]
 

@@ -145,9 +145,11 @@ def test_the_live_renderer_shows_its_input_beside_the_images_of_upscaler(tmp_pat
             np.testing.assert_array_equal(shown[72:, left : left + 128], middle)
 
 
-def test_the_live_renderer_reports_errors_in_one_line(tmp_path: Path) -> None:
-    done = live("--frames", "0", "-o", str(tmp_path))
-    assert (done.returncode, done.stderr) == (1, "spec.frames is 0; want a finite number >= 1.\n")
+@pytest.mark.parametrize("option", ["--frames", "--ratio"])
+def test_the_live_renderer_reports_errors_in_one_line(tmp_path: Path, option: str) -> None:
+    done = live(option, "0", "-o", str(tmp_path))
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert " is 0" in done.stderr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")

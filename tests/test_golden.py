@@ -34,7 +34,6 @@ class Run(NamedTuple):
 
     @property
     def path(self) -> Path:
-        """The golden image."""
         return FOLDER / self.executor / f"{'+'.join(filter(None, (self.method, self.extrapolation)))}.png"
 
 
@@ -62,7 +61,6 @@ def rendered(run: Run) -> NDArray[np.uint8]:
 
 
 def stored(run: Run) -> NDArray[np.uint8]:
-    """Return the golden image."""
     return np.asarray(ImageBuf(str(run.path)).get_pixels("uint8"))
 
 

@@ -2,7 +2,6 @@
 
 import ast
 import importlib.util
-import subprocess
 import sys
 from collections.abc import Sequence
 from functools import cache
@@ -10,6 +9,8 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+
+from apart import run_apart
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = {
@@ -152,5 +153,4 @@ def test_the_sdk_imports_its_runtime_dependencies_and_nothing_else() -> None:
 @pytest.mark.skipif(importlib.util.find_spec("torch") is None, reason="torch is not installed here")
 def test_importing_the_sdk_loads_no_torch_even_where_it_is_installed() -> None:
     program = "import sys, supersampler; print({'torch', 'onnx', 'supersampler_model'} & sys.modules.keys())"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"
+    assert run_apart(program).stdout.strip() == "set()"

@@ -90,7 +90,6 @@ OURS = ("--conventions", "supersampler")
 
 
 def run(*arguments: object) -> Result:
-    """Run a command."""
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
@@ -100,13 +99,11 @@ def said(result: Result) -> str:
 
 
 def succeeded(result: Result) -> Result:
-    """Return the result of a command, which must have succeeded."""
     assert result.exit_code == 0, result.output
     return result
 
 
 def upscale(shot: object, output: Path, *options: object, method: str = "bilinear") -> Result:
-    """Run `upscale`, which must succeed."""
     return succeeded(run("upscale", shot, "-o", output, "--method", method, *options))
 
 
@@ -131,6 +128,5 @@ def images(folder: Path) -> dict[str, bytes]:
 
 
 def pixels(path: Path) -> np.ndarray:
-    """Return the colour of an EXR file, (h, w, 3)."""
     channels = read_exr(path)
     return np.stack([channels[axis] for axis in "RGB"], axis=-1).astype(np.float32)

@@ -28,16 +28,10 @@ from supersampler.io.display import auto_exposure, display_transform, to_uint8
 from supersampler.io.files import replacing
 from supersampler.io.images import encode_jpeg
 from supersampler_bench.shots.public_shots import CACHE_VARIABLE, default_cache, shot_folder
+from supersampler_model.data import sequences
 from supersampler_model.data.dataset.overview import overlay
 from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.sequences import (
-    APART_FAMILIES,
-    TEST_FAMILIES,
-    TRAIN_FAMILIES,
-    SequenceSpec,
-    make_sequence,
-)
 from supersampler_model.data.shots import variant_name
 
 Pixels = NDArray[np.uint8]
@@ -115,8 +109,8 @@ def families() -> Pixels:
     """Return the image families."""
     size, index, columns = (240, 135), 12, 3
     renderer, tiles = Renderer(size), []
-    for family in (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES):
-        sequence = make_sequence(SequenceSpec(family=family, seed=6, frames=24))
+    for family in (*sequences.TRAIN_FAMILIES, *sequences.TEST_FAMILIES, *sequences.APART_FAMILIES):
+        sequence = sequences.make_sequence(sequences.SequenceSpec(family=family, seed=6, frames=24))
         before, now = (
             renderer.render(sequence.scene(i), size, jitter=(0.0, 0.0), reset=sequence.cut(i))
             for i in (index - 1, index)

@@ -3,9 +3,9 @@
     pip install . pyvista sympy
     python docs/images/pyvista_scenes.py [name of a scene ...]
 
-The scenes are those of examples/pyvista_gallery.py and examples/pyvista_viewer.py. The camera turns by half a
-degree a frame. All modes render each frame in turn, so that other load on the machine affects them alike.
-Errors are those of display values, against 64 samples a pixel. With names, only out/pyvista.jpg is written.
+The scenes are those of examples/pyvista_gallery.py. The camera turns by half a degree a frame. All modes
+render each frame in turn, so that other load on the machine affects them alike. Errors are those of display
+values, against 64 samples a pixel. With names, only out/pyvista.jpg is written.
 """
 
 import runpy
@@ -33,9 +33,7 @@ FIGURE = """![Crops of the scenes: MSAA, while the view turns, at rest, referenc
 
 One row per scene, in the order of the table: MSAA, ours while the camera turns, ours at rest, the reference.
 """
-GALLERY = runpy.run_path(str(ROOT / "examples" / "pyvista_gallery.py"))["SCENES"]
-FROG = runpy.run_path(str(ROOT / "examples" / "pyvista_viewer.py"))["frog"]
-SCENES = {"frog": FROG, **GALLERY}
+SCENES = runpy.run_path(str(ROOT / "examples" / "pyvista_gallery.py"))["SCENES"]
 WAYS = {"none": "none", "msaa": "MSAA", "ssaa": "SSAA", "ours": "supersampled"}
 SIZE, FRAMES, WARM, TURN = (1280, 720), 26, 14, 0.5
 GRID = 8  # samples of a pixel in each direction, of references
@@ -114,7 +112,7 @@ def measure(scene: str) -> tuple[dict[str, Any], list[np.ndarray[Any, Any]]]:
     moving = {way: decibels(error(viewer.image(), reference)) for way, viewer in viewers.items()}
     shown = {"MSAA": viewers["msaa"].image(), "moving": viewers["ours"].image()}
     ours = viewers["ours"].window
-    row: dict[str, Any] = {"out": ours.is_out, "scale": ours.pace.scale}
+    row: dict[str, Any] = {"bypassed": ours.is_bypassed, "scale": ours.pace.scale}
     ours.converge()
     shown |= {"at rest": viewers["ours"].image(), "reference": reference}
     for way, viewer in viewers.items():
@@ -153,7 +151,7 @@ def table(rows: dict[str, dict[str, Any]]) -> str:
     lines = []
     for scene, row in rows.items():
         none, msaa, ssaa, ours = (row[way] for way in WAYS)
-        scale = "off" if row["out"] else f"{row['scale']:g}"
+        scale = "off" if row["bypassed"] else f"{row['scale']:g}"
         times = [f"{way[0]:.0f} ({way[1]:.0f} to {way[2]:.0f})" for way in (msaa, ours)]
         shares = [f"{ours[0] / msaa[0]:.2f}", f"{ours[3] / msaa[3]:.2f}"]
         errors = [f"{value:.1f}" for value in (none[4], msaa[4], ssaa[4], ours[4], ours[5])]

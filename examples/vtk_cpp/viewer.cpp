@@ -303,7 +303,10 @@ static void run(const Options& o) {
             errors[1] += squared_error(theirs, truth, o.width, o.height);
         scored += 1.0;
     }
-    if (times[0].empty() || scored == 0.0) return;
+    if (scored == 0.0) {
+        std::fprintf(stderr, "viewer: no times and errors of %d frames: the first is scored after 16\n", o.frames);
+        return;
+    }
     const char* names[] = {"render small",   "inputs", "upscale", "all three", "full size, no anti-aliasing",
                            "full size, MSAA"};
     for (int k = 0; k < 6; k++) std::printf("%s: %.1f ms\n", names[k], 1e3 * median(times[k]));
@@ -313,16 +316,14 @@ static void run(const Options& o) {
 
 int main(int count, char** arguments) {
     Options o;
-    for (int k = 1; k + 1 < count; k += 2) {
-        const std::string name = arguments[k], value = arguments[k + 1];
-        if (name == "-o") o.folder = value;
-        else if (name == "-n") o.frames = std::stoi(value);
-        else if (name == "-m") o.model = value;
-        else if (name == "-t") o.turn = std::stod(value);
+    for (int k = 1; k < count; k += 2) {
+        const std::string name = arguments[k], value = k + 1 < count ? arguments[k + 1] : "";
+        if (name == "-o" && !value.empty()) o.folder = value;
+        else if (name == "-m" && !value.empty()) o.model = value;
+        else if (name == "-n" && std::sscanf(value.c_str(), "%d", &o.frames) == 1) continue;
+        else if (name == "-t" && std::sscanf(value.c_str(), "%lf", &o.turn) == 1) continue;
         else if (name == "-s" && std::sscanf(value.c_str(), "%dx%d", &o.width, &o.height) == 2) continue;
-        else
-            return std::fprintf(stderr, "viewer: %s %s: see the top of viewer.cpp\n", arguments[k], arguments[k + 1]),
-                   1;
+        else return std::fprintf(stderr, "viewer: %s %s: see the top of viewer.cpp\n", name.c_str(), value.c_str()), 1;
     }
     try {
         run(o);

@@ -210,7 +210,7 @@ export class Upscaler {
       if (name === "reactive" && (texture === undefined || texture === null)) continue;
       if (!texture?.createView) throw new UpscalerError(`frame.${name}`, shown(texture), "a GPUTexture");
       const isDepth = texture.format.startsWith("depth32float");
-      const isFloat = isDepth ? name.endsWith("depth") : /^r.*(float|norm)|^bgra8unorm/.test(texture.format);
+      const isFloat = isDepth ? name.endsWith("depth") : formatOf(name).test(texture.format);
       if (!isFloat || !(texture.usage & TEXTURE.TEXTURE_BINDING) || texture.sampleCount !== 1) {
         const formats = this.info.inputs.find((one) => one.name === name).formats.join(" or ");
         throw new UpscalerError(`frame.${name}`, textureText(texture), `${formats} with TEXTURE_BINDING`);
@@ -444,6 +444,12 @@ function checkRatio([low, high], render, display) {
 
 function same(one, other) {
   return one[0] === other[0] && one[1] === other[1];
+}
+
+/** Formats that hold the values of an image: pixels of motion are beyond [-1, 1], and normals have signs. */
+function formatOf(name) {
+  if (name === "motion") return /^rg(ba)?\d+float$/;
+  return name.endsWith("normal") ? /^rgba\d+(float|snorm)$/ : /^r.*(float|norm)|^bgra8unorm/;
 }
 
 function textureText({ format, width, height, usage, sampleCount }) {

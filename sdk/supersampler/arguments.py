@@ -170,8 +170,18 @@ def checked_path(name: str, path: str | Path) -> str | Path:
     return path
 
 
+def overlaps_itself(array: NDArray[Any]) -> bool:
+    """Return whether elements may share memory; slices and transposes of ordinary arrays never do."""
+    extent = array.itemsize  # bytes from the first to the end of the last element along the axes so far
+    for stride, count in sorted(zip(map(abs, array.strides), array.shape, strict=True)):
+        if count > 1 and stride < extent:
+            return True
+        extent += stride * (count - 1)
+    return False
+
+
 def check_out(out: NDArray[np.float32], shape: tuple[int, ...], inputs: Collection[NDArray[Any]]) -> None:
-    """Raise ArgumentError unless `out` can hold an image of this shape and shares no memory with `inputs`."""
+    """Raise ArgumentError unless `out` can hold an image of this shape, in memory apart from `inputs`."""
     want = f"{shape} float32 numpy array"
     if not isinstance(out, np.ndarray) or isinstance(out, np.ma.MaskedArray):
         raise ArgumentError("out", got=shown(out), want=want)
@@ -180,5 +190,7 @@ def check_out(out: NDArray[np.float32], shape: tuple[int, ...], inputs: Collecti
     if not (out.flags.writeable and out.flags.aligned):
         got = "not aligned" if out.flags.writeable else "read-only"
         raise ArgumentError("out", got=got, want="a writable, aligned array")
+    if overlaps_itself(out):
+        raise ArgumentError("out", got="overlapping itself", want="an array of separate elements")
     if any(np.may_share_memory(out, array) and np.shares_memory(out, array) for array in inputs):
         raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import Buffers
 from supersampler.backends.cpu.ids import IdHistory
+from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 
 STATE_VERSION = 4
@@ -35,6 +36,11 @@ class History:
     aovs: Float32 | None = None
     ids: IdHistory | None = None
     kind: Any = None
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse copying and pickling: a copy would share the buffers, which belong to a model."""
+        hint = "`model.save_history` copies its arrays, and `load_history` takes them."
+        raise ArgumentError("history", got="to be copied or pickled", want="used in place", hint=hint)
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,6 +34,7 @@ from supersampler.backends.onnx.tensors import (
     graph_inputs,
     ort_value_of,
     render_size_of,
+    shares_memory,
 )
 from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import ArgumentError, FrameError, shown
@@ -409,7 +410,7 @@ class Model:
         check_ratio(self.info.ratios, render_size, display)
         next_history = self._next_history(history_out, display, render_size)
         target = None if out is None else ort_value_of(out, "image")
-        if target is not None and target.data_ptr() in {value.data_ptr() for value in given.values()}:
+        if target is not None and any(shares_memory(target, value) for value in given.values()):
             raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
         image = self._executor.step_tensors(given, display, history.buffers, next_history.buffers, target)
         return (image if out is None else out), next_history

@@ -5,12 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from supersampler.methods.model_file import model_names
 from supersampler_bench import hashes
-from supersampler_bench.cli import app
 from supersampler_bench.record import read_record
+from upscale_runs import run, succeeded
 
 FROZEN = Path(__file__).parents[2] / "bench" / "hashes.json"
 SMALL = ((32, 18), (48, 27))
@@ -71,15 +70,14 @@ def test_most_of_the_scene_at_rest_is_frozen(method: str) -> None:
 
 def test_the_command_compares_with_a_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hashes, "SIZES", (SMALL,))
-    run, file = CliRunner().invoke, tmp_path / "hashes.json"
-    arguments = ["hashes", "--methods", "bilinear"]
-    assert run(app, [*arguments, "--json", str(file)]).exit_code == 0
-    assert run(app, [*arguments, "--check", str(file)]).exit_code == 0
+    file, arguments = tmp_path / "hashes.json", ("bench", "hashes", "--methods", "bilinear")
+    succeeded(run(*arguments, "--json", file))
+    succeeded(run(*arguments, "--check", file))
     record = json.loads(file.read_text())
     record["hashed"][0]["frames"][0] = "0"
     record["machine"]["cpu"] = "another"
     file.write_text(json.dumps(record))
-    result = run(app, [*arguments, "--check", str(file)])
+    result = run(*arguments, "--check", file)
     assert result.exit_code == 1
     assert "the first is frame 0" in result.output
     assert "machine another" in result.output

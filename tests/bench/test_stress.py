@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+import upscale_runs
 from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.history import State
-from supersampler_bench.cli import app
 from supersampler_bench.cli.options import split_list
 from supersampler_bench.record import read_record
 from supersampler_bench.stress.compare import VisibleDifference, contraction, recovery
@@ -21,6 +20,7 @@ from supersampler_bench.stress.scenario import FAMILIES, ROUNDING, Figure, Scena
 from supersampler_bench.stress.scenes import LAP, LOOP, PERIOD, Orbit, moving, still
 from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.scenes.analytic import EXTENT, places
+from upscale_runs import succeeded
 
 DISPLAY: Size = (48, 32)
 SHORT = ("single frames", "one frame", "two frames")
@@ -332,8 +332,7 @@ def test_values_outside_their_bound_are_marked() -> None:
 
 def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
     arguments = ["stress", "--quick", "--only", "threads", "--methods", "taa,bilinear"]
-    result = CliRunner().invoke(app, [*arguments, "--json", str(tmp_path / "stress.json")])
-    assert result.exit_code == 0, result.output
+    result = succeeded(upscale_runs.run("bench", *arguments, "--json", tmp_path / "stress.json"))
     assert (
         "| scenario | figure | at most | taa cpu | taa onnx | bilinear cpu | bilinear onnx |" in result.output
     )

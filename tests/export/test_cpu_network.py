@@ -11,13 +11,14 @@ import pytest
 import torch
 from torch import nn
 
+from gbuffer_method import textured
 from noise import Size, noise
 from supersampler import Frame, Model, Upscaler
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
-from supersampler.methods.gbuffer_fast.spec import GBUFFERS_READ, GuidedConfig
-from supersampler.methods.gbuffers import GBUFFERS, arrays_by_name, frame_of
+from supersampler.methods.gbuffer_fast.spec import GuidedConfig
+from supersampler.methods.gbuffers import arrays_by_name, frame_of
 from supersampler.methods.model_file import find_model
 from supersampler_export import quantize
 from supersampler_export.quantize import cpu_network
@@ -25,8 +26,7 @@ from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.gbuffer_fast import GuidedClassifier
 from supersampler_model.methods.taau import Taau
-from supersampler_model.ops.images import Size as ModelSize
-from torch_inputs import tensors_of
+from torch_inputs import Stepped
 
 TINY = NetworkConfig(levels=(16, 16, 32, 64), decoder=16, hidden=16)
 Made = tuple[Classifier, Model]
@@ -52,17 +52,9 @@ def with_random_weights(method: Classifier, folder: Path) -> Made:
 
 
 def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:
-    """Return the images of torch and of the CPU backend, (H, W, 3)."""
     method, model = made
-    upscaler = Upscaler(model, display_size=display, validate="off")
-    history: Any = method.first_history(ModelSize(*display), ModelSize(*frames[0].size))
-    pairs = []
-    for frame in frames:
-        tensors = tensors_of(frame, display, method.inputs()).values()
-        with torch.no_grad():
-            image, history, _ = method.step(*tensors, *history)
-        pairs.append((image[0].permute(1, 2, 0).numpy(), upscaler.step(frame)))
-    return pairs
+    upscaler, torch_steps = Upscaler(model, display_size=display, validate="off"), Stepped(method, display)
+    return [(torch_steps.step(frame), upscaler.step(frame)) for frame in frames]
 
 
 def compare(pairs: list[tuple[Float32, Float32]]) -> None:
@@ -93,25 +85,6 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     return with_random_weights(kind(config), tmp_path_factory.mktemp("model"))
 
 
-def surfaces(seed: int, render: Size, display: Size) -> dict[str, Any]:
-    """Return G-buffers of coloured patches with two orientations, below a strip of sky."""
-    buffers: dict[str, Any] = {}
-    for name in GBUFFERS_READ:
-        width, height = display if GBUFFERS[name].of_display else render
-        y, x = np.mgrid[:height, :width].astype(np.float32)
-        u, v = (x + 0.5) / width, (y + 0.5) / height
-        wave = np.sin(9.0 * u + seed) * np.cos(7.0 * v)
-        if name.endswith("base_color"):
-            buffers[name] = np.stack([0.5 + 0.5 * wave, (wave > 0.0) * 1.0, u], -1).astype(np.float32)
-        elif name.endswith("normal"):
-            normal = np.stack([wave, 0.3 * wave, 1.0 + 0.0 * wave], -1)
-            buffers[name] = (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32)
-            buffers[name][v < 0.2] = 0.0
-        else:
-            buffers[name] = (0.02 + 0.01 * (np.sin(0.3 * u * render[0]) > 0.3)).astype(np.float32)
-    return buffers
-
-
 def with_arrays(frame: Frame, arrays: dict[str, Any]) -> Frame:
     """Return the frame with these arrays, by tensor name, in place of its own."""
     return frame_of({**arrays_by_name(frame), **arrays}, jitter=frame.jitter, reset=frame.reset)
@@ -122,7 +95,11 @@ def frames_for(made: Made, render: Size = RENDER, display: Size = DISPLAY) -> li
     frames = [noise(seed, render) for seed in range(4)]
     if not made[1].info.gbuffers:
         return frames
-    return [with_arrays(frame, surfaces(seed, render, display)) for seed, frame in enumerate(frames)]
+    for seed, frame in enumerate(frames):
+        sampled, shown = textured(render, frame.jitter, 0.01 * seed), textured(display, moved=0.01 * seed)
+        del sampled["depth"]
+        frames[seed] = replace(frame, gbuffer=sampled, gbuffer_display=shown)
+    return frames
 
 
 @pytest.mark.parametrize(

@@ -124,19 +124,13 @@ def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LEARNED)
-def test_the_shipped_network_is_the_learned_part_of_the_method(name: str) -> None:
-    fused = load_method(name).subgraph()
-    assert fused is not None
+def test_the_shipped_network_is_the_learned_part_of_the_method_with_its_multiply_adds(name: str) -> None:
+    learned = load_method(name).subgraph()
+    assert learned is not None
     path = find_model(name) / "network.onnx"
     check_portable(onnx.load(path))
-    check_subgraph(fused, path.read_bytes())
-
-
-@pytest.mark.parametrize("name", LEARNED)
-def test_the_shipped_model_states_the_multiply_adds_that_torch_counts(name: str) -> None:
-    fused = load_method(name).subgraph()
-    assert fused is not None
-    assert read_model_info(find_model(name)).multiply_adds == multiply_adds_of(fused)
+    check_subgraph(learned, path.read_bytes())
+    assert read_model_info(find_model(name)).multiply_adds == multiply_adds_of(learned)
 
 
 @pytest.mark.skipif("SUPERSAMPLER_TRACES" not in os.environ, reason="minutes: `make traces` runs it")

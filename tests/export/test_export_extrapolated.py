@@ -17,7 +17,7 @@ from supersampler_model import ops
 from supersampler_model.methods.base import Method, load_trained, shipped_weights
 from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate
 from supersampler_model.methods.guided_warp import GuidedWarp
-from torch_inputs import tensors_of
+from torch_inputs import step_by_name, tensors_of
 
 SIZE, DISPLAY = (21, 13), (41, 27)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
@@ -34,23 +34,18 @@ def frame(index: int, kind: str) -> Frame:
 
 
 def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
-    history, warp_history, images = (
-        method.first_history(ops.Size(*DISPLAY), ops.Size(*SIZE)),
-        list[torch.Tensor](),
-        [],
-    )
+    history, images = method.first_history(ops.Size(*DISPLAY), ops.Size(*SIZE)), []
+    warp_history = list[torch.Tensor]()
     for index, kind in enumerate(pattern):
         names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
         given = tensors_of(frame(index, "s"), DISPLAY, names)
         stepping: Method = method
-        with torch.no_grad():
-            if kind == "u":
-                warp, stepping = GuidedWarp(), method.on_extrapolated()
-                extrapolated = warp.step(*(given[name] for name in warp.inputs()), *warp_history)
-                given["color"], warp_history = extrapolated.image, extrapolated.history
-            else:
-                warp_history = GuidedWarp.after_shaded(given)
-            image, history, _ = stepping.step(*(given[name] for name in stepping.inputs()), *history)
+        if kind == "u":
+            stepping = method.on_extrapolated()
+            given["color"], warp_history, _ = step_by_name(GuidedWarp(), given, warp_history)
+        else:
+            warp_history = GuidedWarp.after_shaded(given)
+        image, history, _ = step_by_name(stepping, given, history)
         images.append(image[0].permute(1, 2, 0).numpy())
     return images
 

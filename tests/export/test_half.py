@@ -22,6 +22,7 @@ from supersampler_export.simplify import joined_slices, simplified_gathers, with
 from supersampler_model import ops
 from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
+from torch_inputs import step_by_name
 
 HALF, FLOAT, LONG = TensorProto.FLOAT16, TensorProto.FLOAT, TensorProto.INT64
 
@@ -64,8 +65,7 @@ def test_outputs_are_always_finite_single_precision(name: str) -> None:
     for index, frame in enumerate(frames(display)):
         if index % 2:
             frame["color"] = (frame["color"] * 0.5 * MAX_HALF).clamp(max=MAX_HALF)
-        with torch.no_grad():
-            image, history, others = half.step(*(frame[name] for name in half.inputs()), *history)
+        image, history, others = step_by_name(half, frame, history)
         for made in (image, *history, *others):
             assert made.dtype == torch.float32
             assert made.isfinite().all()
@@ -84,8 +84,7 @@ def test_images_are_finite_for_any_network_output(name: str, bias: float) -> Non
     display = display_of(half)
     history = half.first_history(display, RENDER, 3)
     for frame in itertools.islice(frames(display), 2):
-        with torch.no_grad():
-            image, history, _ = half.step(*(frame[name] for name in half.inputs()), *history)
+        image, history, _ = step_by_name(half, frame, history)
         assert all(made.isfinite().all() for made in (image, *history))
         assert image.mean() > 0.1  # black where all weights are 0
 

@@ -26,7 +26,7 @@ from supersampler_model.methods import load_method
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_network import pack
 from supersampler_model.ops.images import Size as ModelSize
-from torch_inputs import tensors_of
+from torch_inputs import step_by_name, tensors_of
 
 Bytes = NDArray[np.uint8]
 SIGNED = slice(4 * DEFAULT_INPUTS.index("depth_difference"), 4 * DEFAULT_INPUTS.index("depth_difference") + 4)
@@ -83,8 +83,7 @@ def inputs_of(
     for frame in frames:
         if history is None:
             history = method.first_history(ModelSize(*display), ModelSize(*frame.size))
-        with torch.no_grad():
-            _, history, _ = method.step(*tensors_of(frame, display, method.inputs()).values(), *history)
+        _, history, _ = step_by_name(method, tensors_of(frame, display, method.inputs()), history)
     return found
 
 

@@ -3,8 +3,6 @@
 import hashlib
 import json
 import re
-import subprocess
-import sys
 from functools import cache
 from importlib.resources import files
 from math import prod
@@ -13,15 +11,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
+from apart import run_apart
 from supersampler.backends.gpu.memory import PixelBuffer
 from supersampler.backends.gpu.program import ARRAYS, TEXTURES, GpuProgram
-from supersampler.cli.app import app
 from supersampler.errors import ArgumentError, ModelError, ShotError
+from supersampler.methods.aovs.gpu import aov_pass, aov_shader
 from supersampler.methods.executors import gpu_program, with_shaders
 from supersampler.methods.model_file import read_upscaling_info
 from supersampler_export.shaders.folder import write_shader_folder
+from upscale_runs import refusal, run, succeeded
 
 METHODS = with_shaders()
 PACKAGE = Path(str(files("supersampler")))
@@ -161,11 +160,13 @@ def test_frames_and_images_are_in_buffers_where_that_is_asked_for(folders: dict[
 
 
 def test_textures_of_aovs_hold_four_channels_each_and_a_buffer_all(folders: dict[str, Path]) -> None:
-    for name, channels, targets in (
-        ("taau aovs", [4, 4], ["aovs0", "aovs1"]),
-        ("taau aovs buffers", [5], ["next_aovs"]),
+    for name, channels, targets, last in (
+        ("taau aovs", [4, 4], ["aovs0", "aovs1"], aov_pass(2, 1, in_texture=True, has_history=True)),
+        ("taau aovs buffers", [5], ["next_aovs"], aov_pass(5, 0, in_texture=False, has_history=True)),
     ):
         described = about(folders[name])
+        shader = aov_shader(last, ARRAYS if "buffers" in name else TEXTURES)
+        assert (folders[name] / described["passes"][-1]["file"]).read_text() == shader.code
         aovs = [one for one in described["inputs"] if one["name"].startswith("aovs")]
         assert [one["channels"] for one in aovs] == channels
         assert described["aovs"]["resources"] == targets
@@ -223,18 +224,17 @@ def test_a_method_without_shaders_is_refused_with_those_that_have_them(tmp_path:
 
 
 PROGRAM = """
-import sys
+import os, sys
 for name in ("torch", "onnx", "wgpu", "supersampler_model"):
     sys.modules[name] = None
 from supersampler.cli.app import main
-sys.argv[1:] = ["export", "classifier", "--target", "wgsl", "-o", sys.argv[1]]
+sys.argv[1:] = ["export", "classifier", "--target", "wgsl", "-o", os.environ["OUT"]]
 main()
 """
 
 
 def test_the_command_needs_neither_torch_nor_wgpu(tmp_path: Path) -> None:
-    done = subprocess.run([sys.executable, "-c", PROGRAM, str(tmp_path)], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    run_apart(PROGRAM, OUT=str(tmp_path))
     assert about(tmp_path)["method"] == "classifier"
 
 
@@ -251,13 +251,10 @@ def test_the_command_needs_neither_torch_nor_wgpu(tmp_path: Path) -> None:
 def test_options_that_do_not_go_together_are_refused(
     tmp_path: Path, options: list[str], message: str
 ) -> None:
-    done = CliRunner().invoke(app, ["export", "taau", "-o", str(tmp_path / "out"), *options])
-    assert done.exit_code == 2
-    assert message in done.output
+    assert message in refusal("export", "taau", "-o", tmp_path / "out", *options)
 
 
 def test_all_writes_every_shipped_model_that_has_shaders(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["export", "all", "--target", "wgsl", "-o", str(tmp_path)])
-    assert done.exit_code == 0, done.output
+    succeeded(run("export", "all", "--target", "wgsl", "-o", tmp_path))
     assert {folder.name for folder in tmp_path.iterdir()} == {*METHODS}
     assert all(about(tmp_path / method)["method"] == method for method in METHODS)

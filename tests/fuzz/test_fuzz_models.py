@@ -21,8 +21,6 @@ from supersampler.backends.onnx.runtime import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.methods.model_file import find_model, read_model_info
 
-Rng = np.random.Generator
-
 
 def folder_of(method: str, path: Path) -> Path:
     shutil.copytree(find_model(method), path)

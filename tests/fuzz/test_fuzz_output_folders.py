@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from typer.testing import CliRunner
 
+import upscale_runs
 from blender_files import RECORDED, fake_blender, scene_file
 from fuzzing import dumped, examples, replaced, run_apart
-from supersampler.cli import app
 from supersampler.errors import SupersamplerError
 from supersampler_export.shaders.folder import write_shader_folder
 
@@ -35,7 +34,7 @@ def commands(folder: Path) -> dict[str, tuple[str, Callable[[], object]]]:
     def run(words: Iterator[list[str]]) -> Callable[[], object]:
         def call() -> None:
             for command in words:
-                done = CliRunner().invoke(app, [*command, "--overwrite"])
+                done = upscale_runs.run(*command, "--overwrite")
                 if done.exception is not None and not isinstance(done.exception, SystemExit):
                     raise done.exception
 

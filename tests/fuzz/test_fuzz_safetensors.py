@@ -8,38 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from safetensors.numpy import save
 from safetensors.torch import save as save_torch
 from torch import zeros
 
 from fuzzing import damaged, dumped, examples, replaced, run_apart
+from imported_scene import COUNT, SIZE, arm_tensors, write_safetensors
 from supersampler import ShotError
 from supersampler.io.shot import import_arm
 from supersampler_model.data.dataset.storage import TrainingFrame, read_training_frame, write_training_frame
 from supersampler_model.methods.base import load_trained
-
-FRAMES, HEIGHT, WIDTH = 2, 4, 6
-
-
-def arm_tensors() -> dict[str, np.ndarray]:
-    """A whole sequence, as far as an importer looks."""
-    noise = np.random.default_rng(0)
-
-    def of(*shape: int) -> np.ndarray:
-        return noise.random((FRAMES, *shape)).astype(np.float32)
-
-    return {
-        "colour_linear": of(3, HEIGHT, WIDTH).astype(np.float16),
-        "motion_lr": of(2, HEIGHT, WIDTH),
-        "depth": of(1, HEIGHT, WIDTH),
-        "depth_params": np.tile(np.array([-0.1, 0.1, 1, 1], np.float32), (FRAMES, 1)),
-        "jitter": of(2, 1, 1) - 0.5,
-        "ground_truth_linear": of(3, 2 * HEIGHT, 2 * WIDTH),
-        "exposure": of(1),
-        "camera_cut": np.zeros((FRAMES, 1), bool),
-        "seq": np.zeros((FRAMES, 1), np.int64),
-        "EmulatedFramerate": np.full((FRAMES, 1), 30, np.int32),
-    }
 
 
 def training_frame() -> TrainingFrame:
@@ -73,9 +50,11 @@ def prepare() -> Callable[[int], object]:
             assert item.reference is None or item.reference.dtype == np.float32
 
     with tempfile.TemporaryDirectory() as folder:
-        write_training_frame(Path(folder) / "a", training_frame())
-        frame = (Path(folder) / "a").read_bytes()
-    kinds = [(save(arm_tensors()), read_arm), (frame, read_training_frame), (weights(), load_trained)]
+        path = write_safetensors(Path(folder) / "a", arm_tensors())
+        arm = path.read_bytes()
+        write_training_frame(path, training_frame())
+        frame = path.read_bytes()
+    kinds = [(arm, read_arm), (frame, read_training_frame), (weights(), load_trained)]
 
     def run(case: int) -> None:
         rng, path = np.random.default_rng(case), Path("case.safetensors")
@@ -93,12 +72,12 @@ def test_no_safetensors_file_harms_its_reader() -> None:
 
 CHANGES: dict[str, tuple[str, Any, str]] = {
     "no frames": ("all", 0, "has 0 frames; want 1 to"),
-    "no pixels": ("colour_linear", np.zeros((FRAMES, 3, 0, 0), np.float16), "is 0x0"),
-    "a plane at 0": ("depth_params", np.zeros((FRAMES, 4), np.float32), "want finite numbers other than 0"),
-    "a bright exposure": ("exposure", np.full((FRAMES, 1), 1e5, np.float32), "want|natural logarithms"),
-    "too few cuts": ("camera_cut", np.zeros((1, 1), bool), "want a value for each of 2 frames"),
-    "truth without sides": ("ground_truth_linear", np.zeros((FRAMES, 3), np.float32), r"want \(2, 3, H, W\)"),
-    "whole numbers": ("depth", np.zeros((FRAMES, 1, HEIGHT, WIDTH), np.int32), "want floating point"),
+    "no pixels": ("colour_linear", np.zeros((COUNT, 3, 0, 0), np.float16), "is 0x0"),
+    "a plane at 0": ("depth_params", np.zeros((COUNT, 4), np.float32), "want finite numbers other than 0"),
+    "a bright exposure": ("exposure", np.full((COUNT, 1), 1e5, np.float32), "want|natural logarithms"),
+    "too few cuts": ("camera_cut", np.zeros((1, 1), bool), "want a value for each of 3 frames"),
+    "truth without sides": ("ground_truth_linear", np.zeros((COUNT, 3), np.float32), r"want \(3, 3, H, W\)"),
+    "whole numbers": ("depth", np.zeros((COUNT, 1, *SIZE[::-1]), np.int32), "want floating point"),
     "no rate": ("EmulatedFramerate", np.zeros((0,), np.int32), "is not a number > 0"),
 }
 
@@ -114,9 +93,8 @@ def test_an_invalid_sequence_is_a_shot_error(tmp_path: Path, case: str) -> None:
             tensors[other] = tensors[other][..., :0, :0]
     else:
         tensors[name] = value
-    (tmp_path / "a.safetensors").write_bytes(save({n: np.ascontiguousarray(t) for n, t in tensors.items()}))
     with pytest.raises(ShotError, match=message):
-        import_arm(tmp_path / "a.safetensors")
+        import_arm(write_safetensors(tmp_path / "a.safetensors", tensors))
 
 
 @pytest.mark.parametrize(

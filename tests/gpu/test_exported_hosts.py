@@ -41,7 +41,6 @@ def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The host in C."""
     device_or_skip()
     return built_or_skip(tmp_path_factory.mktemp("c"))
 

@@ -1,7 +1,6 @@
 """The GPU device: default limits, one compilation, and errors that say what would help."""
 
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from apart import run_apart
 from gpu_steps import moving
 from shared_models import shared_model
 from supersampler import Frame, Model, Upscaler
@@ -50,7 +50,6 @@ def test_passes_stay_within_webgpus_default_limits() -> None:
 
 
 def flat(width: int, height: int) -> Frame:
-    """A frame of one colour that does not move."""
     values = np.full((height, width, 3), 0.5, np.float32)
     motion = np.zeros((height, width, 2), np.float32)
     return Frame(color=values, depth=values[..., 0], motion=motion, jitter=(0.0, 0.0))
@@ -188,5 +187,4 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @pytest.mark.skipif(not hasattr(__import__("os"), "fork"), reason="there is no fork here")
 def test_a_forked_child_gets_an_error_and_the_parent_goes_on() -> None:
-    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
+    run_apart(FORKED)

@@ -1,15 +1,17 @@
 """`gbuffer-fast` on the GPU has the images of the CPU backend."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from gbuffer_method import textured as surfaces
 from gpu_steps import make
 from noise import Size, noise
 from supersampler import Frame, FrameError, StepResult, halton_jitter
-from supersampler.frame import Array, Float32
+from supersampler.frame import Array
 from supersampler.io.display import display_transform
 from supersampler.methods.gbuffer_fast.spec import GBUFFERS_READ
 from supersampler.methods.gbuffers import GBUFFERS
@@ -26,21 +28,6 @@ SIZES: list[tuple[Size, Size]] = [
 ]
 
 
-def surfaces(size: Size, offset: tuple[float, float], moved: float) -> dict[str, Array]:
-    """G-buffers of tiles with textures and different depths, below a sky."""
-    x = (np.arange(size[0]) + 0.5 + offset[0])[None] / size[0] + moved
-    y = (np.arange(size[1]) + 0.5 + offset[1])[:, None] / size[1]
-    tile = np.floor(5.0 * x) + 2.0 * np.floor(4.0 * y)
-    base = [0.5 + 0.4 * np.sin(k * tile + 40.0 * x) * np.cos(30.0 * y + k) for k in (1.0, 2.0, 3.0)]
-    normal = np.stack([np.sin(tile), np.cos(tile + 8.0 * x), np.ones_like(tile + y)], -1)
-    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    sky = np.broadcast_to(y < 0.15, tile.shape)
-    normal[sky] = 0.0
-    depth = np.where(sky, 0.0, 0.05 * (1.0 + tile % 3))
-    found = {"base_color": np.stack(base, -1), "normal": normal, "depth": depth}
-    return {name: image.astype(np.float32) for name, image in found.items()}
-
-
 def frame_at(index: int, render: Size, display: Size, **fields: Any) -> Frame:
     """A frame of random light on surfaces that move; some samples are missing."""
     plain = noise(index, render, exposure=1.0)
@@ -53,42 +40,6 @@ def frame_at(index: int, render: Size, display: Size, **fields: Any) -> Frame:
     return replace(plain, **{**given, "gbuffer_display": shown, **fields})
 
 
-def differences_of(frames: list[Frame], display: Size, **options: Any) -> Float32:
-    """Differences of display values from the CPU backend, of all frames."""
-    ours, theirs = (make(METHOD, executor, display=display, **options) for executor in ("gpu", "cpu"))
-    found = []
-    for frame in frames:
-        images = [display_transform(each.step(frame) / frame.pre_exposure) for each in (ours, theirs)]
-        assert np.isfinite(images[0]).all()
-        found.append(np.abs(images[0] - images[1]))
-    return np.concatenate([each.ravel() for each in found])
-
-
-def assert_close(differences: Float32) -> None:
-    assert differences.mean() < 2e-3
-    assert np.quantile(differences, 0.999) < 0.02
-    assert differences.max() < 0.06
-
-
-@pytest.mark.parametrize(("render", "display"), SIZES)
-def test_images_are_those_of_the_cpu_backend_borders_included(render: Size, display: Size) -> None:
-    assert_close(differences_of([frame_at(index, render, display) for index in range(6)], display))
-
-
-def test_g_buffers_have_an_effect() -> None:
-    frames = [frame_at(index, *SIZES[3]) for index in range(3)]
-    darker = [replace(frame, gbuffer_display=darkened(frame)) for frame in frames]
-    images = [make(METHOD, display=SIZES[3][1]).step(given[0]) for given in (frames, darker)]
-    assert np.abs(images[0] - images[1]).mean() > 1e-2
-
-
-def darkened(frame: Frame) -> dict[str, Array]:
-    """The G-buffers of the display, with half the base colour."""
-    assert frame.gbuffer_display is not None
-    buffers = dict(frame.gbuffer_display)
-    return buffers | {"base_color": buffers["base_color"] * np.float32(0.5)}
-
-
 def spoiled(buffer: Array, random: np.random.Generator) -> Array:
     """Return a copy with invalid values here and there."""
     values = buffer.copy()
@@ -97,34 +48,58 @@ def spoiled(buffer: Array, random: np.random.Generator) -> Array:
     return values
 
 
-def test_invalid_values_count_as_on_the_cpu() -> None:
-    frames, (render, display) = [], SIZES[3]
-    for index in range(4):
-        frame, random = frame_at(index, render, display), np.random.default_rng(index)
-        assert frame.gbuffer is not None
-        assert frame.gbuffer_display is not None
-        buffers = [
-            {name: spoiled(buffer, random) for name, buffer in group.items()}
-            for group in (frame.gbuffer, frame.gbuffer_display)
-        ]
-        frames.append(replace(frame, gbuffer=buffers[0], gbuffer_display=buffers[1]))
-    assert_close(differences_of(frames, display))
+def with_invalid_values(frame: Frame, index: int) -> Frame:
+    random, groups = np.random.default_rng(index), (frame.gbuffer or {}, frame.gbuffer_display or {})
+    render, display = ({name: spoiled(buffer, random) for name, buffer in g.items()} for g in groups)
+    return replace(frame, gbuffer=render, gbuffer_display=display)
 
 
-def test_masks_pre_exposure_and_measured_exposure_are_as_on_the_cpu() -> None:
-    frames, (render, display) = [], SIZES[3]
-    for index in range(6):
-        frame, random = frame_at(index, render, display), np.random.default_rng(index)
-        color = np.asarray(frame.color) * np.float32(1.7**index)
-        mask = random.random(color.shape[:2], np.float32).round(1)
-        frames.append(replace(frame, color=color, pre_exposure=1.7**index, exposure=None, reactive=mask))
-    assert_close(differences_of(frames, display))
+def with_mask_and_exposures(frame: Frame, index: int) -> Frame:
+    """The exposure is measured."""
+    color = np.asarray(frame.color) * np.float32(1.7**index)
+    mask = np.random.default_rng(index).random(color.shape[:2], np.float32).round(1)
+    return replace(frame, color=color, pre_exposure=1.7**index, exposure=None, reactive=mask)
 
 
-def test_render_sizes_change_and_g_buffers_of_samples_may_be_missing() -> None:
-    display, sizes = (40, 24), [(20, 12), (20, 12), (31, 19), (40, 24), (14, 9)]
-    frames = [frame_at(index, size, display) for index, size in enumerate(sizes)]
-    assert_close(differences_of([*frames[:4], replace(frames[4], gbuffer=None)], display))
+@pytest.mark.parametrize(
+    ("sizes", "display", "change"),
+    [
+        *(([render] * 6, display, lambda frame, _: frame) for render, display in SIZES),
+        ([SIZES[3][0]] * 4, SIZES[3][1], with_invalid_values),
+        ([SIZES[3][0]] * 6, SIZES[3][1], with_mask_and_exposures),
+        ([(20, 12), (20, 12), (31, 19), (40, 24)], (40, 24), lambda frame, _: frame),
+        (
+            [(20, 12), (14, 9)],
+            (40, 24),
+            lambda frame, index: replace(frame, gbuffer=None) if index else frame,
+        ),
+    ],
+)
+def test_images_are_those_of_the_cpu_backend_borders_included(
+    sizes: list[Size], display: Size, change: Callable[[Frame, int], Frame]
+) -> None:
+    """Mean, 99.9 % quantile and largest difference of display values."""
+    ours, theirs = (make(METHOD, executor, display=display) for executor in ("gpu", "cpu"))
+    found = []
+    for index, size in enumerate(sizes):
+        frame = change(frame_at(index, size, display), index)
+        images = [display_transform(each.step(frame) / frame.pre_exposure) for each in (ours, theirs)]
+        assert np.isfinite(images[0]).all()
+        found.append(np.abs(images[0] - images[1]).ravel())
+    differences = np.concatenate(found)
+    assert differences.mean() < 2e-3
+    assert np.quantile(differences, 0.999) < 0.02
+    assert differences.max() < 0.06
+
+
+def test_g_buffers_have_an_effect() -> None:
+    frames = [frame_at(index, *SIZES[3]) for index in range(3)]
+    darker = [
+        replace(frame, gbuffer_display={name: 0.5 * buffer for name, buffer in buffers.items()})
+        for frame, buffers in ((frame, frame.gbuffer_display or {}) for frame in frames)
+    ]
+    images = [make(METHOD, display=SIZES[3][1]).step(given[0]) for given in (frames, darker)]
+    assert np.abs(images[0] - images[1]).mean() > 1e-2
 
 
 def still(index: int, render: Size, display: Size) -> Frame:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
+from alternating import extrapolated_by_torch
 from extrapolated_noise import SIZES, extrapolated, spoilt_frames, surfaces
 from gpu_steps import DISPLAY, RENDER, device_or_skip, distance, moving
 from noise import Size
@@ -16,7 +16,6 @@ from supersampler.errors import DeviceError
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
 from supersampler_model.methods.guided_warp import GuidedWarp
-from torch_inputs import tensors_of
 
 
 @pytest.fixture(scope="module")
@@ -30,18 +29,8 @@ def on_cpu() -> Extrapolator:
 
 
 def by_torch(frames: Sequence[Frame], pattern: str) -> list[Float32]:
-    method, history, images = GuidedWarp(), list[torch.Tensor](), []
-    for frame, kind in zip(frames, pattern, strict=True):
-        names = [*(["color"] if kind == "s" else []), *method.inputs()]
-        inputs = tensors_of(frame, frame.size, names)
-        if kind == "s":
-            history = method.after_shaded(inputs)
-            continue
-        with torch.no_grad():
-            step = method.step(*(inputs[name] for name in method.inputs()), *history)
-        history = step.history
-        images.append(step.image[0].numpy().transpose(1, 2, 0))
-    return images
+    images = extrapolated_by_torch(GuidedWarp(), frames.__getitem__, pattern)
+    return [image for image in images if image is not None]
 
 
 def in_halves(frame: Frame) -> Frame:
@@ -96,18 +85,17 @@ def test_hostile_pixels_do_the_same_as_in_torch(ours: Extrapolator, bad: float, 
     assert apart.max() < (1e-4 if exact else 0.2)
 
 
-def test_without_any_depth_in_the_shaded_frame_samples_are_told_apart_by_their_other_features(
-    ours: Extrapolator,
+@pytest.mark.parametrize("missing", ["depth", "normal"])
+def test_a_shaded_frame_without_depths_is_told_apart_by_other_features(
+    ours: Extrapolator, missing: str
 ) -> None:
+    """Depths of samples without a normal are no depths."""
     frames = [in_halves(surfaces(seed)) for seed in range(3)]
-    frames[0] = replace(frames[0], depth=np.full((18, 32), np.nan, np.float32))
-    assert differences(extrapolated(ours, frames, "suu"), by_torch(frames, "suu")).max() < 1e-4
-
-
-def test_depths_of_invalid_samples_are_no_depths(ours: Extrapolator) -> None:
-    frames = [in_halves(surfaces(seed)) for seed in range(3)]
-    normal = np.full((18, 32, 3), np.nan, np.float32)
-    frames[0] = replace(frames[0], gbuffer={**(frames[0].gbuffer or {}), "normal": normal})
+    nothing = np.full((18, 32, 3), np.nan, np.float32)
+    if missing == "depth":
+        frames[0] = replace(frames[0], depth=nothing[..., 0])
+    else:
+        frames[0] = replace(frames[0], gbuffer={**(frames[0].gbuffer or {}), "normal": nothing})
     assert differences(extrapolated(ours, frames, "suu"), by_torch(frames, "suu")).max() < 1e-4
 
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gpu_steps import DISPLAY, RENDER, device_or_skip, make, moving
-from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
+from gpu_steps import DISPLAY, RENDER, aovs_of, device_or_skip, make, moving, with_aovs
+from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.errors import DeviceError
 from texture_frames import (
     COPY_DST,
@@ -26,7 +26,6 @@ from texture_frames import (
 
 @pytest.fixture(scope="module")
 def device() -> Any:
-    """A device of the caller."""
     return device_or_skip().adapter.request_device_sync()
 
 
@@ -104,13 +103,25 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
     multisampled = device.create_texture(
         size=(*RENDER, 1), format="rgba16float", usage=SAMPLED | RENDERED, sample_count=4
     )
-    for name, few in (("color", multisampled), ("color", good["motion"]), ("motion", good["depth"])):
+    for name, few in (("color", multisampled), ("color", good["motion"])):
         with pytest.raises(FrameError, match=rf"frame\.{name} is .*want a colour format of . or more"):
             upscaler.step_textures({**good, name: few}, jitter=(0.0, 0.0))
+    for kind in ("rg8unorm", "rg8snorm", "rg11b10ufloat"):
+        encoded = device.create_texture(size=(*RENDER, 1), format=kind, usage=SAMPLED)
+        with pytest.raises(
+            FrameError, match=rf"frame\.motion is {kind} .*; want a float format of 2 or more"
+        ):
+            upscaler.step_textures({**good, "motion": encoded}, jitter=(0.0, 0.0))
     with pytest.raises(FrameError, match=r"frame\.color is"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), render_size=(RENDER[0] + 1, RENDER[1]))
     with pytest.raises(FrameError, match="render_size"):
         upscaler.step_textures(buffers_of(device, moving(1)), jitter=(0.0, 0.0))
+    padded = device.create_buffer(size=256 * RENDER[1], usage=STORAGE)
+    buffers = {**buffers_of(device, moving(1)), "depth": padded}
+    with pytest.raises(
+        FrameError, match=r"depth is .*, rows of 256; want rows of \d+ bytes, without padding"
+    ):
+        upscaler.step_textures(buffers, jitter=(0.0, 0.0), render_size=RENDER)
     target = device.create_texture(size=(*DISPLAY, 1), format="rgba8unorm", usage=STORED)
     with pytest.raises(ArgumentError, match="rgba16float"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), out=target)
@@ -153,12 +164,8 @@ def test_other_backends_take_no_textures() -> None:
         make("taau", "cpu").step_textures({}, jitter=(0.0, 0.0))
 
 
-def with_aovs(index: int, channels: int = 8) -> Frame:
-    """AOVs of noise; some of them are missing."""
-    random = np.random.default_rng(index)
-    values = random.random((*RENDER[::-1], channels), np.float32)
-    values[random.random(values.shape) < 0.1] = np.nan
-    return replace(moving(index), aovs=values)
+def noisy(index: int, channels: int = 8) -> Frame:
+    return with_aovs(moving(index), index, channels)
 
 
 def targets(device: Any, count: int) -> list[Any]:
@@ -174,7 +181,6 @@ def textures_of_aovs(device: Any, frame: Frame) -> list[Any]:
 
 
 def stepped(device: Any, upscaler: Upscaler, frame: Frame) -> Any:
-    """Step on textures, and return the AOVs."""
     images, outs = textures_of_aovs(device, frame), targets(device, np.asarray(frame.aovs).shape[2] // 4)
     upscaler.step_textures(
         textures_of(device, frame), jitter=frame.jitter, reset=frame.reset, aovs=images, aovs_out=outs
@@ -182,26 +188,20 @@ def stepped(device: Any, upscaler: Upscaler, frame: Frame) -> Any:
     return np.concatenate([pixels_of(device, out, 4) for out in outs], axis=2)
 
 
-def aovs_by_arrays(upscaler: Upscaler, frame: Frame) -> Any:
-    result = upscaler.step(frame, outputs=("aovs",))
-    assert isinstance(result, StepResult)
-    return result.aovs
-
-
 @pytest.mark.parametrize("method", ["taa", "taau", "classifier-small"])
 def test_aovs_in_textures_are_those_of_arrays(device: Any, method: str) -> None:
     model = Model.load(method, executor="gpu", device=device)
     upscaler, arrays = (Upscaler(model, display_size=DISPLAY, validate="off") for _ in range(2))
     for index in range(4):
-        frame = with_aovs(index)
-        found, wanted = stepped(device, upscaler, frame), aovs_by_arrays(arrays, frame)
+        frame = noisy(index)
+        found, wanted = stepped(device, upscaler, frame), aovs_of(arrays, frame)
         assert np.abs(found - wanted).max() < 1e-3  # half floats
 
 
 def test_a_frame_may_be_the_upper_left_part_of_larger_textures(device: Any, ours: Model) -> None:
     whole, part = (Upscaler(ours, display_size=DISPLAY, validate="off") for _ in range(2))
     for index in range(3):
-        frame, results = with_aovs(index), []
+        frame, results = noisy(index), []
         for upscaler, margin in ((whole, 0), (part, 5)):
             grown: Any = {}
             for name in ("color", "depth", "motion", "aovs"):
@@ -220,31 +220,31 @@ def test_aovs_in_a_buffer_are_those_of_arrays_bit_for_bit(device: Any, ours: Mod
     upscaler, arrays = Upscaler(ours, display_size=DISPLAY), make("taau")
     out = device.create_buffer(size=20 * DISPLAY[0] * DISPLAY[1], usage=8 | 4)
     for index in range(4):
-        frame = with_aovs(index, 5)
+        frame = noisy(index, 5)
         upscaler.step_textures(
             buffers_of(device, frame), jitter=frame.jitter, reset=frame.reset, render_size=RENDER,
             aovs=[buffer_of(device, frame.aovs)], aovs_out=[out],
         )  # fmt: skip
         found = np.frombuffer(device.queue.read_buffer(out), np.float32).reshape(*DISPLAY[::-1], 5)
-        np.testing.assert_array_equal(found, aovs_by_arrays(arrays, frame))
+        np.testing.assert_array_equal(found, aovs_of(arrays, frame))
 
 
 def test_textures_and_arrays_share_one_history_of_aovs(device: Any, ours: Model) -> None:
     mixed, arrays, loaded = (Upscaler(ours, display_size=DISPLAY, validate="off") for _ in range(3))
     for index in range(3):
-        wanted = aovs_by_arrays(arrays, with_aovs(index))
-    stepped(device, mixed, with_aovs(0))
-    aovs_by_arrays(mixed, with_aovs(1))
+        wanted = aovs_of(arrays, noisy(index))
+    stepped(device, mixed, noisy(0))
+    aovs_of(mixed, noisy(1))
     loaded.load_state(mixed.save_state())
     for each in (mixed, loaded):
-        assert np.abs(stepped(device, each, with_aovs(2)) - wanted).max() < 1e-3
+        assert np.abs(stepped(device, each, noisy(2)) - wanted).max() < 1e-3
 
 
 def test_aovs_that_do_not_fit_are_refused_and_the_history_stays(device: Any, ours: Model) -> None:
     upscaler, other = (Upscaler(ours, display_size=DISPLAY, validate="off") for _ in range(2))
     for each in (upscaler, other):
-        stepped(device, each, with_aovs(0))
-    frame = with_aovs(1)
+        stepped(device, each, noisy(0))
+    frame = noisy(1)
     images, aovs, outs = textures_of(device, frame), textures_of_aovs(device, frame), targets(device, 2)
     small = texture_of(device, np.zeros((3, 3, 4)), "rgba32float", 4)
     buffers = [buffer_of(device, frame.aovs)]

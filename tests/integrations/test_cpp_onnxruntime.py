@@ -1,18 +1,16 @@
 """Tests of examples/cpp_onnxruntime, compiled against ONNX Runtime's headers, which `make cpp` fetches."""
 
 import os
-import re
 import shutil
-import subprocess
 import sys
-import textwrap
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from noise import MASKED_DISPLAY, masked_shot
+from commands import assert_code_is_of, ran, refused
+from noise import MASKED_DISPLAY, masked_shot, noise
 from supersampler import Frame, Shot, Upscaler
 from supersampler.methods.model_file import find_model
 
@@ -38,19 +36,14 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip(f"{' and '.join(missing)} cannot be found")
     folder = tmp_path_factory.mktemp("build")
     options = [f"-DCMAKE_PREFIX_PATH={onnx_runtime()}", "-DCMAKE_BUILD_TYPE=Release", "-Werror=dev"]
-    flags = {**os.environ, "CXXFLAGS": "-Werror"}
-    for command in (
-        ["cmake", "-S", str(EXAMPLE), "-B", str(folder), *options],
-        ["cmake", "--build", str(folder)],
-    ):
-        done = subprocess.run(command, env=flags, capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stdout + done.stderr
+    ran("cmake", "-S", EXAMPLE, "-B", folder, *options, CXXFLAGS="-Werror")
+    ran("cmake", "--build", folder)
     return folder / "upscale"
 
 
-def run(program: Path, model: str, *arguments: object) -> "subprocess.CompletedProcess[str]":
-    command = [str(program), str(find_model(model) / "step.onnx"), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+def upscale(program: Path, model: str, folder: Path, *options: str) -> tuple[object, ...]:
+    """Return the command that upscales folder/raw into folder/out."""
+    return program, find_model(model) / "step.onnx", folder / "raw", folder / "out", *options
 
 
 def image_of(folder: Path, name: str, size: tuple[int, int]) -> NDArray[np.float32]:
@@ -69,24 +62,17 @@ def plaza_images() -> list[NDArray[np.float32]]:
 def test_the_programs_images_of_the_shipped_shot_are_those_of_upscaler(
     program: Path, plaza_images: list[NDArray[np.float32]], tmp_path: Path, option: list[str]
 ) -> None:
-    shot = Shot.open("plaza").path
-    script = [sys.executable, *map(str, (EXAMPLE / "raw_planes.py", shot, tmp_path / "raw", FRAMES))]
-    subprocess.run(script, check=True, timeout=120)
-    done = run(program, "classifier", tmp_path / "raw", tmp_path / "out", *option)
-    assert done.returncode == 0, done.stderr
+    ran(sys.executable, EXAMPLE / "raw_planes.py", Shot.open("plaza").path, tmp_path / "raw", FRAMES)
+    ran(*upscale(program, "classifier", tmp_path, *option))
     for index, expected in enumerate(plaza_images):
         image = image_of(tmp_path / "out", f"{index:04d}", (640, 360))
         assert np.abs(image - expected).mean() <= TOLERANCE, index
 
 
-def test_classifier_large_pre_exposure_and_a_reactive_mask_give_the_images_of_upscaler(
-    program: Path, tmp_path: Path
-) -> None:
+def test_pre_exposure_and_a_reactive_mask_give_the_images_of_upscaler(program: Path, tmp_path: Path) -> None:
     shot = masked_shot(tmp_path / "shot")
-    script = [sys.executable, *map(str, (EXAMPLE / "raw_planes.py", shot.path, tmp_path / "raw"))]
-    subprocess.run(script, check=True, timeout=120)
-    done = run(program, "classifier-large", tmp_path / "raw", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
+    ran(sys.executable, EXAMPLE / "raw_planes.py", shot.path, tmp_path / "raw")
+    ran(*upscale(program, "classifier-large", tmp_path))
     upscaler = Upscaler("classifier-large", display_size=MASKED_DISPLAY, executor="onnx", validate="off")
     for item in shot:
         image = image_of(tmp_path / "out", f"{item.index:04d}", MASKED_DISPLAY)
@@ -106,27 +92,14 @@ def write_raw(folder: Path, frames: list[Frame], displays: list[tuple[int, int]]
     (folder / "frames.txt").write_text("".join(lines))
 
 
-def noise_frame(index: int, size: tuple[int, int], *, reset: bool) -> Frame:
-    random = np.random.default_rng(index)
-    shape = size[::-1]
-    return Frame(
-        color=random.uniform(0.0, 2.0, (*shape, 3)).astype(np.float32),
-        depth=random.uniform(0.01, 0.5, shape).astype(np.float32),
-        motion=random.normal(0.0, 1.0, (*shape, 2)).astype(np.float32),
-        jitter=(0.25, -0.125 * (index % 2)),
-        reset=reset,
-    )
-
-
-def test_a_new_render_size_keeps_the_history_and_a_cut_or_a_new_display_size_drops_it(
+def test_a_new_render_size_keeps_the_history_and_a_new_display_size_drops_it(
     program: Path, tmp_path: Path
 ) -> None:
     renders = [(64, 36), (64, 36), (80, 45), (72, 40), (64, 36), (64, 36), (64, 36)]
     displays = [(128, 72)] * 5 + [(121, 67)] * 2
-    frames = [noise_frame(i, size, reset=i in (0, 4)) for i, size in enumerate(renders)]
+    frames = [noise(i, size, reset=i in (0, 4)) for i, size in enumerate(renders)]
     write_raw(tmp_path / "raw", frames, displays)
-    done = run(program, "taau", tmp_path / "raw", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
+    ran(*upscale(program, "taau", tmp_path))
     for part in (slice(0, 5), slice(5, 7)):
         size = displays[part.start]
         upscaler = Upscaler("taau", display_size=size, executor="onnx", validate="off")
@@ -135,20 +108,20 @@ def test_a_new_render_size_keeps_the_history_and_a_cut_or_a_new_display_size_dro
             assert np.abs(image_of(tmp_path / "out", str(index), size) - expected).mean() <= TOLERANCE, index
 
 
-def test_the_program_reports_unsupported_input_in_one_line(program: Path, tmp_path: Path) -> None:
-    write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])
-    no_provider = run(program, "taau", tmp_path / "raw", tmp_path / "out", "--provider", "SNPE")
-    assert (no_provider.returncode, no_provider.stderr.count("\n")) == (1, 1)
-    assert "not supported in this build" in no_provider.stderr
-    no_buffers = run(program, "gbuffer-small", tmp_path / "raw", tmp_path / "out")
-    assert no_buffers.returncode == 1
-    assert no_buffers.stderr == "the frame has no gbuffer_base_color, which the graph takes\n"
-    extrapolation = run(program, "guided-warp", tmp_path / "raw", tmp_path / "out")
-    assert (extrapolation.returncode, extrapolation.stderr.count("\n")) == (1, 1)
-    assert "has the size 'shaded_" in extrapolation.stderr
-    (tmp_path / "raw/0.depth").write_bytes(b"short")
-    done = run(program, "taau", tmp_path / "raw", tmp_path / "out")
-    assert (done.returncode, done.stderr) == (1, "0.depth: has another size than frames.txt says\n")
+@pytest.fixture
+def one(tmp_path: Path) -> Path:
+    """A folder with a frame in raw/."""
+    write_raw(tmp_path / "raw", [noise(0, (64, 36))], [(128, 72)])
+    return tmp_path
+
+
+def test_the_program_reports_unsupported_input_in_one_line(program: Path, one: Path) -> None:
+    assert "not supported in this build" in refused(*upscale(program, "taau", one, "--provider", "SNPE"))
+    no_buffers = refused(*upscale(program, "gbuffer-small", one))
+    assert no_buffers == "the frame has no gbuffer_base_color, which the graph takes\n"
+    assert "has the size 'shaded_" in refused(*upscale(program, "guided-warp", one))
+    (one / "raw/0.depth").write_bytes(b"short")
+    assert refused(*upscale(program, "taau", one)) == "0.depth: has another size than frames.txt says\n"
 
 
 @pytest.mark.parametrize(
@@ -165,45 +138,30 @@ def test_the_program_reports_unsupported_input_in_one_line(program: Path, tmp_pa
         "0 64",
     ],
 )
-def test_a_tampered_list_of_frames_is_refused(program: Path, tmp_path: Path, line: str) -> None:
-    write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])
-    for file in (tmp_path / "raw").glob("0.*"):
-        shutil.copy(file, tmp_path / file.name)
-    (tmp_path / "raw/frames.txt").write_text(f"{line}\n")
-    done = run(program, "taau", tmp_path / "raw", tmp_path / "out")
-    assert (done.returncode, done.stderr) == (1, f"frames.txt: cannot be read: {line}\n")
-    assert {path.name for path in tmp_path.iterdir()} >= {"out", "raw"}
-    assert not list(tmp_path.rglob("*.image"))
+def test_a_tampered_list_of_frames_is_refused(program: Path, one: Path, line: str) -> None:
+    for file in (one / "raw").glob("0.*"):
+        shutil.copy(file, one / file.name)
+    (one / "raw/frames.txt").write_text(f"{line}\n")
+    assert refused(*upscale(program, "taau", one)) == f"frames.txt: cannot be read: {line}\n"
+    assert not list(one.rglob("*.image"))
 
 
-def test_the_library_writes_nothing_to_the_home_of_the_user(
-    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write_raw(tmp_path / "raw", [noise_frame(0, (64, 36), reset=True)], [(128, 72)])
-    (tmp_path / "home").mkdir()
-    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+def test_the_library_leaves_the_home_alone(program: Path, one: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (one / "home").mkdir()
     monkeypatch.delenv("ORT_DISABLE_TELEMETRY", raising=False)
-    assert run(program, "taau", tmp_path / "raw", tmp_path / "out").returncode == 0
-    assert not list((tmp_path / "home").rglob("*"))
+    ran(*upscale(program, "taau", one), HOME=str(one / "home"))
+    assert not list((one / "home").rglob("*"))
 
 
 def test_a_python_without_onnxruntime_is_named_before_headers_are_fetched(tmp_path: Path) -> None:
     bare = tmp_path / "python"
     bare.write_text(f'#!/bin/sh\nexec "{sys.executable}" -I -S "$@"\n')
     bare.chmod(0o755)
-    command = ["sh", str(EXAMPLE / "get_onnxruntime.sh"), str(tmp_path / "made"), str(bare)]
-    done = subprocess.run(command, env={"PATH": "/bin:/usr/bin"}, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert done.stderr.startswith(f"{bare} has no onnxruntime")
+    said = refused("sh", EXAMPLE / "get_onnxruntime.sh", tmp_path / "made", bare)
+    assert said.startswith(f"{bare} has no onnxruntime")
     assert not (tmp_path / "made").exists()
 
 
 def test_the_code_on_the_page_is_that_of_the_example() -> None:
-    page = (ROOT / "docs/how-to/onnx-in-cpp.md").read_text("utf-8")
-    sources = [(EXAMPLE / name).read_text("utf-8") for name in ("upscaler.hpp", "upscale.cpp")]
-    lines = ["\n".join(line.strip() for line in source.splitlines()) for source in sources]
-    snippets = re.findall("```cpp\n(.*?)```", page, re.DOTALL)
-    assert len(snippets) >= 5
-    for snippet in snippets:
-        wanted = "\n".join(line.strip() for line in textwrap.dedent(snippet).strip().splitlines())
-        assert any(wanted in source for source in lines), snippet
+    files = (EXAMPLE / "upscaler.hpp", EXAMPLE / "upscale.cpp")
+    assert_code_is_of(ROOT / "docs/how-to/onnx-in-cpp.md", "cpp", files, 5)

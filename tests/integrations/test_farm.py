@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from commands import finished, ran
 from supersampler.io.display import decibels, display_transform
 from upscale_runs import pixels, upscale, write_shot
 
@@ -29,20 +30,10 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def whole(shot: Path) -> Path:
-    """Images of one run over the whole shot."""
-    folder = shot.parent / "whole"
-    upscale(shot, folder, "--preroll", PREROLL, "--threads", 1, method=METHOD)
-    return folder
-
-
-@pytest.fixture(scope="module")
 def chunks(shot: Path) -> tuple[Path, str]:
     """Images of a job, and what its session printed."""
     folder = shot.parent / "job"
-    done = subprocess.run(job(shot, folder), capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return folder, done.stdout
+    return folder, ran(*job(shot, folder))
 
 
 def job(shot: Path, output: Path, *options: str) -> list[str]:
@@ -79,7 +70,9 @@ def kill_with_descendants(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def test_a_job_of_chunks_has_the_images_of_one_run(whole: Path, chunks: tuple[Path, str]) -> None:
+def test_a_job_of_chunks_has_the_images_of_one_run(shot: Path, chunks: tuple[Path, str]) -> None:
+    whole = shot.parent / "whole"
+    upscale(shot, whole, "--preroll", PREROLL, "--threads", 1, method=METHOD)
     for index, (image, other) in enumerate(zip(images(chunks[0]), images(whole), strict=True)):
         if index < CHUNK:
             assert np.array_equal(image, other), index
@@ -104,8 +97,7 @@ def test_a_killed_worker_of_two_is_restarted(shot: Path, chunks: tuple[Path, str
     assert (output / "0008.exr").exists()
     assert not (output / "0023.exr").exists()
     kept = (output / "0008.exr").stat().st_mtime_ns
-    again = subprocess.run(commands[1], capture_output=True, text=True, check=False)
-    assert again.returncode == 0, again.stdout + again.stderr
+    ran(*commands[1])
     assert first.wait(60.0) == 0
     assert (output / "0008.exr").stat().st_mtime_ns == kept
     for index, (image, other) in enumerate(zip(images(output), images(chunks[0]), strict=True)):
@@ -113,8 +105,7 @@ def test_a_killed_worker_of_two_is_restarted(shot: Path, chunks: tuple[Path, str
 
 
 def test_a_failing_chunk_fails_the_job(shot: Path) -> None:
-    command = job(shot, shot.parent / "missing", *tasks("0-7"), "-p", "Options=--method nothing")
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = finished(*job(shot, shot.parent / "missing", *tasks("0-7"), "-p", "Options=--method nothing"))
     assert done.returncode != 0
     assert "nothing" in done.stdout
 
@@ -122,6 +113,5 @@ def test_a_failing_chunk_fails_the_job(shot: Path) -> None:
 def test_a_shot_with_wrong_signs_begins_no_chunk(shot: Path) -> None:
     output = shot.parent / "wrong"
     wrong = "ShotOptions=--conventions streamline"  # the layout does not take it
-    done = subprocess.run(job(shot, output, "-p", wrong), capture_output=True, text=True, check=False)
-    assert done.returncode != 0
+    assert finished(*job(shot, output, "-p", wrong)).returncode != 0
     assert not output.exists()

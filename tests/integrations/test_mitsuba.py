@@ -2,11 +2,12 @@
 
 import importlib.util
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from commands import finished, ran
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCRIPT = EXAMPLES / "mitsuba_sequence.py"
@@ -15,7 +16,7 @@ SCRIPT = EXAMPLES / "mitsuba_sequence.py"
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba is not installed here")
 def test_the_history_averages_the_noise_of_a_path_tracer() -> None:
     options = ["--size", "48", "--frames", "12", "--samples", "1", "4", "--reference-samples", "64"]
-    done = subprocess.run([sys.executable, SCRIPT, *options], capture_output=True, text=True, timeout=300)
+    done = finished(sys.executable, SCRIPT, *options)
     if done.returncode and "LLVM" in done.stderr:
         pytest.skip(f"Mitsuba has no LLVM that works here: {done.stderr.splitlines()[0]}")
     assert done.returncode == 0, done.stderr
@@ -30,11 +31,9 @@ def test_the_history_averages_the_noise_of_a_path_tracer() -> None:
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba is not installed here")
 @pytest.mark.skipif(importlib.util.find_spec("pyoidn") is None, reason="pyoidn is not installed here")
 def test_neighbours_denoise_what_a_path_tracer_renders(tmp_path: Path) -> None:
-    options = ["-o", str(tmp_path), "--size", "64", "--frames", "9", "--reference-samples", "256"]
-    command = [sys.executable, str(EXAMPLES / "mitsuba_denoise.py"), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    rendered, alone, over_time = map(float, re.findall(r"([\d.]+) dB", done.stdout))
+    options = ("--size", 64, "--frames", 9, "--reference-samples", 256)
+    said = ran(sys.executable, EXAMPLES / "mitsuba_denoise.py", "-o", tmp_path, *options)
+    rendered, alone, over_time = map(float, re.findall(r"([\d.]+) dB", said))
     assert alone > rendered + 5
     assert over_time > alone + 0.3
     assert (tmp_path / "0008.exr").exists()

@@ -2,44 +2,40 @@
 
 import importlib.util
 import os
-import subprocess
 import sys
+from argparse import Namespace
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
-from supersampler import Frame, Upscaler, halton_jitter
+from commands import finished
+from native_build import module_of
+from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.images import read_image
-
-TABLE = 1  # id of the last of the large geoms that stand
-SCRIPT = Path(__file__).parents[2] / "examples" / "mujoco_cameras.py"
 
 if importlib.util.find_spec("mujoco") is None:
     pytest.skip("mujoco is not installed here", allow_module_level=True)
 if sys.platform == "linux":
     os.environ.setdefault("MUJOCO_GL", "egl")
+import mujoco
+
+TABLE = 1  # id of the last of the large geoms that stand
+SCRIPT = Path(__file__).parents[2] / "examples" / "mujoco_cameras.py"
 
 
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("mujoco_cameras", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of(SCRIPT)
 
 
 def test_images_are_closer_to_the_reference_than_those_of_msaa(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import argparse
-
     options = {"cameras": 4, "size": 192, "frames": 33, "model": "classifier", "score_every": 8}
-    example.main(argparse.Namespace(**options, output=tmp_path))
+    example.main(Namespace(**options, output=tmp_path))
     lines = dict(line.split(": ") for line in capsys.readouterr().out.splitlines())
     upscaled, nearest = (float(lines[f"PSNR {name}, dB"]) for name in ("upscaled", "nearest"))
     assert upscaled > nearest + 3.0, lines
@@ -50,13 +46,11 @@ def test_images_are_closer_to_the_reference_than_those_of_msaa(
     assert picture.std() > 0.1
 
 
-def test_a_short_run_prints_times_and_writes_its_image(
+def test_a_short_run_writes_its_image(
     example: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import argparse
-
     options = {"cameras": 1, "size": 64, "frames": 1, "model": "taau", "score_every": 8}
-    example.main(argparse.Namespace(**options, output=tmp_path))
+    example.main(Namespace(**options, output=tmp_path))
     names = [line.split(": ")[0] for line in capsys.readouterr().out.splitlines()]
     assert names == ["rendered small", "step_many", "rendered in full"]
     assert (tmp_path / "cameras.png").exists()
@@ -70,14 +64,11 @@ def test_a_short_run_prints_times_and_writes_its_image(
     ],
 )
 def test_no_frames_and_odd_sizes_are_refused(options: list[str], message: str) -> None:
-    command = [sys.executable, str(SCRIPT), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = finished(sys.executable, SCRIPT, *options)
     assert (done.returncode, done.stderr.endswith(message)) == (2, True), done.stderr
 
 
 def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleType) -> None:
-    import mujoco
-
     renderer = example.make_renderer(128, samples=0)
     data = mujoco.MjData(renderer.model)
     view = example.View(1, 4)  # it orbits
@@ -91,6 +82,21 @@ def test_motion_leads_to_the_same_surface_in_the_previous_frame(example: ModuleT
     wrong_still = part_of_other_ids(before, frame, np.zeros_like(frame.motion))
     assert wrong < 0.2, wrong
     assert wrong_still > 0.4, wrong_still
+
+
+def test_a_site_moves_with_its_body(example: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    falling = '<freejoint/><geom size=".02" contype="0" conaffinity="0"/><site size=".15"/>'
+    monkeypatch.setattr(example, "BODIES", f'<body pos="0 0 1">{falling}</body>')
+    renderer, view = example.make_renderer(64, samples=0), example.View(0, 1)
+    data, centers = mujoco.MjData(renderer.model), []
+    for index in range(2):
+        mujoco.mj_step(renderer.model, data, nstep=60)
+        frame = view.frame(renderer, data, data.time, halton_jitter(index, 2.0))
+        camera = view.aim(renderer, data, data.time, (0.0, 0.0))
+        centers.append(camera.pixels(data.site_xpos[0] - camera.position, 64))
+    motion = frame.motion[frame.ids[..., 1] == mujoco.mjtObj.mjOBJ_SITE]
+    assert np.abs(centers[0] - centers[1]).max() > 2.0
+    np.testing.assert_allclose(motion.mean(axis=0), centers[0] - centers[1], rtol=0.2, atol=0.1)
 
 
 def part_of_other_ids(before: Frame, frame: Frame, motion: Float32) -> float:
@@ -107,13 +113,11 @@ def part_of_other_ids(before: Frame, frame: Frame, motion: Float32) -> float:
 
 
 def test_ids_of_images_are_ids_of_the_simulation(example: ModuleType) -> None:
-    import mujoco
-
     renderer = example.make_renderer(96, samples=0)
     data = mujoco.MjData(renderer.model)
     views = [example.View(index, 3) for index in range(3)]
-    upscalers = [Upscaler("taau", display_size=(192, 192), threads=1) for _ in range(1)]
-    upscalers += [Upscaler(upscalers[0].model, display_size=(192, 192)) for _ in range(2)]
+    model = Model.load("taau", threads=1)
+    upscalers = [Upscaler(model, display_size=(192, 192)) for _ in range(3)]
     for index in range(4):
         mujoco.mj_step(renderer.model, data, nstep=10)
         frames = [view.frame(renderer, data, data.time, halton_jitter(index, 2.0)) for view in views]

@@ -2,13 +2,12 @@
 
 import shutil
 import subprocess
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from commands import ran
 from supersampler.integrations.web import THREE_VERSION, package_files, serving, write_site
 from supersampler_export.shaders.folder import shader_files
 from web_page import FolderFiles
@@ -48,11 +47,6 @@ if (haltonJitter(0, 2).length === 2) document.title = "ready";
 """
 
 
-def run(folder: Path, *command: str) -> None:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, f"{' '.join(command)}\n{done.stdout}{done.stderr}"
-
-
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with the packed package, installed as from the registry."""
@@ -60,7 +54,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("npm is not installed here")
     folder = tmp_path_factory.mktemp("vite")
     write_site(folder / "package", package_files(["classifier", "taau"], shader_files))
-    run(folder, "npm", "pack", "./package", "--silent")
+    ran("npm", "pack", "./package", "--silent", folder=folder)
     (packed,) = folder.glob("supersampler-*.tgz")
     project = folder / "project"
     project.mkdir()
@@ -68,7 +62,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (project / "index.html").write_text(INDEX)
     (project / "main.ts").write_text(MAIN)
     packages = (f"three@{THREE_VERSION}", *TOOLS, f"../{packed.name}")
-    run(project, "npm", "install", "--silent", "--no-audit", "--no-fund", *packages)
+    ran("npm", "install", "--silent", "--no-audit", "--no-fund", *packages, folder=project)
     return project
 
 
@@ -85,26 +79,21 @@ def check(browser: "Browser", address: str) -> None:
 
 def test_types_are_those_that_the_compiler_expects(project: Path) -> None:
     options = "--noEmit --strict --skipLibCheck --target esnext --module esnext --moduleResolution bundler"
-    run(project, "npx", "tsc", *options.split(), "--types", "@webgpu/types", "--lib", "esnext,dom", "main.ts")
+    types = ("--types", "@webgpu/types", "--lib", "esnext,dom")
+    ran("npx", "tsc", *options.split(), *types, "main.ts", folder=project)
 
 
 def test_a_built_page_upscales(project: Path, browser: "Browser") -> None:
-    run(project, "npx", "vite", "build", "--base", "./", "--target", "esnext")
+    ran("npx", "vite", "build", "--base", "./", "--target", "esnext", folder=project)
     with serving(FolderFiles(project / "dist")) as url:
         check(browser, url)
 
 
 def test_the_page_of_the_development_server_upscales(project: Path, browser: "Browser") -> None:
-    with development_server(project) as url:
-        check(browser, url)
-
-
-@contextmanager
-def development_server(project: Path) -> Iterator[str]:
     command = ["npx", "vite", "--host", "127.0.0.1", "--port", "0", "--clearScreen", "false"]
     with subprocess.Popen(command, cwd=project, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         lines = iter(server.stdout.readline, "")
         line = next(line for line in lines if "http://" in line)
-        yield "http://" + line.split("http://")[1].split()[0]
+        check(browser, "http://" + line.split("http://")[1].split()[0])
         server.terminate()

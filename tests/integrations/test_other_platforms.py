@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from OpenImageIO import ImageBuf
 
+from commands import ran
 from native_build import SOURCES, native_build
 from supersampler import Shot, Upscaler
 from supersampler.io.display import display_transform, to_uint8
@@ -32,15 +33,12 @@ class Platform(NamedTuple):
 
     def run(self, program: Path, *arguments: object, **variables: str) -> None:
         command = [*self.emulator, str(program), *map(str, arguments)]
-        environment = {
-            **os.environ,
-            "WINEDEBUG": "-all",
-            "WINEPREFIX": str(self.folder / "wine"),
-            **variables,
-        }
+        wine = {"WINEDEBUG": "-all", "WINEPREFIX": str(self.folder / "wine")}
         said = self.folder / "said.txt"  # a pipe would wait for Wine's server
         with said.open("w") as file:
-            done = subprocess.run(command, stdout=file, stderr=file, timeout=1700, env=environment)
+            done = subprocess.run(
+                command, stdout=file, stderr=file, timeout=1700, env=os.environ | wine | variables
+            )
         assert done.returncode == 0, said.read_text()
 
 
@@ -82,19 +80,10 @@ def test_images_are_those_of_this_machine(platform: Platform, tmp_path: Path) ->
     shot = Shot.open("plaza")
     raw, out, program = tmp_path / "raw", tmp_path / "out", platform.folder / "upscale.exe"
     out.mkdir()
-    script = [
-        sys.executable,
-        str(ROOT / "examples/cpp_onnxruntime/raw_planes.py"),
-        str(shot.path),
-        str(raw),
-        str(FRAMES),
-    ]
-    subprocess.run(script, check=True, timeout=100)
+    ran(sys.executable, ROOT / "examples/cpp_onnxruntime/raw_planes.py", shot.path, raw, FRAMES)
     compiler = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target, "-O2", "-std=c99"]
-    sources = [str(ROOT / "examples/c_cpu/upscale.c"), f"-I{SOURCES / 'include'}", f"-L{platform.folder}"]
-    subprocess.run(
-        [*compiler, *sources, "-lsupersampler", "-lm", "-o", str(program)], check=True, timeout=250
-    )
+    sources = [ROOT / "examples/c_cpu/upscale.c", f"-I{SOURCES / 'include'}", f"-L{platform.folder}"]
+    ran(*compiler, *sources, "-lsupersampler", "-lm", "-o", program)
     for method in ("taau", "classifier"):
         platform.run(program, raw, out, method, QEMU_SET_ENV=f"LD_LIBRARY_PATH={platform.folder}")
         upscaler = Upscaler(method, display_size=(640, 360), executor="cpu")

@@ -62,9 +62,13 @@ def test_a_turning_model_is_close_to_its_reference(viewer: list[object], tmp_pat
     assert left.std() > 15.0, "something is seen"
 
 
-def test_a_model_that_does_not_ship_is_named(viewer: list[object]) -> None:
-    done = subprocess.run(
-        [str(part) for part in (*viewer, "-m", "other")], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 1
-    assert "there is no model 'other' in this library" in done.stderr
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [(("-m", "other"), "there is no model 'other' in this library"), (("-n", "many"), "viewer: -n many: ")],
+)
+def test_options_that_it_does_not_know_are_named(
+    viewer: list[object], option: tuple[str, str], message: str
+) -> None:
+    command = [str(part) for part in (*viewer, *option)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, message in done.stderr) == (1, True), done.stderr

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,23 +26,44 @@ WITHOUT_GPU = "Object.defineProperty(navigator, 'gpu', {value: undefined})"
 pytest_plugins = ["chromium_fixtures"]  # fixtures
 
 
+@pytest.fixture
+def any_page(browser: "Browser") -> "Iterator[Page]":
+    """A page that may log errors."""
+    page = browser.new_page()
+    page.set_default_timeout(180_000)
+    yield page
+    page.close()
+
+
+def choose(page: "Page", name: str, value: str) -> str:
+    """Choose a value, wait, and return the note that is then shown, if any."""
+    page.select_option(f"[name={name}]", value)
+    return note_after(page)
+
+
+def note_after(page: "Page") -> str:
+    page.evaluate("supersamplerDemo.settled()")
+    return page.inner_text("#note") if page.is_visible("#note") else ""
+
+
+def click_single(page: "Page") -> None:
+    page.click("[name=single]")
+    page.evaluate("supersamplerDemo.settled()")
+
+
 @pytest.mark.parametrize(
     ("method", "frames"),
     [("taa", 3), ("taau", 3), ("classifier-small", 2), ("classifier", 2), ("classifier-large", 2)],
 )
-def test_images_of_the_shipped_shot_are_those_of_the_gpu_backend(
-    page: "Page", url: str, method: str, frames: int
-) -> None:
+def test_images_are_those_of_the_gpu_backend(page: "Page", url: str, method: str, frames: int) -> None:
     pytest.importorskip("wgpu")
-    shot = Shot.open("plaza")
-    assert shot.display_size is not None
+    shot: Any = Shot.open("plaza")
     upscaler = Upscaler(method, display_size=shot.display_size, executor="gpu", validate="off")
     opened(page, f"{url}?test&source=shot&method={method}")
     for index in range(frames):
         if index:
             page.evaluate("supersamplerDemo.step(1)")
-        frame = shot.read(index).frame
-        assert frame.exposure is not None
+        frame: Any = shot.read(index).frame
         shown = display_transform(read(page, "read('ours')", shot.display_size), frame.exposure)
         expected = display_transform(upscaler.step(frame), frame.exposure)
         assert np.abs(shown - expected).mean() < 1e-3, index
@@ -49,7 +71,7 @@ def test_images_of_the_shipped_shot_are_those_of_the_gpu_backend(
 
 
 @pytest.mark.parametrize(("method", "gain_db"), [("taau", 2.5), ("classifier-small", 2.0)])
-def test_the_live_scene_under_a_moving_camera_comes_close_to_its_supersampled_rendering(
+def test_the_live_scene_comes_close_to_its_reference(
     page: "Page", url: str, method: str, gain_db: float
 ) -> None:
     opened(page, f"{url}?test&size=320x180&method={method}")
@@ -73,8 +95,7 @@ def test_the_split_shows_one_view_left_and_the_other_right(page: "Page", url: st
     opened(page, f"{url}?test&size=320x180&method=taau&left=input&right=ours")
     page.evaluate("supersamplerDemo.step(8)")
     page.add_style_tag(content="#split, #stage select { visibility: hidden }")
-    box = page.locator("#stage").bounding_box()
-    assert box is not None
+    box: Any = page.locator("#stage").bounding_box()
 
     def shown(at: float) -> Float32:
         page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
@@ -97,42 +118,32 @@ def test_the_split_shows_one_view_left_and_the_other_right(page: "Page", url: st
 
 def test_method_ratio_and_size_can_be_changed_and_frames_stepped(page: "Page", url: str) -> None:
     opened(page, f"{url}?test&size=320x180&method=taau&right=truth")
-
-    def change(name: str, value: str) -> dict[str, Any]:
-        page.select_option(f"[name={name}]", value)
-        page.evaluate("supersamplerDemo.settled()")
-        assert not page.is_visible("#note"), page.inner_text("#note")
-        state: dict[str, Any] = page.evaluate("supersamplerDemo.state")
-        return state
-
-    assert change("ratio", "3")["size"] == [107, 60]
-    assert change("ratio", "1.5")["size"] == [213, 120]
-    assert change("method", "taa")["method"] == "taa"
-    assert change("size", "640x360")["displaySize"] == [640, 360]
-    assert change("source", "shot")["size"] == [320, 180]
+    for name, value, key, wanted in (
+        ("ratio", "3", "size", [107, 60]),
+        ("ratio", "1.5", "size", [213, 120]),
+        ("method", "taa", "method", "taa"),
+        ("size", "640x360", "displaySize", [640, 360]),
+        ("source", "shot", "size", [320, 180]),
+    ):
+        assert choose(page, name, value) == ""
+        assert page.evaluate("supersamplerDemo.state")[key] == wanted
     assert not page.is_visible("[name=ratio]"), "a shot has its own"
-    assert change("source", "live")["displaySize"] == [640, 360]
+    assert choose(page, "source", "live") == ""
+    assert page.evaluate("supersamplerDemo.state.displaySize") == [640, 360]
     jitter = page.evaluate("supersamplerDemo.state.jitter")
-    page.click("[name=single]")
-    page.evaluate("supersamplerDemo.settled()")
+    click_single(page)
     assert page.evaluate("supersamplerDemo.state.jitter") != jitter
     assert "upscaling" in page.inner_text("#times")
 
 
 def test_an_unsupported_ratio_is_reported_and_the_next_choice_works(page: "Page", url: str) -> None:
     opened(page, f"{url}?test&size=320x180&method=classifier-large&ratio=none")
-    page.select_option("[name=ratio]", "3")
-    page.evaluate("supersamplerDemo.settled()")
-    assert "1 to 2 times less than the display" in page.inner_text("#note")
-    page.select_option("[name=ratio]", "1.5")
-    page.evaluate("supersamplerDemo.settled()")
-    assert not page.is_visible("#note"), page.inner_text("#note")
+    assert "1 to 2 times less than the display" in choose(page, "ratio", "3")
+    assert choose(page, "ratio", "1.5") == ""
     assert page.evaluate("supersamplerDemo.state")["size"] == [213, 120]
 
 
-def test_without_webgpu_the_page_says_so_and_the_cpu_library_upscales(
-    page: "Page", url: str, tmp_path: Path
-) -> None:
+def test_without_webgpu_the_cpu_library_upscales(page: "Page", url: str, tmp_path: Path) -> None:
     page.add_init_script(WITHOUT_GPU)
     page.goto(f"{url}?method=taau&left=input&right=ours")
     page.wait_for_function("performance.getEntriesByName('first-image').length > 1")
@@ -145,7 +156,7 @@ def test_without_webgpu_the_page_says_so_and_the_cpu_library_upscales(
 
 
 @pytest.mark.parametrize(("method", "mean"), [("taau", 1e-5), ("classifier", 1e-3)])
-def test_the_cpu_library_in_webassembly_computes_the_images_of_the_cpu_backend(
+def test_webassembly_computes_the_images_of_the_cpu_backend(
     page: "Page", url: str, method: str, mean: float
 ) -> None:
     page.add_init_script(WITHOUT_GPU)
@@ -178,36 +189,30 @@ def test_the_cpu_library_in_webassembly_computes_the_images_of_the_cpu_backend(
 
 
 @pytest.mark.parametrize("file", ["models/taau.js", "scene/scene.wgsl", "page/present.wgsl"])
-def test_a_shader_that_does_not_compile_is_shown_with_the_adapter(
-    browser: "Browser", url: str, site: Path, file: str
-) -> None:
+def test_a_broken_shader_is_shown_with_the_adapter(any_page: "Page", url: str, site: Path, file: str) -> None:
     broken = re.sub(r"(fn \w+)\(", r"\1((", (site / file).read_text("utf-8"))
-    page = browser.new_page()
-    page.route(f"**/{file}", lambda route: route.fulfill(body=broken, content_type=TYPES[Path(file).suffix]))
-    page.goto(f"{url}?method=taau")
-    page.wait_for_function("document.getElementById('note').textContent.includes('wgsl')", timeout=60_000)
-    note = page.inner_text("#note")
-    page.close()
+    kind = TYPES[Path(file).suffix]
+    any_page.route(f"**/{file}", lambda route: route.fulfill(body=broken, content_type=kind))
+    any_page.goto(f"{url}?method=taau")
+    any_page.wait_for_function("document.getElementById('note').textContent.includes('wgsl')")
+    note = any_page.inner_text("#note")
     assert "swiftshader" in note
     assert "The live scene needs WebGPU." in note, "the fallback follows"
 
 
 @pytest.mark.parametrize("loss", ["destroyed", "crashed"])
-def test_where_the_gpu_is_lost_the_page_says_so_and_goes_on_without(
-    browser: "Browser", url: str, loss: str
+def test_where_the_gpu_is_lost_the_page_goes_on_without(
+    browser: "Browser", any_page: "Page", url: str, loss: str
 ) -> None:
-    page = browser.new_page()
-    page.set_default_timeout(180_000)
-    page.goto(f"{url}?test&size=320x180&method=taau")
-    page.wait_for_function("window.supersamplerDemo")
+    any_page.goto(f"{url}?test&size=320x180&method=taau")
+    any_page.wait_for_function("window.supersamplerDemo")
     if loss == "destroyed":
-        page.evaluate("supersamplerDemo.comparison.device.destroy()")
+        any_page.evaluate("supersamplerDemo.comparison.device.destroy()")
     else:
         browser.new_browser_cdp_session().send("Browser.crashGpuProcess")
-    page.wait_for_function("document.getElementById('note').textContent.includes('Load the page again')")
-    page.wait_for_function("document.getElementById('times').textContent.includes('frame 2')")
-    note = page.inner_text("#note")
-    page.close()
+    for place, text in (("note", "Load the page again"), ("times", "frame 2")):
+        any_page.wait_for_function(f"document.getElementById('{place}').textContent.includes('{text}')")
+    note = any_page.inner_text("#note")
     assert "was lost" in note
     assert "the CPU library upscales the shipped shot" in note
 
@@ -234,39 +239,27 @@ def test_where_memory_is_short_the_page_says_so_and_a_smaller_size_works(page: "
         """
     )
     opened(page, f"{url}?test&size=320x180&method=taau")
-    page.select_option("[name=size]", "1280x720")
-    page.evaluate("supersamplerDemo.settled()")
-    assert "not enough memory for this size (allocation failed). Choose a smaller one." in page.inner_text(
-        "#note"
-    )
-    page.select_option("[name=size]", "320x180")
-    page.evaluate("supersamplerDemo.settled()")
-    assert not page.is_visible("#note"), page.inner_text("#note")
+    short = "not enough memory for this size (allocation failed). Choose a smaller one."
+    assert short in choose(page, "size", "1280x720")
+    assert choose(page, "size", "320x180") == ""
 
 
 def test_the_times_of_the_stages_add_up(page: "Page", url: str) -> None:
     opened(page, f"{url}?test&size=320x180&method=taau")
-    page.click("[name=single]")
-    page.evaluate("supersamplerDemo.settled()")
-    page.click("[name=single]")
-    page.evaluate("supersamplerDemo.settled()")
-    found = re.match(
-        r"GPU ([\d.]+) ms: rendering ([\d.]+), upscaling ([\d.]+), showing the views ([\d.]+); a frame every",
-        page.inner_text("#times"),
-    )
+    click_single(page)
+    click_single(page)
+    text = r"GPU ([\d.]+) ms: rendering ([\d.]+), upscaling ([\d.]+), showing the views ([\d.]+); a frame "
+    found = re.match(text, page.inner_text("#times"))
     assert found is not None, page.inner_text("#times")
     total, *stages = map(float, found.groups())
     assert total == pytest.approx(sum(stages), abs=0.011)
-    assert (
-        page.inner_text("#facts") == "Rendered at 160x90, shown at 320x180: 25 % of the pixels are rendered."
-    )
+    facts = "Rendered at 160x90, shown at 320x180: 25 % of the pixels are rendered."
+    assert page.inner_text("#facts") == facts
 
 
-def test_a_page_that_is_opened_as_a_file_asks_for_a_server(browser: "Browser", site: Path) -> None:
-    page = browser.new_page()
-    page.goto((site / "index.html").as_uri())
-    assert "from a server only" in page.inner_text("#note")
-    page.close()
+def test_a_page_that_is_opened_as_a_file_asks_for_a_server(any_page: "Page", site: Path) -> None:
+    any_page.goto((site / "index.html").as_uri())
+    assert "from a server only" in any_page.inner_text("#note")
 
 
 def test_the_code_of_the_tutorial_runs(page: "Page", url: str, site: Path) -> None:
@@ -281,11 +274,16 @@ def test_the_code_of_the_tutorial_runs(page: "Page", url: str, site: Path) -> No
     assert page.evaluate("window.calls") == 4
 
 
-WITH_THREE = pytest.mark.skipif(not NODE_MODULES, reason="SUPERSAMPLER_NODE_MODULES has no three")
+@pytest.fixture
+def three(url: str) -> str:
+    """The address of the page of three.js."""
+    if not NODE_MODULES:
+        pytest.skip("SUPERSAMPLER_NODE_MODULES has no three")
+    return f"{url}three.html"
 
 
-def three_page(page: "Page", url: str, query: str) -> "Page":
-    page.goto(f"{url}three.html?test&size=320x180&{query}")
+def three_page(page: "Page", three: str, method: str = "taau") -> "Page":
+    page.goto(f"{three}?test&size=320x180&method={method}")
     page.wait_for_function("window.threeDemo || !document.getElementById('note').hidden")
     assert not page.is_visible("#note"), page.inner_text("#note")
     page.evaluate("threeDemo.ready()")
@@ -296,11 +294,10 @@ def three_image(page: "Page", call: str) -> Float32:
     return pixels(page.evaluate(f"threeDemo.{call}"), (320, 180))
 
 
-@WITH_THREE
-def test_the_node_for_three_js_is_better_than_its_own(page: "Page", url: str) -> None:
+def test_the_node_for_three_js_is_better_than_its_own(page: "Page", three: str) -> None:
     found = {}
     for method in ("bilinear", "three-taau", "taau"):
-        three_page(page, url, f"method={method}")
+        three_page(page, three, method)
         images = [three_image(page, "step()") for _ in range(16)]
         found[method] = images[-1]
     truth = three_image(page, "reference(32)")
@@ -309,9 +306,8 @@ def test_the_node_for_three_js_is_better_than_its_own(page: "Page", url: str) ->
     assert errors["taau"] > errors["bilinear"] + 1.5, errors
 
 
-@WITH_THREE
-def test_the_node_follows_new_sizes_and_drops_the_history_at_a_cut(page: "Page", url: str) -> None:
-    three_page(page, url, "method=taau")
+def test_the_node_follows_new_sizes_and_drops_the_history_at_a_cut(page: "Page", three: str) -> None:
+    three_page(page, three)
     for _ in range(8):
         before = three_image(page, "step()")
     page.evaluate("threeDemo.renderer.toneMappingExposure = 0")  # a film that fades to black
@@ -339,27 +335,24 @@ def with_node(page: "Page", beauty: str = "beautyNode", camera: str = "camera", 
     )
 
 
-@WITH_THREE
-def test_effects_may_lie_between_the_pass_and_the_node(page: "Page", url: str) -> None:
+def test_effects_may_lie_between_the_pass_and_the_node(page: "Page", three: str) -> None:
     images = []
     for beauty in ("beautyNode", "beautyNode.mul(1)"):
-        with_node(three_page(page, url, "method=taau"), beauty)
+        with_node(three_page(page, three), beauty)
         page.evaluate("threeDemo.ready()")
         images.append([three_image(page, "step()") for _ in range(3)][-1])
     assert psnr(*images) > 40.0
 
 
-@WITH_THREE
-def test_the_pass_can_be_shown_beside_the_node(page: "Page", url: str) -> None:
-    with_node(three_page(page, url, "method=taau"), output="node.sub(beautyNode).abs()")
+def test_the_pass_can_be_shown_beside_the_node(page: "Page", three: str) -> None:
+    with_node(three_page(page, three), output="node.sub(beautyNode).abs()")
     page.evaluate("threeDemo.ready()")
     assert three_image(page, "step()").mean() > 1e-3, "shown by one texture, they would not differ"
 
 
-@WITH_THREE
 @pytest.mark.parametrize("near", [0, -50])
-def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", url: str, near: int) -> None:
-    three_page(page, url, "method=taau")
+def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", three: str, near: int) -> None:
+    three_page(page, three)
     with_node(page, camera=f"new THREE.OrthographicCamera(-3, 3, 2, -2, {near}, 60)")
     page.evaluate("threeDemo.ready()")
     page.evaluate("threeDemo.step()")
@@ -369,26 +362,22 @@ def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", url: s
     assert max(depths) > 0.0
 
 
-@WITH_THREE
-def test_a_node_that_is_disposed_while_it_loads_keeps_nothing(page: "Page", url: str) -> None:
-    with_node(three_page(page, url, "method=taau"))
+def test_a_node_that_is_disposed_while_it_loads_keeps_nothing(page: "Page", three: str) -> None:
+    with_node(three_page(page, three))
     page.evaluate("threeDemo.step()")
     page.evaluate("threeDemo.upscaled.dispose()")
     page.evaluate("threeDemo.upscaled.ready")
     assert page.evaluate("threeDemo.upscaled._upscaler") is None
 
 
-@WITH_THREE
-def test_a_second_node_that_jitters_is_refused(browser: "Browser", url: str) -> None:
-    page, said = browser.new_page(), []
-    page.on("console", lambda message: said.append(message.text))
-    with_node(three_page(page, url, "method=taau"), "threeDemo.upscaled")
-    page.evaluate("threeDemo.step()")
-    page.close()
+def test_a_second_node_that_jitters_is_refused(any_page: "Page", three: str) -> None:
+    said: list[str] = []
+    any_page.on("console", lambda message: said.append(message.text))
+    with_node(three_page(any_page, three), "threeDemo.upscaled")
+    any_page.evaluate("threeDemo.step()")
     assert any("the render pipeline is jittered by another node" in text for text in said)
 
 
-@WITH_THREE
 @pytest.mark.parametrize(
     ("script", "query", "reason"),
     [
@@ -402,50 +391,36 @@ def test_a_second_node_that_jitters_is_refused(browser: "Browser", url: str) -> 
     ],
 )
 def test_where_the_node_cannot_run_it_says_so_and_three_js_upscales(
-    browser: "Browser", url: str, script: str, query: str, reason: str
+    any_page: "Page", three: str, script: str, query: str, reason: str
 ) -> None:
-    page, said = browser.new_page(), []
-    page.set_default_timeout(180_000)
-    page.add_init_script(script)
-    page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-    with page.expect_console_message(lambda message: message.text.startswith("supersampler:")):
-        page.goto(f"{url}three.html?size=320x180&method=taau{query}")
-    page.wait_for_timeout(1000)
-    assert not page.is_visible("#note"), page.inner_text("#note")
-    page.close()
-    mine = [text for text in said if text.startswith("supersampler:")]
-    assert len(mine) == 1
-    assert reason in mine[0]
-    assert mine[0].endswith("The image is upscaled by three.js' own TAAU node instead.")
+    said: list[str] = []
+    any_page.add_init_script(script)
+    any_page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
+    with any_page.expect_console_message(lambda message: message.text.startswith("supersampler:")):
+        any_page.goto(f"{three}?size=320x180&method=taau{query}")
+    any_page.wait_for_timeout(1000)
+    assert not any_page.is_visible("#note"), any_page.inner_text("#note")
+    [mine] = [text for text in said if text.startswith("supersampler:")]
+    assert reason in mine
+    assert mine.endswith("The image is upscaled by three.js' own TAAU node instead.")
 
 
 # --- shots of the user's own on the page, and its reader of EXR files ---
 
 
-def small_shot(folder: Path, *, without: str = "") -> Path:
-    """Write a shot of two frames, 32x18, without the channels of one kind."""
-    (folder / "frames").mkdir(parents=True)
-    rng = np.random.default_rng(0)
+CHANNELS = ["R", "G", "B", "motion.X", "motion.Y", "depth.Z"]
+
+
+def small_shot(folder: Path, channels: Sequence[str] = CHANNELS) -> Path:
+    """Write a shot of two frames, 32x18."""
+    planes = np.random.default_rng(0).random((18, 32, len(channels))).astype(np.float32)
     for index in range(2):
-        channels = {
-            name: rng.random((18, 32)).astype(np.float16) for name in ("R", "G", "B", "motion.X", "motion.Y")
-        }
-        channels["depth.Z"] = rng.random((18, 32)).astype(np.float32)
-        kept = {
-            name: plane for name, plane in channels.items() if not without or not name.startswith(without)
-        }
-        write_exr(folder / f"frames/{index}.exr", kept)
+        write_exr(folder / f"frames/{index}.exr", planes, channels)
     frames = [
         {"file": f"frames/{index}.exr", "jitter": [0.1, -0.2], "reset": index == 0} for index in range(2)
     ]
-    content = {
-        "version": 1,
-        "name": "mine",
-        "render_size": [32, 18],
-        "display_size": [64, 36],
-        "frames": frames,
-    }
-    (folder / "shot.json").write_text(json.dumps(content))
+    sizes = {"render_size": [32, 18], "display_size": [64, 36]}
+    (folder / "shot.json").write_text(json.dumps({"version": 1, "name": "mine", **sizes, "frames": frames}))
     return folder
 
 
@@ -459,12 +434,11 @@ def test_a_chosen_shot_is_shown(page: "Page", url: str, tmp_path: Path) -> None:
 
 def test_a_dropped_folder_is_read(page: "Page", url: str, tmp_path: Path) -> None:
     opened(page, f"{url}?test&size=320x180&method=taa")
-    folder = small_shot(tmp_path / "mine", without="depth")
+    folder = small_shot(tmp_path / "mine", CHANNELS[:-1])
     session = page.context.new_cdp_session(page)
     for kind in ("dragEnter", "dragOver", "drop"):
         data = {"items": [], "files": [str(folder)], "dragOperationsMask": 1}
         session.send("Input.dispatchDragEvent", {"type": kind, "x": 200, "y": 300, "data": data})
     page.wait_for_selector("#note:visible")
-    assert (
-        page.inner_text("#note") == "frames/0.exr has no channel depth.Z; it has B, G, R, motion.X, motion.Y."
-    )
+    said = "frames/0.exr has no channel depth.Z; it has B, G, R, motion.X, motion.Y."
+    assert page.inner_text("#note") == said

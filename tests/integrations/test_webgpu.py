@@ -2,7 +2,6 @@
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import pytest
 
 from c_host import built_or_skip
+from commands import ran
 from raw_shots import AOVS, SIZES, read_images, wanted_images, write_raw
 from supersampler import Shot
 from supersampler_export.shaders.folder import write_shader_folder
@@ -35,47 +35,38 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def environment() -> dict[str, str]:
     """That of programs which use Dawn's adapter: SUPERSAMPLER_DAWN_ICD names its driver."""
     driver = os.environ.get("SUPERSAMPLER_DAWN_ICD", "")
-    found = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    return {**found, "VK_ICD_FILENAMES": driver} if driver else found
-
-
-def run(command: list[Any], environment: dict[str, str] | None = None) -> str:
-    texts = [str(part) for part in command]
-    done = subprocess.run(texts, capture_output=True, text=True, timeout=600, env=environment)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return {"PYTHONPATH": os.pathsep.join(sys.path), **({"VK_ICD_FILENAMES": driver} if driver else {})}
 
 
 @pytest.mark.parametrize(
     ("method", "aovs"), [("taa", 0), ("taau", AOVS), ("classifier", 0), ("gbuffer-fast", AOVS)]
 )
 def test_dawn_computes_the_images_of_wgpu_on_the_same_adapter(
-    method: str, aovs: int, frames: Path, environment: dict[str, str], tmp_path: Path
+    method: str, aovs: int, frames: Path, environment: Any, tmp_path: Path
 ) -> None:
     write_shader_folder(method, tmp_path / "shaders", aovs=aovs)
     textures = -(-aovs // 4)
     script = EXAMPLES / "node_dawn" / "run.mjs"
-    run(["node", script, tmp_path / "shaders", frames, tmp_path / "dawn"], environment)
-    run([sys.executable, TESTS / "raw_shots.py", method, tmp_path / "wgpu", textures], environment)
+    ran("node", script, tmp_path / "shaders", frames, tmp_path / "dawn", **environment)
+    ran(sys.executable, TESTS / "raw_shots.py", method, tmp_path / "wgpu", textures, **environment)
     images = read_images(tmp_path / "dawn")
     assert len(images) == (1 + textures) * len(SIZES)
     assert images == read_images(tmp_path / "wgpu")
 
 
-def test_the_module_keeps_its_promises(environment: dict[str, str], tmp_path: Path) -> None:
+def test_the_module_keeps_its_promises(environment: Any, tmp_path: Path) -> None:
     write_shader_folder("taau", tmp_path / "shaders")
     script = TESTS / "integrations" / "webgpu_checks.mjs"
-    found = json.loads(run(["node", script, tmp_path / "shaders", MODULES], environment))
-    assert len(found) >= 23
+    found = json.loads(ran("node", script, tmp_path / "shaders", MODULES, **environment))
+    assert len(found) >= 26
     assert {promise: answer for promise, answer in found.items() if answer is not True} == {}
 
 
 def test_the_host_in_c_upscales_the_shipped_shot_to_the_images_of_the_gpu_backend(tmp_path: Path) -> None:
     program = built_or_skip(tmp_path)
     write_shader_folder("classifier", tmp_path / "shaders")
-    script = EXAMPLES / "raw_frames.py"
-    run([sys.executable, script, "plaza", tmp_path / "raw"])
+    ran(sys.executable, EXAMPLES / "raw_frames.py", "plaza", tmp_path / "raw")
     (tmp_path / "out").mkdir()
-    run([program, tmp_path / "shaders", tmp_path / "raw", tmp_path / "out"])
+    ran(program, tmp_path / "shaders", tmp_path / "raw", tmp_path / "out")
     shot = [item.frame for item in Shot.open("plaza")]
     assert read_images(tmp_path / "out") == wanted_images("classifier", shot, (640, 360))

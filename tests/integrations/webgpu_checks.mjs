@@ -106,6 +106,16 @@ found["reset: true begins again"] =
   apart === (await steps(again, [{ ...list[0], reset: true }, list[1], list[2]]));
 found["a history counts"] = apart !== (await steps(again, list));
 
+const twice = [2 * DISPLAY[0], 2 * DISPLAY[1]];
+const larger = (one) => ({ ...one, images: frame(1, DISPLAY) });
+again.resize(twice);
+await steps(again, list.map(larger), { output: image(twice) });
+again.resize(DISPLAY);
+found["resize() to another size and back begins again"] = apart === (await steps(again, list));
+found["resize() to a size that is none"] = await refuses(() => again.resize([40]), "displaySize is [40]");
+again.reset();
+found["a refused resize() leaves the size"] = apart === (await steps(again, list));
+
 /** The list with a mask of one value in each frame. */
 const masked = (value) =>
   list.map((step) => {
@@ -211,6 +221,11 @@ const wrong = device.createTexture({
   format: "rgba8uint",
   usage: GPUTextureUsage.TEXTURE_BINDING,
 });
+const unsigned = device.createTexture({
+  size: RENDER,
+  format: "rgba8unorm",
+  usage: GPUTextureUsage.TEXTURE_BINDING,
+});
 const [{ images }] = list;
 found["jitter in other units"] = await refuses(
   encode(images, image(), { jitter: [3, 0] }),
@@ -223,6 +238,10 @@ found["a missing image"] = await refuses(
 found["a format without floats"] = await refuses(
   encode({ ...images, color: wrong }, image()),
   "frame.color is rgba8uint 20x12",
+);
+found["motion in a format within [0, 1]"] = await refuses(
+  encode({ ...images, motion: unsigned }, image()),
+  "frame.motion is rgba8unorm 20x12",
 );
 found["an image of another size"] = await refuses(
   encode({ ...images, depth: filled("r32float", 1, [10, 6], 1, [10, 6]) }, image()),

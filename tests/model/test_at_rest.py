@@ -3,20 +3,23 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
-from rest_scenes import RestScene, Stepped, wave
+from rest_scenes import RestScene, wave
 from supersampler import Frame, halton_jitter
-from supersampler.frame import Float32, Size
+from supersampler.frame import Float32
 from supersampler.io.display import decibels, display_transform
 from supersampler.methods.at_rest import NOISY
 from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.taau import Taau
+from supersampler_model.ops.at_rest import differing, signatures_of
+from torch_inputs import Stepped
 
 WAVE = RestScene(wave)
 FROZEN = 2 * WAVE.period + 1
@@ -77,45 +80,33 @@ def test_a_change_unfreezes_pixels(name: str) -> None:
     assert not run.frozen[20, 24]
 
 
+@pytest.mark.parametrize("cell", [1, 2])
+@pytest.mark.parametrize("light", [(1.0, 1.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
+def test_signatures_tell_where_a_chequered_pattern_lies(light: tuple[float, ...], cell: int) -> None:
+    places = []
+    for x, y in product(range(4), repeat=2):
+        squares = (torch.arange(x, x + 8) // cell + torch.arange(y, y + 8)[:, None] // cell) % 2
+        places.append(0.2 + 0.4 * squares * torch.tensor(light)[None, :, None, None])
+    for one, other in combinations(places, 2):
+        differs = differing(signatures_of(one), signatures_of(other), torch.ones(1))
+        assert differs.all() == (one != other).any()
+
+
 def test_motion_below_the_limit_accumulates_and_unfreezes() -> None:
     scene = RestScene(wave, creep=0.0038)
     assert not stepped(scene, 3 * scene.period).frozen.any()
 
 
 def test_moving_or_reactive_pixels_unfreeze_only_themselves() -> None:
-    frames = [frame for frame, _ in WAVE.frames(FROZEN + 1)]
+    *_, (last, _) = WAVE.frames(FROZEN + 1)
     for field, value in (("motion", 0.01), ("reactive", 0.5)):
-        run = Stepped(taau(), WAVE.display)
-        for frame in frames[:-1]:
-            run.step(frame)
+        run = stepped(WAVE)
         image = np.zeros((32, 48, 2) if field == "motion" else (32, 48), np.float32)
         image[8:12, 8:12] = value
         changed: dict[str, Any] = {field: image}
-        run.step(replace(frames[-1], **changed))
+        run.step(replace(last, **changed))
         assert not run.frozen[16:24, 16:24].any()
         assert run.frozen[40:, 40:].all()
-
-
-def test_a_change_of_size_restarts_without_a_jump() -> None:
-    run, images = Stepped(taau(), WAVE.display), []
-    for index in range(FROZEN + 8):
-        size = (40, 27) if index >= FROZEN and index % 2 else (48, 32)
-        images.append(display_transform(run.step(sampled(size, index)), 1.0))
-        assert bool(run.frozen.any()) == (index in (FROZEN - 2, FROZEN - 1))
-    assert max(float(np.abs(a - b).mean()) for a, b in pairwise(images[FROZEN - 1 :])) < 6.0 / 255.0
-
-
-def sampled(size: Size, index: int) -> Frame:
-    """The wave at any render size, for a display of 96 x 64."""
-    (w, h), ratio = size, 96 / size[0]
-    jitter = halton_jitter(index, ratio)
-    y, x = np.mgrid[0:h, 0:w].astype(float)
-    color = wave((x + 0.5 + jitter[0]) * 96 / w, (y + 0.5 + jitter[1]) * 64 / h).astype(np.float32)
-    fields: dict[str, Any] = {
-        "depth": np.full((h, w), 0.1, np.float32),
-        "motion": np.zeros((h, w, 2), np.float32),
-    }
-    return Frame(color=color, **fields, jitter=jitter, exposure=1.0, reset=index == 0)
 
 
 @pytest.mark.long  # several periods of the jitter
@@ -150,19 +141,6 @@ def test_a_lasting_missing_sample_is_filled_from_neighbours_and_keeps_pixels_fro
     assert off[10:12, 14:16].max() < 0.2
     assert off[30:, 30:].max() < 1.0 / 255.0
     assert run.frozen[30:, 30:].all()
-
-
-@pytest.mark.parametrize("value", [-1e-7, np.inf])
-def test_a_value_out_of_range_that_lasts_is_clamped(value: float) -> None:
-    run, size = Stepped(taau(), WAVE.display), WAVE.render
-    rows, columns = np.mgrid[0 : size[1], 0 : size[0]]
-    for frame, _ in WAVE.frames(FROZEN):
-        x, y = (at + 0.5 + offset for at, offset in zip((columns, rows), frame.jitter, strict=True))
-        color = np.array(frame.color)
-        color[(np.maximum(np.abs(x - 16.0), np.abs(y - 16.0)) < 9.0)] = (0.9, 0.35, value)
-        image = run.step(replace(frame, color=color))
-    assert run.frozen[28:36, 28:36].all()
-    assert image[32, 32] == pytest.approx([0.9, 0.35, np.clip(value, 0.0, 65504.0)], rel=1e-3, abs=1e-5)
 
 
 def noisy(scene: RestScene, count: int, light: Callable[[int], float]) -> Iterator[tuple[Frame, Float32]]:

@@ -13,6 +13,7 @@ from supersampler_export.parity import noise
 from supersampler_model import ops
 from supersampler_model.methods import method_class
 from supersampler_model.methods.base import Method, Outputs
+from torch_inputs import step_by_name
 
 RENDER = ops.Size(17, 11)
 ALL = {name: method_class(name) for name in methods()}
@@ -39,8 +40,7 @@ def run(name: str, changes: Sequence[Mapping[str, Tensor]]) -> list[Outputs]:
         if method.extrapolates() and index % 2 == 0:
             history = method.after_shaded(given, history if index else None)
             continue
-        with torch.no_grad():
-            done.append(method.step(*(given[key] for key in method.inputs()), *history))
+        done.append(step_by_name(method, given, history))
         history = done[-1].history
     return done
 

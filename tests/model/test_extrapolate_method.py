@@ -15,9 +15,9 @@ from supersampler.frame import Float32
 from supersampler_model import ops
 from supersampler_model.methods.base import Method, Trained, load_trained, shipped_weights
 from supersampler_model.methods.classifier import Classifier
-from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate, packed_base_color
+from supersampler_model.methods.extrapolate import Extrapolate, UnshadedExtrapolate
 from supersampler_model.methods.guided_warp import GuidedWarp
-from torch_inputs import tensors_of
+from torch_inputs import step_by_name, tensors_of
 
 RENDER, DISPLAY = (40, 23), (80, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
@@ -47,9 +47,8 @@ def given(index: int, render: Sizes = RENDER, display: Sizes = DISPLAY) -> dict[
 
 
 def step(method: Method, inputs: Mapping[str, Tensor], history: State) -> tuple[Tensor, State]:
-    with torch.no_grad():
-        done = method.step(*(inputs[name] for name in method.inputs()), *history)
-    return done.image, done.history
+    image, history, _ = step_by_name(method, inputs, history)
+    return image, history
 
 
 def first(method: Method, render: Sizes = RENDER, display: Sizes = DISPLAY) -> State:
@@ -139,11 +138,3 @@ def test_base_colour_out_of_range_spoils_no_pixel(from_classifier: Extrapolate, 
     assert image.isfinite().all()
     assert (image >= 0.0).all()
     assert all(tensor.isfinite().all() for tensor in history)
-
-
-def test_surfaces_are_read_where_samples_lie() -> None:
-    base = torch.arange(6.0).reshape(1, 1, 2, 3).expand(1, 3, 2, 3) / 5.0
-    view = ops.View(ops.Size(6, 4), ops.Size(3, 2), torch.zeros(1, 2))
-    seen = torch.nn.functional.pixel_shuffle(packed_base_color(base, view), 2)
-    expected = base.repeat_interleave(2, dim=2).repeat_interleave(2, dim=3).sqrt()
-    torch.testing.assert_close(seen[:, :, :4, :6], expected)

@@ -7,8 +7,7 @@ from torch import Tensor, nn
 from supersampler.methods.gbuffer_fast.spec import GuidedConfig
 from supersampler_model import ops
 from supersampler_model.methods import gbuffer_fast
-from supersampler_model.methods.gbuffer_surfaces import lit
-from torch_inputs import plain_inputs
+from torch_inputs import plain_inputs, step_by_name
 
 RENDER, DISPLAY = ops.Size(16, 8), ops.Size(32, 16)
 VIEW = ops.View(DISPLAY, RENDER, torch.zeros(1, 2))
@@ -58,19 +57,6 @@ def test_agreement_is_near_one_on_a_sampled_surface_and_near_zero_on_one_that_no
     assert float(guided(plane(RENDER, 3, 0.5), display=turned).agreement.max()) < 1e-3
 
 
-def test_lit_light_is_the_linear_product_of_light_and_reflectance() -> None:
-    linear, reflected = torch.rand(1, 3, 4, 4) * 30.0, torch.rand(1, 3, 4, 4)
-    torch.testing.assert_close(
-        ops.inverse_tone(lit(ops.tone(linear), reflected)), linear * reflected, rtol=2e-3, atol=1e-4
-    )
-
-
-def test_the_sky_reflects_all_and_black_surfaces_the_least() -> None:
-    black = wall(RENDER)._replace(base_color=plane(RENDER, 3, 0.0))
-    assert (black.reflectance(0.08) == 0.08).all()
-    assert (black._replace(normal=plane(RENDER, 3, 0.0)).reflectance(0.08) == 1.0).all()
-
-
 def test_neighbours_beyond_the_display_are_its_last_pixels() -> None:
     image = torch.arange(6.0).reshape(1, 1, 1, 6).expand(1, 3, 4, 6)
     window = gbuffer_fast.neighbours(image, ops.Size(4, 4))
@@ -107,9 +93,8 @@ def step(
         "gbuffer_display_normal": display.normal,
         "gbuffer_display_depth": display.depth,
     }
-    with torch.no_grad():
-        image, after, _ = method.step(*(found[name] for name in method.inputs()), *history)
-    return image, after
+    image, history, _ = step_by_name(method, found, history)
+    return image, history
 
 
 def test_the_first_frame_has_the_textures_of_display_size_g_buffers() -> None:

@@ -12,8 +12,8 @@ from lit_scene import LitScene, even
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32
 from supersampler_model import ops
-from supersampler_model.methods.guided_warp import GuidedWarp, indices_of_smallest, samples_at
-from torch_inputs import tensors_of
+from supersampler_model.methods.guided_warp import GuidedWarp, indices_of_smallest
+from torch_inputs import step_by_name, tensors_of
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedWarp.inputs()]
@@ -26,11 +26,8 @@ def tensors(frame: Frame) -> dict[str, Tensor]:
 
 
 def extrapolated(frame: Frame, history: list[Tensor]) -> tuple[Float32, list[Tensor]]:
-    inputs, method = tensors(frame), GuidedWarp()
-    with torch.no_grad():
-        done = method.step(*(inputs[name] for name in method.inputs()), *history)
-    image: Float32 = done.image[0].numpy().transpose(1, 2, 0)
-    return image, done.history
+    image, history, _ = step_by_name(GuidedWarp(), tensors(frame), history)
+    return image[0].numpy().transpose(1, 2, 0), history
 
 
 def after(frame: Frame) -> list[Tensor]:
@@ -145,15 +142,6 @@ def test_frames_of_another_size_are_extrapolated_from_a_shaded_one() -> None:
     assert history[HISTORY.index("color")].shape == (1, 3, 36, 64)
     image, _ = extrapolated(scene.frame(2, (80, 45), (-0.4, 0.3)), history)
     assert off(image, scene.frame(2, (80, 45), (-0.4, 0.3)))[9:-9, 9:-9].mean() < 0.07
-
-
-def test_a_place_is_that_of_the_sample_that_was_taken() -> None:
-    motion = torch.full((1, 2, 4, 8), 0.25)
-    x, y = samples_at(motion, torch.tensor([[0.1, -0.2]]), ops.Size(8, 4), torch.tensor([[-0.3, 0.4]]))
-    torch.testing.assert_close(x[0, 0, 0], torch.arange(8) + 0.25 + 0.1 + 0.3)
-    torch.testing.assert_close(y[0, 0, :, 0], torch.arange(4) + 0.25 - 0.2 - 0.4)
-    x, _ = samples_at(0.0 * motion, torch.zeros(1, 2), ops.Size(16, 8), torch.zeros(1, 2))
-    torch.testing.assert_close(x[0, 0, 0], 2.0 * torch.arange(8) + 0.5)
 
 
 # --- bad values ---

@@ -153,41 +153,6 @@ def test_the_history_is_at_the_pixel_plus_its_motion(display: ops.Size) -> None:
     assert not reprojection.on_screen[:, :, :, -2:].any()
 
 
-def test_dilation_takes_the_motion_of_what_is_in_front() -> None:
-    depth = torch.zeros(1, 1, 5, 6)
-    depth[..., 2, 3] = 1.0
-    motion = torch.zeros(1, 2, 5, 6)
-    motion[..., 2, 3] = 4.0
-    nearest, chosen = ops.dilate_motion_2x2(depth, motion)
-    moved = chosen[0, 0] == 4.0
-    assert torch.equal(nearest[0, 0] == 1.0, moved)
-    assert moved.nonzero().tolist() == [[1, 2], [1, 3], [2, 2], [2, 3]]
-    assert (ops.longest(motion)[0, 0] == 4.0).sum() == 9
-
-
-def test_closer_surfaces_hide_those_behind() -> None:
-    before = torch.full((1, 1, 5, 6), 0.01)
-    before[..., :3] = 0.1  # a wall on the left
-    place = torch.tensor([[0.5, 2.5], [2.25, 2.5], [2.5, 2.5], [3.5, 2.5]]).reshape(1, 1, 4, 2)
-    now = torch.full((1, 1, 1, 4), 0.01)
-    occluded = ops.disocclusion(now, before, place, margin=0.01, ramp=0.05)
-    torch.testing.assert_close(occluded.ravel(), torch.tensor([1.0, 0.75, 0.5, 0.0]))
-    assert not ops.disocclusion(now * 10, before, place, margin=0.01, ramp=0.05).any()  # the wall itself
-    assert not ops.disocclusion(
-        torch.full_like(now, -1.0), before, place, margin=0.01, ramp=0.05
-    ).any()  # unknown
-
-
-def test_opening_depth_removes_thin_objects_and_keeps_broad_ones() -> None:
-    depth = torch.full((1, 1, 12, 16), 0.01)
-    broad = depth.clone()
-    broad[..., 3:9, 2:6] = 0.1
-    both = broad.clone()
-    both[..., 10:11, :] = 0.2  # a wire across
-    both[..., :, 12] = 0.2  # and one down
-    torch.testing.assert_close(ops.morphological_opening(both), broad)
-
-
 @given(
     color=st.lists(st.floats(-2, 2), min_size=3, max_size=3),
     sample=st.lists(st.floats(-2, 2), min_size=3, max_size=3),
@@ -208,15 +173,6 @@ def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
             torch.testing.assert_close(clipped, c, rtol=1e-4, atol=1e-5)
     distance = ops.overshoot(c, box.box()).item()
     assert (distance <= 1.0 + 1e-4) == inside or abs(distance - 1) < 1e-3
-
-
-def test_clipping_to_the_sample_stays_on_the_segment() -> None:
-    old, new = torch.tensor([2.0, 1.0, 0.0]), torch.tensor([0.2, 0.4, 0.3])
-    box = ops.Corners(torch.zeros(1, 3, 1, 1), torch.full((1, 3, 1, 1), 0.5))
-    clipped = ops.clip_to_sample(old.reshape(1, 3, 1, 1), new.reshape(1, 3, 1, 1), box)[0, :, 0, 0]
-    share = (clipped - old) / (new - old)
-    torch.testing.assert_close(share, share[:1].expand(3))
-    assert clipped.max().item() == pytest.approx(0.5)
 
 
 @given(values=st.lists(st.floats(0, 1000, width=32), min_size=3, max_size=3))
@@ -249,11 +205,6 @@ def test_a_tone_curve_keeps_to_one_and_comes_back(space: ToneSpace) -> None:
 def by_torch(image: Float32, display: ops.Size, exposure: float = 1.0) -> Float32:
     planes = torch.from_numpy(image).permute(2, 0, 1)[None]
     return ops.downsample(planes, display, torch.tensor([exposure]))[0].permute(1, 2, 0).numpy()
-
-
-def larger(display: ops.Size) -> Float32:
-    width, height = large_size(display)
-    return np.random.default_rng(0).gamma(0.5, 4.0, (height, width, 3)).astype(np.float32)
 
 
 @pytest.mark.parametrize("display", DISPLAY_SIZES)
@@ -305,34 +256,11 @@ def test_detail_of_the_display_keeps_its_contrast_and_finer_detail_goes() -> Non
     assert contrast(1.5) < 0.35
 
 
-def test_exposure_is_given_or_measured_and_adapts() -> None:
-    color, all_of_it, none = torch.full((1, 3, 4, 4), 0.5), torch.ones(1, 1, 4, 4), torch.zeros(1)
-    assert abs(ops.exposure_for(color, all_of_it, torch.tensor([3.0]), none).item()) == 3.0
-    measured = abs(ops.exposure_for(color, all_of_it, none, none).item())
-    assert measured == pytest.approx(0.18 / 0.5)
-    before = torch.tensor([measured * 8])
-    adapting = ops.exposure_for(color, all_of_it, none, before).item()
-    assert adapting == pytest.approx(measured * 8**0.9, rel=1e-4)
-
-
-def test_exposure_looks_at_usable_pixels_only() -> None:
-    color, usable, none = torch.full((1, 3, 4, 4), 0.5), torch.ones(1, 1, 4, 4), torch.zeros(1)
-    color[..., 0, :], usable[..., 0, :] = 0.0, 0.0
-    assert abs(ops.exposure_for(color, usable, none, none).item()) == pytest.approx(0.18 / 0.5)
-    assert ops.exposure_for(color * 0, usable * 0, none, torch.tensor([0.7])).item() == pytest.approx(0.7)
-
-
 def followed(luma: float, exposure: float, before: float) -> float:
     """Follow the exposure of a frame of one luminance; NaN stands for a frame without usable pixels."""
     usable = torch.full((1, 1, 2, 2), float(luma >= 0.0))
     color = torch.full((1, 3, 2, 2), luma).nan_to_num(0.0)
     return ops.exposure_for(color, usable, torch.tensor([exposure]), torch.tensor([before])).item()
-
-
-@pytest.mark.parametrize("exposure", [1e30, 1e-40, float("inf"), 2.0**25, 2.0**-25, -1.0])
-def test_an_absurd_exposure_is_measured_as_if_none_were_given(exposure: float) -> None:
-    for before in (0.0, 0.5, -0.5):
-        assert followed(0.5, exposure, before) == followed(0.5, 0.0, before)
 
 
 @pytest.mark.parametrize(("luma", "exposure"), [(0.5, 1e4), (0.5, 1e-3), (65504.0, 0.0), (0.0, 0.0)])
@@ -345,12 +273,6 @@ def test_an_outlier_changes_the_exposure_once_a_second_frame_confirms_it(
     assert followed(luma, exposure, first) == pytest.approx(wanted)
     back = followed(0.5, 0.0, first)
     assert back == pytest.approx(followed(0.5, 0.0, 0.3)), "one frame alone leaves nothing"
-
-
-def test_a_first_exposure_unconfirmed_by_the_second_frame_is_dropped() -> None:
-    first = followed(0.5, 1e4, 0.0)
-    assert abs(first) == pytest.approx(1e4), "there is none before it to hold"
-    assert followed(0.5, 0.0, first) == pytest.approx(0.36)
 
 
 @given(luma=LUMAS, exposure=EXPOSURES, before=BEFORE)

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from rest_scenes import Light, RestScene, Stepped, flat, stripes, wave
+from rest_scenes import Light, RestScene, flat, stripes, wave
 from supersampler import Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
@@ -39,7 +39,7 @@ from supersampler_model.methods.taau import (
     shade_of,
 )
 from supersampler_model.ops import at_rest
-from torch_inputs import tensors_of
+from torch_inputs import Stepped
 
 RULES = Taau()
 C = RULES.config
@@ -56,125 +56,35 @@ def plane(*values: float) -> Tensor:
     return torch.tensor(values).reshape(1, -1, 1, 1)
 
 
-def present(
-    confidence: float = 0.5, shade: tuple[float, float] = (0.5, 0.1), fit: float = 0.0
-) -> CurrentFrame:
+def present(shade: tuple[float, float] = (0.5, 0.1), fit: float = 0.0) -> CurrentFrame:
     """Grey: a frame of luma 0.3, a sample of 0.5, a neighbourhood from 0.2 to 0.6."""
-    return CurrentFrame(
-        plane(0.3, 0.0, 0.0),
-        plane(0.5, 0.0, 0.0),
-        plane(confidence),
-        Moments(plane(0.4, 0.0, 0.0), plane(0.2**2, 1e-2, 1e-2), plane(1.0)),
-        plane(fit),
-        plane(*shade),
-        plane(0.0),
-    )
+    moments = Moments(plane(0.4, 0.0, 0.0), plane(0.2**2, 1e-2, 1e-2), plane(1.0))
+    frame, sample = plane(0.3, 0.0, 0.0), plane(0.5, 0.0, 0.0)
+    return CurrentFrame(frame, sample, plane(0.5), moments, plane(fit), plane(*shade), plane(0.0))
 
 
-def remembered(
-    luma: float = 0.4, samples: float = 10.0, surface: float = 1.0, speed: float = 0.0, blur: float = 0.0,
-    mean: float = 0.5, power: float = 0.01,
-) -> WarpedHistory:  # fmt: skip
-    return WarpedHistory(
-        plane(luma, luma, luma),
-        plane(luma, 0.0, 0.0),
-        plane(samples),
-        plane(power),
-        plane(mean, 0.05),
-        plane(0.0),
-        plane(surface),
-        plane(speed),
-        plane(blur),
-    )
-
-
-def decided(current: CurrentFrame, warped: WarpedHistory, flash: float = 0.0) -> Blend:
-    return RULES.network(current, warped, plane(flash))
-
-
-def blend_of(
-    history: tuple[float, ...], *, weight: float = 0.0, samples: float = 4.0, spreads: float = 1.0
-) -> Blend:
-    confirmed = torch.zeros(1, 1, 1, 1, dtype=torch.bool)
-    count, spread = plane(samples), plane(spreads)
-    return Blend(plane(*history), plane(weight), count, spread, spread, count, confirmed)
-
-
-def counted(**history: float) -> float:
-    """Samples of the history that count."""
-    return float(decided(present(), remembered(**history)).samples)
-
-
-@pytest.mark.parametrize(
-    ("history", "expected"),
-    [
-        ({"samples": 10.0}, 10.0),
-        ({"samples": 50.0}, C.samples),
-        ({"samples": 50.0, "blur": 0.5}, C.samples / (1.0 + 0.5 * C.blur_cost)),
-        ({"samples": 50.0, "speed": 2.0}, C.samples / (1.0 + 2.0 * C.speed_cost)),
-        (
-            {"samples": 50.0, "speed": 2.0, "blur": 0.5},
-            C.samples / (1.0 + 0.5 * C.blur_cost + 2.0 * C.speed_cost),
-        ),
-        ({"samples": 10.0, "surface": 0.25}, 2.5),
-        ({"samples": 10.0, "surface": 0.0}, 0.0),
-    ],
-)
-def test_blur_speed_and_occlusion_lower_the_sample_count(history: dict[str, float], expected: float) -> None:
-    assert counted(**history) == pytest.approx(expected)
-
-
-def test_the_weight_of_a_sample_is_its_confidence_over_the_sample_count() -> None:
-    for samples, weight in ((10.0, 0.5 / 10.5), (0.0, 1.0)):
-        blend = decided(present(confidence=0.5), remembered(samples=samples))
-        assert float(blend.weight) == pytest.approx(weight)
-
-
-@pytest.mark.parametrize(("mean", "change"), [(0.4, 0.0), (0.37, 0.3306), (0.63, 0.1282), (0.2, 1.0)])
-def test_a_mean_beyond_deviation_and_relative_limit_is_a_change_of_light(mean: float, change: float) -> None:
-    """Noise is 0.53 of the larger deviation, a tenth of the larger mean, and one step of eight bits."""
-    noise = C.change_deviation * 0.1 + C.change_relative * max(0.5, mean) + 0.004
-    by_hand = min(max((abs(0.5 - mean) / noise - 1.0) / C.change_ramp, 0.0), 1.0)
-    assert change == pytest.approx(by_hand, abs=1e-3)
-    assert float(RULES.change_of_light(plane(0.5, 0.1), plane(mean, 0.05))) == pytest.approx(change, abs=1e-3)
-    assert float(RULES.change_of_light(plane(0.5, 0.05), plane(mean, 0.1))) == pytest.approx(change, abs=1e-3)
-    assert counted(mean=mean) == pytest.approx(10.0 * (1.0 - change), abs=1e-2)
-
-
-@pytest.mark.parametrize(
-    ("speed", "gamma"), [(0.0, C.gamma_still), (5.0, None), (10.0, C.gamma_moving), (30.0, C.gamma_moving)]
-)
-def test_the_box_is_narrower_in_motion(speed: float, gamma: float | None) -> None:
-    """Without spread over time; the history of luma 0.9 is cut towards the mean, 0.4."""
-    half = 0.2 * (gamma if gamma is not None else 0.5 * (C.gamma_still + C.gamma_moving))
-    blend = decided(present(), remembered(luma=0.9, speed=speed, power=0.0))
-    assert float(blend.history[0, 0]) == pytest.approx(0.4 + half, rel=1e-3)
-
-
-def test_the_box_is_wider_by_the_spread_over_time_where_light_has_not_changed() -> None:
-    wide = decided(present(), remembered(luma=2.0, power=0.16)).history[0, 0]
-    assert float(wide) == pytest.approx(0.4 + C.gamma_still * 0.2 + C.gamma_time * 0.4, rel=1e-3)
-    changed = decided(present(), remembered(luma=2.0, power=0.16, mean=0.1)).history[0, 0]
-    assert float(changed) == pytest.approx(0.4 + C.gamma_still * 0.2, rel=1e-3)
-
-
-def test_samples_are_forgotten_as_the_history_lies_outside_the_box() -> None:
-    half = C.gamma_still * 0.2
-    for out, kept in ((1.0, 1.0), (1.5, 1.0 - 0.5 * C.forget), (2.0, 1.0 - C.forget), (9.0, 0.0)):
-        assert counted(luma=0.4 + out * half, power=0.0) == pytest.approx(10.0 * kept, abs=0.02)
+def remembered(luma: float = 0.4, surface: float = 1.0, mean: float = 0.5) -> WarpedHistory:
+    """Ten samples of a spread of 0.1, of a mean with a deviation of 0.05 around."""
+    light, color, none = plane(luma, luma, luma), plane(luma, 0.0, 0.0), plane(0.0)
+    samples, power, shade = plane(10.0), plane(0.01), plane(mean, 0.05)
+    return WarpedHistory(light, color, samples, power, shade, none, plane(surface), none, none)
 
 
 def test_a_flash_keeps_the_history_where_contrast_rises_and_light_has_not_changed() -> None:
-    """Deviation is 0.05 in the history."""
-    risen = present(shade=(0.5, 0.1))
-    history = remembered(samples=10.0, surface=0.5)
-    assert not decided(risen, history).unconfirmed
-    blend = decided(risen, history, flash=1.0)
+    def decided(shade: tuple[float, float], flash: float, history: WarpedHistory) -> Blend:
+        return RULES.network(present(shade), history, plane(flash))
+
+    risen, same, history = (0.5, 0.1), (0.5, 0.05), remembered(surface=0.5)
+    blend = decided(risen, 1.0, history)
     assert blend.unconfirmed
     assert float(blend.kept) == pytest.approx(5.0)
-    assert not decided(present(shade=(0.5, 0.05)), history, flash=1.0).unconfirmed
-    assert decided(present(shade=(0.5, 0.05)), history, flash=2.0).unconfirmed, "of a frame like the last one"
-    assert not decided(risen, remembered(mean=0.1), flash=1.0).unconfirmed
+    assert decided(same, 2.0, history).unconfirmed, "of a frame like the last one"
+    for shade, flash, before in (
+        (risen, 0.0, history),
+        (same, 1.0, history),
+        (risen, 1.0, remembered(mean=0.1)),
+    ):
+        assert not decided(shade, flash, before).unconfirmed
 
 
 def lights(*contrasts: float) -> list[bool]:
@@ -194,84 +104,44 @@ def test_contrast_above_that_of_previous_frames_is_a_flash_for_two_frames_at_mos
     assert lights(*[shaded, extrapolated] * 3, extrapolated, shaded) == [False] * 8
 
 
-def test_contrast_is_compared_at_the_exposure_of_this_frame() -> None:
-    """Luma 0.3 toned, at twice the exposure: the curve's slope there is 2 / 1.3^2."""
-    light = torch.tensor([[0.3, 0.01, 0.01, 0.0]])
-    at_twice = 0.01 * (2.0 / 1.3**2) ** 2
-    for factor, flash in ((1.2, 0.0), (1.4, 1.0)):
-        now = torch.tensor([[0.4, factor * at_twice]])
-        assert float(light_after(now, light, torch.full((1,), 2.0))[0, 3]) == flash
+def power_after(
+    luma: float, *, samples: float = 4.0, spreads: float = 1.0, around: float = 0.0, fit: float = 0.0
+) -> float:
+    """Squared spread after a sample of 0.5, the spread so far being 0.1.
 
-
-def finished(
-    history: WarpedHistory,
-    *,
-    samples: float,
-    weight: float = 0.2,
-    spreads: float = 1.0,
-    confidence: float = 0.5,
-    around: float = 0.0,
-    fit: float = 0.0,
-) -> tuple[float, float, float]:
-    """Toned luma of the image, count and power.
-
-    `around` is the mean luma around the sample of 0.5; the plane, as far as it fits, is at 0.4.
+    `luma` is the history, `around` the mean luma around the sample; the plane, as far as it fits, is at 0.4.
     """
-    blend = blend_of((0.2, 0.0, 0.0), weight=weight, samples=samples, spreads=spreads)
-    current = present(confidence, shade=(around, 0.1), fit=fit)
-    image, state = RULES.finish(current, history, blend, torch.tensor([2.0]), plane(0.0))
-    green = float(image[0, 1] * 2.0)
-    return green / (1.0 + green), float(state[0, 0]), float(state[0, 1])
-
-
-def test_a_settled_history_takes_the_samples_near_a_pixel_and_a_young_one_the_frame() -> None:
-    history = remembered(luma=0.2)
-    assert finished(history, samples=4.0)[0] == pytest.approx(0.2 + 0.2 * (0.5 - 0.2), rel=1e-4)
-    young = 0.3 + 0.5 * (0.5 - 0.3)
-    assert finished(history, samples=0.5 * C.settled)[0] == pytest.approx(0.2 + 0.2 * (young - 0.2), rel=1e-4)
-    assert finished(history, samples=0.5e-3)[0] == pytest.approx(0.3, rel=1e-4)
-
-
-def test_the_count_grows_by_the_confidence() -> None:
-    assert finished(remembered(), samples=4.0)[1] == pytest.approx(4.5)
+    count, spread = plane(samples), plane(spreads)
+    confirmed = torch.zeros(1, 1, 1, 1, dtype=torch.bool)
+    blend = Blend(plane(0.2, 0.0, 0.0), plane(0.2), count, spread, spread, count, confirmed)
+    current = present((around, 0.1), fit)
+    _, state = RULES.finish(current, remembered(luma), blend, torch.tensor([2.0]), plane(0.0))
+    return float(state[0, 1])
 
 
 @pytest.mark.parametrize(
-    ("luma", "off"), [(0.4, 0.1), (0.6, 0.1), (0.1, 0.1 + C.spread_step), (0.9, 0.1 + C.spread_step)]
+    ("luma", "setting", "off"),
+    [
+        (0.4, {}, 0.1),
+        (0.6, {}, 0.1),
+        (0.1, {}, 0.1 + C.spread_step),
+        (0.9, {"samples": 100.0}, 0.1 + C.spread_step),
+        (0.1, {"around": 0.45}, 0.05),
+        (0.1, {"around": 0.55}, 0.05),
+        (0.1, {"fit": 1.0}, 0.1),
+        (0.1, {"around": 0.45, "fit": 1.0}, 0.05),
+    ],
 )
-def test_the_spread_follows_how_far_samples_are_off_by_no_more_than_a_step(luma: float, off: float) -> None:
-    """A mean over spread_samples of squares of sample - history, 0.5 - `luma`; the spread so far is 0.1."""
-    for samples in (4.0, 100.0):
-        rate = 0.5 / (min(samples, C.spread_samples) + 0.5)
-        power = finished(remembered(luma=luma, power=0.01), samples=samples)[2]
-        assert power == pytest.approx(0.01 + rate * (off**2 - 0.01), rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("around", "fit", "off"), [(0.45, 0.0, 0.05), (0.55, 0.0, 0.05), (0.0, 1.0, 0.1), (0.45, 1.0, 0.05)]
-)
-def test_a_sample_like_its_neighbours_or_their_plane_does_not_widen_the_spread(
-    around: float, fit: float, off: float
+def test_the_spread_follows_a_sample_by_no_more_than_a_step_and_than_its_neighbours_or_their_plane(
+    luma: float, setting: dict[str, float], off: float
 ) -> None:
-    """The sample, 0.5, is far from the history, 0.1; its distance is that to the mean or plane around it."""
-    rate = 0.5 / (4.0 + 0.5)
-    power = finished(remembered(luma=0.1, power=0.01), samples=4.0, around=around, fit=fit)[2]
-    assert power == pytest.approx(0.01 + rate * (off**2 - 0.01), rel=1e-4)
+    """A mean over spread_samples of squares of sample - history, 0.5 - `luma`."""
+    rate = 0.5 / (min(setting.get("samples", 4.0), C.spread_samples) + 0.5)
+    assert power_after(luma, **setting) == pytest.approx(0.01 + rate * (off**2 - 0.01), rel=1e-4)
 
 
 def test_without_a_history_or_in_another_light_there_is_no_spread() -> None:
-    assert finished(remembered(), samples=0.5e-3)[2] == 0.0
-    assert finished(remembered(), samples=4.0, spreads=0.0)[2] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("ycocg", "toned"), [((0.4, 0.2, -0.3), (0.9, 0.1, 0.5)), ((0.3, 0.0, -0.4), (0.7, 0.0, 0.7))]
-)
-def test_the_image_is_exposed_back_and_never_negative(
-    ycocg: tuple[float, float, float], toned: tuple[float, float, float]
-) -> None:
-    image, *_ = RULES.finish(present(), remembered(), blend_of(ycocg), torch.tensor([4.0]), plane(0.0))
-    torch.testing.assert_close(image, ops.inverse_tone(plane(*toned)) / 4.0, rtol=1e-3, atol=1e-6)
+    assert power_after(0.4, samples=0.5e-3) == power_after(0.4, spreads=0.0) == 0.0
 
 
 def grey_image(luma: Tensor) -> Tensor:
@@ -285,7 +155,6 @@ def fit(luma: Tensor, usable: Tensor | None = None) -> Tensor:
 
 
 def inner(image: Tensor, ratio: float) -> Tensor:
-    """Pixels whose windows are inside the image."""
     border = int(3 * ratio)
     return image[..., border:-border, border:-border]
 
@@ -450,7 +319,6 @@ class Ball(AnalyticScene):
         )
 
     def light(self, index: int, normal: Values) -> Values:
-        """Return what a matte surface with a highlight reflects."""
         angle = 0.6 + index * self.turn
         light = np.array([np.sin(angle), 0.4, np.cos(angle)]) / np.hypot(1.0, 0.4)
         half = light + np.array([0.0, 0.0, 1.0])
@@ -470,15 +338,12 @@ class Ball(AnalyticScene):
 
 def errors(scene: Ball, ratio: float, count: int = 20) -> list[Float32]:
     """Errors of display values on the ball's middle, frame by frame, after eight frames; elsewhere NaN."""
-    method, render = Taau().eval(), ops.Size(round(DISPLAY[0] / ratio), round(DISPLAY[1] / ratio))
-    history, found = method.first_history(ops.Size(*DISPLAY), render), []
+    run, found = Stepped(taau(), DISPLAY), []
     for index in range(count):
-        frame = scene.frame(index, render, halton_jitter(index, ratio))
-        inputs = tensors_of(frame, DISPLAY, method.inputs()).values()
-        with torch.no_grad():
-            _, history, _ = method.step(*inputs, *history)
+        size = round(DISPLAY[0] / ratio), round(DISPLAY[1] / ratio)
+        run.step(scene.frame(index, size, halton_jitter(index, ratio)))
         if index >= 8:
-            image = history[0][0].permute(1, 2, 0).numpy()  # at rest the image is a mean of samples
+            image = run.tensor("color")[0].transpose(1, 2, 0)  # at rest the image is a mean of samples
             error = display_transform(image, 1.0) - display_transform(scene.truth(index, DISPLAY, 4), 1.0)
             found.append(np.where(scene.middle(index), error[..., 0], np.nan))
     return found

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from gpu_steps import device_or_skip
 from noise import Size, noise
@@ -71,7 +70,6 @@ class Wire(analytic.AnalyticScene):
 
     @property
     def step(self) -> float:
-        """Units a frame."""
         return self.speed * analytic.EXTENT[0] / RENDER[0]
 
     def middle(self, index: int, y: analytic.Values) -> analytic.Values:
@@ -79,7 +77,6 @@ class Wire(analytic.AnalyticScene):
         return self.START + self.step * index + self.LEAN * y
 
     def surface(self, index: int, x: analytic.Values, y: analytic.Values) -> analytic.SurfaceSample:
-        """Return the wire where it is, else the wall."""
         off = y - 0.51 * analytic.EXTENT[1] if self.level else x - self.middle(index, y)
         is_wire = np.abs(off) < 0.5 * self.WIDTH
         depth = np.where(is_wire, analytic.NEAR, analytic.FAR)
@@ -90,7 +87,6 @@ class Wire(analytic.AnalyticScene):
 
 
 def last_image(upscaler: Upscaler, scene: analytic.AnalyticScene) -> Float32:
-    """Return the image of the last of FRAMES frames."""
     for index in range(FRAMES):
         image = upscaler.step(scene.frame(index, RENDER, halton_jitter(index, RATIO)))
     return image
@@ -113,7 +109,6 @@ def contrast(upscaler: Upscaler, speed: float) -> float:
 
 
 def upscaler_of(method: str, **options: Any) -> Upscaler:
-    """Return an Upscaler at the display size of the wire."""
     return Upscaler(method, display_size=DISPLAY, validate="off", **options)
 
 
@@ -124,49 +119,6 @@ RUNS = [
     *((method, "cpu") for method in METHODS),
     *(pytest.param(method, "gpu", marks=GPU) for method in ("taau", "classifier")),
 ]
-
-
-def wire(over: tuple[float, float], *, level: bool = False, wall: float = 0.0) -> tuple[Tensor, Tensor]:
-    """Depth and motion of a wire over a wall, which moves by `wall` to the right."""
-    depth, motion = torch.full((1, 1, 12, 16), WALL), torch.zeros(1, 2, 12, 16)
-    motion[:, 0] = wall
-    where = (slice(None), slice(None), 5, slice(None)) if level else (..., slice(None), 7)
-    depth[where] = WIRE
-    motion[where] += torch.tensor(over).reshape(1, 2, 1)
-    return depth, motion
-
-
-@pytest.mark.parametrize("over", [(0.5, 0.0), (1.0, 0.0), (-1.5, 0.0), (4.0, 3.0), (1e6, 0.0)])
-@pytest.mark.parametrize("wall", [0.0, -3.0])
-def test_a_thin_object_that_moves_over_its_background_leaves(over: tuple[float, float], wall: float) -> None:
-    depth, motion = wire(over, wall=wall)
-    expected = torch.where(depth == WIRE, -depth, depth)
-    torch.testing.assert_close(ops.occluding_depth(depth, motion), expected)
-
-
-@pytest.mark.parametrize(
-    ("over", "level"),
-    [((0.0, 0.0), False), ((0.4, -0.4), False), ((0.0, 4.0), False), ((4.0, 0.0), True), ((-1.3, 0.0), True)],
-)
-def test_a_thin_object_at_rest_or_moving_along_itself_hides_nothing(
-    over: tuple[float, float], level: bool
-) -> None:
-    depth, motion = wire(over, level=level)
-    torch.testing.assert_close(ops.occluding_depth(depth, motion), torch.full_like(depth, WALL))
-
-
-def test_a_thin_object_followed_by_another_hides_nothing() -> None:
-    depth, motion = wire((4.0, 0.0))
-    depth[..., 11] = WIRE  # comes to the place of the first
-    found = ops.occluding_depth(depth, motion)
-    assert (found[..., 7] == WALL).all()
-
-
-def test_a_thin_object_before_an_unknown_background_hides_nothing() -> None:
-    depth, motion = wire((4.0, 0.0))
-    depth[..., 8] = -1.0
-    opened = ops.morphological_opening(depth).clamp(min=0.0)
-    torch.testing.assert_close(ops.occluding_depth(depth, motion), opened)
 
 
 def test_broad_objects_hide_their_background_and_their_rear_edges_leave() -> None:

@@ -13,7 +13,8 @@ import pytest
 from cpu_models import bytes_of, cpu_executor
 from native_build import SOURCES, native_build, native_generated
 from noise import noise
-from supersampler import Frame, Model, ModelError, halton_jitter
+from rest_scenes import RestScene, wave
+from supersampler import Frame, Model, ModelError
 from supersampler.backends.base import StepRequest
 from supersampler.backends.cpu.executor import CpuModel
 from supersampler.backends.cpu.library import Options, cpu_library
@@ -39,7 +40,6 @@ INT8 = Bound(2e-3, 3e-2, 8e-2)
 
 @pytest.fixture(scope="session")
 def path() -> Path:
-    """The library of the package."""
     built = native_build().build()
     assert isinstance(built, Path)
     return built
@@ -59,8 +59,6 @@ def frames(render: Size, count: int) -> Iterator[Frame]:
 
 
 class Run:
-    """Steps of an executor, with its two histories."""
-
     def __init__(self, executor: Any, render: Size, display: Size) -> None:
         self.executor, self.display = executor, display
         self.history, self.spare = executor.zeros(display, render), executor.zeros(display, render)
@@ -82,19 +80,6 @@ def check(image: Float32, want: Float32, bound: Bound) -> None:
     apart = np.abs(toned(image) - toned(want))
     found = Bound(float(apart.mean()), float(np.quantile(apart, 0.999)), float(apart.max()))
     assert all(a <= b for a, b in zip(found, bound, strict=True)), found
-
-
-def still_frame(index: int, render: Size, ratio: float) -> Frame:
-    """A texture that stands, and a disc that moves and changes."""
-    jitter = halton_jitter(index, ratio)
-    y, x = np.mgrid[0 : render[1], 0 : render[0]].astype(np.float32)
-    u, v = x + np.float32(jitter[0]), y + np.float32(jitter[1])
-    color = np.stack([0.5 + 0.4 * np.sin(u / 3) * np.cos(v / 4), 0.5 + 0.4 * np.sin(u / 2.3), 0.3 + 0 * u], 2)
-    motion, depth = np.zeros((*render[::-1], 2), np.float32), np.full(render[::-1], 0.02, np.float32)
-    disc = (x - 12.0) ** 2 + (y - 12.0) ** 2 < 16.0
-    color[disc] *= 0.5 + 0.4 * np.sin(index)
-    motion[disc] = 1.5, 0.7
-    return Frame(color=color.astype(np.float32), depth=depth, motion=motion, jitter=jitter, exposure=1.0)
 
 
 def test_constants_are_those_of_the_specs() -> None:
@@ -141,11 +126,10 @@ def test_instruction_sets_agree(method: str, instructions: str) -> None:
 
 
 def test_what_stands_still_converges_as_in_the_graph() -> None:
-    render, display = (40, 24), (80, 48)
-    native = Run(cpu_executor("taau"), render, display)
-    graph = Run(Model.load("taau", executor="onnx", threads=1)._executor, render, display)
-    for index in range(75):
-        frame = still_frame(index, render, 2.0)
+    scene = RestScene(wave, mover=True, render=(40, 24))
+    native = Run(cpu_executor("taau"), scene.render, scene.display)
+    graph = Run(Model.load("taau", executor="onnx", threads=1)._executor, scene.render, scene.display)
+    for frame, _ in scene.frames(75):
         check(native.step(frame, adds=1.0), graph.step(frame, adds=1.0), Bound(1e-4, 6e-3, 2e-2))
     ages = [run.executor.tensor(run.history, "history.static_blocks")[0, 0] for run in (native, graph)]
     np.testing.assert_array_equal(ages[0] < 0.0, ages[1] < 0.0)

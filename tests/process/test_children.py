@@ -1,6 +1,5 @@
 """Child processes end with their parent, however it ends: commands, and the extension."""
 
-import importlib.util
 import os
 import shutil
 import signal
@@ -16,10 +15,12 @@ from typer.testing import CliRunner
 
 import supersampler
 from blender_files import fake_blender, is_running, scene_file
+from native_build import module_of
 from supersampler.cli import app
 from supersampler.io.child_process import ChildProcess, end_text, run
 
-SDK = Path(supersampler.__file__).parent
+TESTS = Path(__file__).parents[1]
+EXTENSION = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension" / "run.py"
 SECONDS = 40.0
 
 
@@ -65,7 +66,7 @@ def command(folder: Path, *, ignored: bool = False, **plan: Any) -> "subprocess.
         (signal.SIGKILL, -9, True),
     ],
 )
-def test_blender_ends_with_the_command(
+def test_blender_ends_with_its_command(
     tmp_path: Path, number: signal.Signals, code: int, *, stubborn: bool
 ) -> None:
     process = command(tmp_path, **({"stubborn": True} if stubborn else {}))
@@ -96,21 +97,7 @@ def test_signals_that_are_ignored_stay_ignored_and_sigterm_ends_the_command(tmp_
 @pytest.fixture(scope="module")
 def extension() -> Any:
     """The extension's module run.py, loaded without its package, which imports bpy."""
-    file = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension" / "run.py"
-    spec = importlib.util.spec_from_file_location("extension_run", file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def started(extension: Any, folder: Path) -> Any:
-    words = [sys.executable, "-P", "-c", "from supersampler.cli import main; main()"]
-    given = ["blender", str(scene_file(folder, hang_at=6)), "-o", str(folder / "out"), "--method", "bilinear"]
-    run = extension.Run([*words, *given, "--blender", str(fake_blender(folder))], folder / "out", 4)
-    wait_until(lambda: (folder / "out" / "0005.exr").exists())
-    return run
+    return module_of(EXTENSION, "extension_run")
 
 
 @pytest.fixture
@@ -122,11 +109,15 @@ def ignored() -> Any:
 
 
 @pytest.mark.usefixtures("ignored")
-def test_cancel_of_the_extension_ends_the_command_where_sigint_is_ignored(
+def test_cancel_works_where_sigint_is_ignored(
     extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(extension, "_PATIENCE", 1e9)  # to ask is enough
-    running = started(extension, tmp_path)
+    scene, program, out = scene_file(tmp_path, hang_at=6), fake_blender(tmp_path), tmp_path / "out"
+    words = ["blender", str(scene), "-o", str(out), "--method", "bilinear", "--blender", str(program)]
+    main = [sys.executable, "-P", "-c", "from supersampler.cli import main; main()"]
+    running = extension.Run([*main, *words], out, 4)
+    wait_until(lambda: (out / "0005.exr").exists())
     pid = int((tmp_path / "pid").read_text())
     began = time.monotonic()
     running.cancel()
@@ -137,7 +128,7 @@ def test_cancel_of_the_extension_ends_the_command_where_sigint_is_ignored(
     wait_until(lambda: not is_running(pid))
 
 
-def test_a_command_that_ignores_cancel_is_terminated_then_killed(
+def test_a_command_that_ignores_cancel_is_killed(
     extension: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(extension, "_PATIENCE", 0.3)
@@ -155,13 +146,12 @@ def test_a_command_that_ignores_cancel_is_terminated_then_killed(
 
 
 def test_a_command_of_the_extension_ends_with_blender(tmp_path: Path) -> None:
-    file = SDK / "integrations" / "blender" / "extension" / "run.py"
     scene, program = scene_file(tmp_path, hang_at=6), fake_blender(tmp_path)
     code = f"""
-import importlib.util, pathlib, sys, time
-spec = importlib.util.spec_from_file_location("run", {str(file)!r})
-module = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(module)
+import pathlib, sys, time
+sys.path.insert(0, {str(TESTS)!r})
+from native_build import module_of
+module = module_of(pathlib.Path({str(EXTENSION)!r}))
 words = ["from supersampler.cli import main; main()", "blender", {str(scene)!r}]
 words += ["-o", {str(tmp_path / "out")!r}, "--method", "bilinear", "--blender", {str(program)!r}]
 run = module.Run([sys.executable, "-P", "-c", *words], pathlib.Path("out"), 4)
@@ -267,18 +257,17 @@ def test_a_program_that_takes_too_long_is_ended_with_what_it_started(tmp_path: P
 
 
 @pytest.mark.parametrize("frozen", [False, True])
-def test_close_ends_a_program_whose_supervisor_hangs_or_that_has_none(
+def test_close_ends_a_program_whose_supervisor_hangs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, frozen: bool
 ) -> None:
     monkeypatch.setattr("supersampler.io.child_process.GRACE", 0.5)
     if frozen:
         monkeypatch.setattr(sys, "executable", str(shutil.which("sleep")))
-    child = ChildProcess(["sh", "-c", f"trap '' TERM; echo $$ > {tmp_path}/pid; sleep 300"])
+    child: Any = ChildProcess(["sh", "-c", f"trap '' TERM; echo $$ > {tmp_path}/pid; sleep 300"])
     wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
     if not frozen:
         os.kill(child._process.pid, signal.SIGSTOP)
     child.close()
-    assert child.output is not None
     child.output.close()
     assert not is_running(int((tmp_path / "pid").read_text()))
 

@@ -31,9 +31,7 @@ def start(shot: Path, output: Path, *options: str) -> "subprocess.Popen[bytes]":
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 @pytest.mark.parametrize("kind", RUNS)
-def test_a_run_killed_at_any_moment_continues_to_the_files_of_an_unbroken_one(
-    tmp_path: Path, kind: str
-) -> None:
+def test_a_run_killed_at_any_moment_continues_to_the_same_files(tmp_path: Path, kind: str) -> None:
     shot = write_shot(tmp_path / "shot", 30, cuts=(12,), light=1.02)
     whole = tmp_path / "whole" / "out"
     began = time.perf_counter()

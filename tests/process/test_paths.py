@@ -18,7 +18,7 @@ COMMANDS = [
     "info {}",
     "import {} -o {}copy",
     "upscale {} -o {}out --frames 0-1 --method bilinear --compare --format png --format exr",
-    "upscale plaza -o {}named --frames 0-1 --method bilinear --name {}.####",
+    *["upscale plaza -o {}named --frames 0-1 --method bilinear --name {}.####"] * 2,  # the second continues
     "upscale plaza -o {}video --frames 0-1 --method bilinear --format mp4",
     "upscale plaza -o recorded --frames 0-1 --method bilinear --record {}recording",
     "replay {}recording",

@@ -17,10 +17,12 @@ WRITING = [
 LOCAL = ("AF_UNIX", "AF_NETLINK")  # stay on the machine
 
 RUNTIME = """
-import itertools, os
+import itertools, locale, os, signal
 from pathlib import Path
 
-before = dict(os.environ)
+def process():
+    return signal.getsignal(signal.SIGINT), os.getcwd(), locale.setlocale(locale.LC_ALL)
+before, environment = process(), dict(os.environ)
 from supersampler import Shot, Upscaler
 from supersampler.io.images import write_exr, write_png
 from supersampler.io.display import display_transform, to_uint8
@@ -32,8 +34,9 @@ for name, executor in (("taa", "cpu"), ("bilinear", "onnx")):
     assert upscaler.model.executor == executor
     write_exr(Path(OUTPUT, name + ".exr"), image)
     write_png(Path(OUTPUT, name + ".png"), to_uint8(display_transform(image)))
-changed = dict(os.environ).items() ^ before.items()
+changed = dict(os.environ).items() ^ environment.items()
 assert {name for name, _ in changed} <= {"OpenImageIO_ROOT"}, "OpenImageIO sets that itself; nothing else"
+assert process() == before
 """
 TALKATIVE = """
 import socket

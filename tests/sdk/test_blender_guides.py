@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,10 +53,8 @@ def denoised_frames(folder: Path, *, surface: bool = True) -> tuple[Path, np.nda
     return folder, guide
 
 
-def gbuffer(shot: Shot, index: int = 0) -> dict[str, np.ndarray]:
-    found = shot.read(index).frame.gbuffer
-    assert found is not None
-    return dict(found)
+def gbuffer(shot: Shot, index: int = 0) -> Any:
+    return shot.read(index).frame.gbuffer
 
 
 def test_guides_of_the_denoiser_replace_those_of_the_surface(tmp_path: Path) -> None:
@@ -93,8 +92,8 @@ def test_the_noise_that_cycles_has_removed_comes_back(tmp_path: Path) -> None:
     assert (np.asarray(noisy.read(1).frame.color) == 9.0).all()
     assert (np.asarray(shot.read(1).frame.color) != 9.0).any()
     assert noisy.ignored_channels == shot.ignored_channels
-    shot.ignored_channels = ("late",)  # as renders set it when their first frame is read
-    assert noisy.ignored_channels == ("late",)
+    shot.ignored_channels[:] = ["late"]  # as renders set it when their first frame is read
+    assert noisy.ignored_channels == ["late"]
 
 
 @pytest.mark.parametrize(("entry", "samples"), [("4", 4), ("0", None), ("many", None), (None, None)])
@@ -118,17 +117,12 @@ def test_a_render_that_is_to_be_denoised_has_its_guides_in_world_space(tmp_path:
         channels, layer = read_exr(path), "ViewLayer"
         normal = np.stack([channels.pop(f"{layer}.Normal.{axis}") for axis in "XYZ"], axis=-1)
         axes = camera.denoising_axes * (1, 1, -1)
-        write_exr(
-            path, channels | denoising_passes(normal, layer, axes) | {f"{layer}.Emit.R": plane(1, (48, 32))}
-        )
+        channels |= denoising_passes(normal, layer, axes)
+        write_exr(path, {**channels, f"{layer}.Emit.R": plane(1, (48, 32))})
     shot = open_source(folder)
     items = list(shot)
     assert shot.is_denoised
-    assert shot.noisy_channels == (
-        "ViewLayer.Noisy Image.R",
-        "ViewLayer.Noisy Image.G",
-        "ViewLayer.Noisy Image.B",
-    )
+    assert shot.noisy_channels == tuple(f"ViewLayer.Noisy Image.{axis}" for axis in "RGB")
     record["scene"]["has_strokes"] = True  # the noisy image would lack what was drawn
     (folder / "render.json").write_text(json.dumps(record))
     assert open_source(folder).noisy_channels == ()
@@ -146,7 +140,6 @@ def test_a_render_that_is_to_be_denoised_has_its_guides_in_world_space(tmp_path:
     assert items[0].raw.aov_names == ["A", "DiffCol.R", "DiffCol.G", "DiffCol.B", "Emit.R"]
     assert "ViewLayer.CryptoObject00.r" in shot.ignored_channels
     for item, original in zip(items, open_source(RECORDED), strict=True):
-        assert item.frame.gbuffer is not None
-        assert original.frame.gbuffer is not None
-        np.testing.assert_allclose(item.frame.gbuffer["normal"], original.frame.gbuffer["normal"], atol=2e-3)
-        np.testing.assert_array_equal(item.frame.gbuffer["base_color"][3, 3], (0.5, 0.25, 1.0))
+        ours, theirs = item.frame.gbuffer or {}, original.frame.gbuffer or {}
+        np.testing.assert_allclose(ours["normal"], theirs["normal"], atol=2e-3)
+        np.testing.assert_array_equal(ours["base_color"][3, 3], (0.5, 0.25, 1.0))

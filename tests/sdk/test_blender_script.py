@@ -1,6 +1,5 @@
 """Tests of the settings that render_frames.py makes inside Blender, on a scene of plain objects."""
 
-import importlib.util
 import json
 import sys
 from collections.abc import Callable
@@ -11,23 +10,20 @@ from typing import Any
 import pytest
 
 import supersampler
+from native_build import module_of
 
 FILE = Path(supersampler.__file__).parent / "integrations" / "blender" / "render_frames.py"
 WIDE = ("BLACKMAN_HARRIS", 1.5)  # a pixel filter
 
 
 @pytest.fixture
-def script(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def script(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The script as a module, with the notes that it has reported."""
     monkeypatch.setitem(sys.modules, "bpy", ModuleType("bpy"))
     monkeypatch.setenv("SUPERSAMPLER_RENDER", json.dumps({"token": ""}))
-    spec = importlib.util.spec_from_file_location("render_frames", FILE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    notes: list[str] = []
-    monkeypatch.setattr(module, "report", lambda note: notes.append(note))
-    vars(module)["notes"] = notes
+    module: Any = module_of(FILE)
+    module.notes = []
+    monkeypatch.setattr(module, "report", lambda note: module.notes.append(note))
     return module
 
 
@@ -50,12 +46,11 @@ def scene(engine: str = "CYCLES", *, blurred: bool = False, **attributes: Any) -
         pixel_filter_type=WIDE[0], filter_width=WIDE[1], denoiser="OPTIX", denoising_input_passes="RGB",
         denoising_prefilter="FAST",
     )  # fmt: skip
-    found = {
-        "name": "Scene", "cycles": cycles, "render": SimpleNamespace(
-            engine=engine, use_motion_blur=blurred, use_freestyle=False, frame_map_old=100, frame_map_new=100,
-        ),
-        "view_layers": [layer], "timeline_markers": [], "camera": camera("A"), "objects": [],
-    }  # fmt: skip
+    render = SimpleNamespace(
+        engine=engine, use_motion_blur=blurred, use_freestyle=False, frame_map_old=100, frame_map_new=100
+    )  # fmt: skip
+    found: dict[str, Any] = {"name": "Scene", "cycles": cycles, "render": render, "view_layers": [layer]}
+    found |= {"timeline_markers": [], "camera": camera("A"), "objects": []}
     return SimpleNamespace(**found | attributes)
 
 
@@ -66,37 +61,35 @@ def markers(*switches: tuple[int, SimpleNamespace | None]) -> list[SimpleNamespa
 @pytest.mark.parametrize(
     ("engine", "denoise", "scale", "want"),
     [
-        ("CYCLES", None, None, "temporal"),
-        ("CYCLES", None, 2.0, "frame"),
-        ("CYCLES", "off", None, "off"),
-        ("CYCLES", "frame", 1.0, "frame"),
-        ("CYCLES", "temporal", None, "temporal"),
-        ("BLENDER_EEVEE_NEXT", None, None, "off"),
-        ("BLENDER_WORKBENCH", "frame", None, "off"),
+        ("CYCLES", None, None, "temporal"), ("CYCLES", None, 2.0, "frame"), ("CYCLES", "off", None, "off"),
+        ("CYCLES", "frame", 1.0, "frame"), ("CYCLES", "temporal", None, "temporal"),
+        ("BLENDER_EEVEE_NEXT", None, None, "off"), ("BLENDER_WORKBENCH", "frame", None, "off"),
     ],
-)
+)  # fmt: skip
 def test_cycles_is_denoised_over_time_unless_asked_otherwise(
-    script: ModuleType, engine: str, denoise: str | None, scale: float | None, want: str
+    script: Any, engine: str, denoise: str | None, scale: float | None, want: str
 ) -> None:
     assert script.chosen_denoising(scene(engine), denoise, scale) == want
-
-
-def test_temporal_denoising_of_another_engine_is_refused(script: ModuleType) -> None:
     with pytest.raises(script.BlenderSceneError, match=r"BLENDER_EEVEE has no noise .* --engine cycles"):
         script.chosen_denoising(scene("BLENDER_EEVEE"), "temporal", None)
 
 
-def test_frames_to_denoise_have_the_scenes_samples_and_filter_and_clean_guides(script: ModuleType) -> None:
+def prepared(script: Any, denoise: str) -> tuple[Any, Any, Any]:
+    """Return a scene of Cycles that is set to be denoised so, its settings and its layer."""
     ours = scene()
-    cycles, layer = ours.cycles, ours.view_layers[0]
-    script.set_engine(ours, layer, None, "temporal")
-    script.set_passes(ours, layer, "temporal")
+    script.set_engine(ours, ours.view_layers[0], None, denoise)
+    script.set_passes(ours, ours.view_layers[0], denoise)
+    return ours, ours.cycles, ours.view_layers[0]
+
+
+def test_frames_to_denoise_have_the_scenes_samples_and_filter_and_clean_guides(script: Any) -> None:
+    ours, cycles, layer = prepared(script, "temporal")
     assert (cycles.samples, cycles.use_adaptive_sampling) == (64, True)
     assert (cycles.pixel_filter_type, cycles.filter_width) == WIDE
     assert (cycles.use_denoising, cycles.denoiser) == (True, "OPENIMAGEDENOISE")
     assert (cycles.denoising_prefilter, cycles.denoising_input_passes) == ("ACCURATE", "RGB_ALBEDO_NORMAL")
-    assert cycles.use_animated_seed
     assert (layer.use_pass_z, layer.use_pass_vector, layer.use_pass_normal) == (True, True, False)
+    assert cycles.use_animated_seed
     assert layer.cycles.denoising_store_passes
     assert layer.cycles.use_denoising
     assert "Cycles renders at full size with 64 samples, and denoises; --scale 2" in script.notes[0]
@@ -109,11 +102,8 @@ def test_frames_to_denoise_have_the_scenes_samples_and_filter_and_clean_guides(s
 
 
 @pytest.mark.parametrize("denoise", ["frame", "off"])
-def test_frames_to_upscale_have_points_as_pixels(script: ModuleType, denoise: str) -> None:
-    ours = scene()
-    cycles, layer = ours.cycles, ours.view_layers[0]
-    script.set_engine(ours, layer, None, denoise)
-    script.set_passes(ours, layer, denoise)
+def test_frames_to_upscale_have_points_as_pixels(script: Any, denoise: str) -> None:
+    _, cycles, layer = prepared(script, denoise)
     assert (cycles.samples, cycles.use_adaptive_sampling) == (16, False)
     assert (cycles.filter_width, cycles.denoising_prefilter) == (0.01, "NONE")
     assert cycles.use_denoising == layer.cycles.use_denoising == (denoise == "frame")
@@ -121,7 +111,7 @@ def test_frames_to_upscale_have_points_as_pixels(script: ModuleType, denoise: st
     assert not layer.cycles.denoising_store_passes
 
 
-def test_a_trial_has_other_noise_and_a_fixed_number_of_samples(script: ModuleType) -> None:
+def test_a_trial_has_other_noise_and_a_fixed_number_of_samples(script: Any) -> None:
     ours = scene()
     with pytest.raises(script.BlenderSceneError, match="samples adaptively, up to 64 times: pass --samples"):
         script.set_trial(ours, None, 1)
@@ -135,7 +125,7 @@ def test_a_trial_has_other_noise_and_a_fixed_number_of_samples(script: ModuleTyp
     assert script.strokes(ours, ours.view_layers[0]) == []  # noisy colours, which trials compare, lack it
 
 
-def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(script: ModuleType) -> None:
+def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(script: Any) -> None:
     ours = scene(sequence_editor=None, use_nodes=False, view_settings=SimpleNamespace(use_curve_mapping=True))
     output = ours.render.image_settings = SimpleNamespace(color_management="OVERRIDE")
     ours.render.use_compositing = ours.render.use_sequencer = False
@@ -149,13 +139,13 @@ def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(scr
     [(1, 48, None, (1, 48)), (1, 48, 5, (22, 26)), (7, 9, 5, (7, 9)), (0, 0, 5, (0, 0)), (3, 8, 5, (3, 7))],
 )
 def test_a_trial_takes_the_middle_of_the_scene(
-    script: ModuleType, first: int, last: int, most: int | None, want: tuple[int, int]
+    script: Any, first: int, last: int, most: int | None, want: tuple[int, int]
 ) -> None:
     assert script.own_range(scene(frame_start=first, frame_end=last), most) == want
 
 
 @pytest.mark.parametrize("denoise", ["temporal", "frame"])
-def test_blur_is_off_and_a_note_says_how_to_keep_it(script: ModuleType, denoise: str) -> None:
+def test_blur_is_off_and_a_note_says_how_to_keep_it(script: Any, denoise: str) -> None:
     ours = scene(blurred=True, camera=camera("A", focused=True))
     script.set_blur(ours, keep=False, denoise=denoise)
     assert not ours.render.use_motion_blur
@@ -165,7 +155,7 @@ def test_blur_is_off_and_a_note_says_how_to_keep_it(script: ModuleType, denoise:
     assert all(("--keep-blur" in note) == (denoise == "temporal") for note in script.notes)
 
 
-def test_blur_that_is_kept_costs_the_vectors_and_a_note_says_so(script: ModuleType) -> None:
+def test_blur_that_is_kept_costs_the_vectors_and_a_note_says_so(script: Any) -> None:
     ours = scene(blurred=True, camera=camera("A", focused=True))
     script.set_blur(ours, keep=True, denoise="temporal")
     script.set_passes(ours, ours.view_layers[0], "temporal")
@@ -177,7 +167,7 @@ def test_blur_that_is_kept_costs_the_vectors_and_a_note_says_so(script: ModuleTy
         script.set_blur(ours, keep=True, denoise="frame")
 
 
-def test_each_marker_of_another_camera_is_a_cut(script: ModuleType) -> None:
+def test_each_marker_of_another_camera_is_a_cut(script: Any) -> None:
     a, b, hidden = camera("A"), camera("B", focused=True), camera("C", hidden=True)
     ours = scene(timeline_markers=markers((30, a), (1, a), (10, a), (12, None), (20, b), (25, hidden)))
     assert script.camera_switches(ours) == [20, 30]
@@ -188,7 +178,7 @@ def test_each_marker_of_another_camera_is_a_cut(script: ModuleType) -> None:
     assert not b.data.dof.use_dof
 
 
-def test_a_camera_that_is_named_is_used_without_cuts(script: ModuleType) -> None:
+def test_a_camera_that_is_named_is_used_without_cuts(script: Any) -> None:
     a, b = camera("A"), camera("B")
     ours = scene(timeline_markers=markers((1, a), (9, b)), objects=[a, b])
     script.choose_camera(ours, "B")
@@ -203,9 +193,7 @@ def test_a_camera_that_is_named_is_used_without_cuts(script: ModuleType) -> None
         (lambda ours: setattr(ours.camera, "type", "LIGHT"), "camera 'A' is of type LIGHT"),
     ],
 )
-def test_a_camera_that_cannot_be_followed_is_refused(
-    script: ModuleType, change: Callable[[Any], None], message: str
-) -> None:
+def test_unusable_cameras_are_refused(script: Any, change: Callable[[Any], None], message: str) -> None:
     ours = scene()
     change(ours)
     with pytest.raises(script.BlenderSceneError, match=message):
@@ -215,26 +203,21 @@ def test_a_camera_that_cannot_be_followed_is_refused(
 @pytest.mark.parametrize(
     ("engine", "kind", "camera_moves", "noted"),
     [
-        ("CYCLES", "ORTHO", True, True),
-        ("CYCLES", "ORTHO", False, False),
-        ("CYCLES", "PERSP", True, False),
-        ("BLENDER_EEVEE", "ORTHO", True, False),
-        ("BLENDER_WORKBENCH", "PERSP", False, True),
+        ("CYCLES", "ORTHO", True, True), ("CYCLES", "ORTHO", False, False), ("CYCLES", "PERSP", True, False),
+        ("BLENDER_EEVEE", "ORTHO", True, False), ("BLENDER_WORKBENCH", "PERSP", False, True),
     ],
-)
+)  # fmt: skip
 def test_objects_that_move_are_named_where_their_motion_is_unknown(
-    script: ModuleType, engine: str, kind: str, camera_moves: bool, noted: bool
+    script: Any, engine: str, kind: str, camera_moves: bool, noted: bool
 ) -> None:
     """Vectors of Cycles are wrong only while an orthographic camera moves."""
     script.bpy.context = SimpleNamespace(evaluated_depsgraph_get=lambda: None)
-    eye = camera("A", kind=kind)
+    eye, cube = camera("A", kind=kind), SimpleNamespace(name="Cube", type="MESH", hide_render=False)
     eye.data.ortho_scale = 8.0
-    cube = SimpleNamespace(name="Cube", type="MESH", hide_render=False)
     for item in (eye, cube):
         item.matrix_world, item.evaluated_get = [0.0], lambda _, item=item: item
     warner = script.MovedObjects(scene(engine, camera=eye, objects=[eye, cube]))
     for index in range(3):
-        cube.matrix_world = [float(index)]
-        eye.matrix_world = [float(camera_moves * index)]
+        cube.matrix_world, eye.matrix_world = [float(index)], [float(camera_moves * index)]
         warner.warn()
     assert sum("objects move, and will blur: Cube" in note for note in script.notes) == noted

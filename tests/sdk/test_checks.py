@@ -1,6 +1,7 @@
 """Tests of `FrameChecker`: no warning for correct frames, the right message for each mistake."""
 
 import itertools
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,18 +11,19 @@ import numpy as np
 import pytest
 
 from noise import noise
-from plain_frames import plain_frame
+from plain_frames import HEIGHT, WIDTH, complaints, plain_frame
 from supersampler import Upscaler
 from supersampler.arguments import Validate
 from supersampler.conventions import Conventions
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
-from supersampler.frame import Frame
+from supersampler.frame import Float32, Frame
 from supersampler.io.shot import Shot
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.validation import FrameChecker, mistakes
 from supersampler.validation.mistakes import Mistake
-from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
+from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, checker, zone_plate
 
 DISPLAY = (640, 360)
 
@@ -32,10 +34,8 @@ def frames() -> list[Frame]:
     return [shot.read(index).frame for index in range(12, 16)]
 
 
-def check_all(frames: list[Frame]) -> None:
-    checker = FrameChecker("strict")
-    for frame in frames:
-        checker.check(frame, DISPLAY)
+def assert_fine(frames: list[Frame]) -> None:
+    assert complaints(*frames, validate="strict") == ""
 
 
 def misread(frames: list[Frame], **overrides: Any) -> list[Frame]:
@@ -44,15 +44,22 @@ def misread(frames: list[Frame], **overrides: Any) -> list[Frame]:
     return [taken_as_ours.to_frame(there.from_frame(frame)) for frame in frames]
 
 
-def test_a_real_shot_is_fine(frames: list[Frame]) -> None:
-    check_all(frames)
+SCENES: dict[str, AnalyticScene] = {
+    f"{pattern.__name__} {velocity}": Plane(pattern, velocity)
+    for pattern in (zone_plate, checker)
+    for velocity in ((0.0, 0.0), (0.3, -0.7), (2.0, 1.0))
+}
 
 
-@pytest.mark.parametrize("pattern", [zone_plate, checker])
-@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.3, -0.7), (2.0, 1.0)])
-def test_hard_patterns_still_or_moving_are_fine(pattern: Any, velocity: tuple[float, float]) -> None:
-    scene = Plane(pattern, velocity)
-    check_all([scene.frame(i, (96, 54), halton_jitter(i, 2.0)) for i in range(5)])
+@pytest.mark.parametrize("scene", [*SCENES.values(), DiscOverPlane()], ids=[*SCENES, "a disc before a plane"])
+def test_a_real_shot_and_hard_patterns_are_fine(frames: list[Frame], scene: AnalyticScene) -> None:
+    assert_fine(frames)
+    assert_fine([scene.frame(i, (128, 72), halton_jitter(i, 2.0)) for i in range(5)])
+
+
+def test_the_render_size_may_change_while_frames_are_read() -> None:
+    sizes = [(160, 90)] * 2 + [(96, 54)] * 3
+    assert_fine([Plane(checker, (2.0, 1.0)).frame(i, s, halton_jitter(i, 2.0)) for i, s in enumerate(sizes)])
 
 
 def jittered(place: Callable[[int], int], count: int = 32) -> list[Frame]:
@@ -62,9 +69,7 @@ def jittered(place: Callable[[int], int], count: int = 32) -> list[Frame]:
 
 
 def warnings_of_jitter(frames: list[Frame], validate: Validate = "warn") -> list[str]:
-    return [
-        message for message in messages_of(frames, (48, 32), validate=validate) if "on average" in message
-    ]
+    return [line for line in complaints(*frames, validate=validate).splitlines() if "on average" in line]
 
 
 @pytest.mark.parametrize("validate", ["warn", "strict"])
@@ -72,9 +77,8 @@ def test_shaded_frames_with_half_of_the_jitter_are_warned_of_once(validate: Vali
     [message] = warnings_of_jitter(jittered(lambda i: i), validate)
     assert "over 32 shaded frames" in message
     assert "halton_jitter(index // 2, ratio)" in message
-    assert len(warnings_of_jitter(jittered(lambda i: i) + jittered(lambda i: i), validate)) == 2, (
-        "after a cut"
-    )
+    twice = jittered(lambda i: i) + jittered(lambda i: i)
+    assert len(warnings_of_jitter(twice, validate)) == 2, "after a cut"
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.5, 2.0, 3.0, 4.0])
@@ -87,10 +91,6 @@ def test_jitter_that_counts_shaded_frames_is_fine(ratio: float, start: int) -> N
     assert warnings_of_jitter(elsewhere) == [], "the jitter of frames that are not shaded is not used"
 
 
-def test_an_object_moving_in_front_of_another_passes() -> None:
-    check_all([DiscOverPlane().frame(i, (128, 72), halton_jitter(i, 2.0)) for i in range(5)])
-
-
 def test_motion_is_not_held_against_a_frame_that_it_does_not_lead_to() -> None:
     """A camera that shakes: between shaded frames, motion is to one that was not."""
     scene, handed_in = Plane(checker, (2.0, 1.0)), [0, 2, 1, 3, 2, 4, 3]
@@ -100,25 +100,21 @@ def test_motion_is_not_held_against_a_frame_that_it_does_not_lead_to() -> None:
         motion = frame.motion * np.float32(index - before)
         color = frame.color if number % 2 == 0 else None
         frames.append(replace(frame, motion=motion, color=color, reset=number == 0))
-    check_all(frames)
+    assert_fine(frames)
 
 
-@pytest.mark.parametrize("name", ["black", "all sky", "noise", "one pixel", "not shaded"])
-def test_images_without_evidence_pass(frames: list[Frame], name: str) -> None:
-    def change(frame: Frame) -> Frame:
-        assert frame.color is not None
-        if name == "black":
-            return replace(frame, color=frame.color * 0)
-        if name == "all sky":
-            return replace(frame, color=frame.color * 0 + 1, depth=frame.depth * 0, motion=frame.motion * 0)
-        if name == "noise":
-            noise = np.random.default_rng(0).random(frame.color.shape, np.float32)
-            return replace(frame, color=noise)
-        if name == "not shaded":
-            return replace(frame, color=None)
-        return replace(frame, **{key: getattr(frame, key)[:1, :1] for key in ("color", "depth", "motion")})
+WITHOUT_EVIDENCE: dict[str, Callable[[Frame], Frame]] = {
+    "black": lambda frame: replace(frame, color=np.asarray(frame.color) * 0),
+    "all sky": lambda f: replace(f, color=np.ones_like(f.color), depth=f.depth * 0, motion=f.motion * 0),
+    "noise": lambda f: replace(f, color=np.random.default_rng(0).random((*f.depth.shape, 3), np.float32)),
+    "one pixel": lambda f: replace(f, **{k: getattr(f, k)[:1, :1] for k in ("color", "depth", "motion")}),
+    "not shaded": lambda frame: replace(frame, color=None),
+}
 
-    check_all([change(frame) for frame in frames])
+
+@pytest.mark.parametrize("change", WITHOUT_EVIDENCE.values(), ids=WITHOUT_EVIDENCE)
+def test_images_without_evidence_pass(frames: list[Frame], change: Callable[[Frame], Frame]) -> None:
+    assert_fine([change(frame) for frame in frames])
 
 
 @pytest.mark.parametrize(
@@ -127,13 +123,9 @@ def test_images_without_evidence_pass(frames: list[Frame], name: str) -> None:
         ({"motion_unit": "ndc"}, "motion", "motion_unit='ndc'"),
         ({"motion_unit": "uv"}, "motion", "motion_unit='uv'"),
         ({"motion_flip_y": True}, "motion", "motion_flip_y=True"),
-        (
-            {"motion_direction": "current_minus_previous"},
-            "motion",
-            "motion_direction='current_minus_previous'",
-        ),
+        ({"motion_direction": "current_minus_previous"}, "motion", "direction='current_minus_previous'"),
         ({"motion_jittered": True}, "motion", "motion_jittered=True"),
-        ({"motion_scale": (0.5, 0.5)}, "motion", r"motion_scale=\(0\.5, 0\.5\)"),
+        ({"motion_scale": (0.5, 0.5)}, "motion", "motion_scale=(0.5, 0.5)"),
         ({"jitter_sign": -1}, "jitter", "jitter_sign=-1"),
         ({"jitter_flip_y": True}, "jitter", "jitter_flip_y=True"),
         ({"jitter_unit": "ndc"}, "jitter", "jitter_unit='ndc'"),
@@ -143,12 +135,12 @@ def test_images_without_evidence_pass(frames: list[Frame], name: str) -> None:
         ({"depth": "linear", "far": 1000.0}, "depth", "depth='linear'"),
     ],
 )
-def test_a_missed_convention_is_named_with_its_override(
+def test_a_missed_convention_is_named(
     frames: list[Frame], overrides: dict[str, Any], field: str, hint: str
 ) -> None:
-    with pytest.raises(FrameError, match=hint) as caught:
-        check_all(misread(frames, **overrides))
-    assert caught.value.name == field
+    said = complaints(*misread(frames, **overrides), validate="strict")
+    assert said.startswith(f"frame.{field} ")
+    assert hint in said
 
 
 def with_pixel(frame: Frame, field: str, value: float) -> Frame:
@@ -164,50 +156,29 @@ def rest(count: int, **overrides: Any) -> list[Frame]:
     return [noise(1, jitter=jitter, motion=still, **overrides) for jitter in jitters]
 
 
-def messages_of(
-    frames: list[Frame],
-    display: tuple[int, int] = (64, 36),
-    *,
-    converges: bool = True,
-    validate: Validate = "warn",
-) -> list[str]:
-    checker = FrameChecker(validate, converges=converges)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        for frame in frames:
-            checker.check(frame, display)
-    return [str(warning.message) for warning in caught]
-
-
 def test_jitter_that_stops_while_nothing_moves_is_warned_of_once() -> None:
-    (message,) = messages_of(rest(40))
+    (message,) = complaints(*rest(40)).splitlines()
     assert "frame.jitter is (0.0, 0.0) in 8 frames in which nothing moved" in message
     assert "halton_jitter" in message
-    assert messages_of(rest(7)) == []
-
-
-def test_jitter_that_stops_is_warned_of_only_where_a_still_image_would_converge() -> None:
-    assert messages_of(rest(40), converges=False) == []
-    assert messages_of(rest(40), (32, 18)) == [], "frames of ratio 1 may be anti-aliased already"
+    (never_changed,) = complaints(*rest(40)[4:]).splitlines()
+    assert "in 3 consecutive frames" in never_changed
     moving = np.full((18, 32, 2), 0.1, np.float32)
-    assert messages_of([replace(frame, motion=moving) for frame in rest(40)]) == []
+    for frames, options in (
+        (rest(7), {}),
+        (rest(40), {"converges": False}),
+        (rest(40), {"display": (32, 18)}),  # frames of ratio 1 may be anti-aliased already
+        ([replace(frame, motion=moving) for frame in rest(40)], {}),
+    ):
+        assert complaints(*frames, **options) == ""
 
 
-def test_jitter_that_never_changes_is_warned_of_once_in_all() -> None:
-    (message,) = messages_of(rest(40)[4:])
-    assert "in 3 consecutive frames" in message
-
-
-def test_an_upscaler_warns_of_jitter_that_stops_if_its_method_converges() -> None:
-    for method, warns in (("taau", True), ("taa", False)):
-        with (
-            Upscaler(method, display_size=(64, 36)) as upscaler,
-            warnings.catch_warnings(record=True) as caught,
-        ):
-            warnings.simplefilter("always")
-            for frame in rest(10):
-                upscaler.step(frame)
-        assert any("nothing moved" in str(warning.message) for warning in caught) == warns
+@pytest.mark.parametrize(("method", "warns"), [("taau", True), ("taa", False)])
+def test_an_upscaler_warns_of_jitter_that_stops_if_its_method_converges(method: str, warns: bool) -> None:
+    with Upscaler(method, display_size=(64, 36)) as upscaler, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for frame in rest(10):
+            upscaler.step(frame)
+    assert any("nothing moved" in str(warning.message) for warning in caught) == warns
 
 
 @pytest.mark.parametrize("name", [name for name, each in vars(mistakes).items() if isinstance(each, Mistake)])
@@ -232,23 +203,20 @@ def test_a_refused_frame_leaves_the_checker_as_it_was(frames: list[Frame]) -> No
 
 
 def test_the_checker_keeps_no_buffer_of_the_caller(frames: list[Frame]) -> None:
-    assert frames[0].color is not None
-    reused = replace(
-        frames[0], color=frames[0].color.copy(), depth=frames[0].depth.copy(), motion=frames[0].motion.copy()
-    )
+    names = ("color", "depth", "motion")
+    buffers: dict[str, Any] = {name: np.array(getattr(frames[0], name)) for name in names}
     checker = FrameChecker("strict")
     for frame in frames:
-        for field in ("color", "depth", "motion"):
-            getattr(reused, field)[:] = getattr(frame, field)
-        checker.check(replace(reused, jitter=frame.jitter), DISPLAY)
+        for name, buffer in buffers.items():
+            buffer[:] = getattr(frame, name)
+        checker.check(replace(frame, **buffers), DISPLAY)
 
 
 @pytest.mark.parametrize("exposure", [1e30, 1e-20])
 def test_an_exposure_outside_the_usable_range_is_reported(exposure: float) -> None:
-    strict = FrameChecker("strict")
-    strict.check(noise(0, exposure=1e6), (64, 36), ())
-    with pytest.raises(FrameError, match=r"exposure is 1e.*want 6e-08 to 1.7e"):
-        strict.check(noise(0, exposure=exposure), (64, 36), ())
+    assert complaints(noise(0, exposure=1e6), validate="strict") == ""
+    said = complaints(noise(0, exposure=exposure), validate="strict")
+    assert re.search(r"exposure is 1e.*want 6e-08 to 1.7e", said)
 
 
 # --- which frames are read ---
@@ -285,10 +253,9 @@ def test_a_warning_points_at_the_line_that_hands_in_the_frame() -> None:
 
 
 def test_frames_kept_for_checks_are_freed_after_the_last_read() -> None:
-    checker = FrameChecker("warn")
+    checker: Any = FrameChecker("warn")
     for index in range(3):
         checker.check(plain_frame(jitter=halton_jitter(index, 2.0)), (160, 120))
-        assert checker._seen.previous is not None
     checker.check(plain_frame(jitter=halton_jitter(3, 2.0)), (160, 120))
     assert checker._seen.previous is None
 
@@ -297,6 +264,138 @@ def test_frames_kept_for_checks_are_freed_after_the_last_read() -> None:
 def test_a_shot_as_it_is_displayed_is_hinted_at(frames: list[Frame], scale: int) -> None:
     color = np.asarray(frames[0].color, np.float32)
     shown = scale * srgb_encoded(color / (1 + color.max(axis=2, keepdims=True)))
-    [message] = messages_of([replace(frames[0], color=shown)], DISPLAY)
+    [message] = complaints(replace(frames[0], color=shown)).splitlines()
     assert f"frame.color is never above {scale}, and as bright as a displayed image" in message
-    assert messages_of([replace(frames[0], color=scale * color / color.max())], DISPLAY) == []
+    assert complaints(replace(frames[0], color=scale * color / color.max())) == ""
+
+
+# --- thresholds of the checks of G-buffers: no warning just below each ---
+
+
+PIXELS = WIDTH * HEIGHT
+SLOPE = (0.1 + 0.004 * np.broadcast_to(np.arange(WIDTH), (HEIGHT, WIDTH))).astype(np.float32)
+
+
+def complaint(
+    name: str, array: Float32, depth: Float32 | None = None, jitter: tuple[float, float] = (0.0, 0.0)
+) -> str:
+    """Return the warning about a frame with this buffer; "" for none."""
+    place = GBUFFERS[name]
+    fields: dict[str, Any] = {place.group: {place.key: array}}
+    frame = plain_frame(depth=SLOPE if depth is None else depth, jitter=jitter, **fields)
+    return complaints(frame, validate="strict", gbuffers=[name])
+
+
+def share_of(value: float, share: float, fill: float = 0.5) -> Float32:
+    """(h, w) of `fill`, a share of it another value."""
+    made = np.full(PIXELS, fill, np.float32)
+    made[: round(share * PIXELS)] = value
+    return made.reshape(HEIGHT, WIDTH)
+
+
+@pytest.mark.parametrize(("value", "share", "found"), [
+    (1.0, 1.0, False), (0.0, 1.0, False), (1.0005, 1.0, False), (-0.0005, 1.0, False),
+    (1.002, 0.009, False), (1.002, 0.011, True), (-0.002, 0.011, True),
+])  # fmt: skip
+def test_fractions_are_in_0_to_1_but_for_a_hundredth(value: float, share: float, found: bool) -> None:
+    assert ("outside [0, 1]" in complaint("gbuffer_roughness", share_of(value, share))) is found
+
+
+@pytest.mark.parametrize(("value", "fill", "found"), [
+    (255.0, 0.0, True), (3.0, 0.0, True), (2.5, 0.0, False), (2.0, 0.0, False), (-3.0, 3.0, False),
+])  # fmt: skip
+def test_whole_numbers_are_taken_for_bytes(value: float, fill: float, found: bool) -> None:
+    said = complaint("gbuffer_metallic", share_of(value, 0.5, fill))
+    assert ("bytes" in said) is found
+    assert f"from 0 to {value:.0f}" in said or not found
+
+
+def normals(length: float, share: float = 1.0) -> Float32:
+    """Normals that face the eye, a share of them of another length; some sky."""
+    along = share_of(length, share, fill=1.0)
+    along[-1] = 0.0
+    return np.stack([0 * along, 0.6 * along, 0.8 * along], axis=-1)
+
+
+@pytest.mark.parametrize(("length", "share", "found"), [
+    (1.0, 1.0, False), (1.04, 1.0, False), (0.96, 1.0, False), (0.04, 1.0, False),
+    (1.06, 0.5, True), (0.94, 0.5, True), (0.06, 0.5, True), (1.5, 0.009, False), (1.5, 0.011, True),
+])  # fmt: skip
+def test_normals_are_of_length_1_or_0_but_for_a_twentieth(length: float, share: float, found: bool) -> None:
+    assert ("neither 1 nor 0" in complaint("gbuffer_normal", normals(length, share))) is found
+
+
+def test_infinities_of_both_signs_in_one_pixel_are_reported_without_a_warning_of_numpy() -> None:
+    bad = normals(1.0)
+    bad[5, 6] = np.inf, -np.inf, 0.0
+    assert "first at (x=6, y=5)" in complaint("gbuffer_normal", bad)
+
+
+def test_normals_in_colours_are_recognised() -> None:
+    encoded = 0.5 * normals(1.0) + 0.5
+    assert "2 * normal - 1" in complaint("gbuffer_normal", encoded)
+    encoded[:20] = 0.0
+    assert "2 * normal - 1" in complaint("gbuffer_normal", encoded), "the sky is not encoded"
+    shorter = 0.5 * normals(0.8) + 0.5
+    assert "2 * normal - 1" not in complaint("gbuffer_normal", shorter)
+    assert "neither 1 nor 0" in complaint("gbuffer_normal", shorter)
+
+
+def doubled(depth: Float32) -> Float32:
+    return np.kron(depth, np.ones((2, 2), np.float32))
+
+
+@pytest.mark.parametrize(
+    ("scale", "found"), [(1.0, False), (1.2, False), (0.82, False), (1.3, True), (0.78, True)]
+)
+def test_depth_of_display_size_is_in_the_unit_of_the_frames(scale: float, found: bool) -> None:
+    said = complaint("gbuffer_display_depth", (scale * doubled(SLOPE)).astype(np.float32))
+    assert ("times frame.depth" in said) is found
+    if found:
+        assert f"{scale:.3g} times" in said
+
+
+def test_a_distance_grows_where_depth_falls() -> None:
+    assert "a distance: it grows" in complaint("gbuffer_display_depth", np.float32(0.03) / doubled(SLOPE))
+    unrelated = np.exp(np.random.default_rng(0).uniform(-0.7, 0.7, SLOPE.shape)).astype(np.float32)
+    assert "distance: it" not in complaint("gbuffer_display_depth", np.float32(0.2) * doubled(unrelated))
+    flat = np.full((HEIGHT, WIDTH), 0.3, np.float32)
+    assert "distance: it" not in complaint("gbuffer_display_depth", np.float32(0.09) / doubled(flat), flat)
+
+
+def test_depths_are_compared_where_both_have_surfaces() -> None:
+    sky = np.where(np.arange(HEIGHT)[:, None] < 40, np.float32(0.0), SLOPE)
+    assert complaint("gbuffer_display_depth", doubled(SLOPE), sky) == ""
+    assert complaint("gbuffer_display_depth", doubled(sky), SLOPE) == ""
+    assert "3 times" in complaint("gbuffer_display_depth", np.float32(3.0) * doubled(SLOPE), sky)
+
+
+@pytest.mark.parametrize("jitter", [(0.5, 0.0), (0.0, 0.5), (-0.5, -0.5)])
+def test_samples_on_the_border_of_a_pixel_are_read_in_the_image(jitter: tuple[float, float]) -> None:
+    assert complaint("gbuffer_display_depth", doubled(SLOPE), jitter=jitter) == ""
+
+
+def test_the_hint_of_a_nan_depends_on_the_buffer() -> None:
+    bad = doubled(SLOPE)
+    bad[3, 4] = np.nan
+    assert "Is it a distance?" in complaint("gbuffer_display_depth", bad)
+    assert "Clear the target to 0" in complaint("gbuffer_roughness", share_of(np.nan, 0.1))
+
+
+def test_depth_is_0_at_the_sky_and_never_less() -> None:
+    sky = doubled(SLOPE)
+    sky[:20] = 0.0
+    assert complaint("gbuffer_display_depth", sky) == ""
+    sky[5, 7] = -1e-3
+    assert "negative, as small as -0.001" in complaint("gbuffer_display_depth", sky)
+
+
+@pytest.mark.parametrize("jitter", [(0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4)])
+def test_depths_are_compared_where_the_samples_lie(jitter: tuple[float, float]) -> None:
+    """One of two display pixels has the sample's depth: the one that its jitter's sign puts it in."""
+    axis = 0 if jitter[1] else 1
+    own = np.arange(2 * (HEIGHT, WIDTH)[axis]) % 2 == int(sum(jitter) > 0.0)
+    mask = own[:, None] if axis == 0 else own[None]
+    display = np.where(mask, doubled(SLOPE), np.float32(3.0) * doubled(SLOPE)).astype(np.float32)
+    assert complaint("gbuffer_display_depth", display, jitter=jitter) == ""
+    assert "3 times" in complaint("gbuffer_display_depth", display, jitter=(-jitter[0], -jitter[1]))

@@ -13,19 +13,17 @@ from noise import Size, noise
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.arguments import ExecutorName
+from supersampler.backends.cpu.library import encode_rgba
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler_bench.stress.scenes import still
 
+Models = dict[tuple[str, str], Model]
 EXECUTORS: tuple[ExecutorName, ...] = ("onnx", "cpu")
 SIZES = [
-    ((32, 18), (64, 36)),
-    ((33, 17), (50, 26)),
-    ((61, 35), (61, 35)),
-    ((21, 13), (63, 39)),
-    ((5, 40), (11, 93)),
-    ((1, 1), (2, 2)),
-]
+    ((32, 18), (64, 36)), ((33, 17), (50, 26)), ((61, 35), (61, 35)), ((21, 13), (63, 39)),
+    ((5, 40), (11, 93)), ((1, 1), (2, 2)),
+]  # fmt: skip
 BYTES, LARGE, ROUNDING = (3e-3, 0.03), (3.3e-3, 0.03), (1e-5, 1e-3)
 """Mean difference, and that at 99 % of the pixels, of images in [0, 1]: with an int8 network, with one whose
 history is larger, without."""
@@ -34,22 +32,21 @@ BRIGHT = (2e-5, 1e-3)
 
 
 @pytest.fixture(scope="module")
-def models() -> dict[tuple[str, str], Model]:
+def models() -> Models:
     return {(m, e): shared_model(m, threads=2, executor=e) for m in METHODS for e in EXECUTORS}
 
 
-def step_both(
-    models: dict[tuple[str, str], Model], method: str, frames: list[Frame], display: Size
-) -> list[tuple[Any, Any]]:
-    pair = [Upscaler(models[method, name], display_size=display, validate="off") for name in ("onnx", "cpu")]
-    results = [[u.step(frame, outputs=("weight",)) for u in pair] for frame in frames]
-    return [(one, other) for one, other in results]
+def pair_of(models: Models, method: str, display: Size = (64, 36)) -> list[Upscaler]:
+    return [Upscaler(models[method, name], display_size=display, validate="off") for name in EXECUTORS]
+
+
+def step_both(models: Models, method: str, frames: list[Frame], display: Size) -> list[list[Any]]:
+    pair = pair_of(models, method, display)
+    return [[upscaler.step(frame, outputs=("weight",)) for upscaler in pair] for frame in frames]
 
 
 def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
-    history = upscaler.save_state().history
-    assert history is not None
-    return history
+    return upscaler.save_state().history or {}
 
 
 def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, float] = ROUNDING) -> None:
@@ -70,7 +67,7 @@ def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, fl
     ],
 )
 def test_the_cpu_backend_computes_what_the_onnx_backend_computes(
-    models: dict[tuple[str, str], Model], method: str, render: Size, display: Size
+    models: Models, method: str, render: Size, display: Size
 ) -> None:
     frames = [noise(seed, render) for seed in range(4)]
     for one, other in step_both(models, method, frames, display):
@@ -80,30 +77,23 @@ def test_the_cpu_backend_computes_what_the_onnx_backend_computes(
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0, 1e30, 1e-42])
-def test_hostile_pixels_do_the_same_on_both(
-    models: dict[tuple[str, str], Model], method: str, bad: float
-) -> None:
+def test_hostile_pixels_are_alike_on_both(models: Models, method: str, bad: float) -> None:
     frames = [noise(seed) for seed in range(5)]
     spots = np.random.default_rng(0).random((18, 32)) < 0.05
-    fields: dict[str, Any] = {
-        "color": spoilt(frames[2].color, spots, bad),
-        "depth": spoilt(frames[2].depth, spots, bad),
-        "motion": spoilt(frames[2].motion, spots, bad),
-    }
-    frames[2] = replace(frames[2], **fields)
+    fields = {n: spoilt(getattr(frames[2], n), spots, bad) for n in ("color", "depth", "motion")}
+    frames[2] = replace(frames[2], **fields)  # type: ignore[arg-type]
     for one, other in step_both(models, method, frames, (64, 36)):
         assert np.isfinite(other.image).all()
         assert other.image.min() >= 0
         compare(one.image, other.image, method, BRIGHT if bad > 1e4 else ROUNDING)
 
 
-def test_a_frame_that_is_a_flash_does_the_same_on_both(models: dict[tuple[str, str], Model]) -> None:
+def test_a_frame_that_is_a_flash_does_the_same_on_both(models: Models) -> None:
     frames = [replace(frame, exposure=1.0) for frame in still((32, 18))[:8]]
     for index in (4, 5):
         spots = np.random.default_rng(index).random((18, 32)) < 0.1
         frames[index] = replace(frames[index], color=spoilt(frames[index].color, spots, 100.0))
-    upscalers = [Upscaler(models["taau", name], display_size=(64, 36), validate="off") for name in EXECUTORS]
-    flashes = []
+    upscalers, flashes = pair_of(models, "taau"), []
     for frame in frames:
         one, other = (upscaler.step(frame) for upscaler in upscalers)
         compare(one, other, "taau")
@@ -113,13 +103,12 @@ def test_a_frame_that_is_a_flash_does_the_same_on_both(models: dict[tuple[str, s
     assert flashes == [0, 0, 0, 0, 1, 2, 0, 0]
 
 
-def test_taa_keeps_its_history_where_a_sample_is_not_usable(models: dict[tuple[str, str], Model]) -> None:
+def test_taa_keeps_its_history_where_a_sample_is_not_usable(models: Models) -> None:
     frames = list(still((32, 18))[:8])
     rows = np.zeros((18, 32), bool)
     rows[9] = True
     bad = replace(frames[6], color=spoilt(frames[6].color, rows, np.nan))
-    for name in EXECUTORS:
-        upscaler = Upscaler(models["taa", name], display_size=(64, 36), validate="off")
+    for upscaler in pair_of(models, "taa"):
         for frame in frames[:6]:
             before = upscaler.step(frame)
         kept = np.abs(upscaler.step(bad) - before).max(axis=(1, 2)) < 1e-5
@@ -131,16 +120,13 @@ def test_taa_keeps_its_history_where_a_sample_is_not_usable(models: dict[tuple[s
 
 
 @pytest.mark.parametrize("method", ["classifier", "classifier-small"])
-def test_sudden_sparse_light_is_not_accumulated_for_two_frames(
-    models: dict[tuple[str, str], Model], method: str
-) -> None:
+def test_sparse_flashes_are_not_accumulated(models: Models, method: str) -> None:
     frames = [replace(frame, exposure=1.0) for frame in still((32, 18))[:10]]
     spots = np.random.default_rng(0).random((18, 32)) < 0.1
     for index in (6, 7):
         frames[index] = replace(frames[index], color=spoilt(frames[index].color, spots, 10.0))
     restarted = []
-    for name in EXECUTORS:
-        upscaler = Upscaler(models[method, name], display_size=(64, 36), validate="off")
+    for upscaler in pair_of(models, method):
         counts = []
         for frame in frames:
             upscaler.step(frame)
@@ -153,13 +139,10 @@ def test_sudden_sparse_light_is_not_accumulated_for_two_frames(
     assert not one[8:].any()
 
 
-def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
-    models: dict[tuple[str, str], Model],
-) -> None:
+def test_a_frame_of_outlying_exposure_is_not_accumulated(models: Models) -> None:
     frames = [replace(frame, exposure=None) for frame in still((32, 18))[:5]]
     frames[3] = replace(frames[3], color=np.full((18, 32, 3), 300.0, np.float32))
-    for name in EXECUTORS:
-        upscaler = Upscaler(models["classifier", name], display_size=(64, 36), validate="off")
+    for upscaler in pair_of(models, "classifier"):
         counts = []
         for frame in frames:
             image = upscaler.step(frame)
@@ -172,12 +155,8 @@ def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_state_goes_from_one_executor_to_the_other(
-    models: dict[tuple[str, str], Model], method: str
-) -> None:
-    one, other = (
-        Upscaler(models[method, name], display_size=(64, 36), validate="off") for name in ("onnx", "cpu")
-    )
+def test_a_state_goes_from_one_backend_to_the_other(models: Models, method: str) -> None:
+    one, other = pair_of(models, method)
     for seed in range(3):
         one.step(noise(seed))
     other.load_state(one.save_state())
@@ -186,18 +165,20 @@ def test_a_state_goes_from_one_executor_to_the_other(
     compare(one.step(noise(4)), other.step(noise(4)), method)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_on_a_cpu_the_cpu_backend_runs_where_a_method_has_kernels(method: str) -> None:
-    assert Model.load(method).executor == "cpu"
-    assert Model.load("gbuffer-small").executor == "onnx"
-
-
-def test_the_classifier_runs_in_int8_on_the_cpu_backend_and_in_single_precision_on_the_onnx_backend() -> None:
-    assert Model.load("classifier").precision == "int8"
-    exact = Model.load("classifier", precision="fp32")
-    assert (exact.executor, exact.precision) == ("onnx", "fp32")
-    half = Model.load("classifier", precision="fp16")
-    assert (half.executor, half.precision) == ("onnx", "fp16")
+@pytest.mark.parametrize(
+    ("method", "asked", "found"),
+    [
+        *((method, {}, ("cpu", "int8" if "classifier" in method else "fp32")) for method in METHODS),
+        ("gbuffer-small", {}, ("onnx", "fp32")),
+        ("classifier", {"precision": "fp32"}, ("onnx", "fp32")),
+        ("classifier", {"precision": "fp16"}, ("onnx", "fp16")),
+    ],
+)
+def test_a_cpu_runs_kernels_where_there_are_some_and_a_network_in_int8(
+    method: str, asked: dict[str, Any], found: tuple[str, str]
+) -> None:
+    model = Model.load(method, **asked)
+    assert (model.executor, model.precision) == found
 
 
 @pytest.mark.parametrize(
@@ -213,3 +194,19 @@ def test_the_classifier_runs_in_int8_on_the_cpu_backend_and_in_single_precision_
 def test_what_a_model_cannot_do_is_refused(method: str, asked: dict[str, Any]) -> None:
     with pytest.raises(ArgumentError, match="executor"):
         Model.load(method, **asked)
+
+
+# --- images for OpenGL ---
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), (5, 3), (6, 3), (7, 2), (9, 4), (17, 3), (1030, 2)])
+def test_an_image_becomes_opaque_bytes_from_the_bottom_row_up(size: tuple[int, int]) -> None:
+    width, height = size
+    image = np.random.default_rng(4).uniform(-0.2, 1.4, (height, width, 3)).astype(np.float32)
+    for given in (image, np.asfortranarray(image)):
+        pixels = np.zeros((height, width), np.int32)
+        encode_rgba(given, pixels)
+        channels = pixels.view(np.uint8).reshape(height, width, 4)
+        expected = np.floor(image.clip(0, 1)[::-1] * np.float32(255) + 0.5)
+        np.testing.assert_array_equal(channels[..., :3], expected)
+        assert (channels[..., 3] == 255).all()

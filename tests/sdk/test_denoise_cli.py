@@ -3,43 +3,50 @@
 import json
 import shutil
 import sys
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from OpenImageIO import ImageSpec
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from exr_parts import write_parts
 from noisy_frames import decibels, noisy, truth
-from supersampler.cli import app, denoise_run
+from supersampler.cli import denoise_run
 from supersampler.denoising.sequence import PerFrame
 from supersampler.frame import Float32
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, ShotWriter
-from upscale_runs import interrupt_at, succeeded
+from upscale_runs import interrupt_at, pixels, run, said, succeeded
 
 COUNT = 12
 
 
 def write_noisy(folder: Path, count: int = COUNT, *, cuts: tuple[int, ...] = (), aovs: bool = False) -> Path:
+    """Write a shot in place of what is there."""
+    shutil.rmtree(folder, ignore_errors=True)
     with ShotWriter(folder, name=folder.name, display_size=(48, 30), frame_rate=24.0) as writer:
         for index in range(count):
             frame = noisy(index, reset=index in (0, *cuts))
-            if aovs:
-                alpha = np.asarray(frame.color)[..., :1].clip(0.0, 1.0)
-                frame = noisy(index, reset=frame.reset, aovs=alpha)
-            writer.write(frame, reference=truth(index))
+            alpha = np.asarray(frame.color)[..., :1].clip(0.0, 1.0) if aovs else None
+            writer.write(replace(frame, aovs=alpha), reference=truth(index))
     return folder
 
 
 def denoise(shot: Path, output: Path, *words: str) -> Result:
-    return CliRunner().invoke(app, ["denoise", str(shot), "-o", str(output), "--per-frame", "none", *words])
+    return run("denoise", shot, "-o", output, "--per-frame", "none", *words)
+
+
+def assert_same(folder: Path, other: Path, numbers: Iterable[int]) -> None:
+    """Images of both folders are equal."""
+    for number in numbers:
+        np.testing.assert_array_equal(image(folder, number), image(other, number))
 
 
 def image(folder: Path, number: int) -> Float32:
-    channels = read_exr(folder / f"{number:04d}.exr")
-    return np.stack([channels[name] for name in "RGB"], axis=2).astype(np.float32)
+    return pixels(folder / f"{number:04d}.exr")
 
 
 def test_a_shot_becomes_a_folder_of_images_with_less_noise(tmp_path: Path) -> None:
@@ -56,25 +63,21 @@ def test_a_shot_becomes_a_folder_of_images_with_less_noise(tmp_path: Path) -> No
 
 def test_a_range_of_frames_is_equal_to_those_of_the_whole_run(tmp_path: Path) -> None:
     shot = write_noisy(tmp_path / "shot", 22, cuts=(3,))
-    assert denoise(shot, tmp_path / "whole").exit_code == 0
-    assert denoise(shot, tmp_path / "part", "--frames", "9-11").exit_code == 0
+    succeeded(denoise(shot, tmp_path / "whole"))
+    succeeded(denoise(shot, tmp_path / "part", "--frames", "9-11"))
     assert not (tmp_path / "part/0008.exr").exists()
-    for number in range(9, 12):
-        np.testing.assert_array_equal(image(tmp_path / "part", number), image(tmp_path / "whole", number))
+    assert_same(tmp_path / "part", tmp_path / "whole", range(9, 12))
 
 
-def test_a_stopped_run_continues_with_the_same_images(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopped_run_continues_to_the_same_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shot = write_noisy(tmp_path / "shot", 14)
-    assert denoise(shot, tmp_path / "whole").exit_code == 0
+    succeeded(denoise(shot, tmp_path / "whole"))
     with monkeypatch.context() as patch:
         interrupt_at(11, patch)
         assert denoise(shot, tmp_path / "out").exit_code == 130
     assert not (tmp_path / "out/0011.exr").exists()
-    assert denoise(shot, tmp_path / "out").exit_code == 0
-    for number in range(14):
-        np.testing.assert_array_equal(image(tmp_path / "out", number), image(tmp_path / "whole", number))
+    succeeded(denoise(shot, tmp_path / "out"))
+    assert_same(tmp_path / "out", tmp_path / "whole", range(14))
 
 
 @pytest.mark.parametrize(("cut", "again"), [(0, 2), (6, 6), (7, None)])
@@ -82,20 +85,16 @@ def test_frames_that_come_later_change_the_images_that_depend_on_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cut: int, again: int | None
 ) -> None:
     whole, out = tmp_path / "whole", tmp_path / "out"
-    assert denoise(write_noisy(tmp_path / "shot", cuts=(cut,)), whole).exit_code == 0
-    shutil.rmtree(tmp_path / "shot")
-    assert denoise(write_noisy(tmp_path / "shot", 7, cuts=(cut,)), out).exit_code == 0
-    shutil.rmtree(tmp_path / "shot")
+    succeeded(denoise(write_noisy(tmp_path / "shot", cuts=(cut,)), whole))
+    succeeded(denoise(write_noisy(tmp_path / "shot", 7, cuts=(cut,)), out))
     write_noisy(tmp_path / "shot", cuts=(cut,))
     with monkeypatch.context() as patch:
         interrupt_at(8, patch)
         stopped = denoise(tmp_path / "shot", out)
     assert (stopped.exit_code, "new frames" in stopped.output) == (130, again is not None)
     assert f"Images from frame {again} on are computed again" in stopped.output or again is None
-    assert denoise(tmp_path / "shot", out).exit_code == 0
-    for number in range(COUNT):
-        np.testing.assert_array_equal(image(out, number), image(whole, number))
-    shutil.rmtree(tmp_path / "shot")
+    succeeded(denoise(tmp_path / "shot", out))
+    assert_same(out, whole, range(COUNT))
     fewer = denoise(write_noisy(tmp_path / "shot", 7, cuts=(cut,)), out)
     assert "the shot had frames 0 to 11, has 7 of them" in fewer.output
 
@@ -143,7 +142,7 @@ def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
     there = sorted(path.name for path in (tmp_path / "out").glob("*.exr"))
     assert there == [f"{index:04d}.exr" for index in (*range(5), *range(7, 12))]
     succeeded(denoise(tmp_path / "frames", tmp_path / "part", *options, "--frames", "7-11"))
-    np.testing.assert_array_equal(image(tmp_path / "part", 7), image(tmp_path / "out", 7))
+    assert_same(tmp_path / "part", tmp_path / "out", [7])
 
 
 def test_ids_are_copied_as_they_are_with_their_names(tmp_path: Path) -> None:
@@ -209,17 +208,13 @@ def test_the_frame_that_cannot_be_denoised_is_named(tmp_path: Path) -> None:
             writer.write(noisy(index, jitter=(0.25, 0.0) if index == 2 else (0.0, 0.0)))
     result = denoise(tmp_path / "shot", tmp_path / "out")
     assert result.exit_code == 1
-    assert "frame 2: frame.jitter is (0.25, 0.0); want (0, 0) in every frame" in result.output.replace(
-        "\n", ""
-    )
+    assert "frame 2: frame.jitter is (0.25, 0.0); want (0, 0) in every frame" in said(result)
 
 
-def test_frames_that_nothing_has_denoised_need_the_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_frames_that_are_not_denoised_need_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     shot = write_noisy(tmp_path / "shot", 2)
-    result = CliRunner().invoke(app, ["denoise", str(shot), "-o", str(tmp_path / "out")])
+    result = run("denoise", shot, "-o", tmp_path / "out")
     assert result.exit_code == 1
     assert result.output.strip().endswith('pip install "supersampler[denoise]"')
     assert not (tmp_path / "out").exists()

@@ -15,7 +15,7 @@ from supersampler.frame import Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import Detection, detect_conventions
 from supersampler.validation.probe import FrameProbe
-from supersampler.validation.rankings import jitters_in_the_pixel, rank_depth, rank_jitter, rank_motion
+from supersampler.validation.rankings import Verdict, rank_depth
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 FIELDS = (
@@ -41,6 +41,7 @@ DEPTH_READINGS: list[dict[str, Any]] = [
     {"depth": "forward_infinite"}, {"depth": "linear"},
     {"depth": "linear", "far": 1e10}, {"depth": "linear", "far": 1000.0},
 ]  # fmt: skip
+PAN = Plane(checker, (2.0, 1.0))
 PRESETS = ["fsr", "xess", "streamline", "unreal", "unity", "godot", "blender", "arm_gym"]
 
 
@@ -61,6 +62,17 @@ def assert_found(detection: Detection, conventions: Conventions) -> None:
         assert getattr(detection.conventions, name) == getattr(conventions, name), detection.summary()
     assert detection.conventions.depth.split("_")[0] == conventions.depth.split("_")[0]
     assert eval(detection.call) == detection.conventions  # noqa: S307 - it is promised to be an expression
+
+
+def still(image: Any, **fields: Any) -> RawFrame:
+    """A frame of a card at rest."""
+    shape = image.shape[:2]
+    plain: dict[str, Any] = {
+        "color": image.astype(np.float32),
+        "depth": np.full(shape, 0.5, np.float32),
+        "motion": np.zeros((*shape, 2), np.float32),
+    }
+    return RawFrame(**{**plain, **fields})
 
 
 @pytest.mark.parametrize(
@@ -99,32 +111,24 @@ def test_stated_conventions_stand_without_visible_planes(frames: list[Frame]) ->
 def test_a_still_scene_tells_jitter_but_not_motion(frames: list[Frame]) -> None:
     """One wide ramp with dots on it, sampled where the jitter says, and nothing moves."""
     y, x = np.mgrid[0:72, 0:128]
-
-    def still(jitter: tuple[float, float]) -> RawFrame:
-        light = 1.2 + np.sin((x + jitter[0]) / 2.1) + np.cos((y + jitter[1]) / 1.7) * 0.2
-        color = np.repeat(light[..., None], 3, axis=2).astype(np.float32)
-        depth, motion = np.full((72, 128), 0.5, np.float32), np.zeros((72, 128, 2), np.float32)
-        return RawFrame(color=color, depth=depth, motion=motion, jitter=(-jitter[0], -jitter[1]))
-
-    detection = detect_conventions([still(frame.jitter) for frame in frames])
+    raws = []
+    for a, b in (frame.jitter for frame in frames):
+        light = 1.2 + np.sin((x + a) / 2.1) + np.cos((y + b) / 1.7) * 0.2
+        raws.append(still(np.repeat(light[..., None], 3, axis=2), jitter=(-a, -b)))
+    detection = detect_conventions(raws)
     assert detection.conventions == Conventions(jitter_sign=-1)
     assert [verdict.certain for verdict in detection.verdicts] == [False, True, False]
     assert "motion: cannot tell, too few pixels move" in detection.summary()
     assert "depth: cannot tell" in detection.summary()
 
 
-def test_without_jitter_it_cannot_tell(frames: list[Frame]) -> None:
-    raws = [replace(raw, jitter=(0.25, 0.0)) for raw in planted(frames, Conventions())]
-    detection = detect_conventions(raws, conventions=Conventions(jitter_sign=-1))
+def test_without_jitter_or_light_it_cannot_tell(frames: list[Frame]) -> None:
+    raws = planted(frames, Conventions())
+    fixed = [replace(raw, jitter=(0.25, 0.0)) for raw in raws]
+    detection = detect_conventions(fixed, conventions=Conventions(jitter_sign=-1))
     assert "jitter: cannot tell, it never changes" in detection.summary()
     assert detection.conventions.jitter_sign == -1  # as stated
-
-
-def test_black_frames_are_no_evidence(frames: list[Frame]) -> None:
-    raws = planted(frames, Conventions())
-    detection = detect_conventions(
-        [replace(raw, color=raw.color * 0) for raw in raws if raw.color is not None]
-    )
+    detection = detect_conventions([replace(raw, color=np.zeros_like(raw.color)) for raw in raws])
     assert detection.agrees
     assert "motion: cannot tell, no two neighbouring frames have enough texture" in detection.summary()
 
@@ -139,9 +143,7 @@ def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
         assert not detection.agrees
 
 
-def test_cleared_depth_is_no_evidence_and_a_mistake_where_motion_shows_several_depths(
-    frames: list[Frame],
-) -> None:
+def test_cleared_depth_is_a_mistake_where_motion_shows_several_depths(frames: list[Frame]) -> None:
     raws = [replace(raw, depth=np.zeros_like(raw.depth)) for raw in planted(frames, Conventions())]
     detection = detect_conventions(raws)
     assert detection.depth.text == "depth: cannot tell, it is the same everywhere"
@@ -159,19 +161,16 @@ def test_a_still_camera_with_a_noisy_thing_that_moves_has_no_exchanged_axes() ->
     raws = []
     for index in range(4):
         light, motion = floor.copy(), np.zeros((*floor.shape, 2), np.float32)
-        rows, columns = slice(40, 120), slice(20 + 6 * index, 140 + 6 * index)
-        light[rows, columns] = chance.random((80, 120), np.float32)
-        motion[rows, columns] = -6.0, 0.5
-        color = np.repeat(light[..., None], 3, axis=2)
-        depth, jitter = np.full(floor.shape, 0.1, np.float32), halton_jitter(index, 2.0)
-        raws.append(RawFrame(color=color, depth=depth, motion=motion, jitter=jitter, reset=index == 0))
+        part = slice(40, 120), slice(20 + 6 * index, 140 + 6 * index)
+        light[part], motion[part] = chance.random((80, 120), np.float32), (-6.0, 0.5)
+        color, jitter = np.repeat(light[..., None], 3, axis=2), halton_jitter(index, 2.0)
+        raws.append(still(color, motion=motion, jitter=jitter, reset=index == 0))
     assert "(y, x)" not in detect_conventions(raws).summary()
 
 
 def test_frames_of_two_sizes_are_read_size_by_size() -> None:
-    scene, conventions = Plane(checker, (2.0, 1.0)), Conventions(motion_jittered=True)
-    sizes = [(160, 90)] * 3 + [(96, 54)] * 3
-    frames = [scene.frame(i, size, halton_jitter(i, 2.0)) for i, size in enumerate(sizes)]
+    conventions, sizes = Conventions(motion_jittered=True), [(160, 90)] * 3 + [(96, 54)] * 3
+    frames = [PAN.frame(i, size, halton_jitter(i, 2.0)) for i, size in enumerate(sizes)]
     detection = detect_conventions(planted(frames, conventions))
     assert detection.motion.certain
     assert detection.jitter.certain
@@ -181,8 +180,7 @@ def test_frames_of_two_sizes_are_read_size_by_size() -> None:
 
 
 def test_frames_that_are_all_reset_are_compared_and_it_is_noted() -> None:
-    scene = Plane(checker, (2.0, 1.0))
-    frames = [replace(scene.frame(i, (96, 54), halton_jitter(i, 2.0)), reset=True) for i in range(2)]
+    frames = [replace(PAN.frame(i, (96, 54), halton_jitter(i, 2.0)), reset=True) for i in range(2)]
     detection = detect_conventions(planted(frames, Conventions()))
     assert any(found.overrides["motion_jittered"] for found in detection.motion.ranked), "two cannot tell"
     assert any("frame.reset is True in 2 consecutive frames" in note for note in detection.notes)
@@ -198,19 +196,6 @@ def test_one_frame_is_too_few(frames: list[Frame]) -> None:
 # --- the detector's parts: chosen frames, jitter readings, rankings ---
 
 
-SIZE = (8, 6)
-
-
-def raw(**fields: Any) -> RawFrame:
-    w, h = SIZE
-    plain: dict[str, Any] = {
-        "color": np.ones((h, w, 3), np.float32),
-        "depth": np.full((h, w), 0.5, np.float32),
-        "motion": np.zeros((h, w, 2), np.float32),
-    }
-    return RawFrame(**{**plain, **fields})
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [
@@ -222,7 +207,7 @@ def raw(**fields: Any) -> RawFrame:
 )  # fmt: skip
 def test_a_bad_input_of_a_raw_frame_is_named(name: str, value: Any) -> None:
     with pytest.raises(FrameError) as caught:
-        detect_conventions([raw(**{name: value})] * 2)
+        detect_conventions([still(np.ones((6, 8, 3)), **{name: value})] * 2)
     assert caught.value.name == name
 
 
@@ -240,24 +225,10 @@ def seen(depth: Any = None, jitter: tuple[float, float] = (0.0, 0.0)) -> FramePr
     return FrameProbe(light, depth.astype(np.float32), motion, jitter, False)
 
 
-@pytest.mark.parametrize(("x", "y", "units"), [
-    (0.4, -0.3, {"pixels"}), (0.0, 0.5005, {"pixels"}), (-0.5005, 0.0, {"pixels"}), (0.503, 0.0, set()),
-    (0.0, -0.503, set()), (0.01, 0.01, {"pixels", "ndc"}), (0.005, -0.006, {"pixels", "uv", "ndc"}),
-    (0.0, 0.0124, {"pixels", "ndc"}), (0.0, 0.0124 + 0.005, {"pixels"}),
-])  # fmt: skip
-def test_units_of_the_jitter_that_leave_the_pixel_are_not_tried(x: float, y: float, units: set[str]) -> None:
-    found = jitters_in_the_pixel([seen(jitter=(0.0, 0.0)), seen(jitter=(x, y)), seen()], Conventions())
-    assert {reading["jitter_unit"] for reading in found} == units
-    assert len(found) == 4 * len(units)
-    assert jitters_in_the_pixel([seen(jitter=(x, y))] * 3, Conventions()) == [], "it never changes"
-
-
-def test_without_pairs_of_frames_motion_and_jitter_are_uncertain() -> None:
-    assert rank_motion([], [], Conventions()).reason.startswith("no two neighbouring frames have enough")
-    assert rank_jitter([], [{"jitter_sign": 1}], Conventions()).reason.startswith("no two neighbouring")
-    three = rank_jitter([], [{"jitter_sign": 1}], Conventions(motion_jittered=True))
-    assert three.reason.startswith("with jitter in motion, three")
-    assert rank_jitter([], [], Conventions()).reason.startswith("it never changes")
+def depth_of(*depths: Any, stated: Conventions | None = None) -> Verdict:
+    """Return the kind of depth of frames that have these."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return rank_depth([], [seen(depth) for depth in depths], stated or Conventions())
 
 
 Y, X = np.mgrid[:60, :80]
@@ -271,8 +242,7 @@ SKIES = {"reversed": 0.0, "forward": 1.0, "linear": 2e6}
 def test_planes_and_the_sky_tell_the_kind_of_depth(kind: str, sky: bool) -> None:
     depth = KINDS[kind].copy()
     depth[:10] = SKIES[kind] if sky else depth[:10]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        verdict = rank_depth([], [seen(KINDS[kind]), seen(depth)], Conventions(depth="linear"))
+    verdict = depth_of(KINDS[kind], depth, stated=Conventions(depth="linear"))
     assert verdict.certain is (sky or kind == "linear")
     if verdict.certain:
         assert verdict.ranked[0].overrides["depth"].startswith(kind)
@@ -284,13 +254,10 @@ def test_planes_and_the_sky_tell_the_kind_of_depth(kind: str, sky: bool) -> None
 
 @pytest.mark.parametrize("kind", SKIES)
 @pytest.mark.parametrize(("share", "certain"), [(0.0004, False), (0.0015, True)])
-def test_a_thousandth_of_sky_tells_the_kind_of_depth_without_planes(
-    kind: str, share: float, certain: bool
-) -> None:
+def test_a_thousandth_of_sky_tells_the_kind_of_depth(kind: str, share: float, certain: bool) -> None:
     card = np.where(X < 40, 0.3, 0.6)
     card.reshape(-1)[: round(share * card.size)] = SKIES[kind]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        verdict = rank_depth([], [seen(card)], Conventions())
+    verdict = depth_of(card)
     assert verdict.certain is certain
     assert not certain or verdict.ranked[0].overrides["depth"].startswith(kind)
 
@@ -299,19 +266,13 @@ def test_a_thousandth_of_sky_tells_the_kind_of_depth_without_planes(
 def test_the_sky_of_linear_depth_is_its_far_plane(far: float, written: float | None) -> None:
     depth = KINDS["linear"].copy()
     depth[:10] = far
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ranked = rank_depth([], [seen(depth), seen(KINDS["linear"])], Conventions()).ranked
-    overrides = next(found.overrides for found in ranked if found.overrides["depth"] == "linear")
-    assert overrides["far"] == written
-    stated = Conventions(depth="forward", far=100.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ranked = rank_depth([], [seen(depth)], stated).ranked
+    ranked = depth_of(depth, stated=Conventions(depth="forward", far=100.0)).ranked
     kinds = {found.overrides["depth"]: found.overrides["far"] for found in ranked}
     assert kinds == {"linear": written, "reversed_infinite": None, "forward": 100.0}
 
 
 def test_coarse_depth_has_no_kind() -> None:
     coarse = 0.1 + 0.01 * (X * 32 // 80)
-    verdict = rank_depth([], [seen(), seen(coarse)], Conventions(depth="linear"))
+    verdict = depth_of(None, coarse, stated=Conventions(depth="linear"))
     assert verdict.overrides == {}, "it stays as stated"
     assert verdict.reason == "it has only 32 evenly spaced values"

@@ -1,6 +1,7 @@
 """Unshaded frames through an Upscaler: sources of the extrapolation, and refused frames."""
 
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 from alternating import alternate, extrapolated_by_torch
 from apart import run_apart
+from flow_method import Shadow
 from lit_scene import LitScene
 from noise import noise
 from shared_models import shared_model
@@ -20,18 +22,30 @@ from supersampler import (
     FrameError,
     Model,
     ModelError,
+    Shot,
     StepResult,
     Upscaler,
     halton_jitter,
 )
+from supersampler.arguments import ExecutorName
 from supersampler.backends.onnx.executor import OnnxExtrapolation
+from supersampler.backends.onnx.runtime import CPU
+from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
+from supersampler.io.images import read_exr
+from supersampler.io.shot import ShotWriter
 from supersampler.methods import executors
-from supersampler.methods.model_file import extrapolation_names, model_names
+from supersampler.methods.model_file import extrapolation_names, find_model, model_names
 from supersampler.methods.model_info import ModelInfo
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
+from supersampler_bench.specs import with_default_gbuffers
+from supersampler_bench.stress.scenes import still
+from supersampler_model.methods.base import load_trained, shipped_weights
+from supersampler_model.methods.guided_flow import GuidedFlow
 from supersampler_model.methods.guided_warp import GuidedWarp
+from upscale_runs import run as cli
+from upscale_runs import said, succeeded
 
 SIZE, DISPLAY = (64, 36), (128, 72)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
@@ -79,12 +93,6 @@ def test_an_extrapolated_frame_is_nearly_what_a_shaded_one_would_be(taau: Model)
     assert errors[1] < 1.3 * errors[0]
 
 
-def test_without_frames_to_draw_nothing_is_different(taau: Model) -> None:
-    plain = Upscaler(taau, display_size=DISPLAY, validate="off")
-    for image, index in zip(run(make(taau), "ssss"), range(4), strict=True):
-        np.testing.assert_array_equal(image, plain.step(shaded(index)))
-
-
 def test_the_render_size_may_change_between_frames(taau: Model) -> None:
     upscaler = make(taau)
     for index, size in enumerate([(64, 36), (48, 27), (80, 45)]):
@@ -97,10 +105,9 @@ def test_the_render_size_may_change_between_frames(taau: Model) -> None:
 def test_maps_and_an_array_to_write_to_are_as_of_any_step(taau: Model) -> None:
     upscaler, out = make(taau), np.empty((72, 128, 3), np.float32)
     upscaler.step(shaded(0))
-    result = upscaler.extrapolate(unshaded(1), out=out, outputs=("weight",))
+    result: Any = upscaler.extrapolate(unshaded(1), out=out, outputs=("weight",))
     assert isinstance(result, StepResult)
     assert result.image is out
-    assert result.weight is not None
 
 
 # --- what is refused ---
@@ -220,9 +227,7 @@ def test_a_frame_of_960x540_takes_less_than_a_gigabyte() -> None:
     assert int(run_apart(_LARGE).stdout) < 800_000
 
 
-def test_upscalers_in_use_share_the_graph_of_an_extrapolation(
-    taau: Model, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_upscalers_share_the_graph_of_an_extrapolation(taau: Model, monkeypatch: pytest.MonkeyPatch) -> None:
     opened: list[str] = []
 
     def counted(info: ModelInfo, *given: Any) -> Any:
@@ -234,3 +239,156 @@ def test_upscalers_in_use_share_the_graph_of_an_extrapolation(
     with make(taau, extrapolation="guided-flow"):
         assert len(opened) <= 1, "none if another test has it open"
     first.close()
+
+
+# --- where nothing moves, unshaded frames add nothing to the mean of the samples ---
+
+
+STILL_BUT_A_DISC = LitScene(radius=7.0, disc_velocity=(0.5, 0.0))
+
+
+def at_rest(index: int) -> Frame:
+    return STILL_BUT_A_DISC.frame(index, SIZE, halton_jitter(index, 2.0))
+
+
+def mean_of(upscaler: Upscaler) -> Float32:
+    history: Any = upscaler.save_state().history
+    return np.array(history["history.static_mean"][0])
+
+
+@pytest.mark.parametrize("executor", ["onnx", "cpu"])
+@pytest.mark.parametrize("method", ["taau", "classifier-small"])
+def test_unshaded_frames_add_nothing_to_the_mean_at_rest(method: str, executor: ExecutorName) -> None:
+    upscaler = make(shared_model(method, executor))
+    alternate(upscaler, at_rest, "s" * 24)
+    for index, kind in enumerate("uusu", 24):
+        before = mean_of(upscaler)
+        alternate(upscaler, at_rest, kind, index)
+        after = mean_of(upscaler)
+        kept = after[3] > 0.0
+        assert kept.mean() > 0.6
+        if kind == "u":
+            np.testing.assert_array_equal(after[:3, kept], before[:3, kept])
+            np.testing.assert_array_equal(after[3, kept], before[3, kept])
+            assert (after[3] == 0.0).any(), "where the disc moves, the mean ends"
+        else:
+            assert (after[3] > before[3] + 0.01).mean() > 0.3
+
+
+@pytest.mark.parametrize("unshaded", [True, False])
+@pytest.mark.parametrize("executor", ["onnx", "cpu"])
+def test_where_each_jitter_comes_twice_still_frames_converge(executor: ExecutorName, unshaded: bool) -> None:
+    """The second frame of a jitter is extrapolated, or shaded again; it is not part of the period."""
+    upscaler = make(shared_model("taau", executor), display_size=(48, 32))
+    frames, shares = still((24, 16), 2), []
+    for index in range(4 * len(frames)):
+        frame = with_default_gbuffers(frames[index % len(frames)], upscaler.gbuffers, (48, 32))
+        if unshaded and index % 2:
+            upscaler.extrapolate(replace(frame, color=None))
+        else:
+            upscaler.step(frame)
+        shares.append(upscaler.stats.converged)
+    assert shares[3 * len(frames) :] == [1.0] * len(frames)
+
+
+# --- a model that looks at two shaded frames ---
+
+
+SIZES = (SIZE, (48, 27), (80, 45), SIZE, (33, 19), SIZE)
+SHADOW = Shadow(2.0, velocity=(1.3, -0.6))
+
+
+def lit(index: int, size: tuple[int, int] = SIZE, **overrides: Any) -> Frame:
+    return SHADOW.frame(index, size, halton_jitter(index, 2.0), **overrides)
+
+
+@pytest.mark.parametrize("pattern", ["susuus", "ssuuus", "suusuu"])
+@pytest.mark.parametrize("sizes", [(SIZE,) * 6, SIZES])
+def test_frames_are_extrapolated_as_by_torch(pattern: str, sizes: tuple[tuple[int, int], ...]) -> None:
+    method = GuidedFlow.of(load_trained(shipped_weights("guided-flow"))).eval()
+    wanted = extrapolated_by_torch(method, lambda index: lit(index, sizes[index]), pattern)
+    model, history = Extrapolator("guided-flow", [CPU], 1), None
+    for index, other in enumerate(wanted):
+        if other is None:
+            history = model.after_shaded(lit(index, sizes[index]), history)
+            continue
+        image, history = model.extrapolate(lit(index, sizes[index], color=None), history)
+        off = np.abs(image - other)
+        assert np.quantile(off, 0.99) < 1e-3
+        assert off.mean() < 1e-4
+
+
+def test_light_that_moves_is_extrapolated_better_than_by_guided_warp() -> None:
+    flow, plain = (
+        alternate(make(shared_model("bilinear"), extrapolation=name), lit, "susu")[-1]
+        for name in ("guided-flow", "guided-warp")
+    )
+    truth = Upscaler("bilinear", display_size=DISPLAY).step(lit(3))
+    assert np.square(flow - truth).mean() < np.square(plain - truth).mean()
+
+
+def test_an_upscaler_steps_on_colors_extrapolated_from_two_shaded_frames(taau: Model) -> None:
+    one, other = (make(taau, extrapolation=find_model("guided-flow")) for _ in range(2))
+    image = alternate(one, lit, "susu")[3]
+    other.step(lit(2))  # the same frames, of which the earlier ones are not known
+    assert np.abs(image - other.extrapolate(lit(3, color=None))).mean() > 1e-3
+
+
+# --- shots with unshaded frames, through the commands ---
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path, scene = tmp_path_factory.mktemp("shots") / "half", LitScene(velocity=(1.0, 0.3))
+    with ShotWriter(path, name="half", display_size=DISPLAY, frame_rate=24) as writer:
+        for index, kind in enumerate("suusu"):
+            frame = scene.frame(index, SIZE, halton_jitter(index, 2.0))
+            over = {} if kind == "s" else {"color": None}
+            writer.write(
+                scene.frame(index, SIZE, frame.jitter, **over), reference=scene.truth(index, DISPLAY)
+            )
+    return path
+
+
+def test_upscale_renders_the_frames_that_were_not_shaded_and_resumes(folder: Path, tmp_path: Path) -> None:
+    out, recording = tmp_path / "out", tmp_path / "a.recording"
+    arguments = ("upscale", folder, "--method", "taau", "--extrapolate", "guided-warp", "-o", out)
+    done = succeeded(cli(*arguments, "--compare", "--record", recording))
+    assert "3 were not shaded" in said(done)
+    upscaler = Upscaler("taau", display_size=DISPLAY, extrapolation="guided-warp")
+    for index, item in enumerate(Shot.open(folder)):
+        step = upscaler.step if item.frame.color is not None else upscaler.extrapolate
+        written = read_exr(out / f"{index:04d}.exr")
+        expected = step(item.frame).astype(np.float16)
+        np.testing.assert_array_equal(np.stack([written[c] for c in "RGB"], -1), expected)
+    last = (out / "0004.exr").read_bytes()
+    (out / "0004.exr").unlink()
+    assert cli(*arguments).exit_code == 0
+    assert (out / "0004.exr").read_bytes() == last
+    assert "5 of 5 frames are bit-identical to the recorded ones" in said(cli("replay", recording))
+
+
+def test_an_unshaded_frame_is_named_with_the_option(folder: Path, tmp_path: Path) -> None:
+    refused = cli("upscale", folder, "--method", "bilinear", "-o", tmp_path)
+    assert refused.exit_code == 1
+    assert "frame 1: frame.color is None" in said(refused)
+    assert "--extrapolate" in said(refused)
+
+
+def test_results_of_another_extrapolation_are_not_continued(folder: Path, tmp_path: Path) -> None:
+    arguments = ("upscale", folder, "--method", "bilinear", "-o", tmp_path)
+    assert cli(*arguments, "--extrapolate", "guided-warp").exit_code == 0
+    assert "extrapolation was" in said(cli(*arguments))
+
+
+def test_extrapolation_models_are_listed_separately_and_do_not_upscale(tmp_path: Path) -> None:
+    assert re.search(r"models .*taau .*extrapolation guided-flow, guided-warp", said(cli("info")))
+    assert "computes the colour of unshaded frames" in said(cli("info", "guided-warp"))
+    refused = cli("upscale", "plaza", "--method", "guided-warp", "-o", tmp_path)
+    assert refused.exit_code == 1
+    assert "does not upscale" in said(refused)
+    refused = cli("upscale", "plaza", "--extrapolate", "taau", "-o", tmp_path)
+    assert "'taau' upscales" in said(refused)
+    assert "gbuffer['base_color'] is None" in said(
+        cli("upscale", "plaza", "--extrapolate", "guided-warp", "-o", tmp_path)
+    )

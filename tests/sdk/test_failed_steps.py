@@ -93,7 +93,7 @@ def changed(first: State, second: State) -> list[str]:
 @pytest.mark.parametrize("runs", [False, True], ids=["before", "after"])
 @pytest.mark.parametrize("light", [1.0, 3.0], ids=["same frame", "other frame"])
 @pytest.mark.parametrize("method", ["taau", "classifier"])
-def test_after_a_step_that_failed_at_any_stage_the_next_good_frame_works(
+def test_after_a_failed_step_the_next_frame_works(
     method: str, light: float, runs: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for first in (0, STAGES // 2):

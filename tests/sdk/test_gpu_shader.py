@@ -37,23 +37,13 @@ fn main() {
 """
 
 
-def test_used_declarations_keep_their_order_and_comments() -> None:
-    code = reachable_code([parse(SHARED), parse(ENTRY)])
-    assert code.startswith(
-        "// Shared functions.\n// They are in every pass.\n\nconst SIDE = 4;          // of a tile\n"
-    )
+def test_used_declarations_keep_their_order_and_comments_and_others_are_left_out() -> None:
+    code = reachable_code([parse(SHARED), parse(ENTRY), parse("// Never used.\n\nconst LAST = 1;\n")])
+    assert code.startswith(SHARED.partition("const WIDE")[0])
     assert "var<storage, read> near: array<f32>;   // 4 a thread\n" in code
     assert "// Twice a value; calls nothing of `idle`.\nfn twice" in code
-    assert (
-        code.index("const WIDE")
-        < code.index("fn twice")
-        < code.index("// The entry point.")
-        < code.index("fn main")
-    )
-
-
-def test_unused_declarations_are_left_out() -> None:
-    code = reachable_code([parse(SHARED), parse(ENTRY), parse("// Never used.\n\nconst LAST = 1;\n")])
+    places = [code.index(text) for text in ("const WIDE", "fn twice", "// The entry point.", "fn main")]
+    assert places == sorted(places)
     for name in ("HEIGHT", "var<storage, read> idle", "never", "LAST", "Never used"):
         assert name not in code, name
 
@@ -77,18 +67,6 @@ def test_an_invalid_declaration_is_refused() -> None:
         reachable_code([parse("const SIDE = 4;")])
 
 
-def test_a_marked_loop_is_a_block_with_a_constant_for_each_round() -> None:
-    code = "    /* unroll */ for (var i = 0u; i < 2u; i++) { sum += x[i]; }\n"
-    written = "    { const i: u32 = 0u; sum += x[i]; }\n{ const i: u32 = 1u; sum += x[i]; }\n"
-    assert unroll(code) == written
-
-
-def test_an_end_may_be_a_constant_and_may_be_included() -> None:
-    code = "const TAPS = 1;\nfn f() { /* unroll */ for (var i = -1; i <= TAPS; i++) { g(i); } }"
-    rounds = "\n".join(f"{{ const i: i32 = {i}; g(i); }}" for i in (-1, 0, 1))
-    assert unroll(code) == f"const TAPS = 1;\nfn f() {{ {rounds} }}"
-
-
 def test_loops_inside_of_loops_are_written_out_where_they_are_marked() -> None:
     inner = "for (var i = 0; i < 2; i++) { g(j, i); }"
     outer = "/* unroll */ for (var j = 0; j < 2; j++) {{ {} }}"
@@ -98,16 +76,35 @@ def test_loops_inside_of_loops_are_written_out_where_they_are_marked() -> None:
     assert unroll(outer.format(f"/* unroll */ {inner}")).count("g(j, i)") == 4
 
 
-def test_braces_and_words_in_comments_do_not_count() -> None:
-    code = "/* unroll */ for (var i = 0; i < 1; i++) {\n    g(i);   // } break\n}\nh();"
-    assert unroll(code) == "{ const i: i32 = 0;\n    g(i);   // } break\n}\nh();"
+PLAIN, LONG = (
+    "for (var i = 0; i < 2; i++) { g(i); }",
+    f"for (var i = 0; i < {MAX_ROUNDS + 1}; i++) {{ g(i); }}",
+)
+ROUNDS = "\n".join(f"{{ const i: i32 = {i}; g(i); }}" for i in (-1, 0, 1))
 
 
-def test_loops_that_are_not_marked_and_long_ones_stay() -> None:
-    code = "for (var i = 0; i < 2; i++) { g(i); }"
-    assert unroll(code) == code
-    long = f"for (var i = 0; i < {MAX_ROUNDS + 1}; i++) {{ g(i); }}"
-    assert unroll(f"/* unroll */ {long}") == long
+@pytest.mark.parametrize(
+    ("code", "written"),
+    [
+        (
+            "    /* unroll */ for (var i = 0u; i < 2u; i++) { sum += x[i]; }\n",
+            "    { const i: u32 = 0u; sum += x[i]; }\n{ const i: u32 = 1u; sum += x[i]; }\n",
+        ),
+        (
+            "const TAPS = 1;\nfn f() { /* unroll */ for (var i = -1; i <= TAPS; i++) { g(i); } }",
+            f"const TAPS = 1;\nfn f() {{ {ROUNDS} }}",
+        ),
+        (
+            "/* unroll */ for (var i = 0; i < 1; i++) {\n    g(i);   // } break\n}\nh();",
+            "{ const i: i32 = 0;\n    g(i);   // } break\n}\nh();",
+        ),
+        (PLAIN, PLAIN),
+        (f"/* unroll */ {LONG}", LONG),
+    ],
+    ids=["marked", "an included end that is a constant", "braces in comments", "not marked", "long"],
+)
+def test_a_marked_loop_is_a_block_with_a_constant_for_each_round(code: str, written: str) -> None:
+    assert unroll(code) == written
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from onnx import TensorProto, numpy_helper
 
 from cuda_kernels import CPU_INPUTS, CUDA_KERNELS
+from supersampler.backends.onnx import runtime
 from supersampler.backends.onnx.runtime import NAMES, precise
 from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
 from supersampler.methods.model_info import extents
@@ -74,3 +75,13 @@ def test_a_graph_frozen_to_one_size_runs_on_cuda(path: Path, tmp_path: Path) -> 
             data = set(as_written[node.name].input) - set(as_written[node.name].input[on_host]) - {""}
             kinds = {TensorProto.DataType.Name(types[name]).lower() for name in data}
             assert kinds <= CUDA_KERNELS[node.op_type], f"{node.op_type} of {kinds}"
+
+
+# --- without ONNX Runtime ---
+
+
+def test_other_backends_need_no_onnx_runtime(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runtime, "find_spec", lambda _: None)
+    monkeypatch.setattr(runtime, "_distribution", lambda: None)
+    monkeypatch.setattr(runtime, "ort", None)
+    assert runtime.resolve_providers("auto") == [runtime.CPU]

@@ -74,7 +74,7 @@ def test_a_lamp_gains_no_light_on_the_gpu(method: str) -> None:
 
 @pytest.mark.parametrize(("light", "exposure", "gain"), [(5000.0, 1.0, 1.1), (60000.0, 1000.0, 6.6)])
 @pytest.mark.parametrize("method", ["classifier", "classifier-small"])
-def test_light_that_half_floats_round_to_infinite_stays_as_bright(
+def test_light_beyond_half_floats_stays_as_bright(
     method: str, light: float, exposure: float, gain: float
 ) -> None:
     brightest = MAX_TONED / (1.0 - MAX_TONED) / exposure

@@ -1,6 +1,7 @@
 """Ids at display size: never blended, as detailed as the image, independent of the backend."""
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from noise import noise
 from shared_models import shared_model
-from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, StepResult, Upscaler
+from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, Upscaler
 from supersampler.arguments import ExecutorName
 from supersampler.backends.cpu.ids import IdHistory
 from supersampler.conventions.jitter import halton_jitter, jitter_phase_count
@@ -31,33 +32,22 @@ def discs(x: Float32, y: Float32, time: float) -> tuple[Ids, Float32, Float32]:
 
 
 def frame_at(index: int, *, moves: bool = True, render: tuple[int, int] = RENDER, **fields: Any) -> Frame:
-    jitter = halton_jitter(index, 2.0)
-    x, y = (
-        np.float32(RENDER[0] / render[0]) * (a + np.float32(0.5)) - np.float32(0.5)
-        for a in (
-            np.mgrid[: render[1], : render[0]][1] + jitter[0],
-            np.mgrid[: render[1], : render[0]][0] + jitter[1],
-        )
-    )
-    names, depth, motion = discs(x.astype(np.float32), y.astype(np.float32), index * moves)
-    return Frame(
-        color=np.repeat(depth[..., None], 3, 2), depth=depth, motion=motion * moves, jitter=jitter, ids=names,
-        exposure=1.0, **fields,
-    )  # fmt: skip
+    jitter, scale = halton_jitter(index, 2.0), np.float32(RENDER[0] / render[0])
+    grid = np.mgrid[: render[1], : render[0]].astype(np.float32)
+    x, y = (scale * (grid[1 - k] + np.float32(jitter[k] + 0.5)) - np.float32(0.5) for k in (0, 1))
+    names, depth, motion = discs(x, y, index * moves)
+    fields |= {"depth": depth, "motion": motion * moves, "jitter": jitter, "ids": names, "exposure": 1.0}
+    return Frame(color=np.repeat(depth[..., None], 3, 2), **fields)
 
 
 def truth_at(index: int, *, moves: bool = True) -> Ids:
-    y, x = np.mgrid[: DISPLAY[1], : DISPLAY[0]]
-    return discs(
-        ((x + 0.5) / 2 - 0.5).astype(np.float32), ((y + 0.5) / 2 - 0.5).astype(np.float32), index * moves
-    )[0]
+    y, x = ((grid + 0.5) / 2 - 0.5 for grid in np.mgrid[: DISPLAY[1], : DISPLAY[0]].astype(np.float32))
+    return discs(x, y, index * moves)[0]
 
 
 def ids_of(upscaler: Upscaler, frame: Frame) -> Ids:
-    result = upscaler.step(frame, outputs=("ids",))
-    assert isinstance(result, StepResult)
-    assert result.ids is not None
-    return result.ids
+    result: Any = upscaler.step(frame, outputs=("ids",))
+    return np.asarray(result.ids)
 
 
 def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -> IdHistory:
@@ -80,11 +70,8 @@ def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -
             sx, across = nearest(x, rx, frame.jitter[0], w)
             found, distance = ids[sy, sx], max(across, down)
             own = np.asarray(frame.motion[sy, sx], f) * (rx, ry)
-            around = [
-                (j, i)
-                for j in range(max(sy - 1, 0), min(sy + 2, h))
-                for i in range(max(sx - 1, 0), min(sx + 2, w))
-            ]
+            rows, columns = range(max(sy - 1, 0), min(sy + 2, h)), range(max(sx - 1, 0), min(sx + 2, w))
+            around = [*product(rows, columns)]
             kept: list[tuple[np.float32, np.float32, int, int]] = []
             for j, i in around if history else ():
                 assert history is not None
@@ -94,10 +81,8 @@ def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -
                 if 0 <= nx < width and 0 <= ny < height:
                     at = int(ny), int(nx)
                     if (history.ids[at] == ids[j, i]).all():
-                        apart = (
-                            history.distance[at] + max(abs(ax - nx), abs(ay - ny)) + abs(motion - own).max()
-                        )
-                        kept.append((-frame.depth[j, i], apart, j, i))
+                        apart = history.distance[at] + max(abs(ax - nx), abs(ay - ny))
+                        kept.append((-frame.depth[j, i], apart + abs(motion - own).max(), j, i))
             if kept and any((ids[at] != ids[sy, sx]).any() for at in around):
                 _, apart, j, i = min(kept)
                 if apart < distance:
@@ -169,28 +154,26 @@ def test_a_state_holds_ids() -> None:
 
 def test_conventions_turn_ids_with_the_image() -> None:
     frame = frame_at(3)
-    assert frame.ids is not None
-    conventions = Conventions(bottom_up=True)
-    raw = RawFrame(
-        color=frame.color, depth=frame.depth, motion=frame.motion, jitter=frame.jitter, ids=frame.ids[::-1]
-    )
-    np.testing.assert_array_equal(conventions.converter().to_frame(raw).ids, frame.ids)
+    raw = RawFrame(depth=frame.depth, motion=frame.motion, ids=np.asarray(frame.ids)[::-1])
+    turned = Conventions(bottom_up=True).converter().to_frame(raw)
+    np.testing.assert_array_equal(np.asarray(turned.ids), frame.ids)
 
 
 def test_wrong_ids_are_refused() -> None:
     frame = frame_at(0)
-    assert frame.ids is not None
-    with pytest.raises(FrameError, match=r"ids is \(30, 40, 2\) float32; .*int32.*view\(np.uint32\)"):
-        replace(frame, ids=frame.ids.astype(np.float32))
-    with pytest.raises(FrameError, match=r"ids is \(30, 40, 2\) int64; .*astype\(np.int32\)"):
-        replace(frame, ids=frame.ids.astype(np.int64))
-    with pytest.raises(FrameError, match=r"ids is \(30, 40\) int32; want \(30, 40, k\)"):
-        replace(frame, ids=frame.ids[..., 0])
+    ids: Any = frame.ids
+    for wrong, message in (
+        (ids.astype(np.float32), r"ids is \(30, 40, 2\) float32; .*int32.*view\(np.uint32\)"),
+        (ids.astype(np.int64), r"ids is \(30, 40, 2\) int64; .*astype\(np.int32\)"),
+        (ids[..., 0], r"ids is \(30, 40\) int32; want \(30, 40, k\)"),
+    ):
+        with pytest.raises(FrameError, match=message):
+            replace(frame, ids=wrong)
     upscaler = Upscaler(shared_model("taau"), display_size=DISPLAY)
     with pytest.raises(FrameError, match=r"ids is None; want .* because ids are requested"):
         ids_of(upscaler, replace(frame, ids=None))
     ids_of(upscaler, frame)
     with pytest.raises(FrameError, match="ids is 1 channels; want 2 channels as before, or a reset"):
-        ids_of(upscaler, replace(frame, ids=frame.ids[..., :1]))
+        ids_of(upscaler, replace(frame, ids=ids[..., :1]))
     with pytest.raises(ArgumentError, match="outputs"):
         upscaler.step(frame, outputs=("id",))

@@ -1,6 +1,5 @@
 """Tests of reading and writing EXR, PNG and JPEG files."""
 
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
@@ -12,8 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from OpenImageIO import ImageInput, ImageSpec
+from OpenImageIO import ImageBuf, ImageInput, ImageSpec
 
+from commands import ran
 from exr_parts import write_parts
 from supersampler import ShotError
 from supersampler.io import images
@@ -28,9 +28,7 @@ BYTES = PIXELS.astype(np.uint8)
 @settings(deadline=None, max_examples=30)
 @given(data=st.data(), names=st.sets(st.sampled_from(["R", "G", "B", "depth.Z", "aovs.10", "x"]), min_size=1))
 @pytest.mark.parametrize("compression", ["zip:9", "piz", "none"])
-def test_an_exr_keeps_every_value_and_every_type(
-    data: st.DataObject, names: set[str], compression: str
-) -> None:
+def test_an_exr_keeps_values_and_types(data: st.DataObject, names: set[str], compression: str) -> None:
     shape = data.draw(st.tuples(st.integers(1, 9), st.integers(1, 9)))
     kinds = {name: data.draw(st.sampled_from([np.float16, np.float32])) for name in sorted(names)}
     values = hnp.arrays(np.float64, shape, elements=st.sampled_from(HOSTILE))
@@ -57,9 +55,7 @@ def test_no_time_is_stored_so_that_equal_images_are_equal_files(tmp_path: Path) 
     for name in ("a.exr", "b.exr"):
         images.write_exr(tmp_path / name, PIXELS)
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
-    image = ImageInput.open(str(tmp_path / "a.exr"))
-    assert image is not None
-    assert image.spec().get_string_attribute("DateTime") == ""
+    assert ImageBuf(str(tmp_path / "a.exr")).spec().get_string_attribute("DateTime") == ""
 
 
 def test_whole_numbers_stay_whole_numbers(tmp_path: Path) -> None:
@@ -88,18 +84,12 @@ def test_a_cropped_render_is_refused(tmp_path: Path) -> None:
         (np.zeros((2, 3, 4), np.float32), r"is \(2, 3, 4\); want \(h, w, 3\) for the channels R, G, B"),
     ],
 )
-def test_values_that_exr_cannot_store_are_refused_and_leave_no_file(
+def test_values_that_exr_cannot_store_are_refused(
     tmp_path: Path, image: np.ndarray | dict[str, np.ndarray], message: str
 ) -> None:
     with pytest.raises(ShotError, match=message):
         images.write_exr(tmp_path / "image.exr", image)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_png_holds_the_bytes_given(tmp_path: Path) -> None:
-    images.write_png(tmp_path / "image.png", BYTES)
-    np.testing.assert_array_equal(decoded(tmp_path / "image.png"), BYTES)
-    assert images.encode_png(BYTES) == (tmp_path / "image.png").read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -111,13 +101,14 @@ def test_integers_come_back_and_are_tagged_as_srgb(
 ) -> None:
     image = np.random.default_rng(0).integers(0, np.iinfo(kind).max + 1, (5, 7, 3)).astype(kind)
     write(tmp_path / name, image)
-    found = ImageInput.open(str(tmp_path / name))
-    assert found is not None
+    found: Any = ImageInput.open(str(tmp_path / name))
     np.testing.assert_array_equal(found.read_image(np.dtype(kind).name), image)
     assert found.spec().format == np.dtype(kind).name
     assert found.spec().get_string_attribute("oiio:ColorSpace").startswith("srgb_rec709")
     write(tmp_path / f"again {name}", image)
     assert (tmp_path / name).read_bytes() == (tmp_path / f"again {name}").read_bytes()
+    if (name, kind) == ("image.png", np.uint8):
+        assert images.encode_png(image) == (tmp_path / name).read_bytes()
 
 
 def test_a_png_of_another_display_is_tagged_as_its_encoding(tmp_path: Path) -> None:
@@ -140,7 +131,8 @@ def test_a_jpeg_is_close_and_closer_with_more_quality(tmp_path: Path) -> None:
     errors = []
     for quality in (30, 100):
         (tmp_path / "image.jpg").write_bytes(images.encode_jpeg(image, quality))
-        errors.append(np.abs(decoded(tmp_path / "image.jpg").astype(float) - image).mean())
+        shown = np.asarray(ImageBuf(str(tmp_path / "image.jpg")).get_pixels("uint8"))
+        errors.append(np.abs(shown.astype(float) - image).mean())
     assert errors[1] < 1 < errors[0] < 20
 
 
@@ -153,8 +145,14 @@ def test_a_png_of_anything_but_bytes_is_refused(tmp_path: Path, image: np.ndarra
 def test_a_write_that_fails_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
     path = tmp_path / "image.exr"
     images.write_exr(path, PIXELS)
+
+    def write_half_and_stop() -> None:
+        with replacing(path) as partial:
+            partial.write_bytes(b"half of it")
+            raise RuntimeError("stopped")
+
     with pytest.raises(RuntimeError, match="stopped"):
-        write_half_and_stop(path)
+        write_half_and_stop()
     assert [file.name for file in tmp_path.iterdir()] == ["image.exr"]
     np.testing.assert_array_equal(images.read_exr(path)["R"], PIXELS[..., 0])
 
@@ -176,28 +174,11 @@ for write, name, image in ((write_exr, "a.exr", noise), (write_png, "a.png", (no
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit on the size of files to set")
 def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", FULL_DISK, str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    exr, png = done.stdout.splitlines()
+    exr, png = ran(sys.executable, "-c", FULL_DISK, tmp_path).splitlines()
     for line, name in ((exr, "a.exr"), (png, "a.png")):  # OpenImageIO's PNG writer says that all went well
         assert line.startswith(f"{tmp_path / name}: cannot be written (")
         assert "partial" not in line
     assert list(tmp_path.iterdir()) == []
-
-
-def write_half_and_stop(path: Path) -> None:
-    with replacing(path) as partial:
-        partial.write_bytes(b"half of it")
-        raise RuntimeError("stopped")
-
-
-def decoded(path: Path) -> np.ndarray:
-    image = ImageInput.open(str(path))
-    assert image is not None
-    pixels = image.read_image("uint8")
-    image.close()
-    assert pixels is not None
-    return pixels
 
 
 TYPES = ("f2", "f4", "f8", "?", "u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8")

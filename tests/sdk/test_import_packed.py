@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
 from supersampler import ArgumentError, Conventions, ShotError
-from supersampler.cli.app import app
 from supersampler.io.images import write_png
 from supersampler.io.shot import Shot, import_channels
+from upscale_runs import run, succeeded
 
 WIDTH, HEIGHT = 61, 35
 NEAR, FAR = 0.5, 200.0
@@ -90,14 +89,12 @@ def opened(folder: Path, changes: dict[str, Any] | None = None, **conventions: A
 def assert_is_the_capture(shot: Shot, scene: Captured, depth_step: float = 2.0**-24) -> None:
     assert (shot.render_size, len(shot)) == ((WIDTH, HEIGHT), len(scene.color))
     half_step = np.array([WIDTH, HEIGHT]) / 65535
-    ratio = NEAR / FAR
     for index, item in enumerate(shot):
-        frame = item.frame
-        assert frame.color is not None
-        assert np.abs(frame.color - scene.color[index]).max() < 2.4 / 255 / 2  # the curve's steepest slope
+        frame, inverse = item.frame, NEAR / scene.distance[index]
+        color = np.asarray(frame.color)
+        assert np.abs(color - scene.color[index]).max() < 2.4 / 255 / 2  # the curve's steepest slope
         assert (np.abs(frame.motion - scene.motion[index]) <= half_step * 1.001).all()
-        inverse = NEAR / scene.distance[index]
-        assert np.abs(frame.depth - inverse).max() <= (0.51 * depth_step + 1e-7) * (1 - ratio)
+        assert np.abs(frame.depth - inverse).max() <= (0.51 * depth_step + 1e-7) * (1 - NEAR / FAR)
         assert frame.jitter == (0.0, 0.0)
 
 
@@ -111,20 +108,19 @@ def test_the_map_shown_in_the_docs_is_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sign", "conventions"),
-    [((-1, -1), {}), ((1, -1), {"motion_direction": "previous_minus_current", "motion_flip_y": True})],
+    ("written", "changes", "conventions"),
+    [
+        ({}, {}, {}),
+        ({"sign": (1, -1)}, {}, {"motion_direction": "previous_minus_current", "motion_flip_y": True}),
+        ({"low_first": True}, {"motion": {**UV, "bytes": [each[::-1] for each in UV["bytes"]]}}, {}),
+    ],
+    ids=["as documented", "another direction", "the low byte first"],
 )
-def test_motion_packed_by_16_bits_comes_out_within_half_a_step_in_any_direction(
-    tmp_path: Path, sign: tuple[int, int], conventions: dict[str, Any]
+def test_motion_packed_by_16_bits_comes_out_within_half_a_step(
+    tmp_path: Path, written: Any, changes: dict[str, Any], conventions: dict[str, Any]
 ) -> None:
     scene = captured()
-    assert_is_the_capture(opened(write_capture(tmp_path, scene, sign=sign), **conventions), scene)
-
-
-def test_the_low_byte_may_come_first(tmp_path: Path) -> None:
-    scene, swapped = captured(), {**UV, "bytes": [each[::-1] for each in UV["bytes"]]}
-    shot = opened(write_capture(tmp_path, scene, low_first=True), {"motion": swapped})
-    assert_is_the_capture(shot, scene)
+    assert_is_the_capture(opened(write_capture(tmp_path, scene, **written), changes, **conventions), scene)
 
 
 def test_depth_of_8_bits_comes_out_within_half_a_step(tmp_path: Path) -> None:
@@ -151,25 +147,18 @@ def test_a_range_with_a_code_for_0_keeps_zero_exact(tmp_path: Path) -> None:
 
 
 def test_references_of_8_bits_are_decoded_to_linear(tmp_path: Path) -> None:
-    scene = captured()
-    write_capture(tmp_path, scene)
-    shot = opened(tmp_path, {"reference": COLOR})
-    reference, color = shot.read(1).reference, shot.read(1).frame.color
-    assert reference is not None
-    np.testing.assert_array_equal(reference, color)
+    item = opened(write_capture(tmp_path, captured()), {"reference": COLOR}).read(1)
+    np.testing.assert_array_equal(np.asarray(item.reference), item.frame.color)
 
 
 def test_the_command_imports_by_two_json_files(tmp_path: Path) -> None:
-    scene = captured()
+    scene, channels, conventions = captured(), tmp_path / "channels.json", tmp_path / "conventions.json"
     write_capture(tmp_path / "png", scene)
-    channels, conventions = tmp_path / "channels.json", tmp_path / "conventions.json"
     channels.write_text(json.dumps({"color": COLOR, "motion": UV, "depth": DEPTH_24}))
     conventions.write_text(json.dumps(CONVENTIONS))
-    out = tmp_path / "shot"
-    options = ["--channels", str(channels), "--conventions", str(conventions)]
-    result = CliRunner().invoke(app, ["import", str(tmp_path / "png"), "-o", str(out), *options])
-    assert result.exit_code == 0, result.output
-    assert_is_the_capture(Shot.open(out), scene)
+    options = ("--channels", channels, "--conventions", conventions)
+    succeeded(run("import", tmp_path / "png", "-o", tmp_path / "shot", *options))
+    assert_is_the_capture(Shot.open(tmp_path / "shot"), scene)
 
 
 @pytest.mark.parametrize(
@@ -196,7 +185,5 @@ def test_a_wrong_packing_is_named(tmp_path: Path, name: str, value: dict[str, An
 def test_channels_of_16_bits_are_no_bytes(tmp_path: Path) -> None:
     write_capture(tmp_path, captured(1))
     write_png(tmp_path / "depth" / "depth_0001.png", np.zeros((HEIGHT, WIDTH, 3), np.uint16))
-    with pytest.raises(
-        ShotError, match=r"depth_0001\.png: holds packed depth as uint16; want 8 bits a channel"
-    ):
+    with pytest.raises(ShotError, match=r"depth_0001\.png: holds packed depth as uint16; want 8 bits a"):
         opened(tmp_path)

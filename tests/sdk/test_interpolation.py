@@ -26,14 +26,12 @@ COUNT = 7
 def lit(index: int, *, light: float, shaded: bool = True, **overrides: Any) -> Frame:
     """A textured wall under a light, with the buffers of guided-warp."""
     frame = moving(index)
-    assert frame.color is not None
-    base = (frame.color / (1.0 + frame.color)).astype(np.float32)
+    base = np.asarray(frame.color, np.float32) / (1.0 + np.asarray(frame.color, np.float32))
     normal = np.zeros((SIZE[1], SIZE[0], 3), np.float32)
     normal[..., 2] = 1.0
-    color = (base + np.float32(0.02)) * np.float32(light)
+    color = (base + np.float32(0.02)) * np.float32(light) if shaded else None
     buffers = {"base_color": base, "normal": normal}
-    given = {"color": color if shaded else None, "gbuffer": buffers, "exposure": 1.0, **overrides}
-    return replace(frame, **given)
+    return replace(frame, color=color, gbuffer=buffers, exposure=1.0, **overrides)
 
 
 def alternating(count: int = COUNT) -> list[Frame]:
@@ -95,16 +93,10 @@ def test_the_side_that_saw_the_surface_counts() -> None:
 
 def test_a_surface_that_moved_agrees_where_it_was_and_not_off_screen() -> None:
     now, before = lit(1, light=1.0, shaded=False), lit(0, light=1.0)
-    assert before.gbuffer is not None
-    planes = {name: np.moveaxis(array, -1, 0)[None] for name, array in before.gbuffer.items()}
-    history = {
-        **{f"history.{name}": plane for name, plane in planes.items()},
-        "history.depth": before.depth[None, None],
-        "history.jitter": np.array([before.jitter], np.float32),
-        "history.motion": np.moveaxis(now.motion, -1, 0)[None].astype(np.float32),
-    }
-    found = surface_agreement(now, history)
-    assert np.median(found) > 0.5
+    arrays = {**(before.gbuffer or {}), "depth": before.depth[..., None], "motion": now.motion}
+    history = {f"history.{name}": np.moveaxis(array, -1, 0)[None] for name, array in arrays.items()}
+    history["history.jitter"] = np.array([before.jitter], np.float32)
+    assert np.median(surface_agreement(now, history)) > 0.5
     away = {**history, "history.motion": history["history.motion"] + np.float32(100.0)}
     assert (surface_agreement(now, away) == MIN_AGREEMENT).all()
 

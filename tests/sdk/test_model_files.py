@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +26,17 @@ from supersampler.methods.classifier.network_file import INPUT_PLANES, read_netw
 from supersampler.methods.classifier.spec import Variant
 from supersampler.methods.model_file import MAX_DESCRIPTION, find_model, read_model_info
 
-Change = Callable[[dict[str, Any]], object]
 SHIPPED = find_model("taa").parent
+
+
+def copied(method: str, folder: Path) -> Path:
+    """Copy a shipped model into a folder."""
+    return Path(shutil.copytree(find_model(method), folder / "model"))
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(find_model("taau"), tmp_path / "model"))
+    return copied("taau", tmp_path)
 
 
 def change(folder: Path, **members: Any) -> None:
@@ -48,8 +51,8 @@ def replace_file(folder: Path, name: str, content: bytes) -> None:
 
 
 TENSOR = {"name": "color", "type": "float32", "shape": [1, 3, "render_height", "render_width"]}
-HISTORY = {**TENSOR, "name": "history.color", "output": "next.color"}
-HISTORY["shape"] = [1, 3, "display_height", "display_width"]
+DISPLAY = "display_height", "display_width"
+HISTORY = {**TENSOR, "name": "history.color", "output": "next.color", "shape": [1, 3, *DISPLAY]}
 OK = "0" * 64
 
 
@@ -58,6 +61,7 @@ OK = "0" * 64
     [
         ({"ratios": []}, r"array` of length 2 - at `\$\.ratios`, is \[\]"),
         ({"ratios": [2, 1]}, "ratios"),
+        ({"ratios": [1, 5]}, r"ratios: \(1\.0, 5\.0\); want within \(1\.0, 4\.0\), the range of 'taau'"),
         ({"ratios": [1, True]}, r"Expected `float`, got `bool` - at `\$\.ratios\[1\]`, is True"),
         ({"ratios": [1, 10**400]}, r"out of range - at `\$\.ratios\[1\]`"),
         ({"ratios": "1,2"}, r"Expected `array`, got `str` - at `\$\.ratios`, is '1,2'"),
@@ -76,15 +80,8 @@ OK = "0" * 64
         ({"history": [{**HISTORY, "shape": [1, 3, "anything", 1]}]}, "history 'history.color'"),
         ({"history": [{**HISTORY, "shape": [1, 1024, 1024, 1]}]}, "product is at most 1024"),
         ({"history": [{**HISTORY, "output": "image"}]}, "'image' twice"),
-        ({"image": TENSOR | {"shape": [1, 4, "display_height", "display_width"]}}, "image"),
-        (
-            {
-                "aux_outputs": [
-                    TENSOR | {"name": "weight", "shape": [1, 2, "display_height", "display_width"]}
-                ]
-            },
-            "weight",
-        ),
+        ({"image": TENSOR | {"shape": [1, 4, *DISPLAY]}}, "image"),
+        ({"aux_outputs": [TENSOR | {"name": "weight", "shape": [1, 2, *DISPLAY]}]}, "weight"),
         ({"aux_outputs": [TENSOR | {"name": "x"}]}, "aux_outputs 'x'"),
         ({"aux_outputs": [], "maps": {}}, "aux_outputs: none; want 'converged' too"),
         ({"maps": {"weight": {"output": "weight", "first": 0, "channels": 2}}}, "map 'weight'"),
@@ -104,6 +101,7 @@ OK = "0" * 64
         ({"versions": {"torch": 2}}, "versions"),
         ({"config": 1}, r"at `\$\.config`, is 1"),
         ({"contract": True}, r"at `\$\.contract`, is True"),
+        ({"contract": 99}, "contract is 99; this runtime drives 4"),
     ],
 )
 def test_a_wrong_field_of_model_json_is_named(members: dict[str, Any], match: str, folder: Path) -> None:
@@ -138,17 +136,29 @@ def test_a_pipe_or_device_is_not_waited_for(tmp_path: Path) -> None:
         read_json(tmp_path / "model.json", 10)
 
 
-def test_a_link_out_of_the_folder_is_refused(folder: Path, tmp_path: Path) -> None:
+def test_a_link_out_of_the_folder_and_a_missing_or_changed_file_are_refused(
+    folder: Path, tmp_path: Path
+) -> None:
+    content = (folder / "step.onnx").read_bytes()
     shutil.move(folder / "step.onnx", tmp_path / "step.onnx")
+    with pytest.raises(ModelError, match=r"step\.onnx is missing"):
+        read_model_info(folder)
     (folder / "step.onnx").symlink_to(tmp_path / "step.onnx")
     with pytest.raises(ModelError, match="a link out of the folder"):
         read_model_info(folder)
+    (folder / "step.onnx").unlink()
+    (folder / "step.onnx").write_bytes(content[:-1])
+    with pytest.raises(ModelError, match="sha256"):
+        Model.load(folder)
+    (folder / "model.json").unlink()
+    with pytest.raises(ModelError, match="neither one of"):
+        Model.load(folder)
 
 
 def test_a_folder_of_extrapolated_frames_with_another_history_is_refused(tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(find_model("extrapolate"), tmp_path / "model"))
+    folder = copied("extrapolate", tmp_path)
     inner = json.loads((folder / "extrapolated" / "model.json").read_text())
-    inner["history"][0]["shape"] = [1, 4, "display_height", "display_width"]
+    inner["history"][0]["shape"] = [1, 4, *DISPLAY]
     content = json.dumps(inner).encode()
     (folder / "extrapolated" / "model.json").write_bytes(content)
     files = json.loads((folder / "model.json").read_text())["files"]
@@ -173,10 +183,10 @@ def test_a_folder_of_extrapolated_frames_with_another_history_is_refused(tmp_pat
         ("classifier-small", {"network": {"levels": [16, 32, 64, 128], "decoder": 64}}, "network.decoder"),
     ],
 )
-def test_constants_that_kernels_do_not_compute_with_are_refused(
+def test_unusable_constants_of_kernels_are_refused(
     method: str, constants: dict[str, Any], match: str, tmp_path: Path
 ) -> None:
-    folder = Path(shutil.copytree(find_model(method), tmp_path / "model"))
+    folder = copied(method, tmp_path)
     config = json.loads((folder / "model.json").read_text())["config"]
     change(folder, config={**config, **constants})
     with pytest.raises(ModelError, match=match):
@@ -185,10 +195,16 @@ def test_constants_that_kernels_do_not_compute_with_are_refused(
 
 @pytest.mark.parametrize("strides", [[-5], [1, 1 << 40], "1359", [1.5], [1] * 8])
 def test_unsupported_rings_run_in_onnx_runtime(strides: object, tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(find_model("guided-warp"), tmp_path / "model"))
+    folder = copied("guided-warp", tmp_path)
     config = json.loads((folder / "model.json").read_text())["config"]
     change(folder, config={**config, "strides": strides})
     assert Extrapolator(folder, [CPU], 1).executor == "onnx"
+
+
+def test_a_graph_of_another_method_is_refused(folder: Path) -> None:
+    change(folder, method="taa")
+    with pytest.raises(ModelError, match=r"step\.onnx: is a graph of 'taau'; model\.json says 'taa'"):
+        Model.load(folder)
 
 
 def test_kernels_leave_an_unknown_history_to_the_graph(folder: Path) -> None:
@@ -202,26 +218,15 @@ def test_kernels_leave_an_unknown_history_to_the_graph(folder: Path) -> None:
 # --- network.npz ---
 
 
-def network_with(folder: Path, changes: dict[str, Any]) -> None:
-    with np.load(folder / "network.npz") as file:
-        arrays = {**dict(file), **changes}
-    stream = io.BytesIO()
-    np.savez(stream, **{name: array for name, array in arrays.items() if array is not None})
-    replace_file(folder, "network.npz", stream.getvalue())
-
-
 @pytest.fixture
 def learned(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(find_model("classifier-small"), tmp_path / "model"))
+    return copied("classifier-small", tmp_path)
 
 
 @pytest.mark.parametrize(
     ("changes", "match"),
     [
-        (
-            {"decoder.weights": np.zeros((1, 1, 32, 4), np.int8)},
-            r"'decoder\.weights' \(1, 1, 32, 4\) int8; want",
-        ),
+        ({"decoder.weights": np.zeros((1, 1, 32, 4), np.int8)}, r"'decoder\.weights' \(1, 1, 32, 4\) int8;"),
         ({"decoder.weights": np.zeros((1, 8, 32, 4), np.uint8)}, "decoder.weights"),
         ({"hidden.scale": np.zeros(31, np.float32)}, "hidden.scale"),
         ({"hidden.scale": np.full(32, np.nan, np.float32)}, "'hidden.scale' from nan"),
@@ -232,10 +237,12 @@ def learned(tmp_path: Path) -> Path:
         ({"0.first.bias": np.zeros(1 << 20, np.float32)}, "bytes"),
     ],
 )
-def test_an_array_in_an_unsupported_layout_is_named(
-    changes: dict[str, Any], match: str, learned: Path
-) -> None:
-    network_with(learned, changes)
+def test_an_array_of_another_layout_is_named(changes: dict[str, Any], match: str, learned: Path) -> None:
+    with np.load(learned / "network.npz") as file:
+        arrays = {**dict(file), **changes}
+    stream = io.BytesIO()
+    np.savez(stream, **{name: array for name, array in arrays.items() if array is not None})
+    replace_file(learned, "network.npz", stream.getvalue())
     with pytest.raises(ModelError, match=match):
         Model.load(learned)
 
@@ -304,11 +311,8 @@ def test_graphs_that_ship_are_plain(name: str) -> None:
 
 def test_attributions_of_weights_that_ship_are_in_the_notice() -> None:
     notice = " ".join((Path(__file__).parents[2] / "NOTICE").read_text("utf-8").split())
-    texts = {
-        text
-        for path in SHIPPED.glob("*/model.json")
-        for text in json.loads(path.read_bytes())["attributions"]
-    }
+    described = [json.loads(path.read_bytes()) for path in SHIPPED.glob("*/model.json")]
+    texts = {text for content in described for text in content["attributions"]}
     assert len(texts) > 5
     assert {text for text in texts if text not in notice} == set()
 
@@ -367,12 +371,14 @@ def test_a_foreign_graph_is_checked_before_onnx_runtime_loads_it(folder: Path) -
 
 
 def test_a_graph_that_fails_while_running_raises_a_typed_error_and_changes_nothing(tmp_path: Path) -> None:
-    folder = Path(shutil.copytree(find_model("bilinear"), tmp_path / "model"))
-    nodes = [helper.make_node("Identity", ["color"], ["image"])]  # of the frame's size, not the display's
-    model = model_of(*nodes)
-    model.graph.input.append(helper.make_tensor_value_info("jitter", TensorProto.FLOAT, [1, 2]))
-    model.graph.input.append(helper.make_tensor_value_info("pre_exposure", TensorProto.FLOAT, [1]))
-    model.graph.input.append(helper.make_tensor_value_info("display_size", TensorProto.INT64, [2]))
+    folder = copied("bilinear", tmp_path)
+    model = model_of(IDENTITY)  # of the frame's size, not the display's
+    for name, kind, shape in (
+        ("jitter", "FLOAT", [1, 2]),
+        ("pre_exposure", "FLOAT", [1]),
+        ("display_size", "INT64", [2]),
+    ):
+        model.graph.input.append(helper.make_tensor_value_info(name, TensorProto.DataType.Value(kind), shape))
     replace_file(folder, "step.onnx", model.SerializeToString())
     upscaler = Upscaler(folder, scale=2.0, executor="onnx")
     with pytest.raises(ModelError, match=r"step\.onnx: ONNX Runtime cannot run it: "):
@@ -380,18 +386,14 @@ def test_a_graph_that_fails_while_running_raises_a_typed_error_and_changes_nothi
     assert upscaler.save_state().history is None
 
 
-def test_an_app_without_the_packages_data_files_says_how_to_build_it(
+def test_an_app_without_data_files_says_how_to_build_it(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(model_file, "_shipped", lambda: tmp_path / "app" / "models")
     monkeypatch.setattr(shot, "SHIPPED", tmp_path / "app" / "shots")
     for name in ("classifier", "taau"):
-        with pytest.raises(
-            ModelError, match=r"data files are missing: .*models has no .* --collect-all super"
-        ):
+        with pytest.raises(ModelError, match=r"data files are missing: .*models has no .* --collect-all sup"):
             Upscaler(name, scale=2.0)
-    with pytest.raises(
-        ShotError, match=r"plaza: .*data files, .*shots, are missing\. .* --collect-all super"
-    ):
+    with pytest.raises(ShotError, match=r"plaza: .*data files, .*shots, are missing\. .* --collect-all su"):
         Shot.open("plaza")
     assert find_model(folder) == folder  # own models are found

@@ -129,6 +129,17 @@ def test_a_planted_mistake_is_the_only_one_named(shots: Shots, name: str) -> Non
     assert len(said.splitlines()) == 1
 
 
+@pytest.mark.parametrize("renderer", FOLDERS)
+@pytest.mark.parametrize("jitter", [{"jitter_sign": -1}, {"jitter_unit": "ndc"}])
+def test_a_wrong_jitter_is_not_taken_for_jitter_in_vectors_of_another_unit(
+    renderer: str, jitter: dict[str, Any]
+) -> None:
+    frames = [misread(frame, motion_unit="uv", **jitter) for frame in frames_of(renderer, "right")]
+    said, *others = complaints(*frames).splitlines()
+    assert "Try Conventions(motion_unit='uv')" in said
+    assert all("jitter_unit" in other for other in others), "of wrong readings only the first is named"
+
+
 @pytest.mark.parametrize("name", [name for name in PLANTED if name != "bottom-up"])
 def test_check_notes_a_planted_mistake(shots: Shots, name: str) -> None:
     change, message = PLANTED[name]
@@ -156,7 +167,7 @@ def test_check_blames_the_rows_of_vtk_where_nothing_is_stated(shots: Shots) -> N
 def test_jitter_missing_from_the_image_is_reported(shots: Shots) -> None:
     assert complaints(*shots("fixed")).startswith("frame.jitter is not in the image")
     assert "frame.jitter is not in the image" in notes(shots("fixed"))
-    assert "motion_jittered" not in notes(shots("fixed"))
+    assert "Write" not in notes(shots("fixed"))
 
 
 def test_a_fraction_of_the_jitter_is_estimated(shots: Shots) -> None:

@@ -67,10 +67,8 @@ def test_a_mask_of_zeros_changes_no_bit(method: str, executor: str) -> None:
 @settings(max_examples=5, deadline=None)
 @given(value=st.floats(0.0, 1.0, width=16))
 def test_the_weight_of_the_history_is_what_the_mask_leaves(method: str, executor: str, value: float) -> None:
-    plain = stepped(begun(method, executor), 4)
-    masked = stepped(begun(method, executor), 4, mask(value))
-    assert plain.weight is not None
-    assert masked.weight is not None
+    plain: Any = stepped(begun(method, executor), 4)
+    masked: Any = stepped(begun(method, executor), 4, mask(value))
     assert plain.weight.max() > 0.2
     np.testing.assert_allclose(masked.weight, (1.0 - value) * plain.weight, rtol=2e-4, atol=1e-6)
 
@@ -89,18 +87,8 @@ def test_a_mask_acts_only_at_its_own_samples(method: str, executor: str) -> None
     assert (np.abs(after[there] - before[there]).max(axis=-1) > 0.0).mean() > 0.5
 
 
-@pytest.mark.parametrize("executor", ["onnx", "cpu"])
-@pytest.mark.parametrize("method", ["taa", "taau"])
-def test_fully_reactive_is_the_image_of_this_frame_alone(method: str, executor: str) -> None:
-    masked = stepped(begun(method, executor), 4, mask())
-    fresh = make(method, executor)
-    alone = stepped(fresh, 4)
-    np.testing.assert_allclose(masked.image, alone.image, rtol=1e-4, atol=1e-5)
-
-
 @pytest.mark.parametrize(("method", "executor"), WEIGHED)
 def test_a_fully_reactive_mask_removes_the_history(method: str, executor: str) -> None:
-    """Earlier light does not show."""
     images = []
     for light in (0.0, 50.0):
         upscaler = make(method, executor)
@@ -110,7 +98,8 @@ def test_a_fully_reactive_mask_removes_the_history(method: str, executor: str) -
         upscaler.step(replace(frame, color=dark, reset=False))
         images.append(stepped(upscaler, 4, mask()).image)
     off = np.abs(display_transform(images[0]) - display_transform(images[1]))
-    assert off.mean() < 0.05  # a network sees the history, and weighs the samples of this frame by it
+    # A network sees the history, and weighs the samples of this frame by it.
+    assert off.max() < 1e-4 if method in ("taa", "taau") else off.mean() < 0.05
 
 
 @pytest.mark.parametrize(("method", "executor"), PLACED)
@@ -125,11 +114,10 @@ def test_a_missing_sample_shows_the_history_under_any_mask(method: str, executor
     np.testing.assert_array_equal(np.asarray(after)[there], np.asarray(before)[there])
 
 
-def at_rest(upscaler: Upscaler) -> StepResult:
+def at_rest(upscaler: Upscaler) -> Any:
     """Step through two periods of what stands still, and one frame more."""
     for index in range(2 * PERIOD + 1):
-        result = upscaler.step(still(upscaler, index), outputs=("converged",))
-    assert result.converged is not None
+        result: Any = upscaler.step(still(upscaler, index), outputs=("converged",))
     assert result.converged.mean() > 0.9
     return result
 
@@ -140,9 +128,7 @@ def test_at_rest_any_value_over_zero_ends_what_is_frozen_around_it(method: str, 
     corner[0, 0] = 1e-3
     before = at_rest(upscaler)
     frame = replace(still(upscaler, 2 * PERIOD + 1), reactive=corner)
-    after = upscaler.step(frame, outputs=("converged",))
-    assert before.converged is not None
-    assert after.converged is not None
+    after: Any = upscaler.step(frame, outputs=("converged",))
     assert after.converged[:15, :15].max() == 0.0  # of its block and the next ones, of four samples each
     np.testing.assert_array_equal(after.converged[:, 17:], before.converged[:, 17:])
     kept = after.converged > 0.0

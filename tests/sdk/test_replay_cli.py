@@ -10,7 +10,7 @@ from noise import noise
 from supersampler import Upscaler
 from supersampler.io.images import read_exr
 from supersampler.recording import CALL, OUTCOME
-from upscale_runs import images, run, succeeded, write_shot
+from upscale_runs import images, run, succeeded, upscale, write_shot
 
 COUNT = 4
 
@@ -22,10 +22,7 @@ def shot(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def file(shot: Path, tmp_path: Path) -> Path:
-    done = run(
-        "upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record", tmp_path / "a.recording"
-    )
-    assert done.exit_code == 0
+    done = upscale(shot, tmp_path / "out", "--record", tmp_path / "a.recording", method="taau")
     assert f"supersampler replay {tmp_path / 'a.recording'}" in done.stdout
     return tmp_path / "a.recording"
 
@@ -57,8 +54,7 @@ def test_another_image_is_exit_code_1(file: Path, tmp_path: Path) -> None:
 
 def test_a_recording_of_existing_frames_holds_all_of_them(file: Path, shot: Path, tmp_path: Path) -> None:
     before = images(tmp_path / "out")
-    again = ("upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record", tmp_path / "b")
-    assert run(*again).exit_code == 0
+    upscale(shot, tmp_path / "out", "--record", tmp_path / "b", method="taau")
     assert f"{COUNT} of {COUNT} frames are bit-identical" in run("replay", tmp_path / "b").stdout
     assert images(tmp_path / "out") == before
 

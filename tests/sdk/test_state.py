@@ -142,10 +142,9 @@ def test_an_invalid_field_of_a_state_is_refused(changes: dict[str, Any], match: 
 
 def test_an_array_of_no_known_name_is_refused() -> None:
     state = still_state()
-    assert_refused(
-        with_array(state, "history.speed", np.zeros(1)), "with 'history.speed'; want only history.color"
-    )
-    assert_refused(with_array(state, "history.more", np.zeros(1), "shaded"), "with 'history.more'")
+    more = np.zeros(1)
+    assert_refused(with_array(state, "history.speed", more), "with 'history.speed'; want only history.color")
+    assert_refused(with_array(state, "history.more", more, "shaded"), "with 'history.more'")
 
 
 def test_a_pickled_state_without_a_version_is_refused() -> None:
@@ -158,19 +157,15 @@ def test_sizes_that_arrays_claim_without_memory_are_refused() -> None:
     """By numpy's strides a value may pass for an image of any size."""
     side = 1 << 14
     claimed = np.broadcast_to(np.float32(0.5), (1, 3, side, side))
-    state = replace(
-        still_state(), shaded=None, history={"history.color": claimed}, display_size=(side, side * 2)
-    )
+    state = replace(still_state(), method="taa", shaded=None, display_size=(side, side * 2))
     with pytest.raises(ArgumentError, match=r"state\.display_size"):
-        Upscaler(loaded("taa", "cpu"), scale=2.0).load_state(replace(state, method="taa"))
-    wide = {name: np.broadcast_to(np.float32(0.0), (*a.shape[:2], 1 << 16, 40)) for name, a in _images()}
-    assert_refused(
-        replace(still_state(), shaded={**(still_state().shaded or {}), **wide}), "each named extent"
-    )
-
-
-def _images() -> list[tuple[str, Any]]:
-    return [(name, array) for name, array in (still_state().shaded or {}).items() if array.ndim == 4]
+        Upscaler(loaded("taa", "cpu"), scale=2.0).load_state(
+            replace(state, history={"history.color": claimed})
+        )
+    shaded = dict(still_state().shaded or {})
+    for name in [name for name, array in shaded.items() if array.ndim == 4]:
+        shaded[name] = np.broadcast_to(np.float32(0.0), (*shaded[name].shape[:2], 1 << 16, 40))
+    assert_refused(replace(still_state(), shaded=shaded), "each named extent")
 
 
 def test_a_loaded_state_shares_no_memory() -> None:

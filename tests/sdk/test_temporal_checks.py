@@ -82,6 +82,20 @@ def test_a_verdict_is_certain_if_the_runner_up_is_a_seventh_worse() -> None:
     assert verdict(1.0).certain
 
 
+def test_of_readings_that_fit_alike_the_changes_that_they_share_count() -> None:
+    direction = {"motion_direction": "current_minus_previous", "motion_flip_y": False}
+    both, stated = (
+        {**direction, "motion_flip_y": True},
+        {**direction, "motion_direction": "previous_minus_current"},
+    )
+    hypotheses = [Hypothesis("", o, e) for o, e in ((both, 1.0), (direction, 1.1), (stated, 3.0))]
+    found = ranked("motion", hypotheses, Conventions())
+    assert found.certain
+    assert found.overrides == direction
+    assert found.margin == pytest.approx(3.0 / 1.1)
+    assert not ranked("motion", hypotheses, Conventions(motion_direction="current_minus_previous")).certain
+
+
 def test_near_a_tie_what_was_stated_comes_first() -> None:
     assert verdict(1.0, 1.5, 1.01).ranked[0].text == "pixels"
     assert verdict(1.0, 1.5, 1.03).ranked[0].text == "uv"
@@ -202,20 +216,23 @@ def test_a_part_of_the_jitter_in_the_image_is_told_by_axis_where_they_differ() -
 
 
 @pytest.mark.parametrize(("varied", "jittered"), [
-    ((1.0, 1.0), True), ((1.9, 1.0), True), ((0.6, 1.0), True), ((0.4, 1.0), False), ((2.1, 1.0), False),
-    ((0.0, 0.0), False), ((-1.0, 1.0), False),
+    ((0.5, 0.5, 1.0), True), ((1.0, 0.9, 1.0), True), ((0.6, 0.0, 1.0), True), ((0.0, 0.4, 1.0), False),
+    ((1.0, 1.1, 1.0), False), ((0.0, 0.0, 0.0), False), ((0.0, -1.0, 1.0), False),
 ])  # fmt: skip
 def test_an_image_without_jitter_has_it_in_its_vectors_if_they_change_alike(
-    varied: tuple[float, float], jittered: bool
+    varied: tuple[float, float, float], jittered: bool
 ) -> None:
     assert vectors_have_jitter(varied) is jittered
     for factor in (0.0, 0.4):
         said = told(FramesSeen(pairs=2, amplitudes=errors(factor, factor, 0.5), varied=varied))
-        assert ("motion_jittered=True" in said) is jittered
+        assert ("with jitter in it" in said) is jittered
     assert "2.0 times better" in told(
-        FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.5), varied=(1.0, 1.0))
+        FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.5), varied=(0.5, 0.5, 1.0))
     )
     assert "not in the image" in told(FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.5)))
+    for error, said in ((0.08, f"Try {NEGATED}"), (0.09, "not in the image")):  # no jitter has 0.085
+        seen = FramesSeen(pairs=2, amplitudes=errors(0.0, 0.0, 0.15), errors={NEGATED: (0.1, error)})
+        assert said in told(seen)
     more = FramesSeen(pairs=2, amplitudes=errors(0.6, 0.6, 0.5), varied=varied)
     assert "0.60 times as large" in told(more)
 
@@ -250,6 +267,9 @@ def test_the_reading_that_fits_best_is_named() -> None:
     said = told(FramesSeen(pairs=2, errors={**errors_of, rows: (0.4, 0.02)}))
     assert "frame.color is bottom-up with depth and motion: frames then fit 20.0 times better" in said
     assert rows in said
+    alone = repr(Conventions(jitter_flip_y=True))
+    for fits, named in ((0.052, f"Try {alone}, or bottom_up=True if the image is upside down"), (0.06, rows)):
+        assert named in told(FramesSeen(pairs=2, errors={rows: (0.1, 0.05), alone: (0.1, fits)}))
 
 
 def seen_after_a_part_moves(rows: int, motion: float) -> FramesSeen:
@@ -301,12 +321,15 @@ def test_after_two_frames_motion_that_is_all_zero_may_be_missing() -> None:
 
 
 def test_jitter_is_sought_in_vectors_that_change_with_it_in_two_pairs() -> None:
-    seen = FramesSeen(pairs=2, errors={JITTERED: (0.2, 0.02)}, varied=(1.0, 1.0))
+    seen = FramesSeen(pairs=2, errors={JITTERED: (0.2, 0.02)}, varied=(0.5, 0.5, 1.0))
     assert "with jitter in it" in told(seen)
     assert told(replace(seen, pairs=1)) == ""
-    assert told(replace(seen, varied=(0.1, 1.0))) == ""
-    in_another_unit = repr(Conventions(motion_unit="uv", motion_jittered=True))
-    assert "with jitter in it" in told(FramesSeen(pairs=2, errors={in_another_unit: (0.2, 0.02)}))
+    assert told(replace(seen, varied=(0.1, 0.0, 1.0))) == ""
+    in_uv = {repr(Conventions(motion_unit="uv", motion_jittered=True)): (0.2, 0.02)}
+    assert told(replace(seen, errors=in_uv)) == ""
+    assert "uv, previous minus current, with jitter in it" in told(
+        replace(seen, errors=in_uv, varied=(0.5 / 128, 0.5 / 72, 1.0))
+    )
 
 
 def test_how_motion_changes_with_the_jitter_is_summed() -> None:
@@ -318,13 +341,14 @@ def test_how_motion_changes_with_the_jitter_is_summed() -> None:
     first = replace(before, light=light, motion=motion)
     second = replace(now, light=light, motion=np.asarray(motion + 0.5 * change, np.float32))
     pair = FramePair(first, second)
-    sums = jitter_in_vectors((1.0, 2.0), pair, jitters[:2], Conventions())
-    assert sums == pytest.approx((1.0 + 0.5 * 1.5625, 2.0 + 1.5625))
-    opposite = jitter_in_vectors((1.0, 2.0), pair, jitters[:2], Conventions(jitter_sign=-1))
-    assert opposite == pytest.approx((1.0 - 0.5 * 1.5625, 2.0 + 1.5625))
-    assert jitter_in_vectors((1.0, 2.0), pair, jitters[1:2], Conventions()) == (1.0, 2.0), "no third frame"
+    before_it = 1.0, 3.0, 2.0
+    sums = jitter_in_vectors(before_it, pair, jitters[:2], Conventions())
+    assert sums == pytest.approx((1.0 + 0.5 * 0.5625, 3.0 + 0.5, 2.0 + 1.5625))
+    opposite = jitter_in_vectors(before_it, pair, jitters[:2], Conventions(jitter_sign=-1))
+    assert opposite == pytest.approx((1.0 - 0.5 * 0.5625, 3.0 - 0.5, 2.0 + 1.5625))
+    assert jitter_in_vectors(before_it, pair, jitters[1:2], Conventions()) == before_it, "no third frame"
     smaller = FramePair(replace(first, motion=motion[:45]), second)
-    assert jitter_in_vectors((1.0, 2.0), smaller, jitters[:2], Conventions()) == (1.0, 2.0)
+    assert jitter_in_vectors(before_it, smaller, jitters[:2], Conventions()) == before_it
 
 
 # --- depth of surfaces that hide others ---

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -21,29 +22,27 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("options", "numbers"),
     [
-        ((), [0, 1, 2, 3, 4, 5]),
-        (("--frames", "1-3", "--preroll", "1"), [1, 2, 3]),
-        (("--format", "mp4"), [0, 1, 2, 3, 4, 5]),
-        (("--compare",), [0, 1, 2, 3, 4, 5]),
+        ((), range(COUNT)), (("--frames", "1-3", "--preroll", "1"), [1, 2, 3]),
+        (("--format", "mp4"), range(COUNT)), (("--compare",), range(COUNT)),
     ],
-)
-def test_json_is_a_line_for_each_frame_in_order_and_nothing_else_is_on_stdout(
-    shot: Path, tmp_path: Path, options: tuple[str, ...], numbers: list[int]
+)  # fmt: skip
+def test_stdout_is_a_line_of_json_for_each_frame(
+    shot: Path, tmp_path: Path, options: tuple[str, ...], numbers: Sequence[int]
 ) -> None:
     if "mp4" in options:
         pytest.importorskip("av")
-    events = [json.loads(line) for line in upscale(shot, tmp_path, "--json", *options).stdout.splitlines()]
-    assert [event["event"] for event in events] == ["begin", *["frame"] * len(numbers), "end"]
-    assert (events[0]["shot"], events[0]["frames"], events[0]["complete"]) == ("tiny", len(numbers), 0)
-    frames = events[1:-1]
-    assert [frame["number"] for frame in frames] == numbers
-    assert [frame["index"] for frame in frames] == [*range(len(numbers))]
-    assert {frame["frames"] for frame in frames} == {len(numbers)}
-    assert all(frame["seconds"] >= 0.0 for frame in frames)
-    assert events[-1]["frames"] >= len(numbers)
+    first, *frames, last = map(json.loads, upscale(shot, tmp_path, "--json", *options).stdout.splitlines())
+    count = len(numbers)
+    wanted = {"event": "begin", "shot": "tiny", "frames": count, "complete": 0}
+    assert first | wanted == first
+    for index, (frame, number) in enumerate(zip(frames, numbers, strict=True)):
+        wanted = {"event": "frame", "number": number, "index": index, "frames": count}
+        assert frame | wanted == frame
+        assert frame["seconds"] >= 0.0
+    assert (last["event"], last["frames"] >= count) == ("end", True)
 
 
-def test_a_frame_is_written_before_its_line_is_printed(
+def test_a_frame_is_written_before_its_line(
     shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = []
@@ -69,9 +68,7 @@ def test_json_of_a_run_that_continues_has_the_frames_that_were_missing(shot: Pat
     assert [event["number"] for event in events[1:-1]] == [3, 4, 5]
 
 
-def test_a_log_has_lines_of_progress_with_rate_and_time_left(
-    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_log_has_lines_of_progress(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "frames/s" not in upscale(shot, tmp_path / "quick").stderr
     monkeypatch.setattr(terminal, "LOG_SECONDS", 0.0)
     said = upscale(shot, tmp_path / "slow").stderr
@@ -80,9 +77,7 @@ def test_a_log_has_lines_of_progress_with_rate_and_time_left(
     assert lines[-1][1] == "0:00"
 
 
-def test_exit_codes_are_those_of_the_help(
-    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_exit_codes_are_as_the_help_says(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = re.sub(r"\s+", " ", run("upscale", "--help").stdout)
     assert "Exit codes: 0 done, 1 an error, 2 wrong arguments, 130 stopped." in text
     command = ("upscale", shot, "-o", tmp_path, "--method", "bilinear")

@@ -66,14 +66,8 @@ LAYOUTS: dict[str, Any] = {
     "parts": lambda: [part("rgba", slice(0, 3)), part("data", slice(3, 6))],
     "overscan": lambda: [
         (
-            spec_of(x=-2, y=-3, full_width=WIDTH, full_height=HEIGHT, width=WIDTH + 4, height=HEIGHT + 6),
+            spec_of(x=-2, y=-3, width=WIDTH + 4, height=HEIGHT + 6, full_width=WIDTH, full_height=HEIGHT),
             np.pad(frame_channels(), ((3, 3), (2, 2), (0, 0)), constant_values=9.0),
-        )
-    ],
-    "a smaller data window": lambda: [
-        (
-            spec_of(x=4, y=2, full_width=WIDTH, full_height=HEIGHT, width=WIDTH - 4, height=HEIGHT - 2),
-            frame_channels()[2:, 4:],
         )
     ],
 }
@@ -81,27 +75,20 @@ LAYOUTS: dict[str, Any] = {
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_frame_of_any_layout_is_upscaled_and_read_back_by_openimageio(tmp_path: Path, layout: str) -> None:
+    conventions = ("--conventions", '{"depth": "linear", "far": 50.0}')
     write_parts(tmp_path / "in" / "f.0007.exr", *LAYOUTS[layout]())
-    upscale(tmp_path / "in", tmp_path / "out", "--conventions", '{"depth": "linear", "far": 50.0}')
+    upscale(tmp_path / "in", tmp_path / "out", *conventions)
     image = ImageBuf(str(tmp_path / "out" / "f.0007.exr"))
-    spec = image.spec()
-    assert not image.has_error
-    assert image.nsubimages == 1
-    size = (0, 0, *DISPLAY_SIZE)
+    spec, size = image.spec(), (0, 0, *DISPLAY_SIZE)
+    assert (image.has_error, image.nsubimages) == (False, 1)
     assert (spec.x, spec.y, spec.width, spec.height) == size
     assert (spec.full_x, spec.full_y, spec.full_width, spec.full_height) == size
     assert (spec.channelnames, str(spec.format), spec.tile_width) == (("R", "G", "B"), "half", 0)
     assert spec.get_string_attribute("compression") == "zip"
     write_parts(tmp_path / "plain" / "f.0007.exr", (spec_of(), frame_channels()))
-    upscale(tmp_path / "plain", tmp_path / "want", "--conventions", '{"depth": "linear", "far": 50.0}')
+    upscale(tmp_path / "plain", tmp_path / "want", *conventions)
     found, want = np.asarray(image.get_pixels()), pixels(tmp_path / "want" / "f.0007.exr")
-    rows, columns = (
-        (slice(8, None), slice(12, None)) if layout == "a smaller data window" else (slice(None),) * 2
-    )
-    tolerance = 2e-3 if layout == "mixed types" else 1e-6
-    np.testing.assert_allclose(found[rows, columns], want[rows, columns], rtol=tolerance)
-    if layout == "a smaller data window":
-        assert (found[:2] == 0).all()
+    np.testing.assert_allclose(found, want, rtol=2e-3 if layout == "mixed types" else 1e-6)
 
 
 def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path) -> None:
@@ -131,13 +118,12 @@ def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path
 
 def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path) -> None:
     renders = write_renders(tmp_path / "in", {1: "f.0001"})
-    upscale(renders, tmp_path / "plain", *OURS)
-    upscale(renders, tmp_path / "stated", "--color-space", "ACEScg", *OURS)
-    spec = ImageBuf(str(tmp_path / "stated" / "f.0001.exr")).spec()
-    np.testing.assert_allclose(spec.getattribute("chromaticities"), ACESCG, rtol=1e-6)
-    np.testing.assert_array_equal(
-        pixels(tmp_path / "stated" / "f.0001.exr"), pixels(tmp_path / "plain" / "f.0001.exr")
-    )
+    plain, stated = (tmp_path / name / "f.0001.exr" for name in ("plain", "stated"))
+    upscale(renders, plain.parent, *OURS)
+    upscale(renders, stated.parent, "--color-space", "ACEScg", *OURS)
+    found = ImageBuf(str(stated)).spec().getattribute("chromaticities")
+    np.testing.assert_allclose(found, ACESCG, rtol=1e-6)
+    np.testing.assert_array_equal(pixels(stated), pixels(plain))
 
 
 def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_path: Path) -> None:
@@ -159,21 +145,21 @@ def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_
     [
         *(("--frame-rate", rate) for rate in ("0", "-5", "nan", "inf")),
         *(("upscale", f"--{name}", "x") for name in ("frames", "display-size", "name", "view")),
-        ("upscale", "--scale", "0.5"),
+        *(("upscale", "--scale", scale) for scale in ("0", "0.5")),
+        ("upscale", "--precision", "int8", "--method", "taau"),
+        ("upscale", "--color-space", ""),
         ("--conventions", "x"),
         ("--cuts", "x"),
     ],
 )
-def test_a_value_that_cannot_be_used_is_named_with_its_option_and_ends_with_2(
-    tmp_path: Path, options: tuple[str, ...]
-) -> None:
+def test_an_unusable_value_is_named_with_its_option(tmp_path: Path, options: tuple[str, ...]) -> None:
     shot = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in range(2)})
     commands = [options[0]] if options[0] == "upscale" else ["upscale", "import"]
     for command in commands:
         given = options[options[0] == command :]
         done = run(command, shot, "-o", tmp_path / "out", *OURS, *given)
         assert (done.exit_code, done.stderr.count("\n")) == (2, 1), done.output
-        assert f"{given[0].removeprefix('--')} is " in done.stderr
+        assert f"error: {given[0]} is " in done.stderr
         assert not (tmp_path / "out").exists()
 
 

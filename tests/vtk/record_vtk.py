@@ -15,7 +15,7 @@ import pyvista as pv
 from compact_frames import compact, cropped
 from supersampler import Frame, halton_jitter
 from supersampler.conventions.encodings import srgb_decoded
-from supersampler.integrations import vtk
+from supersampler.integrations import vtk_viewport
 from supersampler.integrations.pyvista import enable_supersampling
 from supersampler.io.shot import ShotWriter
 
@@ -46,7 +46,7 @@ def scene(size: tuple[int, int]) -> tuple[Any, Any]:
 
 def record(folder: str, name: str) -> None:
     part, samples, count = SHOTS[name]
-    vars(vtk)["halton_jitter"] = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
+    vars(vtk_viewport)["halton_jitter"] = lambda *of: tuple(part * x for x in halton_jitter(*of))
     plotter, mover = scene((480, 270) if samples else (192, 108))  # twice that of the frames
     window: Any = enable_supersampling(plotter, scale=2, model="bilinear", force=True)
     observed = plotter.render_window  # after the observer of supersampling

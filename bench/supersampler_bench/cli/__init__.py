@@ -22,7 +22,6 @@ for command in (
     timing.cost,
     timing.traffic,
     timing.latency,
-    timing.against,
     timing.startup,
     timing.device,
     timing.skip,

@@ -1,18 +1,16 @@
 """Shared options of the commands, progress bars, and output of records and tables."""
 
 import math
-import time
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.arguments import ExecutorName
+from supersampler.cli import terminal
 from supersampler.cli.arguments import parse_size
-from supersampler.cli.terminal import LOG_SECONDS, Terminal
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.files import check_ours
@@ -20,7 +18,8 @@ from supersampler.io.shot import Shot, open_source
 from supersampler_bench.record import BenchRecord, is_record, write_json
 from supersampler_bench.shots import public_shots
 
-ERRORS = Terminal(stderr=True)
+ERRORS = terminal.Terminal(stderr=True)
+counted = partial(terminal.counted, ERRORS)
 T = TypeVar("T")
 
 
@@ -69,33 +68,6 @@ def say(text: str) -> None:
 def warn(text: str) -> None:
     """Print a warning."""
     ERRORS.print(f"warning: {text}", style="yellow", soft_wrap=True)
-
-
-@contextmanager
-def counted(text: str, total: int, done: int = 0, *, resumes: bool = False) -> Iterator[Callable[[], None]]:
-    """Show a progress bar on a terminal, or lines elsewhere; yield a function to call after each step.
-
-    `done` steps are from an earlier run. If the same command `resumes` a stopped run, Ctrl-C prints that.
-    """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    terminal = ERRORS.is_terminal
-    with Progress(*columns, console=ERRORS, transient=not resumes, disable=not terminal) as progress:
-        task = progress.add_task(text, total=total, completed=done)
-        logged = time.monotonic()
-
-        def advance() -> None:
-            nonlocal logged
-            progress.advance(task)
-            if not terminal and time.monotonic() - logged >= LOG_SECONDS:
-                logged = time.monotonic()
-                say(f"{text}: {progress.tasks[0].completed:.0f} of {total}")
-
-        try:
-            yield advance
-        except KeyboardInterrupt:
-            if resumes:
-                say("Stopped. The same command continues the run.")
-            raise
 
 
 def split_list(text: str) -> list[str]:
@@ -161,7 +133,7 @@ def publish(record: BenchRecord, name: str, json: Path | None, *, unprinted: Col
     """
     texts = record.tables(name)
     printed = [text for block, text in texts.items() if block not in unprinted and text]
-    Terminal().print("\n\n".join(printed), soft_wrap=True)
+    terminal.Terminal().print("\n\n".join(printed), soft_wrap=True)
     if json is not None:
         write_json(record, json)
 

@@ -2,42 +2,21 @@
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import typer
 from rich.table import Table
 
-from supersampler import ArgumentError, Shot
+from supersampler import ArgumentError
 from supersampler.cli.arguments import SOURCE_OPTIONS, ConventionsOption, open_with, parse_size
 from supersampler.cli.terminal import Terminal
-from supersampler_bench.cli.options import (
-    CACHE,
-    CACHE_ARGUMENT,
-    DISPLAY_SIZE,
-    EXECUTORS,
-    JSON,
-    METHODS,
-    RATIO,
-    SAMPLES,
-    SHOT,
-    counted,
-    executors_of,
-    opened_shots,
-    publish,
-    say,
-    split_list,
-    warn,
-    words_of,
-)
+from supersampler_bench.cli import options
 from supersampler_bench.record import read_record, write_json
 from supersampler_bench.shots import public_shots
 
-if TYPE_CHECKING:
-    from supersampler_bench.quality.scores import ShotRow
-
 
 def quality(
-    shot: SHOT,
+    shot: options.SHOT,
     methods: Annotated[
         str,
         typer.Option(
@@ -46,13 +25,12 @@ def quality(
             "easu, easu-rcas, fsr2-like."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier-small,classifier,classifier-large",
-    ratio: RATIO = "2",
-    cache: CACHE = None,
+    ratio: options.RATIO = "2",
+    cache: options.CACHE = None,
     cvvdp: Annotated[
         bool, typer.Option("--cvvdp", help="Also measure ColorVideoVDP, which takes seconds per image.")
     ] = False,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Folder for error heat maps.")] = None,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Compare the images of methods with a shot's references.
 
@@ -65,16 +43,21 @@ def quality(
     \b
     Examples:
       supersampler bench quality plaza --methods bilinear,taau
-      supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.color_video_vdp import metric
+    from supersampler_bench.quality.measure import measure_quality, runnable
     from supersampler_bench.quality.score_table import QualityRecord, terminal_tables
+    from supersampler_bench.quality.scores import shot_row
 
     if cvvdp:
         metric()  # fails before the measurement, which takes minutes
-    _, opened = opened_shots(shot, cache, ratio)
-    rows = [_measured(one, origin, split_list(methods), output, cvvdp=cvvdp) for one, origin in opened]
+    _, opened = options.opened_shots(shot, cache, ratio)
+    rows = []
+    for one, origin in opened:
+        names = runnable(one, options.split_list(methods), options.warn)
+        with options.counted(one.name, len(one)) as advance:
+            rows.append(shot_row(one, measure_quality(one, names, cvvdp=cvvdp, on_frame=advance), origin))
     record = QualityRecord.of(rows)
     console = Terminal()
     for titled in [*record.shot_tables(), *record.mean_tables().values()]:
@@ -83,37 +66,18 @@ def quality(
         write_json(record, json)
 
 
-def _measured(
-    shot: Shot, origin: dict[str, Any], methods: list[str], output: Path | None, *, cvvdp: bool
-) -> "ShotRow":
-    from supersampler_bench.quality.measure import measure_quality, runnable
-    from supersampler_bench.quality.scores import shot_row
-
-    methods = runnable(shot, methods, warn)
-    with counted(shot.name, len(shot)) as advance:
-        if output is None:
-            return shot_row(shot, measure_quality(shot, methods, cvvdp=cvvdp, on_frame=advance), origin)
-        from supersampler_bench.report.figures import ErrorMaps, draw_shot  # needs matplotlib
-
-        maps = ErrorMaps(methods)
-        scores = measure_quality(shot, methods, cvvdp=cvvdp, watch=maps, on_frame=advance)
-        measured = shot_row(shot, scores, origin)
-    draw_shot(measured, maps, output)
-    return measured
-
-
 def extrapolation(
-    shot: SHOT,
-    methods: METHODS = "classifier,taau",
+    shot: options.SHOT,
+    methods: options.METHODS = "classifier,taau",
     models: Annotated[
         str, typer.Option(help="Extrapolation models, shipped ones or model folders, comma-separated.")
     ] = "guided-warp",
     alternation: Annotated[
         str, typer.Option(help="Ratios of unshaded to shaded frames, comma-separated.")
     ] = "1:1,2:1",
-    ratio: RATIO = "2",
-    cache: CACHE = None,
-    json: JSON = None,
+    ratio: options.RATIO = "2",
+    cache: options.CACHE = None,
+    json: options.JSON = None,
 ) -> None:
     """Remove the colour of every second frame, or of two of three, and score their images.
 
@@ -128,17 +92,17 @@ def extrapolation(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality import extrapolation as bench
 
-    name, opened = opened_shots(shot, cache, ratio)
-    upscalers, extrapolators, alternations = map(split_list, (methods, models, alternation))
+    name, opened = options.opened_shots(shot, cache, ratio)
+    upscalers, extrapolators, alternations = map(options.split_list, (methods, models, alternation))
     measured = []
-    with counted("frames", len(alternations) * sum(len(one) for one, _ in opened)) as advance:
+    with options.counted("frames", len(alternations) * sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
             scores = bench.measure_extrapolation(
-                one, upscalers, extrapolators, alternations, on_left_out=warn, on_frame=advance
+                one, upscalers, extrapolators, alternations, on_left_out=options.warn, on_frame=advance
             )
             measured.append(bench.unshaded_row(one, scores, origin))
     record = bench.ExtrapolationRecord.of(measured, extrapolators)
-    publish(record, f"extrapolation {name}", json)
+    options.publish(record, f"extrapolation {name}", json)
 
 
 def denoise(
@@ -162,7 +126,7 @@ def denoise(
         typer.Option(help="Denoiser of single frames, as in `supersampler denoise`."),
     ] = "auto",
     conventions: ConventionsOption = None,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Compare the temporal denoiser with its per-frame denoiser, against references of some frames.
 
@@ -190,28 +154,28 @@ def denoise(
         for folder, shot in shots
     )
     rows = []
-    with counted("frames", total) as advance:
+    with options.counted("frames", total) as advance:
         for folder, shot in shots:
             comes_denoised = shot.is_denoised if per_frame == "auto" else per_frame == "none"
             with nullcontext() if comes_denoised else Oidn(threads=1) as denoiser:
                 rows.append(measure_render(folder, shot, denoiser, reference=reference, on_frame=advance))
             if json is not None:  # a stopped run keeps what it has measured
                 write_json(DenoiseRecord(rows), json)
-    publish(DenoiseRecord(rows), "denoise", json)
+    options.publish(DenoiseRecord(rows), "denoise", json)
 
 
 def still(
     scenes: Annotated[
         str, typer.Option(help="SCENE:RATIO, such as analytic:2, court:2; court-mover has moving objects.")
     ] = "analytic:1,analytic:1.5,analytic:2,analytic:3,analytic-mover:2,court:2,gallery:2,court-mover:2",
-    methods: METHODS = "taa,taau,classifier-small,classifier",
-    executors: EXECUTORS = "cpu,onnx",
-    display_size: DISPLAY_SIZE = "320x180",
-    samples: SAMPLES = 64,
+    methods: options.METHODS = "taa,taau,classifier-small,classifier",
+    executors: options.EXECUTORS = "cpu,onnx",
+    display_size: options.DISPLAY_SIZE = "320x180",
+    samples: options.SAMPLES = 64,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for still.png: curves over the frames.")
     ] = None,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Measure the PSNR of scenes with a fixed camera after 1, 2 and 4 jitter periods.
 
@@ -224,17 +188,17 @@ def still(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.still import StillRecord, frame_count, measure_still
 
+    if output is not None:
+        from supersampler_bench.report import figures  # without matplotlib it fails before the measurement
     chosen, display = _scenes_of(scenes), parse_size(display_size, "--display-size")
-    names, kinds = split_list(methods), executors_of(executors)
-    with counted("frames", sum(frame_count(ratio) for _, ratio in chosen)) as advance:
+    names, kinds = options.split_list(methods), options.executors_of(executors)
+    with options.counted("frames", sum(frame_count(ratio) for _, ratio in chosen)) as advance:
         results = measure_still(chosen, names, display, executors=kinds, samples=samples, on_frame=advance)
     record = StillRecord(display, results)
     if output is not None:
-        from supersampler_bench.report.figures import draw_still  # needs matplotlib
-
-        draw_still(record, output / "still.png")
-        say(str(output / "still.png"))
-    publish(record, "still", json)
+        figures.draw_still(record, output / "still.png")
+        options.say(str(output / "still.png"))
+    options.publish(record, "still", json)
 
 
 def _scenes_of(text: str) -> list[tuple[str, float]]:
@@ -242,9 +206,9 @@ def _scenes_of(text: str) -> list[tuple[str, float]]:
     from supersampler_bench.quality.still import SCENES
 
     found = []
-    for part in split_list(text):
+    for part in options.split_list(text):
         name, _, ratio = part.partition(":")
-        words_of("--scenes", name, SCENES)
+        options.words_of("--scenes", name, SCENES)
         try:
             found.append((name, float(ratio)))
         except ValueError as error:
@@ -257,7 +221,7 @@ def parity(
         str, typer.Option(help="Names of shipped models, comma-separated.")
     ] = "taa,taau,classifier-small,classifier,classifier-large,gbuffer-fast",
     frames: Annotated[int, typer.Option(min=10, help="Consecutive frames at each size.")] = 200,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Compare the backends with torch over a long sequence, which is rendered here, with OpenGL.
 
@@ -267,10 +231,10 @@ def parity(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench import parity as bench
 
-    names = split_list(methods)
-    with counted("frames", len(bench.methods_by_size(names)) * frames) as advance:
+    names = options.split_list(methods)
+    with options.counted("frames", len(bench.methods_by_size(names)) * frames) as advance:
         results = bench.measure_parity(names, frames, on_frame=advance)
-    publish(bench.ParityRecord(results), "parity", json)
+    options.publish(bench.ParityRecord(results), "parity", json)
 
 
 def hashes(
@@ -281,7 +245,7 @@ def hashes(
         Path | None,
         typer.Option(metavar="RECORD", help="Compare with this earlier record; fail where anything differs."),
     ] = None,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Hash every image and the last history of the shipped models, in every way that they run on a CPU.
 
@@ -295,8 +259,8 @@ def hashes(
     from supersampler_bench import hashes as bench
 
     before = None if check is None else bench.HashesRecord.from_json(read_record(check))
-    runs = bench.subjects(None if methods is None else split_list(methods))
-    with counted("runs", len(bench.SIZES) * len(runs)) as advance:
+    runs = bench.subjects(None if methods is None else options.split_list(methods))
+    with options.counted("runs", len(bench.SIZES) * len(runs)) as advance:
         here = bench.HashesRecord.of(bench.measure_hashes(runs, bench.SIZES, on_run=advance))
     if json is not None:
         write_json(here, json)
@@ -305,15 +269,15 @@ def hashes(
     found = list(bench.differences(before, here, partly=methods is not None))
     for text in found:
         Terminal().print(text, soft_wrap=True)
-    say(f"{len(here.hashed)} runs: {len(found)} differ from {check}")
+    options.say(f"{len(here.hashed)} runs: {len(found)} differ from {check}")
     if found:
         if unlike := bench.unlike_versions(before, here):
-            warn(f"recorded with {unlike}: hashes may differ for that reason alone")
+            options.warn(f"recorded with {unlike}: hashes may differ for that reason alone")
         raise typer.Exit(1)
 
 
 def shots(
-    cache: CACHE_ARGUMENT = None,
+    cache: options.CACHE_ARGUMENT = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     freeze: Annotated[
         bool, typer.Option("--freeze", help="Make these pixels the frozen ones, for published figures.")
@@ -331,7 +295,7 @@ def shots(
     plans = (public_shots.TEST_SHOTS, *public_shots.APART_SHOTS)
     total = sum(plan.frames * len(plan.seeds) for plan in plans)
     done = sum(frames_there(folder, plan) for plan in plans)
-    with counted("rendering", total, done, resumes=True) as advance:
+    with options.counted("rendering", total, done, resumes=True) as advance:
         for plan in plans:
             render_test_shots(folder, plan, workers=workers, on_frame=advance)
     found = [
@@ -346,8 +310,8 @@ def shots(
         table.add_row(shot.shot.name, f"{shot.ratio:g}", shot.digest[:16], "yes" if shot.as_frozen else "no")
     Terminal().print(table)
     for warning in filter(None, (shot.warning() for shot in found)):
-        warn(warning)
-    say(f"{len(found)} shots in {folder / public_shots.NAME}")
+        options.warn(warning)
+    options.say(f"{len(found)} shots in {folder / public_shots.NAME}")
 
 
 def product_shot(
@@ -358,5 +322,5 @@ def product_shot(
     """Render the shot that ships with the package."""
     from supersampler_model.data.product_shot import FRAMES, render_product_shot
 
-    with counted("rendering", FRAMES, resumes=True) as advance:
+    with options.counted("rendering", FRAMES, resumes=True) as advance:
         render_product_shot(output, on_frame=advance)

@@ -7,17 +7,7 @@ from typing import Annotated
 import typer
 
 from supersampler.cli.terminal import Terminal
-from supersampler_bench.cli.options import (
-    ERRORS,
-    EXECUTORS,
-    JSON,
-    counted,
-    executors_of,
-    publish,
-    say,
-    split_list,
-    warn,
-)
+from supersampler_bench.cli import options
 
 
 def stress(
@@ -28,12 +18,12 @@ def stress(
             "taau+guided-warp; comma-separated."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
-    executors: EXECUTORS = "cpu,onnx",
+    executors: options.EXECUTORS = "cpu,onnx",
     only: Annotated[str, typer.Option(help="Scenarios, or families of them, comma-separated.")] = "",
     quick: Annotated[
         bool, typer.Option("--quick", help="Run some scenarios, with few and small frames.")
     ] = False,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Run methods for a long time and on hostile input, and compare each figure with its bound.
 
@@ -48,17 +38,17 @@ def stress(
     from supersampler_bench.stress import runner
     from supersampler_bench.stress.subjects import subjects
 
-    scenarios = runner.chosen(split_list(only) if only else [], quick=quick)
-    stressed = subjects(split_list(methods), executors_of(executors))
+    scenarios = runner.chosen(options.split_list(only) if only else [], quick=quick)
+    stressed = subjects(options.split_list(methods), options.executors_of(executors))
     for text in runner.left_out(scenarios, stressed):
-        warn(text)
+        options.warn(text)
     outcomes = []
-    with counted("scenarios", len(runner.runs(scenarios, stressed))) as advance:
+    with options.counted("scenarios", len(runner.runs(scenarios, stressed))) as advance:
         for outcome in runner.measure(scenarios, stressed, quick=quick):
             outcomes.append(outcome)
             advance()
     record = runner.StressRecord(outcomes, quick=quick)
-    publish(record, "stress", json, unprinted=["stress exceeded", "stress scenarios"])
+    options.publish(record, "stress", json, unprinted=["stress exceeded", "stress scenarios"])
 
 
 def tables(
@@ -83,7 +73,7 @@ def tables(
     for block in find_all(root):
         what = f"{block.page}: {block.name}"
         if block.recorded is None:
-            say(f"{what}: left unchanged: {block.problem}")
+            options.say(f"{what}: left unchanged: {block.problem}")
         if block.is_recorded:
             continue
         wrong += 1
@@ -128,9 +118,9 @@ def records(
         if list_only:
             out.print(f"{recipe.name}: {recipe.problem} ({doc_tables.clock(recipe.seconds)})", soft_wrap=True)
             continue
-        with ERRORS.status(recipe.name):
+        with options.ERRORS.status(recipe.name):
             began = time.perf_counter()
-            ended = doc_tables.measure(root, recipe, say)
+            ended = doc_tables.measure(root, recipe, options.say)
         seconds = time.perf_counter() - began
         failed += not ended
         out.print(

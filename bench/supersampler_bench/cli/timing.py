@@ -4,40 +4,17 @@ import os
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from supersampler.arguments import Precision
 from supersampler.cli.arguments import parse_size
-from supersampler_bench.cli.options import (
-    DISPLAY_SIZE,
-    DISPLAY_SIZES,
-    ERRORS,
-    EXECUTORS,
-    JSON,
-    METHODS,
-    ONE_RATIO,
-    RATIOS,
-    SAMPLES,
-    STEPS,
-    THREADS,
-    count_list,
-    counted,
-    executors_of,
-    publish,
-    ratio_list,
-    say,
-    size_list,
-    split_list,
-    warn,
-    words_of,
-)
+from supersampler_bench.cli import options
 from supersampler_bench.record import SHIPPED_PARETO, BenchRecord, Provenance, read_record, write_json
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 
 
-def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) -> None:
+def cost(methods: options.METHODS = "classifier,classifier-small", json: options.JSON = None) -> None:
     """Count the multiply-adds and parameters of networks.
 
     \b
@@ -46,14 +23,16 @@ def cost(methods: METHODS = "classifier,classifier-small", json: JSON = None) ->
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import traffic as bench
 
-    publish(bench.CostRecord([bench.cost_of(name) for name in split_list(methods)]), "cost", json)
+    options.publish(
+        bench.CostRecord([bench.cost_of(name) for name in options.split_list(methods)]), "cost", json
+    )
 
 
 def traffic(
-    methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large,gbuffer-fast",
-    display_size: DISPLAY_SIZE = "3840x2160",
-    ratio: RATIOS = "2,4",
-    json: JSON = None,
+    methods: options.METHODS = "taa,taau,classifier-small,classifier,classifier-large,gbuffer-fast",
+    display_size: options.DISPLAY_SIZE = "3840x2160",
+    ratio: options.RATIOS = "2,4",
+    json: options.JSON = None,
 ) -> None:
     """Count the bytes, multiply-adds and passes of a step on a GPU. No GPU is needed.
 
@@ -63,16 +42,18 @@ def traffic(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import traffic as bench
 
-    size, ratios = parse_size(display_size, "--display-size"), ratio_list(ratio)
-    publish(bench.TrafficRecord(bench.traffic_of(split_list(methods), size, ratios)), "traffic", json)
+    size, ratios = parse_size(display_size, "--display-size"), options.ratio_list(ratio)
+    options.publish(
+        bench.TrafficRecord(bench.traffic_of(options.split_list(methods), size, ratios)), "traffic", json
+    )
 
 
 def startup(
-    methods: METHODS = "taa,taau,classifier-small,classifier",
+    methods: options.METHODS = "taa,taau,classifier-small,classifier",
     render_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the frame.")] = "480x270",
     cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty cache.")] = 3,
     warm: Annotated[int, typer.Option(min=1, help="Processes that start with a warm one.")] = 5,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Time the first image of a program, with an empty and with a warm cache of GPU shaders.
 
@@ -81,25 +62,24 @@ def startup(
       supersampler bench startup --methods classifier
       supersampler bench startup --methods taau:gpu,classifier:gpu
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing import against as bench
+    from supersampler_bench.timing import startup as bench
 
-    names, render = split_list(methods), parse_size(render_size, "--render-size")
-    with counted("programs", len(names) * (cold + warm)) as advance:
+    names, render = options.split_list(methods), parse_size(render_size, "--render-size")
+    with options.counted("programs", len(names) * (cold + warm)) as advance:
         results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
-    publish(bench.StartupRecord(render, 2.0, results), "startup", json)
+    options.publish(bench.StartupRecord(render, bench.RATIO, results), "startup", json)
 
 
 def latency(
-    methods: METHODS = "taa,taau,classifier-small,classifier",
-    display_size: DISPLAY_SIZES = "1920x1080",
-    executors: EXECUTORS = "cpu",
+    methods: options.METHODS = "taa,taau,classifier-small,classifier",
+    display_size: options.DISPLAY_SIZES = "1920x1080",
+    executors: options.EXECUTORS = "cpu",
     providers: Annotated[str, typer.Option(help="ONNX Runtime providers: auto, cpu, cuda, ...")] = "cpu",
-    threads: THREADS = None,
-    precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, comma-separated.")] = "auto",
-    ratio: ONE_RATIO = 2.0,
+    threads: options.THREADS = None,
+    ratio: options.ONE_RATIO = 2.0,
     warm_up: Annotated[int, typer.Option(min=1, help="Warm-up steps of each setting.")] = 20,
-    steps: STEPS = 200,
-    json: JSON = None,
+    steps: options.STEPS = 200,
+    json: options.JSON = None,
 ) -> None:
     """Time the steps of methods on this machine: median, p95, p99, stages, CPU time, memory, first image.
 
@@ -113,60 +93,30 @@ def latency(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import latency as bench
 
-    known: tuple[Precision, ...] = ("auto", "fp32", "fp16", "int8")
-    with ERRORS.status("timing"):
+    with options.ERRORS.status("timing"):
         results = bench.measure_latency(
-            split_list(methods),
-            size_list("--display-size", display_size),
-            executors_of(executors),
-            count_list("--threads", threads or str(os.cpu_count() or 1)),
-            precisions=words_of("--precisions", precisions, known),
+            options.split_list(methods),
+            options.size_list("--display-size", display_size),
+            options.executors_of(executors),
+            options.count_list("--threads", threads or str(os.cpu_count() or 1)),
             providers=providers,
             ratio=ratio,
             steps=steps,
             warm_up=warm_up,
-            on_left_out=warn,
+            on_left_out=options.warn,
         )
-    publish(bench.LatencyRecord(ratio, results), "latency", json)
-
-
-def against(
-    python: Annotated[str, typer.Argument(help="Interpreter of an environment that has the other version.")],
-    methods: METHODS = "taa,taau,classifier-small,classifier",
-    display_size: DISPLAY_SIZE = "960x540",
-    threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; all cores unless given.")] = None,
-    ratio: ONE_RATIO = 2.0,
-    rounds: Annotated[int, typer.Option(min=1, help="Pairs of new processes for each method.")] = 10,
-    steps: STEPS = 30,
-    json: JSON = None,
-) -> None:
-    """Time the steps of this version against another one.
-
-    Methods have default settings and read no G-buffers. Nothing else should run on the machine.
-
-    \b
-    Example:
-      supersampler bench against ../before/.venv/bin/python --methods classifier
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.timing import against as bench
-
-    names, display = split_list(methods), parse_size(display_size, "--display-size")
-    count = threads or os.cpu_count() or 1
-    with counted("rounds", len(names) * rounds) as advance:
-        options: dict[str, Any] = {"ratio": ratio, "rounds": rounds, "steps": steps, "on_round": advance}
-        results = bench.measure_against(python, names, display, count, **options)
-    publish(bench.AgainstRecord(display, ratio, count, steps, results), "against", json)
+    options.publish(bench.LatencyRecord(ratio, results), "latency", json)
 
 
 def skip(
     scenes: Annotated[str, typer.Option(help="Families of test shots, comma-separated.")] = (
         "court,gallery,market"
     ),
-    methods: METHODS = "taau,classifier",
-    display_size: DISPLAY_SIZE = "960x540",
-    ratio: ONE_RATIO = 2.0,
-    samples: SAMPLES = 64,
-    json: JSON = None,
+    methods: options.METHODS = "taau,classifier",
+    display_size: options.DISPLAY_SIZE = "960x540",
+    ratio: options.ONE_RATIO = 2.0,
+    samples: options.SAMPLES = 64,
+    json: options.JSON = None,
 ) -> None:
     """Measure the time saved where nothing moves, the cost of detecting it, and the error.
 
@@ -180,23 +130,23 @@ def skip(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import skip as bench
 
-    families, names = words_of("--scenes", scenes, [*TEST_SHOTS.seeds]), split_list(methods)
+    families, names = options.words_of("--scenes", scenes, [*TEST_SHOTS.seeds]), options.split_list(methods)
     size = parse_size(display_size, "--display-size")
-    with counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
+    with options.counted("frames", len(bench.MOVES) * len(families) * bench.frame_count(ratio)) as advance:
         results = bench.measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=advance
         )
-    publish(bench.SkipRecord(size, ratio, results, bench.frame_count(ratio)), "skip", json)
+    options.publish(bench.SkipRecord(size, ratio, results, bench.frame_count(ratio)), "skip", json)
 
 
 def views(
-    methods: METHODS = "taau,classifier",
-    display_size: DISPLAY_SIZES = "128x128,256x256",
+    methods: options.METHODS = "taau,classifier",
+    display_size: options.DISPLAY_SIZES = "128x128,256x256",
     count: Annotated[int, typer.Option(min=1, help="Number of cameras.")] = 16,
     threads: Annotated[int | None, typer.Option(min=1, help="CPU threads; all cores unless given.")] = None,
-    ratio: ONE_RATIO = 2.0,
+    ratio: options.ONE_RATIO = 2.0,
     rounds: Annotated[int, typer.Option(min=1, help="Timed rounds of each setting.")] = 200,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Time the steps of several small cameras: in one call of `Upscaler.step_many`, and in one call for each.
 
@@ -208,13 +158,13 @@ def views(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.timing import views as bench
 
-    names, sizes = split_list(methods), size_list("--display-size", display_size)
+    names, sizes = options.split_list(methods), options.size_list("--display-size", display_size)
     threads = threads or os.cpu_count() or 1
-    with counted("rounds", len(names) * len(sizes) * rounds) as advance:
+    with options.counted("rounds", len(names) * len(sizes) * rounds) as advance:
         results = bench.measure_views(
             names, sizes, views=count, threads=threads, ratio=ratio, rounds=rounds, on_round=advance
         )
-    publish(bench.ViewsRecord(count, threads, ratio, rounds, results), "views", json)
+    options.publish(bench.ViewsRecord(count, threads, ratio, rounds, results), "views", json)
 
 
 def pareto(
@@ -225,16 +175,16 @@ def pareto(
             show_default="the scores of the shipped methods",
         ),
     ] = None,
-    display_size: DISPLAY_SIZE = "960x540",
+    display_size: options.DISPLAY_SIZE = "960x540",
     threads: Annotated[int, typer.Option(min=1, help="CPU threads.")] = 2,
-    steps: STEPS = 20,
+    steps: options.STEPS = 20,
     budget_ms: Annotated[
         float | None, typer.Option(min=0.0, help="Also print the best setting within this time per step.")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for a figure of each metric.")
     ] = None,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Time all scored settings, and plot time against error.
 
@@ -248,35 +198,35 @@ def pareto(
     from supersampler_bench.specs import gbuffers_of
     from supersampler_bench.timing import pareto as bench
 
+    if output is not None:
+        from supersampler_bench.report import figures  # without matplotlib it fails before the measurement
     records = [BenchRecord.from_json(read_record(path)) for path in quality or [SHIPPED_PARETO]]
     size = parse_size(display_size, "--display-size")
-    with counted("rounds", 2 * len(bench.scores_of(records)) * steps) as advance:
+    with options.counted("rounds", 2 * len(bench.scores_of(records)) * steps) as advance:
         points = bench.measure_pareto(
-            records, size, threads=threads, steps=steps, on_left_out=warn, on_round=advance
+            records, size, threads=threads, steps=steps, on_left_out=options.warn, on_round=advance
         )
     record = bench.ParetoRecord(bench.shot_names(records[0]), size, threads, points)
-    publish(record, "pareto", json)
+    options.publish(record, "pareto", json)
     if output is not None:
-        from supersampler_bench.report.figures import draw_pareto  # needs matplotlib
-
-        draw_pareto(record, output)
+        figures.draw_pareto(record, output)
     if budget_ms is not None:
         best = bench.best_within(points, budget_ms)
         for point in best:
             reads = " (reads G-buffers)" if gbuffers_of([point.run.model]) else ""
-            say(f"ratio {point.ratio:g}: {point.spec}{reads}, {point.milliseconds:.1f} ms")
+            options.say(f"ratio {point.ratio:g}: {point.spec}{reads}, {point.milliseconds:.1f} ms")
         if not best:
-            say(f"no setting takes {budget_ms:g} ms or less")
+            options.say(f"no setting takes {budget_ms:g} ms or less")
             raise typer.Exit(1)
 
 
 def device(
-    methods: METHODS = "taa,taau,classifier-small,classifier,classifier-large",
-    display_size: DISPLAY_SIZES = "3840x2160,1920x1080",
-    ratio: RATIOS = "2,1.5,4",
-    steps: STEPS = 300,
+    methods: options.METHODS = "taa,taau,classifier-small,classifier,classifier-large",
+    display_size: options.DISPLAY_SIZES = "3840x2160,1920x1080",
+    ratio: options.RATIOS = "2,1.5,4",
+    steps: options.STEPS = 300,
     minutes: Annotated[float, typer.Option(help="Begin no further measurement after this time.")] = 5.0,
-    json: JSON = None,
+    json: options.JSON = None,
 ) -> None:
     """Measure the GPU backend: throughput of the device, images, steps and passes, other runtimes.
 
@@ -294,29 +244,29 @@ def device(
     from supersampler_bench.timing.gpu_stopwatch import device_with_timestamps
     from supersampler_bench.timing.other_runtimes import measure_other_runtimes
 
-    names, displays = split_list(methods), size_list("--display-size", display_size)
-    ratios = ratio_list(ratio)
+    names, displays = options.split_list(methods), options.size_list("--display-size", display_size)
+    ratios = options.ratio_list(ratio)
     device, began = device_with_timestamps(), time.perf_counter()
     record = GpuRecord.of(device)
-    say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")
+    options.say(f"{record.adapter['device']}: copies {1e-9 * record.limits.moved:.0f} GB/s")
 
     def keep(text: str) -> bool:
         """Write the record; return whether there is time for more."""
         if json is not None:
             write_json(replace(record, provenance=Provenance.now()), json)
-        say(f"{time.perf_counter() - began:6.1f} s: {text}")
+        options.say(f"{time.perf_counter() - began:6.1f} s: {text}")
         return time.perf_counter() - began < 60.0 * minutes
 
-    for one in compare_images(device, names, on_left_out=warn):
+    for one in compare_images(device, names, on_left_out=options.warn):
         record.images.append(one)
         keep(f"{one.method}: {one.mean:.1e} from the CPU backend, at most {one.largest:.1e}")
-    for step in measure_gpu(device, names, displays, ratios, steps=steps, on_left_out=warn):
+    for step in measure_gpu(device, names, displays, ratios, steps=steps, on_left_out=options.warn):
         record.steps.append(step)
         size = f"{step.render} to {step.display}"
         if not keep(f"{step.method} {size}: {step.median:.3f} ms, first {step.first:.1f} s"):
             break
-    for other in measure_other_runtimes(names, displays[0], ratios[0], steps=50, on_left_out=warn):
+    for other in measure_other_runtimes(names, displays[0], ratios[0], steps=50, on_left_out=options.warn):
         record.others.append(other)
         if not keep(f"{other.method}, {other.runtime}: {other.median:.2f} ms, first {other.first:.1f} s"):
             break
-    publish(replace(record, provenance=Provenance.now()), "device", json)
+    options.publish(replace(record, provenance=Provenance.now()), "device", json)

@@ -25,20 +25,10 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler.sequence.both_ways import buffers_of
 from supersampler.sequence.interpolation import interpolator_of
 from supersampler_bench.quality import masks, measure, metrics
+from supersampler_bench.quality import scores as quality_scores
 from supersampler_bench.quality.score_table import COLUMNS as QUALITY_COLUMNS
 from supersampler_bench.quality.score_table import Column, sizes
 from supersampler_bench.quality.score_table import markdown_table as scores_table
-from supersampler_bench.quality.scores import (
-    BORDER,
-    WARM_UP_FRAMES,
-    Alternated,
-    MethodRow,
-    MethodScores,
-    Scores,
-    ScoresRecord,
-    ShotRow,
-    shots_by_ratio,
-)
 
 REACH = 32
 """Radius, display pixels, of the search for the background of a disoccluded pixel."""
@@ -146,26 +136,26 @@ class Alternation:
 
 
 @dataclass(frozen=True)
-class UnshadedScores(MethodScores):
+class UnshadedScores(quality_scores.MethodScores):
     """Scores of the unshaded frames, and of the shaded ones.
 
     Summaries are of the unshaded frames, plus PSNR_SHADED. TEMPORAL_METRICS are over all frames.
     """
 
-    shaded: MethodScores
+    shaded: quality_scores.MethodScores
 
     @classmethod
-    def of(cls, scores: MethodScores, unshaded: Collection[int]) -> "UnshadedScores":
+    def of(cls, scores: quality_scores.MethodScores, unshaded: Collection[int]) -> "UnshadedScores":
         """Split the scores of a method by the indices of its unshaded frames."""
         frames = [frame for frame in scores.frames if frame.frame in unshaded]
         shaded = [frame for frame in scores.frames if frame.frame not in unshaded]
-        return cls(scores.method, frames, MethodScores(scores.method, shaded))
+        return cls(scores.method, frames, quality_scores.MethodScores(scores.method, shaded))
 
-    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
+    def summary(self, *, warm: bool = True, cropped: bool = True) -> quality_scores.Scores:
         """See `MethodScores`."""
         unshaded = super().summary(warm=warm, cropped=cropped)
         shaded = self.shaded.summary(warm=warm, cropped=cropped)
-        every = MethodScores(self.method, [*self.frames, *self.shaded.frames])
+        every = quality_scores.MethodScores(self.method, [*self.frames, *self.shaded.frames])
         changes = every.summary(warm=warm, cropped=cropped)
         temporal = {name: changes[name] for name in TEMPORAL_METRICS}
         return unshaded | temporal | {PSNR_SHADED: shaded["psnr"]}
@@ -288,22 +278,22 @@ class WarpBaseline:
 
 
 @dataclass(frozen=True)
-class ExtrapolationRecord(ScoresRecord):
+class ExtrapolationRecord(quality_scores.ScoresRecord):
     """Scores of unshaded frames on shots, and their means at each ratio and alternation."""
 
     models: list[str]  # extrapolation models
-    means: list[Alternated]
+    means: list[quality_scores.Alternated]
     BENCH = "extrapolation"
 
     @classmethod
-    def of(cls, shots: Sequence[ShotRow], models: Sequence[str]) -> "ExtrapolationRecord":
+    def of(cls, shots: Sequence[quality_scores.ShotRow], models: Sequence[str]) -> "ExtrapolationRecord":
         """Return the record of rows by `unshaded_row`."""
         means = []
-        for ratio, group in shots_by_ratio(shots).items():
+        for ratio, group in quality_scores.shots_by_ratio(shots).items():
             for same in zip(*(shot.alternations for shot in group), strict=True):
                 by_method = zip(*(row.methods for row in same), strict=True)
-                methods = [MethodRow.mean(rows) for rows in by_method]
-                means.append(Alternated(same[0].alternation, methods, ratio))
+                methods = [quality_scores.MethodRow.mean(rows) for rows in by_method]
+                means.append(quality_scores.Alternated(same[0].alternation, methods, ratio))
         return cls(list(shots), list(models), means)
 
     def table(self) -> str:
@@ -316,17 +306,21 @@ class ExtrapolationRecord(ScoresRecord):
             tables.append(self._table(f"Mean of the shots {names} at ratio {mean.ratio:g}", mean))
         return "\n\n".join(tables)
 
-    def _table(self, about: str, row: Alternated) -> str:
+    def _table(self, about: str, row: quality_scores.Alternated) -> str:
         caption = (
             f"{about}, {row.alternation} unshaded to shaded frames. Scores are of the unshaded ones; "
-            f"tPSNR is of all; without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
+            f"tPSNR is of all; without the first {quality_scores.WARM_UP_FRAMES} frames and a border of "
+            f"{quality_scores.BORDER} pixels"
         )
         return scores_table(caption, row.methods, COLUMNS)
 
 
 def unshaded_row(
     shot: Shot, alternations: Mapping[str, Sequence[UnshadedScores]], origin: Mapping[str, Any] | None = None
-) -> ShotRow:
+) -> quality_scores.ShotRow:
     """Return the row of a shot in a record; for `origin`, see `PublicShot.origin`."""
-    rows = [Alternated(text, [MethodRow.of(s) for s in scores]) for text, scores in alternations.items()]
-    return ShotRow.of(shot, origin, alternations=rows)
+    rows = [
+        quality_scores.Alternated(text, [quality_scores.MethodRow.of(s) for s in scores])
+        for text, scores in alternations.items()
+    ]
+    return quality_scores.ShotRow.of(shot, origin, alternations=rows)

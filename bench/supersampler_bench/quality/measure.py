@@ -58,16 +58,6 @@ Bands = tuple[strred.Plane, strred.Plane]
 
 
 @dataclass(frozen=True)
-class ScoredImage:
-    """A method's image of a frame that has a reference."""
-
-    method: int  # index in the list of methods
-    frame: int
-    shown: Float32  # (H, W, 3), after the display transform
-    flip: Float32  # (H, W), LDR-FLIP
-
-
-@dataclass(frozen=True)
 class StepImage:
     """The image (H, W, 3) of a step, linear RGB, its `StepResult.class_map`, and blended AOVs (H, W, k)."""
 
@@ -85,12 +75,7 @@ class Stepper(NamedTuple):
 
 
 def measure_quality(
-    shot: Shot,
-    methods: Sequence[str],
-    *,
-    cvvdp: bool = False,
-    watch: Callable[[ScoredImage], None] = lambda _: None,
-    on_frame: Callable[[], None] = lambda: None,
+    shot: Shot, methods: Sequence[str], *, cvvdp: bool = False, on_frame: Callable[[], None] = lambda: None
 ) -> list[MethodScores]:
     """Step every method through the shot and score the frames that have a reference; see `measure_steppers`.
 
@@ -98,7 +83,7 @@ def measure_quality(
     frames of display size, or are among OUTSIDE.
     """
     steppers = [stepper_of(method, shot) for method in methods]
-    return measure_steppers(shot, steppers, cvvdp=cvvdp, watch=watch, on_frame=on_frame)
+    return measure_steppers(shot, steppers, cvvdp=cvvdp, on_frame=on_frame)
 
 
 def measure_steppers(
@@ -106,7 +91,6 @@ def measure_steppers(
     steppers: Sequence[Stepper],
     *,
     cvvdp: bool = False,
-    watch: Callable[[ScoredImage], None] = lambda _: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[MethodScores]:
     """Return the scores of each stepper, in order.
@@ -115,7 +99,6 @@ def measure_steppers(
         shot: the shot.
         steppers: compute the images.
         cvvdp: whether ColorVideoVDP is measured, too; see `color_video_vdp.metric`.
-        watch: called with each image that is scored.
         on_frame: called after each frame.
     """
     gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
@@ -130,9 +113,7 @@ def measure_steppers(
             stepped = replace(stepped, image=stepped.image / np.float32(item.frame.pre_exposure))
             if truth is not None:
                 image = display_transform(stepped.image, truth.exposure)
-                flip = metrics.flip_map(image, truth.shown)
-                frames[i].append(_score(image, stepped, before[i], flip, truth))
-                watch(ScoredImage(i, item.index, image, flip))
+                frames[i].append(_score(image, stepped, before[i], truth))
                 if cvvdp and item.index >= WARM_UP_FRAMES:
                     clips[i].add(item.index, *(metrics.crop(one, BORDER) for one in (image, truth.shown)))
             before[i] = stepped.image if truth is not None else None
@@ -339,9 +320,8 @@ def _bands(previous: Float32, shown: Float32) -> Bands:
     return strred.band(strred.luma255(previous)), strred.band(strred.luma255(shown))
 
 
-def _score(
-    shown: Float32, stepped: StepImage, before: Float32 | None, flip: Float32, truth: _Truth
-) -> FrameScores:
+def _score(shown: Float32, stepped: StepImage, before: Float32 | None, truth: _Truth) -> FrameScores:
+    flip = metrics.flip_map(shown, truth.shown)
     previous = None if before is None else display_transform(before, truth.exposure)
     bands = None if truth.bands is None or previous is None else _bands(previous, shown)
     of_image = None if truth.corners is None else specks(shown, truth.corners.window)

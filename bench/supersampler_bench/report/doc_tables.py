@@ -13,18 +13,10 @@ from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
 from supersampler.io.files import is_there, replacing
 from supersampler_bench import parity  # noqa: F401  # each module registers its record
+from supersampler_bench import record as bench_record
 from supersampler_bench.quality import denoise_record, extrapolation, score_table, still, three_js  # noqa: F401
-from supersampler_bench.record import (
-    BENCHES,
-    SHIPPED_PARETO,
-    BenchRecord,
-    JsonRecord,
-    age_of,
-    read_record,
-    write_json,
-)
 from supersampler_bench.stress import runner  # noqa: F401
-from supersampler_bench.timing import against, gpu_record, latency, pareto, skip, traffic, views  # noqa: F401
+from supersampler_bench.timing import gpu_record, latency, pareto, skip, startup, traffic, views  # noqa: F401
 
 RESULTS = Path("bench/results")
 """Folder of the records of published numbers, in the repository."""
@@ -33,7 +25,7 @@ _PAPER = Path("out/classifier-paper")
 _EXPORT = f"export classifier-paper --weights bench/weights/classifier-paper.safetensors -o {_PAPER}"
 
 
-def blocks_of(name: str, record: JsonRecord) -> Mapping[str, Callable[[], str]]:
+def blocks_of(name: str, record: bench_record.JsonRecord) -> Mapping[str, Callable[[], str]]:
     """Return functions that make the blocks of a record, by the block's name.
 
     They raise ArgumentError if the record was written by another version.
@@ -42,23 +34,25 @@ def blocks_of(name: str, record: JsonRecord) -> Mapping[str, Callable[[], str]]:
         name: name of its file, without the suffix: "quality-plaza" is the block "quality plaza".
         record: read from it.
     """
-    if (kind := BENCHES.get(record["bench"])) is None:
+    if (kind := bench_record.BENCHES.get(record["bench"])) is None:
         return {}
     names = zip(kind.block_names(name.replace("-", " ", 1)), kind.TABLES, strict=True)
     return {each: partial(_block_text, record, table) for each, table in names}
 
 
-def _block_text(record: JsonRecord, table: str) -> str:
-    return BenchRecord.from_json(record).table_text(table)
+def _block_text(record: bench_record.JsonRecord, table: str) -> str:
+    return bench_record.BenchRecord.from_json(record).table_text(table)
 
 
-def read_records(folder: Path) -> dict[str, JsonRecord]:
+def read_records(folder: Path) -> dict[str, bench_record.JsonRecord]:
     """Return all records of a folder, by the names of their files.
 
     Raises:
         ArgumentError: there is none, or a file is not a record.
     """
-    records: dict[str, JsonRecord] = {path.stem: read_record(path) for path in sorted(folder.glob("*.json"))}
+    records: dict[str, bench_record.JsonRecord] = {
+        path.stem: bench_record.read_record(path) for path in sorted(folder.glob("*.json"))
+    }
     if not records:
         hint = "Run it in the repository, or say where records of `bench ... --json` are."
         raise ArgumentError("results", got=f"{folder} without records", want="a folder of records", hint=hint)
@@ -101,8 +95,8 @@ def find_all(root: Path) -> Iterator[DocBlock]:
         ArgumentError: there are no records, one is damaged, or a page has a block twice.
     """
     records = read_records(root / RESULTS)
-    if (pareto_path := root / "bench" / "supersampler_bench" / SHIPPED_PARETO.name).is_file():
-        records["pareto"] = read_record(pareto_path)
+    if (pareto_path := root / "bench" / "supersampler_bench" / bench_record.SHIPPED_PARETO.name).is_file():
+        records["pareto"] = bench_record.read_record(pareto_path)
     makers = {
         block: partial(_with_age, maker, record)
         for name, record in records.items()
@@ -113,9 +107,9 @@ def find_all(root: Path) -> Iterator[DocBlock]:
             yield _block(page, name, makers.get(name))
 
 
-def _with_age(maker: Callable[[], str], record: JsonRecord) -> str:
+def _with_age(maker: Callable[[], str], record: bench_record.JsonRecord) -> str:
     """Return the text of a block, which says where models have changed since it was measured."""
-    age = age_of(record)
+    age = bench_record.age_of(record)
     return f"{maker()}\n\n{age}" if age else maker()
 
 
@@ -142,7 +136,7 @@ class Recipe:
 
     name: str
     command: str
-    record: JsonRecord | None
+    record: bench_record.JsonRecord | None
 
     @property
     def problem(self) -> str:
@@ -152,7 +146,7 @@ class Recipe:
         words = shlex.split(self.command)
         if [word for word in self.record["command"] if word in words] != words:
             return "was measured by another command"
-        return age_of(self.record)
+        return bench_record.age_of(self.record)
 
     @property
     def seconds(self) -> float:
@@ -179,7 +173,7 @@ def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
         raise ArgumentError("records", got=", ".join(unknown), want=f"some of {', '.join(commands)}")
     for name in names or commands:
         path = root / RESULTS / f"{name}.json"
-        yield Recipe(name, commands[name], read_record(path) if is_there(path) else None)
+        yield Recipe(name, commands[name], bench_record.read_record(path) if is_there(path) else None)
 
 
 def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
@@ -202,9 +196,9 @@ def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
         if done.returncode:
             on_line(done.stderr.decode(errors="replace").strip() or f"code {done.returncode}")
             return False
-    record = read_record(root / path)
+    record = bench_record.read_record(root / path)
     if record["bench"] == score_table.QualityRecord.BENCH:
-        write_json(score_table.QualityRecord.from_json(record).without_frames(), root / path)
+        bench_record.write_json(score_table.QualityRecord.from_json(record).without_frames(), root / path)
     return True
 
 

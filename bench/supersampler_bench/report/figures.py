@@ -1,79 +1,21 @@
-"""Figures: time against error, convergence in still scenes, error heat maps."""
+"""Figures: time against error, and convergence in still scenes."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-from numpy.typing import NDArray
 
 from supersampler.cli.arguments import size_text
 from supersampler.conventions import jitter_phase_count
-from supersampler.frame import Float32
-from supersampler.io.compare import false_color
 from supersampler.io.files import replacing
-from supersampler_bench.quality.measure import ScoredImage
-from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, sizes
-from supersampler_bench.quality.scores import WARM_UP_FRAMES, ShotRow
+from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column
 from supersampler_bench.quality.still import StillRecord, StillScores
 from supersampler_bench.timing.pareto import ParetoPoint, ParetoRecord, by_ratio, frontier
-from supersampler_model.data.shots import variant_name
 
-
-@dataclass(frozen=True)
-class FrameErrors:
-    """Images and errors of one frame, in the order of the methods."""
-
-    frame: int
-    images: list[Float32] = field(default_factory=list)  # (H, W, 3), after the display transform
-    errors: list[Float32] = field(default_factory=list)  # (H, W), LDR-FLIP
-
-
-class ErrorMaps:
-    """Callback `watch` of `measure_quality` that keeps the mean errors and the frame of largest error.
-
-    Warm-up frames count only in shots without later ones.
-    """
-
-    def __init__(self, methods: list[str]) -> None:
-        self.methods = methods
-        self.worst = self._now = FrameErrors(-1)
-        self._sums: list[NDArray[np.float64]] = []
-        self._count, self._largest, self._warm = 0, -1.0, False
-
-    def __call__(self, seen: ScoredImage) -> None:
-        """Add an image; the images of a frame come in the order of the methods."""
-        if seen.method == 0:
-            self._now = FrameErrors(seen.frame)
-        self._now.images.append(seen.shown)
-        self._now.errors.append(seen.flip)
-        if len(self._now.errors) == len(self.methods):
-            self._take(self._now)
-
-    @property
-    def means(self) -> list[Float32]:
-        """Mean errors (H, W) over the frames, in the order of the methods."""
-        return [np.asarray(total / self._count, np.float32) for total in self._sums]
-
-    def _take(self, now: FrameErrors) -> None:
-        if now.frame >= WARM_UP_FRAMES and not self._warm:
-            self._sums, self._count, self._largest, self._warm = [], 0, -1.0, True
-        sums = self._sums or [np.zeros(error.shape) for error in now.errors]
-        self._sums = [total + error for total, error in zip(sums, now.errors, strict=True)]
-        self._count += 1
-        size = float(np.mean([error.mean() for error in now.errors]))
-        if size > self._largest:
-            self._largest, self.worst = size, now
-
-
-_FALSE_COLORS = ListedColormap(false_color(np.linspace(0.0, 1.0, 256)[None])[0] / 255.0)
 _DPI = 100
-_PANEL = 6.4  # inches, 640 pixels: larger images are averaged down
 
 
 @contextmanager
@@ -103,41 +45,8 @@ def _panels(
         figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), legend))
     if title:
         figure.suptitle(title)
-    _save(figure, path)
-
-
-def _save(figure: Figure, path: Path) -> None:
     with replacing(path) as partial:
         figure.savefig(partial, format="png")
-
-
-def draw_shot(shot: ShotRow, maps: ErrorMaps, folder: Path) -> None:
-    """Write SHOT/errors.png: each method's image of the worst frame, its error there, and its mean error."""
-    means, worst = maps.means, maps.worst
-    height, width = means[0].shape
-    figure = Figure(figsize=(3.0 * _PANEL, len(means) * _PANEL * height / width + 1.0), dpi=_DPI)
-    figure.set_layout_engine("constrained", w_pad=0.02, h_pad=0.02)
-    panels = figure.subplots(len(means), 3, squeeze=False)
-    limits = [  # of the colour scale: outliers would darken the rest
-        max(float(np.percentile(error, 99.8)) for error in errors) or 1.0 for errors in (worst.errors, means)
-    ]
-    for row, method, image, error, mean in zip(
-        panels, maps.methods, worst.images, worst.errors, means, strict=True
-    ):
-        row[0].imshow(image)
-        shown = [
-            axes.imshow(values, cmap=_FALSE_COLORS, vmin=0.0, vmax=limit)
-            for axes, values, limit in zip(row[1:], (error, mean), limits, strict=True)
-        ]
-        headings = (f"frame {worst.frame}", f"error of frame {worst.frame}", "mean error")
-        for axes, heading in zip(row, headings, strict=True):
-            axes.set_axis_off()
-            axes.set_title(f"{method}: {heading}", fontsize="medium")
-    for column, image in zip((1, 2), shown, strict=True):
-        figure.colorbar(image, ax=panels[:, column], location="bottom", fraction=0.02, pad=0.01, extend="max")
-    figure.suptitle(f"{sizes(shot)}: LDR-FLIP, in the frame of largest error, and on average")
-    name = shot.name + (f"-{variant_name(shot.ratio)}" if shot.ratio is not None else "")
-    _save(figure, folder / name / "errors.png")
 
 
 _NEAR = 0.04  # fraction of the time and of the range of scores within which points share a label

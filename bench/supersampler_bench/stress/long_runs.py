@@ -186,14 +186,14 @@ def _with_jitter(trial: Trial, jitter_of: Callable[[Jitter], Jitter]) -> list[Fr
     return [replace(frame, jitter=jitter_of(frame.jitter)) for frame in trial.still]
 
 
-def _wrong_jitter(trial: Trial, frames: Sequence[Frame], more: int = 0) -> Figures:
+def _wrong_jitter(trial: Trial, frames: Sequence[Frame]) -> Figures:
     """Step these frames in place of the right ones. Images settle nevertheless, and recover."""
     wrong = [replace(frame, reset=False) for frame in frames]
     settles = Figure("change in a period", repeat(trial, wrong).change, REST)
     run = Disturbance(trial, trial.still)
     run.step((bad, next(run.frames)) for bad in wrong * 4)
-    after = run.step_same(max(5 * PERIOD, trial.subject.recovery + more + 8))
-    return [settles, *run.measured(after, more)]
+    after = run.step_same(max(5 * PERIOD, trial.subject.recovery + 8))
+    return [settles, *run.measured(after)]
 
 
 @scenario(

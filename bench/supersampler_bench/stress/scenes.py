@@ -10,51 +10,44 @@ import numpy as np
 from supersampler import Frame, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
-from supersampler_model.data.scenes.analytic import (
-    FAR,
-    NEAR,
-    AnalyticScene,
-    Plane,
-    SurfaceSample,
-    Values,
-    WiresOverPlane,
-    checker,
-    frontal,
-    grey,
-)
+from supersampler_model.data.scenes import analytic
 
 RATIO = 2.0
 PERIOD = jitter_phase_count(RATIO)
 LAP = 40  # frames after which the moving scene repeats
 LOOP = lcm(PERIOD, LAP)
 """Frames after which scene and jitter repeat, and images must repeat, too."""
-STILL: AnalyticScene = WiresOverPlane(Plane(checker))
+STILL: analytic.AnalyticScene = analytic.WiresOverPlane(analytic.Plane(analytic.checker))
 
 
 @dataclass(frozen=True)
-class Orbit(AnalyticScene):
+class Orbit(analytic.AnalyticScene):
     """A near, ringed disc that circles in front of a swinging plane; the scene repeats after `LAP` frames."""
 
-    def surface(self, index: int, x: Values, y: Values) -> SurfaceSample:
+    def surface(self, index: int, x: analytic.Values, y: analytic.Values) -> analytic.SurfaceSample:
         """See `AnalyticScene.surface`."""
         plane, plane_before = _swing(index), _swing(index - 1)
         disc, disc_before = _round(index), _round(index - 1)
         distance = np.hypot(x - disc[0], y - disc[1])
         inside = distance < 9.0
-        depth = np.where(inside, NEAR, FAR)
+        depth = np.where(inside, analytic.NEAR, analytic.FAR)
         color = np.where(
-            inside[..., None], grey(0.5 + 0.5 * np.cos(2.0 * distance)), checker(x - plane[0], y - plane[1])
+            inside[..., None],
+            analytic.grey(0.5 + 0.5 * np.cos(2.0 * distance)),
+            analytic.checker(x - plane[0], y - plane[1]),
         )
         motion = np.where(inside[..., None], disc_before - disc, plane_before - plane)
-        return SurfaceSample(color, depth, motion, depth, frontal(x, y), frontal(x, y))
+        return analytic.SurfaceSample(
+            color, depth, motion, depth, analytic.frontal(x, y), analytic.frontal(x, y)
+        )
 
 
-def _swing(index: int) -> Values:
+def _swing(index: int) -> analytic.Values:
     angle = 2.0 * np.pi * index / LAP
     return np.array([6.0 * np.sin(angle), 2.0 * np.cos(angle)])
 
 
-def _round(index: int) -> Values:
+def _round(index: int) -> analytic.Values:
     angle = 2.0 * np.pi * index / LAP
     return np.array([32.0 + 14.0 * np.cos(angle), 18.0 + 8.0 * np.sin(angle)])
 
@@ -71,13 +64,13 @@ def moving(render: Size, every: int = 1) -> Sequence[Frame]:
     return scene_frames(Orbit(), render, lcm(PERIOD * every, LAP), every)
 
 
-def scene_frames(scene: AnalyticScene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
+def scene_frames(scene: analytic.AnalyticScene, render: Size, count: int, every: int = 1) -> Sequence[Frame]:
     """Return frames of a scene without a reset; `every` consecutive frames have the same jitter."""
     frames = (scene.frame(i, render, halton_jitter(i // every, RATIO)) for i in range(count))
     return [replace(frame, reset=False) for frame in frames]
 
 
 @cache
-def truth(scene: AnalyticScene, index: int, display: Size) -> Float32:
+def truth(scene: analytic.AnalyticScene, index: int, display: Size) -> Float32:
     """Return the exact image of a frame."""
     return scene.truth(index, display, 8)

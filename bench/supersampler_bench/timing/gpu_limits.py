@@ -6,14 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from supersampler.backends.gpu.memory import (
-    RENDER,
-    PixelBuffer,
-    PixelMemory,
-    PixelTexture,
-    allocate,
-    write_to,
-)
+from supersampler.backends.gpu import memory as gpu
 from supersampler_bench.timing.gpu_stopwatch import Stopwatch
 
 if TYPE_CHECKING:
@@ -78,12 +71,12 @@ class GpuLimits:
 def measure_limits(device: "wgpu.GPUDevice", *, size: tuple[int, int] = COPY_SIZE) -> GpuLimits:
     """Measure copies of `size` texels, and products, each as the fastest of RUNS runs."""
     texels = size[0] * size[1]
-    buffer, texture = PixelBuffer(16, RENDER), PixelTexture(RENDER)
+    buffer, texture = gpu.PixelBuffer(16, gpu.RENDER), gpu.PixelTexture(gpu.RENDER)
     noise = np.random.default_rng(0).random((size[1], size[0], 4), np.float32)  # zeros may be compressed
 
-    def seconds(code: str, *kinds: PixelMemory) -> float:
-        bound = [allocate(device, kind, size, size) for kind in kinds]
-        write_to(device, bound[0], noise)
+    def seconds(code: str, *kinds: gpu.PixelMemory) -> float:
+        bound = [gpu.allocate(device, kind, size, size) for kind in kinds]
+        gpu.write_to(device, bound[0], noise)
         return min(_run_seconds(device, code, [memory.resource for memory in bound], size))
 
     times = (

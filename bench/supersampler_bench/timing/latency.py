@@ -132,7 +132,6 @@ def measure_latency(
     executors: Sequence[ExecutorName],
     threads: Sequence[int],
     *,
-    precisions: Sequence[Precision] = ("auto",),
     providers: str = "cpu",
     ratio: float = 2.0,
     steps: int = 30,
@@ -141,13 +140,11 @@ def measure_latency(
 ) -> list[Timed]:
     """Time all settings; settings of one size and thread count alternate, as in `measure_settings`.
 
-    Executors that a method lacks, and precisions that an executor lacks, are left out. `providers` are of
-    ONNX Runtime, see `Model.load`.
+    Executors that a method lacks are left out. `providers` are of ONNX Runtime, see `Model.load`.
     """
     results = []
     for display, count in itertools.product(displays, threads):
-        kinds = itertools.product(methods, executors, precisions)
-        settings = [Setting(m, display, e, count, p) for m, e, p in kinds]
+        settings = [Setting(m, display, e, count) for m, e in itertools.product(methods, executors)]
         results += measure_settings(
             settings, providers=providers, ratio=ratio, steps=steps, warm_up=warm_up, on_left_out=on_left_out
         )

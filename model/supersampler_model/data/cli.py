@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.cli.arguments import parse_size, size_text
-from supersampler.cli.terminal import Terminal
+from supersampler.cli.terminal import Terminal, counted
 from supersampler.errors import ArgumentError
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES
 
@@ -61,17 +60,12 @@ def render(
       supersampler render data --gbuffers --also 2,4
       supersampler render data --gltf my/scenes --gltf-fraction 0.3
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_model.data.dataset import rendering
     from supersampler_model.data.dataset.overview import write_class_maps
-    from supersampler_model.data.dataset.rendering import (
-        RenderPlan,
-        check_ratios,
-        plan_sequences,
-        render_dataset,
-    )
     from supersampler_model.data.dataset.storage import create_dataset
 
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
-    plan = RenderPlan(
+    plan = rendering.RenderPlan(
         families=families,
         sequences=sequences,
         frames=frames,
@@ -86,21 +80,17 @@ def render(
     console = Terminal(stderr=True)
     others = _numbers("--also", also) if also else []
     if others:
-        check_ratios("--also", others, plan.display_size)
+        rendering.check_ratios("--also", others, plan.display_size)
     turns = [None, *others]
-    dataset = create_dataset(output, plan_sequences(plan, lambda text: console.print(text, soft_wrap=True)))
+    dataset = create_dataset(
+        output, rendering.plan_sequences(plan, lambda text: console.print(text, soft_wrap=True))
+    )
     sets = [dataset, *(dataset.at(ratio) for ratio in turns if ratio)]
     total = len(turns) * sum(entry.spec.frames for entry in dataset.entries())
     done = sum(one.complete(entry) for one in sets for entry in one.entries())
-    columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    try:
-        with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-            task = progress.add_task("", total=total, completed=done)
-            for turn in turns:
-                render_dataset(dataset, ratio=turn, workers=workers, on_frame=lambda: progress.advance(task))
-    except KeyboardInterrupt:
-        console.print("Stopped. Run the same command to resume.")
-        raise typer.Exit(130) from None
+    with counted(console, "rendering", total, done, resumes=True) as advance:
+        for turn in turns:
+            rendering.render_dataset(dataset, ratio=turn, workers=workers, on_frame=advance)
     if show_labels:
         write_class_maps(dataset, output / "labels")
     console.print(f"{total} frames of {size_text(dataset.description.display_size)} in {output}")

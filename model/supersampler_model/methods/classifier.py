@@ -21,22 +21,7 @@ from torch import Tensor, nn
 
 from supersampler.errors import ArgumentError
 from supersampler.io.display import MAX_HALF
-from supersampler.methods.classifier.spec import (
-    CLASSES,
-    CLASSIFIER,
-    CLASSIFIER_SMALL,
-    CONTRAST,
-    FLASH_FRACTION,
-    FRAME_PRIOR,
-    HALF_COUNT,
-    MAX_LOG_FACTOR,
-    MAX_SHARPNESS,
-    MIN_PRIOR,
-    OTHER_PRIOR,
-    RISE,
-    WHITE,
-    ClassifierConfig,
-)
+from supersampler.methods.classifier import spec as classifier
 from supersampler.methods.classifier_large.spec import CLASSIFIER_LARGE
 from supersampler.methods.constants import CONFIRMED, GLARE, MIN_CUBIC_WEIGHT, MIN_WEIGHT
 from supersampler.methods.spec import HALF, LARGE_HALF
@@ -55,7 +40,7 @@ from supersampler_model.ops import at_rest
 
 HEIGHT = 64.0
 """Height of a sample's Gaussian along an axis. With 1, far weights would be too small for half floats."""
-MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: MAX_LOG_FACTOR, torch.float16: 8.0}
+MAX_FACTOR: Mapping[torch.dtype, float] = {torch.float32: classifier.MAX_LOG_FACTOR, torch.float16: 8.0}
 """Maximum of the logarithm of a factor: half floats can represent sums of nine such factors."""
 DIM = 1e30  # `unit` of `tone` off screen: every colour becomes black
 
@@ -87,8 +72,8 @@ def adapted(method_class: type[Adapted], trained: Trained) -> Adapted:
 class Classifier(LearnedMethod):
     """Classify, then compose."""
 
-    spec: ClassVar = CLASSIFIER
-    config: ClassifierConfig
+    spec: ClassVar = classifier.CLASSIFIER
+    config: classifier.ClassifierConfig
     runs_in_fp16: ClassVar = True
     larger: ClassVar = False  # whether history and network have 1.4 times the display's width and height
 
@@ -103,7 +88,10 @@ class Classifier(LearnedMethod):
         """Return classifier and compositor, on packed pixels, with the tensor names of released graphs."""
         c, half = self.config, LARGE_HALF if self.larger else HALF
         inputs = {"packed": (1, 4 * c.planes, *half), "half_inputs": (1, c.half_inputs, *half)}
-        outputs = {"logits": (1, CLASSES, *half), "blend_parameters": (1, 4 * c.blend_parameters, *half)}
+        outputs = {
+            "logits": (1, classifier.CLASSES, *half),
+            "blend_parameters": (1, 4 * c.blend_parameters, *half),
+        }
         return NetworkSubgraph(self.net, inputs, outputs)
 
     def compute(
@@ -358,19 +346,19 @@ class Classifier(LearnedMethod):
         c = self.config
         pixels = pixel_inputs(gathered, c.count_code)
         around = neighbourhood_inputs(pixels, gathered.display)
-        classes = gathered.warped.classes[:, : CLASSES * c.recurrent]
+        classes = gathered.warped.classes[:, : classifier.CLASSES * c.recurrent]
         half_inputs = torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
         return [pixels[name].to(self.dtype) for name in c.inputs], half_inputs
 
     def history_colors(self, gathered: Gathered, sharpness: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Return the history colours, float32, and their initial weights: a running mean."""
         current, warped, brightest = gathered.current, gathered.warped, ops.TONED[torch.float32]
-        sharpened = warped.color + sharpness.clamp(0.0, MAX_SHARPNESS) * warped.detail
+        sharpened = warped.color + sharpness.clamp(0.0, classifier.MAX_SHARPNESS) * warped.detail
         sharpened = sharpened.clamp(0.0, brightest)
         visible = warped.samples * warped.surface
         known = (visible > 0.0).float()  # without history the weight is 0 whatever the network infers
-        colors = [(sharpened, known * (visible + MIN_PRIOR))]
-        weight = known * (OTHER_PRIOR * warped.samples + MIN_PRIOR)
+        colors = [(sharpened, known * (visible + classifier.MIN_PRIOR))]
+        weight = known * (classifier.OTHER_PRIOR * warped.samples + classifier.MIN_PRIOR)
         if self.config.rectified:
             box = ops.Box(current.mean, self.config.gamma * current.deviation)
             step = ops.from_ycocg(ops.step_to_box(ops.ycocg(sharpened.to(self.dtype)), box))
@@ -387,15 +375,15 @@ class Classifier(LearnedMethod):
         `logits` are (1, 6, H / 2, W / 2), the blend parameters (1, m, H, W); `resting`: see `step_outputs`.
         """
         c, current, warped, display = self.config, gathered.current, gathered.warped, gathered.display
-        blend = blend.clamp(-MAX_LOG_FACTOR, MAX_FACTOR[blend.dtype])
+        blend = blend.clamp(-classifier.MAX_LOG_FACTOR, MAX_FACTOR[blend.dtype])
         factors, sharpness, kernel = blend.split_with_sizes((c.candidates, *c.filters), dim=1)
         history_colors = self.history_colors(gathered, sharpness)
         kernel = ops.limited(current.window.mean(kernel, current.frame))
         sampled = current.sampled.float()
         current_colors = [
-            (current.sample, sampled * (current.confidence.float() + MIN_PRIOR)),
-            (current.frame, FRAME_PRIOR * sampled),
-            (kernel, FRAME_PRIOR * sampled),
+            (current.sample, sampled * (current.confidence.float() + classifier.MIN_PRIOR)),
+            (current.frame, classifier.FRAME_PRIOR * sampled),
+            (kernel, classifier.FRAME_PRIOR * sampled),
         ]
         color, weight, odds = ops.composite(
             history_colors, current_colors, factors, gathered.reactive, current.frame
@@ -409,14 +397,16 @@ class Classifier(LearnedMethod):
         classes = classes_of(logits.float(), warped.samples[:, :, ::2, ::2] > 0.0)
         count = torch.minimum(odds, warped.samples).clamp(max=c.samples) + current.confidence
         luma = ops.luminance(current.sample)
-        trust = (HALF_COUNT * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
+        trust = (classifier.HALF_COUNT * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (
+            warped.samples > 0.0
+        )
         rate = current.confidence * c.contraction
         low, high = ops.channels_of(warped.range)
         low = torch.where(sampled > 0.0, torch.minimum(low, luma), low) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
         low, high = luma + trust * (low - luma), luma + trust * (high - luma)
         glares = (current.glare > 0.0) & ((warped.samples > 0.0) | (warped.glare > 0.0))
-        still_bright = (luma > WHITE) & (warped.glare > 0.0)
+        still_bright = (luma > classifier.WHITE) & (warped.glare > 0.0)
         unexplained = unexplained_light(luma, current.mean[:, :1], warped, display, resting)
         unconfirmed = (glares | still_bright | unexplained) & (warped.glare < CONFIRMED - 1.0)
         count = torch.where(unconfirmed | gathered.flash, 0.0, count)
@@ -429,7 +419,7 @@ class Classifier(LearnedMethod):
 class SmallClassifier(Classifier):
     """`classifier-small`: half the width and fewer blended colours, for CPUs."""
 
-    spec: ClassVar = CLASSIFIER_SMALL
+    spec: ClassVar = classifier.CLASSIFIER_SMALL
 
 
 class LargeClassifier(Classifier):
@@ -482,14 +472,14 @@ def unexplained_light(
         resting: (1, 1, H, W) 1 where pixels are not counted; None: all are.
     """
     known = warped.samples * warped.surface > 0.0
-    rises = (luma > WHITE) & (luma > warped.range[:, 1:2] + RISE) & known
-    bright = ops.cut_to((rises & (luma > around + CONTRAST)).float(), display)
+    rises = (luma > classifier.WHITE) & (luma > warped.range[:, 1:2] + classifier.RISE) & known
+    bright = ops.cut_to((rises & (luma > around + classifier.CONTRAST)).float(), display)
     counted = bright if resting is None else bright * (1.0 - resting)
     sparse = counted.sum(dim=(2, 3), keepdim=True)
-    return rises & (sparse / (display.width * display.height) > FLASH_FRACTION)
+    return rises & (sparse / (display.width * display.height) > classifier.FLASH_FRACTION)
 
 
-def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tensor]:
+def transferred(trained: Trained, config: classifier.ClassifierConfig) -> Mapping[str, Tensor]:
     """Return the weights of `classifier` for a config of equal widths with other inputs or blended colours.
 
     Inputs and blended colours that `classifier` lacks get weights of 0; those that only `classifier` has are
@@ -500,7 +490,7 @@ def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tens
     """
     if trained.method != Classifier.name:
         raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {Classifier.name}")
-    theirs: Any = config_of(ClassifierConfig, trained.config)
+    theirs: Any = config_of(classifier.ClassifierConfig, trained.config)
     tensors = dict(trained.tensors)
 
     def move(name: str, old: Sequence[str], new: Sequence[str], axis: int) -> None:
@@ -518,7 +508,7 @@ def transferred(trained: Trained, config: ClassifierConfig) -> Mapping[str, Tens
     return tensors
 
 
-def _blended(config: ClassifierConfig) -> tuple[str, ...]:
+def _blended(config: classifier.ClassifierConfig) -> tuple[str, ...]:
     """Return the names of the blend parameters, in their order."""
     colors = ["history", *["rectified"] * config.rectified, *["own"] * config.own_motion]
     names = [*colors, "sample", "frame", "kernel"]

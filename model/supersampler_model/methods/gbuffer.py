@@ -13,16 +13,7 @@ from typing import ClassVar, NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler.methods.gbuffer.spec import (
-    FRAME,
-    GBUFFER,
-    GBUFFER_4X,
-    GBUFFER_DEPTH,
-    GBUFFER_SMALL,
-    GBUFFER_SMALL_4X,
-    NEIGHBOUR_WEIGHTS,
-    GBufferConfig,
-)
+from supersampler.methods.gbuffer import spec as gbuffer
 from supersampler.methods.spec import DISPLAY, RENDER, Shape
 from supersampler_model import ops
 from supersampler_model.methods import gbuffer_network as network
@@ -114,8 +105,8 @@ class Finished(NamedTuple):
 class GBuffer(LearnedMethod):
     """Resample light by surface similarity, then blend with the history."""
 
-    spec: ClassVar = GBUFFER
-    config: GBufferConfig
+    spec: ClassVar = gbuffer.GBUFFER
+    config: gbuffer.GBufferConfig
     net: network.GBufferNetwork
     runs_in_fp16: ClassVar = True
 
@@ -219,7 +210,7 @@ class GBuffer(LearnedMethod):
     def gather_change(self, current: CurrentFrame, before: NearestSamples) -> Tensor:
         """Return (1, 1, H, W): 1 where the light changed so much that the history is invalid, else 0."""
         inputs = current.inputs
-        known = current.usable * before.values[:, FRAME - 1 :] * before.on_screen
+        known = current.usable * before.values[:, gbuffer.FRAME - 1 :] * before.on_screen
         color_before = ops.sanitize(before.values[:, :3], 0.0)
         now, then = (color * inputs.exposure for color in (inputs.color, color_before))
         changed = surfaces.changed_light(now, then, known)
@@ -302,7 +293,9 @@ def _toned(color: Tensor, place: ops.Reprojection) -> Tensor:
 
 def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
     """Average each pixel and its neighbours; `kernel` holds logarithms of factors to NEIGHBOUR_WEIGHTS."""
-    weights = [w * factor for w, factor in zip(NEIGHBOUR_WEIGHTS, ops.channels_of(kernel.exp()), strict=True)]
+    weights = [
+        w * factor for w, factor in zip(gbuffer.NEIGHBOUR_WEIGHTS, ops.channels_of(kernel.exp()), strict=True)
+    ]
     total = ops.sum_of(weights)
     terms = [w * pixel for w, pixel in zip(weights, ops.neighbours_3x3(image), strict=True)]
     return ops.sum_of(terms) / total
@@ -311,30 +304,19 @@ def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
 class GBuffer4(GBuffer):
     """`GBuffer` at a ratio of 4."""
 
-    spec: ClassVar = GBUFFER_4X
+    spec: ClassVar = gbuffer.GBUFFER_4X
 
 
 class SmallGBuffer(GBuffer):
     """`gbuffer-small`: narrow separable convolutions, for CPUs and small GPUs."""
 
-    spec: ClassVar = GBUFFER_SMALL
+    spec: ClassVar = gbuffer.GBUFFER_SMALL
 
 
 class SmallGBuffer4(GBuffer):
     """`SmallGBuffer` at a ratio of 4."""
 
-    spec: ClassVar = GBUFFER_SMALL_4X
-
-
-class DepthGBuffer(GBuffer):
-    """`gbuffer-depth`: `SmallGBuffer` for forward renderers. Display-size depth is the only G-buffer."""
-
-    spec: ClassVar = GBUFFER_DEPTH
-
-    @staticmethod
-    def surfaces_of(gbuffers: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
-        """Return neutral surfaces, of known depth."""
-        return surfaces.neutral_surfaces(depth), surfaces.neutral_surfaces(gbuffers["gbuffer_display_depth"])
+    spec: ClassVar = gbuffer.GBUFFER_SMALL_4X
 
 
 def network_inputs(

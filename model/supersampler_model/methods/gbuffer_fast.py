@@ -16,13 +16,7 @@ from torch import Tensor
 
 from supersampler.methods.constants import MIN_NORMAL
 from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS, STEP_COST
-from supersampler.methods.gbuffer_fast.spec import (
-    GBUFFER_FAST,
-    GBUFFERS_READ,
-    MAX_DEPTH_COST,
-    MIN_SIMILARITY,
-    GuidedConfig,
-)
+from supersampler.methods.gbuffer_fast import spec as gbuffer_fast
 from supersampler_model import ops
 from supersampler_model.methods.base import Trained
 from supersampler_model.methods.classifier import Classifier, adapted, edge_of
@@ -53,7 +47,7 @@ class DisplaySurfaces(NamedTuple):
         sky = squared_norm(self.normal) < MIN_NORMAL
         return torch.where(sky, 1.0, minimum + (1.0 - minimum) * self.base_color)
 
-    def features(self, config: GuidedConfig) -> Tensor:
+    def features(self, config: gbuffer_fast.GuidedConfig) -> Tensor:
         """Return features (1, 6, h, w): their squared distance is the dissimilarity of base and normal."""
         normal = config.normal_falloff**0.5 * self.normal
         return torch.cat([normal, config.base_color_falloff**0.5 * self.base_color], dim=1)
@@ -81,8 +75,8 @@ class GuidedLight(NamedTuple):
 class GuidedClassifier(Classifier):
     """`Classifier` on guided colours."""
 
-    spec: ClassVar = GBUFFER_FAST
-    config: GuidedConfig
+    spec: ClassVar = gbuffer_fast.GBUFFER_FAST
+    config: gbuffer_fast.GuidedConfig
 
     @classmethod
     def from_classifier(cls, trained: Trained) -> Self:
@@ -101,9 +95,9 @@ class GuidedClassifier(Classifier):
         *others: Tensor,  # `adds_samples`, G-buffers in the order of `inputs`, the history
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the auxiliary outputs."""
-        adds_samples, *buffers = others[: 1 + len(GBUFFERS_READ)]
-        render, display = self.surfaces_of(dict(zip(GBUFFERS_READ, buffers, strict=True)), depth)
-        history = others[1 + len(GBUFFERS_READ) :]
+        adds_samples, *buffers = others[: 1 + len(gbuffer_fast.GBUFFERS_READ)]
+        render, display = self.surfaces_of(dict(zip(gbuffer_fast.GBUFFERS_READ, buffers, strict=True)), depth)
+        history = others[1 + len(gbuffer_fast.GBUFFERS_READ) :]
         shared, now, before = self.group_history(history, color, jitter, display_size)
         frame = GuidedFrame(color, motion, exposure, render, display, now)
         gathered = self.gather_guided(frame, shared, history[6], before)
@@ -198,7 +192,7 @@ def guide(
     render: DisplaySurfaces,
     display: DisplaySurfaces,
     grid: ops.Grid,
-    config: GuidedConfig,
+    config: gbuffer_fast.GuidedConfig,
 ) -> GuidedLight:
     """Resample light from the 3x3 samples around each display pixel, by distance and agreement of surfaces.
 
@@ -224,11 +218,13 @@ def guide(
             grid.x.nearest + across - grid.x.position
         )
         difference = depth_difference(depth, display.depth)
-        of_depth = (difference * difference * (0.5 / config.depth_sigma**2)).clamp(max=MAX_DEPTH_COST)
+        of_depth = (difference * difference * (0.5 / config.depth_sigma**2)).clamp(
+            max=gbuffer_fast.MAX_DEPTH_COST
+        )
         similarity = (-(of_depth + squared_norm(features - target).float())).exp()
-        distance = (distance + MIN_SIMILARITY) * known
+        distance = (distance + gbuffer_fast.MIN_SIMILARITY) * known
         colors.append(color)
-        weights.append(distance * (similarity + MIN_SIMILARITY))
+        weights.append(distance * (similarity + gbuffer_fast.MIN_SIMILARITY))
         similar.append(distance * similarity)
         cost = difference + STEP_COST * (down * down + across * across)
         chosen = moved if chosen is None else torch.where(cost < lowest, moved, chosen)

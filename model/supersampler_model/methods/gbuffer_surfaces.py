@@ -59,13 +59,6 @@ def usable_surfaces(surfaces: Surfaces, dtype: torch.dtype) -> Surfaces:
     return Surfaces(base, known[1], roughness, metallic, specular, ops.usable_depth(depth))
 
 
-def neutral_surfaces(depth: Tensor) -> Surfaces:
-    """Return surfaces of known depth: grey dielectrics of roughness 0.5 that face one way."""
-    one = torch.ones_like(depth)
-    grey, normal = 0.5 * one.expand(-1, 3, -1, -1), torch.cat([0.0 * one, 0.0 * one, one], dim=1)
-    return Surfaces(grey, normal, 0.5 * one, 0.0 * one, 0.5 * one, depth)
-
-
 def reflectance(surfaces: Surfaces) -> Tensor:
     """Return the reflectance (1, 3, h, w): diffuse, plus specular at normal incidence; 1 at the sky.
 

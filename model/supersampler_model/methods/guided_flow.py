@@ -19,12 +19,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from supersampler.methods.constants import MAX_TONED
-from supersampler.methods.extrapolation.spec import (
-    GUIDED_FLOW,
-    SKY_DEPTH,
-    FlowNetworkConfig,
-    GuidedFlowConfig,
-)
+from supersampler.methods.extrapolation import spec as extrapolation
 from supersampler.methods.spec import HALF
 from supersampler_model import ops
 from supersampler_model.methods import guided_warp
@@ -65,7 +60,7 @@ class Decoder(nn.Module):
 class FlowNetwork(nn.Module):
     """Infers where to read each pixel's light in the last shaded frame, its gain and its blend weight."""
 
-    def __init__(self, config: FlowNetworkConfig) -> None:
+    def __init__(self, config: extrapolation.FlowNetworkConfig) -> None:
         super().__init__()
         self.config = config
         widths = config.levels
@@ -144,8 +139,8 @@ class GuidedFlow(LearnedMethod):
     After a reset, the first shaded frame serves as both shaded frames of the history: no light has moved.
     """
 
-    spec: ClassVar = GUIDED_FLOW
-    config: GuidedFlowConfig
+    spec: ClassVar = extrapolation.GUIDED_FLOW
+    config: extrapolation.GuidedFlowConfig
     net: FlowNetwork
 
     def make_network(self) -> FlowNetwork:
@@ -200,7 +195,7 @@ class GuidedFlow(LearnedMethod):
     def guides(self, surface: Surface) -> Tensor:
         """Return surface features (1, 4, h, w) in standard deviations: normal and logarithm of depth."""
         c = self.config
-        log_depth = surface.depth.clamp(min=SKY_DEPTH).log()  # its differences are relative
+        log_depth = surface.depth.clamp(min=extrapolation.SKY_DEPTH).log()  # its differences are relative
         return torch.cat([surface.normal / c.normal_sigma, log_depth / c.depth_sigma], dim=1)
 
     def refined(self, light: Tensor, guides: Tensor, flow: Tensor) -> Tensor:

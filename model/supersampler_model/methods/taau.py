@@ -32,21 +32,7 @@ from torch.nn import functional as F
 
 from supersampler.methods.at_rest import BLOCK, DARK, WINDOWS
 from supersampler.methods.constants import CONFIRMED, DARKNESS, FULL_WEIGHT, GLARE, MIN_WEIGHT
-from supersampler.methods.taau.spec import (
-    FIT,
-    FLASH,
-    FLASH_MEMORY,
-    LAG_STEP,
-    LEAST_BLOCKS,
-    LEAST_FLASH,
-    MIN_BOX_WEIGHT,
-    MIN_CHANGE,
-    MIN_SAMPLES,
-    MOST_SAMPLES,
-    TAAU,
-    UNFIT,
-    TaauConfig,
-)
+from supersampler.methods.taau import spec as taau
 from supersampler_model import ops
 from supersampler_model.methods.base import Method
 from supersampler_model.ops import at_rest
@@ -101,8 +87,8 @@ class Blend(NamedTuple):
 class Taau(Method):
     """Temporal upsampling of accumulated samples."""
 
-    spec: ClassVar = TAAU
-    config: TaauConfig
+    spec: ClassVar = taau.TAAU
+    config: taau.TaauConfig
 
     def compute(
         self,
@@ -153,7 +139,7 @@ class Taau(Method):
         reactive = ops.reactive_at(reactive, usable, grid)
         image, samples = self.finish(current, warped, blend, exposure, reactive)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
-        weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES) * (1.0 - reactive)
+        weight = (1.0 - blend.weight) * (blend.samples > taau.MIN_SAMPLES) * (1.0 - reactive)
         resting = blocks.resting(display)
         converged = at_rest.converge(image, frame, blocks, grid)
         return (
@@ -265,7 +251,7 @@ class Taau(Method):
         kept = torch.minimum(warped.samples * trusted, limit)
         now, before = current.shade[:, 1:2], warped.shade[:, 1:2]
         flashes = (flash > 1.0) | ((flash > 0.0) & exceeds(now * now, before * before))
-        unconfirmed = (glares | flashes) & (kept > MIN_SAMPLES)
+        unconfirmed = (glares | flashes) & (kept > taau.MIN_SAMPLES)
         return Blend(
             ops.clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed
         )
@@ -275,7 +261,7 @@ class Taau(Method):
         c = self.config
         moved = (now[:, :1] - before[:, :1]).abs()
         jitter = c.change_deviation * torch.maximum(now[:, 1:2], before[:, 1:2])
-        noise = jitter + c.change_relative * torch.maximum(now[:, :1], before[:, :1]) + MIN_CHANGE
+        noise = jitter + c.change_relative * torch.maximum(now[:, :1], before[:, :1]) + taau.MIN_CHANGE
         return ((moved / noise - 1.0) / c.change_ramp).clamp(0.0, 1.0)
 
     def finish(
@@ -288,7 +274,7 @@ class Taau(Method):
         settled = (blend.samples / self.config.settled).clamp(max=1.0)
         sample = current.sample + (1.0 - settled) * (current.frame - current.sample)
         color = blend.history + blend.weight * (sample - blend.history)
-        color = torch.where(blend.samples > MIN_SAMPLES, color, current.frame)
+        color = torch.where(blend.samples > taau.MIN_SAMPLES, color, current.frame)
         color = color + reactive * (current.frame - color)
         samples = blend.samples * (1.0 - reactive)
         image = ops.bounded(ops.inverse_tone(ops.from_ycocg(color).clamp(min=0.0)) / exposure)
@@ -301,7 +287,7 @@ class Taau(Method):
         error = (luma - warped.color[:, :1]).abs().minimum(reach).minimum(contrast)
         counted = samples.clamp(max=self.config.spread_samples) + current.confidence
         rate = current.confidence / counted.clamp(min=1e-6)
-        known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
+        known = (blend.samples > taau.MIN_SAMPLES).float() * blend.spreads
         power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
         now = [samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
         glare = (warped.glare + current.glare).clamp(max=CONFIRMED)
@@ -329,12 +315,12 @@ def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
     last, older = contrasts[:, :1], contrasts[:, 1:2]
     known = torch.where(flashes > 0.0, older, torch.maximum(last, older))
     flash = (known > 0.0) & (flashes < 2.0) & exceeds(light[:, 1:2], known)
-    return torch.cat([light, torch.maximum(last, FLASH_MEMORY * older), flash * (flashes + 1.0)], dim=1)
+    return torch.cat([light, torch.maximum(last, taau.FLASH_MEMORY * older), flash * (flashes + 1.0)], dim=1)
 
 
 def exceeds(contrast: Tensor, before: Tensor) -> Tensor:
     """Return whether a squared deviation exceeds the range that previous frames explain."""
-    return contrast > FLASH * before + LEAST_FLASH
+    return contrast > taau.FLASH * before + taau.LEAST_FLASH
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
@@ -351,7 +337,7 @@ def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
 
 
 def samples_kept(
-    color: Tensor, usable: Tensor, history: Tensor, blocks: at_rest.StaticBlocks, config: TaauConfig
+    color: Tensor, usable: Tensor, history: Tensor, blocks: at_rest.StaticBlocks, config: taau.TaauConfig
 ) -> Tensor:
     """Return how many samples of the history are kept where light changes slowly, by block, (1, 1, hb, wb).
 
@@ -368,14 +354,14 @@ def samples_kept(
         blocks: static blocks of this frame.
         config: constants.
     """
-    columns, rows = blocks.at_pixels.nearest(LAG_STEP)
+    columns, rows = blocks.at_pixels.nearest(taau.LAG_STEP)
     before = ops.tone(history.index_select(3, columns).index_select(2, rows))
-    now = ops.tone(color[:, :, ::LAG_STEP, ::LAG_STEP])
+    now = ops.tone(color[:, :, :: taau.LAG_STEP, :: taau.LAG_STEP])
     free = (1.0 - blocks.moves) * (1.0 - blocks.stays)
     size, side = ops.size_of(free), WINDOWS[1]
-    parts = torch.cat([now - before, before], dim=1) * usable[:, :, ::LAG_STEP, ::LAG_STEP]
-    parts = ops.fit(parts, size.width * BLOCK // LAG_STEP, size.height * BLOCK // LAG_STEP)
-    difference, level = ops.block_means(parts, BLOCK // LAG_STEP).split_with_sizes([3, 3], dim=1)
+    parts = torch.cat([now - before, before], dim=1) * usable[:, :, :: taau.LAG_STEP, :: taau.LAG_STEP]
+    parts = ops.fit(parts, size.width * BLOCK // taau.LAG_STEP, size.height * BLOCK // taau.LAG_STEP)
+    difference, level = ops.block_means(parts, BLOCK // taau.LAG_STEP).split_with_sizes([3, 3], dim=1)
     values = torch.cat([difference, difference * difference, level, torch.ones_like(free)], dim=1) * free
     sums = ops.spread(ops.block_means(extended(values, side - 1), side), side, size)
     difference, square, level, share = sums.split_with_sizes([3, 3, 3, 1], dim=1)
@@ -384,8 +370,8 @@ def samples_kept(
     error = (variance / (share * side * side - 1.0).clamp(min=1.0)).sqrt()
     lag = (difference.abs() - config.lag_deviations * error).amax(dim=1, keepdim=True)
     excess = lag / (level.amax(dim=1, keepdim=True) + DARK) - config.lag
-    limit = config.lag_samples / excess.clamp(min=config.lag_samples / MOST_SAMPLES)
-    return torch.where(free * (share >= LEAST_BLOCKS) > 0.0, limit, MOST_SAMPLES)
+    limit = config.lag_samples / excess.clamp(min=config.lag_samples / taau.MOST_SAMPLES)
+    return torch.where(free * (share >= taau.LEAST_BLOCKS) > 0.0, limit, taau.MOST_SAMPLES)
 
 
 def extended(blocks: Tensor, count: int) -> Tensor:
@@ -433,7 +419,9 @@ def fit_of(luma: Tensor, usable: Tensor, deviation: Tensor) -> Tensor:
     slopes = F.conv2d(ops.padded_3x3(luma), torch.stack([slope, slope.T])[:, None])
     explained = (slopes * slopes).sum(dim=1, keepdim=True) * (6.0 / 9.0)
     fraction = explained / (deviation * deviation).clamp(min=1e-7)
-    return ((fraction - UNFIT) / (FIT - UNFIT)).clamp(0.0, 1.0) * (ops.blurred(usable) > FULL_WEIGHT)
+    return ((fraction - taau.UNFIT) / (taau.FIT - taau.UNFIT)).clamp(0.0, 1.0) * (
+        ops.blurred(usable) > FULL_WEIGHT
+    )
 
 
 def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, sigma: float) -> Moments:
@@ -459,5 +447,5 @@ def plane_moments(color: Tensor, usable: Tensor, fit: Tensor, grid: ops.Grid, si
     luma = mean[:, :1] - fit * (across * x.shift + down * y.shift[:, None])
     luma_variance = (variance[:, :1] - fit * (across * across + down * down)).clamp(min=0.0)
     variance = torch.cat([luma_variance, variance[:, 1:]], dim=1)
-    variance = torch.where(weight > MIN_BOX_WEIGHT, variance, 1.0)
+    variance = torch.where(weight > taau.MIN_BOX_WEIGHT, variance, 1.0)
     return Moments(torch.cat([luma, mean[:, 1:]], dim=1), variance, weight)

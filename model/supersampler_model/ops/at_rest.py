@@ -252,8 +252,8 @@ def signatures_of(color: Tensor) -> Tensor:
     """Return the signatures of blocks, (1, 4, hb, wb): three means, and a sum that depends on the order."""
     roots, samples = color.sqrt().sqrt(), BLOCK * BLOCK
     means = torch.eye(3)[:, :, None, None].expand(3, 3, BLOCK, BLOCK) / samples
-    order = torch.arange(3 * samples, dtype=torch.float32) * spec.ORDER
-    order = (2.0 * (order - order.floor()) - 1.0).reshape(1, 3, BLOCK, BLOCK) / samples
+    order = (spec.ORDER_FACTOR * torch.arange(3 * samples) ** 3 % spec.ORDER_PRIME).float()
+    order = (2.0 * order / (spec.ORDER_PRIME - 1.0) - 1.0).reshape(1, 3, BLOCK, BLOCK) / samples
     return F.conv2d(to_blocks(roots), torch.cat([means, order]).to(roots.device), stride=BLOCK)
 
 

@@ -8,9 +8,8 @@ from statistics import mean
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from supersampler.cli.terminal import Terminal
+from supersampler.cli.terminal import Terminal, counted
 from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.io.files import check_ours
 from supersampler.methods.registry import listed_methods, methods
@@ -119,18 +118,16 @@ def train(
 
 
 def update_and_save(trainer: Trainer, until: int, updates: list[Update]) -> None:
-    """Train up to `until` updates in total, save, and append to `updates`; show progress on a terminal.
+    """Train up to `until` updates in total, save, and append to `updates`; show progress.
 
     Raises:
         typer.Exit: after Ctrl-C, once the update in progress is saved.
     """
-    columns = (TextColumn("training"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=_CONSOLE, transient=True, disable=not _CONSOLE.is_terminal) as progress:
-        task = progress.add_task("", total=trainer.plan.steps, completed=trainer.done)
+    with counted(_CONSOLE, "training", trainer.plan.steps, trainer.done) as advance:
 
         def count(update: Update) -> None:
             updates.append(update)
-            progress.advance(task)
+            advance()
 
         with StopRequest() as stop:
             trainer.run(until, on_update=count, stops=lambda: stop.requested)

@@ -15,21 +15,13 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.display import MAX_HALF, auto_exposure, usable_exposure
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler_model.data.dataset.storage import (
-    Dataset,
-    Description,
-    SequenceEntry,
-    Split,
-    TrainingFrame,
-    create_dataset,
-    write_training_frame,
-)
+from supersampler_model.data.dataset import storage
 from supersampler_model.data.specs import GLTF, SHOT, SequenceSpec
 
 UNKNOWN = 255  # value of unknown classes
 
 
-def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Dataset:
+def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: storage.Split) -> storage.Dataset:
     """Copy shots to a training set, for fast reads of crops; existing frames of the same shots are kept.
 
     Shots usually have no class labels. Frames without a reference serve as history; their references are NaN.
@@ -52,17 +44,19 @@ def dataset_of_shots(shots: Sequence[Shot], folder: Path, split: Split) -> Datas
         rate = shot.frame_rate or 30.0
         files = ((shot.name, shot.digest()),)
         spec = SequenceSpec(family=SHOT, seed=index, frames=len(shot), frame_rate=rate, files=files)
-        entries.append(SequenceEntry(spec=spec, ratio=size[0] / shot.render_size[0], split=split))
-    description = Description(display_size=size, samples=1, gbuffers=False, seed=0, sequences=tuple(entries))
-    dataset = create_dataset(folder, description)
+        entries.append(storage.SequenceEntry(spec=spec, ratio=size[0] / shot.render_size[0], split=split))
+    description = storage.Description(
+        display_size=size, samples=1, gbuffers=False, seed=0, sequences=tuple(entries)
+    )
+    dataset = storage.create_dataset(folder, description)
     for shot, entry in zip(shots, entries, strict=True):
         for item in shot.frames(dataset.complete(entry)):
             frame = _training_frame(shot, item, size[::-1])
-            write_training_frame(dataset.path(entry, item.index), frame)
+            storage.write_training_frame(dataset.path(entry, item.index), frame)
     return dataset
 
 
-def _training_frame(shot: Shot, item: ShotFrame, shape: tuple[int, int]) -> TrainingFrame:
+def _training_frame(shot: Shot, item: ShotFrame, shape: tuple[int, int]) -> storage.TrainingFrame:
     frame = item.frame
     if frame.color is None:
         raise ShotError(shot.path, f"frame {item.index} has no colour to learn from")
@@ -72,14 +66,14 @@ def _training_frame(shot: Shot, item: ShotFrame, shape: tuple[int, int]) -> Trai
     classes = shot.read_classes(item.index) or ClassMaps(unknown, unknown, None)
     truth = np.full((*shape, 3), np.nan) if item.reference is None else item.reference / pre_exposure
     truth = np.minimum(truth, MAX_HALF).astype(np.float16)
-    return TrainingFrame(
+    return storage.TrainingFrame(
         color=color, depth=frame.depth, motion=frame.motion.astype(np.float16), jitter=frame.jitter,
         reset=frame.reset, exposure=usable_exposure(frame.exposure) or auto_exposure(color),
         reference=truth, ghost=classes.ghost, alias=classes.alias,
     )  # fmt: skip
 
 
-def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
+def gbuffer_set(dataset: storage.Dataset, ratio: int) -> storage.Dataset:
     """Return a set with the sequences rendered at one ratio, with G-buffers of both sizes.
 
     Raises:
@@ -97,7 +91,7 @@ def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
     return at
 
 
-def unshaded_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
+def unshaded_set(dataset: storage.Dataset, ratios: tuple[float, float]) -> storage.Dataset:
     """Return a set with the second renderings of the sequences, at each ratio within `ratios`.
 
     Raises:
@@ -112,12 +106,12 @@ def unshaded_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
         want = "a set made by `supersampler render --gbuffers --also 2`"
         got = f"{dataset.folder}, without G-buffers of render size at a ratio from {ratios[0]} to {ratios[1]}"
         raise ArgumentError("data", got=got, want=want)
-    return Dataset(dataset.folder, replace(dataset.description, sequences=sequences), own=dataset)
+    return storage.Dataset(dataset.folder, replace(dataset.description, sequences=sequences), own=dataset)
 
 
 def sequences_of(
-    datasets: Sequence[Dataset], ratios: tuple[float, float], *, min_frames: int
-) -> list[tuple[Dataset, SequenceEntry, int]]:
+    datasets: Sequence[storage.Dataset], ratios: tuple[float, float], *, min_frames: int
+) -> list[tuple[storage.Dataset, storage.SequenceEntry, int]]:
     """Return the training sequences with ratios in a range, and their numbers of consecutive frames.
 
     Raises:
@@ -133,7 +127,7 @@ def sequences_of(
     return found
 
 
-def data_hash(datasets: Sequence[Dataset]) -> str:
+def data_hash(datasets: Sequence[storage.Dataset]) -> str:
     """Return the sha256 of the descriptions of the data sets."""
     digest = hashlib.sha256()
     for dataset in datasets:
@@ -141,13 +135,13 @@ def data_hash(datasets: Sequence[Dataset]) -> str:
     return digest.hexdigest()
 
 
-def assets(datasets: Sequence[Dataset]) -> list[str]:
+def assets(datasets: Sequence[storage.Dataset]) -> list[str]:
     """Return the names of the asset files in the training sequences, for attribution."""
     entries = [entry for dataset in datasets for entry in dataset.entries("train")]
     return sorted({name for entry in entries if entry.spec.family == GLTF for name, _ in entry.spec.files})
 
 
-def method_inputs(frame: TrainingFrame, names: Sequence[str]) -> dict[str, Tensor]:
+def method_inputs(frame: storage.TrainingFrame, names: Sequence[str]) -> dict[str, Tensor]:
     """Return the inputs of a method from a training frame, by name, in the order of the names.
 
     Raises:
@@ -168,7 +162,7 @@ def method_inputs(frame: TrainingFrame, names: Sequence[str]) -> dict[str, Tenso
     return {name: numbers[name] if name in numbers else planes(images[name]) for name in names}
 
 
-def gbuffers(frame: TrainingFrame) -> dict[str, NDArray[Any]]:
+def gbuffers(frame: storage.TrainingFrame) -> dict[str, NDArray[Any]]:
     """Return the G-buffers of both sizes by input name, as stored."""
     found = {name: (getattr(frame, place.group) or {}).get(place.key) for name, place in GBUFFERS.items()}
     return {name: image for name, image in found.items() if image is not None}

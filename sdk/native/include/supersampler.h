@@ -96,7 +96,7 @@ typedef enum ss_type {
     SS_UNORM8 = 2   /* 255 is one. Only of outputs: values are clamped to [0, 1], and rounded */
 } ss_type;
 
-/* The pixels of an image in memory of the caller. Strides are in bytes and may be negative. */
+/* The pixels of an image in memory of the caller. Strides are in bytes and may be negative; no two values overlap. */
 typedef struct ss_image {
     void* data; /* first channel of the upper left pixel; NULL: no image */
     ss_type type;
@@ -136,7 +136,8 @@ typedef enum ss_stage {
 /* Returns the name of a stage: "preprocess"; NULL from SS_STAGES on. */
 SS_API const char* ss_stage_name(int stage);
 
-/* Results of a step. Images are of display size; those without data cost nothing. */
+/* Results of a step. Images are of display size; those without data cost nothing. Nothing else uses their memory: neither
+ * another output, of this view or of another, nor the frame. */
 typedef struct ss_outputs {
     ss_image image;     /* 3 channels: linear RGB, finite, >= 0, in the units of the colour */
     ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1] */

@@ -109,6 +109,8 @@ static ss_status check(const ss_ids& v, ss_error* error) {
         return fail(error, SS_BAD_ARGUMENT, "an array is NULL; only previous and previous_distance may be");
     if (!v.previous != !v.previous_distance)
         return fail(error, SS_BAD_ARGUMENT, "only one of previous and previous_distance is set; want both or none");
+    if (v.image == v.previous || v.distance == v.previous_distance)
+        return fail(error, SS_BAD_ARGUMENT, "image or distance is that of the previous frame; want other memory");
     return check_jitter(v.jitter, error);
 }
 

@@ -11,9 +11,10 @@ ss_status ss_camera_motion(const ss_image* depth, int width, int height, const d
     if (!depth || !to_previous || !jitter || !motion || !motion->data)
         return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     if (ss_status status = check_size(width, height, "the frame", error)) return status;
-    if (ss_status status = check_input("depth", *depth, true, error)) return status;
+    if (ss_status status = check_input("depth", *depth, {width, height}, 1, true, error)) return status;
     if (motion->type != SS_FLOAT32)
         return fail(error, SS_BAD_ARGUMENT, "motion has the type %d; want SS_FLOAT32", motion->type);
+    if (ss_status status = check_output("motion", *motion, {width, height}, 2, error)) return status;
     const Kernels& kernels = *find_kernels(nullptr);
     const IeeeArithmetic arithmetic;
     const double* m = to_previous;
@@ -57,7 +58,7 @@ ss_status ss_encode_rgba(const ss_image* image, int width, int height, void* pix
                          ss_error* error) {
     if (!image || !pixels) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     if (ss_status status = check_size(width, height, "the image", error)) return status;
-    if (ss_status status = check_input("image", *image, true, error)) return status;
+    if (ss_status status = check_input("image", *image, {width, height}, 3, true, error)) return status;
     const Kernels& kernels = *find_kernels(nullptr);
     const IeeeArithmetic arithmetic;
     constexpr int BLOCK = 1024;  // columns, whose scratch is on the stack
@@ -91,8 +92,9 @@ ss_status ss_filter_temporal(const ss_temporal* t, ss_error* error) {
         return fail(error, SS_BAD_ARGUMENT,
                     "counts are %d, %d, %d, rows %d to %d; want counts from 0 on, and rows of the image", t->previous,
                     t->following, t->aov_groups, t->first_row, t->end_row);
-    if (!(t->samples > 0.0f))
-        return fail(error, SS_BAD_ARGUMENT, "samples is %g; want more than 0", static_cast<double>(t->samples));
+    if (!(t->samples > 0.0f && t->exposure > 0.0f))
+        return fail(error, SS_BAD_ARGUMENT, "samples is %g, exposure %g; want more than 0",
+                    static_cast<double>(t->samples), static_cast<double>(t->exposure));
     for (int k = 0; k <= t->previous + t->following; k++)
         if (!t->frames[k].color || !t->frames[k].guides || (t->aov_groups && !t->frames[k].aovs) ||
             (t->frames[0].noisy && !t->frames[k].noisy))

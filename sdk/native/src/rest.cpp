@@ -101,8 +101,8 @@ bool make_rest(Space& space, RestWork& w) {
     w.row_blocks = row_blocks, w.column_blocks = column_blocks, w.nearest_rows = nearest_rows,
     w.nearest_columns = nearest_columns;
     for (int k = 0; k < 3 * BLOCK * BLOCK; k++) {  // of channel, row and column of a block
-        const float place = static_cast<float>(k) * ORDER;
-        const float weight = (2.0f * (place - floorf(place)) - 1.0f) / (BLOCK * BLOCK);
+        const float place = static_cast<float>(ORDER_FACTOR * k * k * k % ORDER_PRIME);
+        const float weight = (2.0f * place / (ORDER_PRIME - 1) - 1.0f) / (BLOCK * BLOCK);
         const int c = k / (BLOCK * BLOCK), row = k / BLOCK % BLOCK, column = k % BLOCK;
         for (int x = column; x < LANES; x += BLOCK) order[(row * 3 + c) * LANES + x] = weight;
     }

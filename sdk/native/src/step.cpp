@@ -34,17 +34,40 @@ ss_status check_pre_exposure(float pre_exposure, ss_error* error) {
     return fail(error, SS_BAD_FRAME, "pre_exposure is %g; want a number from 2^-24 to 2^24, or 0 for 1", pre_exposure);
 }
 
-ss_status check_output(const char* name, const ss_image& image, ss_error* error) {
-    if (image.type == SS_FLOAT32 || image.type == SS_FLOAT16 || image.type == SS_UNORM8) return SS_OK;
-    return fail(error, SS_BAD_ARGUMENT, "%s has the type %d; want SS_FLOAT32, SS_FLOAT16 or SS_UNORM8", name,
-                image.type);
+// Checks that no two values of an image share memory, as they do where strides are in pixels instead of bytes.
+static ss_status check_strides(const char* name, const ss_image& image, Size size, int channels, ss_status status,
+                               ss_error* error) {
+    const View view = view_of(image, size.width, channels);
+    // In double precision no stride is too large.
+    const double strides[] = {fabs(static_cast<double>(view.row)), fabs(static_cast<double>(view.pixel)),
+                              fabs(static_cast<double>(view.channel))};
+    const int counts[] = {size.height, size.width, channels};
+    for (int axis = 0; axis < 3; axis++) {
+        double extent = image.type == SS_FLOAT32 ? 4 : image.type == SS_FLOAT16 ? 2 : 1;  // of the axes within
+        for (int other = 0; other < 3; other++)
+            if (other != axis && counts[other] > 1 && strides[other] <= strides[axis])
+                extent += strides[other] * (counts[other] - 1);
+        if (counts[axis] > 1 && strides[axis] < extent)
+            return fail(error, status,
+                        "%s overlaps itself: its strides are %.0f, %.0f, %.0f; want bytes, or 0 if packed", name,
+                        strides[0], strides[1], strides[2]);
+    }
+    return SS_OK;
 }
 
-ss_status check_input(const char* name, const ss_image& image, bool needed, ss_error* error) {
-    if (needed && !image.data) return fail(error, SS_BAD_FRAME, "%s is missing; the method reads it", name);
-    if (image.data && image.type != SS_FLOAT32 && image.type != SS_FLOAT16)
+ss_status check_output(const char* name, const ss_image& image, Size size, int channels, ss_error* error) {
+    if (!image.data) return SS_OK;
+    if (image.type != SS_FLOAT32 && image.type != SS_FLOAT16 && image.type != SS_UNORM8)
+        return fail(error, SS_BAD_ARGUMENT, "%s has the type %d; want SS_FLOAT32, SS_FLOAT16 or SS_UNORM8", name,
+                    image.type);
+    return check_strides(name, image, size, channels, SS_BAD_ARGUMENT, error);
+}
+
+ss_status check_input(const char* name, const ss_image& image, Size size, int channels, bool needed, ss_error* error) {
+    if (!image.data) return needed ? fail(error, SS_BAD_FRAME, "%s is missing; the method reads it", name) : SS_OK;
+    if (image.type != SS_FLOAT32 && image.type != SS_FLOAT16)
         return fail(error, SS_BAD_FRAME, "%s has the type %d; want SS_FLOAT32 or SS_FLOAT16", name, image.type);
-    return SS_OK;
+    return check_strides(name, image, size, channels, SS_BAD_FRAME, error);
 }
 
 ss_status check_ratio(const Method& method, Size render, Size display, ss_error* error) {
@@ -63,22 +86,26 @@ ss_status check_ratio(const Method& method, Size render, Size display, ss_error*
 
 static ss_status check_frame(const Method& method, const ss_frame& f, Size display, ss_error* error) {
     if (check_size(f.width, f.height, "the frame", error)) return SS_BAD_FRAME;
-    if (ss_status status = check_ratio(method, {f.width, f.height}, display, error)) return status;
+    const Size render = {f.width, f.height};
+    if (ss_status status = check_ratio(method, render, display, error)) return status;
     const struct {
         const char* name;
         const ss_image& image;
+        Size size;
+        int channels;
         bool needed;
-    } inputs[] = {{"color", f.color, true},
-                  {"depth", f.depth, method.reads_surfaces},
-                  {"motion", f.motion, method.reads_motion},
-                  {"reactive", f.reactive, false},
-                  {"base_color", f.base_color, method.reads_gbuffers},
-                  {"normal", f.normal, method.reads_gbuffers},
-                  {"display_base_color", f.display_base_color, method.reads_gbuffers},
-                  {"display_normal", f.display_normal, method.reads_gbuffers},
-                  {"display_depth", f.display_depth, method.reads_gbuffers}};
+    } inputs[] = {{"color", f.color, render, 3, true},
+                  {"depth", f.depth, render, 1, method.reads_surfaces},
+                  {"motion", f.motion, render, 2, method.reads_motion},
+                  {"reactive", f.reactive, render, 1, false},
+                  {"base_color", f.base_color, render, 3, method.reads_gbuffers},
+                  {"normal", f.normal, render, 3, method.reads_gbuffers},
+                  {"display_base_color", f.display_base_color, display, 3, method.reads_gbuffers},
+                  {"display_normal", f.display_normal, display, 3, method.reads_gbuffers},
+                  {"display_depth", f.display_depth, display, 1, method.reads_gbuffers}};
     for (const auto& input : inputs)
-        if (ss_status status = check_input(input.name, input.image, input.needed, error)) return status;
+        if (ss_status status = check_input(input.name, input.image, input.size, input.channels, input.needed, error))
+            return status;
     if (ss_status status = check_jitter(f.jitter, error)) return status;
     if (!(f.exposure >= 0.0f && is_finite(f.exposure)))
         return fail(error, SS_BAD_FRAME, "exposure is %g; want a number > 0, or 0 to measure it", f.exposure);
@@ -322,9 +349,28 @@ ss_status check_step(const Model& model, const StepCall& call, ss_error* error) 
         return fail(error, SS_BAD_ARGUMENT, "next_history is for frames of %d x %d; want %d x %d", after.render.width,
                     after.render.height, render.width, render.height);
     if (!outputs.image.data) return fail(error, SS_BAD_ARGUMENT, "image has no data; want an image to write to");
-    if (ss_status status = check_output("image", outputs.image, error)) return status;
-    if (ss_status status = check_output("weight", outputs.weight, error)) return status;
-    return check_output("converged", outputs.converged, error);
+    if (ss_status status = check_output("image", outputs.image, display, 3, error)) return status;
+    if (ss_status status = check_output("weight", outputs.weight, display, 1, error)) return status;
+    if (ss_status status = check_output("converged", outputs.converged, display, 1, error)) return status;
+    return check_apart(call, call, error);
+}
+
+ss_status check_apart(const StepCall& call, const StepCall& other, ss_error* error) {
+    const ss_outputs &own = call.outputs, &outputs = other.outputs;
+    const ss_frame& f = other.frame;
+    const struct {
+        const char* name;
+        const void* data;
+    } written[] = {{"image", own.image.data}, {"weight", own.weight.data}, {"converged", own.converged.data}},
+      used[] = {{"image", outputs.image.data}, {"weight", outputs.weight.data}, {"converged", outputs.converged.data},
+                {"color", f.color.data},       {"depth", f.depth.data},         {"motion", f.motion.data},
+                {"reactive", f.reactive.data}};
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < 7; j++)
+            if (written[k].data && written[k].data == used[j].data && (&call != &other || k != j))
+                return fail(error, SS_BAD_ARGUMENT, "%s is in the memory of %s%s; want memory that nothing else uses",
+                            written[k].name, used[j].name, &call == &other ? "" : " of another view");
+    return SS_OK;
 }
 
 ss_status run_step(Model& model, const StepCall& call, Canceller& canceller, bool alone) {

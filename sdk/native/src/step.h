@@ -251,8 +251,8 @@ bool show_rest(Step& step, RestWork& work, const RestHistory& before, RestHistor
 View view_of(const ss_image& image, int width, int channels);
 ss_status check_size(int width, int height, const char* name, ss_error* error);
 ss_status check_ratio(const Method& method, Size render, Size display, ss_error* error);
-ss_status check_output(const char* name, const ss_image& image, ss_error* error);
-ss_status check_input(const char* name, const ss_image& image, bool needed, ss_error* error);
+ss_status check_output(const char* name, const ss_image& image, Size size, int channels, ss_error* error);
+ss_status check_input(const char* name, const ss_image& image, Size size, int channels, bool needed, ss_error* error);
 ss_status check_jitter(const float (&jitter)[2], ss_error* error);
 ss_status check_pre_exposure(float pre_exposure, ss_error* error);
 ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out, ss_error* error);
@@ -267,6 +267,8 @@ struct StepCall {
     const ss_outputs& outputs;
 };
 ss_status check_step(const Model& model, const StepCall& call, ss_error* error);
+// checks that no output of a call begins where an image of another one, or another image of its own, begins
+ss_status check_apart(const StepCall& call, const StepCall& other, ss_error* error);
 ss_status run_step(Model& model, const StepCall& call, Canceller& canceller, bool alone);  // after `check_step`
 ss_status fail_in_view(int view, ss_status status, ss_error* error);  // puts the view in front of the message
 
@@ -280,6 +282,7 @@ ss_status run_steps(Model& model, int count, const CallOf& call_of, ss_error* er
         for (int j = 0; j < count && status == SS_OK; j++)
             if (j != k && (&call.after == &call_of(j).after || &call.after == &call_of(j).before))
                 status = fail(error, SS_BAD_ARGUMENT, "it writes to a history of view %d; want one for each view", j);
+            else if (j != k) status = check_apart(call, call_of(j), error);
         if (status != SS_OK) return count == 1 ? status : fail_in_view(k, status, error);
     }
     Canceller canceller(call_of(0).outputs.cancelled, call_of(0).outputs.user);

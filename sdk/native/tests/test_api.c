@@ -552,11 +552,12 @@ static void bad_arguments_are_named(void) {
           error.message);
     CHECK(ss_upscaler_create(model, DW, DH, &upscaler, &error) == SS_OK, "%s", error.message);
     fill(&p, 0);
-    for (int k = 0; k < 11; k++) {
+    for (int k = 0; k < 14; k++) {
         ss_frame frame = frame_of(&p, 0);
         ss_outputs outputs = outputs_of(images[0]);
-        const char* named[] = {"width",    "jitter",       "jitter",       "color", "motion", "depth",
-                               "exposure", "pre_exposure", "adds_samples", "width", "height"};
+        const char* named[] = {"width",  "jitter",         "jitter",          "color",         "motion",
+                               "depth",  "exposure",       "pre_exposure",    "adds_samples",  "width",
+                               "height", "color overlaps", "motion overlaps", "depth overlaps"};
         if (k == 0) frame.width = 3;
         if (k == 1) frame.jitter[1] = 0.7f;
         if (k == 2) frame.jitter[0] = NAN;
@@ -568,8 +569,25 @@ static void bad_arguments_are_named(void) {
         if (k == 8) frame.adds_samples = 0.5f;
         if (k == 9) frame.width = DW + 1;
         if (k == 10) frame.height = DH + 1;
+        if (k == 11) frame.color.row_stride = W; /* in pixels */
+        if (k == 12) frame.motion.pixel_stride = 2, frame.motion.channel_stride = 1;
+        if (k == 13) frame.depth.row_stride = -4 * W + 1;
         CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_FRAME, "case %d", k);
         CHECK(strstr(error.message, named[k]), "case %d: %s", k, error.message);
+    }
+    for (int k = 0; k < 5; k++) {
+        ss_frame frame = frame_of(&p, 0);
+        ss_outputs outputs = outputs_of(images[0]);
+        const char* said[] = {"image overlaps itself: its strides are 876, 4, 4", "image has no data",
+                              "image is in the memory of weight", "image is in the memory of depth",
+                              "weight has the type"};
+        if (k == 0) outputs.image.pixel_stride = 4, outputs.image.row_stride = sizeof *images[0] * DW * 3;
+        if (k == 1) outputs.image.data = NULL;
+        if (k == 2) outputs.weight.data = images[0];
+        if (k == 3) outputs.image.data = p.depth;
+        if (k == 4) outputs.weight.data = images[1], outputs.weight.type = (ss_type)3;
+        CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_ARGUMENT, "case %d", k);
+        CHECK(strstr(error.message, said[k]), "case %d: %s", k, error.message);
     }
     ss_upscaler_destroy(upscaler);
     ss_model_destroy(model);
@@ -687,6 +705,18 @@ static void histories_of_another_model_are_refused(void) {
         CHECK(ss_run(models[0], &frame, own[0], others[k], &outputs, &error) == SS_BAD_ARGUMENT, "%s", names[k + 1]);
     }
     CHECK(ss_run(models[0], &frame, own[0], own[1], &outputs, &error) == SS_OK, "%s", error.message);
+    const ss_frame frames[] = {frame, frame};
+    const ss_outputs same[] = {outputs, outputs};
+    const ss_history* before[] = {own[0], own[0]};
+    ss_history* after[] = {own[1], own[1]};
+    CHECK(ss_run_many(models[0], frames, before, after, same, 2, &error) == SS_BAD_ARGUMENT, "one next history");
+    CHECK(strstr(error.message, "view 0: it writes to a history of view 1"), "%s", error.message);
+    CHECK(ss_history_create(models[0], DW, DH, W, H, &after[0], &error) == SS_OK, "%s", error.message);
+    CHECK(ss_run_many(models[0], frames, before, after, same, 2, &error) == SS_BAD_ARGUMENT, "one image");
+    CHECK(strstr(error.message, "view 0: image is in the memory of image of another view"), "%s", error.message);
+    ss_history_destroy(after[0]);
+    CHECK(ss_history_read(NULL, 0, image[0][0], &error) == SS_BAD_ARGUMENT, "NULL is a history");
+    CHECK(ss_history_write(own[0], 0, NULL, &error) == SS_BAD_ARGUMENT, "NULL is values");
     for (int k = 0; k < 2; k++) ss_history_destroy(own[k]), ss_history_destroy(others[k]);
     for (int k = 0; k < 3; k++) ss_model_destroy(models[k]);
 }
@@ -751,6 +781,9 @@ static void the_temporal_filter_averages_frames(void) {
     CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "samples"), "%s",
           error.message);
     CHECK(ss_filter_temporal(NULL, &error) == SS_BAD_ARGUMENT, "NULL is a filter");
+    filter.samples = 4.0f, filter.exposure = NAN;
+    CHECK(ss_filter_temporal(&filter, &error) == SS_BAD_ARGUMENT && strstr(error.message, "exposure nan"), "%s",
+          error.message);
 }
 
 /* Ids are never blended, become as detailed as the display, and follow what moves. */

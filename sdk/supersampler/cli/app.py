@@ -84,6 +84,8 @@ class Commands(TyperGroup):
             line = _line(error)
             if line is None or ctx.params.get("debug"):
                 raise
+            if isinstance(error, ArgumentError):
+                line = _with_option(line, self.get_command(ctx, ctx.invoked_subcommand or ""))
             echo(f"error: {line}", err=True)
             raise typer.Exit(2 if isinstance(error, ArgumentError) else 1) from None
         except KeyboardInterrupt:
@@ -130,6 +132,14 @@ def _line(error: Exception) -> str | None:
         return None
     install = f'pip install "supersampler[{EXTRAS[package]}]"'
     return f"this command needs {package}, which is not installed. Install it: {install}"
+
+
+def _with_option(line: str, command: Any) -> str:
+    """Return an error about an argument with the name of the command's option for it, if there is one."""
+    name = line.partition(" ")[0].partition("[")[0]
+    options = {each.name: each.opts[-1] for each in command.params if each.opts[-1].startswith("--")}
+    option = options.get("channels" if name == "channel_map" else name)
+    return line if option is None else option + line.removeprefix(name)
 
 
 def _interrupt(number: int, _: FrameType | None) -> None:

@@ -98,7 +98,17 @@ DISPLAY_OPTIONS = ("ocio", "display", "view", "look", "exposure")
 ImageFormat = StrEnum("ImageFormat", ["exr", "png", "tif"])
 Format = StrEnum("Format", ["exr", "png", "tif", "mp4"])
 
-OutputOption = Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")]
+
+def _output_folder(text: str) -> Path:
+    if not text:  # as of an unset variable of a shell; the path would be the current folder
+        raise ValueError("'' is no folder")
+    return Path(text)
+
+
+OutputOption = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="FOLDER", parser=_output_folder, help="Folder to write."),
+]
 FramesOption = Annotated[
     str | None,
     typer.Option(metavar="FIRST-LAST", help="Numbers of the frames to write: 10-50.", show_default="all"),
@@ -140,23 +150,18 @@ def open_with(
         guides: see `import_blender`; other layouts ignore it.
 
     Raises:
-        ArgumentError: an option is wrong, or the layout does not use it. The error has the option's name.
+        ArgumentError: an option is wrong, or the layout does not use it.
         ShotError: see `open_source`.
     """
-    from supersampler.io.shot.sources import layout_of, open_source
+    from supersampler.io.shot.sources import open_source
 
     layout, given = options["layout"], {name: options[name] for name in SOURCE_OPTIONS[1:]}
     if (channels := given.pop("channels")) is not None:
         layout, given["channel_map"] = "channels", _json_object(str(channels), "--channels")
     for name, parse in (("conventions", _conventions), ("cuts", _indices)):
         given[name] = None if given[name] is None else parse(given[name])
-    try:
-        arguments = {name: value for name, value in given.items() if value is not None}
-        if guides != "surface" and layout_of(source, layout, arguments) == "blender":
-            arguments["guides"] = guides
-        return open_source(source, layout=layout, frames=frames, **arguments)
-    except ArgumentError as error:
-        raise _with_option(error, [*given, "channel_map"]) from error
+    arguments = {name: value for name, value in given.items() if value is not None}
+    return open_source(source, layout=layout, frames=frames, guides=guides, **arguments)
 
 
 def source_of(options: dict[str, Any]) -> dict[str, str]:
@@ -184,20 +189,30 @@ def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
     return notes
 
 
+def unused_options(options: dict[str, Any], formats: Collection[str]) -> list[str]:
+    """Return lines to print about given options that other options make useless.
+
+    `formats` are those of the results.
+    """
+    compare = options["compare"]
+    needed = {} if compare or {*formats} != {"exr"} else dict.fromkeys(DISPLAY_OPTIONS, "another --format")
+    needed |= {} if compare else {"maps": "--compare"}
+    needed |= {} if options["passes"] == 2 else {"scratch": "--passes 2"}
+    given = [name for name in needed if options.get(name) not in (None, False)]
+    return [f"--{name} has no effect without {needed[name]}." for name in given]
+
+
 def display_transform_of(color_space: str, *, srgb: bool, options: dict[str, Any]) -> "DisplayTransform":
     """Return the display transform of DISPLAY_OPTIONS; other `options` are ignored.
 
     Raises:
-        ArgumentError: see `display_transform_from`. The error has the option's name.
+        ArgumentError: see `display_transform_from`.
         ShotError: the configuration cannot be read.
     """
     from supersampler.io.display_transforms import display_transform_from
 
     given = {name: options[name] for name in DISPLAY_OPTIONS}
-    try:
-        return display_transform_from(color_space=color_space, srgb=srgb, **given)
-    except ArgumentError as error:
-        raise _with_option(error, [*given, "color_space"]) from error
+    return display_transform_from(color_space=color_space, srgb=srgb, **given)
 
 
 def parse_size(text: str, option: str = "size") -> Size:
@@ -217,14 +232,6 @@ def parse_providers(text: str) -> str | list[str]:
 def size_text(size: Sequence[int] | None) -> str:
     """Format (1920, 1080) as "1920x1080", and None as "none"."""
     return "none" if size is None else f"{size[0]}x{size[1]}"
-
-
-def _with_option(error: ArgumentError, arguments: Sequence[str]) -> ArgumentError:
-    """Return the error about one of these arguments with the name of its option; others unchanged."""
-    if error.name not in arguments:
-        return error
-    option = "channels" if error.name == "channel_map" else error.name.replace("_", "-")
-    return ArgumentError(f"--{option}", got=error.got, want=error.want, hint=error.hint)
 
 
 def _conventions(text: str) -> Conventions:

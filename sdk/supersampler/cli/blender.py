@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from supersampler.cli.arguments import Compare, Format, parse_size
+from supersampler.cli.arguments import Compare, Format, OutputOption, parse_size
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ArgumentError
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def blender(
     scene_file: Annotated[Path, typer.Argument(metavar="SCENE.blend", help="The file; it is never written.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    output: OutputOption,
     frames: Annotated[
         str | None, typer.Option(metavar="FIRST-LAST", help="Frames, 1-48.", show_default="the scene's")
     ] = None,

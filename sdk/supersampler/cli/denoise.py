@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from supersampler.cli import arguments
-from supersampler.cli.arguments import open_with, source_notes, source_of
+from supersampler.cli.arguments import open_with, source_notes, source_of, unused_options
 from supersampler.cli.terminal import Terminal, echo
 
 _JOB_OPTIONS = (
@@ -94,7 +94,8 @@ def denoise(
     for part, opened, note in parts_of(numbers, open_frames, passes):
         images = image_options(opened, given)
         copied = copied_ids(opened) if "exr" in images.formats else []
-        for line in (*filter(None, [note]), *source_notes(opened, copied)):
+        notes = *source_notes(opened, copied), *unused_options(given, images.formats)
+        for line in (*filter(None, [note]), *notes):
             console.print(line, soft_wrap=True)
         job = DenoiseJob(
             shot=opened, source=source_of(given), images=images, numbers=part,

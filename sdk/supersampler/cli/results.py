@@ -35,7 +35,7 @@ from supersampler.io.files import (
 )
 from supersampler.io.images import Bytes, Channel, Metadata
 from supersampler.io.json_files import read_json
-from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, aov_channels, is_frame_range
+from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, NAME, aov_channels, is_frame_range
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.video import check_video_encoder
 
@@ -50,8 +50,6 @@ READ = "frames read"
 DEMO: Mapping[str, str] = {"command": "demo"}
 """SOURCE of a run of `supersampler demo`. Another demo replaces its files."""
 FORMATS = ("exr", "png", "tif")
-NAME = re.compile(r"(?!\.)[^/\\:*?\"<>|#\x00-\x1f]*#+[^/\\:*?\"<>|#\x00-\x1f]*")
-"""Names of images without extension. One run of # stands for the number and gives its minimum of digits."""
 _FRAME_FILES = re.compile(
     rf"(?:(?P<folder>{'|'.join(FORMATS)})/)?{NAME.pattern}\.(?P<format>{'|'.join(FORMATS)})"
 )
@@ -318,7 +316,8 @@ def read_run_record(folder: Path, name: str = FILE_NAME) -> RunRecord | None:
         return None
     if not is_regular(path):
         raise _foreign(path, "is not a regular file")
-    content = read_json(path)
+    text = json.dumps(read_json(path), ensure_ascii=False)
+    content = json.loads(os.fsdecode(text.encode()))  # text as in this locale's paths
     files = content.pop("files", None) if isinstance(content, dict) else None
     if not isinstance(files, dict):
         problem = "does not list the files of its run: it is of an earlier version, or of something else"
@@ -460,7 +459,7 @@ class Results:
         """Write the record with these files; `settings` None keeps its settings."""
         record = RunRecord(self.record.settings if settings is None else settings, files)
         content = {**record.settings, "files": dict(files)}
-        write_text(self.folder / record.file_name, json.dumps(content, indent=2) + "\n")
+        write_text(self.folder / record.file_name, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
         self.record = record
 
     def _is_own_name(self, name: str, listed: Collection[str]) -> bool:

@@ -124,7 +124,7 @@ def import_shot(
             metavar="SOURCE", help="Folder of frames, pattern such as beauty.####.exr, or .safetensors."
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="SHOT", help="Folder to write.")],
+    output: arguments.OutputOption,
     layout: arguments.LayoutOption = "auto",
     layer: arguments.ViewLayerOption = None,
     jitter: arguments.JitterOption = None,

@@ -6,12 +6,13 @@ Control codes and markup in the names of other people's files have no effect.
 import json
 import time
 import warnings
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import Any, Self
 
 import typer
 from rich.console import Console
+from rich.segment import Segment
 
 from supersampler.errors import FrameWarning, printable
 
@@ -30,10 +31,43 @@ class Terminal(Console):
     def __init__(self, *, stderr: bool = False) -> None:
         super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
 
-    def print(self, *objects: Any, **options: Any) -> None:
-        """Print text or renderables."""
-        safe = ["\n".join(map(printable, o.split("\n"))) if isinstance(o, str) else o for o in objects]
-        super().print(*safe, **options)
+    def render(self, *arguments: Any, **options: Any) -> Iterator[Segment]:
+        """Yield the segments of text or of a table, without unprintable characters."""
+        for segment in super().render(*arguments, **options):
+            lines = map(printable, segment.text.split("\n"))
+            yield segment if segment.control else segment._replace(text="\n".join(lines))
+
+
+@contextmanager
+def counted(
+    console: Terminal, text: str, total: int, done: int = 0, *, resumes: bool = False
+) -> Iterator[Callable[[], None]]:
+    """Show a progress bar on a terminal, or lines elsewhere; yield a function to call after each step.
+
+    `done` steps are from an earlier run. If the same command `resumes` a stopped run, Ctrl-C prints that.
+    """
+    from rich import progress  # --help does not need it
+
+    columns = [progress.TextColumn("{task.description}"), progress.BarColumn()]
+    columns += [progress.MofNCompleteColumn(), progress.TimeRemainingColumn()]
+    on_terminal = console.is_terminal
+    with progress.Progress(*columns, console=console, transient=not resumes, disable=not on_terminal) as bar:
+        task = bar.add_task(text, total=total, completed=done)
+        logged = time.monotonic()
+
+        def advance() -> None:
+            nonlocal logged
+            bar.advance(task)
+            if not on_terminal and time.monotonic() - logged >= LOG_SECONDS:
+                logged = time.monotonic()
+                console.print(f"{text}: {bar.tasks[0].completed:.0f} of {total}", soft_wrap=True)
+
+        try:
+            yield advance
+        except KeyboardInterrupt:
+            if resumes:
+                console.print("Stopped. Run the same command to resume.", soft_wrap=True)
+            raise
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import typer
 
 from supersampler.arguments import AtRest, Precision, PresetName, Validate
 from supersampler.cli import arguments
-from supersampler.cli.arguments import display_transform_of, open_with, source_notes, source_of
+from supersampler.cli.arguments import display_transform_of, open_with, source_notes
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ArgumentError
 
@@ -150,9 +150,9 @@ def upscale(
 
     given = dict(locals())
     if method is not None and model is not None:
-        raise ArgumentError("--method and --model", got="both given", want="one of the two")
+        raise ArgumentError("--method", got="given with --model", want="one of the two")
     if display_size is not None and scale is not None:
-        raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
+        raise ArgumentError("--scale", got="given with --display-size", want="one of the two")
     if record is not None and passes > 1:
         raise ArgumentError("--record", got="given with --passes 2", want="one pass, in order")
     numbers = None if frames is None else FrameRange.parse(frames, "--frames")
@@ -162,12 +162,14 @@ def upscale(
         opened = open_with(shot, given)
     else:
         opened, note = open_for(numbers, preroll, partial(open_with, shot, given), passes)
-    for line in (*filter(None, [note]), *source_notes(opened)):
+    written = image_options(opened, given)
+    unused = arguments.unused_options(given, written.formats)
+    for line in (*filter(None, [note]), *source_notes(opened), *unused):
         console.print(line, soft_wrap=True)
     job = UpscaleJob(
         shot=opened,
-        source=source_of(given),
-        images=image_options(opened, given),
+        source=arguments.source_of(given),
+        images=written,
         numbers=numbers,
         model=model or method,
         display_size=size,
@@ -197,8 +199,8 @@ def image_options(shot: "Shot", options: dict[str, Any]) -> "ImageOptions":
     same = srgb and stored.format in ("png", "tif")
     return ImageOptions(
         formats=[str(item) for item in options["format"] or [stored.format if same else "exr"]],
-        name=name_pattern(shot.info.file_names if options["name"] is None else options["name"]),
-        transform=display_transform_of(space or REC709, srgb=srgb, options=options),
+        name=shot.info.file_names if options["name"] is None else name_pattern(options["name"]),
+        transform=display_transform_of(REC709 if space is None else space, srgb=srgb, options=options),
         compression=options["compression"],
         bits=16 if same and stored.type == "uint16" else 8,
         color_space=space,

@@ -85,7 +85,7 @@ class UpscaleJob(FrameJob):
         return Upscaler(
             model,
             display_size=size,
-            scale=None if size else self.scale or info.only_ratio or 2.0,
+            scale=None if size else (info.only_ratio or 2.0) if self.scale is None else self.scale,
             render_size=self.shot.render_size,
             providers=self.providers,
             threads=self.threads,

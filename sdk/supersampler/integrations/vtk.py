@@ -5,7 +5,6 @@ text are then rendered at full size on top, against the depth of the small rende
 window shows the mean of full-size renders. Every other frame is rendered as without supersampling.
 """
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,14 +12,13 @@ from time import perf_counter
 from typing import Any
 from weakref import WeakKeyDictionary, ref
 
-from vtkmodules.vtkRenderingCore import vtkRenderer
 from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLRenderWindow
 
 from supersampler.arguments import checked_scale, ieee_arithmetic
-from supersampler.errors import ArgumentError, shown
+from supersampler.errors import ArgumentError, shown, warn
 from supersampler.frame import Frame
 from supersampler.integrations.vtk_pixels import WindowPixels
-from supersampler.integrations.vtk_scene import visible
+from supersampler.integrations.vtk_scene import is_composed, visible
 from supersampler.integrations.vtk_viewport import STILL_RENDERS, Mode, ViewportHistory, changed
 from supersampler.methods.model_info import ModelInfo
 from supersampler.model import Model
@@ -31,7 +29,9 @@ _MAX_SHARE = 0.9  # of that time; above it upscaling does not pay
 _NEW = 0.3  # weight of the last time in the mean
 _MIN_SAMPLES = 4  # multi-samples of plain renders
 _DELAY = 10  # ms between renders at rest, for the events of the window
-_PAUSE = 100  # ms after a frame that moved, as the next one may move, too
+_PAUSE = 100  # ms after a frame that moved or changed, as the next one may, too
+_EARLY = 0.9e-3  # seconds after which a timer of 1 ms counts as ended: timers may be early
+_FIRST = 1.0  # priority of observers: others see the image of the frame
 _enabled: "WeakKeyDictionary[Any, ref[SupersampledWindow]]" = WeakKeyDictionary()  # by window
 
 
@@ -117,13 +117,15 @@ class SupersampledWindow:
     2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
     Colours are display values, as VTK blends and resolves them.
 
-    Frames are plain, too, where a renderer has a render pass, a projection matrix of the program, or is not
-    in layer 0, and for stereo and tiles. Where upscaling is measured not to pay, frames that move are plain;
-    a warning says so. An exception while a frame is upscaled leaves a plain image, too.
+    Frames are plain, too, where a renderer has a render pass, FXAA, SSAO, shadows, or a projection matrix of
+    the program, keeps what it has drawn before, or is not in layer 0, and for stereo and tiles. Where
+    upscaling is measured not to pay, frames that move are plain; a warning says so. An exception while a
+    frame is upscaled leaves a plain image, too.
 
     Attributes:
         viewports: the history of each renderer.
         pace: times of frames, and the scale that is chosen by them.
+        is_bypassed: whether frames that move are plain, as upscaling does not pay.
 
     Args:
         window: a `vtkRenderWindow` with OpenGL. This object replaces another one that supersamples it.
@@ -159,25 +161,34 @@ class SupersampledWindow:
         if earlier is not None:
             earlier.disable()
         self._wake_up = wake
-        self._window, self._nested, self._out = window, False, False
+        self._window, self._nested, self.is_bypassed = window, False, False
         pixels = WindowPixels(window)
         self.viewports = tuple(ViewportHistory(window, r, pixels, loaded) for r in self._renderers)
         self._modes: tuple[tuple[ViewportHistory, Mode], ...] = ()  # while a frame is rendered
         self._stack = ExitStack()  # restores what was changed for the frame
         self._began = self._ended = 0.0  # times of the last frame
         self._timed: Any = None  # interactor whose timer renders on at rest
-        self._timer: int | None = None  # the one that is running
-        self._given_samples = window.GetMultiSamples()
+        self._due: float | None = None  # time at which the timer that is running ends; None: none is
+        self._given_samples = int(window.GetMultiSamples())
         _enabled[window] = ref(self)
         self._observers = [
-            window.AddObserver("StartEvent", lambda *_: self._before_render()),
-            window.AddObserver("EndEvent", lambda *_: self._after_render()),
-        ]
+            self._observe("StartEvent", self._before_render), self._observe("EndEvent", self._after_render)
+        ]  # fmt: skip
 
-    @property
-    def is_out(self) -> bool:
-        """Whether frames that move are plain because upscaling does not pay."""
-        return self._out
+    def _observe(self, event: str, react: Callable[[], None]) -> int:
+        """Have a method called at an event of the window, before other observers, which see one per frame."""
+
+        def observe(*_: Any) -> None:
+            try:
+                if not self._is_left_alone:
+                    react()
+            finally:
+                command = self._window.GetCommand(tag)  # kept, it would be a cycle that Python cannot free
+                if command is not None:  # else the method has removed it
+                    command.SetAbortFlag(self._nested)  # of a render that this object started
+
+        tag: int = self._window.AddObserver(event, observe, _FIRST)
+        return tag
 
     @property
     def is_converged(self) -> bool:
@@ -188,7 +199,7 @@ class SupersampledWindow:
         """Render until the image has converged, as before a screenshot."""
         for _ in range(2 + STILL_RENDERS):
             self._window.Render()
-            if self.is_converged:
+            if self.is_converged or self._is_special():
                 break
 
     def reset(self) -> None:
@@ -208,9 +219,9 @@ class SupersampledWindow:
 
     @property
     def _samples(self) -> int:
-        """Multi-samples of plain renders; depth peeling works with the program's own number only."""
+        """Multi-samples of plain renders; with them, VTK's depth peeling loses translucent surfaces."""
         peels = any(renderer.GetUseDepthPeeling() for renderer in self._renderers)
-        return int(self._given_samples if peels else max(_MIN_SAMPLES, self._given_samples))
+        return 0 if peels else max(_MIN_SAMPLES, self._given_samples)
 
     @property
     def _is_left_alone(self) -> bool:
@@ -219,8 +230,6 @@ class SupersampledWindow:
 
     @ieee_arithmetic
     def _before_render(self) -> None:
-        if self._is_left_alone:
-            return
         self._began = perf_counter()
         self._stack.close()
         self._modes = ()
@@ -230,18 +239,18 @@ class SupersampledWindow:
             return
         viewports = [viewport for viewport in self.viewports if viewport.has_pixels]
         modes = [viewport.mode() for viewport in viewports]
-        if "moved" in modes and (self._out or not any(v.has_surfaces for v in viewports)):
+        can_upscale = self.pace.is_timed and not self.is_bypassed and any(v.has_surfaces for v in viewports)
+        if "changed" in modes or ("moved" in modes and not can_upscale):
             return
-        is_timed = self.pace.is_timed or "moved" not in modes
-        if "plain" in modes or not is_timed:
-            modes = ["plain" for _ in modes]
+        if "first" in modes:
+            modes = ["first" for _ in modes]
         if modes:
             self._begin(tuple(zip(viewports, modes, strict=True)))
 
     def _begin(self, modes: tuple[tuple[ViewportHistory, Mode], ...]) -> None:
         """Prepare window and renderers for all that lies below 2D props and other renderers."""
         self._modes = modes
-        self._window.SetMultiSamples(self._samples if self._shows("plain") else 0)
+        self._window.SetMultiSamples(self._samples if self._shows("first") else 0)
         with ExitStack() as stack:
             stack.enter_context(changed(self._window, "SwapBuffers", 0))
             for renderer in self._others():
@@ -259,41 +268,34 @@ class SupersampledWindow:
 
     @ieee_arithmetic
     def _after_render(self) -> None:
-        if self._is_left_alone:
-            return
         if not self._modes:
             self._watch()
             return
         self._nested = True
         try:
             with self._stack:
-                frames = self._read()
+                moved = [viewport for viewport, mode in self._modes if mode == "moved"]
+                for viewport in moved:
+                    viewport.read()
+                frames = {viewport: viewport.frame() for viewport in moved}  # None: it jumped
             if None in frames.values():
                 self._render_plain()
-                frames = {}
-            self._show(frames)
+            else:
+                self._show(frames)
         except Exception:
             self.reset()
             self._render_plain()
-            self._show({})
             raise
         finally:
             self._nested = False
         self._time()
-        self._ended = perf_counter()
-        self._wake()
-
-    def _read(self) -> dict[ViewportHistory, Frame | None]:
-        """Return the frames of viewports that have moved; None where the camera has jumped."""
-        moved = [viewport for viewport, mode in self._modes if mode == "moved"]
-        for viewport in moved:
-            viewport.read()
-        return {viewport: viewport.frame() for viewport in moved}
+        self._end()
 
     def _render_plain(self) -> None:
-        self._begin(tuple((viewport, "plain") for viewport, _ in self._modes))
-        with self._stack:
-            self._window.Render()
+        """Render as without supersampling, in place of what was rendered for this frame."""
+        self._modes = ()
+        self._window.SetMultiSamples(self._samples)
+        self._window.Render()
 
     def _show(self, frames: Mapping[ViewportHistory, Frame | None]) -> None:
         for viewport, mode in self._modes:
@@ -301,7 +303,7 @@ class SupersampledWindow:
                 viewport.upscale(frame)
             else:
                 viewport.average(mode, max(1, self._samples))
-        if not self._shows("plain"):
+        if not self._shows("first"):
             lines = any(viewport.has_lines_on_top(mode) for viewport, mode in self._modes)
             lines = lines or any(renderer.GetDraw() and visible(renderer) for renderer in self._others())
             self._window.SetMultiSamples(self._samples if lines else 0)
@@ -313,8 +315,6 @@ class SupersampledWindow:
             for viewport, mode in self._modes:
                 viewport.show(mode, stack)
             self._window.Render()
-        for viewport, _ in self._modes:
-            viewport.finish()
 
     def _is_special(self) -> bool:
         """Return whether this frame has to be rendered as without supersampling."""
@@ -323,7 +323,7 @@ class SupersampledWindow:
         return bool(
             window.GetStereoRender()
             or window.GetTileScale() != (1, 1)
-            or any(renderer.GetPass() or renderer.GetLayer() for renderer in renderers)
+            or any(map(is_composed, renderers))
             or any(camera.GetUseExplicitProjectionTransformMatrix() for camera in cameras)
         )
 
@@ -335,51 +335,55 @@ class SupersampledWindow:
         if self._window.GetOffScreenRendering():
             if self._wake_up is not None:
                 self._wake_up(self._pause)
-        elif self._timer is None and interactor is not None and interactor.GetInitialized():
+        elif self._due is None and interactor is not None and interactor.GetInitialized():
             if self._timed is not interactor:
                 self._timed = interactor
                 interactor.AddObserver("TimerEvent", lambda *_: self._on_timer())
-            self._timer = interactor.CreateOneShotTimer(self._pause)
+            interactor.CreateOneShotTimer(self._pause)
+            self._due = perf_counter() + _EARLY * self._pause
 
     @property
     def _pause(self) -> int:
         """Time in ms from the last frame to the next one at rest."""
-        return _PAUSE if self._shows("moved") else _DELAY
+        return _DELAY if self._modes and not self._shows("moved") else _PAUSE
 
     def _on_timer(self) -> None:
-        if self._timer is None or not self._observers:
-            return
-        self._timer = None
-        if 1000.0 * (perf_counter() - self._ended) >= 0.9 * self._pause:
+        now = perf_counter()
+        if self._due is None or now < self._due or not self._observers:
+            return  # it was another timer of the program
+        self._due = None
+        if now - self._ended >= _EARLY * self._pause:
             self._window.Render()
         else:
             self._wake()  # a frame was rendered since the timer was started
 
     def _time(self) -> None:
         """Record the time of the frame; switch upscaling off if it does not pay."""
-        seconds = perf_counter() - self._began
-        if not self._shows("plain") and not self._shows("still"):
-            self.pace.add(self.pace.scale, seconds)
-        elif not self._shows("moved") and self._shows("plain"):
-            self.pace.add(None, seconds)
-        if not self._out and not self.pace.pays:
-            self._out = True
+        if self._shows("moved") and not self._shows("still"):
+            self.pace.add(self.pace.scale, perf_counter() - self._began)
+        if not self.is_bypassed and not self.pace.pays:
+            self.is_bypassed = True
             plain, moved = 1000.0 * (self.pace.plain or 0.0), 1000.0 * self.pace.moved
-            warnings.warn(
+            message = (
                 f"upscaling does not pay here: a frame that moves takes {moved:.0f} ms with it, {plain:.0f} "
-                "ms without. It is off until frames take longer; force=True keeps it on.",
-                stacklevel=2,
-            )  # fmt: skip
+                "ms without. It is off until frames take longer; force=True keeps it on."
+            )
+            warn(UserWarning(message))
 
     def _watch(self) -> None:
-        """Upscale again when plain frames take twice as long as upscaled ones did."""
+        """Time a plain frame; upscale again when it takes twice as long as upscaled ones did."""
+        if not self._is_special():
+            self._window.WaitForCompletion()
+            seconds = perf_counter() - self._began
+            self.pace.add(None, seconds)
+            if self.is_bypassed and seconds > 2.0 * self.pace.moved:
+                self.is_bypassed = False
+                self.pace.restart()
+        self._end()
+
+    def _end(self) -> None:
         for viewport in self.viewports:
             viewport.finish()
-        if self._out:
-            self._window.WaitForCompletion()
-            if perf_counter() - self._began > 2.0 * self.pace.moved:
-                self._out = False
-                self.pace.restart()
         self._ended = perf_counter()
         if not self._is_special():
             self._wake()
@@ -393,8 +397,7 @@ def _checked_renderers(window: Any, renderers: Iterable[Any]) -> tuple[Any, ...]
     """
     if not isinstance(window, vtkOpenGLRenderWindow):
         raise ArgumentError("window", got=shown(window), want="a vtkRenderWindow with OpenGL")
-    found = [renderers] if isinstance(renderers, vtkRenderer) else renderers
-    found = tuple(found) if isinstance(found, Iterable) else (found,)
+    found = tuple(renderers) if isinstance(renderers, Iterable) else (renderers,)
     of_window = list(window.GetRenderers())
     strangers = [one for one in found if one not in of_window]
     if strangers or not found:

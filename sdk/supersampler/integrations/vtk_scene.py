@@ -25,11 +25,14 @@ _GENERATED = ("vtkCubeAxesActor", "vtkAxisActor", "vtkPolarAxesActor")  # actors
 _MIN_VOLUME = 1e-9  # of what a matrix makes of a cube, relative to its edges; below it, it is flat
 _UPRIGHT = ("vtkTextActor", "vtkScalarBarActor", "vtkCornerAnnotation", "vtkLegendBoxActor")
 _SURFACE_TEXTURES = ("albedoTex", "materialTex", "normalTex", "emissiveTex", "anisotropyTex", "coatNormalTex")
+_COMPOSING = (
+    "Layer", "Pass", "PreserveColorBuffer", "PreserveDepthBuffer", "UseFXAA", "UseShadows", "UseSSAO"
+)  # fmt: skip
 _RENDERER_LOOKS = (
     "Ambient", "Background", "Background2", "BackgroundAlpha", "EnvironmentRight", "EnvironmentUp",
     "GradientBackground", "GradientMode", "MaximumNumberOfPeels", "OcclusionRatio", "TexturedBackground",
     "TwoSidedLighting", "UseDepthPeeling", "UseDepthPeelingForVolumes", "UseHiddenLineRemoval",
-    "UseImageBasedLighting", "UseSphericalHarmonics",
+    "UseImageBasedLighting", "UseOIT", "UseSphericalHarmonics",
 )  # fmt: skip
 
 
@@ -192,7 +195,7 @@ def is_upscaled(prop: Any) -> bool:
     look = prop.GetProperty()
     if look.GetRepresentation() != _SURFACE or look.GetEdgeVisibility() or look.GetVertexVisibility():
         return False
-    if prop.GetMapper().IsA("vtkPointGaussianMapper") or any(prop.IsA(name) for name in _GENERATED):
+    if prop.GetMapper().IsA("vtkPointGaussianMapper") or _is_generated(prop):
         return False
     return not any(m.GetNumberOfLines() or m.GetNumberOfVerts() for m in _meshes(prop.GetMapper()))
 
@@ -209,7 +212,21 @@ def has_oblique_lines(prop: Any) -> bool:
 
 def _has_motion(prop: Any) -> bool:
     """Return whether the motion of a prop follows from its matrix."""
-    return isinstance(prop, (vtkActor, vtkVolume)) and not isinstance(prop, vtkFollower)
+    return (
+        isinstance(prop, (vtkActor, vtkVolume))
+        and not isinstance(prop, vtkFollower)
+        and not _is_generated(prop)
+    )
+
+
+def _is_generated(prop: Any) -> bool:
+    """Return whether a prop makes its lines and text itself, without a mapper."""
+    return any(prop.IsA(name) for name in _GENERATED)
+
+
+def is_composed(renderer: Any) -> bool:
+    """Return whether an image is more than a render of props: it keeps what was there, or is filtered."""
+    return not renderer.GetErase() or any(_value(renderer, name) for name in _COMPOSING)
 
 
 def _is_translucent(prop: Any) -> bool:

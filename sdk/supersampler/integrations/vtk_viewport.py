@@ -23,7 +23,9 @@ from supersampler.integrations.vtk_scene import (
 from supersampler.model import Model
 from supersampler.upscaler import Upscaler
 
-Mode = Literal["plain", "still", "moved"]
+Mode = Literal["changed", "first", "still", "moved"]
+"""How a frame is rendered: as without supersampling; at full size, to begin the mean of a view at rest, or
+with jitter, to continue it; small and upscaled."""
 STILL_RENDERS = 16
 """Jittered full-size renders in the mean of a view at rest."""
 _STILL_SCALE = 2.0  # their jitter is that of this scale: a longer sequence than that of scale 1
@@ -142,17 +144,18 @@ class ViewportHistory:
         is_other = before is None or before.size != view.size or self._looks != appearance(self._renderer)
         if before is None or is_other or not view.knows_motion(before):
             self._upscaled = self._sum = None
-            return "plain"
+            return "changed"
         if not view.is_same(before):
             self._sum = None
             return "moved"
-        return "plain" if self._sum is None else "still"
+        return "first" if self._sum is None else "still"
 
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
         """Prepare the renderer for a frame; `stack` restores it."""
         stack.callback(self.configure, None)
         if mode == "moved" and self._view is not None:
-            if self._upscaled is None:  # one sample of each pixel is better than one of four
+            # without history, one sample of each pixel is better than one of four
+            if self._upscaled is None or min(self._part[2:]) < 2.0 * scale:
                 scale = 1.0
             left, bottom, right, top = self._renderer.GetViewport()
             small = left + (right - left) / scale, bottom + (top - bottom) / scale
@@ -209,8 +212,8 @@ class ViewportHistory:
         self._upscaled = self._small
 
     def average(self, mode: Mode, samples: int) -> None:
-        """Add a full-size render to the mean of the view at rest; a plain one of some samples begins it."""
-        if mode == "plain":
+        """Add a full-size render to the mean of the view at rest; the first one has some samples."""
+        if mode == "first":
             self._sum = self._pixels.read_color(self._part) * np.float32(samples)
             self._weight, self.renders = samples, 0
             self._depth = self._pixels.read_depth(self._part)

@@ -53,6 +53,8 @@ def os_errors_as_shot_error(path: Path | str, action: str = "read", hint: str = 
     except ShotError:
         raise
     except OSError as error:
+        if isinstance(error, FileExistsError | NotADirectoryError):
+            hint = "A file has the name of the folder."
         raise ShotError(path, f"cannot be {action} ({error})", hint) from error
 
 

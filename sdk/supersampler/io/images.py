@@ -38,7 +38,7 @@ FORMATS = tuple(_MAGIC)
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
 _TOO_LARGE = "Write a smaller image; if it is smaller, its header is damaged: copy the file again."
 _SIGNS_OF_DAMAGE = re.compile(
-    r"end of file|READ_IO|corrupt|truncat|CRC|read error|cannot read", re.IGNORECASE
+    r"end of file|READ_IO|SIZE_MISMATCH|corrupt|truncat|CRC|read error|cannot read", re.IGNORECASE
 )
 """Words in the decoders' messages about truncated or corrupt files."""
 
@@ -116,9 +116,11 @@ def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator
                 begins = file.read(4)
             kind = next((kind for kind in formats if begins in _MAGIC[kind]), None)
             if kind is None:
-                listed = " or ".join(kind.upper() for kind in formats)
+                *others, last = (kind.upper() for kind in formats)
+                listed = f"{', '.join(others)} or {last}" if others else last
                 hint = f"Write it as {listed}; its name does not decide." if any(begins) else _DAMAGED
-                raise ShotError(path, f"is not an {listed} image (it begins with {begins!r})", hint)
+                problem = f"is not an {listed} image (it begins with {begins!r})" if begins else "is empty"
+                raise ShotError(path, problem, hint)
             as_stored = ImageSpec()
             as_stored.attribute("oiio:UnassociatedAlpha", 1)
             source = ImageInput.open(files.utf8_path(path), as_stored)
@@ -135,12 +137,18 @@ def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator
 def _unreadable(path: Path | str, reason: str) -> ShotError:
     """Return the error for a file that the decoder does not open, with a remedy for the reason."""
     if re.search(r"subsampled.*\b[RB]Y\b", reason, re.IGNORECASE):
-        problem = "holds luminance and chroma (Y, RY, BY), chroma at half the size"
-        return ShotError(path, problem, "Write R, G and B; ImageMagick converts it: magick IN.exr OUT.exr.")
+        return luminance_chroma_error(path)
     if re.search("subsampled", reason, re.IGNORECASE):
         return ShotError(path, f"holds channels of reduced size ({reason})", "Write all at one size.")
     hint = _DAMAGED if _SIGNS_OF_DAMAGE.search(reason) else "Write it with other settings, or copy it again."
+    hint = _TOO_LARGE if "limits:" in reason else hint  # of OpenImageIO
     return ShotError(path, f"is not an image that can be read ({reason})", hint)
+
+
+def luminance_chroma_error(path: Path | str) -> ShotError:
+    """Return the error for a file whose colours are luminance and chroma."""
+    hint = "Write R, G and B; ImageMagick converts it: magick IN.exr OUT.exr."
+    return ShotError(path, "holds luminance and chroma (Y, RY, BY)", hint)
 
 
 def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[str]]:
@@ -416,8 +424,8 @@ def result_metadata(
     if abs(across / down - 1.0) > _ROUNDED:
         entries[PIXEL_ASPECT] = pixel_aspect(metadata) * down / across
     stated = rate_of(metadata.get(FRAME_RATE))
-    if stated is not None and frame_rate is not None and exact_rate(frame_rate) != exact_rate(stated):
-        rate = exact_rate(frame_rate)
+    rate = None if frame_rate is None else exact_rate(frame_rate)
+    if FRAME_RATE in metadata and rate is not None and (stated is None or exact_rate(stated) != rate):
         entries[FRAME_RATE] = TypedValues("rational", (rate.numerator, rate.denominator))
         entries.pop(_TIME_CODE, None)
     return entries

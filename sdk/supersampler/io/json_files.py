@@ -1,5 +1,6 @@
 """Read JSON files from users: their size is limited, and msgspec checks them against a type."""
 
+import codecs
 import re
 import reprlib
 from contextlib import suppress
@@ -48,7 +49,7 @@ def read_typed(path: Path, kind: type[_Value], hint: str = _HINT, limit: int = J
             text = file.read(limit + 1)
     if len(text) > limit:
         raise ShotError(path, f"is larger than {limit >> 20} MiB", "Is it the right file?")
-    return decoded(path, text, kind, hint)
+    return decoded(path, text.removeprefix(codecs.BOM_UTF8), kind, hint)  # of Windows' editors
 
 
 def check_version(path: Path, known: int, hint: str, key: str = "version") -> None:

@@ -49,9 +49,11 @@ def choose_executor(
             return CpuExecutor(model, own)
     kind = "fp32" if precision == "auto" else precision
     if executor == "cpu" or kind not in info.steps:
-        got = f"{executor=}, {precision=}, providers {', '.join(providers)}"
+        name, got, other = "precision", repr(precision), f"executor {executor!r}"
+        if executor == "cpu":
+            name, got, other = "executor", repr(executor), f"precision {precision!r}"
         want = f"a graph of {info.method!r} ({' or '.join(info.steps)}), or its kernels, if any, on the CPU"
-        raise ArgumentError("executor", got=got, want=want)
+        raise ArgumentError(name, got=f"{got} with {other} and {', '.join(providers)}", want=want)
     return OnnxExecutor(info, threads, providers, kind)
 
 

@@ -195,6 +195,9 @@ def _check_extrapolated(outer: ModelInfo, inner: ModelInfo) -> None:
 
 
 def _check_upscaling(info: ModelInfo) -> None:
+    spec = find_method(info.method)
+    if spec is not None and not spec.ratios[0] <= info.ratios[0] <= info.ratios[1] <= spec.ratios[1]:
+        _refuse(info, "ratios", f"{info.ratios}", f"within {spec.ratios}, the range of {info.method!r}")
     if "color" not in (tensor.name for tensor in info.inputs):
         _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
     for tensor in info.history:

@@ -7,6 +7,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
+from supersampler import recording as records
 from supersampler.arguments import ExecutorName, Precision
 from supersampler.backends.onnx.runtime import resolve_providers
 from supersampler.backends.onnx.tensors import image_of_tensor, tensors_of_frame
@@ -15,15 +16,6 @@ from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter, display_transform
 from supersampler.methods import model_file
 from supersampler.model import Model
-from supersampler.recording import (
-    Call,
-    LoadStateCall,
-    RecordedModel,
-    Recording,
-    ResetCall,
-    StepCall,
-    StepOutcome,
-)
 from supersampler.recording.recorder import raised, returned
 from supersampler.upscaler import Upscaler
 
@@ -90,7 +82,7 @@ class Replay:
 
     def __init__(
         self,
-        recording: Recording,
+        recording: records.Recording,
         *,
         model: str | Path | None = None,
         extrapolation: str | Path | None = None,
@@ -135,7 +127,7 @@ class Replay:
         )
         self._meter = ExposureMeter()
 
-    def call(self, call: Call) -> Replayed | None:
+    def call(self, call: records.Call) -> Replayed | None:
         """Repeat a recorded call; return the comparison if it is a step.
 
         Raises:
@@ -145,16 +137,16 @@ class Replay:
             FrameWarning: see `Upscaler.step`.
         """
         match call:
-            case StepCall():
+            case records.StepCall():
                 return self._step(call)
-            case ResetCall():
+            case records.ResetCall():
                 self._upscaler.reset()
                 self._meter = ExposureMeter()
-            case LoadStateCall(state=state):
+            case records.LoadStateCall(state=state):
                 self._upscaler.load_state(state)
         return None
 
-    def _step(self, call: StepCall) -> Replayed:
+    def _step(self, call: records.StepCall) -> Replayed:
         try:
             result = self._repeat(call)
         except Exception as error:  # of any type: the recorded step may have raised the same
@@ -173,7 +165,7 @@ class Replay:
         within = exact or (difference.mean <= limit.mean and difference.p99 <= limit.p99)
         return Replayed(call.index, result, exposure, exact, difference, within)
 
-    def _repeat(self, call: StepCall) -> StepResult:
+    def _repeat(self, call: records.StepCall) -> StepResult:
         frame, upscaler = call.frame, self._upscaler
         if call.name == "step_tensors" and self.model.executor == "onnx":  # other backends have no tensors
             tensors = tensors_of_frame(frame, self.model.device)
@@ -187,7 +179,7 @@ class Replay:
         return result if isinstance(result, StepResult) else StepResult(result)
 
 
-def _compare_errors(call: StepCall, here: StepOutcome) -> Replayed:
+def _compare_errors(call: records.StepCall, here: records.StepOutcome) -> Replayed:
     """Compare a step that raises in the replay."""
     note = f"raises {_error_text(here)}"
     if call.outcome is None:
@@ -198,12 +190,12 @@ def _compare_errors(call: StepCall, here: StepOutcome) -> Replayed:
     return Replayed(call.index, exact=exact, within=exact, note=note)
 
 
-def _error_text(outcome: StepOutcome) -> str:
+def _error_text(outcome: records.StepOutcome) -> str:
     kind, text = outcome.error
     return f"{kind} ({text.rstrip('.')})"
 
 
-def _difference(here: StepOutcome, recorded: StepOutcome, exposure: float) -> ImageDifference:
+def _difference(here: records.StepOutcome, recorded: records.StepOutcome, exposure: float) -> ImageDifference:
     """Compare the recorded pixels. AOVs are not tone-mapped; values above 1 are compared relatively."""
     differences = []
     for name in here.samples.keys() | recorded.samples.keys():
@@ -219,13 +211,13 @@ def _difference(here: StepOutcome, recorded: StepOutcome, exposure: float) -> Im
     return ImageDifference(float(values.mean()), float(np.quantile(values, 0.99)), float(values.max()))
 
 
-def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:
+def _is_same(recorded: records.RecordedModel | None, used: str | Path | None) -> bool:
     if recorded is None or used is None:
         return recorded is None and used is None
     return recorded.is_of(model_file.read_model_info(model_file.find_model(used)))
 
 
-def _shipped(recording: Recording, model: RecordedModel, option: str) -> Path:
+def _shipped(recording: records.Recording, model: records.RecordedModel, option: str) -> Path:
     """Return the shipped folder of a recorded model; RecordingError, which names `option`, if none ships."""
     hint = f"Pass the folder of the recorded one: {option} FOLDER."
     if model.folder not in [*model_file.model_names(), *model_file.extrapolation_names()]:

@@ -113,11 +113,13 @@ class FrameChecker:
             if self.validate == "strict" and mistake.severity == "error":
                 raise mistake.error()
         for mistake in found:
-            if mistake.kind not in reported:
+            of_reprojection = mistake.kind in mistakes.OF_REPROJECTION
+            if mistake.kind not in reported and not (of_reprojection and reported & mistakes.OF_REPROJECTION):
                 warning = FrameWarning(str(mistake.error()))
                 warning.kind = mistake.kind
                 warn(warning)
-        return reported | {mistake.kind for mistake in found}
+            reported |= {mistake.kind}
+        return reported
 
 
 def frame_mistakes(frame: Frame, probe: FrameProbe, seen: FramesSeen, display_size: Size) -> list[Mistake]:

@@ -77,6 +77,9 @@ def detect_conventions(
         others = ", ".join(f"{name}={not value}" for name, value in own.items())
         notes.append(f"Rows seem to be bottom-up. Only if the image is upright, write {others} instead.")
         found = replace(found, **own, bottom_up=not stated.bottom_up)
+    elif found.jitter_flip_y != stated.jitter_flip_y and not motion.certain:
+        turned = f"bottom_up={not stated.bottom_up}"
+        notes.append(f"If the image is upside down, write {turned} instead of jitter_flip_y.")
     other_notes, has_mistakes = _other_mistakes(raws, found)
     notes += other_notes
     if always_reset := always_reset and any(pair.continues for pair in textured):

@@ -148,7 +148,8 @@ JITTER_TOO_SMALL = Mistake(
 JITTER_MISREAD = replace(MOTION_MISREAD, kind="jitter misread", field="jitter", want=_JITTER)
 JITTER_NOT_APPLIED = Mistake(
     "jitter amplitude", "jitter", "not in the image, which stays in place", _JITTER,
-    "Jitter the projection of each frame (jittered_projection), or pass (0, 0).")
+    "Jitter the projection of each frame (jittered_projection), or pass (0, 0). If vectors contain it, too: "
+    "Conventions(motion_jittered=True).")
 JITTER_AMPLITUDE = Mistake(
     "jitter amplitude", "jitter", "{factor} times as large in the image as stated", _JITTER,
     "Is it computed for another size, such as Blender's without its resolution percentage?")
@@ -195,6 +196,9 @@ GBUFFER_DEPTH_SCALED = replace(
     hint="Is it forward, a distance, or does it have another near plane? Write both by the same code.")
 # fmt: on
 
+OF_REPROJECTION = {each.kind for each in (MOTION_MISREAD, JITTER_MISREAD, ROWS_BOTTOM_UP, JITTER_AMPLITUDE)}
+"""Kinds of mistakes that are found by following the motion. One of them makes others seem to be there, so
+that only the first one is reported."""
 OF_SRGB = {COLOR_CLIPPED.kind, COLOR_DISPLAYED.kind}
 """Kinds of mistakes that are none in frames whose conventions state that they are sRGB-encoded."""
 

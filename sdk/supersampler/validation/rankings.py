@@ -127,7 +127,11 @@ class Detection:
 
 
 def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> Verdict:
-    """Return the verdict on one or more hypotheses; near a tie, the stated one ranks first."""
+    """Return the verdict on one or more hypotheses; near a tie, the stated one ranks first.
+
+    If several fit alike, one with only the changes that all of them share represents them: of motion along x
+    alone, the direction is certain, and y is not.
+    """
 
     def error(hypothesis: Hypothesis) -> float:
         return hypothesis.error / (_TIE if _is_stated(hypothesis, stated) else 1.0)
@@ -135,7 +139,12 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
     verdict = Verdict(name, tuple(sorted(hypotheses, key=error)))
     if len(verdict.ranked) > 1 and verdict.margin < SURE:
         first, second = verdict.ranked[:2]
-        return Verdict(name, verdict.ranked, f"'{first.text}' and '{second.text}' fit alike")
+        alike = [h for h in verdict.ranked if h.error < SURE * max(first.error, 1e-6)]
+        shared = set.intersection(*(_changes(h, stated) for h in alike))
+        common = [h for h in alike if shared and _changes(h, stated) == shared]
+        if not common:
+            return Verdict(name, verdict.ranked, f"'{first.text}' and '{second.text}' fit alike")
+        verdict = Verdict(name, (common[0], *(h for h in verdict.ranked if h not in alike)))
     best, own = verdict.ranked[0], [h for h in verdict.ranked if _is_stated(h, stated)]
     if own and own[0] is not best and own[0].error < _OVERRULES * best.error:
         margin = own[0].error / max(best.error, 1e-6)
@@ -144,8 +153,13 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
     return verdict
 
 
+def _changes(hypothesis: Hypothesis, stated: Conventions) -> set[tuple[str, Any]]:
+    """Return the overrides that differ from what is stated."""
+    return {(key, value) for key, value in hypothesis.overrides.items() if getattr(stated, key) != value}
+
+
 def _is_stated(hypothesis: Hypothesis, stated: Conventions) -> bool:
-    return all(getattr(stated, key) == value for key, value in hypothesis.overrides.items())
+    return not _changes(hypothesis, stated)
 
 
 def jitters_in_the_pixel(frames: Sequence[FrameProbe], stated: Conventions) -> list[Overrides]:
@@ -289,10 +303,10 @@ def swapped_axes(
 
 def _vectors_have_jitter(pairs: Sequence[FramePair], reading: Conventions) -> bool:
     """Return whether motion changes with the jitter; True if there are too few frames to tell."""
-    sums = 0.0, 0.0
+    sums = 0.0, 0.0, 0.0
     for before, pair in _neighbours(pairs):
         sums = jitter_in_vectors(sums, pair, [before.before.jitter, before.now.jitter], reading)
-    return sums[1] == 0 or vectors_have_jitter(sums)
+    return sums[2] == 0 or vectors_have_jitter(sums)
 
 
 def _moving(pairs: Sequence[FramePair], reading: Conventions) -> dict[FramePair, NDArray[np.bool_]]:

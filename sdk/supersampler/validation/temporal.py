@@ -18,14 +18,15 @@ from supersampler.validation.single_frame import depth_values
 
 Sums = Mapping[str, tuple[float, float]]
 AmplitudeErrors = Mapping[tuple[float, float], tuple[float, ...]]
-JitterInVectors = tuple[float, float]
-"""Sums over frames of two dot products of the jitter's change: with the motion's change, and with itself."""
+JitterInVectors = tuple[float, float, float]
+"""Sums over frames of products of the jitter's change: with motion's change in x, in y, and with itself."""
 _FACTORS_OF_AN_AXIS = (0.0, 0.5, 1.0, 1.5)
 FACTORS = tuple(product(_FACTORS_OF_AN_AXIS, _FACTORS_OF_AN_AXIS))
 """Factors of the jitter's x and y that are tried."""
 
 _MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the stated one's, after one pair of frames
 _MAX_RATIO_LATER = 0.75  # maximum ratio after several pairs, with summed errors
+_MAX_RATIO_OF_BOTH = 0.9  # maximum ratio of the error with motion and jitter reread to that with only one
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded pixels
 _MAX_DISOCCLUDED = 15  # maximum per pair of frames, as jitter alone can hide thin geometry
@@ -33,12 +34,20 @@ _MIN_SIDE_OF_UNITS = 64  # pixels; in smaller images a jitter in pixels may be a
 _MIN_REPEATS = 3  # minimum number of frames with the same jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
+_RESEMBLING = Conventions(motion_flip_y=True, jitter_sign=-1)  # like _BOTTOM_UP where the jitter is vertical
+_JITTER_FLIPPED = Conventions(jitter_flip_y=True)
+_JITTER_READINGS: Mapping[str, Conventions] = {
+    repr(Conventions(**o)): Conventions(**o)
+    for o in probe.JITTER_READINGS
+    if o["jitter_unit"] == "pixels" and Conventions(**o) != Conventions()
+}
 _READINGS: Mapping[str, Conventions] = {
     repr(reading): reading
     for reading in (
         *(Conventions(**o, motion_jittered=j) for o, j in product(probe.MOTION_READINGS, (False, True))),
-        *(Conventions(**o) for o in probe.JITTER_READINGS if o["jitter_unit"] == "pixels"),
+        *_JITTER_READINGS.values(),
         _BOTTOM_UP,
+        _RESEMBLING,
     )
     if reading != Conventions()
 }
@@ -97,7 +106,7 @@ class FramesSeen:
     surfaces: Mapping[DepthOrder, tuple[float, float]] = field(default_factory=dict)
     jitters: tuple[tuple[float, float], ...] = ()
     amplitudes: AmplitudeErrors = field(default_factory=dict)
-    varied: JitterInVectors = (0.0, 0.0)
+    varied: JitterInVectors = (0.0, 0.0, 0.0)
     lacks_motion: bool = False
     following: tuple[Mistake, ...] = ()
 
@@ -133,24 +142,34 @@ def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Itera
     if seen.lacks_motion:
         yield mistakes.MOTION_ZERO
         return
-    call = _better_reading(seen)
+    readings = _readings(size, display_size)
+    call = _better_reading(seen, readings, size)
     if call:
-        own, other = seen.errors[call]
-        times = own / max(other, 1e-6)
-        if call == repr(_BOTTOM_UP):
-            yield mistakes.ROWS_BOTTOM_UP.found(times=times, call=call)
-            return
-        is_jitter = call.startswith("Conventions(jitter")
-        text = probe.reading_text("jitter" if is_jitter else "motion", _readings(size, display_size)[call])
-        mistake = mistakes.JITTER_MISREAD if is_jitter else mistakes.MOTION_MISREAD
-        yield mistake.found(times=times, reading=text, call=call)
+        yield _misread(seen, call, readings[call])
         return  # disocclusions need the right motion
     yield from seen.following
     if len(set(seen.jitters)) > 1:
-        yield from amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied, min(size))
+        for mistake in amplitude_mistakes(seen.amplitudes, seen.pairs, seen.varied, min(size)):
+            call = _better_than_no_jitter(seen) if mistake == mistakes.JITTER_NOT_APPLIED else ""
+            yield _misread(seen, call, _READINGS[call]) if call else mistake
     kind = _other_order(seen.surfaces)
     if kind and not _planes_are_reversed(seen.previous, kind):
         yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
+
+
+def _misread(seen: FramesSeen, call: str, reading: Conventions) -> Mistake:
+    """Return the mistake that frames fit better by this reading, whose Python expression is `call`."""
+    own, other = seen.errors[call]
+    times = own / max(other, 1e-6)
+    if reading == _BOTTOM_UP:
+        return mistakes.ROWS_BOTTOM_UP.found(times=times, call=call)
+    if call not in _JITTER_READINGS:
+        text = probe.reading_text("motion", reading)
+        return mistakes.MOTION_MISREAD.found(times=times, reading=text, call=call)
+    if reading == _JITTER_FLIPPED:
+        call += ", or bottom_up=True if the image is upside down"
+    text = probe.reading_text("jitter", reading)
+    return mistakes.JITTER_MISREAD.found(times=times, reading=text, call=call)
 
 
 def _readings(size: Size, display_size: Size) -> Mapping[str, Conventions]:
@@ -169,7 +188,7 @@ def _errors(pair: FramePair, display_size: Size) -> Sums:
     own_all = pair.error(pair.offset(as_stated))
     errors = {}
     for call, reading in _readings(size, display_size).items():
-        about_motion = reading.motion_factor(size, size) != (1.0, 1.0)
+        about_motion = reading.motion_factor(size, size) != (1.0, 1.0) and reading != _RESEMBLING
         if about_motion and few:
             continue
         own = own_moving if about_motion else own_all
@@ -180,17 +199,30 @@ def _errors(pair: FramePair, display_size: Size) -> Sums:
     return errors
 
 
-def _better_reading(seen: FramesSeen) -> str:
+def _better_reading(seen: FramesSeen, readings: Mapping[str, Conventions], size: Size) -> str:
     """Return the reading with the smallest error relative to the stated one; "" if none is clearly better."""
-    visible = _NOISE * seen.pairs
-    parts = {call: other / own for call, (own, other) in seen.errors.items() if own > visible}
     if seen.pairs < 2 and seen.previous is not None and not seen.previous.motion.any():
         return ""  # motion may be missing
-    if seen.pairs < 2 or not vectors_have_jitter(seen.varied):
-        # An image without the stated jitter also fits vectors that contain jitter.
-        parts = {call: part for call, part in parts.items() if "unit" in call or "jittered" not in call}
-    best = min(parts, key=lambda call: parts[call], default="")
-    return best if best and parts[best] < (_MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER) else ""
+    parts = {}
+    for call, reading in readings.items():
+        own, other = seen.errors.get(call, (0.0, 0.0))
+        # an image with another jitter than stated also fits vectors that contain jitter
+        has_jitter = seen.pairs >= 2 and vectors_have_jitter(seen.varied, reading.motion_factor(size, size))
+        if own > _NOISE * seen.pairs and (has_jitter or not reading.motion_jittered):
+            parts[call] = other / own
+    limit = _MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER
+    parts = {call: part for call, part in parts.items() if part < limit}
+    for both in (repr(_BOTTOM_UP), repr(_RESEMBLING)):  # if one hardly has a y, the other alone fits as well
+        if both in parts:
+            parts[both] /= _MAX_RATIO_OF_BOTH
+    return min(parts, key=lambda call: parts[call], default="")
+
+
+def _better_than_no_jitter(seen: FramesSeen) -> str:
+    """Return the reading of the jitter that fits best, if better than no jitter; otherwise ""."""
+    calls = seen.errors.keys() & _JITTER_READINGS.keys()
+    best = min(sorted(calls), key=lambda call: seen.errors[call][1], default="")
+    return best if best and seen.errors[best][1] < seen.amplitudes[0.0, 0.0][0] else ""
 
 
 def _jitter_values(jitters: tuple[tuple[float, float], ...], size: Size) -> Iterator[Mistake]:
@@ -259,12 +291,14 @@ def jitter_in_vectors(
     earlier = replace(before, jitter=jitters[-2]).jitter_pixels(reading)
     change = pair.shift(reading) - (before.jitter_pixels(reading) - earlier)
     moved = np.median(now.vectors(reading, pair.pixels) - before.vectors(reading, pair.pixels), axis=0)
-    return sums[0] + float(moved @ change), sums[1] + float(change @ change)
+    x, y = moved * change
+    return sums[0] + float(x), sums[1] + float(y), sums[2] + float(change @ change)
 
 
-def vectors_have_jitter(sums: JitterInVectors) -> bool:
-    """Return whether motion changes with the jitter, by a similar amount."""
-    return sums[1] > 0 and 0.5 < sums[0] / sums[1] < 2.0
+def vectors_have_jitter(sums: JitterInVectors, factor: tuple[float, float] = (1.0, 1.0)) -> bool:
+    """Return whether motion, multiplied by `factor`, changes with the jitter, by a similar amount."""
+    along = factor[0] * sums[0] + factor[1] * sums[1]
+    return sums[2] > 0 and 0.5 < along / sums[2] < 2.0
 
 
 def amplitude_mistakes(

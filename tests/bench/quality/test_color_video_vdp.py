@@ -75,15 +75,3 @@ def test_a_torchvision_of_another_torch_is_named(monkeypatch: pytest.MonkeyPatch
     answer = run("bench", "quality", "plaza", "--cvvdp")
     assert answer.exit_code == 2
     assert "torchvision is not usable (operator torchvision::nms does not exist)" in answer.stderr
-
-
-def test_the_package_scores_an_equal_clip_ten_and_a_noisy_one_less() -> None:
-    pytest.importorskip("pycvvdp", reason="cvvdp is not installed")
-    rng = np.random.default_rng(1)
-    truth = [rng.uniform(0.2, 0.8, (48, 64, 3)).astype(np.float32) for _ in range(2)]
-    equal, noisy = Clip(30.0), Clip(30.0)
-    for index, image in enumerate(truth):
-        equal.add(index, image, image)
-        noisy.add(index, image + rng.normal(0.0, 0.1, image.shape).astype(np.float32), image)
-    assert equal.jod() == pytest.approx(10.0)
-    assert 5.0 < noisy.jod() < 9.9

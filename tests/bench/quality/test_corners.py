@@ -50,7 +50,6 @@ def column(*places: int, value: float = 1.0) -> Float32:
 
 
 def after(*frames: dict[str, Array], motion: Array = STILL, ratio: float = 2.0) -> CornerTruth:
-    """Return the truth of the last of some frames."""
     truths = CornerTruths(ratio)
     for index, frame in enumerate(frames):
         truth = truths.next(frame, motion, NOWHERE, reset=index == 0)

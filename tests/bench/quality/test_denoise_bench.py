@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from noisy_frames import SIZE, noisy, truth
 from supersampler import ArgumentError, ShotError
@@ -15,7 +14,6 @@ from supersampler.denoising.oidn import Guides
 from supersampler.frame import Float32
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_bench.cli import app
 from supersampler_bench.quality.denoise import measure_render, median_of_three, render_cost
 from supersampler_bench.quality.denoise_record import (
     FRAME,
@@ -32,6 +30,7 @@ from supersampler_bench.quality.denoise_references import (
     read_reference,
 )
 from supersampler_bench.record import DENOISER, age_of
+from upscale_runs import run, succeeded
 
 COUNT = 12
 SCORED = (6, 7, 8)
@@ -157,9 +156,7 @@ def test_the_command_prints_tables_and_writes_a_record_that_has_the_same_tables(
 ) -> None:
     (render / "costs.jsonl").write_text('{"frame": 6, "cpu": 2.5}\n')
     path = tmp_path / "denoise.json"
-    words = ["denoise", str(render), "--per-frame", "none", "--json", str(path)]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
+    result = succeeded(run("bench", "denoise", render, "--per-frame", "none", "--json", path))
     data = json.loads(path.read_text("utf-8"))
     record = DenoiseRecord.from_json(data)
     tables = record.tables("denoise")

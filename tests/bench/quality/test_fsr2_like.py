@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from checker_shot import write_checker_shot
 from supersampler import Frame, FrameError
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.frame import Float32, Size
 from supersampler.io.display import BT709, display_transform
-from supersampler.io.shot import Shot, ShotWriter
+from supersampler.io.shot import Shot
 from supersampler_bench import fsr2
 from supersampler_bench.fsr2 import FSR2_LIKE, Fsr2Like
 from supersampler_bench.quality import metrics
@@ -33,14 +34,12 @@ SMALL = (32, 18)
 def images(
     scene: AnalyticScene, count: int, render: Size = RENDER, display: Size = DISPLAY
 ) -> Iterator[tuple[int, Float32]]:
-    """Yield the number and the image of each frame of a scene."""
     upscaler = Fsr2Like(display)
     for index in range(count):
         yield index, upscaler.step(scene.frame(index, render, halton_jitter(index, display[0] / render[0])))
 
 
 def last(scene: AnalyticScene, count: int, render: Size = RENDER, display: Size = DISPLAY) -> Float32:
-    """Return the last image of `count` frames."""
     return list(images(scene, count, render, display))[-1][1]
 
 
@@ -173,11 +172,7 @@ def test_a_frame_that_was_not_shaded_is_refused() -> None:
 
 
 def test_the_bench_measures_it_beside_other_methods(tmp_path: Path) -> None:
-    scene = DiscOverPlane()
-    with ShotWriter(tmp_path, name="disc", display_size=DISPLAY, frame_rate=30) as writer:
-        for index in range(3):
-            writer.write(scene.frame(index, RENDER), reference=scene.truth(index, DISPLAY, samples=4))
-    shot = Shot.open(tmp_path)
+    shot = Shot.open(write_checker_shot(tmp_path, 3))
     assert runnable(shot, [FSR2_LIKE, "bilinear"], pytest.fail) == [FSR2_LIKE, "bilinear"]
     ours, bilinear = measure_quality(shot, [FSR2_LIKE, "bilinear"])
     assert ours.method == FSR2_LIKE

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from more_scenes import Cut, dots
 from supersampler import Frame, ShotError, StepResult, upscale_sequence
 from supersampler.frame import Float32
 from supersampler.io.display import CEILING_DB, auto_exposure, display_transform
@@ -25,7 +24,7 @@ from supersampler_bench.quality.scores import (
     MethodRow,
     MethodScores,
 )
-from supersampler_model.data.scenes.analytic import AnalyticScene, DiscOverPlane, Plane, checker
+from supersampler_model.data.scenes.analytic import DiscOverPlane
 
 RENDER, DISPLAY = (48, 27), (96, 54)
 SCENE = DiscOverPlane()
@@ -34,17 +33,17 @@ SCENE = DiscOverPlane()
 def write_shot(
     folder: Path,
     *,
-    scene: AnalyticScene = SCENE,
     references: Sequence[int],
+    cuts: Sequence[int] = (0,),
     count: int = 6,
     classes: ClassMaps | None = None,
 ) -> Shot:
     with ShotWriter(folder, name="disc", display_size=DISPLAY, frame_rate=30) as writer:
         for index in range(count):
             jitter = (0.25, -0.25) if index % 2 else (-0.25, 0.25)
-            truth = scene.truth(index, DISPLAY, samples=4) if index in references else None
-            of_truth = classes if truth is not None else None
-            writer.write(scene.frame(index, RENDER, jitter), reference=truth, classes=of_truth)
+            frame = replace(SCENE.frame(index, RENDER, jitter), reset=index in cuts)
+            known = (truth(index), classes) if index in references else (None, None)
+            writer.write(frame, reference=known[0], classes=known[1])
     return Shot.open(folder)
 
 
@@ -111,9 +110,8 @@ def test_change_is_measured_only_between_neighbours_that_both_have_a_reference(
 
 
 def test_change_is_not_measured_across_a_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = Cut(Plane(dots), Plane(checker), at=3)
-    shot = write_shot(tmp_path, scene=scene, references=[2, 3, 4])
-    frames = painted(monkeypatch, shot, lambda i: scene.truth(i, DISPLAY, samples=4))
+    shot = write_shot(tmp_path, cuts=(0, 3), references=[2, 3, 4])
+    frames = painted(monkeypatch, shot, truth)
     assert [np.isnan(f.full["tpsnr"]) for f in frames] == [True, True, False]
 
 
@@ -298,11 +296,8 @@ def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> Non
 def test_the_first_image_of_a_shot_has_no_history_whether_or_not_it_is_marked_as_a_cut(
     tmp_path: Path,
 ) -> None:
-    with ShotWriter(tmp_path / "shot", name="disc", display_size=DISPLAY, frame_rate=30) as writer:
-        for index in range(2):
-            frame = replace(SCENE.frame(index, RENDER, (0.25, -0.25)), reset=False)
-            writer.write(frame, reference=SCENE.truth(index, DISPLAY, samples=4))
-    [scores] = measure_quality(Shot.open(tmp_path / "shot"), ["bilinear"])
+    shot = write_shot(tmp_path, cuts=(), references=[0, 1], count=2)
+    [scores] = measure_quality(shot, ["bilinear"])
     assert ["psnr_first" in frame.cropped for frame in scores.frames] == [True, False]
 
 

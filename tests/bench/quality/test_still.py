@@ -4,13 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from supersampler import ArgumentError
 from supersampler.conventions import jitter_phase_count
-from supersampler_bench.cli import app
 from supersampler_bench.quality.still import PERIODS, StillRecord, StillScores, frame_count, make_scene
 from supersampler_bench.record import read_record
+from upscale_runs import refusal, run, succeeded
 
 DISPLAY = (96, 54)
 
@@ -30,9 +28,8 @@ def test_pixels_near_what_moves_or_changes_are_not_scored() -> None:
 
 def test_the_command_measures_every_scene_and_backend_and_writes_all_files(tmp_path: Path) -> None:
     file = tmp_path / "still.json"
-    command = ["still", "--scenes", "analytic:1,analytic-mover:1", "--methods", "taau", "--json", str(file)]
-    answer = CliRunner().invoke(app, [*command, "--display-size", "96x54", "-o", str(tmp_path)])
-    assert answer.exit_code == 0, answer.output
+    command = ["still", "--scenes", "analytic:1,analytic-mover:1", "--methods", "taau", "--json", file]
+    answer = succeeded(run("bench", *command, "--display-size", "96x54", "-o", tmp_path))
     record = StillRecord.from_json(read_record(file))
     scores = record.scores
     assert [(s.scene, s.ratio, s.executor) for s in scores] == [
@@ -67,6 +64,4 @@ def test_the_summary_shows_all_scenes_at_the_ratio_closest_to_2() -> None:
 
 @pytest.mark.parametrize("scenes", ["courtyard:2", "analytic", "analytic:two"])
 def test_an_unknown_scene_or_a_missing_ratio_is_refused(scenes: str) -> None:
-    answer = CliRunner().invoke(app, ["still", "--scenes", scenes])
-    assert isinstance(answer.exception, ArgumentError)
-    assert "--scenes" in str(answer.exception)
+    assert "--scenes" in refusal("bench", "still", "--scenes", scenes)

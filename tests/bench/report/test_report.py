@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from checker_shot import write_checker_shot
 from supersampler import ArgumentError
-from supersampler_bench.cli import app
 from supersampler_bench.record import Provenance, write_json
 from supersampler_bench.report.doc_tables import COMMANDS, RESULTS, Recipe, clock, find_all, measure, recipes
+from upscale_runs import refusal, run, succeeded
 
 ROOT = Path(__file__).parents[3]
 
@@ -40,24 +39,23 @@ def test_every_table_of_this_repository_is_what_its_record_says() -> None:
 def test_tables_are_written_from_records_and_tables_without_a_record_are_named_and_unchanged(
     repository: Path,
 ) -> None:
-    answer = CliRunner().invoke(app, ["tables", str(repository)])
-    assert answer.exit_code == 0, answer.output
+    answer = succeeded(run("bench", "tables", repository))
     assert "a.md: unknown: left unchanged: there is no record of it" in answer.output
     readme = (repository / "README.md").read_text()
     assert re.search(r"bench:cost -->\n\| method .*\n<!-- /bench -->\nend\n$", readme, re.DOTALL)
     assert (repository / "docs" / "a.md").read_text() == "<!-- bench:unknown -->\n<!-- /bench -->\n"
-    assert CliRunner().invoke(app, ["tables", str(repository), "--check"]).exit_code == 0
+    succeeded(run("bench", "tables", repository, "--check"))
 
 
 @pytest.mark.parametrize(("page", "name"), [("README.md", "cost"), ("docs/a.md", "unknown")])
 def test_a_number_that_no_record_holds_fails_the_check_by_name(
     repository: Path, page: str, name: str
 ) -> None:
-    CliRunner().invoke(app, ["tables", str(repository)])
+    run("bench", "tables", repository)
     before = (repository / page).read_text()
     changed = re.sub(r"(bench:\w+ -->\n)", r"\g<1>| 1 |\n", before)
     (repository / page).write_text(changed)
-    answer = CliRunner().invoke(app, ["tables", str(repository), "--check"])
+    answer = run("bench", "tables", repository, "--check")
     assert answer.exit_code == 1
     assert f"{name}: differs from its record" in answer.output
     assert (repository / page).read_text() == changed
@@ -68,15 +66,12 @@ def test_a_record_of_another_version_is_reported(repository: Path) -> None:
     record = json.loads(path.read_text())
     del record["networks"]
     write_json(record, path)
-    answer = CliRunner().invoke(app, ["tables", str(repository)])
-    assert answer.exit_code == 0
+    answer = succeeded(run("bench", "tables", repository))
     assert "missing required field `networks`" in answer.output
 
 
 def test_a_folder_without_records_is_named(tmp_path: Path) -> None:
-    answer = CliRunner().invoke(app, ["tables", str(tmp_path)])
-    assert isinstance(answer.exception, ArgumentError)
-    assert "without records" in str(answer.exception)
+    assert "without records" in refusal("bench", "tables", tmp_path)
 
 
 # --- `bench records` measures again what is older than the models that ship, and nothing else ---
@@ -147,8 +142,7 @@ def test_published_records_of_quality_have_no_scores_of_frames(root: Path, tmp_p
 
 
 def test_listing_measures_nothing(root: Path) -> None:
-    result = CliRunner().invoke(app, ["records", "--list", "--root", str(root)])
-    assert result.exit_code == 0, result.output
+    result = succeeded(run("bench", "records", "--list", "--root", root))
     assert "second: was never measured" in result.output
     assert "first" not in result.output
 

@@ -6,16 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from gpu_steps import device_or_skip
-from supersampler.cli import app
 from supersampler_bench.report.doc_tables import blocks_of
 from supersampler_bench.timing import gpu_limits, gpu_steps
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
 from supersampler_bench.timing.gpu_record import GpuRecord
 from supersampler_bench.timing.gpu_stopwatch import Stopwatch, device_with_timestamps
 from supersampler_bench.timing.other_runtimes import RuntimeStep, measure_other_runtimes
+from upscale_runs import run, succeeded
 
 DISPLAY = (128, 72)
 LIMITS = GpuLimits(buffers=1e12, textures=2e12, multiplied=1e13)
@@ -132,9 +131,8 @@ def test_the_command_records_what_it_measured(tmp_path: Path, monkeypatch: pytes
     device_or_skip()
     monkeypatch.setattr(gpu_limits, "RUNS", 1)
     path = tmp_path / "device.json"
-    options = ["--display-size", "128x72", "--ratio", "2", "--steps", "1", "--json", str(path)]
-    result = CliRunner().invoke(app, ["bench", "device", "--methods", "taa", *options])
-    assert result.exit_code == 0, result.output
+    options = ["--display-size", "128x72", "--ratio", "2", "--steps", "1", "--json", path]
+    result = succeeded(run("bench", "device", "--methods", "taa", *options))
     found = json.loads(path.read_text("utf-8"))
     assert found["adapter"]["device"] in GpuRecord.from_json(found).table()
     assert all(table in result.output for table in GpuRecord.from_json(found).tables("device").values())

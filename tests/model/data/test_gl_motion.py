@@ -33,7 +33,6 @@ def read_at(image: NDArray[np.floating], motion: Values, mode: str = "bicubic") 
 
 
 def widest(values: Values, radius: int) -> Values:
-    """The largest value in the square around each pixel."""
     pooled = F.max_pool2d(torch.from_numpy(values)[None, None], 2 * radius + 1, 1, radius)
     return np.asarray(pooled[0, 0].numpy())
 
@@ -70,8 +69,7 @@ def seen_alone(renderer: Renderer, scene: Scene, instance: int, depth: NDArray[n
 
 
 def test_motion_warps_the_history_onto_the_present(renderer: Renderer) -> None:
-    yard = Yard(frozen_lights=True)
-    before, scene = yard.scene(3), yard.scene(4)
+    before, scene = unlit(Yard().scene(3)), unlit(Yard().scene(4))
     past, truth, now = renderer.reference(before), renderer.reference(scene), renderer.display(scene)
     where, motion = undisturbed(now, truth, past), now.motion.astype(np.float64)
     assert where.mean() > 0.5

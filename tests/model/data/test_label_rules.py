@@ -237,24 +237,6 @@ def test_toning_stays_below_one_and_takes_no_bad_light() -> None:
     assert toned(np.array([1.0]), exposure=3.0) == 0.75
 
 
-def test_statistics_are_those_of_the_stack_and_compare_normals_with_the_first() -> None:
-    random = np.random.default_rng(0)
-    color, depth = random.exponential(size=(16, 4, 5, 3)), random.random((16, 4, 5))
-    normal, mapped = random.normal(size=(2, 16, 4, 5, 3))
-    pixels = statistics_of(Sample(*s) for s in zip(color, depth, normal, mapped, strict=True))
-    expected = {
-        "depth_min": depth.min(axis=0),
-        "depth_max": depth.max(axis=0),
-        "color_min": toned(color.min(axis=0)),
-        "color_max": toned(color.max(axis=0)),
-        "color": color.mean(axis=0),
-        "normal_spread": np.abs(normal - normal[0]).sum(axis=-1).max(axis=0),
-        "normal_mapped_spread": np.abs(mapped - mapped[0]).sum(axis=-1).max(axis=0),
-    }
-    for name, value in expected.items():
-        np.testing.assert_allclose(getattr(pixels, name), value, rtol=1e-6)
-
-
 @few
 @given(st.integers(0, 2**32 - 1), arrays.array_shapes(min_dims=2, max_dims=2, max_side=9))
 def test_any_two_frames_of_any_size_have_labels(seed: int, shape: tuple[int, ...]) -> None:

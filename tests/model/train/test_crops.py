@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 import gbuffer_sets
-from gbuffer_sets import gbuffer_data
+from gbuffer_sets import gbuffer_data, training_frame
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
@@ -35,6 +35,9 @@ from supersampler_model.training.crops import (
     with_fireflies,
 )
 from supersampler_model.training.datasets import gbuffer_set, method_inputs
+from torch_inputs import step_by_name
+
+pytest_plugins = ["training_fixtures"]
 
 DISPLAY = (96, 64)
 FRAMES = 3
@@ -43,31 +46,15 @@ aligned_region = partial(CropRegion, gbuffers="both", aligned=True)
 draw_aligned = partial(CropRegion.draw, gbuffers="both", aligned=True)
 aligned_stream = partial(Stream, ratios=(RATIO, RATIO), gbuffers="both", aligned=True)
 ACROSS = torch.tensor([-1.0, 1.0])
-NAMES = ("base_color", "normal", "roughness", "metallic", "specular")
 COLOR = torch.rand(1, 3, 64, 64, generator=torch.Generator().manual_seed(0))
 
 
 def frames(render: tuple[int, int]) -> list[TrainingFrame]:
-    scene = DiscOverPlane(start=(22.0, 14.0))
-    made = []
+    scene, made = DiscOverPlane(start=(22.0, 14.0)), []
     for index in range(FRAMES):
         x, y = halton_jitter(index, DISPLAY[0] / render[0])
         frame = scene.frame(index, render, (x + 0.013, y - 0.007))  # on no sample: ties are not symmetric
-        assert frame.color is not None
-        blank = np.zeros(DISPLAY[::-1], np.uint8)
-        made.append(
-            TrainingFrame(
-                color=frame.color.astype(np.float16),
-                depth=frame.depth,
-                motion=frame.motion.astype(np.float16),
-                jitter=frame.jitter,
-                reset=index == 0,
-                exposure=1.0,
-                reference=np.zeros((*DISPLAY[::-1], 3), np.float16),
-                ghost=blank,
-                alias=blank,
-            )
-        )
+        made.append(training_frame(frame, np.zeros((*DISPLAY[::-1], 3), np.float16)))
     return made
 
 
@@ -75,8 +62,7 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     method = Classifier().eval()
     history = method.first_history(ops.Size(*DISPLAY), ops.Size(*sequence[0].depth.shape[::-1]))
     for frame in sequence:
-        with torch.no_grad():
-            image, history, _ = method.step(*method_inputs(frame, method.inputs()).values(), *history)
+        image, history, _ = step_by_name(method, method_inputs(frame, method.inputs()), history)
     shown: torch.Tensor = image
     return shown
 
@@ -145,8 +131,8 @@ def test_fireflies_strike_a_few_frames_in_colour_alone_and_stay_in_range() -> No
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return gbuffer_set(gbuffer_data(tmp_path_factory.mktemp("set"), RATIO), RATIO)
+def dataset(data: Dataset) -> Dataset:
+    return gbuffer_set(data, RATIO)
 
 
 def stored_frames(dataset: Dataset) -> list[TrainingFrame]:
@@ -155,29 +141,18 @@ def stored_frames(dataset: Dataset) -> list[TrainingFrame]:
 
 def test_a_crop_is_the_slice_of_the_frame_and_looks_at_it_with_its_jitter(dataset: Dataset) -> None:
     frame = stored_frames(dataset)[3]
-    assert frame.gbuffer is not None
-    assert frame.gbuffer_display is not None
-    cut = aligned_region(left=8, top=4, size=24)
-    sample = cut.cut(frame, reset=False)
+    sample = aligned_region(left=8, top=4, size=24).cut(frame, reset=False)
     inner, outer = np.s_[2:14, 4:16], np.s_[4:28, 8:32]
-    for got, whole in (
-        (sample.color, frame.color[inner]),
-        (sample.depth, frame.depth[inner][..., None]),
-        (sample.motion, frame.motion[inner]),
-        (sample.reference, frame.reference[outer]),
-        (sample.gbuffer["gbuffer_normal"], frame.gbuffer["normal"][inner]),
-        (sample.gbuffer["gbuffer_base_color"], frame.gbuffer["base_color"][inner].astype(np.float32) / 255.0),
-        (sample.gbuffer["gbuffer_display_depth"], frame.gbuffer_display["depth"][outer][..., None]),
-        (
-            sample.gbuffer["gbuffer_display_metallic"],
-            frame.gbuffer_display["metallic"][outer][..., None].astype(np.float32) / 255.0,
-        ),
-    ):
-        np.testing.assert_array_equal(got[0].permute(1, 2, 0).numpy(), whole.astype(np.float32))
-    assert sample.gbuffer.keys() == {
-        *(f"gbuffer_{name}" for name in NAMES),
-        *(f"gbuffer_display_{name}" for name in (*NAMES, "depth")),
-    }
+    wanted = {name: getattr(frame, name)[inner] for name in ("color", "depth", "motion")}
+    wanted["reference"] = frame.reference[outer]
+    found = {name: getattr(sample, name) for name in wanted} | dict(sample.gbuffer)
+    wanted |= {f"gbuffer_{name}": buffer[inner] for name, buffer in (frame.gbuffer or {}).items()}
+    shown = (frame.gbuffer_display or {}).items()
+    wanted |= {f"gbuffer_display_{name}": buffer[outer] for name, buffer in shown}
+    assert found.keys() == wanted.keys() >= {"gbuffer_normal", "gbuffer_display_depth"}
+    for name, part in wanted.items():
+        values = np.atleast_3d(part).astype(np.float32) / (255.0 if part.dtype == np.uint8 else 1.0)
+        np.testing.assert_array_equal(found[name][0].permute(1, 2, 0).numpy(), values.astype(np.float32))
     assert torch.equal(sample.view.jitter, torch.tensor([frame.jitter], dtype=torch.float32))
     assert sample.view.extent == (12.0, 12.0)
 

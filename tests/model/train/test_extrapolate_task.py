@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from gbuffer_sets import DISPLAY, gbuffer_data
+from gbuffer_sets import DISPLAY
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model import ops
@@ -25,13 +25,10 @@ from supersampler_model.training.task import State, Stepped, start_task
 from supersampler_model.training.validation import SequenceRunner, validate, validation_entries
 from upscale_runs import run
 
+pytest_plugins = ["training_fixtures"]
+
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 SIZE = 32
-
-
-@pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return gbuffer_data(tmp_path_factory.mktemp("set"))
 
 
 @pytest.fixture
@@ -52,7 +49,6 @@ def samples(data: Dataset, unshaded: int) -> list[CropFrame]:
 
 
 def stepped(task: ExtrapolateTask, sequence: Sequence[CropFrame]) -> list[Stepped]:
-    """Step a crop."""
     made, states = list[Stepped](), list[State]([task.first_state(sequence[0])])
     for sample in sequence:
         made.append(task.step([sample], states))

@@ -13,8 +13,8 @@ import torch
 
 import gbuffer_sets
 from flow_method import SMALL, Shadow, random_flow
-from gbuffer_sets import gbuffer_data
-from supersampler import ArgumentError, Frame
+from gbuffer_sets import gbuffer_data, training_frame
+from supersampler import ArgumentError
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, TrainingFrame
 from supersampler_model.data.labels import Ghost
@@ -24,27 +24,17 @@ from supersampler_model.training import flow_task
 from supersampler_model.training.datasets import method_inputs
 from supersampler_model.training.task import start_task
 from supersampler_model.training.validation import validate, validation_entries
+from torch_inputs import step_by_name
 from upscale_runs import run, succeeded
+
+pytest_plugins = ["training_fixtures"]
 
 SIZE = 16
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return flow_task.FlowTask(random_flow()).data(gbuffer_data(tmp_path_factory.mktemp("set")))
-
-
-def training_frame(frame: Frame, *, reset: bool) -> TrainingFrame:
-    """A frame of an analytic scene as a training set has it, all of render size."""
-    assert frame.color is not None
-    assert frame.depth is not None
-    assert frame.motion is not None
-    nothing = np.zeros(frame.depth.shape, np.uint8)
-    return TrainingFrame(
-        color=frame.color, depth=frame.depth, motion=frame.motion, reference=frame.color, ghost=nothing,
-        alias=nothing, jitter=frame.jitter, reset=reset, exposure=1.0,
-        gbuffer=dict(frame.gbuffer or {}),
-    )  # fmt: skip
+def dataset(data: Dataset) -> Dataset:
+    return flow_task.FlowTask(random_flow()).data(data)
 
 
 class Shown:
@@ -67,7 +57,8 @@ def found_of(method: GuidedFlow, frames: Sequence[TrainingFrame]) -> flow_task.L
 
 def shadow(count: int, speed: float = 3.0, edge: float = 24.0) -> list[TrainingFrame]:
     scene = Shadow(speed, edge=edge)
-    return [training_frame(scene.frame(i), reset=i == 0) for i in range(count)]
+    frames = (scene.frame(index) for index in range(count))
+    return [training_frame(frame, np.asarray(frame.color)) for frame in frames]
 
 
 def whole(found: flow_task.LightFrames, index: int) -> flow_task.LightCrop:
@@ -107,14 +98,8 @@ def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
     found = found_of(method, frames)
     names = ["color", *method.inputs()]
     given = [method_inputs(frame, names) for frame in frames]
-    state: list[torch.Tensor] | None = None
-    for number in (0, 1, 2):
-        if number == 1:
-            state = method.step(*(given[1][name] for name in method.inputs()), *(state or [])).history
-        else:
-            state = method.after_shaded(given[number], state)
-    assert state is not None
-    image = method.step(*(given[3][name] for name in method.inputs()), *state).image
+    state = step_by_name(method, given[1], method.after_shaded(given[0])).history
+    image = step_by_name(method, given[3], method.after_shaded(given[2], state)).image
     with torch.no_grad():
         stepped = flow_task.FlowTask(method).step([whole(found, 0)], [[]])
     assert (stepped.images - image).abs().max() < 0.02  # half floats

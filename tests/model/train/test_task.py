@@ -10,7 +10,6 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from gbuffer_sets import gbuffer_data
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
@@ -27,14 +26,11 @@ from supersampler_model.training.task import State, Task, start_task
 from supersampler_model.training.trainer import Trainer, TrainingPlan
 from supersampler_model.training.validation import CLASS_NAMES, validate, validation_entries
 
-
-@pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    return gbuffer_data(tmp_path_factory.mktemp("set"))
+pytest_plugins = ["training_fixtures"]
 
 
-def test_a_frame_without_an_input_of_the_step_is_refused(dataset: Dataset) -> None:
-    frame = dataset.read(dataset.entries("validation")[0], 0)
+def test_a_frame_without_an_input_of_the_step_is_refused(data: Dataset) -> None:
+    frame = data.read(data.entries("validation")[0], 0)
     with pytest.raises(ArgumentError, match="without gbuffer_normal"):
         method_inputs(frame, ["color", "gbuffer_normal"])
 
@@ -53,12 +49,12 @@ SHADED = [name for name in TASKS if name != "extrapolate"]
 
 
 @pytest.mark.parametrize("name", TASKS)
-def test_gradients_of_three_frames_reach_all_weights(dataset: Dataset, name: str) -> None:
+def test_gradients_of_three_frames_reach_all_weights(data: Dataset, name: str) -> None:
     torch.manual_seed(0)
     task = TASKS[name]()
     for parameter in cast(Any, task.method).net.blend.parameters():
         nn.init.normal_(parameter, std=0.1)
-    walk = iter(task.stream([task.data(dataset)], size=24, seed=[1]))
+    walk = iter(task.stream([task.data(data)], size=24, seed=[1]))
     states, loss, shapes = list[State](), torch.zeros(()), []
     for sample in islice(walk, 3):
         stepped = task.step([sample], states or [task.first_state(sample)])
@@ -76,20 +72,20 @@ def test_gradients_of_three_frames_reach_all_weights(dataset: Dataset, name: str
 
 @pytest.mark.parametrize("name", ["classifier", "classifier-small", "classifier-paper", *SHADED])
 def test_a_run_changes_all_weights_and_another_begins_with_them(
-    dataset: Dataset, tmp_path: Path, name: str
+    data: Dataset, tmp_path: Path, name: str
 ) -> None:
     torch.manual_seed(0)
     task = start_task(name)
     before = [p.clone() for p in task.method.parameters()]
-    run = Trainer(task, [dataset], TrainingPlan(steps=2, batch=1, frames=2, size=24), tmp_path)
+    run = Trainer(task, [data], TrainingPlan(steps=2, batch=1, frames=2, size=24), tmp_path)
     run.run()
     assert not any(torch.equal(a, b) for a, b in zip(before, run.method.parameters(), strict=True))
     assert start_task(name, run.trained({})).method.provenance["steps"] == 2
 
 
-def test_a_larger_history_is_validated_at_the_size_of_the_display(dataset: Dataset) -> None:
+def test_a_larger_history_is_validated_at_the_size_of_the_display(data: Dataset) -> None:
     task = start_task("classifier-large")
-    found = validate(task.method.eval(), validation_entries([dataset], task.ratios), task.runner)
+    found = validate(task.method.eval(), validation_entries([data], task.ratios), task.runner)
     assert found.psnr > 5.0
     assert {"geometry"} <= set(found.overlap) <= set(CLASS_NAMES)  # others only where they are predicted
 

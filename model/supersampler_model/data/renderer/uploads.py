@@ -9,24 +9,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.scenes.scene import (
-    MAX_JOINTS,
-    MAX_POINTS,
-    Environment,
-    Instance,
-    Material,
-    Matrix,
-    Mesh,
-    Scene,
-    Spot,
-    Sun,
-    Texture,
-    Values,
-)
+from supersampler_model.data.scenes import scene as scenes
 
 Size = tuple[int, int]
 DRAW_BYTES = 256  # per instance; a multiple of every GL's offset alignment
-PALETTES_BYTES = 2 * MAX_JOINTS * 64
+PALETTES_BYTES = 2 * scenes.MAX_JOINTS * 64
 SHADOW_SIZE = 2048  # side of the sun's shadow map, texels; the spot's has half of it
 _SRGB8_ALPHA8 = 0x8C43
 _MAPS = ("base_color", "normal", "orm", "emissive")
@@ -49,18 +36,18 @@ class Assets:
             uploads[variant] = upload()
         return uploads[variant]
 
-    def draw(self, mesh: Mesh, program: Any) -> None:
+    def draw(self, mesh: scenes.Mesh, program: Any) -> None:
         """Draw all triangles of `mesh`."""
         self._once(mesh, program, lambda: self._vertex_array(mesh, program)).render()
 
-    def _vertex_array(self, mesh: Mesh, program: Any) -> Any:
+    def _vertex_array(self, mesh: scenes.Mesh, program: Any) -> Any:
         buffers = self._once(mesh, None, lambda: self._upload_mesh(mesh))
         content: list[tuple[Any, ...]] = [(buffers[1], *_PLAIN)]
         if len(buffers) > 2:
             content.append((buffers[2], *_SKINNED))
         return self._gl.vertex_array(program, content, buffers[0], skip_errors=True)
 
-    def _upload_mesh(self, mesh: Mesh) -> list[Any]:
+    def _upload_mesh(self, mesh: scenes.Mesh) -> list[Any]:
         """Return buffers of indices, of vertices and, for a skin, of joints and weights."""
         vertices = np.concatenate([mesh.positions, mesh.normals, mesh.tangents, mesh.uv], axis=1)
         buffers = [mesh.indices.tobytes(), np.ascontiguousarray(vertices, np.float32).tobytes()]
@@ -70,19 +57,19 @@ class Assets:
             buffers.append(skin.tobytes())
         return [self._gl.buffer(data) for data in buffers]
 
-    def bind_material(self, material: Material, block: int, *, maps: int = len(_MAPS)) -> None:
+    def bind_material(self, material: scenes.Material, block: int, *, maps: int = len(_MAPS)) -> None:
         """Bind the constants to uniform block `block`, and the first `maps` textures to units 0, 1, ..."""
         constants = self._once(material, None, lambda: self._upload_material(material))
         constants.bind_to_uniform_block(block)
         for unit, name in enumerate(_MAPS[:maps]):
-            texture: Texture | None = getattr(material, f"{name}_texture")
+            texture: scenes.Texture | None = getattr(material, f"{name}_texture")
             cutoff = material.alpha_cutoff if name == "base_color" else None
             if texture is None:
                 self._white.use(unit)
             else:
                 self._once(texture, cutoff, partial(self._upload_texture, texture, cutoff)).use(unit)
 
-    def _upload_material(self, material: Material) -> Any:
+    def _upload_material(self, material: scenes.Material) -> Any:
         cutoff = -1.0 if material.alpha_cutoff is None else material.alpha_cutoff
         has_maps = [float(getattr(material, f"{name}_texture") is not None) for name in _MAPS]
         rows = [
@@ -93,7 +80,7 @@ class Assets:
         ]
         return self._gl.buffer(np.array(rows, np.float32).tobytes())
 
-    def _upload_texture(self, texture: Texture, cutoff: float | None) -> Any:
+    def _upload_texture(self, texture: scenes.Texture, cutoff: float | None) -> Any:
         height, width, channels = texture.pixels.shape
         pixels = np.full((height, width, 4), 255, np.uint8)
         pixels[..., :channels] = texture.pixels
@@ -105,12 +92,12 @@ class Assets:
         uploaded.filter = (self._gl.LINEAR_MIPMAP_LINEAR, self._gl.LINEAR)
         return uploaded
 
-    def environment(self, environment: Environment) -> tuple[Any, NDArray[np.float64]]:
+    def environment(self, environment: scenes.Environment) -> tuple[Any, NDArray[np.float64]]:
         """Return the panorama's texture, with mips for increasing roughness, and its irradiance (9, 3)."""
         texture, irradiance = self._once(environment, None, lambda: self._upload_environment(environment))
         return texture, irradiance
 
-    def _upload_environment(self, environment: Environment) -> tuple[Any, Any]:
+    def _upload_environment(self, environment: scenes.Environment) -> tuple[Any, Any]:
         levels = environment.mips()
         height, width = levels[0].shape[:2]
         texture = self._gl.texture((width, height), 3, levels[0].tobytes(), dtype="f4")
@@ -169,7 +156,7 @@ class Raster:
         return [*scale, *(-middle * scale)]
 
 
-def columns(*matrices: Values) -> bytes:
+def columns(*matrices: scenes.Values) -> bytes:
     """Return matrices (..., 4, 4) column by column, as in GL."""
     return b"".join(np.ascontiguousarray(np.swapaxes(m, -1, -2), np.float32).tobytes() for m in matrices)
 
@@ -179,7 +166,7 @@ def rows(*vectors: Any) -> bytes:
     return b"".join(np.array([*v, *[0.0] * (4 - len(v))], np.float32).tobytes() for v in vectors)
 
 
-def view_block(scene: Scene, aspect: float, raster: Raster) -> bytes:
+def view_block(scene: scenes.Scene, aspect: float, raster: Raster) -> bytes:
     """Return block View: the camera now and before, and the rendered part of the image."""
     camera, view = scene.camera, scene.camera.view()
     projection = camera.projection(aspect)
@@ -193,7 +180,7 @@ def view_block(scene: Scene, aspect: float, raster: Raster) -> bytes:
     return columns(projection @ view, before, rays) + vectors
 
 
-def draw_blocks(instances: tuple[Instance, ...]) -> bytes:
+def draw_blocks(instances: tuple[scenes.Instance, ...]) -> bytes:
     """Return block Draw of each instance, each `DRAW_BYTES` long."""
     blocks = []
     for instance in instances:
@@ -206,7 +193,7 @@ def draw_blocks(instances: tuple[Instance, ...]) -> bytes:
     return b"".join(blocks)
 
 
-def _normal_matrix(model: Matrix) -> Matrix:
+def _normal_matrix(model: scenes.Matrix) -> scenes.Matrix:
     """Return the inverse transpose (3, 3), or cofactors of the same direction if the model is flattened."""
     if np.linalg.det(model) != 0.0:
         return np.asarray(np.linalg.inv(model).T)
@@ -214,22 +201,22 @@ def _normal_matrix(model: Matrix) -> Matrix:
     return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
 
 
-def palette_blocks(instances: list[Instance]) -> bytes:
+def palette_blocks(instances: list[scenes.Instance]) -> bytes:
     """Return block Palettes of each skinned instance, each `PALETTES_BYTES` long."""
     blocks = []
     for instance in instances:
-        palettes = np.zeros((2, MAX_JOINTS, 4, 4))
+        palettes = np.zeros((2, scenes.MAX_JOINTS, 4, 4))
         for palette, joints in zip(palettes, (instance.palette, instance.palette_before), strict=True):
             palette[: len(np.asarray(joints))] = joints
         blocks.append(columns(palettes))
     return b"".join(blocks)
 
 
-def lights_block(scene: Scene, irradiance: Values) -> bytes:
+def lights_block(scene: scenes.Scene, irradiance: scenes.Values) -> bytes:
     """Return block Lights."""
     height = scene.environment.pixels.shape[0]
-    sun = scene.sun or Sun(direction=(0.0, -1.0, 0.0), color=(0.0, 0.0, 0.0))
-    spot = scene.spot or Spot(position=(0.0, 1.0, 0.0), target=(0.0, 0.0, 0.0), color=(0.0, 0.0, 0.0))
+    sun = scene.sun or scenes.Sun(direction=(0.0, -1.0, 0.0), color=(0.0, 0.0, 0.0))
+    spot = scene.spot or scenes.Spot(position=(0.0, 1.0, 0.0), target=(0.0, 0.0, 0.0), color=(0.0, 0.0, 0.0))
     to_sun = -np.array(sun.direction) / np.linalg.norm(sun.direction)
     axis = np.subtract(spot.target, spot.position)
     axis = axis / np.linalg.norm(axis)
@@ -241,7 +228,7 @@ def lights_block(scene: Scene, irradiance: Values) -> bytes:
         (len(scene.points), outer),
         (int(np.log2(height)), np.log2(height / np.pi)),
     ]  # fmt: skip
-    padding = [(0.0,)] * (MAX_POINTS - len(scene.points))
+    padding = [(0.0,)] * (scenes.MAX_POINTS - len(scene.points))
     points = [*((*point.position, point.reach) for point in scene.points), *padding]
     colors = [*(point.color for point in scene.points), *padding]
     return columns(sun.matrix(), spot.matrix()) + rows(*vectors, *irradiance, *points, *colors)

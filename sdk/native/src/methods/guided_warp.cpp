@@ -64,6 +64,7 @@ static bool any(const float* rows, int count) {
 static ss_status check(const Model& model, const ss_frame& f, const ss_shaded& s, ss_error* error) {
     if (!model.method->extrapolates)
         return fail(error, SS_BAD_ARGUMENT, "the model is of %s; want one that extrapolates", model.method->name);
+    const Size render = {f.width, f.height}, shaded = {s.width, s.height};
     if (ss_status status = check_size(f.width, f.height, "the frame", error)) return status;
     if (ss_status status = check_size(s.width, s.height, "the shaded frame", error)) return status;
     if (s.motion.data)
@@ -72,17 +73,22 @@ static ss_status check(const Model& model, const ss_frame& f, const ss_shaded& s
     const struct {
         const char* name;
         const ss_image& image;
-    } inputs[] = {{"depth", f.depth},
-                  {"motion", f.motion},
-                  {"base_color", f.base_color},
-                  {"normal", f.normal},
-                  {"color of the shaded frame", s.color},
-                  {"depth of the shaded frame", s.depth},
-                  {"base_color of the shaded frame", s.base_color},
-                  {"normal of the shaded frame", s.normal}};
-    for (const auto& input : inputs)
-        if (ss_status status = check_input(input.name, input.image, true, error)) return status;
-    if (ss_status status = check_input("motion of the previous frame", s.motion, false, error)) return status;
+        Size size;
+        int channels;
+    } inputs[] = {{"depth", f.depth, render, 1},
+                  {"motion", f.motion, render, 2},
+                  {"base_color", f.base_color, render, 3},
+                  {"normal", f.normal, render, 3},
+                  {"color of the shaded frame", s.color, shaded, 3},
+                  {"depth of the shaded frame", s.depth, shaded, 1},
+                  {"base_color of the shaded frame", s.base_color, shaded, 3},
+                  {"normal of the shaded frame", s.normal, shaded, 3},
+                  {"motion of the previous frame", s.motion, {s.motion_width, s.motion_height}, 2}};
+    for (const auto& input : inputs) {
+        const bool needed = &input.image != &s.motion;
+        if (ss_status status = check_input(input.name, input.image, input.size, input.channels, needed, error))
+            return status;
+    }
     if (ss_status status = check_jitter(f.jitter, error)) return status;
     if (ss_status status = check_jitter(s.jitter, error)) return status;
     if (ss_status status = check_jitter(s.motion_jitter, error)) return status;
@@ -94,8 +100,9 @@ ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s,
                             ss_error* error) {
     if (ss_status status = check(model, f, s, error)) return status;
     if (!out.color.data) return fail(error, SS_BAD_ARGUMENT, "color has no data; want an image to write to");
-    if (ss_status status = check_output("color", out.color, error)) return status;
-    if (ss_status status = check_input("the motion to write to", out.motion, false, error)) return status;
+    const Size size = {f.width, f.height};
+    if (ss_status status = check_output("color", out.color, size, 3, error)) return status;
+    if (ss_status status = check_input("the motion to write to", out.motion, size, 2, false, error)) return status;
     const bool has_motion = s.motion.data;
     Space* space = model.borrow({s.width, s.height}, has_motion ? Size{s.motion_width, s.motion_height} : Size{1, 1});
     Arena rows(model.arena.allocator());

@@ -9,17 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import StepReport, StepRequest
-from supersampler.backends.cpu.library import (
-    FRAME_GBUFFERS,
-    CpuLibrary,
-    ExtrapolatedOutputs,
-    FrameData,
-    Image,
-    Options,
-    Outputs,
-    ShadedData,
-    readable,
-)
+from supersampler.backends.cpu import library as native
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
 from supersampler.methods.gbuffers import GBUFFERS
@@ -40,7 +30,7 @@ class CpuModel:
         ModelError: the bytes are not a model that the library runs.
     """
 
-    def __init__(self, library: CpuLibrary, data: bytes, options: Options) -> None:
+    def __init__(self, library: native.CpuLibrary, data: bytes, options: native.Options) -> None:
         self.library, self.handle = library, c_void_p()
         library.call("ss_model_create_from_bytes", data, len(data), options, self.handle)
 
@@ -97,7 +87,7 @@ class CpuExecutor:
     def step_many(self, steps: Sequence[StepRequest]) -> list[StepReport]:
         """See `Executor`."""
         count = len(steps)
-        frames, outputs, alive = (FrameData * count)(), (Outputs * count)(), []
+        frames, outputs, alive = (native.FrameData * count)(), (native.Outputs * count)(), []
         histories, next_histories = (c_void_p * count)(), (c_void_p * count)()
         aux, seconds = [], [(c_double * _STAGES)() for _ in steps]
         for place, step in enumerate(steps):
@@ -108,9 +98,9 @@ class CpuExecutor:
             shape = (1, 1, *step.display[::-1])
             planes = {n: np.zeros(shape, np.float32) for n in _AUX_OUTPUTS if n in step.aux_outputs}
             aux.append(planes)
-            images = {n: Image.of(plane[0, 0]) for n, plane in planes.items()}
-            outputs[place] = Outputs(
-                image=Image.of(step.image), compute_all=not step.skip, seconds=seconds[place], **images
+            images = {n: native.Image.of(plane[0, 0]) for n, plane in planes.items()}
+            outputs[place] = native.Outputs(
+                image=native.Image.of(step.image), compute_all=not step.skip, seconds=seconds[place], **images
             )
         with self._library.interruptible(outputs[0]):
             self._library.call(
@@ -167,15 +157,15 @@ class CpuExtrapolation:
         width, height = frame.size
         image, motion = np.empty((height, width, 3), np.float32), np.empty((1, 2, height, width), np.float32)
         data, arrays = frame_data(frame)
-        shaded = ShadedData()
+        shaded = native.ShadedData()
         for name in ("color", "depth", "base_color", "normal", "motion"):
-            arrays.append(readable(history[f"history.{name}"]))
-            setattr(shaded, name, Image.of(arrays[-1], planes=True))
+            arrays.append(native.readable(history[f"history.{name}"]))
+            setattr(shaded, name, native.Image.of(arrays[-1], planes=True))
         shaded.width, shaded.height = history["history.color"].shape[:1:-1]
         shaded.motion_width, shaded.motion_height = history["history.motion"].shape[:1:-1]
         for name in ("jitter", "motion_jitter"):
             getattr(shaded, name)[:] = history[f"history.{name}"][0].tolist()
-        outputs = ExtrapolatedOutputs(Image.of(image), Image.of(motion, planes=True))
+        outputs = native.ExtrapolatedOutputs(native.Image.of(image), native.Image.of(motion, planes=True))
         with self._library.interruptible(outputs):
             self._library.call("ss_extrapolate", self._model.handle, data, shaded, outputs)
         del arrays  # kept alive while the library read them
@@ -183,15 +173,15 @@ class CpuExtrapolation:
         return image, {**history, "history.motion": motion, "history.motion_jitter": jitter}
 
 
-def frame_data(frame: Frame) -> tuple[FrameData, list[NDArray[Any]]]:
+def frame_data(frame: Frame) -> tuple[native.FrameData, list[NDArray[Any]]]:
     """Return a frame for the library, and the arrays that must be kept alive as long as it."""
     images = {name: getattr(frame, name) for name in ("color", "depth", "motion", "reactive")}
-    images |= {name: GBUFFERS[f"gbuffer_{name}"].find(frame) for name in FRAME_GBUFFERS}
-    data, arrays = FrameData(*frame.size), []
+    images |= {name: GBUFFERS[f"gbuffer_{name}"].find(frame) for name in native.FRAME_GBUFFERS}
+    data, arrays = native.FrameData(*frame.size), []
     for name, array in images.items():
         if array is not None:
-            arrays.append(readable(array))
-            setattr(data, name, Image.of(arrays[-1]))
+            arrays.append(native.readable(array))
+            setattr(data, name, native.Image.of(arrays[-1]))
     data.jitter[:] = frame.jitter
     data.exposure, data.pre_exposure = usable_exposure(frame.exposure) or 0.0, frame.pre_exposure
     return data, arrays

@@ -1,25 +1,10 @@
 """`CpuLibrary`: ctypes bindings of the CPU library, sdk/native."""
 
+import ctypes as ct
 import sys
 import threading
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
-from ctypes import (
-    CDLL,
-    CFUNCTYPE,
-    POINTER,
-    Structure,
-    c_char,
-    c_char_p,
-    c_double,
-    c_float,
-    c_int,
-    c_int64,
-    c_size_t,
-    c_ssize_t,
-    c_void_p,
-    cast,
-)
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.arguments import overlaps_itself
 from supersampler.errors import INCOMPLETE_PACKAGE, LibraryError, ModelError, SupersamplerError
 
 VERSION = 100
@@ -39,38 +25,38 @@ _LINE = 64
 """Bytes of a cache line."""
 
 
-class ErrorText(Structure):
+class ErrorText(ct.Structure):
     """`ss_error`."""
 
-    _fields_ = (("message", c_char * 256),)
+    _fields_ = (("message", ct.c_char * 256),)
 
 
-class Options(Structure):
+class Options(ct.Structure):
     """`ss_options`."""
 
     _fields_ = (
-        ("threads", c_int),
-        *((name, c_void_p) for name in ("parallel_for", "allocate", "release", "log", "user")),
-        ("instructions", c_char_p),
+        ("threads", ct.c_int),
+        *((name, ct.c_void_p) for name in ("parallel_for", "allocate", "release", "log", "user")),
+        ("instructions", ct.c_char_p),
     )
 
 
-class Image(Structure):
+class Image(ct.Structure):
     """`ss_image`: the pixels of an array, which the caller keeps alive."""
 
     _fields_ = (
-        ("data", c_void_p),
-        ("type", c_int),
-        ("row_stride", c_ssize_t),
-        ("pixel_stride", c_ssize_t),
-        ("channel_stride", c_ssize_t),
+        ("data", ct.c_void_p),
+        ("type", ct.c_int),
+        ("row_stride", ct.c_ssize_t),
+        ("pixel_stride", ct.c_ssize_t),
+        ("channel_stride", ct.c_ssize_t),
     )
 
     @classmethod
     def of(cls, array: NDArray[Any], *, planes: bool = False) -> "Image":
         """Return a view of an array (h, w) or (h, w, channels), or with `planes` of (1, channels, h, w).
 
-        The array is float32 or float16, and none of its strides is 0; see `readable`.
+        The array is float32 or float16, and no two elements share memory; see `readable`.
         """
         if planes:
             array = array[0].transpose(1, 2, 0)
@@ -85,7 +71,7 @@ class Image(Structure):
 
 def readable(array: NDArray[Any]) -> NDArray[Any]:
     """Return the array if `Image.of` takes it, else a contiguous copy, float16 or float32."""
-    if array.dtype in (np.float32, np.float16) and 0 not in array.strides:
+    if array.dtype in (np.float32, np.float16) and not overlaps_itself(array):
         return array
     return np.array(array, np.float16 if array.dtype == np.float16 else np.float32, order="C")
 
@@ -94,136 +80,138 @@ FRAME_GBUFFERS = ("base_color", "normal", "display_base_color", "display_normal"
 """G-buffers in `FrameData`."""
 
 
-class FrameData(Structure):
+class FrameData(ct.Structure):
     """`ss_frame`."""
 
     _fields_ = (
-        ("width", c_int),
-        ("height", c_int),
+        ("width", ct.c_int),
+        ("height", ct.c_int),
         *((name, Image) for name in ("color", "depth", "motion", "reactive", *FRAME_GBUFFERS)),
-        ("jitter", c_float * 2),
-        ("exposure", c_float),
-        ("pre_exposure", c_float),
-        ("reset", c_int),
-        ("adds_samples", c_float),
+        ("jitter", ct.c_float * 2),
+        ("exposure", ct.c_float),
+        ("pre_exposure", ct.c_float),
+        ("reset", ct.c_int),
+        ("adds_samples", ct.c_float),
     )
 
 
-class Outputs(Structure):
+class Outputs(ct.Structure):
     """`ss_outputs`."""
 
     _fields_ = (
         *((name, Image) for name in ("image", "weight", "converged")),
-        ("compute_all", c_int),
-        ("seconds", POINTER(c_double)),
-        ("cancelled", c_void_p),
-        ("user", c_void_p),
+        ("compute_all", ct.c_int),
+        ("seconds", ct.POINTER(ct.c_double)),
+        ("cancelled", ct.c_void_p),
+        ("user", ct.c_void_p),
     )
 
 
-class ShadedData(Structure):
+class ShadedData(ct.Structure):
     """`ss_shaded`."""
 
     _fields_ = (
-        ("width", c_int),
-        ("height", c_int),
+        ("width", ct.c_int),
+        ("height", ct.c_int),
         *((name, Image) for name in ("color", "depth", "base_color", "normal")),
-        ("jitter", c_float * 2),
-        ("pre_exposure", c_float),
-        ("motion_width", c_int),
-        ("motion_height", c_int),
+        ("jitter", ct.c_float * 2),
+        ("pre_exposure", ct.c_float),
+        ("motion_width", ct.c_int),
+        ("motion_height", ct.c_int),
         ("motion", Image),
-        ("motion_jitter", c_float * 2),
+        ("motion_jitter", ct.c_float * 2),
     )
 
 
-class ExtrapolatedOutputs(Structure):
+class ExtrapolatedOutputs(ct.Structure):
     """`ss_extrapolated`."""
 
-    _fields_ = (("color", Image), ("motion", Image), ("cancelled", c_void_p), ("user", c_void_p))
+    _fields_ = (("color", Image), ("motion", Image), ("cancelled", ct.c_void_p), ("user", ct.c_void_p))
 
 
-class ScatterData(Structure):
+class ScatterData(ct.Structure):
     """`ss_scatter`."""
 
     _fields_ = (
-        *((name, c_int) for name in ("width", "height", "next_width", "next_height")),
-        *((name, c_void_p) for name in ("depth", "next_depth", "next_motion")),
-        ("jitter", c_float * 2),
-        ("next_jitter", c_float * 2),
+        *((name, ct.c_int) for name in ("width", "height", "next_width", "next_height")),
+        *((name, ct.c_void_p) for name in ("depth", "next_depth", "next_motion")),
+        ("jitter", ct.c_float * 2),
+        ("next_jitter", ct.c_float * 2),
     )
 
 
-class IdData(Structure):
+class IdData(ct.Structure):
     """`ss_ids`."""
 
     _fields_ = (
-        *((name, c_int) for name in ("width", "height", "display_width", "display_height", "channels")),
-        *((name, c_void_p) for name in ("ids", "depth", "motion")),
-        ("jitter", c_float * 2),
-        *((name, c_void_p) for name in ("previous", "previous_distance", "image", "distance")),
+        *((name, ct.c_int) for name in ("width", "height", "display_width", "display_height", "channels")),
+        *((name, ct.c_void_p) for name in ("ids", "depth", "motion")),
+        ("jitter", ct.c_float * 2),
+        *((name, ct.c_void_p) for name in ("previous", "previous_distance", "image", "distance")),
     )
 
 
-class TemporalFrame(Structure):
+class TemporalFrame(ct.Structure):
     """`ss_temporal_frame`."""
 
     _fields_ = tuple(
-        (name, c_void_p) for name in ("color", "noisy", "guides", "to_previous", "to_next", "aovs")
+        (name, ct.c_void_p) for name in ("color", "noisy", "guides", "to_previous", "to_next", "aovs")
     )
 
 
-class TemporalData(Structure):
+class TemporalData(ct.Structure):
     """`ss_temporal`."""
 
     _fields_ = (
-        ("width", c_int),
-        ("height", c_int),
-        ("frames", POINTER(TemporalFrame)),
-        ("previous", c_int),
-        ("following", c_int),
-        ("aov_groups", c_int),
-        ("exposure", c_float),
-        ("samples", c_float),
-        ("first_row", c_int),
-        ("end_row", c_int),
-        ("image", c_void_p),
-        ("aovs", c_void_p),
+        ("width", ct.c_int),
+        ("height", ct.c_int),
+        ("frames", ct.POINTER(TemporalFrame)),
+        ("previous", ct.c_int),
+        ("following", ct.c_int),
+        ("aov_groups", ct.c_int),
+        ("exposure", ct.c_float),
+        ("samples", ct.c_float),
+        ("first_row", ct.c_int),
+        ("end_row", ct.c_int),
+        ("image", ct.c_void_p),
+        ("aovs", ct.c_void_p),
     )
 
 
-_ERROR, _HANDLE = POINTER(ErrorText), POINTER(c_void_p)
+_ERROR, _HANDLE = ct.POINTER(ErrorText), ct.POINTER(ct.c_void_p)
 _FUNCTIONS: Mapping[str, tuple[Any, ...]] = {  # result, then arguments
-    "ss_version": (c_int,),
-    "ss_stage_name": (c_char_p, c_int),
-    "ss_model_create_from_bytes": (c_int, c_char_p, c_size_t, POINTER(Options), _HANDLE, _ERROR),
-    "ss_model_destroy": (None, c_void_p),
-    "ss_model_instructions": (c_char_p, c_void_p),
-    "ss_required_bytes": (c_int, c_void_p, *[c_int] * 4, *[POINTER(c_size_t)] * 2, _ERROR),
-    "ss_history_create": (c_int, c_void_p, *[c_int] * 4, _HANDLE, _ERROR),
-    "ss_history_destroy": (None, c_void_p),
-    "ss_history_fits": (c_int, c_void_p, c_int, c_int),
-    "ss_history_tensor": (c_char_p, c_void_p, c_int, POINTER(c_int64), POINTER(c_int)),
-    "ss_history_read": (c_int, c_void_p, c_int, c_void_p, _ERROR),
-    "ss_history_write": (c_int, c_void_p, c_int, c_void_p, _ERROR),
+    "ss_version": (ct.c_int,),
+    "ss_stage_name": (ct.c_char_p, ct.c_int),
+    "ss_model_create_from_bytes": (ct.c_int, ct.c_char_p, ct.c_size_t, ct.POINTER(Options), _HANDLE, _ERROR),
+    "ss_model_destroy": (None, ct.c_void_p),
+    "ss_model_instructions": (ct.c_char_p, ct.c_void_p),
+    "ss_required_bytes": (ct.c_int, ct.c_void_p, *[ct.c_int] * 4, *[ct.POINTER(ct.c_size_t)] * 2, _ERROR),
+    "ss_history_create": (ct.c_int, ct.c_void_p, *[ct.c_int] * 4, _HANDLE, _ERROR),
+    "ss_history_destroy": (None, ct.c_void_p),
+    "ss_history_fits": (ct.c_int, ct.c_void_p, ct.c_int, ct.c_int),
+    "ss_history_tensor": (ct.c_char_p, ct.c_void_p, ct.c_int, ct.POINTER(ct.c_int64), ct.POINTER(ct.c_int)),
+    "ss_history_read": (ct.c_int, ct.c_void_p, ct.c_int, ct.c_void_p, _ERROR),
+    "ss_history_write": (ct.c_int, ct.c_void_p, ct.c_int, ct.c_void_p, _ERROR),
     "ss_run_many": (
-        c_int, c_void_p, POINTER(FrameData), _HANDLE, _HANDLE, POINTER(Outputs), c_int, _ERROR
+        ct.c_int, ct.c_void_p, ct.POINTER(FrameData), _HANDLE, _HANDLE, ct.POINTER(Outputs), ct.c_int, _ERROR
     ),
-    "ss_run_network": (c_int, c_void_p, c_void_p, c_int, c_int, c_void_p, _ERROR),
+    "ss_run_network": (ct.c_int, ct.c_void_p, ct.c_void_p, ct.c_int, ct.c_int, ct.c_void_p, _ERROR),
     "ss_extrapolate": (
-        c_int, c_void_p, POINTER(FrameData), POINTER(ShadedData), POINTER(ExtrapolatedOutputs), _ERROR
+        ct.c_int, ct.c_void_p, ct.POINTER(FrameData), ct.POINTER(ShadedData), ct.POINTER(ExtrapolatedOutputs),
+        _ERROR,
     ),
     "ss_camera_motion": (
-        c_int, POINTER(Image), c_int, c_int, c_void_p, c_double, c_float * 2, POINTER(Image), _ERROR
+        ct.c_int, ct.POINTER(Image), ct.c_int, ct.c_int, ct.c_void_p, ct.c_double, ct.c_float * 2,
+        ct.POINTER(Image), _ERROR,
     ),
-    "ss_encode_rgba": (c_int, POINTER(Image), c_int, c_int, c_void_p, c_ssize_t, _ERROR),
-    "ss_merge_images": (c_int, *[c_void_p] * 4, c_int, c_int, c_float, _ERROR),
-    "ss_scatter_motion": (c_int, POINTER(ScatterData), c_void_p, c_void_p, _ERROR),
-    "ss_resample_ids": (c_int, c_void_p, POINTER(IdData), c_int, _ERROR),
-    "ss_filter_temporal": (c_int, POINTER(TemporalData), _ERROR),
-    "ss_nearest_motion": (c_int, c_void_p, c_void_p, c_int, c_int, c_void_p, _ERROR),
+    "ss_encode_rgba": (ct.c_int, ct.POINTER(Image), ct.c_int, ct.c_int, ct.c_void_p, ct.c_ssize_t, _ERROR),
+    "ss_merge_images": (ct.c_int, *[ct.c_void_p] * 4, ct.c_int, ct.c_int, ct.c_float, _ERROR),
+    "ss_scatter_motion": (ct.c_int, ct.POINTER(ScatterData), ct.c_void_p, ct.c_void_p, _ERROR),
+    "ss_resample_ids": (ct.c_int, ct.c_void_p, ct.POINTER(IdData), ct.c_int, _ERROR),
+    "ss_filter_temporal": (ct.c_int, ct.POINTER(TemporalData), _ERROR),
+    "ss_nearest_motion": (ct.c_int, ct.c_void_p, ct.c_void_p, ct.c_int, ct.c_int, ct.c_void_p, _ERROR),
 }  # fmt: skip
-_Cancelled = CFUNCTYPE(c_int, c_void_p)
+_Cancelled = ct.CFUNCTYPE(ct.c_int, ct.c_void_p)
 
 
 class CpuLibrary:
@@ -238,7 +226,7 @@ class CpuLibrary:
 
     def __init__(self, path: Path) -> None:
         try:
-            self._library = CDLL(str(path))
+            self._library = ct.CDLL(str(path))
             for name, (result, *arguments) in _FUNCTIONS.items():
                 function = getattr(self._library, name)
                 function.restype, function.argtypes = result, arguments
@@ -283,7 +271,7 @@ class CpuLibrary:
         poll = _polled(raised)
         next(poll)
         callback = _Cancelled(poll.send)
-        outputs.cancelled = cast(callback, c_void_p)
+        outputs.cancelled = ct.cast(callback, ct.c_void_p)
         yield
         if raised:
             raise raised[0]

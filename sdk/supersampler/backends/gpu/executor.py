@@ -12,29 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import ForkSafeLock, StepReport, StepRequest
+from supersampler.backends.gpu import frame as gpu_frame
+from supersampler.backends.gpu import memory as gpu
 from supersampler.backends.gpu.aovs import AovPasses
 from supersampler.backends.gpu.device import default_device, raising
-from supersampler.backends.gpu.frame import (
-    IMAGE_FORMAT,
-    PARAMS,
-    SKIPS,
-    DeviceAovs,
-    DeviceFrame,
-    frame_memory,
-    is_texture,
-    step_params,
-    upload_frame,
-)
 from supersampler.backends.gpu.history import SIGNATURES, GpuHistory
-from supersampler.backends.gpu.memory import (
-    Memory,
-    PixelBuffer,
-    Readback,
-    allocate,
-    encode_write,
-    new_texture,
-    write_to,
-)
 from supersampler.backends.gpu.passes import Pass, Resource
 from supersampler.backends.gpu.program import ARRAYS, AUX, TEXTURES, GpuProgram, PassSpec
 from supersampler.errors import DeviceError
@@ -59,9 +41,9 @@ class StepBuffers:
     """
 
     params: "wgpu.GPUBuffer"
-    memory: dict[str, Memory]
-    image: Readback
-    aux: Readback
+    memory: dict[str, gpu.Memory]
+    image: gpu.Readback
+    aux: gpu.Readback
 
     @property
     def resources(self) -> dict[str, Resource]:
@@ -88,10 +70,10 @@ class GpuExecutor:
         self._lock = ForkSafeLock()  # of `_buffers` and of their buffers
         self._views: WeakKeyDictionary[Any, Resource] = WeakKeyDictionary()  # of textures of the caller
         self.passes(ARRAYS)
-        self.weights: dict[str, Memory] = {}
+        self.weights: dict[str, gpu.Memory] = {}
         for name, words in program.weights.items():
-            self.weights[name] = allocate(self.device, PixelBuffer(words.nbytes))
-            write_to(self.device, self.weights[name], words)
+            self.weights[name] = gpu.allocate(self.device, gpu.PixelBuffer(words.nbytes))
+            gpu.write_to(self.device, self.weights[name], words)
 
     def passes(self, variants: Mapping[str, str]) -> list[Pass]:
         """Return the compiled passes for frames and images in buffers, or in textures."""
@@ -125,11 +107,11 @@ class GpuExecutor:
         blends_aovs = "aovs" in aux_outputs
         with self._lock.lock, raising(self.device, f"in a step to {display}"):
             buffers = self._buffers_for(render, display)
-            upload_frame(self.device, buffers.memory, frame, self.program.layout.spec.inputs)
+            gpu_frame.upload_frame(self.device, buffers.memory, frame, self.program.layout.spec.inputs)
             aovs, inputs = None, {}
             if blends_aovs:
                 aovs, inputs["frame_depth"] = self._aovs.upload(frame)
-            params = step_params(
+            params = gpu_frame.step_params(
                 frame, history.display, history.render, has_reactive=frame.reactive is not None,
                 adds_samples=adds_samples, writes_aux=bool(names) or blends_aovs, skip=skip,
             )  # fmt: skip
@@ -152,7 +134,7 @@ class GpuExecutor:
     def encode(
         self,
         encoder: "wgpu.GPUCommandEncoder",
-        frame: DeviceFrame,
+        frame: gpu_frame.DeviceFrame,
         history: GpuHistory,
         next_history: GpuHistory,
         image: Any,
@@ -164,9 +146,9 @@ class GpuExecutor:
 
         Encoder, frame and image are checked; see `StepRequest` for `adds_samples` and `skip`.
         """
-        kinds = {"frame": frame.in_textures, "image": is_texture(image)}
+        kinds = {"frame": frame.in_textures, "image": gpu_frame.is_texture(image)}
         variants = {name: (TEXTURES if kind else ARRAYS)[name] for name, kind in kinds.items()}
-        params = step_params(
+        params = gpu_frame.step_params(
             frame, history.display, history.render, has_reactive="reactive" in frame.images,
             adds_samples=adds_samples, writes_aux=frame.aovs is not None, skip=skip,
         )  # fmt: skip
@@ -190,16 +172,16 @@ class GpuExecutor:
     @cached_property
     def _no_mask(self) -> Resource:
         """A texture to bind in place of a missing reactive mask; no shader reads it."""
-        return new_texture(self.device, (1, 1), IMAGE_FORMAT).create_view()
+        return gpu.new_texture(self.device, (1, 1), gpu_frame.IMAGE_FORMAT).create_view()
 
     def new_image(self, display: Size) -> "wgpu.GPUTexture":
         """Allocate a texture for an image."""
         with raising(self.device, f"allocating an image of {display}"):
-            return new_texture(self.device, display, IMAGE_FORMAT)
+            return gpu.new_texture(self.device, display, gpu_frame.IMAGE_FORMAT)
 
     def _resource(self, given: Any) -> Resource:
         """Return the caller's buffer, or a view of the caller's texture, for a bind group."""
-        if not is_texture(given):
+        if not gpu_frame.is_texture(given):
             return given
         if given not in self._views:
             self._views[given] = given.create_view(mip_level_count=1)
@@ -214,12 +196,12 @@ class GpuExecutor:
         next_history: GpuHistory,
         inputs: Mapping[str, Resource],
         buffers: StepBuffers,
-        aovs: DeviceAovs | None,
+        aovs: gpu_frame.DeviceAovs | None,
     ) -> None:
         """Encode all passes; `inputs` are the caller's images, which replace those of `buffers`."""
         blended = None if aovs is None else self._aovs.room(aovs.channels, next_history)
         is_second = next_history.follow(history)
-        params[SKIPS] *= 1.0 + is_second
+        params[gpu_frame.SKIPS] *= 1.0 + is_second
         render = int(params[0]), int(params[1])
         resources: dict[str, Resource] = {
             **buffers.resources,
@@ -233,7 +215,7 @@ class GpuExecutor:
             # a step writes those of its own phase and of the previous step's
             source, target = (one.memory[SIGNATURES].resource for one in (history, next_history))
             encoder.copy_buffer_to_buffer(source, 0, target, 0, target.size)
-        encode_write(self.device, encoder, buffers.params, params)
+        gpu.encode_write(self.device, encoder, buffers.params, params)
         compute = encoder.begin_compute_pass()
         for spec, one in zip(self.program.passes, self.passes(variants), strict=True):
             one.encode(compute, resources, spec.extent.size(render, history.display))
@@ -257,12 +239,12 @@ class GpuExecutor:
                 f"an image of {display} needs {size} bytes in one binding; the device's limit is {limit}: "
                 f"at most {limit // 12} pixels"
             )
-        memory = {**frame_memory(self.program.layout.spec.inputs), **self.program.work}
+        memory = {**gpu_frame.frame_memory(self.program.layout.spec.inputs), **self.program.work}
         return StepBuffers(
-            allocate(self.device, PixelBuffer(4 * PARAMS)).resource,
-            {name: allocate(self.device, each, render, display) for name, each in memory.items()},
-            Readback(self.device, (*display[::-1], 3)),
-            Readback(self.device, (*display[::-1], len(AUX))),
+            gpu.allocate(self.device, gpu.PixelBuffer(4 * gpu_frame.PARAMS)).resource,
+            {name: gpu.allocate(self.device, each, render, display) for name, each in memory.items()},
+            gpu.Readback(self.device, (*display[::-1], 3)),
+            gpu.Readback(self.device, (*display[::-1], len(AUX))),
         )
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:

@@ -8,17 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import ForkSafeLock
+from supersampler.backends.gpu import memory as gpu
 from supersampler.backends.gpu.device import default_device, raising
 from supersampler.backends.gpu.frame import PARAMS, frame_memory, step_params, upload_frame
-from supersampler.backends.gpu.memory import (
-    Memory,
-    PixelBuffer,
-    Readback,
-    allocate,
-    encode_write,
-    read_back,
-    write_to,
-)
 from supersampler.backends.gpu.passes import Pass
 from supersampler.backends.gpu.shader import Shader
 from supersampler.frame import Float32, Frame, Size
@@ -51,7 +43,7 @@ class WarpShaders(NamedTuple):
 class DeviceTensor(NamedTuple):
     """A history tensor of shape (1, c, h, w): a buffer of float32, (h, w, c)."""
 
-    memory: Memory
+    memory: gpu.Memory
     shape: tuple[int, ...]
 
     @property
@@ -64,8 +56,8 @@ class _Buffers(NamedTuple):
     """Buffers of a call for one size of frames and one of shaded frames."""
 
     sizes: tuple[Size, Size]
-    memory: dict[str, Memory]
-    image: Readback
+    memory: dict[str, gpu.Memory]
+    image: gpu.Readback
 
 
 class GpuExtrapolation:
@@ -92,7 +84,7 @@ class GpuExtrapolation:
             return array
         with raising(self._device, "uploading a history"):
             tensor = self._new_tensor(array.shape)
-            write_to(self._device, tensor.memory, np.asarray(array[0].transpose(1, 2, 0), np.float32))
+            gpu.write_to(self._device, tensor.memory, np.asarray(array[0].transpose(1, 2, 0), np.float32))
             return tensor
 
     def download(self, tensor: DeviceTensor | NDArray[Any]) -> NDArray[Any]:
@@ -101,7 +93,7 @@ class GpuExtrapolation:
             return tensor.copy()
         _, channels, height, width = tensor.shape
         with raising(self._device, "reading a history"):
-            values = read_back(self._device, tensor.memory).view(np.float32)[: math.prod(tensor.shape)]
+            values = gpu.read_back(self._device, tensor.memory).view(np.float32)[: math.prod(tensor.shape)]
         return np.ascontiguousarray(values.reshape(height, width, channels).transpose(2, 0, 1)[None])
 
     def extrapolate(self, frame: Frame, history: Mapping[str, Any]) -> tuple[Float32, Mapping[str, Any]]:
@@ -122,8 +114,8 @@ class GpuExtrapolation:
             resources |= {"image": buffers.image.buffer, "next_motion": motion.memory.resource}
             encoder = self._device.create_command_encoder()
             params = step_params(frame, frame.size, tensors["motion"].size)
-            encode_write(self._device, encoder, resources["params"], params)
-            encode_write(self._device, encoder, resources["warp"], self._warp_params(shaded, tensors))
+            gpu.encode_write(self._device, encoder, resources["params"], params)
+            gpu.encode_write(self._device, encoder, resources["warp"], self._warp_params(shaded, tensors))
             encoder.clear_buffer(resources["shaded_surfaces"], 0, 4)
             compute = encoder.begin_compute_pass()
             self._read_shaded.encode(compute, resources, shaded)
@@ -136,18 +128,19 @@ class GpuExtrapolation:
         return image, {**history, "history.motion": motion, "history.motion_jitter": jitter}
 
     def _new_tensor(self, shape: tuple[int, ...]) -> DeviceTensor:
-        return DeviceTensor(allocate(self._device, PixelBuffer(4 * math.prod(shape))), shape)
+        return DeviceTensor(gpu.allocate(self._device, gpu.PixelBuffer(4 * math.prod(shape))), shape)
 
     def _buffers_for(self, render: Size, shaded: Size) -> _Buffers:
         """Return buffers for these sizes: those of the previous call, if they fit."""
         if self._buffers is None or self._buffers.sizes != (render, shaded):
             memory = frame_memory(INPUTS) | {
-                "params": PixelBuffer(4 * PARAMS),
-                "warp": PixelBuffer(_HEAD_BYTES + self._offsets.nbytes),
-                "shaded_surfaces": PixelBuffer(16 + 16 * math.prod(shaded)),  # a flag, and four words each
+                "params": gpu.PixelBuffer(4 * PARAMS),
+                "warp": gpu.PixelBuffer(_HEAD_BYTES + self._offsets.nbytes),
+                # a flag, and four words for each pixel
+                "shaded_surfaces": gpu.PixelBuffer(16 + 16 * math.prod(shaded)),
             }
-            held = {name: allocate(self._device, one, render, render) for name, one in memory.items()}
-            self._buffers = _Buffers((render, shaded), held, Readback(self._device, (*render[::-1], 3)))
+            held = {name: gpu.allocate(self._device, one, render, render) for name, one in memory.items()}
+            self._buffers = _Buffers((render, shaded), held, gpu.Readback(self._device, (*render[::-1], 3)))
         return self._buffers
 
     def _warp_params(self, shaded: Size, tensors: Mapping[str, Any]) -> Float32:

@@ -8,15 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.memory import (
-    DISPLAY,
-    RENDER,
-    Memory,
-    PixelBuffer,
-    PixelMemory,
-    PixelTexture,
-    write_to,
-)
+from supersampler.backends.gpu import memory as gpu
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.display import usable_exposure
@@ -34,7 +26,11 @@ TEXTURE_CHANNELS = 4
 """Channels of a texture of AOVs."""
 CHANNELS = {"color": 3, "depth": 1, "motion": 2, "reactive": 1}
 """Images of a frame that shaders read, and their channels; "reactive" may be missing."""
+_KINDS = {"motion": "float", "gbuffer_normal": "float|snorm", "gbuffer_display_normal": "float|snorm"}
+"""Kinds of formats for values that others do not hold: pixels of motion, and components with a sign."""
 _SAMPLED, _STORED, _COPY_DST, _STORAGE = 4, 8, 8, 128  # WebGPU's usage flags
+_COPY_PITCH = 256
+"""Rows of a buffer that a texture was copied to begin at multiples of this number of bytes."""
 _SAME_DEVICE = "`Model.load(..., executor='gpu', device=device)` runs on the textures' device."
 
 
@@ -58,15 +54,18 @@ def step_params(
     return np.array([*sizes, *values, *flags, 0.0, 0.0], np.float32)
 
 
-def frame_memory(names: Collection[str]) -> dict[str, PixelMemory]:
+def frame_memory(names: Collection[str]) -> dict[str, gpu.PixelMemory]:
     """Return the memory of the images that a method reads, by the names that shaders use.
 
     G-buffers are in textures, because a pass may have no more than eight storage buffers.
     """
-    buffers = {f"frame_{name}": PixelBuffer(4 * n, RENDER) for name, n in CHANNELS.items() if name in names}
+    buffers = {
+        f"frame_{name}": gpu.PixelBuffer(4 * n, gpu.RENDER) for name, n in CHANNELS.items() if name in names
+    }
     textures = {
-        f"frame_{name}": PixelTexture(
-            DISPLAY if place.of_display else RENDER, "r32float" if place.channels == 1 else "rgba16float"
+        f"frame_{name}": gpu.PixelTexture(
+            gpu.DISPLAY if place.of_display else gpu.RENDER,
+            "r32float" if place.channels == 1 else "rgba16float",
         )
         for name, place in GBUFFERS.items()
         if name in names
@@ -75,14 +74,14 @@ def frame_memory(names: Collection[str]) -> dict[str, PixelMemory]:
 
 
 def upload_frame(
-    device: "wgpu.GPUDevice", memory: Mapping[str, Memory], frame: Frame, names: Collection[str]
+    device: "wgpu.GPUDevice", memory: Mapping[str, gpu.Memory], frame: Frame, names: Collection[str]
 ) -> None:
     """Copy the images of a frame that the method reads to the device."""
     for name, image in arrays_by_name(frame).items():
         if name in names and name in GBUFFERS:
-            write_to(device, memory[f"frame_{name}"], _texels(image))
+            gpu.write_to(device, memory[f"frame_{name}"], _texels(image))
         elif name in names:
-            write_to(device, memory[f"frame_{name}"], np.asarray(image, np.float32))
+            gpu.write_to(device, memory[f"frame_{name}"], np.asarray(image, np.float32))
 
 
 def _texels(gbuffer: Array) -> NDArray[np.floating[Any]]:
@@ -279,9 +278,9 @@ def _texture_text(texture: Any) -> str:
     return text if _is_plain(texture) else text + kind
 
 
-def _float_channels(texture_format: str) -> int:
-    """Return the number of channels that shaders read as floats; 0 for depth, integers, compressed pixels."""
-    names = re.fullmatch(r"([rgba\d]+)(u?float|[us]norm(-srgb)?)", texture_format)
+def _float_channels(texture_format: str, kinds: str) -> int:
+    """Return the number of channels that shaders read as floats of these kinds; 0 for other formats."""
+    names = re.fullmatch(rf"([rgba\d]+)({kinds})", texture_format)
     return len(re.sub(r"\d", "", names[1])) if names else 0
 
 
@@ -299,14 +298,20 @@ def _check_image(
         least = GBUFFERS[name].channels if name in GBUFFERS else CHANNELS.get(name, 1)
         width, height, _ = image.size
         fits = width >= size[0] and height >= size[1] if may_be_larger else (width, height) == size
-        has_channels = _float_channels(image.format) >= least
+        has_channels = _float_channels(image.format, _KINDS.get(name, "u?float|[us]norm(-srgb)?")) >= least
         if not (fits and has_channels and _is_plain(image) and image.usage & _SAMPLED):
-            want = f"a colour format of {least} or more channels, {size}, one sample, with TEXTURE_BINDING"
+            kind = f"{_KINDS[name].replace('|', ' or ')} format" if name in _KINDS else "colour format"
+            want = f"a {kind} of {least} or more channels, {size}, one sample, with TEXTURE_BINDING"
             raise FrameError(name, got=_texture_text(image), want=want)
     else:
         min_bytes = 4 * (channels or CHANNELS[name]) * size[0] * size[1]
         if getattr(image, "size", 0) < min_bytes or not image.usage & _STORAGE:
             want = f"at least {min_bytes} bytes with STORAGE: float32, row by row"
             raise FrameError(name, got=f"{getattr(image, 'size', shown(image))} bytes", want=want)
+        row = min_bytes // size[1]
+        padded = -(-row // _COPY_PITCH) * _COPY_PITCH
+        if row < padded and size[1] > 1 and image.size in (padded * size[1], padded * (size[1] - 1) + row):
+            got, want = f"{image.size} bytes, rows of {padded}", f"rows of {row} bytes, without padding"
+            raise FrameError(name, got=got, want=want)
     if device_of(image) is not device:
         raise FrameError(name, got="of another device", want="of the Upscaler's", hint=_SAME_DEVICE)

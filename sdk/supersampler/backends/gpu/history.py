@@ -8,21 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.gpu.memory import (
-    DISPLAY,
-    HALF,
-    LARGE,
-    LARGE_HALF,
-    PHASES,
-    Memory,
-    PixelBuffer,
-    PixelMemory,
-    PixelTexture,
-    SizeRule,
-    allocate,
-    read_back,
-    write_to,
-)
+from supersampler.backends.gpu import memory as gpu
 from supersampler.frame import Float32, Size
 from supersampler.io.display import MAX_HALF
 from supersampler.methods import spec as shapes
@@ -63,9 +49,13 @@ class HistoryPlane(NamedTuple):
     texture: str | None = "rgba32float"
     codec: Codec | None = None
 
-    def memory(self, extent: SizeRule) -> PixelMemory:
+    def memory(self, extent: gpu.SizeRule) -> gpu.PixelMemory:
         """Return the memory of a plane of this size."""
-        return PixelTexture(extent, self.texture) if self.texture else PixelBuffer(4 * self.words, extent)
+        return (
+            gpu.PixelTexture(extent, self.texture)
+            if self.texture
+            else gpu.PixelBuffer(4 * self.words, extent)
+        )
 
 
 PIXEL_EXPONENT = 80
@@ -111,20 +101,20 @@ class HistoryLayout:
     planes: Mapping[str, HistoryPlane]
     channels: Mapping[str, tuple[tuple[str, int], ...]]
 
-    def extent(self, plane: str, frame: Literal["previous", "render"]) -> SizeRule:
+    def extent(self, plane: str, frame: Literal["previous", "render"]) -> gpu.SizeRule:
         """Return the size of a plane of the history that a step reads ("previous") or writes ("render")."""
         tensor = self.planes[plane].tensor
         if tensor == PHASE_TABLE:
-            return PHASES
+            return gpu.PHASES
         if tensor == SIGNATURES:
-            return SizeRule("previous_signatures" if frame == "previous" else "signatures")
-        extents: dict[object, SizeRule] = {
-            shapes.DISPLAY: DISPLAY,
-            shapes.HALF: HALF,
-            shapes.LARGE: LARGE,
-            shapes.LARGE_HALF: LARGE_HALF,
-            shapes.PREVIOUS: SizeRule(frame),
-            shapes.BLOCKS: SizeRule(frame, BLOCK),
+            return gpu.SizeRule("previous_signatures" if frame == "previous" else "signatures")
+        extents: dict[object, gpu.SizeRule] = {
+            shapes.DISPLAY: gpu.DISPLAY,
+            shapes.HALF: gpu.HALF,
+            shapes.LARGE: gpu.LARGE,
+            shapes.LARGE_HALF: gpu.LARGE_HALF,
+            shapes.PREVIOUS: gpu.SizeRule(frame),
+            shapes.BLOCKS: gpu.SizeRule(frame, BLOCK),
         }
         return extents[self.spec.history[tensor][2:]]
 
@@ -132,12 +122,12 @@ class HistoryLayout:
         """Return the size of a plane after a frame of size `render`, (width, height)."""
         return self.extent(plane, "render").size(render, display)
 
-    def memory(self, frame: Literal["previous", "render"]) -> dict[str, PixelMemory]:
+    def memory(self, frame: Literal["previous", "render"]) -> dict[str, gpu.PixelMemory]:
         """Return the memory of all planes, of the state, and of the frozen tiles, by name; see `extent`."""
         planes = {name: plane.memory(self.extent(name, frame)) for name, plane in self.planes.items()}
         if SIGNATURES in planes:  # a method that converges
-            planes[TILES] = PixelBuffer(8, self.extent("pixels", frame)._replace(divide=TILE))
-        return {STATE: PixelBuffer(4 * STATE_VALUES), **planes}
+            planes[TILES] = gpu.PixelBuffer(8, self.extent("pixels", frame)._replace(divide=TILE))
+        return {STATE: gpu.PixelBuffer(4 * STATE_VALUES), **planes}
 
 
 def of_plane(plane: str, *channels: int) -> tuple[tuple[str, int], ...]:
@@ -159,7 +149,7 @@ class BlendedAovs(NamedTuple):
     """AOVs at display size: a buffer of float32, (H, W, channels)."""
 
     channels: int
-    memory: Memory
+    memory: gpu.Memory
 
 
 @dataclass(eq=False)
@@ -181,14 +171,14 @@ class GpuHistory:
     layout: HistoryLayout
     display: Size
     render: Size
-    memory: dict[str, Memory] = field(init=False)
+    memory: dict[str, gpu.Memory] = field(init=False)
     aovs: BlendedAovs | None = None
     step: object = field(default_factory=object)
     previous: object = None
 
     def __post_init__(self) -> None:
         memory = self.layout.memory("render").items()
-        self.memory = {name: allocate(self.device, m, self.render, self.display) for name, m in memory}
+        self.memory = {name: gpu.allocate(self.device, m, self.render, self.display) for name, m in memory}
 
     def follow(self, history: "GpuHistory") -> bool:
         """Record that a step reads `history` and writes this one.
@@ -206,10 +196,10 @@ class GpuHistory:
         name = name.removeprefix("history.")
         if name == "aovs" and self.aovs is not None:
             shape = *self.display[::-1], self.aovs.channels
-            values = read_back(self.device, self.aovs.memory).view(np.float32)[: math.prod(shape)]
+            values = gpu.read_back(self.device, self.aovs.memory).view(np.float32)[: math.prod(shape)]
             return values.reshape(shape).transpose(2, 0, 1)[None]  # without padding
         if name in _STATE_TENSORS:
-            values = read_back(self.device, self.memory[STATE])[_STATE_TENSORS[name]].view(np.float32)
+            values = gpu.read_back(self.device, self.memory[STATE])[_STATE_TENSORS[name]].view(np.float32)
             return values.copy().reshape(sized(self.layout.spec.history[name], {}))
         where = self.layout.channels[name]
         pixels = {plane: self._pixels(plane) for plane, _ in where}
@@ -233,14 +223,14 @@ class GpuHistory:
         for name, part in _STATE_TENSORS.items():
             if name in tensors:
                 state[part] = tensors[name].reshape(-1)
-        write_to(self.device, self.memory[STATE], state)
+        gpu.write_to(self.device, self.memory[STATE], state)
         if TILES in self.memory:
             tiles = self.memory[TILES]
-            write_to(self.device, tiles, np.zeros(tiles.resource.size // 4, np.uint32))
+            gpu.write_to(self.device, tiles, np.zeros(tiles.resource.size // 4, np.uint32))
         self.aovs = None
         if "aovs" in tensors:
-            memory = allocate(self.device, PixelBuffer(tensors["aovs"].nbytes))
-            write_to(self.device, memory, tensors["aovs"][0].transpose(1, 2, 0))
+            memory = gpu.allocate(self.device, gpu.PixelBuffer(tensors["aovs"].nbytes))
+            gpu.write_to(self.device, memory, tensors["aovs"][0].transpose(1, 2, 0))
             self.aovs = BlendedAovs(tensors["aovs"].shape[1], memory)
         for name, plane in self.layout.planes.items():
             width, height = self.layout.size(name, self.display, self.render)
@@ -251,11 +241,13 @@ class GpuHistory:
                         plane_of = _image_of(tensor, tensors[tensor], i)
                         pixels[: plane_of.shape[0], : plane_of.shape[1], channel] = plane_of
             packed = pixels if plane.codec is None else plane.codec.pack(pixels)
-            write_to(self.device, self.memory[name], packed)
+            gpu.write_to(self.device, self.memory[name], packed)
 
     def _pixels(self, name: str) -> Float32:
         plane = self.layout.planes[name]
         width, height = self.layout.size(name, self.display, self.render)
-        words = read_back(self.device, self.memory[name])[: height * width * plane.words]  # without padding
+        words = gpu.read_back(self.device, self.memory[name])[
+            : height * width * plane.words
+        ]  # without padding
         words = words.reshape(height, width, plane.words)
         return words.view(np.float32) if plane.codec is None else plane.codec.unpack(words)

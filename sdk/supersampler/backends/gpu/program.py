@@ -7,18 +7,9 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
+from supersampler.backends.gpu import memory as gpu
 from supersampler.backends.gpu.frame import frame_memory
 from supersampler.backends.gpu.history import PHASE_TABLE, HistoryLayout, HistoryPlane, of_plane
-from supersampler.backends.gpu.memory import (
-    BLOCKS,
-    DISPLAY,
-    ONE,
-    RENDER,
-    PixelBuffer,
-    PixelMemory,
-    PixelTexture,
-    SizeRule,
-)
 from supersampler.backends.gpu.shader import Constants, Shader, load_shader
 from supersampler.methods.at_rest import TILE
 
@@ -46,7 +37,7 @@ class PassSpec(NamedTuple):
     """
 
     shader: str
-    extent: SizeRule = DISPLAY
+    extent: gpu.SizeRule = gpu.DISPLAY
     tile: tuple[int, int] = (16, 16)
     constants: Constants = MappingProxyType({})
     names: Mapping[str, str] = MappingProxyType({})
@@ -60,8 +51,8 @@ class PassSpec(NamedTuple):
         return f"{self.shader} {self.constants['level']}" if "level" in self.constants else self.shader
 
 
-MEASURE = PassSpec("measure", SizeRule("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS})
-FOLLOW = PassSpec("follow_frame", ONE, (1, 1), {"parts": PARTS})
+MEASURE = PassSpec("measure", gpu.SizeRule("one", multiply=(PARTS, 1)), (1, 1), {"parts": PARTS})
+FOLLOW = PassSpec("follow_frame", gpu.ONE, (1, 1), {"parts": PARTS})
 """The first two passes of every method."""
 
 
@@ -83,7 +74,7 @@ class GpuProgram:
     packages: Sequence[str]
     constants: Constants
     method_passes: Sequence[PassSpec]
-    method_memory: Mapping[str, PixelMemory]
+    method_memory: Mapping[str, gpu.PixelMemory]
     weights: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     precision: str = "fp32"
 
@@ -94,16 +85,16 @@ class GpuProgram:
         return MEASURE, FOLLOW._replace(variants={"phases": phases}), *self.method_passes
 
     @property
-    def work(self) -> dict[str, PixelMemory]:
+    def work(self) -> dict[str, gpu.PixelMemory]:
         """Memory between passes, by the names that shaders use."""
-        return {"measured": PixelBuffer(8 * PARTS), **self.method_memory}
+        return {"measured": gpu.PixelBuffer(8 * PARTS), **self.method_memory}
 
     @property
-    def outputs(self) -> dict[str, PixelMemory]:
+    def outputs(self) -> dict[str, gpu.PixelMemory]:
         """Image and auxiliary outputs in buffers."""
-        return {"image": PixelBuffer(12, DISPLAY), "aux": PixelBuffer(4 * len(AUX), DISPLAY)}
+        return {"image": gpu.PixelBuffer(12, gpu.DISPLAY), "aux": gpu.PixelBuffer(4 * len(AUX), gpu.DISPLAY)}
 
-    def memory(self) -> dict[str, PixelMemory]:
+    def memory(self) -> dict[str, gpu.PixelMemory]:
         """Return all memory of a step with frame and image in buffers, without weights."""
         return {
             **{f"history_{name}": memory for name, memory in self.layout.memory("previous").items()},
@@ -125,7 +116,7 @@ SHOWS_FROZEN = "next_tiles", "history_mean", "image"
 """`PassSpec.at_rest` of a pass that shows frozen pixels."""
 SIDE = 16
 """Side of a workgroup of `preprocess`, samples."""
-TILES = SizeRule("display", TILE)
+TILES = gpu.SizeRule("display", TILE)
 REST_PLANES = {
     "mean": HistoryPlane("static_mean"),
     "blocks": HistoryPlane("static_blocks"),
@@ -138,14 +129,14 @@ REST_CHANNELS = {
     "signatures": of_plane("signatures", 0, 1, 2, 3),
     "phases": of_plane("phases", 0, 1, 2, 3),
 }
-FRAME_MEMORY: Mapping[str, PixelMemory] = {
-    "awake": PixelBuffer(4),
-    "block_marks": PixelBuffer(4, BLOCKS),
-    "block_sums": PixelBuffer(48, BLOCKS),
-    "block_states": PixelTexture(BLOCKS, "rg32uint"),
-    "samples": PixelTexture(RENDER, "rgba16float"),
-    "dilated": PixelTexture(RENDER, "rg32uint"),
-    "light": PixelBuffer(8, SizeRule("render", SIDE)),
+FRAME_MEMORY: Mapping[str, gpu.PixelMemory] = {
+    "awake": gpu.PixelBuffer(4),
+    "block_marks": gpu.PixelBuffer(4, gpu.BLOCKS),
+    "block_sums": gpu.PixelBuffer(48, gpu.BLOCKS),
+    "block_states": gpu.PixelTexture(gpu.BLOCKS, "rg32uint"),
+    "samples": gpu.PixelTexture(gpu.RENDER, "rgba16float"),
+    "dilated": gpu.PixelTexture(gpu.RENDER, "rg32uint"),
+    "light": gpu.PixelBuffer(8, gpu.SizeRule("render", SIDE)),
 }
 """Memory that `frame_passes` write for later passes, in addition to the history."""
 
@@ -159,14 +150,14 @@ def frame_passes(surface: str) -> tuple[PassSpec, ...]:
     return (
         PassSpec(
             "compare_blocks",
-            BLOCKS,
+            gpu.BLOCKS,
             (4, 4),
             static=("history_mean", "frame_color", "block_sums"),
             at_rest=(*blocks, "frame_color", "frame_motion"),
         ),
         PassSpec(
             "decide_blocks",
-            BLOCKS,
+            gpu.BLOCKS,
             (8, 8),
             static=("history_mean", "history_signatures", "next_signatures", "block_sums"),
             at_rest=(*blocks, "next_blocks", "block_states", "awake"),
@@ -174,7 +165,7 @@ def frame_passes(surface: str) -> tuple[PassSpec, ...]:
         PassSpec("rest_tiles", TILES, (8, 8)),
         PassSpec(
             "preprocess",
-            RENDER,
+            gpu.RENDER,
             (SIDE, SIDE),
             variants={"surface": f"surface_{surface}"},
             static=("history_surface",),

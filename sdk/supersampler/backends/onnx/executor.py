@@ -8,15 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.base import ForkSafeLock, StepReport, StepRequest
+from supersampler.backends.onnx import session as sessions
 from supersampler.backends.onnx.runtime import device_of, ort
-from supersampler.backends.onnx.session import (
-    VECTORS,
-    frame_inputs,
-    open_session,
-    pixels_of,
-    run_bound,
-    running,
-)
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.errors import FrameError, ModelError
 from supersampler.frame import Float32, Frame, Size
@@ -38,9 +31,10 @@ class OnnxExecutor:
     def __init__(self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str) -> None:
         self._info, self.precision = info, precision
         self._path = info.steps[precision]
-        self._session = open_session(
-            self._path, threads, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
-        )
+        self._session = sessions.open_session(
+            self._path, threads, providers,
+            method=info.method, inputs=info.graph_inputs, outputs=info.graph_outputs,
+        )  # fmt: skip
         self.providers: list[str] = self._session.get_providers()
         self.device = device_of(self.providers[0])
 
@@ -69,7 +63,7 @@ class OnnxExecutor:
             if t.name in request.aux_outputs
         }
         names = [t.name for t in self._info.inputs]
-        given = frame_inputs(frame, display, names, adds_samples=request.adds_samples)
+        given = sessions.frame_inputs(frame, display, names, adds_samples=request.adds_samples)
         results = _values({**outputs, self._info.image.name: planes})
         self._run(_values(given), request.history, request.next_history, results)
         np.copyto(request.image, planes[0].transpose(1, 2, 0))
@@ -95,7 +89,7 @@ class OnnxExecutor:
         if image is None:
             shape = info.image.shape_for(render=render, display=display)
             image = ort.OrtValue.ortvalue_from_shape_and_type(list(shape), np.float32, self.device, 0)
-        for tensor in (*(t for t in info.inputs if t.name not in VECTORS), info.image):
+        for tensor in (*(t for t in info.inputs if t.name not in sessions.VECTORS), info.image):
             value = image if tensor is info.image else given[tensor.name]
             check_tensor(value, tensor, tensor.shape_for(render=render, display=display), self.device)
         self._run(given, history, next_history, {info.image.name: image})
@@ -103,7 +97,7 @@ class OnnxExecutor:
 
     def _run(self, given: Tensors, history: Tensors, next_history: Tensors, results: Tensors) -> None:
         written = {h.output: next_history[h.name] for h in self._info.history}
-        run_bound(self._session, self._path, {**given, **history}, {**written, **results})
+        sessions.run_bound(self._session, self._path, {**given, **history}, {**written, **results})
 
     def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
@@ -135,9 +129,10 @@ class OnnxExtrapolation:
 
     def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
         self._info, self._path = info, info.steps["fp32"]
-        self._session = open_session(
-            self._path, threads, providers, inputs=info.graph_inputs, outputs=info.graph_outputs
-        )
+        self._session = sessions.open_session(
+            self._path, threads, providers,
+            method=info.method, inputs=info.graph_inputs, outputs=info.graph_outputs,
+        )  # fmt: skip
         self._device = device_of(self._session.get_providers()[0])
 
     def upload(self, array: NDArray[Any]) -> "ort.OrtValue":
@@ -152,13 +147,13 @@ class OnnxExtrapolation:
         self, frame: Frame, history: "Mapping[str, ort.OrtValue]"
     ) -> "tuple[Float32, Mapping[str, ort.OrtValue]]":
         """See `ExtrapolationExecutor`."""
-        inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self._info.inputs])
+        inputs = sessions.frame_inputs(frame, frame.size, [tensor.name for tensor in self._info.inputs])
         planes = np.empty((1, 3, *frame.size[::-1]), np.float32)
         names = [entry.name for entry in self._info.history]
         outputs: dict[str, Any] = {entry.output: self._device for entry in self._info.history}
         outputs[self._info.image.name] = ort.OrtValue.ortvalue_from_numpy(planes)
-        binding = run_bound(self._session, self._path, {**_values(inputs), **history}, outputs)
-        return pixels_of(planes), dict(zip(names, binding.get_outputs()[: len(names)], strict=True))
+        binding = sessions.run_bound(self._session, self._path, {**_values(inputs), **history}, outputs)
+        return sessions.pixels_of(planes), dict(zip(names, binding.get_outputs()[: len(names)], strict=True))
 
 
 _INPUTS = [
@@ -193,7 +188,9 @@ class AovBlender:
         The frame has passed `check_aovs`. `weight` is the weight of the history, (1, 1, H, W), or None for a
         method without one. History and result are (1, k, H, W) float32.
         """
-        inputs = frame_inputs(frame, display_size, ("aovs", "depth", "motion", "jitter", "display_size"))
+        inputs = sessions.frame_inputs(
+            frame, display_size, ("aovs", "depth", "motion", "jitter", "display_size")
+        )
         shape = (1, inputs["aovs"].shape[1], *display_size[::-1])
         if weight is None or history is None:
             weight = np.zeros((1, 1, *shape[2:]), np.float32)
@@ -202,7 +199,7 @@ class AovBlender:
             "history.aovs": np.zeros(shape, np.float32) if history is None else history,
         }
         session = self._loaded()
-        with running(self._path):
+        with sessions.running(self._path):
             image: Float32 = session.run(["image"], inputs)[0]
         if image.shape != shape:
             raise ModelError(f"{self._path}: gives {image.shape} for 'image'; want {shape}.")
@@ -211,7 +208,7 @@ class AovBlender:
     def _loaded(self) -> "ort.InferenceSession":
         with self._lock.lock:
             if self._session is None:
-                self._session = open_session(
+                self._session = sessions.open_session(
                     self._path, self._threads, ["CPUExecutionProvider"], inputs=_INPUTS, outputs=_OUTPUTS
                 )
             return self._session

@@ -17,6 +17,7 @@ from supersampler.methods.at_rest import ADDS_SAMPLES
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_file import MAX_FILE, is_shipped
 from supersampler.methods.model_info import TensorInfo
+from supersampler.methods.registry import find_method
 
 VECTORS = ("jitter", "exposure", "pre_exposure", ADDS_SAMPLES, "display_size")
 """Inputs of a graph that are not images; they stay in CPU memory."""
@@ -29,6 +30,7 @@ def open_session(
     threads: int,
     providers: Sequence[str],
     *,
+    method: str | None = None,
     inputs: Sequence[TensorInfo] = (),
     outputs: Sequence[TensorInfo] = (),
     records_placement: bool = False,
@@ -42,12 +44,14 @@ def open_session(
         path: the graph.
         threads: number of threads; 0 uses every core.
         providers: ONNX Runtime's names of the providers, in order of preference.
+        method: the method of model.json; if it is a known one, and the graph states one, it must be the same.
         inputs: all inputs that the graph must have; empty disables the check.
         outputs: outputs that the graph must have; it may have others.
         records_placement: see `node_placement`.
 
     Raises:
-        ModelError: the graph is too large, refused, has other tensors, or ONNX Runtime cannot load it.
+        ModelError: the graph is too large, refused, of another method or with other tensors, or ONNX
+            Runtime cannot load it.
         ProviderError: the first provider cannot start.
     """
     output_names, options = {tensor.name for tensor in outputs}, ort.SessionOptions()
@@ -64,6 +68,9 @@ def open_session(
                 f"{', '.join(session.get_providers())}. Its libraries (CUDA and cuDNN for "
                 "CUDAExecutionProvider) are missing or of another version."
             )
+        stated = session.get_modelmeta().custom_metadata_map.get("supersampler.method")
+        if method is not None and find_method(method) and stated not in (None, method):
+            raise ModelError(f"{path}: is a graph of {stated!r}; model.json says {method!r}.")
         if inputs:
             _check_tensors(path, "input", inputs, session.get_inputs())
         found = [node for node in session.get_outputs() if node.name in output_names]

@@ -53,6 +53,13 @@ def ort_value_of(tensor: Tensor, name: str) -> "ort.OrtValue":
         raise FrameError(name, got=got, want=want) from error
 
 
+def shares_memory(one: "ort.OrtValue", other: "ort.OrtValue") -> bool:
+    """Return whether two contiguous tensors overlap."""
+    start, other_start = one.data_ptr(), other.data_ptr()
+    end, other_end = start + one.tensor_size_in_bytes(), other_start + other.tensor_size_in_bytes()
+    return bool(start < other_end and other_start < end)
+
+
 def graph_inputs(
     infos: Iterable[TensorInfo],
     tensors: Mapping[str, Tensor],

@@ -210,7 +210,7 @@ def import_blender(
     names = aov_names(channel_map.get("aovs", ()), layer)
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
     used = {name for names in channel_map.values() for name in names}
-    shot.ignored_channels = tuple(name for name in _of_layer(types, layer) if name not in used)
+    shot.ignored_channels[:] = [name for name in _of_layer(types, layer) if name not in used]
     shot.late_channels = late_channels(shot, header)
     noisy = _channels(layer, "Noisy Image", "RGB")
     if {*noisy} <= types.keys():
@@ -403,7 +403,7 @@ def rendered_shot(
     def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         now, before = camera_of(index), None if entries[index].reset else camera_of(index - 1)
         path = folder / entries[index].file
-        arrays, names, shot.ignored_channels = _arrays(path, scene, gbuffers)
+        arrays, names, shot.ignored_channels[:] = _arrays(path, scene, gbuffers)
         if scene.denoise == "temporal" and "normal" in arrays:
             arrays["normal"] = (arrays["normal"] @ now.denoising_axes.T).astype(np.float32)
         jitters = entries[index].jitter, entries[max(0, index - 1)].jitter

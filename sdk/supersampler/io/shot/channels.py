@@ -15,14 +15,13 @@ from supersampler.arguments import as_number
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.encodings import srgb_decoded, srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
-from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
+from supersampler.frame import GBUFFER_CHANNELS, MAX_AOVS, Array, Float32, Size
 from supersampler.io.images import Channel, ImageHeader, exact_rate, read_header, read_image
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
 from supersampler.io.shot.format import (
     FrameEntry,
     ShotInfo,
     check_size,
-    is_frame_range,
     read_reference,
     sky_depth,
     take,
@@ -200,10 +199,10 @@ def import_channels(
         display_size=display_size,
         frame_rate=float(frame_rate),
         conventions=conventions,
-        first_number=found.numbers[0] if is_frame_range(found.numbers[0], found.numbers[-1]) else 0,
+        first_number=found.numbers[0],
         file_names=file_names(found.frame_file(0), found.frame_pattern),
         aov_names=tuple(aov_names),
-        color_space=color_space or header.color_space,
+        color_space=header.color_space if color_space is None else color_space,
     )
     entries = [
         found.entry(i, offset, reset=i == 0 or index in cuts)
@@ -422,8 +421,9 @@ def _parsed(channel_map: ChannelMap, files: str) -> dict[str, _Source]:
     sources = {}
     for name, value in channel_map.items():
         if name not in _COUNTS and name != "aovs":
-            want = f"one of {', '.join(_COUNTS)}, aovs"
-            raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want)
+            known = (*_COUNTS, "aovs")
+            want, hint = f"one of {', '.join(known)}", did_you_mean(name, known)
+            raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want, hint=hint)
         texts, packing = _channels(name, value)
         sources[name] = _source(name, texts, files, packing)
     for name in ("depth", "motion"):
@@ -438,9 +438,12 @@ def _channels(name: str, value: Any) -> tuple[list[str], Packing | None]:
     if isinstance(value, Mapping) and name not in _UNPACKED:
         return parse_packing(name, value, _COUNTS[name])
     texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
-    count = _COUNTS.get(name, len(texts))
-    if len(texts) != count or not all(isinstance(text, str) for text in texts):
-        raise ArgumentError(f"channel_map[{name!r}]", got=repr(value), want=f"{count} channel names")
+    count = _COUNTS.get(name, min(len(texts), MAX_AOVS))
+    if len(texts) != count or not _are_texts(texts):
+        raise ArgumentError(f"channel_map[{name!r}]", got=shown(value), want=f"{count} channel names")
+    for text in texts:
+        if ":" in text and {*text.partition(":")[0]} & {*"*?#"} and _MAPPED.fullmatch(text) is None:
+            raise ArgumentError(f"channel_map[{name!r}]", got=shown(text), want="EXR, PNG or TIFF files")
     return texts, None
 
 

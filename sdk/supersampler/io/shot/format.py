@@ -27,6 +27,10 @@ LARGEST_NUMBER = 10**9
 _LONGEST = 255  # bytes of a name; file systems accept no longer ones
 _HINT = "docs/shots.md lists the keys."
 _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
+FORBIDDEN = r"/\\:*?\"<>|\x00-\x1f\x7f"
+"""Characters that names of results do not have, because a system refuses them; for a class of `re`."""
+NAME = re.compile(rf"(?!\.)[^#{FORBIDDEN}]*#+[^#{FORBIDDEN}]*")
+"""Names of results without extension. One run of # stands for the number and gives its minimum of digits."""
 
 
 class ShotInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -164,7 +168,7 @@ def _entry_json(entry: FrameEntry) -> dict[str, object]:
 def _check_names(path: Path, info: ShotInfo) -> None:
     """Check the names of output files and AOVs: no path, one field for the number; no name of colour."""
     name, aovs = info.file_names, info.aov_names
-    if re.fullmatch(r"[^#/]*#{4,}[^#/]*", name) is None or _FORBIDDEN.search(name) or name[0] == ".":
+    if NAME.fullmatch(name) is None or "####" not in name:
         raise ShotError(
             path, f"file_names is {name!r}; want a name with one ####, such as beauty.####", _HINT
         )

@@ -8,7 +8,7 @@ from typing import Unpack
 
 from supersampler.conventions import Conventions
 from supersampler.errors import ShotError
-from supersampler.io.images import ImageHeader, read_header
+from supersampler.io.images import ImageHeader, luminance_chroma_error, read_header
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
 from supersampler.io.shot.shot import Shot
 
@@ -18,29 +18,23 @@ _NAMES: Mapping[str, tuple[tuple[str, ...], tuple[Sequence[str], ...]]] = {
     "color": (("", "rgb", "rgba", "beauty", "combined", "color", "colour"), _RGB),
     "depth": (("depth", "z", "zdepth"), ("z", "v", "r", "y", "x")),
     "motion": (
-        (
-            "motion", "motionvector", "motionvectors", "motion_vector", "motion_vectors", "velocity",
-            "vector", "backward",
-        ),
-        ("xy", "rg", "uv"),
+        ("motion", "motionvector", "motionvectors", "velocity", "vector", "backward"), ("xy", "rg", "uv"),
     ),
     "motion_next": (("forward",), ("xy", "rg", "uv")),
     "normal": (("n", "normal", "normals"), _XYZ),
-    "base_color": (
-        ("base_color", "basecolor", "albedo", "diffuse_albedo", "diffusealbedo", "diffcol", "diffuse color"),
-        _RGB,
-    ),
+    "base_color": (("basecolor", "albedo", "diffusealbedo", "diffcol", "diffusecolor"), _RGB),
     "roughness": (("roughness",), (*_VALUE, "r")),
     "metallic": (("metallic", "metalness"), (*_VALUE, "r")),
     "specular": (("specular",), _VALUE),
 }  # fmt: skip
 """Our name to the names before a channel's last dot, and the letters or words after it, as in docs/shots.md.
 
-They may be in any case. The names in _ALONE may also have no letter after them: `Z`, `roughness`.
+They may be in any case, with spaces, hyphens and underscores. Those in _ALONE may have no letter after them:
+`Z`, `roughness`.
 """
 _ALPHA = ("a", "alpha")
-_LUMINANCE = "Y"
-"""Channel of EXR files without colours."""
+_LUMINANCE, _CHROMA = "Y", {"RY", "BY"}
+"""Channels of EXR files without colours: one for grey images, all for luminance with chroma."""
 _ALONE = ("depth", "roughness", "metallic", "specular")
 _ID = re.compile(
     r"""index.*|(object|material)[ ]index                         # Blender
@@ -76,6 +70,8 @@ def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] 
         if candidates:
             found[ours] = candidates[0]
     if "color" not in found and _LUMINANCE in there:
+        if not _CHROMA.isdisjoint(there):
+            raise luminance_chroma_error(path)
         found["color"] = [_LUMINANCE] * 3
     following = found.get("motion_next", [])
     if following and "motion" not in found:
@@ -130,7 +126,9 @@ def is_id(channel: str, cryptomattes: Collection[str] = ()) -> bool:
     base, layer = _base(channel), channel.rpartition(".")[0]
     if "crypto" in channel.lower() or _ID.fullmatch(base) or _ID.fullmatch(base.lower()):
         return True
-    return any(re.fullmatch(rf"(.*\.)?{re.escape(name)}\d*", layer) for name in cryptomattes)
+    ends = range(len(layer.rstrip("0123456789")), len(layer) + 1)
+    begins = [0, *(found.end() for found in re.finditer(r"\.", layer))]
+    return not {layer[begin:end] for begin in begins for end in ends}.isdisjoint(cryptomattes)
 
 
 def _base(channel: str) -> str:
@@ -142,7 +140,12 @@ def _is_data(channel: str) -> bool:
     """Return whether a channel's name is a name of positions, depth, motion or normals."""
     base = _base(channel).lower()
     vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
-    return base in vectors or _DATA.fullmatch(base) is not None
+    return _joined(base) in vectors or _DATA.fullmatch(base) is not None
+
+
+def _joined(name: str) -> str:
+    """Return a name in lower case without spaces, hyphens and underscores."""
+    return re.sub("[ _-]", "", name.lower())
 
 
 def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
@@ -152,8 +155,9 @@ def _candidates(ours: str, channels: Sequence[str]) -> list[list[str]]:
     groups = []
     for name in channels:
         *before, last = name.lower().split(".")
-        base = before[-1] if before else ""
-        is_alone = last in bases and base not in bases and (not before or len(last) > 1)  # N.Z: of a normal
+        base = _joined(before[-1]) if before else ""
+        is_known = _joined(last) in bases and base not in bases
+        is_alone = is_known and (not before or len(last) > 1)  # N.Z: of a normal
         if ours in _ALONE and is_alone:
             groups.append([name])
         for ending in endings:
@@ -233,6 +237,6 @@ def import_named_channels(
     if len({*names, *"RGB"}) != len(names) + 3:
         names = aovs
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
-    shot.ignored_channels = (*ignored, *other_views)
+    shot.ignored_channels[:] = [*ignored, *other_views]
     shot.late_channels = late_channels(shot, header)
     return shot

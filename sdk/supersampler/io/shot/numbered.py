@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,7 +12,7 @@ from typing import TypeAlias
 from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
 from supersampler.io.json_files import read_json
-from supersampler.io.shot.format import LARGEST_NUMBER, is_frame_range
+from supersampler.io.shot.format import FORBIDDEN, LARGEST_NUMBER, is_frame_range
 
 JITTER_FILE_NAME = "jitter.json"
 FRAME_SUFFIXES = (".exr", ".png", ".tif", ".tiff")
@@ -24,9 +25,8 @@ Range: TypeAlias = tuple[int, int]
 _Span: TypeAlias = tuple[int, int]
 
 _FIELD = re.compile(r"#+|%0?(\d{0,2})d")
-_WILDCARDS = {"*": ".*?", "?": "."}
-"""Regular expressions of the wildcards of file names; all other characters, also brackets, are text."""
 _LAST_NUMBER = re.compile(r"(.*?)(-?\d+)(\D*)", re.DOTALL)
+_NUMBER = re.compile(r"(?:(?:^|(?<=[._]))-)?\d+")
 _SIGN_FOLLOWS = ("", ".", "_")
 """Characters after which a hyphen is always a sign; "" is the start of the name."""
 
@@ -63,19 +63,25 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     place = folder.joinpath(*parts[:-1])
     spans = _number_spans(place, parts[-1])
     files: dict[int, Path] = {}
-    there = _listed(sequences(place / name for name in spans))
-    hint = f"Choose one sequence by a pattern: {there}."
+    rests = {name: (name[:start], name[stop:].lower()) for name, (start, stop) in spans.items()}
+
+    def choose() -> str:
+        return f"Choose one sequence by a pattern: {_listed(sequences(place / name for name in spans))}."
+
     for name, span in spans.items():
         path, number = place / name, int(name[slice(*span)])
+        if not is_frame_range(number, number):
+            fewer = "Choose digits of it by a pattern, such as beauty.2026######.exr."
+            raise ShotError(path, f"has the frame number {number}; want at most {LARGEST_NUMBER}", fewer)
         if number in files:
-            if path.name.lower() == files[number].name.lower():
-                hint = "Move one of the two away."
-            raise ShotError(path, f"has the same frame number as {files[number].name}", hint)
+            other = files[number].name
+            hint = "Move one of the two away." if rests[name] == rests[other] else choose()
+            raise ShotError(path, f"has the same frame number as {other}", hint)
         files[number] = path
     if not files:
         raise ShotError(folder, f"has no file {pattern}", suggestion(place))
-    if len({(begin, end.lower()) for begin, end in map(_without, spans, spans.values())}) > 1:
-        raise ShotError(folder, f"has files of several sequences {pattern}", hint)
+    if len({*rests.values()}) > 1:
+        raise ShotError(folder, f"has files of several sequences {pattern}", choose())
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
     check_inside(folder, files.values())
@@ -83,15 +89,17 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
 
 
 def sequences(paths: Iterable[Path]) -> list[str]:
-    """Return the patterns of numbered files with their numbers, such as `beauty.####.exr (10-49)`."""
+    """Return the patterns of numbered files with their numbers, such as `beauty.####.exr (10-49)`.
+
+    The number of a name is the one that differs in most other names; of several, the last.
+    """
+    spans = {path.name: [found.span() for found in _NUMBER.finditer(path.stem)] for path in paths}
+    counts = Counter(_without(name, span) for name, each in spans.items() for span in each)
     groups: dict[tuple[str, str], list[str]] = {}
-    for path in paths:
-        if (found := _LAST_NUMBER.fullmatch(path.stem)) is None:
-            continue
-        start, stop = found.span(2)
-        if found[2][0] == "-" and found[1][-1:] not in _SIGN_FOLLOWS:
-            start += 1
-        groups.setdefault(_without(path.name, (start, stop)), []).append(path.name[start:stop])
+    for name, each in spans.items():
+        rests = [(_without(name, span), name[slice(*span)]) for span in reversed(each)]
+        for rest, number in sorted(rests, key=lambda found: -counts[found[0]])[:1]:
+            groups.setdefault(rest, []).append(number)
     result = []
     for (begin, end), texts in groups.items():
         numbers = sorted(map(int, texts))
@@ -126,7 +134,7 @@ def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> d
 def file_names(path: Path, pattern: str) -> str:
     """Return the stem of a file of a pattern with #### for its number: `beauty.####` for beauty.0010.exr."""
     start, stop = _number_spans(path.parent, PurePosixPath(pattern).name).get(path.name, (0, 0))
-    begin, end = (re.sub(r"[^\w .+\-\[\]()]", "_", text) for text in (path.stem[:start], path.stem[stop:]))
+    begin, end = (re.sub(f"[{FORBIDDEN}#]", "_", text) for text in (path.stem[:start], path.stem[stop:]))
     return f"{begin}{'#' * max(4, len(path.name[start:stop].lstrip('-')))}{end}"
 
 
@@ -226,7 +234,12 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
 
 
 def _expression(text: str) -> str:
-    return "".join(_WILDCARDS.get(character, re.escape(character)) for character in text)
+    """Return the regular expression of a text with the wildcards * and ?; brackets are text.
+
+    Only the last * may match again in another way, so that no pattern takes long.
+    """
+    first, *others = (re.escape(part).replace(r"\?", ".") for part in text.split("*"))
+    return first + "".join(f"(?>.*?{part})" for part in others[:-1]) + "".join(f".*?{p}" for p in others[-1:])
 
 
 def _ending(text: str) -> str:
@@ -236,7 +249,7 @@ def _ending(text: str) -> str:
 
 
 def _has_wildcard(name: str) -> bool:
-    return not set(_WILDCARDS).isdisjoint(name)
+    return "*" in name or "?" in name
 
 
 def suggestion(folder: Path) -> str:

@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, replace
@@ -123,7 +123,7 @@ class Shot:
         self._stop_waiting = stop_waiting  # ends a call that waits for a frame
         self._entries, self._raw = tuple(entries), read_arrays
         self._reference = read_reference
-        self._ignored_channels: list[str] = []  # of all copies: the first frame may be read later
+        self.ignored_channels: list[str] = []  # one list of all copies: the first frame may be read later
         self.late_channels: tuple[str, ...] = ()
         self.is_denoised = False
         self.noisy_channels: tuple[str, ...] = ()
@@ -255,15 +255,6 @@ class Shot:
         shot.is_denoised, shot.noisy_channels = False, ()
         return shot
 
-    @property
-    def ignored_channels(self) -> tuple[str, ...]:
-        """See `Shot`."""
-        return tuple(self._ignored_channels)
-
-    @ignored_channels.setter
-    def ignored_channels(self, names: Iterable[str]) -> None:
-        self._ignored_channels[:] = names
-
     def __len__(self) -> int:
         return len(self._entries)
 
@@ -344,8 +335,9 @@ class Shot:
             "cuts": [entry.reset for entry in entries],
             "exposure": [(entry.exposure, entry.pre_exposure) for entry in entries],
         }
-        texts = {name: json.dumps(values, sort_keys=True) for name, values in facts.items()}
-        return {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}
+        texts = {name: json.dumps(facts[name], sort_keys=True, ensure_ascii=False) for name in facts}
+        data = {name: text.encode(errors="surrogateescape") for name, text in texts.items()}
+        return {name: hashlib.sha256(each).hexdigest() for name, each in data.items()}
 
     def read(self, index: int) -> ShotFrame:
         """Read one frame by its index.

@@ -48,6 +48,7 @@ def open_source(
         options: arguments of the layout's importer: `import_blender`, `import_channels`,
             `import_named_channels` or `import_arm`. The layout "channels" without a channel_map reads the
             channels.json in the folder; without that file, `import_named_channels` recognises the channels.
+            `guides` is ignored by other layouts than "blender".
 
     Raises:
         ShotError: the layout is not supported; the message states what was found.
@@ -67,6 +68,8 @@ def open_source(
     parameters = {*signature(opener).parameters}
     if "options" in parameters:
         parameters |= SequenceOptions.__annotations__.keys()
+    if "guides" not in parameters:
+        options.pop("guides", None)  # only Blender's frames have a choice
     if files is not None and "files" not in parameters:
         raise ArgumentError("path", got="a pattern", want=f"a folder or file, as the layout is {layout!r}")
     for name in options:
@@ -76,15 +79,6 @@ def open_source(
         return opener(path, frames=frames, **options)
     shot = opener(path, **options)
     return shot if frames is None else shot.cropped(*frames)
-
-
-def layout_of(source: str, layout: Layout, options: Mapping[str, object]) -> str:
-    """Return the layout that `open_source` uses for a source with these options."""
-    if layout != "auto" or "channel_map" in options:
-        return layout
-    if is_pattern(Path(source)):
-        return guess_layout(Path(source).parent, Path(source).name)
-    return guess_layout(path_or_shipped(source))
 
 
 def _opener(layout: str, path: Path, options: Mapping[str, object]) -> Callable[..., Shot]:
@@ -113,7 +107,9 @@ def guess_layout(
         if path.is_file() and path.suffix.lower() in FRAME_SUFFIXES:
             raise ShotError(path, "is one image; want a sequence", suggestion(path.parent))
         if not path.exists():
-            raise ShotError(path, "there is no such file or folder", _KNOWN)
+            is_image = path.suffix.lower() in FRAME_SUFFIXES
+            hint = suggestion(path.parent) if is_image and path.parent.is_dir() else _KNOWN
+            raise ShotError(path, "there is no such file or folder", hint)
         if not path.is_dir():
             raise ShotError(path, "is neither a folder nor a .json or .safetensors file", _KNOWN)
         if files is None and (path / FILE_NAME).exists():

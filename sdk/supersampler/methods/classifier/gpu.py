@@ -2,17 +2,9 @@
 
 import numpy as np
 
+from supersampler.backends.gpu import memory as gpu
 from supersampler.backends.gpu import program
 from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
-from supersampler.backends.gpu.memory import (
-    DISPLAY,
-    HALF,
-    ONE,
-    PixelBuffer,
-    PixelMemory,
-    PixelTexture,
-    SizeRule,
-)
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
 from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network
@@ -97,10 +89,10 @@ def classifier_program(info: ModelInfo) -> program.GpuProgram:
     )
     last, gather = _with_network(compose, "network_last"), program.PassSpec("gather", at_rest=("next_tiles",))
     passes = *program.frame_passes("depth"), gather, *levels, last
-    memory: dict[str, PixelMemory] = {
+    memory: dict[str, gpu.PixelMemory] = {
         **program.FRAME_MEMORY,
-        "inputs": PixelTexture(DISPLAY, "rgba32uint"),
-        "differences": PixelBuffer(4, HALF),
+        "inputs": gpu.PixelTexture(gpu.DISPLAY, "rgba32uint"),
+        "differences": gpu.PixelBuffer(4, gpu.HALF),
     }
     for level in network:
         memory |= _level_memory(level.constants)
@@ -110,10 +102,10 @@ def classifier_program(info: ModelInfo) -> program.GpuProgram:
     return program.GpuProgram(LAYOUT, packages, constants, passes, memory, weights, "int8")
 
 
-def _level_size(level: int, across: int = 1, down: int = 1) -> SizeRule:
+def _level_size(level: int, across: int = 1, down: int = 1) -> gpu.SizeRule:
     """Return the size of a level of the encoder, times (across, down)."""
     side = ALIGNED >> level
-    return SizeRule("display", 2 * ALIGNED, (side * across, side * down))
+    return gpu.SizeRule("display", 2 * ALIGNED, (side * across, side * down))
 
 
 def _level_pass(constants: Constants, tile: tuple[int, int]) -> program.PassSpec:
@@ -136,12 +128,12 @@ def _with_network(spec: program.PassSpec, weights: str) -> program.PassSpec:
     return spec._replace(names={**spec.names, "network": weights}, variants=variants)
 
 
-def _level_memory(constants: Constants) -> dict[str, PixelMemory]:
+def _level_memory(constants: Constants) -> dict[str, gpu.PixelMemory]:
     """Return the memory that a level of the encoder writes."""
     level, kept, pooled = (int(constants[name]) for name in ("level", "kept", "pooled"))
     across = TEXELS_ACROSS[kept]
-    below = _level_size(level + 1) if pooled else ONE  # the deepest level pools nothing
+    below = _level_size(level + 1) if pooled else gpu.ONE  # the deepest level pools nothing
     return {
-        f"kept{level}": PixelTexture(_level_size(level, across, kept // across), "rgba32uint"),
-        f"pooled{level}": PixelBuffer(CHUNK * pooled, below),
+        f"kept{level}": gpu.PixelTexture(_level_size(level, across, kept // across), "rgba32uint"),
+        f"pooled{level}": gpu.PixelBuffer(CHUNK * pooled, below),
     }

@@ -4,19 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, Self
 
+from supersampler.methods import spec as shapes
 from supersampler.methods.at_rest import ADDS_SAMPLES, AT_REST_HISTORY, CONVERGED
 from supersampler.methods.registry import register
-from supersampler.methods.spec import (
-    DISPLAY,
-    FRAME_INPUTS,
-    HALF,
-    PREVIOUS,
-    Flag,
-    MapOf,
-    MethodSpec,
-    Number,
-    Sigma,
-)
 
 CLASSES = 6
 """Class probabilities of a pixel. Ghosting: none, visibility, shading; aliasing: none, geometry, texture."""
@@ -133,29 +123,29 @@ class ClassifierConfig:
     """Encoding of the sample count."""
     recurrent: bool = True
     """Whether the classes of the previous frame are network inputs."""
-    rectified: Flag = True
+    rectified: shapes.Flag = True
     """Whether the clipped history is one of the blended colours."""
-    own_motion: Flag = True
+    own_motion: shapes.Flag = True
     """Whether the history warped by undilated motion is one of the blended colours."""
     tone_space: ToneSpace = "largest"
     """Tone curve of the blended colours."""
-    sample_sigma: Sigma = 0.47
+    sample_sigma: shapes.Sigma = 0.47
     """Gaussian of a sample's weight, display pixels."""
-    moment_sigma: Sigma = 0.45
+    moment_sigma: shapes.Sigma = 0.45
     """Gaussian window of the moments of the variance box, render pixels."""
-    kernel_sigma: Sigma = 0.45
+    kernel_sigma: shapes.Sigma = 0.45
     """Gaussian that the learned kernel multiplies, render pixels."""
-    gamma: Number = 1.0
+    gamma: shapes.Number = 1.0
     """Half size of the box in standard deviations."""
-    history_sharpness: Number = 0.7
+    history_sharpness: shapes.Number = 0.7
     """-a of the cubic that resamples the history; 0.5 is Catmull-Rom."""
-    samples: Number = 64.0
+    samples: shapes.Number = 64.0
     """Maximum of the sample count."""
-    contraction: Number = 1.0 / 16.0
+    contraction: shapes.Number = 1.0 / 16.0
     """Fraction by which the luma range contracts towards each new sample."""
-    depth_margin: Number = 0.005
+    depth_margin: shapes.Number = 0.005
     """Relative depth by which the history must be closer before disocclusion begins."""
-    depth_ramp: Number = 0.05
+    depth_ramp: shapes.Number = 0.05
     """Further relative depth at which disocclusion is complete."""
 
     @property
@@ -191,8 +181,8 @@ class SmallConfig(ClassifierConfig):
     network: NetworkConfig = field(
         default_factory=lambda: NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=26)
     )
-    rectified: Flag = False
-    own_motion: Flag = False
+    rectified: shapes.Flag = False
+    own_motion: shapes.Flag = False
 
 
 @dataclass(frozen=True)
@@ -204,23 +194,23 @@ class PaperConfig(ClassifierConfig):
     )
 
 
-BASE = MethodSpec(
+BASE = shapes.MethodSpec(
     name="classifier",
     source="Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
-    inputs=FRAME_INPUTS,
+    inputs=shapes.FRAME_INPUTS,
     history={
-        "color": (1, 3, *DISPLAY),  # linear RGB
-        "state": (1, 3, *DISPLAY),  # count, minimum luma, maximum luma + GLARE * glaring frames
-        "classes": (1, CLASSES, *HALF),  # class probabilities
-        "depth": (1, 2, *PREVIOUS),  # depth, and occluding depth
+        "color": (1, 3, *shapes.DISPLAY),  # linear RGB
+        "state": (1, 3, *shapes.DISPLAY),  # count, minimum luma, maximum luma + GLARE * glaring frames
+        "classes": (1, CLASSES, *shapes.HALF),  # class probabilities
+        "depth": (1, 2, *shapes.PREVIOUS),  # depth, and occluding depth
         "jitter": (1, 2),
         "exposure": (1,),  # see `followed_exposure`; 0: none yet
     },
     aux_outputs=("weight",),
     maps={
-        "class_map": MapOf("next.classes", 0, CLASSES),
-        "weight": MapOf("weight", 0, 1),
-        "count": MapOf("next.state", 0, 1),
+        "class_map": shapes.MapOf("next.classes", 0, CLASSES),
+        "weight": shapes.MapOf("weight", 0, 1),
+        "count": shapes.MapOf("next.state", 0, 1),
     },
     ratios=(1.0, 3.0),
     config=ClassifierConfig,
@@ -257,8 +247,8 @@ CLASSIFIER_PAPER = register(
         source="Guo, Chen, Dong and Tong 2022, supplement",
         history={
             **BASE.history,
-            "state": (1, 7, *DISPLAY),  # counter, minimum and maximum colour
-            "classes": (1, CLASSES, *DISPLAY),
+            "state": (1, 7, *shapes.DISPLAY),  # counter, minimum and maximum colour
+            "classes": (1, CLASSES, *shapes.DISPLAY),
         },
         config=PaperConfig,
         torch="supersampler_model.methods.classifier_paper:PaperClassifier",

@@ -147,12 +147,3 @@ GBUFFER_SMALL_4X = register(
         weights="gbuffer-small-4x.safetensors",
     )
 )
-GBUFFER_DEPTH = register(
-    replace(
-        GBUFFER,
-        name="gbuffer-depth",
-        inputs=(*FRAME_INPUTS, "gbuffer_display_depth"),
-        config=SmallGBufferConfig,
-        torch="supersampler_model.methods.gbuffer:DepthGBuffer",
-    )
-)

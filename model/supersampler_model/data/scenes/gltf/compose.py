@@ -17,6 +17,7 @@ from OpenImageIO import ImageInput, geterror
 
 from supersampler.io.files import image_size_problem, utf8_path
 from supersampler_model.data.errors import SceneError
+from supersampler_model.data.scenes import scene as scenes
 from supersampler_model.data.scenes.gltf.clutter import add_clutter
 from supersampler_model.data.scenes.gltf.document import GltfError, MalformedError, reading
 from supersampler_model.data.scenes.gltf.ground import Ground, ground_of, triangles_of
@@ -25,18 +26,6 @@ from supersampler_model.data.scenes.procedural import lighting, materials, shape
 from supersampler_model.data.scenes.procedural.lighting import Pulse
 from supersampler_model.data.scenes.procedural.paths import Place, placed, vector
 from supersampler_model.data.scenes.procedural.stage import Stage, hills, skyline
-from supersampler_model.data.scenes.scene import (
-    Camera,
-    Color,
-    Environment,
-    Instance,
-    Matrix,
-    Rng,
-    Scene,
-    Sun,
-    Values,
-    directions,
-)
 from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
 
 MIN_STAGE_SIZE = 8.0  # metres: files of this width or depth are stages, smaller ones props
@@ -132,7 +121,7 @@ def _is_stage(model: GltfScene) -> bool:
     return float(np.ptp(model.bounds, axis=0)[[0, 2]].max()) >= MIN_STAGE_SIZE
 
 
-def _room(stage: GltfScene) -> tuple[Instance, ...]:
+def _room(stage: GltfScene) -> tuple[scenes.Instance, ...]:
     return stage.instances(0.0, 0.0, np.eye(4))
 
 
@@ -141,7 +130,7 @@ def _digest(file: Path) -> str:
         return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
-def read_panorama(path: Path) -> Environment:
+def read_panorama(path: Path) -> scenes.Environment:
     """Read a panorama (.hdr) whose size is (2 h, h), h a power of two.
 
     Raises:
@@ -160,7 +149,9 @@ def read_panorama(path: Path) -> Environment:
         pixels = source.read_image(0, 0, 0, 3, "float")
         if pixels is None:
             raise MalformedError(f"the panorama is damaged ({source.geterror().strip()})")
-        return Environment(pixels=np.ascontiguousarray(np.clip(pixels, 0.0, _MAX_RADIANCE), np.float32))
+        return scenes.Environment(
+            pixels=np.ascontiguousarray(np.clip(pixels, 0.0, _MAX_RADIANCE), np.float32)
+        )
 
 
 def ping_pong(time: float, duration: float) -> float:
@@ -175,17 +166,17 @@ def ping_pong(time: float, duration: float) -> float:
 class Course:
     """A path back and forth between two positions (3,), slow at both ends, at `speed` m/s on average."""
 
-    start: Values
-    end: Values
+    start: scenes.Values
+    end: scenes.Values
     speed: float
     phase: float = 0.0
 
-    def at(self, time: float) -> Values:
+    def at(self, time: float) -> scenes.Values:
         """Return the position (3,)."""
         length = max(float(np.linalg.norm(self.end - self.start)), 1e-3)
         return self.between(0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase)))
 
-    def between(self, fraction: float) -> Values:
+    def between(self, fraction: float) -> scenes.Values:
         """Return the position (3,) at a fraction of the path, 0 at `start` and 1 at `end`."""
         return np.asarray(self.start + fraction * (self.end - self.start))
 
@@ -204,12 +195,12 @@ class HandHeldCamera(NamedTuple):
     """Camera that moves along a course, sways as if held by hand, and looks at a target."""
 
     course: Course  # of the eye
-    target: Values  # (3,) metres
+    target: scenes.Values  # (3,) metres
     pan: tuple[float, float]  # its amplitude, radians, and frequency, hertz
     sway: float  # amplitude, metres
     fov_y: float  # degrees
 
-    def at(self, time: float, exposure: float) -> Camera:
+    def at(self, time: float, exposure: float) -> scenes.Camera:
         """Return the camera."""
         waves = np.sin(time * np.array([[5.1, 6.7, 4.3], [3.7, 7.9, 5.9]]) + np.arange(3.0))
         eye, target = self.course.at(time) + self.sway * waves[0], self.target + self.sway * waves[1]
@@ -217,7 +208,7 @@ class HandHeldCamera(NamedTuple):
         x, y, z = target - eye
         cos, sin = np.cos(angle), np.sin(angle)
         aim = eye + np.array([cos * x + sin * z, y, cos * z - sin * x])
-        return Camera(position=vector(eye), target=vector(aim), fov_y=self.fov_y, exposure=exposure)
+        return scenes.Camera(position=vector(eye), target=vector(aim), fov_y=self.fov_y, exposure=exposure)
 
 
 class GltfProp(NamedTuple):
@@ -232,7 +223,7 @@ class GltfProp(NamedTuple):
     clip: int  # index of the animation, which plays back and forth
     glow: Pulse  # factor of the emission
 
-    def instances(self, now: float, before: float) -> tuple[Instance, ...]:
+    def instances(self, now: float, before: float) -> tuple[scenes.Instance, ...]:
         """Return the instances at the time `now`, with their state at the time `before`, both in seconds."""
         clips = self.model.clips
         duration = clips[self.clip].duration if clips else 0.0
@@ -241,7 +232,7 @@ class GltfProp(NamedTuple):
             clip=self.clip, emission=self.glow(now),
         )  # fmt: skip
 
-    def _pose(self, time: float) -> Matrix:
+    def _pose(self, time: float) -> scenes.Matrix:
         """Return the matrix from the file's space to the world."""
         low, high = self.model.bounds
         matrix = placed(yaw=self.yaw + self.spin * time, size=self.size)
@@ -251,11 +242,11 @@ class GltfProp(NamedTuple):
         return matrix
 
 
-def _lit_stage(rng: Rng, focus: Values, panorama: Environment | None) -> Stage:
+def _lit_stage(rng: scenes.Rng, focus: scenes.Values, panorama: scenes.Environment | None) -> Stage:
     """Return an empty stage with random lights around `focus` (3,); without a panorama, with a random sky."""
     surroundings = _sky(rng) if panorama is None else panorama
     dim = float(np.exp(rng.uniform(np.log(_MIN_DIMMING), 0.0)))  # in the dark the lamps matter more
-    environment = Environment(pixels=(surroundings.pixels * dim).astype(np.float32))
+    environment = scenes.Environment(pixels=(surroundings.pixels * dim).astype(np.float32))
     stage = Stage(environment=environment, exposure=float(dim**-0.6))
     stage.sun = _sun(rng, focus)
     if rng.random() < 0.7:
@@ -267,18 +258,18 @@ def _lit_stage(rng: Rng, focus: Values, panorama: Environment | None) -> Stage:
     return stage
 
 
-def _sky(rng: Rng) -> Environment:
+def _sky(rng: scenes.Rng) -> scenes.Environment:
     """Return a sky above a ground, with a bright side."""
-    up = directions(_SKY_ROWS)
+    up = scenes.directions(_SKY_ROWS)
     above, below, side = (rng.uniform(0.3, 1.0) * _tint(rng) for _ in range(3))
     bright = rng.normal(size=3) + np.array([0.0, 1.0, 0.0])
     lobe = np.clip(up @ (bright / np.linalg.norm(bright)), 0.0, 1.0) ** rng.uniform(2.0, 40.0)
     blend = 0.5 + 0.5 * np.tanh(6.0 * up[..., 1:2])
     color = blend * above + (1.0 - blend) * 0.4 * below + rng.uniform(0.5, 4.0) * lobe[..., None] * side
-    return Environment(pixels=color.astype(np.float32))
+    return scenes.Environment(pixels=color.astype(np.float32))
 
 
-def _sun(rng: Rng, focus: Values) -> Callable[[float], Sun] | None:
+def _sun(rng: scenes.Rng, focus: scenes.Values) -> Callable[[float], scenes.Sun] | None:
     """Return a sun, mostly steady; None for no sun."""
     height, around = rng.uniform(0.3, 1.3), rng.uniform(0.0, 2.0 * np.pi)
     toward = np.array([np.cos(height) * np.cos(around), np.sin(height), np.cos(height) * np.sin(around)])
@@ -287,12 +278,14 @@ def _sun(rng: Rng, focus: Values) -> Callable[[float], Sun] | None:
     flicker = wave(rng.uniform(0.0, 0.8) * (rng.random() < 0.3), rng.uniform(0.2, 3.0))
     if strength == 0.0:
         return None
-    return lambda t: Sun(direction=direction, color=vector(color * flicker(t)), center=center, radius=12.0)
+    return lambda t: scenes.Sun(
+        direction=direction, color=vector(color * flicker(t)), center=center, radius=12.0
+    )
 
 
 def _lamp(
-    rng: Rng, focus: Values, height: float, strength: float, max_flicker: float
-) -> tuple[Place, Color, Pulse]:
+    rng: scenes.Rng, focus: scenes.Values, height: float, strength: float, max_flicker: float
+) -> tuple[Place, scenes.Color, Pulse]:
     """Return path, colour and flicker of a light that moves at about `height` metres above the focus."""
     low, high = (-2.0, 0.8 * height, -2.0), (2.0, 1.2 * height, 2.0)
     course = Course(focus + rng.uniform(low, high), focus + rng.uniform(low, high), rng.uniform(0.3, 4.0))
@@ -301,7 +294,7 @@ def _lamp(
     return course.at, vector(rng.uniform(0.5, 1.5) * strength * _tint(rng)), flicker
 
 
-def _tint(rng: Rng) -> Values:
+def _tint(rng: scenes.Rng) -> scenes.Values:
     """Return a colour of mean 1 between candlelight and clear sky."""
     warmth = rng.uniform(-1.0, 1.0)
     color = np.array([1.0 + 0.5 * warmth, 1.0, 1.0 - 0.5 * warmth])
@@ -322,7 +315,7 @@ class Composition(Sequence):
         stages, props, panorama = _read(spec)
         self._room = _room(stages[-1]) if stages else ()
         floor = shapes.plane(_FLOOR_SIZE, _FLOOR_SIZE)
-        bare = Instance(mesh=floor, material=materials.glow((0, 0, 0), 0), model=np.eye(4))
+        bare = scenes.Instance(mesh=floor, material=materials.glow((0, 0, 0), 0), model=np.eye(4))
         self._ground = ground = ground_of(self._room) or Ground(triangles_of((bare,)))
         self._focus = ground.spot(rng)
         self.stage = _lit_stage(rng, self._focus, panorama)
@@ -337,18 +330,18 @@ class Composition(Sequence):
         self.starts = (0, int(rng.integers(spec.frames // 3, spec.frames)) if cuts else 0)
         self._exposure = wave(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
 
-    def scene(self, index: int) -> Scene:
+    def scene(self, index: int) -> scenes.Scene:
         """Return the stage with the room and the props."""
         scene, now, before = super().scene(index), self.time(index), self.time(index - 1)
         prop_instances = (instance for prop in self._props for instance in prop.instances(now, before))
         return replace(scene, instances=(*self._room, *prop_instances, *scene.instances))
 
-    def camera(self, index: int) -> Camera:
+    def camera(self, index: int) -> scenes.Camera:
         """Return the camera of the current shot."""
         camera, time = self._cameras[int(0 < self.starts[1] <= index)], self.time(index)
         return camera.at(time, self.stage.exposure * self._exposure(time))
 
-    def _prop(self, model: GltfScene, rng: Rng) -> GltfProp:
+    def _prop(self, model: GltfScene, rng: scenes.Rng) -> GltfProp:
         low, high = model.bounds
         size = 1.0
         if not _PROP_HEIGHTS[0] <= float(high[1] - low[1]) <= _PROP_HEIGHTS[1]:
@@ -368,7 +361,7 @@ class Composition(Sequence):
         glow = wave(depth, hertz, phase, square=bool(rng.integers(2)))
         return GltfProp(model, size, course, yaw, spin, hop, clip, glow)
 
-    def _camera(self, rng: Rng, occupied: Values) -> HandHeldCamera:
+    def _camera(self, rng: scenes.Rng, occupied: scenes.Values) -> HandHeldCamera:
         start, end = self._camera_path(rng, occupied)
         eyes = np.array([0.0, rng.uniform(0.5, 1.8), 0.0])
         target = self._focus + np.array([0.0, rng.uniform(0.3, 1.0), 0.0])
@@ -376,7 +369,7 @@ class Composition(Sequence):
         course = Course(start + eyes, end + eyes, rng.uniform(0.2, 3.0), rng.uniform(0.0, 2.0))
         return HandHeldCamera(course, target, pan, rng.uniform(0.0, 0.03), rng.uniform(40.0, 75.0))
 
-    def _camera_path(self, rng: Rng, occupied: Values) -> tuple[Values, Values]:
+    def _camera_path(self, rng: scenes.Rng, occupied: scenes.Values) -> tuple[scenes.Values, scenes.Values]:
         """Return start and end of a camera path with the props in view, away from `occupied` (n, 3)."""
         best, found = -np.inf, (self._focus, self._focus)
         for _ in range(_TRIES):
@@ -393,7 +386,7 @@ class Composition(Sequence):
         return found
 
 
-def _read(spec: SequenceSpec) -> tuple[list[GltfScene], list[GltfScene], Environment | None]:
+def _read(spec: SequenceSpec) -> tuple[list[GltfScene], list[GltfScene], scenes.Environment | None]:
     """Read the stages, the props and the panorama of a sequence, and check that no file has changed."""
     stages, props, panorama = list[GltfScene](), list[GltfScene](), None
     for name, expected in spec.files:
@@ -410,7 +403,7 @@ def _read(spec: SequenceSpec) -> tuple[list[GltfScene], list[GltfScene], Environ
     return stages, props, panorama
 
 
-def _add_floor(rng: Rng, stage: Stage) -> None:
+def _add_floor(rng: scenes.Rng, stage: Stage) -> None:
     """Add a floor up to the horizon, and a skyline or hills."""
     if rng.random() < 0.5:
         stage.put(shapes.plane(70.0, 70.0, 0.5), materials.tiles(rng, 8, rng.random()))

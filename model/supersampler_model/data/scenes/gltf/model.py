@@ -8,19 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from supersampler_model.data.scenes import scene as scenes
 from supersampler_model.data.scenes.gltf.document import Document, Integers, Json, MalformedError, at, reading
 from supersampler_model.data.scenes.gltf.materials import Coordinates, Materials
-from supersampler_model.data.scenes.scene import (
-    MAX_JOINTS,
-    Instance,
-    Material,
-    Matrices,
-    Matrix,
-    Mesh,
-    Skin,
-    Values,
-    tangents_of,
-)
 
 MAX_PARTS = 1 << 16  # primitives on nodes
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
@@ -40,10 +30,10 @@ class Channel:
     node: int  # index in the file
     path: str  # "translation", "rotation" or "scale"
     interpolation: str  # LINEAR, STEP or CUBICSPLINE
-    times: Values  # (k,) seconds, ascending
-    values: Values  # (k, 3, width)
+    times: scenes.Values  # (k,) seconds, ascending
+    values: scenes.Values  # (k, 3, width)
 
-    def at(self, time: float) -> Values:
+    def at(self, time: float) -> scenes.Values:
         """Return the property (width,); outside the keyframes, the value of the nearest keyframe."""
         before = int(np.searchsorted(self.times, time, side="right")) - 1
         if before < 0 or before + 1 == len(self.times):
@@ -60,11 +50,11 @@ class Channel:
             return self._normalized(np.asarray(a * start + b * leaving + c * arriving + d * end))
         return _slerp(start, end, s) if self.path == "rotation" else np.asarray((1.0 - s) * start + s * end)
 
-    def _normalized(self, value: Values) -> Values:
+    def _normalized(self, value: scenes.Values) -> scenes.Values:
         return value / np.linalg.norm(value) if self.path == "rotation" else value
 
 
-def _slerp(start: Values, end: Values, fraction: float) -> Values:
+def _slerp(start: scenes.Values, end: scenes.Values, fraction: float) -> scenes.Values:
     """Interpolate two rotations spherically, along the shorter arc."""
     start, end = start / np.linalg.norm(start), end / np.linalg.norm(end)
     cosine = float(start @ end)
@@ -90,32 +80,32 @@ class Node(NamedTuple):
 
     number: int  # index in the file
     parent: int | None  # None for a root
-    matrix: Matrix | None
-    rest: dict[str, Values]
+    matrix: scenes.Matrix | None
+    rest: dict[str, scenes.Values]
 
 
 class Binding(NamedTuple):
     """The joints that move a skinned mesh."""
 
     joints: Integers  # (j,) nodes
-    inverse_bind: Matrices  # (j, 4, 4) mesh to joint, in the bind pose
+    inverse_bind: scenes.Matrices  # (j, 4, 4) mesh to joint, in the bind pose
 
 
 class PlacedPrimitive(NamedTuple):
     """One primitive of one node."""
 
-    mesh: Mesh
-    material: Material
+    mesh: scenes.Mesh
+    material: scenes.Material
     node: int
     binding: Binding | None  # None for a rigid mesh
 
-    def palette(self, found: dict[int, Matrix]) -> Matrices | None:
+    def palette(self, found: dict[int, scenes.Matrix]) -> scenes.Matrices | None:
         """Return the matrix of each joint: bind pose to posed, in the scene's space."""
         if self.binding is None:
             return None
         return np.stack([found[int(joint)] for joint in self.binding.joints]) @ self.binding.inverse_bind
 
-    def vertices(self, found: dict[int, Matrix]) -> Values:
+    def vertices(self, found: dict[int, scenes.Matrix]) -> scenes.Values:
         """Return (n, 3) vertices in the scene's space."""
         local = np.concatenate([self.mesh.positions, np.ones((len(self.mesh.positions), 1))], axis=1)
         palette, skin = self.palette(found), self.mesh.skin
@@ -156,19 +146,19 @@ class GltfScene:
             self.clips = _clips(document)
             found = _matrices(self._nodes, None, 0.0)
             points = np.concatenate([part.vertices(found) for part in self._parts])
-            self.bounds: Values = np.stack([points.min(axis=0), points.max(axis=0)])
+            self.bounds: scenes.Values = np.stack([points.min(axis=0), points.max(axis=0)])
             self.digest = document.digest()
 
     def instances(
         self,
         time: float,
         time_before: float,
-        transform: Matrix,
-        transform_before: Matrix | None = None,
+        transform: scenes.Matrix,
+        transform_before: scenes.Matrix | None = None,
         *,
         clip: int = 0,
         emission: float = 1.0,
-    ) -> tuple[Instance, ...]:
+    ) -> tuple[scenes.Instance, ...]:
         """Return the instances of the file at a time in seconds into a clip, clamped to its length.
 
         `transform` (4, 4) maps the file's space to the world; `transform_before` None means no motion.
@@ -184,7 +174,7 @@ class GltfScene:
             if part.binding is None:
                 models = transforms[0] @ now[part.node], transforms[1] @ before[part.node]
             instances.append(
-                Instance(
+                scenes.Instance(
                     mesh=part.mesh, material=part.material, model=models[0], model_before=models[1],
                     palette=part.palette(now), palette_before=part.palette(before), emission=emission,
                 )
@@ -268,19 +258,19 @@ def _node(item: Json, index: int, parent: int | None) -> Node:
     return Node(index, parent, matrix, {**rest, "rotation": rest["rotation"] / length})
 
 
-def _numbers(item: Json, name: str, count: int, default: Any = None) -> Values:
+def _numbers(item: Json, name: str, count: int, default: Any = None) -> scenes.Values:
     values = np.asarray(item.get(name, default), np.float64)
     if values.shape != (count,) or not np.isfinite(values).all():
         raise MalformedError(f"its {name} is {item.get(name)!r}; want {count} finite numbers")
     return values
 
 
-def _matrices(nodes: tuple[Node, ...], clip: AnimationClip | None, time: float) -> dict[int, Matrix]:
+def _matrices(nodes: tuple[Node, ...], clip: AnimationClip | None, time: float) -> dict[int, scenes.Matrix]:
     """Return the matrix from each node to the scene's space, `time` seconds into a clip, or at rest."""
-    moved: dict[int, dict[str, Values]] = {}
+    moved: dict[int, dict[str, scenes.Values]] = {}
     for channel in clip.channels if clip else ():
         moved.setdefault(channel.node, {})[channel.path] = channel.at(time)
-    found: dict[int, Matrix] = {}
+    found: dict[int, scenes.Matrix] = {}
     for node in nodes:
         local = node.matrix
         if local is None:
@@ -289,7 +279,7 @@ def _matrices(nodes: tuple[Node, ...], clip: AnimationClip | None, time: float) 
     return found
 
 
-def _matrix_of(translation: Values, rotation: Values, scale: Values) -> Matrix:
+def _matrix_of(translation: scenes.Values, rotation: scenes.Values, scale: scenes.Values) -> scenes.Matrix:
     """Return translation @ rotation @ scale; the rotation is a unit quaternion x, y, z, w."""
     x, y, z, w = (float(value) for value in rotation)
     turn = np.array([
@@ -306,7 +296,7 @@ def _matrix_of(translation: Values, rotation: Values, scale: Values) -> Matrix:
 def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[PlacedPrimitive]:
     """Yield the visible primitives of all nodes; a mesh shared by several nodes is read once."""
     materials = Materials(document)
-    read: dict[Any, tuple[Mesh, Integers | None]] = {}
+    read: dict[Any, tuple[scenes.Mesh, Integers | None]] = {}
     for node in nodes:
         item = document.item("nodes", node.number)
         if "mesh" not in item:
@@ -323,8 +313,10 @@ def _parts(document: Document, nodes: tuple[Node, ...]) -> Iterator[PlacedPrimit
                     count = None if binding is None else len(binding.joints)
                     read[key] = _primitive(document, content, surface.coordinates, count)
                 shape, used = read[key]
-                if used is not None and len(used) > MAX_JOINTS:
-                    raise MalformedError(f"{len(used)} joints move it; at most {MAX_JOINTS} are supported")
+                if used is not None and len(used) > scenes.MAX_JOINTS:
+                    raise MalformedError(
+                        f"{len(used)} joints move it; at most {scenes.MAX_JOINTS} are supported"
+                    )
                 own = binding and Binding(binding.joints[used], binding.inverse_bind[used])
                 yield PlacedPrimitive(shape, surface.material, node.number, own)
 
@@ -349,7 +341,7 @@ def _skin(document: Document, index: Any, nodes: tuple[Node, ...]) -> Binding:
 
 def _primitive(
     document: Document, content: Json, coordinates: Coordinates | None, joints: int | None
-) -> tuple[Mesh, Integers | None]:
+) -> tuple[scenes.Mesh, Integers | None]:
     """Return a primitive's mesh, and the skin's joints that move it; None if it is rigid.
 
     `coordinates` belong to the material's textures; `joints` is the number of joints of the skin.
@@ -396,7 +388,7 @@ def _triangles(document: Document, content: Json, count: int) -> Integers:
     return np.stack([a, np.where(odd, c, b), np.where(odd, b, c)], axis=1)
 
 
-def _uv(document: Document, attributes: Json, coordinates: Coordinates | None, count: int) -> Values:
+def _uv(document: Document, attributes: Json, coordinates: Coordinates | None, count: int) -> scenes.Values:
     name = f"TEXCOORD_{coordinates.of if coordinates else 0}"
     if name not in attributes:
         if coordinates is not None:
@@ -406,7 +398,7 @@ def _uv(document: Document, attributes: Json, coordinates: Coordinates | None, c
     return uv if coordinates is None else uv * coordinates.scale + coordinates.offset
 
 
-def _weights(document: Document, attributes: Json, joints: int) -> tuple[Integers, Integers, Values]:
+def _weights(document: Document, attributes: Json, joints: int) -> tuple[Integers, Integers, scenes.Values]:
     """Return the skin's joints in use, and each vertex's four indices into these, with their weights."""
     moved_by = document.integers(attributes["JOINTS_0"], "VEC4")
     weights = document.floats(attributes["WEIGHTS_0"], "VEC4")
@@ -424,7 +416,7 @@ def _weights(document: Document, attributes: Json, joints: int) -> tuple[Integer
     return used, renumbered.reshape(moved_by.shape), weights / sums
 
 
-def _mesh(vertices: dict[str, Any], indices: Integers) -> Mesh:
+def _mesh(vertices: dict[str, Any], indices: Integers) -> scenes.Mesh:
     if "normal" not in vertices:  # flat shading, by the specification
         vertices = {name: values[indices.ravel()] for name, values in vertices.items()}
         indices = np.arange(indices.size).reshape(-1, 3)
@@ -432,7 +424,7 @@ def _mesh(vertices: dict[str, Any], indices: Integers) -> Mesh:
     positions, uv = (np.ascontiguousarray(vertices[name], np.float32) for name in ("position", "uv"))
     normals = _unit(vertices["normal"], vertices["position"], indices).astype(np.float32)
     faces = np.ascontiguousarray(indices, np.uint32)
-    tangents = tangents_of(positions, normals, uv, faces)
+    tangents = scenes.tangents_of(positions, normals, uv, faces)
     if "tangent" in vertices:  # the file's own, except where they are 0
         stored = vertices["tangent"]
         lengths = np.linalg.norm(stored[:, :3], axis=1, keepdims=True)
@@ -443,17 +435,19 @@ def _mesh(vertices: dict[str, Any], indices: Integers) -> Mesh:
     skin = None
     if "joints" in vertices:
         joints = np.ascontiguousarray(vertices["joints"], np.uint16)
-        skin = Skin(joints=joints, weights=np.ascontiguousarray(vertices["weights"], np.float32))
-    return Mesh(positions=positions, normals=normals, uv=uv, tangents=tangents, indices=faces, skin=skin)
+        skin = scenes.Skin(joints=joints, weights=np.ascontiguousarray(vertices["weights"], np.float32))
+    return scenes.Mesh(
+        positions=positions, normals=normals, uv=uv, tangents=tangents, indices=faces, skin=skin
+    )
 
 
-def _face_normals(positions: Values, indices: Integers) -> Values:
+def _face_normals(positions: scenes.Values, indices: Integers) -> scenes.Values:
     """Return (m, 3) normals of triangles, as long as twice their area."""
     a, b, c = (positions[corner] for corner in indices.T)
     return np.asarray(np.cross(b - a, c - a))
 
 
-def _unit(normals: Values, positions: Values, indices: Integers) -> Values:
+def _unit(normals: scenes.Values, positions: scenes.Values, indices: Integers) -> scenes.Values:
     """Return normals of unit length; normals of 0 are derived from the triangles around, or point up."""
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     if lengths.min() < 1e-6:

@@ -5,17 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from supersampler_model.data.scenes import scene as scenes
 from supersampler_model.data.scenes.procedural.paths import Place, Point3, pendulum, place_of, vector
-from supersampler_model.data.scenes.scene import (
-    Color,
-    Environment,
-    PointLight,
-    Rng,
-    Spot,
-    Sun,
-    Vector,
-    directions,
-)
 
 Pulse = Callable[[float], float]
 """Seconds to a factor >= 0, about 1 on average."""
@@ -29,7 +20,7 @@ def steady(_: float) -> float:
     return 1.0
 
 
-def pulse(rng: Rng, *kinds: str) -> Pulse:
+def pulse(rng: scenes.Rng, *kinds: str) -> Pulse:
     """Return a pulse of one of these kinds; by default, of any of the PULSES."""
     kind = kinds[0] if len(kinds) == 1 else str(rng.choice(kinds or PULSES, p=None if kinds else _COMMON))
     phase, depth = rng.uniform(0.0, 6.3), rng.uniform(0.5, 0.95)
@@ -43,24 +34,24 @@ def pulse(rng: Rng, *kinds: str) -> Pulse:
     return lambda t: float(1.0 + depth * np.tanh(sharp * np.sin(rate * t + phase)))
 
 
-def nervous(rng: Rng) -> Pulse:
+def nervous(rng: scenes.Rng) -> Pulse:
     """Return a pulse that changes fast: it throbs, flickers or blinks."""
     return pulse(rng, str(rng.choice(("throb", "flicker", "strobe"), p=(0.5, 0.35, 0.15))))
 
 
-def maybe(rng: Rng, chance: float, make: Callable[..., Pulse], *kinds: str) -> Pulse:
+def maybe(rng: scenes.Rng, chance: float, make: Callable[..., Pulse], *kinds: str) -> Pulse:
     """Return `make(rng, *kinds)` with this probability, otherwise a steady light."""
     return make(rng, *kinds) if rng.random() < chance else steady
 
 
-def clouds(rng: Rng) -> Pulse:
+def clouds(rng: scenes.Rng) -> Pulse:
     """Return the factor of a sun behind broken clouds: one or two edges a second, soft or abrupt."""
     rates, phases = 2.0 * np.pi * rng.uniform((0.4, 0.9), (0.7, 1.4)), rng.uniform(0.0, 6.3, 2)
     sharp, depth = float(np.exp(rng.uniform(0.8, 3.3))), rng.uniform(0.5, 0.9)
     return lambda t: float(1.15 - depth * (0.5 + 0.5 * np.tanh(sharp * np.sin(rates * t + phases).sum())))
 
 
-def lightning(rng: Rng) -> Pulse:
+def lightning(rng: scenes.Rng) -> Pulse:
     """Return the factor of moonlight in a thunderstorm: bursts of a few frames, many times as bright."""
     gap, first, strength = rng.uniform(0.4, 0.9), rng.random(), rng.uniform(12.0, 30.0)
     bursts = rng.choice((0.0, 0.25, 0.6, 1.0), (7, 6), p=(0.3, 0.25, 0.25, 0.2))
@@ -74,7 +65,7 @@ def lightning(rng: Rng) -> Pulse:
     return at
 
 
-def tint(rng: Rng, strength: float, warmth: float | None = None) -> Color:
+def tint(rng: scenes.Rng, strength: float, warmth: float | None = None) -> scenes.Color:
     """Return a light's colour, `strength` at its brightest channel.
 
     `warmth` is -1 for blue sky, 0 for white, 1 for a candle; None is any hue.
@@ -89,10 +80,10 @@ def tint(rng: Rng, strength: float, warmth: float | None = None) -> Color:
 
 
 def sunlight(
-    rng: Rng, strength: float, radius: float, *, elevation: tuple[float, float] = (25.0, 60.0),
-    pulsing: Pulse = steady, warmth: float | None = 0.3, center: Vector = (0.0, 0.0, 0.0),
+    rng: scenes.Rng, strength: float, radius: float, *, elevation: tuple[float, float] = (25.0, 60.0),
+    pulsing: Pulse = steady, warmth: float | None = 0.3, center: scenes.Vector = (0.0, 0.0, 0.0),
     azimuth: tuple[float, float] = (0.0, 6.3),
-) -> Callable[[float], Sun]:  # fmt: skip
+) -> Callable[[float], scenes.Sun]:  # fmt: skip
     """Return a sun of irradiance `strength` whose shadows move slowly.
 
     Its shadow map covers `radius` metres around `center`. `elevation` is a range in degrees. `azimuth` is a
@@ -101,49 +92,57 @@ def sunlight(
     color, turn = tint(rng, strength, warmth), rng.uniform(*azimuth)
     height, creep = np.radians(rng.uniform(*elevation)), rng.normal(0.0, 0.08)
 
-    def at(t: float) -> Sun:
+    def at(t: float) -> scenes.Sun:
         angle = turn + creep * t
         level = np.cos(height)
         direction = vector((level * np.cos(angle), -np.sin(height), level * np.sin(angle)))
         light = vector(np.multiply(color, pulsing(t)))
-        return Sun(direction=direction, color=light, center=center, radius=radius)
+        return scenes.Sun(direction=direction, color=light, center=center, radius=radius)
 
     return at
 
 
 def spotlight(
-    place: Place | Point3, target: Place | Point3, color: Color, *, inner: float | None = None,
+    place: Place | Point3, target: Place | Point3, color: scenes.Color, *, inner: float | None = None,
     outer: float = 32.0, reach: float = 20.0, pulsing: Pulse = steady,
-) -> Callable[[float], Spot]:  # fmt: skip
+) -> Callable[[float], scenes.Spot]:  # fmt: skip
     """Return a spot light that looks from one place, fixed or moving, to another."""
     eye, aim, inner = place_of(place), place_of(target), 0.55 * outer if inner is None else inner
-    return lambda t: Spot(
+    return lambda t: scenes.Spot(
         position=vector(eye(t)), target=vector(aim(t)), color=vector(np.multiply(color, pulsing(t))),
         inner=inner, outer=outer, reach=reach,
     )  # fmt: skip
 
 
 def hanging(
-    rng: Rng, pivot: Sequence[float], length: float, extent: float, color: Color, *, pulsing: Pulse = steady
-) -> tuple[Place, Callable[[float], Spot]]:
+    rng: scenes.Rng,
+    pivot: Sequence[float],
+    length: float,
+    extent: float,
+    color: scenes.Color,
+    *,
+    pulsing: Pulse = steady,
+) -> tuple[Place, Callable[[float], scenes.Spot]]:
     """Return the path of a lamp that swings on a cable, see `pendulum`, and its cone of light."""
     place, top = pendulum(rng, pivot, length, extent), np.asarray(pivot, np.float64)
     return place, spotlight(place, lambda t: 3.0 * place(t) - 2.0 * top, color, outer=57.0, pulsing=pulsing)
 
 
 def lamp(
-    place: Place | Point3, color: Color, *, reach: float = 8.0, pulsing: Pulse = steady
-) -> Callable[[float], PointLight]:
+    place: Place | Point3, color: scenes.Color, *, reach: float = 8.0, pulsing: Pulse = steady
+) -> Callable[[float], scenes.PointLight]:
     """Return a point light at a place, fixed or moving."""
     position = place_of(place)
-    return lambda t: PointLight(
+    return lambda t: scenes.PointLight(
         position=vector(position(t)), color=vector(np.multiply(color, pulsing(t))), reach=reach
     )
 
 
-def outdoors(rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: float = 0.5) -> Environment:
+def outdoors(
+    rng: scenes.Rng, zenith: scenes.Color, horizon: scenes.Color, ground: scenes.Color, *, clouds: float = 0.5
+) -> scenes.Environment:
     """Return a sky over a ground, from radiances; `clouds` is the brightness of the clouds."""
-    around = directions(HEIGHT)
+    around = scenes.directions(HEIGHT)
     up = around[..., 1:2]
     sky = np.array(horizon) + (np.array(zenith) - horizon) * np.clip(up, 0.0, 1.0) ** 0.5
     waves = rng.normal(0.0, 1.0, (24, 3)) * np.exp(rng.uniform(0.5, 2.8, (24, 1)))
@@ -154,12 +153,12 @@ def outdoors(rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: 
     sky = sky * (1.0 - 0.6 * cover) + cover * clouds * (np.array(horizon) + 0.5 * np.mean(horizon))
     earth = np.array(ground) * (1.0 + 0.4 * np.sin(5.0 * around[..., :1] + 3.0 * around[..., 2:]))
     blend = np.clip(up * 40.0 + 0.5, 0.0, 1.0)
-    return Environment(pixels=(blend * sky + (1.0 - blend) * earth).astype(np.float32))
+    return scenes.Environment(pixels=(blend * sky + (1.0 - blend) * earth).astype(np.float32))
 
 
-def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environment:
+def indoors(rng: scenes.Rng, ambient: scenes.Color, panels: int, strength: float) -> scenes.Environment:
     """Return a dim room with bright rectangles on its ceiling and upper walls, for metals to reflect."""
-    around = directions(HEIGHT)
+    around = scenes.directions(HEIGHT)
     up = around[..., 1]
     azimuth = np.arctan2(around[..., 0], -around[..., 2])
     image = np.array(ambient) * (0.6 + 0.4 * up)[..., None]
@@ -169,24 +168,24 @@ def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environme
         distance = np.abs((azimuth - middle + np.pi) % (2.0 * np.pi) - np.pi)
         inside = (distance < wide) & (np.abs(up - height) < tall)
         image = image + inside[..., None] * np.array(tint(rng, strength, rng.uniform(-0.5, 0.5)))
-    return Environment(pixels=image.astype(np.float32))
+    return scenes.Environment(pixels=image.astype(np.float32))
 
 
 class Weather(NamedTuple):
     """Light outdoors, with an exposure that suits it."""
 
-    environment: Environment
+    environment: scenes.Environment
     exposure: float
-    sun: Callable[[float], Sun]  # the sun or the moon, from behind a camera that looks along -z
+    sun: Callable[[float], scenes.Sun]  # the sun or the moon, from behind a camera that looks along -z
     dark: bool  # whether the scene needs lamps
 
 
 class Hour(NamedTuple):
     """Radiances of the sky and the ground, and the sun or moon."""
 
-    zenith: Color
-    horizon: Color
-    ground: Color
+    zenith: scenes.Color
+    horizon: scenes.Color
+    ground: scenes.Color
     strength: float
     warmth: float
     elevation: tuple[float, float]
@@ -201,7 +200,7 @@ HOURS = {
 }
 
 
-def weather(rng: Rng, radius: float, center: Vector = (0.0, 0.0, 0.0)) -> Weather:
+def weather(rng: scenes.Rng, radius: float, center: scenes.Vector = (0.0, 0.0, 0.0)) -> Weather:
     """Return one of the HOURS: dull or bright days, hard sun, dusk or night.
 
     The shadow map of the sun covers `radius` metres around `center`.

@@ -153,13 +153,13 @@ def headed(path: Place) -> Pose:
     return pose
 
 
-def spinning(place: Place | Matrix, axis: Values | Sequence[float], rate: float, phase: float = 0.0) -> Pose:
+def spinning(place: Place | Matrix, axis: Values | Sequence[float], rate: float) -> Pose:
     """Return a pose at `place` that turns about a local axis by `rate` radians a second."""
     k = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
 
     def pose(t: float) -> Matrix:
-        angle = rate * t + phase
+        angle = rate * t
         turn = np.eye(4)
         turn[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
         if not callable(place):

@@ -9,44 +9,28 @@ from typing import NamedTuple
 
 import numpy as np
 
+from supersampler_model.data.scenes import scene as scenes
 from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.lighting import Pulse, steady
 from supersampler_model.data.scenes.procedural.paths import Place, Point3, Pose, Vantage, placed, turned_by
 from supersampler_model.data.scenes.procedural.shapes import Part
-from supersampler_model.data.scenes.scene import (
-    Camera,
-    Color,
-    Environment,
-    Instance,
-    Material,
-    Matrices,
-    Matrix,
-    Mesh,
-    Particles,
-    PointLight,
-    Rng,
-    Scene,
-    Spot,
-    Sun,
-    Vector,
-)
 
 
 class Prop(NamedTuple):
     """An object that may move, bend and flicker."""
 
-    mesh: Mesh
-    material: Material
+    mesh: scenes.Mesh
+    material: scenes.Material
     pose: Pose
-    palette: Callable[[float], Matrices] | None
+    palette: Callable[[float], scenes.Matrices] | None
     emission: Pulse
     casts_shadow: bool
     thin: bool
 
-    def instance(self, now: float, before: float) -> Instance:
+    def instance(self, now: float, before: float) -> scenes.Instance:
         """Return the object at the time `now`, with its state at the time `before`, both in seconds."""
         palette, palette_before = (self.palette and self.palette(time) for time in (now, before))
-        return Instance(
+        return scenes.Instance(
             mesh=self.mesh, material=self.material, model=self.pose(now), model_before=self.pose(before),
             palette=palette, palette_before=palette_before, emission=self.emission(now),
             casts_shadow=self.casts_shadow, thin=self.thin,
@@ -57,33 +41,35 @@ class Prop(NamedTuple):
 class Stage:
     """Objects, lights and camera positions of a scene."""
 
-    environment: Environment
+    environment: scenes.Environment
     exposure: float = 1.0  # that suits the light
     vantages: list[Vantage] = field(default_factory=list)  # each shot uses one
     props: list[Prop] = field(default_factory=list)
-    sun: Callable[[float], Sun] | None = None
-    spot: Callable[[float], Spot] | None = None
-    points: list[Callable[[float], PointLight]] = field(default_factory=list)
-    particles: list[Callable[[float], Particles]] = field(default_factory=list)
+    sun: Callable[[float], scenes.Sun] | None = None
+    spot: Callable[[float], scenes.Spot] | None = None
+    points: list[Callable[[float], scenes.PointLight]] = field(default_factory=list)
+    particles: list[Callable[[float], scenes.Particles]] = field(default_factory=list)
 
     def put(
-        self, mesh: Mesh | Iterable[Part], material: Material, at: Matrix | Pose | None = None, *,
-        palette: Callable[[float], Matrices] | None = None, emission: Pulse = steady, shadow: bool = True,
-        thin: bool = False,
+        self, mesh: scenes.Mesh | Iterable[Part], material: scenes.Material,
+        at: scenes.Matrix | Pose | None = None, *, palette: Callable[[float], scenes.Matrices] | None = None,
+        emission: Pulse = steady, shadow: bool = True, thin: bool = False,
     ) -> None:  # fmt: skip
         """Add an object, at the origin by default; several parts are merged into one mesh."""
         fixed = np.eye(4) if at is None else at
         pose = fixed if callable(fixed) else lambda _: fixed
-        mesh = mesh if isinstance(mesh, Mesh) else shapes.merged(mesh)
+        mesh = mesh if isinstance(mesh, scenes.Mesh) else shapes.merged(mesh)
         self.props.append(Prop(mesh, material, pose, palette, emission, shadow, thin))
 
-    def add_vantages(self, *views: tuple[Vector, Vector, float], brisk: bool = False) -> None:
+    def add_vantages(self, *views: tuple[scenes.Vector, scenes.Vector, float], brisk: bool = False) -> None:
         """Add camera positions: position, target and room, see `Vantage`."""
         self.vantages += [Vantage(*view, brisk) for view in views]
 
-    def scene(self, now: float, before: float, camera: Camera, camera_before: Camera) -> Scene:
+    def scene(
+        self, now: float, before: float, camera: scenes.Camera, camera_before: scenes.Camera
+    ) -> scenes.Scene:
         """Return the stage at the time `now`, with its state at the time `before`, both in seconds."""
-        return Scene(
+        return scenes.Scene(
             camera=camera,
             camera_before=camera_before,
             environment=self.environment,
@@ -98,7 +84,9 @@ class Stage:
 CASTERS = ("mill", "train", "clouds", "boughs")
 
 
-def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None = None) -> None:
+def caster(
+    rng: scenes.Rng, stage: Stage, sun: Callable[[float], scenes.Sun], kind: str | None = None
+) -> None:
     """Add one of the CASTERS, a random one by default.
 
     Casters are flat and face the sun. Cameras in the scene see their backs, which are culled.
@@ -121,7 +109,7 @@ def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None
     stage.put(mesh, materials.glow((0.0, 0.0, 0.0), 0.0), pose)
 
 
-def _frame(sun: Sun) -> Matrix:
+def _frame(sun: scenes.Sun) -> scenes.Matrix:
     """Return the matrix to the world, (4, 4), from a frame with z towards the sun and level x.
 
     The origin lies between the scene and the sun, inside the shadow map.
@@ -135,7 +123,7 @@ def _frame(sun: Sun) -> Matrix:
     return frame
 
 
-def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
+def _mill(rng: scenes.Rng, radius: float, frame: scenes.Matrix) -> tuple[scenes.Mesh, Pose]:
     """Return the blades of a windmill or a fan in front of the sun."""
     length, count = radius * rng.uniform(0.3, 0.55), int(rng.integers(3, 6))
     blade = shapes.wall(length * rng.uniform(0.16, 0.34), length)
@@ -146,7 +134,7 @@ def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
     return mesh, lambda t: np.asarray(hub @ turned_by(2, rate * t))
 
 
-def _train(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
+def _train(rng: scenes.Rng, radius: float, frame: scenes.Matrix) -> tuple[scenes.Mesh, Pose]:
     """Return an endless train of wagons with gaps between them."""
     period, fraction = rng.uniform(2.5, 6.0), rng.uniform(0.4, 0.75)
     tall, y = radius * rng.uniform(0.2, 0.6), radius * rng.uniform(-0.5, 0.1)
@@ -157,7 +145,7 @@ def _train(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
     return mesh, lambda t: np.asarray(frame @ placed(speed * t % period))
 
 
-def _blots(rng: Rng, count: int, radius: float, size: float) -> Mesh:
+def _blots(rng: scenes.Rng, count: int, radius: float, size: float) -> scenes.Mesh:
     """Return ragged spots, on average `size` times the radius wide, scattered over a square."""
     blots = []
     for x, y in rng.uniform(-0.75 * radius, 0.75 * radius, (count, 2)):
@@ -173,7 +161,7 @@ WHEEL = np.eye(4)[[1, 0, 2, 3]] * np.array([1.0, 1.0, -1.0, 1.0])
 
 
 def bulb(
-    stage: Stage, path: Place | Point3, color: Color, *, size: float = 0.06, glow: float = 5.0,
+    stage: Stage, path: Place | Point3, color: scenes.Color, *, size: float = 0.06, glow: float = 5.0,
     reach: float = 6.0, pulsing: Pulse = steady,
 ) -> None:  # fmt: skip
     """Add a point light and a glowing ball of radius `size`, at a point or moving along a path."""
@@ -182,14 +170,16 @@ def bulb(
 
 
 def glowing_ball(
-    stage: Stage, path: Place | Point3, size: float, color: Color, glow: float, pulsing: Pulse = steady
+    stage: Stage, path: Place | Point3, size: float, color: scenes.Color, glow: float, pulsing: Pulse = steady
 ) -> None:
     """Add a glowing ball without a light source, at a point or moving along a path."""
     shine, pose = materials.glow(color, glow), paths.upright(paths.place_of(path))
     stage.put(shapes.ball(size, 8), shine, pose, emission=pulsing, shadow=False)
 
 
-def fan(rng: Rng, stage: Stage, at: Vector, length: float, depth: float, speeds: tuple[float, float]) -> None:
+def fan(
+    rng: scenes.Rng, stage: Stage, at: scenes.Vector, length: float, depth: float, speeds: tuple[float, float]
+) -> None:
     """Add a fan of four horizontal blades."""
     blade, turns = shapes.box(length, 0.02, depth), [k * np.pi / 2.0 for k in range(4)]
     blades = [(blade, placed(yaw=turn) @ placed(0.5 * length + 0.05)) for turn in turns]
@@ -197,7 +187,7 @@ def fan(rng: Rng, stage: Stage, at: Vector, length: float, depth: float, speeds:
     stage.put(blades, materials.paint(rng), turning)
 
 
-def skyline(rng: Rng, stage: Stage) -> None:
+def skyline(rng: scenes.Rng, stage: Stage) -> None:
     """Add a ring of buildings far away."""
     blocks = []
     for angle in np.linspace(0.0, 2.0 * np.pi, 44, endpoint=False):
@@ -208,8 +198,8 @@ def skyline(rng: Rng, stage: Stage) -> None:
 
 
 def bunting(
-    rng: Rng, stage: Stage, left: Point3, right: Point3, *, sag: float, cord: tuple[float, float], flags: int,
-    margin: float, gap: float,
+    rng: scenes.Rng, stage: Stage, left: Point3, right: Point3, *, sag: float, cord: tuple[float, float],
+    flags: int, margin: float, gap: float,
 ) -> None:  # fmt: skip
     """Add flags in the wind on a cord that sags by `sag` metres.
 
@@ -224,7 +214,7 @@ def bunting(
     stage.put(mesh, materials.striped(rng, 3), palette=paths.wind(rng, middles, 0.09))
 
 
-def hills(rng: Rng, stage: Stage, hue: Color) -> None:
+def hills(rng: scenes.Rng, stage: Stage, hue: scenes.Color) -> None:
     """Add hills and far trees around; `hue` is sRGB."""
     lumps = []
     for angle in np.linspace(0.0, 2.0 * np.pi, 26, endpoint=False):

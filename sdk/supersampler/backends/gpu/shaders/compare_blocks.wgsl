@@ -63,7 +63,7 @@ fn mean_at(sample: vec2i) -> vec4f {
     return mix(upper, lower, t.y);
 }
 
-fn order_of(i: i32) -> f32 { return 2.0 * fract(f32(i) * ORDER) - 1.0; }
+fn order_of(i: i32) -> f32 { return 2.0 * f32(ORDER_FACTOR * i * i * i % ORDER_PRIME) / f32(ORDER_PRIME - 1) - 1.0; }
 
 fn sums_of(block: vec2i, row: i32, has_mean: bool) -> Row {
     var found = Row();
