@@ -114,7 +114,7 @@ def test_two_files_with_one_number_are_refused_with_the_patterns_that_part_them(
 
 
 def test_a_sequence_with_a_later_number_in_its_names_is_answered_with_its_pattern(tmp_path: Path) -> None:
-    write_frames(tmp_path, "a-0001_v2", "a-0002_v2")
+    write_frames(tmp_path, "a-0001_v2.exr", "a-0002_v2.exr")
     with pytest.raises(
         ShotError, match=r"has the same frame number .* by a pattern: a-####_v2\.exr \(1-2\)\."
     ):
@@ -131,7 +131,7 @@ def test_sequences_are_not_joined_even_if_all_their_numbers_differ(tmp_path: Pat
 
 
 def test_a_number_that_is_too_large_for_names_is_refused(tmp_path: Path) -> None:
-    write_frames(tmp_path, "s.20260101000001")
+    write_frames(tmp_path, "s.20260101000001.exr")
     with pytest.raises(
         ShotError, match=r"has the frame number 20260101000001; want at most .* Choose digits"
     ):

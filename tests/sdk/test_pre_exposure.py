@@ -61,7 +61,7 @@ def test_any_factor_changes_the_unit_of_its_frame(method: str, executor: str, fa
     plain = plain_images(method, executor, len(factors), 1.0)
     for image, factor, expected in zip(images(method, executor, factors, 1.0), factors, plain, strict=True):
         off = np.abs(display_transform(image / np.float32(factor)) - display_transform(expected))
-        assert off.mean() < 1e-4
+        assert off.mean() < 2e-4
         assert np.quantile(off, 0.999) < 1.0 / 255.0
 
 
