@@ -85,7 +85,7 @@ class Commands(TyperGroup):
             if line is None or ctx.params.get("debug"):
                 raise
             if isinstance(error, ArgumentError):
-                line = _with_option(line, self.get_command(ctx, ctx.invoked_subcommand or ""))
+                line = _with_option(line, error.name, self.get_command(ctx, ctx.invoked_subcommand or ""))
             echo(f"error: {line}", err=True)
             raise typer.Exit(2 if isinstance(error, ArgumentError) else 1) from None
         except KeyboardInterrupt:
@@ -134,9 +134,9 @@ def _line(error: Exception) -> str | None:
     return f"this command needs {package}, which is not installed. Install it: {install}"
 
 
-def _with_option(line: str, command: Any) -> str:
+def _with_option(line: str, argument: str, command: Any) -> str:
     """Return an error about an argument with the name of the command's option for it, if there is one."""
-    name = line.partition(" ")[0].partition("[")[0]
+    name = argument.partition("[")[0]
     options = {each.name: each.opts[-1] for each in command.params if each.opts[-1].startswith("--")}
     option = options.get("channels" if name == "channel_map" else name)
     return line if option is None else option + line.removeprefix(name)

@@ -118,9 +118,9 @@ class SupersampledWindow:
     Colours are display values, as VTK blends and resolves them.
 
     Frames are plain, too, where a renderer has a render pass, FXAA, SSAO, shadows, or a projection matrix of
-    the program, keeps what it has drawn before, or is not in layer 0, and for stereo and tiles. Where
-    upscaling is measured not to pay, frames that move are plain; a warning says so. An exception while a
-    frame is upscaled leaves a plain image, too.
+    the program, where it preserves its colour or depth buffer or is not in layer 0, and for stereo and tiles.
+    Where upscaling is measured not to pay, frames that move are plain; a warning says so. An exception while
+    a frame is upscaled leaves a plain image, too.
 
     Attributes:
         viewports: the history of each renderer.

@@ -51,11 +51,9 @@ class HistoryPlane(NamedTuple):
 
     def memory(self, extent: gpu.SizeRule) -> gpu.PixelMemory:
         """Return the memory of a plane of this size."""
-        return (
-            gpu.PixelTexture(extent, self.texture)
-            if self.texture
-            else gpu.PixelBuffer(4 * self.words, extent)
-        )
+        if self.texture:
+            return gpu.PixelTexture(extent, self.texture)
+        return gpu.PixelBuffer(4 * self.words, extent)
 
 
 PIXEL_EXPONENT = 80
@@ -246,8 +244,7 @@ class GpuHistory:
     def _pixels(self, name: str) -> Float32:
         plane = self.layout.planes[name]
         width, height = self.layout.size(name, self.display, self.render)
-        words = gpu.read_back(self.device, self.memory[name])[
-            : height * width * plane.words
-        ]  # without padding
+        count = height * width * plane.words  # without the padding
+        words = gpu.read_back(self.device, self.memory[name])[:count]
         words = words.reshape(height, width, plane.words)
         return words.view(np.float32) if plane.codec is None else plane.codec.unpack(words)
