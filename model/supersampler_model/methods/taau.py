@@ -242,7 +242,7 @@ class Taau(Method):
         box = ops.Box(center, gamma * variance.sqrt() + c.gamma_time * spread)
 
         inside = 1.0 - (c.forget * (ops.overshoot(warped.color, box) - 1.0)).clamp(0.0, 1.0)
-        limit = c.samples / (1.0 + c.blur_cost * warped.blur + c.speed_cost * warped.speed)
+        limit = c.samples / (1.0 + c.blur_cost * warped.blur * warped.blur + c.speed_cost * warped.speed)
         holds = warped.surface * unchanged
         samples = torch.minimum(warped.samples * holds * inside, limit)
         weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)

@@ -154,7 +154,7 @@ SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const PixelH
                           excess(past.color.b, now.center.b, now.deviations.b));
     F3 rectified = lerp(now.center, past.color, 1.0f / maximum(overshoot, 1.0f));
     F inside = 1.0f - clamped((overshoot - 1.0f) * n.forget, 0.0f, 1.0f);
-    F limit = n.samples / (blur * n.blur_cost + speed * n.speed_cost + 1.0f);
+    F limit = n.samples / (blur * blur * n.blur_cost + speed * n.speed_cost + 1.0f);
     F holds = past.surface * unchanged;
     F samples = minimum(past.samples * holds * inside, limit);
     F weight = now.confidence / maximum(samples + now.confidence, 1e-6f);

@@ -193,7 +193,7 @@ fn decide(now: Current, before: Warped) -> Blend {
     let reach = gamma * sqrt(now.variance) + GAMMA_TIME * spread;
     let box = Box(now.center - reach, now.center + reach);
     let within = 1.0 - clamp(FORGET * (overshoot(before.color, box) - 1.0), 0.0, 1.0);
-    let limit = SAMPLES / (1.0 + BLUR_COST * before.blur + SPEED_COST * before.speed);
+    let limit = SAMPLES / (1.0 + BLUR_COST * before.blur * before.blur + SPEED_COST * before.speed);
     let holds = before.surface * unchanged;
     let count = min(before.samples * holds * within, limit);
     let weight = now.confidence / max(count + now.confidence, 1e-6);
