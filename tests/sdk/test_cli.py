@@ -283,6 +283,14 @@ def test_check_exits_with_1_and_an_option_where_a_shot_is_not_as_stated(tmp_path
     assert write == f"Write: {Conventions() if sign == 1 else subtract}"
     assert shlex.split(option) == ["--conventions", found]
     assert run("check", renders, *shlex.split(option)).exit_code == 0
+    run("import", renders, "-o", tmp_path / "shot", "--conventions", stated)
+    *_, line = run("check", tmp_path / "shot").stdout.splitlines()
+    written = (tmp_path / "shot" / "shot.json").read_text()
+    (tmp_path / "shot" / "shot.json").write_text(
+        re.sub('"conventions": {.*}', line.removeprefix("In shot.json: "), written)
+    )
+    assert run("check", tmp_path / "shot").exit_code == 0
+    assert "Change shot.json instead." in run("check", tmp_path / "shot", *shlex.split(option)).stderr
 
 
 @pytest.mark.parametrize("srgb", [True, False])

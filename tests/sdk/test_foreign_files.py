@@ -44,6 +44,23 @@ def test_parts_with_different_data_windows_are_one_image(tmp_path: Path) -> None
     np.testing.assert_array_equal(image["rgba.G"], VALUES[..., 1])
 
 
+@pytest.mark.parametrize("stated", ["main", ""])
+def test_parts_that_nuke_names_by_layer_and_view_are_recognised(tmp_path: Path, stated: str) -> None:
+    layers = {"rgba": ("R", "G", "B"), "depth": ("Z",), "backward": ("u", "v")}
+    parts, at = [], 0
+    for layer, names in layers.items():
+        spec = spec_of(names)
+        spec.attribute("oiio:subimagename", f"{layer}.main")
+        spec.attribute("view", stated)
+        parts.append((spec, VALUES[..., at : at + len(names)]))
+        at += len(names)
+    write_parts(tmp_path / "f.0001.exr", *parts)
+    raw = open_source(tmp_path, conventions=OURS).read_raw(0)
+    np.testing.assert_array_equal(raw.color, VALUES[..., :3])
+    np.testing.assert_array_equal(raw.depth, VALUES[..., 3])
+    np.testing.assert_array_equal(raw.motion, VALUES[..., 4:])
+
+
 @pytest.mark.parametrize("origin", [(0, 0), (-7, -5), (100, 60)])
 @pytest.mark.parametrize(("x", "y"), [(2, 1), (-3, -2), (4, -5), (20, 20)])
 def test_outside_of_a_data_window_is_background(

@@ -302,6 +302,14 @@ def test_the_layout_is_detected_from_the_files(tmp_path: Path) -> None:
             assert_same_shot(copy, shot)
 
 
+def test_given_conventions_replace_those_of_a_channels_json(tmp_path: Path) -> None:
+    folder = write_channels(tmp_path)
+    stated = Conventions(srgb=True).to_json()
+    (folder / "channels.json").write_text(json.dumps({"channels": MAP, "conventions": stated}))
+    assert open_source(folder).conventions == Conventions(srgb=True)
+    assert open_source(folder, conventions=CONVENTIONS).conventions == CONVENTIONS
+
+
 def test_an_unrecognised_layout_is_answered_with_the_channels_found(tmp_path: Path) -> None:
     def refused(path: Path, message: str) -> None:
         with pytest.raises(ShotError, match=message):

@@ -30,8 +30,8 @@ Resolution = Literal["render", "display"]
 _Motion = Literal["motion", "motion_next"]
 _Pair = tuple[float, float]
 
-_MIN_FACTOR, _MAX_FACTOR = 1e-30, 1e30  # range of factors in single precision
-_RANGE = f"{_MIN_FACTOR:g} to {_MAX_FACTOR:g}"
+_MIN_FACTOR, MAX_FACTOR = 1e-30, 1e30  # range of factors in single precision
+_RANGE = f"{_MIN_FACTOR:g} to {MAX_FACTOR:g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -555,7 +555,7 @@ class Converter:
 
 def _is_usable(value: object) -> bool:
     number = as_number(value)
-    return number is not None and _MIN_FACTOR <= abs(number) <= _MAX_FACTOR
+    return number is not None and _MIN_FACTOR <= abs(number) <= MAX_FACTOR
 
 
 def _checked_scale(scale: object) -> tuple[float, float]:

@@ -129,11 +129,12 @@ def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) 
 
 
 def _middle(shot: "Shot | Sequence[RawFrame]", frames: int) -> list[RawFrame]:
-    requested = as_index(frames)
-    count = None if requested is None else min(requested, len(shot))
-    if count is None or count < 2:
-        got = shown(frames) if count is None else count
-        raise ArgumentError("frames", got=got, want="at least 2 frames to compare")
+    requested, want = as_index(frames), "at least 2 frames to compare"
+    if requested is None or requested < 2:
+        raise ArgumentError("frames", got=shown(frames), want=want)
+    if len(shot) < 2:
+        raise ArgumentError("shot", got=f"of length {len(shot)}", want=want)
+    count = min(requested, len(shot))
     start = max(0, (len(shot) - count) // 2)
     indices = range(start, start + count)
     return [shot[i] if isinstance(shot, Sequence) else shot.read_raw(i) for i in indices]

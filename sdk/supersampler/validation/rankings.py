@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
+from supersampler.conventions.conventions import MAX_FACTOR
 from supersampler.validation import probe
 from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mistake
 from supersampler.validation.probe import DepthOrder, FrameProbe, Overrides
@@ -343,7 +344,9 @@ def _depth_overrides(order: DepthOrder, frames: Sequence[FrameProbe], found: Con
     if order != "linear":
         return {"depth": f"{order}_infinite", "far": None}
     far = max(float(frame.depth.max()) for frame in frames)
-    return {"depth": "linear", "far": far if 1e6 <= far < np.inf else None}
+    if not 1e6 <= far < np.inf:
+        return {"depth": "linear", "far": None}
+    return {"depth": "linear", "far": min(far, MAX_FACTOR)}  # renderers write up to 3.4e38 at the sky
 
 
 def _wrongly_hidden(pairs: Sequence[FramePair], order: DepthOrder, found: Conventions) -> float:

@@ -225,11 +225,13 @@ def first_file(folder: Path, options: SequenceOptions) -> Path:
     return next(iter(of_range(folder, numbered, options.get("frames")).values()))
 
 
-def import_described_channels(folder: Path | str, **options: Unpack[SequenceOptions]) -> Shot:
+def import_described_channels(
+    folder: Path | str, *, conventions: Conventions | None = None, **options: Unpack[SequenceOptions]
+) -> Shot:
     """Open a folder of EXR frames by its channels.json, which holds arguments of `import_channels`.
 
-    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space. `options`
-    replace the values of the file.
+    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space.
+    `conventions` and `options` replace the values of the file.
 
     Raises:
         ShotError: see `import_channels`; or channels.json is missing or wrong.
@@ -238,9 +240,10 @@ def import_described_channels(folder: Path | str, **options: Unpack[SequenceOpti
     path = folder / MAP_FILE_NAME
     given = read_typed(path, _MapFile, "docs/shots.md lists the keys.")
     values: dict[str, Any] = {**msgspec.structs.asdict(given), **options}
+    stated = values.pop("conventions")
     try:
-        conventions = Conventions.from_json(values.pop("conventions"))
-        return import_channels(folder, values.pop("channels"), conventions=conventions, **values)
+        used = Conventions.from_json(stated) if conventions is None else conventions
+        return import_channels(folder, values.pop("channels"), conventions=used, **values)
     except ArgumentError as error:
         if error.name in options:
             raise

@@ -101,6 +101,7 @@ class Shot:
         is_denoised: whether the frames state that their renderer has denoised them; only Blender's can.
         noisy_channels: channels of the colour before the renderer denoised it; empty if there are none.
         samples: samples per pixel of the renderer, None if unknown; only frames of Cycles state it.
+        own_format: whether a shot.json describes the frames.
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class Shot:
         self.is_denoised = False
         self.noisy_channels: tuple[str, ...] = ()
         self.samples: int | None = None
-        self._color_channel, self._own_format = color_channel, own_format
+        self._color_channel, self.own_format = color_channel, own_format
         self._channel_map = channel_map  # of `import_channels`
 
     @classmethod
@@ -416,7 +417,7 @@ class Shot:
     def _reference_file(self, index: int) -> Path | None:
         """Return the file of a frame's reference if it can have class maps: in this package's format."""
         name = self._entries[index].reference
-        return self.source / name if name is not None and self._own_format else None
+        return self.source / name if name is not None and self.own_format else None
 
     def _converted(
         self, index: int, raw: RawFrame, reference: Float32 | None, converter: Converter

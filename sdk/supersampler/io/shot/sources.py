@@ -74,7 +74,9 @@ def open_source(
         raise ArgumentError("path", got="a pattern", want=f"a folder or file, as the layout is {layout!r}")
     for name in options:
         if name not in parameters:
-            raise ArgumentError(name, got="given", want=f"left out: the layout {layout!r} does not use it")
+            hint = f"Change {FILE_NAME} instead." if layout == "shot" else ""
+            want = f"left out: the layout {layout!r} does not use it"
+            raise ArgumentError(name, got="given", want=want, hint=hint)
     if "frames" in parameters:
         return opener(path, frames=frames, **options)
     shot = opener(path, **options)
