@@ -262,7 +262,9 @@ def test_a_thousandth_of_sky_tells_the_kind_of_depth(kind: str, share: float, ce
     assert not certain or verdict.ranked[0].overrides["depth"].startswith(kind)
 
 
-@pytest.mark.parametrize(("far", "written"), [(2e6, 2e6), (1e6, 1e6), (np.inf, None), (9e5, None), (3e38, 1e30)])
+@pytest.mark.parametrize(
+    ("far", "written"), [(2e6, 2e6), (1e6, 1e6), (np.inf, None), (9e5, None), (3e38, 1e30)]
+)
 def test_the_sky_of_linear_depth_is_its_far_plane(far: float, written: float | None) -> None:
     depth = KINDS["linear"].copy()
     depth[:10] = far

@@ -238,6 +238,7 @@ def test_only_the_first_page_of_a_tiff_is_read(tmp_path: Path) -> None:
         ("chromaticities", (0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329), "lin_rec2020"),
         ("chromaticities", (0.5, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3), "unknown"),
         ("colorInteropID", "lin_ap1_scene", "ACEScg"),
+        ("colorInteropID", "lin_adobergb_scene", "unknown"),
     ],
 )
 def test_the_colour_space_is_what_the_header_states(tmp_path: Path, name: str, value: Any, want: str) -> None:

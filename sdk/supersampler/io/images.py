@@ -155,7 +155,8 @@ def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[st
     """Return the channel names of each part; in a multi-part EXR file they begin with the part's name.
 
     The first view at the end of a part's name is omitted, as Nuke names the parts of a view "main"
-    `rgba.main` and `depth.main`. Other formats have one part, the first image: further pages of a TIFF are often small copies.
+    `rgba.main` and `depth.main`. Other formats have one part, the first image: further pages of a TIFF are
+    often small copies.
     """
     if kind != "exr":
         return [list(source.spec().channelnames)]
@@ -392,10 +393,12 @@ def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
 
 
 def _color_space(spec: ImageSpec) -> str:
-    stated = _INTEROP_IDS.get(spec.get_string_attribute("colorInteropID"))
+    stated = spec.get_string_attribute("colorInteropID")
     primaries = spec.getattribute("chromaticities")
-    if stated is not None or not isinstance(primaries, tuple) or len(primaries) != 8:
-        return stated or REC709
+    if stated in _INTEROP_IDS:
+        return _INTEROP_IDS[stated]
+    if not isinstance(primaries, tuple) or len(primaries) != 8:
+        return UNKNOWN_COLOR_SPACE if stated else REC709
     for name, known in _PRIMARIES.items():
         if np.allclose(primaries, known, rtol=0, atol=_TOLERANCE):
             return name
