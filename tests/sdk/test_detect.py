@@ -133,6 +133,13 @@ def test_without_jitter_or_light_it_cannot_tell(frames: list[Frame]) -> None:
     assert "motion: cannot tell, no two neighbouring frames have enough texture" in detection.summary()
 
 
+def test_vectors_that_leave_the_image_by_every_reading_are_no_evidence(frames: list[Frame]) -> None:
+    far = [replace(frame, motion=frame.motion + np.float32(1e6)) for frame in frames]
+    detection = detect_conventions(planted(far, Conventions()))
+    assert detection.motion.reason == "motion leads out of the image by every reading"
+    assert not detection.agrees
+
+
 def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
     raws = planted(frames, Conventions())
     motion = [replace(raw, motion=raw.motion[..., ::-1]) for raw in raws]

@@ -180,6 +180,15 @@ def test_a_wide_pixel_filter_is_hinted_at(shots: Shots) -> None:
     assert "of the depth edges" in complaints(*shots("filtered"), validate="strict")
 
 
+@pytest.mark.parametrize("unit", [1.0, 0.5], ids=["uv", "ndc"])
+def test_vectors_stored_around_a_half_are_the_only_mistake(shots: Shots, unit: float) -> None:
+    half = 0.5 * unit * np.array(shots("right")[0].size, np.float32)
+    frames = [replace(frame, motion=frame.motion.astype(np.float32) + half) for frame in shots("right")]
+    for lines in (complaints(*frames), notes(frames)):
+        (said,) = [line for line in lines.splitlines() if line.startswith("frame.")]
+        assert "pixels everywhere, as if 0 were stored as 0.5" in said
+
+
 def test_coarse_motion_is_reported_with_its_step(shots: Shots) -> None:
     larger = [replace(frame, motion=frame.motion.astype(np.float32) * 3) for frame in shots("right")]
     assert "frame.motion is in steps of 0.5 pixels" in complaints(*[coarse_motion(frame) for frame in larger])

@@ -433,7 +433,7 @@ def test_invalid_fields_are_named(tmp_path: Path, changes: dict[str, object], me
 
 def test_the_files_shown_in_the_docs_are_read(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "docs" / "shots.md").read_text(encoding="utf-8")
-    shot, channels, _ = re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)
+    shot, channels, *_ = re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)
     (tmp_path / "shot.json").write_text(shot)
     info, entries = load_shot_json(tmp_path / "shot.json")
     assert (info.name, len(entries), entries[2].render_size) == ("plaza", 3, (288, 162))

@@ -65,8 +65,7 @@ def detect_conventions(
     found = replace(found, **jitter.overrides)
     depth = rankings.rank_depth(textured, seen, found)
     found = replace(found, **depth.overrides)
-    swapped = rankings.swapped_axes(textured, jitters, found)
-    notes = [str(mistake.error()) for mistake in swapped]
+    swapped, notes = rankings.swapped_axes(textured, jitters, found), list[str]()
     if found.depth != stated.depth and found.depth.endswith("infinite"):
         kind = found.depth.removesuffix("_infinite")
         notes.append(f"Images do not show a far plane. If there is one, write depth='{kind}', near and far.")
@@ -80,11 +79,15 @@ def detect_conventions(
     elif found.jitter_flip_y != stated.jitter_flip_y and not motion.certain:
         turned = f"bottom_up={not stated.bottom_up}"
         notes.append(f"If the image is upside down, write {turned} instead of jitter_flip_y.")
-    other_notes, has_mistakes = _other_mistakes(raws, found)
-    notes += other_notes
+    others, refused = _other_mistakes(raws, found)
+    if mistakes.MOTION_OFFSET.kind in (mistake.kind for mistake in others):
+        swapped = []  # with such vectors, nothing fits
+    notes = [*(str(mistake.error()) for mistake in swapped), *notes]
+    notes += [*(str(mistake.error()) for mistake in others), *refused]
+    has_mistakes = bool(refused or swapped) or any(mistake.severity == "error" for mistake in others)
     if always_reset := always_reset and any(pair.continues for pair in textured):
         notes.append(str(mistakes.RESET_ALWAYS.found(frames=len(raws)).error()))
-    has_mistakes |= always_reset or bool(swapped)
+    has_mistakes |= always_reset
     return Detection(motion, jitter, depth, stated, found, tuple(notes), has_mistakes)
 
 
@@ -93,10 +96,10 @@ def _turned(frame: FrameProbe) -> bool:
     return frame.light is not None and any(upside_down(frame.depth, tone_mapped(frame.light, frame.light)))
 
 
-def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> tuple[list[str], bool]:
+def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> tuple[list[Mistake], list[str]]:
     """Return the mistakes in frames with these conventions, except those that the verdicts report.
 
-    The second value is whether "strict" would refuse one of them.
+    The second list has the error of a frame that cannot be converted.
     """
     converter, seen = found.converter(), FramesSeen()
     by_kind: dict[str, Mistake] = {}
@@ -112,9 +115,7 @@ def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> tuple[list[
         seen = seen.after(evidence, frame.size)
         by_kind |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
     ignored = _VERDICT_KINDS | (mistakes.OF_SRGB if found.srgb else set())
-    others = [mistake for kind, mistake in by_kind.items() if kind not in ignored]
-    has_mistakes = bool(refused) or any(mistake.severity == "error" for mistake in others)
-    return [*(str(mistake.error()) for mistake in others), *refused], has_mistakes
+    return [mistake for kind, mistake in by_kind.items() if kind not in ignored], refused
 
 
 def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:

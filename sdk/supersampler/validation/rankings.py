@@ -138,6 +138,8 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
         return hypothesis.error / (_TIE if _is_stated(hypothesis, stated) else 1.0)
 
     verdict = Verdict(name, tuple(sorted(hypotheses, key=error)))
+    if np.isinf(verdict.ranked[0].error):
+        return Verdict(name, verdict.ranked, "motion leads out of the image by every reading")
     if len(verdict.ranked) > 1 and verdict.margin < SURE:
         first, second = verdict.ranked[:2]
         alike = [h for h in verdict.ranked if h.error < SURE * max(first.error, 1e-6)]
@@ -212,7 +214,8 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
         if readings and have_jitter[repr(overrides)]:  # without jitter in the image, vectors have none either
             hypotheses.append(hypothesis({**overrides, "motion_jittered": True}, bare))
     verdict = ranked("motion", hypotheses, stated)
-    if verdict.ranked[0].error > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
+    best = verdict.ranked[0].error
+    if np.isfinite(best) and best > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
         reason = "too little moves: no reading explains the image much better than no motion"
         return Verdict("motion", verdict.ranked, reason)
     return verdict
