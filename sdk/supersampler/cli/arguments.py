@@ -49,7 +49,8 @@ CutsOption = Annotated[
     str | None, typer.Option(help="Indices of the first frames after cuts, from 0: 48,120.")
 ]
 ReferenceOption = Annotated[
-    str | None, typer.Option(metavar="PATTERN", help="Reference images, such as reference/*.exr.")
+    str | None,
+    typer.Option(metavar="PATTERN", help="Reference images in the folder of the frames: reference/*.exr."),
 ]
 ColorSpaceOption = Annotated[
     str | None,

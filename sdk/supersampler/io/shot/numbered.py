@@ -79,7 +79,9 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
             raise ShotError(path, f"has the same frame number as {other}", hint)
         files[number] = path
     if not files:
-        raise ShotError(folder, f"has no file {pattern}", suggestion(place))
+        below = "/".join(parts[:-1])
+        hint = suggestion(place, below) if place.is_dir() else f"The pattern is relative to {folder}."
+        raise ShotError(folder, f"has no file {pattern}", hint)
     if len({*rests.values()}) > 1:
         raise ShotError(folder, f"has files of several sequences {pattern}", choose())
     if len(files) > SHOT_FRAMES:
@@ -207,7 +209,8 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
         problem = f"has {len(fields)} fields for the frame number"
         raise ShotError(path, problem, "Keep one, and write the other numbers as digits.")
     if not fields and not _has_wildcard(path.name):
-        raise ShotError(path, "has no field for the frame number", suggestion(path.parent))
+        hint = f"Name its files: {path.name}/*.exr." if path.is_dir() else suggestion(path.parent)
+        raise ShotError(path, "has no field for the frame number", hint)
     if fields:
         field, (begin, end) = fields[0], _without(path.name, fields[0].span())
         count = len(field[0]) if field[0][0] == "#" else int(field[1] or 1)
@@ -252,12 +255,13 @@ def _has_wildcard(name: str) -> bool:
     return "*" in name or "?" in name
 
 
-def suggestion(folder: Path) -> str:
-    """Return a hint that names the sequences in a folder."""
+def suggestion(folder: Path, below: str = "") -> str:
+    """Return a hint that names the sequences in a folder, as patterns that begin with the folder `below`."""
     if not folder.is_dir():
         return "Is this the folder of the frames?"
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in FRAME_SUFFIXES)
     there = sequences(path for path in images if not path.name.startswith("."))
+    there = [str(PurePosixPath(below, name)) for name in there]
     return f"Did you mean {_listed(there)}?" if there else "Is this the folder of the frames?"
 
 
