@@ -10,6 +10,7 @@ from supersampler.conventions import Conventions
 from supersampler.errors import ShotError
 from supersampler.io.images import ImageHeader, luminance_chroma_error, read_header
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
+from supersampler.io.shot.numbered import numbered_files
 from supersampler.io.shot.shot import Shot
 
 _XYZ, _RGB = ("xyz", "rgb"), ("rgb", ("red", "green", "blue"))
@@ -232,6 +233,7 @@ def import_named_channels(
     if aovs:
         channel_map["aovs"] = aovs
     if reference is not None:
+        numbered_files(folder, reference)  # raises if nothing matches
         channel_map["reference"] = [f"{reference}:{axis}" for axis in "RGB"]
     names = [_output_name(name, channel_map.get("color", ["R"])[0]) for name in aovs]
     if len({*names, *"RGB"}) != len(names) + 3:
