@@ -19,7 +19,16 @@ import pytest
 from numpy.typing import NDArray
 
 from noise import full_noise, noise
-from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, ShotError
+from supersampler import (
+    ArgumentError,
+    Conventions,
+    Frame,
+    FrameError,
+    RawFrame,
+    ShotError,
+    denoise_sequence,
+    upscale_sequence,
+)
 from supersampler.io.files import partial_name
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import (
@@ -285,6 +294,35 @@ def test_a_frame_that_a_reader_would_refuse_is_not_written(tmp_path: Path) -> No
     with pytest.raises(FrameError, match=r"frame\.jitter is \(3\.0, 0\.0\)"):
         writer.write(RawFrame(depth=flat, motion=np.zeros((9, 16, 2), np.float32), jitter=(3.0, 0.0)))
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"display_size": 5}, ArgumentError, "display_size is 5; want"),
+        ({"frame_rate": "24"}, ArgumentError, "frame_rate is '24'; want"),
+        ({"conventions": "fsr"}, ArgumentError, r"conventions is 'fsr'; want .*Write Conventions\.fsr\(\)"),
+        ({"name": 5}, ShotError, r"Expected `str`, got `int` - at `\$\.name`, is 5"),
+        ({"file_names": "a"}, ShotError, "file_names is 'a'; want a name with one ####"),
+    ],
+)
+def test_properties_that_a_reader_would_refuse_are_not_written(
+    tmp_path: Path, options: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    given = {"name": "test", "display_size": None, "frame_rate": 24, **options}
+    with pytest.raises(error, match=message):
+        ShotWriter(tmp_path, **given)
+
+
+def test_a_path_is_not_a_shot(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match=r"has no shot\.json\. .*open_source` opens frames of other programs"):
+        Shot.open(tmp_path)
+    calls: list[Callable[[Any], object]] = [
+        upscale_sequence, denoise_sequence, lambda path: copy_shot(path, tmp_path)
+    ]  # fmt: skip
+    for call in calls:
+        with pytest.raises(ArgumentError, match=r"is 'plaza'; want a Shot.*open_source` opens files"):
+            call("plaza")
 
 
 LARGE, SMALL = np.zeros((18, 32), np.uint8), np.zeros((17, 32), np.uint8)

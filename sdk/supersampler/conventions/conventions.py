@@ -553,6 +553,14 @@ class Converter:
         return self.display_size
 
 
+def checked_conventions(value: object) -> Conventions:
+    """Return `Conventions`; ArgumentError for anything else, such as the name of a preset."""
+    if not isinstance(value, Conventions):
+        hint = f"Write Conventions.{value}()." if isinstance(value, str) and value in PRESETS else ""
+        raise ArgumentError("conventions", got=shown(value), want="supersampler.Conventions", hint=hint)
+    return value
+
+
 def _is_usable(value: object) -> bool:
     number = as_number(value)
     return number is not None and _MIN_FACTOR <= abs(number) <= MAX_FACTOR

@@ -19,7 +19,7 @@ from supersampler.frame import Array, Float32, Frame
 from supersampler.io.display import ExposureMeter
 from supersampler.io.shot import Shot
 from supersampler.sequence.backward_motion import scattered_motion
-from supersampler.sequence.both_ways import frames_of
+from supersampler.sequence.both_ways import checked_frames, frames_of
 
 PerFrame = Literal["oidn", "none"]
 BUFFERS = frozenset(("gbuffer_base_color", "gbuffer_normal", "motion_next"))
@@ -300,8 +300,7 @@ def denoise_sequence(
     after = frames_after(passes, lookahead)
     if per_frame not in ("oidn", "none"):
         raise ArgumentError("per_frame", got=shown(per_frame), want='"oidn" or "none"')
-    if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
-        raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
+    frames = checked_frames(frames)
     if isinstance(frames, Shot):
         samples = frames.samples if samples is None else samples
         frames = frames.with_noise() if per_frame == "oidn" else frames

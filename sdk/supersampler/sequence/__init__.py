@@ -8,11 +8,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from supersampler.arguments import AtRest, ExecutorName, Precision, Validate, checked_lookahead, checked_path
-from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.shot import Shot
 from supersampler.model import Model
-from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of, frames_of
+from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of, checked_frames, frames_of
 from supersampler.sequence.interpolation import interpolator_of
 from supersampler.upscaler import Upscaler
 
@@ -84,8 +83,7 @@ def upscale_sequence(
     block = checked_lookahead(passes, lookahead, MAX_LOOKAHEAD)
     chunk = ChunkSize(block, block) if block else ChunkSize()
     folder = None if scratch is None else Path(checked_path("scratch", scratch))
-    if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
-        raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
+    frames = checked_frames(frames)
     forward = Upscaler(
         model, display_size=display_size, scale=scale, providers=providers, threads=threads,
         executor=executor, precision=precision, at_rest=at_rest, skip=skip, validate=validate,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from supersampler.arguments import as_index, ieee_arithmetic
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.conventions.conventions import Resolution
+from supersampler.conventions.conventions import Resolution, checked_conventions
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.validation import mistakes, rankings
 from supersampler.validation.checker import frame_mistakes
@@ -124,9 +124,7 @@ def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) 
         raise ArgumentError("shot", got=shown(shot), want="a Shot, or RawFrames in a list")
     if conventions is None:
         return Conventions() if isinstance(shot, Sequence) else shot.conventions
-    if not isinstance(conventions, Conventions):
-        raise ArgumentError("conventions", got=shown(conventions), want="Conventions, or None")
-    return conventions
+    return checked_conventions(conventions)
 
 
 def _middle(shot: "Shot | Sequence[RawFrame]", frames: int) -> list[RawFrame]:

@@ -11,8 +11,9 @@ from typing import Any, TypeAlias, TypedDict, Unpack
 import msgspec
 import numpy as np
 
-from supersampler.arguments import as_number
+from supersampler.arguments import as_index, as_number, checked_size, is_row
 from supersampler.conventions import Conventions, RawFrame
+from supersampler.conventions.conventions import checked_conventions
 from supersampler.conventions.encodings import srgb_decoded, srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, MAX_AOVS, Array, Float32, Size
@@ -200,15 +201,20 @@ def import_channels(
         ArgumentError: the map has an unknown name or a wrong number of channels; or the frame rate is out of
             range.
     """
-    found = _MappedFiles(Path(folder), channel_map, conventions, files, frames)
-    if not all(isinstance(index, int | np.integer) and 0 <= index <= found.last_index for index in cuts):
-        raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {found.last_index}")
+    if not isinstance(channel_map, Mapping):
+        raise ArgumentError("channel_map", got=shown(channel_map), want="a mapping of our names to channels")
+    found = _MappedFiles(Path(folder), channel_map, checked_conventions(conventions), files, frames)
+    indices = [as_index(cut) for cut in cuts] if is_row(cuts) else [None]
+    if not all(index is not None and 0 <= index <= found.last_index for index in indices):
+        raise ArgumentError("cuts", got=shown(cuts), want=f"indices of frames, 0 to {found.last_index}")
     offsets = read_jitter(found.folder, jitter, found.indices)
     found.check_types()
     height, width = found.read_arrays(0).depth.shape
     if display_size is None and found.references:
         image = found.read_reference(found.numbers.index(next(iter(found.references))))
         display_size = (image.shape[1], image.shape[0])
+    if display_size is not None:
+        display_size = checked_size("display_size", display_size)
     header = read_header(found.frame_file(0))
     if frame_rate is None:
         frame_rate = header.frame_rate or _FRAME_RATE

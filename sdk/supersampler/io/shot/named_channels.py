@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Unpack
 
 from supersampler.conventions import Conventions
+from supersampler.conventions.conventions import checked_conventions
 from supersampler.errors import ShotError
 from supersampler.io.images import ImageHeader, luminance_chroma_error, read_header
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
@@ -220,7 +221,7 @@ def import_named_channels(
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."
         raise ShotError(first, f"has no depth or no motion among {', '.join(types)}", hint)
-    if conventions.motion_jittered:  # it contains the next frame's jitter
+    if checked_conventions(conventions).motion_jittered:  # it contains the next frame's jitter
         channel_map.pop("motion_next", None)
     aovs, ignored = blended_and_ignored(types, channel_map, header.cryptomattes)
     if "color" not in channel_map and (parts := _parts_of_color(types)):

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
+from supersampler.arguments import as_index, is_row
 from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
 from supersampler.io.json_files import read_json
@@ -117,6 +118,10 @@ def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> d
         ShotError: no file lies in the range.
         MissingFramesError: a frame between two files of the range is missing.
     """
+    if frames is not None:
+        ends = [as_index(number) for number in frames] if is_row(frames) else []
+        if len(ends) != 2 or None in ends:
+            raise ArgumentError("frames", got=shown(frames), want="(first, last), two frame numbers, or None")
     low, high = (min(files), max(files)) if frames is None else frames
     chosen = {number: path for number, path in files.items() if low <= number <= high}
     if not chosen:

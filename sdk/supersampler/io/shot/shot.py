@@ -147,6 +147,9 @@ class Shot:
         path = path_or_shipped(path)
         description = path if path.suffix == ".json" else path / shot_format.FILE_NAME
         folder = description.parent
+        if path.is_dir() and not os.path.lexists(description):
+            hint = "`supersampler.io.shot.open_source` opens frames of other programs."
+            raise ShotError(path, f"has no {shot_format.FILE_NAME}", hint)
         info, entries = shot_format.load_shot_json(description)
         for index, entry in enumerate(entries):
             for name in shot_format.files_of(entry):
