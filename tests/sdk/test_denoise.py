@@ -284,6 +284,8 @@ def test_threads_change_no_bit() -> None:
         ({"samples": 0}, "samples is 0; want a number above 0, or None"),
         ({"samples": float("nan")}, "samples is nan; want a number above 0, or None"),
         ({"samples": True}, "samples is True; want a number above 0, or None"),
+        ({"threads": "x"}, "threads is 'x'; want a whole number from 1 to 256"),
+        ({"threads": -1}, "threads is -1; want a whole number from 1 to 256"),
         ({"per_frame": "optix"}, 'per_frame is \'optix\'; want "oidn" or "none"'),
     ],
 )

@@ -180,10 +180,12 @@ def test_a_wide_pixel_filter_is_hinted_at(shots: Shots) -> None:
     assert "of the depth edges" in complaints(*shots("filtered"), validate="strict")
 
 
-@pytest.mark.parametrize("unit", [1.0, 0.5], ids=["uv", "ndc"])
-def test_vectors_stored_around_a_half_are_the_only_mistake(shots: Shots, unit: float) -> None:
-    half = 0.5 * unit * np.array(shots("right")[0].size, np.float32)
-    frames = [replace(frame, motion=frame.motion.astype(np.float32) + half) for frame in shots("right")]
+@pytest.mark.parametrize("unit", ["uv", "ndc", "pixels"])
+def test_vectors_stored_around_a_half_are_the_only_mistake(shots: Shots, unit: str) -> None:
+    size, scale = shots("right")[0].size, 0.01 if unit == "pixels" else 1.0
+    half = np.array({"uv": np.multiply(size, 0.5), "ndc": np.multiply(size, 0.25), "pixels": 0.5}[unit])
+    motions = [frame.motion * scale + half.astype(np.float32) for frame in shots("right")]
+    frames = [replace(frame, motion=each) for frame, each in zip(shots("right"), motions, strict=True)]
     for lines in (complaints(*frames), notes(frames)):
         (said,) = [line for line in lines.splitlines() if line.startswith("frame.")]
         assert "pixels everywhere, as if 0 were stored as 0.5" in said

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple, Self
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from supersampler.arguments import as_number, checked_lookahead, ieee_arithmetic
+from supersampler.arguments import as_number, checked_lookahead, checked_threads, ieee_arithmetic
 from supersampler.denoising import temporal
 from supersampler.denoising.oidn import FrameDenoiser, Guides, Oidn
 from supersampler.denoising.spec import ACCUMULATED, AGREEMENT, DEFAULT_SAMPLES, REACH
@@ -72,6 +72,7 @@ class TemporalDenoiser:
         threads: threads of the filter and of OIDN; 0 is one per core.
 
     Raises:
+        ArgumentError: `threads` is not a number of threads.
         ModuleNotFoundError: pyoidn is not installed: `pip install "supersampler[denoise]"`.
     """
 
@@ -83,6 +84,7 @@ class TemporalDenoiser:
         samples: float = DEFAULT_SAMPLES,
         threads: int = 0,
     ) -> None:
+        threads = checked_threads(threads)
         self._stack, self._lookahead, self._samples = ExitStack(), lookahead, samples
         self._denoiser = None if isinstance(per_frame, str) else per_frame
         if per_frame == "oidn":

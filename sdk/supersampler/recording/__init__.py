@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.arguments import MAX_SIDE, MAX_THREADS, AtRest, checked_size
+from supersampler.arguments import MAX_SIDE, MAX_THREADS, AtRest, checked_path, checked_size
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Frame, Size
 from supersampler.history import State
@@ -262,8 +262,9 @@ def open_recording(path: Path | str) -> Recording:
 
     Raises:
         RecordingError: it is missing, damaged, or of another kind or version.
+        ArgumentError: `path` is neither text nor a path.
     """
-    folder = Path(path)
+    folder = Path(checked_path("path", path))
     file = folder / SETUP
     if not folder.exists():
         raise RecordingError(folder, "there is no such folder", NOT_FOUND)

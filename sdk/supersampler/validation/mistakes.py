@@ -114,8 +114,9 @@ MOTION_TOO_LONG = Mistake(
     "motion too long", "motion", "longer than the whole image in {share:.0%} of the pixels", "render pixels",
     "Is it scaled twice? Vectors in pixels need motion_scale=(1, 1).")
 MOTION_OFFSET = Mistake(
-    "motion offset", "motion", "around ({x:.0f}, {y:.0f}) pixels everywhere, as if 0 were stored as 0.5",
+    "motion offset", "motion", "around ({x:.3g}, {y:.3g}) pixels everywhere, as if 0 were stored as 0.5",
     _MOTION, 'Subtract 0.5; for files, state the range in channels.json: "range": [-1, 1] (docs/shots.md).')
+MOTION_OFFSET_PIXELS = replace(MOTION_OFFSET, severity="hint")
 MOTION_MISREAD = Mistake(
     "motion misread", "motion", "misread: frames fit {times:.1f} times better if it is {reading}",
     _MOTION, "Try {call}.")

@@ -131,7 +131,8 @@ def guess_layout(
         return "blender"
     if recognised_map(frames[0], of_first_view(header)[0]) is not None:
         return "channels"
-    hint = f"Map them in a {MAP_FILE_NAME} (docs/shots.md); in Blender, turn on Combined, Z and Vector."
+    blender = "in Blender, turn on Combined, Z and Vector, and save as OpenEXR MultiLayer"
+    hint = f"Map them in a {MAP_FILE_NAME} (docs/shots.md); {blender}."
     raise ShotError(path, f"holds frames with the channels {_listed(list(header.types))}", hint)
 
 
