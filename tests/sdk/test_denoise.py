@@ -286,7 +286,7 @@ def test_threads_change_no_bit() -> None:
         ({"samples": True}, "samples is True; want a number above 0, or None"),
         ({"threads": "x"}, "threads is 'x'; want a whole number from 1 to 256"),
         ({"threads": -1}, "threads is -1; want a whole number from 1 to 256"),
-        ({"per_frame": "optix"}, 'per_frame is \'optix\'; want "oidn" or "none"'),
+        ({"per_frame": "optix"}, "per_frame is 'optix'; want 'oidn' or 'none'"),
     ],
 )
 def test_arguments_are_checked_before_anything_is_read(options: dict[str, Any], answer: str) -> None:

@@ -302,7 +302,8 @@ def test_a_frame_that_a_reader_would_refuse_is_not_written(tmp_path: Path) -> No
         ({"display_size": 5}, ArgumentError, "display_size is 5; want"),
         ({"frame_rate": "24"}, ArgumentError, "frame_rate is '24'; want"),
         ({"conventions": "fsr"}, ArgumentError, r"conventions is 'fsr'; want .*Write Conventions\.fsr\(\)"),
-        ({"name": 5}, ShotError, r"Expected `str`, got `int` - at `\$\.name`, is 5"),
+        ({"attribution": "Ann"}, ArgumentError, "attribution is 'Ann'; want names in a tuple"),
+        ({"name": 5}, ShotError, r"could not be read again: Expected `str`, got `int` - at `\$\.name`"),
         ({"file_names": "a"}, ShotError, "file_names is 'a'; want a name with one ####"),
     ],
 )

@@ -5,12 +5,18 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from supersampler.arguments import as_number, checked_lookahead, checked_threads, ieee_arithmetic
+from supersampler.arguments import (
+    as_number,
+    checked_choice,
+    checked_lookahead,
+    checked_threads,
+    ieee_arithmetic,
+)
 from supersampler.denoising import temporal
 from supersampler.denoising.oidn import FrameDenoiser, Guides, Oidn
 from supersampler.denoising.spec import ACCUMULATED, AGREEMENT, DEFAULT_SAMPLES, REACH
@@ -300,8 +306,7 @@ def denoise_sequence(
         ModuleNotFoundError: pyoidn is not installed.
     """
     after = frames_after(passes, lookahead)
-    if per_frame not in ("oidn", "none"):
-        raise ArgumentError("per_frame", got=shown(per_frame), want='"oidn" or "none"')
+    checked_choice("per_frame", per_frame, get_args(PerFrame))
     frames = checked_frames(frames)
     if isinstance(frames, Shot):
         samples = frames.samples if samples is None else samples

@@ -19,7 +19,7 @@ from supersampler.arguments import MAX_SIDE, MAX_THREADS, AtRest, checked_path, 
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Frame, Size
 from supersampler.history import State
-from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular
+from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular, is_there
 from supersampler.io.json_files import check_version, decoded, read_typed
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler.methods.gbuffers import frame_of
@@ -266,7 +266,7 @@ def open_recording(path: Path | str) -> Recording:
     """
     folder = Path(checked_path("path", path))
     file = folder / SETUP
-    if not folder.exists():
+    if not is_there(folder):
         raise RecordingError(folder, "there is no such folder", NOT_FOUND)
     if not is_regular(file):
         raise RecordingError(folder, "is not a recording", "`supersampler upscale --record` writes them.")

@@ -24,7 +24,6 @@ from supersampler.io.json_files import (
     Text,
     check_sizes,
     check_version,
-    decoded,
     read_typed,
 )
 
@@ -130,8 +129,13 @@ def files_of(entry: FrameEntry) -> list[str]:
 
 def check_info(path: Path, info: ShotInfo) -> None:
     """Raise ShotError if a reader would refuse these properties of a shot; its render size is not checked."""
-    entry = FrameEntry(file="0000.exr", jitter=(0.0, 0.0))
-    decoded(path, shot_json(msgspec.structs.replace(info, render_size=(1, 1)), [entry]), _ShotFile, _HINT)
+    stated = {name: getattr(info, name) for name in ShotInfo.__struct_fields__}
+    frame = {"file": "0000.exr", "jitter": (0.0, 0.0)}
+    unknown = {"version": FORMAT_VERSION, "render_size": (1, 1), "conventions": {}, "frames": [frame]}
+    try:
+        msgspec.convert({**stated, **unknown}, _ShotFile)
+    except (msgspec.ValidationError, UnicodeError) as error:
+        raise ShotError(path, f"could not be read again: {error}", _HINT) from error
     _check_names(path, info)
 
 

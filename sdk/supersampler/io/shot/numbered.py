@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
-from supersampler.arguments import as_index, is_row
+from supersampler.arguments import as_index, checked_path, is_row
 from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
 from supersampler.io.json_files import read_json
@@ -57,7 +57,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     """
     if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
-    parts = PurePosixPath(pattern).parts
+    parts = PurePosixPath(checked_path("pattern", pattern)).parts
     if not parts or PurePath(pattern).is_absolute() or ".." in parts:
         hint = "Copy the files into the folder; names that leave it are not followed."
         raise ShotError(folder, f"the pattern {pattern!r} matches no files in it", hint)
@@ -81,7 +81,8 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
         files[number] = path
     if not files:
         below = "/".join(parts[:-1])
-        hint = suggestion(place, below) if place.is_dir() else f"The pattern is relative to {folder}."
+        is_folder = os.path.isdir(place)  # noqa: PTH112  # as above
+        hint = suggestion(place, below) if is_folder else f"The pattern is relative to {folder}."
         raise ShotError(folder, f"has no file {pattern}", hint)
     if len({*rests.values()}) > 1:
         raise ShotError(folder, f"has files of several sequences {pattern}", choose())
@@ -162,7 +163,7 @@ def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> 
     want = "pairs [x, y], one for each frame; a shorter list repeats"
     try:
         pairs = [(float(x), float(y)) for x, y in values]
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # of a user's class
         pairs = []
     if not pairs:
         if isinstance(jitter, Path | str):
@@ -214,7 +215,8 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
         problem = f"has {len(fields)} fields for the frame number"
         raise ShotError(path, problem, "Keep one, and write the other numbers as digits.")
     if not fields and not _has_wildcard(path.name):
-        hint = f"Name its files: {path.name}/*.exr." if path.is_dir() else suggestion(path.parent)
+        is_folder = os.path.isdir(path)  # noqa: PTH112  # as above
+        hint = f"Name its files: {path.name}/*.exr." if is_folder else suggestion(path.parent)
         raise ShotError(path, "has no field for the frame number", hint)
     if fields:
         field, (begin, end) = fields[0], _without(path.name, fields[0].span())

@@ -61,9 +61,9 @@ def open_source(
         path = path_or_shipped(path)
         if path.name == FILE_NAME:
             path = path.parent
-    files = options.get("files")
+    files = None if "files" not in options else str(checked_path("files", options["files"]))
     if layout == "auto":
-        layout = guess_layout(path, None if files is None else str(files))
+        layout = guess_layout(path, files)
     opener = _opener(layout, path, options)
     parameters = {*signature(opener).parameters}
     if "options" in parameters:

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.arguments import as_number, checked_path, checked_size
+from supersampler.arguments import as_number, checked_names, checked_path, checked_size
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.conventions import checked_conventions
 from supersampler.errors import ArgumentError, ShotError, shown
@@ -67,7 +67,7 @@ class ShotWriter:
 
     Raises:
         ShotError: the folder already holds a shot; with `resume`, a shot with other properties.
-        ArgumentError: the frame rate is not a positive number.
+        ArgumentError: the frame rate is not a positive number, or an argument is of another type.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class ShotWriter:
         rate = None if frame_rate is None else as_number(frame_rate)
         if frame_rate is not None and (rate is None or not 0.0 < rate < math.inf):
             raise ArgumentError("frame_rate", got=shown(frame_rate), want="a finite number > 0, or None")
-        self.path = Path(path)
+        self.path = Path(checked_path("path", path))
         self._description = self.path / (FILE_NAME if variant is None else f"{variant}.json")
         self._frames_below = "" if variant is None else f"{variant}/"
         self._compression, self._reference_compression = compression, reference_compression
@@ -102,7 +102,7 @@ class ShotWriter:
             frame_rate=rate,
             conventions=Conventions() if conventions is None else checked_conventions(conventions),
             license=license,
-            attribution=tuple(attribution),
+            attribution=checked_names("attribution", attribution),
             first_number=first_number,
             file_names=file_names,
             color_space=color_space,
