@@ -136,7 +136,7 @@ def test_without_jitter_or_light_it_cannot_tell(frames: list[Frame]) -> None:
 def test_vectors_that_leave_the_image_by_every_reading_are_no_evidence(frames: list[Frame]) -> None:
     far = [replace(frame, motion=frame.motion + np.float32(1e6)) for frame in frames]
     detection = detect_conventions(planted(far, Conventions()))
-    assert detection.motion.reason == "motion leads out of the image by every reading"
+    assert detection.motion.reason == "no reading gives vectors that stay in the image"
     assert not detection.agrees
 
 

@@ -135,11 +135,13 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
     """
 
     def error(hypothesis: Hypothesis) -> float:
+        if np.isnan(hypothesis.error):  # of vectors that are not finite
+            return np.inf
         return hypothesis.error / (_TIE if _is_stated(hypothesis, stated) else 1.0)
 
     verdict = Verdict(name, tuple(sorted(hypotheses, key=error)))
-    if np.isinf(verdict.ranked[0].error):
-        return Verdict(name, verdict.ranked, "motion leads out of the image by every reading")
+    if not np.isfinite(verdict.ranked[0].error):
+        return Verdict(name, verdict.ranked, "no reading gives vectors that stay in the image")
     if len(verdict.ranked) > 1 and verdict.margin < SURE:
         first, second = verdict.ranked[:2]
         alike = [h for h in verdict.ranked if h.error < SURE * max(first.error, 1e-6)]
