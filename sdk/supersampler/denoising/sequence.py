@@ -111,7 +111,8 @@ class TemporalDenoiser:
             skip: frames at the beginning that are neighbours only; they are not yielded.
 
         Raises:
-            FrameError: a frame has no colour, is jittered, or differs in size from the one before.
+            FrameError: a frame has no colour, is jittered, or differs in size or number of AOVs from the one
+                before.
         """
         items, reach, ahead, samples = self._linked(frames), REACH, self._lookahead, self._samples
         if self._accumulates:
@@ -122,7 +123,7 @@ class TemporalDenoiser:
         for near in _neighbourhoods(items, reach, ahead, skip):
             (image, aovs), frame = self._averaged(near, samples), near.item.frame
             image = image[..., :3] * np.float32(frame.pre_exposure)
-            count = 0 if frame.aovs is None else frame.aovs.shape[2]
+            count = _aov_count(frame)
             yield Denoised(frame, image, np.concatenate(aovs, axis=2)[..., :count] if aovs else None)
 
     def windows(self, frames: Iterable[Frame]) -> list[temporal.WindowFrame]:
@@ -146,6 +147,9 @@ class TemporalDenoiser:
         if last is not None and frame.size != last.frame.size:
             hint = "Mark a cut, or denoise each size apart."
             raise FrameError("color", got=frame.size, want=f"{last.frame.size}, the size before", hint=hint)
+        if last is not None and _aov_count(frame) != _aov_count(last.frame):  # kernels read as many of each
+            want = f"{_aov_count(last.frame)} channels as before, or a cut"
+            raise FrameError("aovs", got=f"{_aov_count(frame)} channels", want=want)
         noisy, guides = temporal.packed_color(frame.color, 1.0 / frame.pre_exposure), guides_of(frame)
         if self._denoiser is not None:
             guides = self._denoiser.clean_guides(*guides)
@@ -198,6 +202,10 @@ class TemporalDenoiser:
         item, *sides = near
         previous, following = ([other.window for other in side] for side in sides)
         return self._filter.filter(item.window, previous, following, item.exposure, samples)
+
+
+def _aov_count(frame: Frame) -> int:
+    return 0 if frame.aovs is None else frame.aovs.shape[2]
 
 
 class _Neighbourhood(NamedTuple):
@@ -301,7 +309,8 @@ def denoise_sequence(
 
     Raises:
         ArgumentError: an argument is not usable; before anything is read.
-        FrameError: a frame breaks the contract, is jittered, or has another size than the one before.
+        FrameError: a frame breaks the contract, is jittered, or has another size or number of AOVs than the
+            one before.
         ShotError: a frame cannot be read.
         ModuleNotFoundError: pyoidn is not installed.
     """

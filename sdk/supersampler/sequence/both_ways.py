@@ -83,7 +83,7 @@ class BothWays:
 
     Args:
         forward: keeps its history from chunk to chunk.
-        backward: has the same model and display size; it restarts with each chunk.
+        backward: has the same model, and the display size of the images; it restarts with each chunk.
         chunk: sizes of the chunks.
         outputs: auxiliary outputs to return. "aovs" are merged, the others are the forward run's.
         around: makes a context for each step, from the index of its frame and the direction.
