@@ -79,12 +79,12 @@ def detect_conventions(
     elif found.jitter_flip_y != stated.jitter_flip_y and not motion.certain:
         turned = f"bottom_up={not stated.bottom_up}"
         notes.append(f"If the image is upside down, write {turned} instead of jitter_flip_y.")
-    others, refused = _other_mistakes(raws, found)
-    if mistakes.MOTION_OFFSET.kind in (mistake.kind for mistake in others):
+    further, refused = _other_mistakes(raws, found)
+    if mistakes.MOTION_OFFSET.kind in (mistake.kind for mistake in further):
         swapped = []  # with such vectors, nothing fits
     notes = [*(str(mistake.error()) for mistake in swapped), *notes]
-    notes += [*(str(mistake.error()) for mistake in others), *refused]
-    has_mistakes = bool(refused or swapped) or any(mistake.severity == "error" for mistake in others)
+    notes += [*(str(mistake.error()) for mistake in further), *refused]
+    has_mistakes = bool(refused or swapped) or any(mistake.severity == "error" for mistake in further)
     if always_reset := always_reset and any(pair.continues for pair in textured):
         notes.append(str(mistakes.RESET_ALWAYS.found(frames=len(raws)).error()))
     has_mistakes |= always_reset

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 from supersampler.arguments import checked_choice, checked_path
 from supersampler.errors import ArgumentError, ShotError
@@ -61,7 +61,8 @@ def open_source(
         path = path_or_shipped(path)
         if path.name == FILE_NAME:
             path = path.parent
-    files = None if "files" not in options else str(checked_path("files", options["files"]))
+    pattern: Any = options.get("files")
+    files = None if "files" not in options else str(checked_path("files", pattern))
     if layout == "auto":
         layout = guess_layout(path, files)
     opener = _opener(layout, path, options)
