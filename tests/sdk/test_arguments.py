@@ -28,14 +28,19 @@ from supersampler import (
     Shot,
     SupersamplerError,
     Upscaler,
+    denoise_sequence,
     halton_jitter,
     jittered_projection,
+    upscale_sequence,
 )
 from supersampler.arguments import MAX_SIDE, MAX_THREADS, ExecutorName
 from supersampler.backends.onnx.session import planes_of
 from supersampler.conventions import jitter_phase_count, mip_bias, render_size_for
 from supersampler.io.display import auto_exposure, display_transform
-from supersampler.io.shot import open_source
+from supersampler.io.display_transforms import display_transform_from
+from supersampler.io.images import write_exr
+from supersampler.io.shot import ShotWriter, copy_shot, open_source
+from supersampler.recording import open_recording
 from supersampler.validation import detect_conventions
 
 SIZE, DISPLAY = (32, 18), (64, 36)
@@ -124,6 +129,9 @@ def _loading(name: str) -> Call:
     return lambda value: Upscaler(**{**given, **model, name: value}).close()
 
 
+FRAMES = Path("frames")
+"""Folder of one frame, which `empty_folder` writes."""
+WRITER: dict[str, Any] = {"path": "written", "name": "x", "display_size": None, "frame_rate": 24}
 FIELDS = [*Frame.__dataclass_fields__]
 LOADED = ["model", "providers", "threads", "executor", "precision", "preset"]
 UNLOADED = [name for name in signature(Upscaler).parameters if name not in LOADED]
@@ -158,9 +166,29 @@ PURE: dict[str, Call] = {
     "Conventions.converter": lambda value: Conventions().converter(display_size=value),
     "Converter.to_frame": lambda value: Conventions().converter().to_frame(value),
     "Converter.from_frame": lambda value: Conventions().converter().from_frame(value),
-    "open_source(layout)": lambda value: open_source(".", layout=value),
+    **{
+        f"open_source({name})": _with(partial(open_source, FRAMES, conventions=Conventions()), name)
+        for name in ("layout", "frames", "cuts", "jitter", "frame_rate", "display_size", "files", "reference")
+    },
+    "open_source(conventions)": lambda value: open_source(FRAMES, conventions=value),
     "Shot.open": Shot.open,
-}
+    "copy_shot(shot)": lambda value: copy_shot(value, "copied"),
+    "copy_shot(path)": lambda value: copy_shot(Shot.open("plaza").cropped(0, 0), value),
+    **{
+        f"ShotWriter({name})": _with(partial(ShotWriter, **WRITER), name)
+        for name in signature(ShotWriter).parameters if name != "variant"
+    },
+    **{
+        f"denoise_sequence({name})": _with(partial(denoise_sequence, iter(())), name)
+        for name in signature(denoise_sequence).parameters if name != "frames"
+    },
+    "upscale_sequence(scratch)": lambda value: upscale_sequence((), model="bilinear", scale=2, scratch=value),
+    **{
+        f"display_transform_from({name})": _with(display_transform_from, name)
+        for name in signature(display_transform_from).parameters if name != "srgb"
+    },
+    "open_recording": open_recording,
+}  # fmt: skip
 """Calls that remember nothing, by the argument that is hostile."""
 
 
@@ -191,6 +219,8 @@ SESSION: dict[str, Callable[[Upscaler, Any], object]] = {
 def empty_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Some arguments are names of files to write."""
     with contextlib.chdir(tmp_path_factory.mktemp("arguments")):
+        channels = ("R", "G", "B", "Z", "motion.X", "motion.Y")
+        write_exr(FRAMES / "0.exr", dict.fromkeys(channels, np.ones((6, 8), np.float32)))
         yield
 
 

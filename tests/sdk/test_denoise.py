@@ -284,7 +284,9 @@ def test_threads_change_no_bit() -> None:
         ({"samples": 0}, "samples is 0; want a number above 0, or None"),
         ({"samples": float("nan")}, "samples is nan; want a number above 0, or None"),
         ({"samples": True}, "samples is True; want a number above 0, or None"),
-        ({"per_frame": "optix"}, 'per_frame is \'optix\'; want "oidn" or "none"'),
+        ({"threads": "x"}, "threads is 'x'; want a whole number from 1 to 256"),
+        ({"threads": -1}, "threads is -1; want a whole number from 1 to 256"),
+        ({"per_frame": "optix"}, "per_frame is 'optix'; want 'oidn' or 'none'"),
     ],
 )
 def test_arguments_are_checked_before_anything_is_read(options: dict[str, Any], answer: str) -> None:
@@ -293,12 +295,17 @@ def test_arguments_are_checked_before_anything_is_read(options: dict[str, Any], 
     assert answer in str(caught.value)
 
 
+AOVS = np.ones((*SIZE[::-1], 2), np.float32)
+
+
 @pytest.mark.parametrize(
     ("frames", "answer"),
     [
         ([noisy(0, color=None)], r"color is None; want the colour of every frame"),
         ([noisy(0, jitter=(0.25, 0.0))], r"jitter is \(0.25, 0.0\); want \(0, 0\) in every frame"),
         ([noisy(0), noisy(1, size=(20, 10))], "the size before"),
+        ([noisy(0), noisy(1, aovs=AOVS)], "aovs is 2 channels; want 0 channels as before, or a cut"),
+        ([noisy(0, aovs=AOVS), noisy(1)], "aovs is 0 channels; want 2 channels as before, or a cut"),
     ],
 )
 def test_frames_that_cannot_be_denoised_are_refused(frames: list[Frame], answer: str) -> None:

@@ -143,6 +143,9 @@ def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
     assert there == [f"{index:04d}.exr" for index in (*range(5), *range(7, 12))]
     succeeded(denoise(tmp_path / "frames", tmp_path / "part", *options, "--frames", "7-11"))
     assert_same(tmp_path / "part", tmp_path / "out", [7])
+    none = denoise(tmp_path / "frames", tmp_path / "none", *options, "--frames", "5-6")
+    assert "frame 5 to 6 between 0004.exr and 0007.exr is missing. Render it" in none.stderr
+    assert (none.exit_code, (tmp_path / "none").exists()) == (1, False)
 
 
 def test_ids_are_copied_as_they_are_with_their_names(tmp_path: Path) -> None:

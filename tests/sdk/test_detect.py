@@ -133,6 +133,13 @@ def test_without_jitter_or_light_it_cannot_tell(frames: list[Frame]) -> None:
     assert "motion: cannot tell, no two neighbouring frames have enough texture" in detection.summary()
 
 
+def test_vectors_that_leave_the_image_by_every_reading_are_no_evidence(frames: list[Frame]) -> None:
+    far = [replace(frame, motion=frame.motion + np.float32(1e6)) for frame in frames]
+    detection = detect_conventions(planted(far, Conventions()))
+    assert detection.motion.reason == "no reading gives vectors that stay in the image"
+    assert not detection.agrees
+
+
 def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
     raws = planted(frames, Conventions())
     motion = [replace(raw, motion=raw.motion[..., ::-1]) for raw in raws]
@@ -189,7 +196,7 @@ def test_frames_that_are_all_reset_are_compared_and_it_is_noted() -> None:
 
 
 def test_one_frame_is_too_few(frames: list[Frame]) -> None:
-    with pytest.raises(ArgumentError, match="frames is 1; want at least 2 frames"):
+    with pytest.raises(ArgumentError, match="shot is of length 1; want at least 2 frames"):
         detect_conventions(planted(frames[:1], Conventions()))
 
 
@@ -262,7 +269,9 @@ def test_a_thousandth_of_sky_tells_the_kind_of_depth(kind: str, share: float, ce
     assert not certain or verdict.ranked[0].overrides["depth"].startswith(kind)
 
 
-@pytest.mark.parametrize(("far", "written"), [(2e6, 2e6), (1e6, 1e6), (np.inf, None), (9e5, None)])
+@pytest.mark.parametrize(
+    ("far", "written"), [(2e6, 2e6), (1e6, 1e6), (np.inf, None), (9e5, None), (3e38, 1e30)]
+)
 def test_the_sky_of_linear_depth_is_its_far_plane(far: float, written: float | None) -> None:
     depth = KINDS["linear"].copy()
     depth[:10] = far

@@ -44,6 +44,23 @@ def test_parts_with_different_data_windows_are_one_image(tmp_path: Path) -> None
     np.testing.assert_array_equal(image["rgba.G"], VALUES[..., 1])
 
 
+@pytest.mark.parametrize("stated", ["main", ""])
+def test_parts_that_nuke_names_by_layer_and_view_are_recognised(tmp_path: Path, stated: str) -> None:
+    layers = {"rgba": ("R", "G", "B"), "depth": ("Z",), "backward": ("u", "v")}
+    parts, at = [], 0
+    for layer, names in layers.items():
+        spec = spec_of(names)
+        spec.attribute("oiio:subimagename", f"{layer}.main")
+        spec.attribute("view", stated)
+        parts.append((spec, VALUES[..., at : at + len(names)]))
+        at += len(names)
+    write_parts(tmp_path / "f.0001.exr", *parts)
+    raw = open_source(tmp_path, conventions=OURS).read_raw(0)
+    np.testing.assert_array_equal(raw.color, VALUES[..., :3])
+    np.testing.assert_array_equal(raw.depth, VALUES[..., 3])
+    np.testing.assert_array_equal(raw.motion, VALUES[..., 4:])
+
+
 @pytest.mark.parametrize("origin", [(0, 0), (-7, -5), (100, 60)])
 @pytest.mark.parametrize(("x", "y"), [(2, 1), (-3, -2), (4, -5), (20, 20)])
 def test_outside_of_a_data_window_is_background(
@@ -221,6 +238,7 @@ def test_only_the_first_page_of_a_tiff_is_read(tmp_path: Path) -> None:
         ("chromaticities", (0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329), "lin_rec2020"),
         ("chromaticities", (0.5, 0.3, 0.2, 0.7, 0.1, 0.1, 0.3, 0.3), "unknown"),
         ("colorInteropID", "lin_ap1_scene", "ACEScg"),
+        ("colorInteropID", "lin_adobergb_scene", "unknown"),
     ],
 )
 def test_the_colour_space_is_what_the_header_states(tmp_path: Path, name: str, value: Any, want: str) -> None:

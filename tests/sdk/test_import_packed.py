@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from supersampler import ArgumentError, Conventions, ShotError
-from supersampler.io.images import write_png
+from supersampler.io.images import write_exr, write_png
 from supersampler.io.shot import Shot, import_channels
 from upscale_runs import run, succeeded
 
@@ -100,7 +100,7 @@ def assert_is_the_capture(shot: Shot, scene: Captured, depth_step: float = 2.0**
 
 def test_the_map_shown_in_the_docs_is_read(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "docs" / "shots.md").read_text(encoding="utf-8")
-    shown = json.loads(re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)[2])
+    shown = json.loads(re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)[3])
     scene, folder = captured(), write_capture(tmp_path, captured())
     (folder / "mv").rename(folder / "motion")
     assert shown.pop("reference") == [f"native/*.png:{name}" for name in "RGB"]
@@ -121,6 +121,15 @@ def test_motion_packed_by_16_bits_comes_out_within_half_a_step(
 ) -> None:
     scene = captured()
     assert_is_the_capture(opened(write_capture(tmp_path, scene, **written), changes, **conventions), scene)
+
+
+def test_floats_around_a_half_come_out_by_their_range(tmp_path: Path) -> None:
+    scene = captured(1)
+    write_capture(tmp_path, scene)
+    stored = 0.5 - 0.5 * scene.motion[0] / (WIDTH, HEIGHT)  # current minus previous
+    write_exr(tmp_path / "mv.0001.exr", stored.astype(np.float32), ["U", "V"])
+    motion = {"channels": ["*.exr:U", "*.exr:V"], "range": [-1, 1]}
+    assert_is_the_capture(opened(tmp_path, {"motion": motion}), scene)
 
 
 def test_depth_of_8_bits_comes_out_within_half_a_step(tmp_path: Path) -> None:
@@ -172,7 +181,9 @@ def test_the_command_imports_by_two_json_files(tmp_path: Path) -> None:
         ("depth", {"bytes": ["R"], "range": [1, 1]}, r"\['range'\] is \[1, 1\]; want \[low, high\], two"),
         ("depth", {"bytes": ["R"], "range": [0, float("inf")]}, "want .* finite numbers: .* bytes that are"),
         ("depth", {"bytes": ["R"], "range": "0 to 1"}, r"want \[low, high\]"),
-        ("depth", {"byte": ["R"], "range": [0, 1]}, "with 'byte'; want keys of bytes, range. Did you mean"),
+        ("depth", {"byte": ["R"], "range": [0, 1]}, "with 'byte'; want keys of bytes, channels, range. Did"),
+        ("depth", {"bytes": ["R"], "channels": ["R"], "range": [0, 1]}, "with 'bytes' and 'channels'"),
+        ("motion", {"channels": ["R"], "range": [0, 1]}, r"\['channels'\] is \['R'\]; want 2 channel names"),
         ("color", {"bytes": ["R"], "range": [0, 1]}, "want 3 channel names"),
     ],
 )

@@ -302,6 +302,14 @@ def test_the_layout_is_detected_from_the_files(tmp_path: Path) -> None:
             assert_same_shot(copy, shot)
 
 
+def test_given_conventions_replace_those_of_a_channels_json(tmp_path: Path) -> None:
+    folder = write_channels(tmp_path)
+    stated = Conventions(srgb=True).to_json()
+    (folder / "channels.json").write_text(json.dumps({"channels": MAP, "conventions": stated}))
+    assert open_source(folder).conventions == Conventions(srgb=True)
+    assert open_source(folder, conventions=CONVENTIONS).conventions == CONVENTIONS
+
+
 def test_an_unrecognised_layout_is_answered_with_the_channels_found(tmp_path: Path) -> None:
     def refused(path: Path, message: str) -> None:
         with pytest.raises(ShotError, match=message):
@@ -315,6 +323,26 @@ def test_an_unrecognised_layout_is_answered_with_the_channels_found(tmp_path: Pa
     refused(tmp_path / "0.txt", "is neither a folder nor")
     write_exr(tmp_path / "a_1.exr", {"R": plane(0), "Z": plane(1)})
     refused(tmp_path, r"holds frames with the channels R, Z\. Map them in a channels\.json")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"conventions": "unreal"}, r"conventions is 'unreal'; want .* Write Conventions\.unreal\(\)\."),
+        ({"conventions": {"srgb": True}}, "conventions is {'srgb': True}; want supersampler.Conventions"),
+        ({"channel_map": ["R"]}, r"channel_map is \['R'\]; want a mapping"),
+        ({"frames": (1, 2, 3)}, r"frames is \(1, 2, 3\); want \(first, last\)"),
+        ({"frames": "1-2"}, "frames is '1-2'; want"),
+        ({"cuts": 5}, "cuts is 5; want indices of frames"),
+        ({"cuts": [1.5]}, r"cuts is \[1.5\]; want indices of frames"),
+        ({"display_size": 640}, "display_size is 640; want"),
+    ],
+)
+def test_an_argument_of_another_type_is_named(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    write_channels(tmp_path)
+    given = {"layout": "channels", "channel_map": MAP, "conventions": CONVENTIONS, **options}
+    with pytest.raises(ArgumentError, match=message):
+        open_source(tmp_path, **given)
 
 
 def test_an_option_that_the_layout_does_not_take_is_refused_by_name(tmp_path: Path) -> None:

@@ -156,6 +156,23 @@ def test_files_in_the_way_of_a_recording_or_replay_are_kept(shot: Path, tmp_path
     assert content(tmp_path) == before
 
 
+@pytest.mark.parametrize("recording", ["out", "."])
+def test_a_recording_is_not_the_output_or_around_it(shot: Path, tmp_path: Path, recording: str) -> None:
+    folder = tmp_path / "new"
+    message = refused(shot, folder / "out", "--record", folder / recording)
+    assert f"is or holds the output, {folder / 'out'}" in message
+    assert not folder.exists()
+
+
+def test_a_run_that_failed_before_its_first_image_leaves_no_record(shot: Path, tmp_path: Path) -> None:
+    out, frame = tmp_path / "out", (shot / "0000.exr").read_bytes()
+    (shot / "0000.exr").write_bytes(frame[:-1000])
+    assert "cannot be read" in refused(shot, out)
+    assert not content(out)
+    (shot / "0000.exr").write_bytes(frame)
+    upscale(shot, out, "--format", "png")
+
+
 def test_a_replay_writes_its_images_into_a_folder_of_their_own(shot: Path, tmp_path: Path) -> None:
     recording, out = tmp_path / "a.recording", tmp_path / "again"
     upscale(shot, tmp_path / "out", "--record", recording)

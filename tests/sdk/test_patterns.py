@@ -100,6 +100,23 @@ def test_a_wrong_pattern_is_answered_with_right_ones(tmp_path: Path, pattern: st
         opened(tmp_path / pattern)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "message"),
+    [
+        ("shots/ref/*.exr", r"has no file shots/ref/\*\.exr\. The pattern is relative to .*in\."),
+        ("ref/#.exr", r"has no file ref/#\.exr\. Did you mean ref/a\.####\.exr \(10-10\)\?"),
+        ("ref", r"in/ref: has no field for the frame number\. Name its files: ref/\*\.exr\."),
+    ],
+)
+def test_a_wrong_pattern_of_references_is_answered_with_right_ones(
+    tmp_path: Path, pattern: str, message: str
+) -> None:
+    write_frames(tmp_path / "in", "beauty.0010.exr")
+    write_frames(tmp_path / "in" / "ref", "a.0010.exr")
+    with pytest.raises(ShotError, match=message):
+        open_source(tmp_path / "in", conventions=CONVENTIONS, reference=pattern)
+
+
 def test_a_map_whose_pattern_lacks_a_field_is_refused(tmp_path: Path) -> None:
     write_channels(tmp_path)
     with pytest.raises(ShotError, match=r"0000\.exr: has no field for the frame number\. Did you mean ####"):

@@ -180,6 +180,17 @@ def test_a_wide_pixel_filter_is_hinted_at(shots: Shots) -> None:
     assert "of the depth edges" in complaints(*shots("filtered"), validate="strict")
 
 
+@pytest.mark.parametrize("unit", ["uv", "ndc", "pixels"])
+def test_vectors_stored_around_a_half_are_the_only_mistake(shots: Shots, unit: str) -> None:
+    size, scale = shots("right")[0].size, 0.01 if unit == "pixels" else 1.0
+    half = np.array({"uv": np.multiply(size, 0.5), "ndc": np.multiply(size, 0.25), "pixels": 0.5}[unit])
+    motions = [frame.motion * scale + half.astype(np.float32) for frame in shots("right")]
+    frames = [replace(frame, motion=each) for frame, each in zip(shots("right"), motions, strict=True)]
+    for lines in (complaints(*frames), notes(frames)):
+        (said,) = [line for line in lines.splitlines() if line.startswith("frame.")]
+        assert "pixels everywhere, as if 0 were stored as 0.5" in said
+
+
 def test_coarse_motion_is_reported_with_its_step(shots: Shots) -> None:
     larger = [replace(frame, motion=frame.motion.astype(np.float32) * 3) for frame in shots("right")]
     assert "frame.motion is in steps of 0.5 pixels" in complaints(*[coarse_motion(frame) for frame in larger])

@@ -19,7 +19,16 @@ import pytest
 from numpy.typing import NDArray
 
 from noise import full_noise, noise
-from supersampler import ArgumentError, Conventions, Frame, FrameError, RawFrame, ShotError
+from supersampler import (
+    ArgumentError,
+    Conventions,
+    Frame,
+    FrameError,
+    RawFrame,
+    ShotError,
+    denoise_sequence,
+    upscale_sequence,
+)
 from supersampler.io.files import partial_name
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import (
@@ -287,6 +296,36 @@ def test_a_frame_that_a_reader_would_refuse_is_not_written(tmp_path: Path) -> No
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"display_size": 5}, ArgumentError, "display_size is 5; want"),
+        ({"frame_rate": "24"}, ArgumentError, "frame_rate is '24'; want"),
+        ({"conventions": "fsr"}, ArgumentError, r"conventions is 'fsr'; want .*Write Conventions\.fsr\(\)"),
+        ({"attribution": "Ann"}, ArgumentError, "attribution is 'Ann'; want names in a tuple"),
+        ({"name": 5}, ShotError, r"could not be read again: Expected `str`, got `int` - at `\$\.name`"),
+        ({"file_names": "a"}, ShotError, "file_names is 'a'; want a name with one ####"),
+    ],
+)
+def test_properties_that_a_reader_would_refuse_are_not_written(
+    tmp_path: Path, options: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    given = {"name": "test", "display_size": None, "frame_rate": 24, **options}
+    with pytest.raises(error, match=message):
+        ShotWriter(tmp_path, **given)
+
+
+def test_a_path_is_not_a_shot(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match=r"has no shot\.json\. .*open_source` opens frames of other programs"):
+        Shot.open(tmp_path)
+    calls: list[Callable[[Any], object]] = [
+        upscale_sequence, denoise_sequence, lambda path: copy_shot(path, tmp_path)
+    ]  # fmt: skip
+    for call in calls:
+        with pytest.raises(ArgumentError, match=r"is 'plaza'; want a Shot.*open_source` opens files"):
+            call("plaza")
+
+
 LARGE, SMALL = np.zeros((18, 32), np.uint8), np.zeros((17, 32), np.uint8)
 REFERENCE = np.zeros((18, 32, 3), np.float32)
 
@@ -433,7 +472,7 @@ def test_invalid_fields_are_named(tmp_path: Path, changes: dict[str, object], me
 
 def test_the_files_shown_in_the_docs_are_read(tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "docs" / "shots.md").read_text(encoding="utf-8")
-    shot, channels, _ = re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)
+    shot, channels, *_ = re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)
     (tmp_path / "shot.json").write_text(shot)
     info, entries = load_shot_json(tmp_path / "shot.json")
     assert (info.name, len(entries), entries[2].render_size) == ("plaza", 3, (288, 162))

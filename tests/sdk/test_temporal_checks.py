@@ -82,6 +82,13 @@ def test_a_verdict_is_certain_if_the_runner_up_is_a_seventh_worse() -> None:
     assert verdict(1.0).certain
 
 
+@pytest.mark.parametrize("none", [np.inf, np.nan])
+def test_errors_that_are_no_numbers_decide_nothing(none: float) -> None:
+    found = verdict(none, none)
+    assert found.reason == "no reading gives vectors that stay in the image"
+    assert verdict(none, 1.0).overrides == {"motion_unit": "ndc"}
+
+
 def test_of_readings_that_fit_alike_the_changes_that_they_share_count() -> None:
     direction = {"motion_direction": "current_minus_previous", "motion_flip_y": False}
     both, stated = (
@@ -473,6 +480,9 @@ def test_motion_to_the_next_frame_is_compared_without_a_cut_and_at_one_size() ->
     assert next_told(replace(before, motion_next=None), now) == ""
     smaller = replace(now, depth=now.depth[:80], motion=now.motion[:80])
     assert next_told(before, smaller) == ""
+    assert (
+        next_told(*(replace(f, depth=f.depth[:3, :3], motion=f.motion[:3, :3]) for f in (before, now))) == ""
+    )
     nowhere = np.full_like(now.motion, np.nan)
     assert next_told(replace(before, motion_next=nowhere), now) == ""
     assert next_told(before, replace(now, motion=nowhere)) == ""

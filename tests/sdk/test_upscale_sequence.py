@@ -275,8 +275,11 @@ def test_unusable_values_do_not_spread() -> None:
 
 def test_sizes_may_change_within_a_sequence() -> None:
     given = frames(6)
-    given[3] = noise(3, (20, 12))
-    assert [image.shape for image in merged(given)] == [(36, 64, 3)] * 6
+    given[3], given[5] = noise(3, (20, 12)), noise(5, (20, 12))
+    images = merged(given)
+    assert [image.shape for image in images] == [(36, 64, 3)] * 6
+    by_scale = list(upscale_sequence(given, scale=2, model="taau"))
+    np.testing.assert_array_equal(by_scale, images)  # the backward run begins with a smaller frame
 
 
 @pytest.mark.usefixtures("small_chunks")

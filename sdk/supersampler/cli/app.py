@@ -73,6 +73,7 @@ class Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
+            error.message = error.message.removeprefix("Value error, ")  # of pydantic, in newer typer
             given, _, choices = error.message.partition(" is not one of ")
             hint = did_you_mean(given.rpartition("'")[0].rpartition("'")[2], re.findall("'(.*?)'", choices))
             error.message = f"{error.message} {hint}".rstrip()

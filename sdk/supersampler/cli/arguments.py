@@ -49,7 +49,8 @@ CutsOption = Annotated[
     str | None, typer.Option(help="Indices of the first frames after cuts, from 0: 48,120.")
 ]
 ReferenceOption = Annotated[
-    str | None, typer.Option(metavar="PATTERN", help="Reference images, such as reference/*.exr.")
+    str | None,
+    typer.Option(metavar="PATTERN", help="Reference images in the folder of the frames: reference/*.exr."),
 ]
 ColorSpaceOption = Annotated[
     str | None,
@@ -101,7 +102,7 @@ Format = StrEnum("Format", ["exr", "png", "tif", "mp4"])
 
 def _output_folder(text: str) -> Path:
     if not text:  # as of an unset variable of a shell; the path would be the current folder
-        raise ValueError("'' is no folder")
+        raise typer.BadParameter("'' is no folder.")
     return Path(text)
 
 

@@ -113,6 +113,8 @@ def parts_of(
     except MissingFramesError as gap:
         low, high = gap.present if numbers is None else (numbers.first, numbers.last)
         (first, last), problem = gap.missing, gap.problem
+        if first <= low and high <= last:
+            raise
     else:
         yield numbers, shot, ""
         return

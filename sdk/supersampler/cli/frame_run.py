@@ -25,7 +25,7 @@ from supersampler.cli.results import (
     Results,
 )
 from supersampler.cli.terminal import RunProgress, Terminal, frame_warnings
-from supersampler.errors import FrameError, ShotError
+from supersampler.errors import FrameError, ShotError, SupersamplerError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, Legend, compare_page, versions_text
@@ -247,6 +247,9 @@ def run_frames(
         job.console.print(f"Stopped: {complete} of {count} frames are complete.")
         job.console.print("Run the same command to resume.")
         raise typer.Exit(130) from None
+    except SupersamplerError:
+        results.end_without_files()
+        raise
     return results
 
 

@@ -448,6 +448,11 @@ class Results:
         """State how many frames the video has."""
         self._save({**self.record.files, name: frame_count})
 
+    def end_without_files(self) -> None:
+        """Remove the record if the run lists no file, so that a run with other settings may follow."""
+        if not self.record.files:
+            remove_files([self.folder / self.record.file_name])
+
     def is_newest(self, name: str) -> bool:
         """Return whether the page or the video exists and no image is newer."""
         times = {path.name: path.stat().st_mtime_ns for path in self.record.own_files(self.folder)}

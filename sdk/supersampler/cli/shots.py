@@ -111,8 +111,9 @@ def check(
     for line in (*source_notes(opened), *detection.summary().splitlines()):
         echo(line)
     if detection.conventions != detection.stated:
-        fields = detection.conventions.to_json()
-        echo(f"--conventions {shlex.quote(json.dumps(fields)) if fields else 'supersampler'}")
+        fields = json.dumps(detection.conventions.to_json())
+        option = f"--conventions {'supersampler' if fields == '{}' else shlex.quote(fields)}"
+        echo(f'In shot.json: "conventions": {fields}' if opened.own_format else option)
     if not detection.agrees:
         raise typer.Exit(1)
 

@@ -173,6 +173,8 @@ def run_upscale(job: UpscaleJob) -> Results:
     """Upscale the frames that are not complete yet, and print a summary; for errors see `run_frames`."""
     if job.record is not None:
         check_apart(job.record, job.shot.source)
+        if job.output.resolve().is_relative_to(job.record.resolve()):
+            raise ShotError(job.record, f"is or holds the output, {job.output}", "Choose another folder.")
     with ExitStack() as stack:
         upscaler = stack.enter_context(job.upscaler())
         plan = frame_run.plan_frames(job.shot, job.numbers, job.preroll_of(upscaler), job.passes)

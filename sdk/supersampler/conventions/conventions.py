@@ -30,8 +30,8 @@ Resolution = Literal["render", "display"]
 _Motion = Literal["motion", "motion_next"]
 _Pair = tuple[float, float]
 
-_MIN_FACTOR, _MAX_FACTOR = 1e-30, 1e30  # range of factors in single precision
-_RANGE = f"{_MIN_FACTOR:g} to {_MAX_FACTOR:g}"
+_MIN_FACTOR, MAX_FACTOR = 1e-30, 1e30  # range of factors in single precision
+_RANGE = f"{_MIN_FACTOR:g} to {MAX_FACTOR:g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -553,9 +553,17 @@ class Converter:
         return self.display_size
 
 
+def checked_conventions(value: object) -> Conventions:
+    """Return `Conventions`; ArgumentError for anything else, such as the name of a preset."""
+    if not isinstance(value, Conventions):
+        hint = f"Write Conventions.{value}()." if isinstance(value, str) and value in PRESETS else ""
+        raise ArgumentError("conventions", got=shown(value), want="supersampler.Conventions", hint=hint)
+    return value
+
+
 def _is_usable(value: object) -> bool:
     number = as_number(value)
-    return number is not None and _MIN_FACTOR <= abs(number) <= _MAX_FACTOR
+    return number is not None and _MIN_FACTOR <= abs(number) <= MAX_FACTOR
 
 
 def _checked_scale(scale: object) -> tuple[float, float]:

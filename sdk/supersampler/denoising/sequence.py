@@ -5,12 +5,18 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from supersampler.arguments import as_number, checked_lookahead, ieee_arithmetic
+from supersampler.arguments import (
+    as_number,
+    checked_choice,
+    checked_lookahead,
+    checked_threads,
+    ieee_arithmetic,
+)
 from supersampler.denoising import temporal
 from supersampler.denoising.oidn import FrameDenoiser, Guides, Oidn
 from supersampler.denoising.spec import ACCUMULATED, AGREEMENT, DEFAULT_SAMPLES, REACH
@@ -19,7 +25,7 @@ from supersampler.frame import Array, Float32, Frame
 from supersampler.io.display import ExposureMeter
 from supersampler.io.shot import Shot
 from supersampler.sequence.backward_motion import scattered_motion
-from supersampler.sequence.both_ways import frames_of
+from supersampler.sequence.both_ways import checked_frames, frames_of
 
 PerFrame = Literal["oidn", "none"]
 BUFFERS = frozenset(("gbuffer_base_color", "gbuffer_normal", "motion_next"))
@@ -72,6 +78,7 @@ class TemporalDenoiser:
         threads: threads of the filter and of OIDN; 0 is one per core.
 
     Raises:
+        ArgumentError: `threads` is not a number of threads.
         ModuleNotFoundError: pyoidn is not installed: `pip install "supersampler[denoise]"`.
     """
 
@@ -83,6 +90,7 @@ class TemporalDenoiser:
         samples: float = DEFAULT_SAMPLES,
         threads: int = 0,
     ) -> None:
+        threads = checked_threads(threads)
         self._stack, self._lookahead, self._samples = ExitStack(), lookahead, samples
         self._denoiser = None if isinstance(per_frame, str) else per_frame
         if per_frame == "oidn":
@@ -103,7 +111,8 @@ class TemporalDenoiser:
             skip: frames at the beginning that are neighbours only; they are not yielded.
 
         Raises:
-            FrameError: a frame has no colour, is jittered, or differs in size from the one before.
+            FrameError: a frame has no colour, is jittered, or differs in size or number of AOVs from the one
+                before.
         """
         items, reach, ahead, samples = self._linked(frames), REACH, self._lookahead, self._samples
         if self._accumulates:
@@ -114,7 +123,7 @@ class TemporalDenoiser:
         for near in _neighbourhoods(items, reach, ahead, skip):
             (image, aovs), frame = self._averaged(near, samples), near.item.frame
             image = image[..., :3] * np.float32(frame.pre_exposure)
-            count = 0 if frame.aovs is None else frame.aovs.shape[2]
+            count = _aov_count(frame)
             yield Denoised(frame, image, np.concatenate(aovs, axis=2)[..., :count] if aovs else None)
 
     def windows(self, frames: Iterable[Frame]) -> list[temporal.WindowFrame]:
@@ -138,6 +147,9 @@ class TemporalDenoiser:
         if last is not None and frame.size != last.frame.size:
             hint = "Mark a cut, or denoise each size apart."
             raise FrameError("color", got=frame.size, want=f"{last.frame.size}, the size before", hint=hint)
+        if last is not None and _aov_count(frame) != _aov_count(last.frame):  # kernels read as many of each
+            want = f"{_aov_count(last.frame)} channels as before, or a cut"
+            raise FrameError("aovs", got=f"{_aov_count(frame)} channels", want=want)
         noisy, guides = temporal.packed_color(frame.color, 1.0 / frame.pre_exposure), guides_of(frame)
         if self._denoiser is not None:
             guides = self._denoiser.clean_guides(*guides)
@@ -190,6 +202,10 @@ class TemporalDenoiser:
         item, *sides = near
         previous, following = ([other.window for other in side] for side in sides)
         return self._filter.filter(item.window, previous, following, item.exposure, samples)
+
+
+def _aov_count(frame: Frame) -> int:
+    return 0 if frame.aovs is None else frame.aovs.shape[2]
 
 
 class _Neighbourhood(NamedTuple):
@@ -293,15 +309,14 @@ def denoise_sequence(
 
     Raises:
         ArgumentError: an argument is not usable; before anything is read.
-        FrameError: a frame breaks the contract, is jittered, or has another size than the one before.
+        FrameError: a frame breaks the contract, is jittered, or has another size or number of AOVs than the
+            one before.
         ShotError: a frame cannot be read.
         ModuleNotFoundError: pyoidn is not installed.
     """
     after = frames_after(passes, lookahead)
-    if per_frame not in ("oidn", "none"):
-        raise ArgumentError("per_frame", got=shown(per_frame), want='"oidn" or "none"')
-    if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
-        raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
+    checked_choice("per_frame", per_frame, get_args(PerFrame))
+    frames = checked_frames(frames)
     if isinstance(frames, Shot):
         samples = frames.samples if samples is None else samples
         frames = frames.with_noise() if per_frame == "oidn" else frames

@@ -179,6 +179,11 @@ def display_transform_from(
             is out of its range.
         ShotError: the configuration cannot be read.
     """
+    names = {"ocio": ocio, "display": display, "view": view, "look": look, "color_space": color_space}
+    for name, value in names.items():
+        is_text = isinstance(value, str) and value.isprintable()
+        if not (is_text or (value is None and name != "color_space")):
+            raise ArgumentError(name, got=shown(value), want="text")
     stops = as_number(exposure)
     if exposure is not None and (stops is None or not -MAX_STOPS <= stops <= MAX_STOPS):
         want = f"stops, {-MAX_STOPS:g} to {MAX_STOPS:g}"
@@ -249,7 +254,7 @@ def _checked(name: str, value: str | None, choices: Collection[str]) -> str:
     """Return a name that is among the choices; ArgumentError for other names."""
     if value not in choices:
         want = f"one of {', '.join(choices)}" if choices else f"a configuration that has a {name}"
-        raise ArgumentError(name, got=repr(value), want=want, hint=did_you_mean(value, choices))
+        raise ArgumentError(name, got=shown(value), want=want, hint=did_you_mean(value, choices))
     return str(value)
 
 
@@ -264,7 +269,7 @@ def _matrix_to_rec709(color_space: str) -> Float32:
         want = f"a linear colour space of {STUDIO_CONFIG}"
         spaces = [name for name in config.getColorSpaceNames() if config.isColorSpaceLinear(name)]
         hint = did_you_mean(color_space, spaces) or "Or choose a view: `supersampler upscale --ocio CONFIG`."
-        raise ArgumentError("color_space", got=repr(color_space), want=want, hint=hint)
+        raise ArgumentError("color_space", got=shown(color_space), want=want, hint=hint)
     primaries = ImageBuf(np.eye(3, dtype=np.float32)[None])
     converted = ImageBufAlgo.colorconvert(
         primaries, color_space, REC709, unpremult=False, colorconfig=STUDIO_CONFIG

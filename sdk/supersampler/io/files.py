@@ -136,7 +136,7 @@ def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: I
     """
     root = Path(os.path.realpath(folder))
     for place in (root, *(root / name for name in below if name)):
-        if not place.is_dir() or os.path.realpath(place) != str(place):
+        if not os.path.isdir(place) or os.path.realpath(place) != str(place):  # noqa: PTH112  # Path.is_dir may raise
             continue
         for path in place.iterdir():
             found = _PARTIAL_NAME.fullmatch(path.name)
@@ -214,7 +214,7 @@ def check_inside(folder: Path, paths: Iterable[Path]) -> None:
     for path in paths:
         if path.parent not in real_folders:
             real_folders[path.parent] = os.path.realpath(path.parent)
-        real = os.path.realpath(path) if path.is_symlink() else real_folders[path.parent]
+        real = os.path.realpath(path) if os.path.islink(path) else real_folders[path.parent]  # noqa: PTH114
         if not Path(real).is_relative_to(root):
             hint = "Copy the file into the folder; links and names that leave it are not followed."
             raise ShotError(path, f"leads out of {folder}", hint)

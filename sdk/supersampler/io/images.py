@@ -154,14 +154,17 @@ def luminance_chroma_error(path: Path | str) -> ShotError:
 def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[str]]:
     """Return the channel names of each part; in a multi-part EXR file they begin with the part's name.
 
-    Other formats have one part, the first image: further pages of a TIFF are often small copies.
+    The first view at the end of a part's name is omitted, as Nuke names the parts of a view "main"
+    `rgba.main` and `depth.main`. Other formats have one part, the first image: further pages of a TIFF are
+    often small copies.
     """
     if kind != "exr":
         return [list(source.spec().channelnames)]
     parts: list[tuple[str, list[str]]] = []
-    count = 0
+    view, count = "", 0
     while source.seek_subimage(len(parts), 0):
         spec = source.spec()
+        view = view or spec.get_string_attribute("view")
         parts.append((spec.get_string_attribute("oiio:subimagename"), list(spec.channelnames)))
         count += spec.nchannels
         if len(parts) > files.IMAGE_PARTS or count > files.IMAGE_CHANNELS:
@@ -170,9 +173,12 @@ def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[st
     last_reason(source.geterror)  # clears the message of the seek past the last part
     if len(parts) == 1:
         return [parts[0][1]]
+    layers = [re.sub(rf"[._]{re.escape(view or 'main')}$", "", part) for part, _ in parts]
+    if len({*layers}) < len(layers):
+        layers = [part for part, _ in parts]
     return [
-        [name if not part or name.startswith(f"{part}.") else f"{part}.{name}" for name in names]
-        for part, names in parts
+        [name if not layer or name.startswith(f"{layer}.") else f"{layer}.{name}" for name in names]
+        for layer, (_, names) in zip(layers, parts, strict=True)
     ]
 
 
@@ -387,10 +393,12 @@ def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
 
 
 def _color_space(spec: ImageSpec) -> str:
-    stated = _INTEROP_IDS.get(spec.get_string_attribute("colorInteropID"))
+    stated = spec.get_string_attribute("colorInteropID")
     primaries = spec.getattribute("chromaticities")
-    if stated is not None or not isinstance(primaries, tuple) or len(primaries) != 8:
-        return stated or REC709
+    if stated in _INTEROP_IDS:
+        return _INTEROP_IDS[stated]
+    if not isinstance(primaries, tuple) or len(primaries) != 8:
+        return UNKNOWN_COLOR_SPACE if stated else REC709
     for name, known in _PRIMARIES.items():
         if np.allclose(primaries, known, rtol=0, atol=_TOLERANCE):
             return name

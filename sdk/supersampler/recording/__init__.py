@@ -15,11 +15,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.arguments import MAX_SIDE, MAX_THREADS, AtRest, checked_size
+from supersampler.arguments import MAX_SIDE, MAX_THREADS, AtRest, checked_path, checked_size
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Frame, Size
 from supersampler.history import State
-from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular
+from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular, is_there
 from supersampler.io.json_files import check_version, decoded, read_typed
 from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler.methods.gbuffers import frame_of
@@ -262,10 +262,11 @@ def open_recording(path: Path | str) -> Recording:
 
     Raises:
         RecordingError: it is missing, damaged, or of another kind or version.
+        ArgumentError: `path` is neither text nor a path.
     """
-    folder = Path(path)
+    folder = Path(checked_path("path", path))
     file = folder / SETUP
-    if not folder.exists():
+    if not is_there(folder):
         raise RecordingError(folder, "there is no such folder", NOT_FOUND)
     if not is_regular(file):
         raise RecordingError(folder, "is not a recording", "`supersampler upscale --record` writes them.")

@@ -4,15 +4,17 @@ The runs and their chunks are in both_ways.py, the colour of unshaded frames in 
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from supersampler.arguments import AtRest, ExecutorName, Precision, Validate, checked_lookahead, checked_path
-from supersampler.errors import ArgumentError, shown
+from supersampler.conventions.jitter import display_size_of
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.shot import Shot
 from supersampler.model import Model
-from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of, frames_of
+from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of, checked_frames, frames_of
 from supersampler.sequence.interpolation import interpolator_of
 from supersampler.upscaler import Upscaler
 
@@ -84,8 +86,7 @@ def upscale_sequence(
     block = checked_lookahead(passes, lookahead, MAX_LOOKAHEAD)
     chunk = ChunkSize(block, block) if block else ChunkSize()
     folder = None if scratch is None else Path(checked_path("scratch", scratch))
-    if not isinstance(frames, Shot) and not isinstance(frames, Iterable):
-        raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames")
+    frames = checked_frames(frames)
     forward = Upscaler(
         model, display_size=display_size, scale=scale, providers=providers, threads=threads,
         executor=executor, precision=precision, at_rest=at_rest, skip=skip, validate=validate,
@@ -94,12 +95,9 @@ def upscale_sequence(
     if passes == 1:
         return _in_order(frames, forward, extrapolates=extrapolation is not None)
     interpolator = None if extrapolation is None else interpolator_of(extrapolation, forward, executor)
-    backward = Upscaler(
-        forward.model, display_size=display_size, scale=scale, at_rest=at_rest, skip=skip, validate="off"
-    )  # the forward run checks the same frames
     memory = None if lookahead is None else math.inf
-    runs = BothWays(forward, backward, chunk, interpolator=interpolator, memory=memory, scratch=folder)
-    return _both_ways(frames_of(frames, buffers_of(forward, interpolator)), forward, backward, runs)
+    runs = partial(BothWays, chunk=chunk, interpolator=interpolator, memory=memory, scratch=folder)
+    return _both_ways(frames_of(frames, buffers_of(forward, interpolator)), forward, scale, runs)
 
 
 def _in_order(frames: Shot | Iterable[Frame], forward: Upscaler, *, extrapolates: bool) -> Iterator[Float32]:
@@ -110,8 +108,17 @@ def _in_order(frames: Shot | Iterable[Frame], forward: Upscaler, *, extrapolates
 
 
 def _both_ways(
-    frames: Iterator[Frame], forward: Upscaler, backward: Upscaler, runs: BothWays
+    frames: Iterator[Frame], forward: Upscaler, scale: float | None, runs: Callable[..., BothWays]
 ) -> Iterator[Float32]:
-    with forward, backward:
-        for merged in runs.run(frames):
-            yield merged.result.image
+    with forward:
+        first = next(frames, None)
+        if first is None:
+            return
+        # of the first frame, although the backward run begins with a later one, which may have another size
+        size = forward.display_size or display_size_of(first.size, scale or 1.0)
+        backward = Upscaler(  # the forward run checks the same frames
+            forward.model, display_size=size, at_rest=forward.at_rest, skip=forward.skip, validate="off"
+        )
+        with backward:
+            for merged in runs(forward, backward).run(chain([first], frames)):
+                yield merged.result.image

@@ -10,6 +10,7 @@ import numpy as np
 
 from supersampler.arguments import ieee_arithmetic
 from supersampler.backends.cpu.library import cpu_library
+from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Frame, checked_frame
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter
@@ -82,7 +83,7 @@ class BothWays:
 
     Args:
         forward: keeps its history from chunk to chunk.
-        backward: has the same model and display size; it restarts with each chunk.
+        backward: has the same model, and the display size of the images; it restarts with each chunk.
         chunk: sizes of the chunks.
         outputs: auxiliary outputs to return. "aovs" are merged, the others are the forward run's.
         around: makes a context for each step, from the index of its frame and the direction.
@@ -202,6 +203,14 @@ class BothWays:
 def buffers_of(upscaler: Upscaler, interpolator: Interpolator | None = None) -> frozenset[str]:
     """Return the names of the buffers of a frame that two passes read, as in `Shot.frames`."""
     return frozenset((*upscaler.gbuffers, *(interpolator.gbuffers if interpolator else ()), MOTION_NEXT))
+
+
+def checked_frames(frames: Shot | Iterable[Frame]) -> Shot | Iterable[Frame]:
+    """Return a Shot or an iterable of Frames; ArgumentError for anything else, such as a path."""
+    if isinstance(frames, Shot) or (isinstance(frames, Iterable) and not isinstance(frames, str | bytes)):
+        return frames
+    hint = "`supersampler.io.shot.open_source` opens files." if isinstance(frames, str | Path) else ""
+    raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames", hint=hint)
 
 
 def frames_of(frames: Shot | Iterable[Frame], names: Collection[str]) -> Iterator[Frame]:

@@ -1,5 +1,6 @@
 """Storage of frames and images that are needed later, in memory and in a scratch file."""
 
+import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -52,7 +53,7 @@ class FrameStore:
     def __init__(
         self, *, memory: float | None = None, folder: Path | None = None, names: frozenset[str] = frozenset()
     ) -> None:
-        if folder is not None and not folder.is_dir():
+        if folder is not None and not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir may raise
             raise ShotError(folder, "is not a folder", "`scratch` names an existing one.")
         self._names, self._folder = names, folder or tempfile.gettempdir()
         self._free_memory = MEMORY if memory is None else memory

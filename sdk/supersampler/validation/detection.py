@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from supersampler.arguments import as_index, ieee_arithmetic
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.conventions.conventions import Resolution
+from supersampler.conventions.conventions import Resolution, checked_conventions
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.validation import mistakes, rankings
 from supersampler.validation.checker import frame_mistakes
@@ -65,8 +65,7 @@ def detect_conventions(
     found = replace(found, **jitter.overrides)
     depth = rankings.rank_depth(textured, seen, found)
     found = replace(found, **depth.overrides)
-    swapped = rankings.swapped_axes(textured, jitters, found)
-    notes = [str(mistake.error()) for mistake in swapped]
+    swapped, notes = rankings.swapped_axes(textured, jitters, found), list[str]()
     if found.depth != stated.depth and found.depth.endswith("infinite"):
         kind = found.depth.removesuffix("_infinite")
         notes.append(f"Images do not show a far plane. If there is one, write depth='{kind}', near and far.")
@@ -80,11 +79,15 @@ def detect_conventions(
     elif found.jitter_flip_y != stated.jitter_flip_y and not motion.certain:
         turned = f"bottom_up={not stated.bottom_up}"
         notes.append(f"If the image is upside down, write {turned} instead of jitter_flip_y.")
-    other_notes, has_mistakes = _other_mistakes(raws, found)
-    notes += other_notes
+    further, refused = _other_mistakes(raws, found)
+    if mistakes.MOTION_OFFSET.kind in (mistake.kind for mistake in further):
+        swapped = []  # with such vectors, nothing fits
+    notes = [*(str(mistake.error()) for mistake in swapped), *notes]
+    notes += [*(str(mistake.error()) for mistake in further), *refused]
+    has_mistakes = bool(refused or swapped) or any(mistake.severity == "error" for mistake in further)
     if always_reset := always_reset and any(pair.continues for pair in textured):
         notes.append(str(mistakes.RESET_ALWAYS.found(frames=len(raws)).error()))
-    has_mistakes |= always_reset or bool(swapped)
+    has_mistakes |= always_reset
     return Detection(motion, jitter, depth, stated, found, tuple(notes), has_mistakes)
 
 
@@ -93,10 +96,10 @@ def _turned(frame: FrameProbe) -> bool:
     return frame.light is not None and any(upside_down(frame.depth, tone_mapped(frame.light, frame.light)))
 
 
-def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> tuple[list[str], bool]:
+def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> tuple[list[Mistake], list[str]]:
     """Return the mistakes in frames with these conventions, except those that the verdicts report.
 
-    The second value is whether "strict" would refuse one of them.
+    The second list has the error of a frame that cannot be converted.
     """
     converter, seen = found.converter(), FramesSeen()
     by_kind: dict[str, Mistake] = {}
@@ -112,9 +115,7 @@ def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> tuple[list[
         seen = seen.after(evidence, frame.size)
         by_kind |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
     ignored = _VERDICT_KINDS | (mistakes.OF_SRGB if found.srgb else set())
-    others = [mistake for kind, mistake in by_kind.items() if kind not in ignored]
-    has_mistakes = bool(refused) or any(mistake.severity == "error" for mistake in others)
-    return [*(str(mistake.error()) for mistake in others), *refused], has_mistakes
+    return [mistake for kind, mistake in by_kind.items() if kind not in ignored], refused
 
 
 def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:
@@ -123,17 +124,16 @@ def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) 
         raise ArgumentError("shot", got=shown(shot), want="a Shot, or RawFrames in a list")
     if conventions is None:
         return Conventions() if isinstance(shot, Sequence) else shot.conventions
-    if not isinstance(conventions, Conventions):
-        raise ArgumentError("conventions", got=shown(conventions), want="Conventions, or None")
-    return conventions
+    return checked_conventions(conventions)
 
 
 def _middle(shot: "Shot | Sequence[RawFrame]", frames: int) -> list[RawFrame]:
-    requested = as_index(frames)
-    count = None if requested is None else min(requested, len(shot))
-    if count is None or count < 2:
-        got = shown(frames) if count is None else count
-        raise ArgumentError("frames", got=got, want="at least 2 frames to compare")
+    requested, want = as_index(frames), "at least 2 frames to compare"
+    if requested is None or requested < 2:
+        raise ArgumentError("frames", got=shown(frames), want=want)
+    if len(shot) < 2:
+        raise ArgumentError("shot", got=f"of length {len(shot)}", want=want)
+    count = min(requested, len(shot))
     start = max(0, (len(shot) - count) // 2)
     indices = range(start, start + count)
     return [shot[i] if isinstance(shot, Sequence) else shot.read_raw(i) for i in indices]

@@ -113,6 +113,10 @@ MOTION_NOT_FINITE = Mistake(
 MOTION_TOO_LONG = Mistake(
     "motion too long", "motion", "longer than the whole image in {share:.0%} of the pixels", "render pixels",
     "Is it scaled twice? Vectors in pixels need motion_scale=(1, 1).")
+MOTION_OFFSET = Mistake(
+    "motion offset", "motion", "around ({x:.3g}, {y:.3g}) pixels everywhere, as if 0 were stored as 0.5",
+    _MOTION, 'Subtract 0.5; for files, state the range in channels.json: "range": [-1, 1] (docs/shots.md).')
+MOTION_OFFSET_PIXELS = replace(MOTION_OFFSET, severity="hint")
 MOTION_MISREAD = Mistake(
     "motion misread", "motion", "misread: frames fit {times:.1f} times better if it is {reading}",
     _MOTION, "Try {call}.")
@@ -196,9 +200,11 @@ GBUFFER_DEPTH_SCALED = replace(
     hint="Is it forward, a distance, or does it have another near plane? Write both by the same code.")
 # fmt: on
 
-OF_REPROJECTION = {each.kind for each in (MOTION_MISREAD, JITTER_MISREAD, ROWS_BOTTOM_UP, JITTER_AMPLITUDE)}
-"""Kinds of mistakes that are found by following the motion. One of them makes others seem to be there, so
-that only the first one is reported."""
+OF_REPROJECTION = {
+    each.kind for each in (MOTION_OFFSET, MOTION_MISREAD, JITTER_MISREAD, ROWS_BOTTOM_UP, JITTER_AMPLITUDE)
+}
+"""Kinds of mistakes that are found by following the motion, or prevent it. One of them makes others seem to
+be there, so that only the first one is reported."""
 OF_SRGB = {COLOR_CLIPPED.kind, COLOR_DISPLAYED.kind}
 """Kinds of mistakes that are none in frames whose conventions state that they are sRGB-encoded."""
 

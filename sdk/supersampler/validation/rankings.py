@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
+from supersampler.conventions.conventions import MAX_FACTOR
 from supersampler.validation import probe
 from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mistake
 from supersampler.validation.probe import DepthOrder, FrameProbe, Overrides
@@ -134,9 +135,13 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
     """
 
     def error(hypothesis: Hypothesis) -> float:
+        if np.isnan(hypothesis.error):  # of vectors that are not finite
+            return np.inf
         return hypothesis.error / (_TIE if _is_stated(hypothesis, stated) else 1.0)
 
     verdict = Verdict(name, tuple(sorted(hypotheses, key=error)))
+    if not np.isfinite(verdict.ranked[0].error):
+        return Verdict(name, verdict.ranked, "no reading gives vectors that stay in the image")
     if len(verdict.ranked) > 1 and verdict.margin < SURE:
         first, second = verdict.ranked[:2]
         alike = [h for h in verdict.ranked if h.error < SURE * max(first.error, 1e-6)]
@@ -211,7 +216,8 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
         if readings and have_jitter[repr(overrides)]:  # without jitter in the image, vectors have none either
             hypotheses.append(hypothesis({**overrides, "motion_jittered": True}, bare))
     verdict = ranked("motion", hypotheses, stated)
-    if verdict.ranked[0].error > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
+    best = verdict.ranked[0].error
+    if np.isfinite(best) and best > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
         reason = "too little moves: no reading explains the image much better than no motion"
         return Verdict("motion", verdict.ranked, reason)
     return verdict
@@ -343,7 +349,9 @@ def _depth_overrides(order: DepthOrder, frames: Sequence[FrameProbe], found: Con
     if order != "linear":
         return {"depth": f"{order}_infinite", "far": None}
     far = max(float(frame.depth.max()) for frame in frames)
-    return {"depth": "linear", "far": far if 1e6 <= far < np.inf else None}
+    if not 1e6 <= far < np.inf:
+        return {"depth": "linear", "far": None}
+    return {"depth": "linear", "far": min(far, MAX_FACTOR)}  # renderers write up to 3.4e38 at the sky
 
 
 def _wrongly_hidden(pairs: Sequence[FramePair], order: DepthOrder, found: Conventions) -> float:

@@ -49,6 +49,7 @@ _PIXELS_EACH = 8  # minimum mean number of pixels with the same value
 _UNEVEN = 0.1  # of a step: maximum deviation from even spacing
 _MIN_UNEVEN = 0.02  # minimum fraction of pixels whose second difference is a step: rounding
 _COARSE_MOTION = 0.2  # render pixels: minimum step of coarse motion
+_MAX_OFF = 0.03  # of the unit: maximum difference of the median motion from a stored 0.5
 _MAX_RESIDUAL = 0.5  # render pixels: maximum root mean square deviation from the motion of a plane
 
 
@@ -267,6 +268,13 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
     off = (np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)
     if np.mean(off) > 0.05 and min(frame.size) >= 16:
         yield mistakes.MOTION_TOO_LONG.found(share=np.mean(off))
+    middle = np.median(vectors, axis=0)
+    halves = np.abs(middle) / frame.size  # 0.5 is half of the image in UV, a quarter in NDC
+    if min(frame.size) >= 16 and any(np.abs(halves - half).max() < _MAX_OFF for half in (0.25, 0.5)):
+        yield mistakes.MOTION_OFFSET.found(x=middle[0], y=middle[1])
+        return
+    if np.abs(np.abs(middle) - 0.5).max() < _MAX_OFF and np.abs(vectors).max() <= 1.0:
+        yield mistakes.MOTION_OFFSET_PIXELS.found(x=middle[0], y=middle[1])
     step = max(_even_step(vectors[:, axis]) for axis in (0, 1))
     if step >= _COARSE_MOTION:
         yield mistakes.MOTION_COARSE.found(step=step)

@@ -375,7 +375,7 @@ def motion_next_mistakes(before: FrameProbe, now: FrameProbe) -> Iterator[Mistak
         differences, lengths = _there_and_back(
             before, now, rows[moves], columns[moves], stated[moves] * reading
         )
-        if len(differences) >= min(_MIN_PIXELS, len(rows) // 20):
+        if len(differences) >= max(1, min(_MIN_PIXELS, len(rows) // 20)):
             found[reading] = float(np.median(differences)), float(np.median(lengths))
     fitting = {
         reading

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from supersampler.arguments import checked_choice
 from supersampler.conventions import Conventions, RawFrame, camera_motion, jittered_projection
+from supersampler.conventions.conventions import checked_conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32
 from supersampler.io.files import SHOT_FRAMES, write_text
@@ -201,7 +202,7 @@ def import_blender(
     types = header.types
     channel_map = layer_map(first, types, layer, guides=checked_choice("guides", guides, get_args(Guides)))
     layer = channel_map["color"][0].removesuffix(".Combined.R")
-    conventions = Conventions.blender() if conventions is None else conventions
+    conventions = Conventions.blender() if conventions is None else checked_conventions(conventions)
     if conventions.motion_jittered:  # Eevee: motion to the next frame contains that frame's jitter
         channel_map.pop("motion_next", None)
     if reference is not None:

@@ -11,8 +11,9 @@ from typing import Any, TypeAlias, TypedDict, Unpack
 import msgspec
 import numpy as np
 
-from supersampler.arguments import as_number
+from supersampler.arguments import as_index, as_number, checked_size, is_row
 from supersampler.conventions import Conventions, RawFrame
+from supersampler.conventions.conventions import checked_conventions
 from supersampler.conventions.encodings import srgb_decoded, srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, MAX_AOVS, Array, Float32, Size
@@ -34,12 +35,12 @@ _MAX_BYTES = 4
 
 @dataclass(frozen=True, slots=True)
 class Packing:
-    """Packing of numbers into bytes: a number is a linear function of the integer that its bytes form.
+    """Encoding of numbers: a linear function of the integer that the bytes of a number form, or of a float.
 
     Attributes:
-        bytes_each: bytes of a number, 1 to 4, the most significant one first.
-        low: number whose bytes are all 0.
-        high: number whose bytes are all 255; it may be less than `low`.
+        bytes_each: bytes of a number, 1 to 4, the most significant one first; 0 if it is stored as a float.
+        low: number whose bytes are all 0, or that the float 0 stands for.
+        high: number whose bytes are all 255, or that the float 1 stands for; it may be less than `low`.
     """
 
     bytes_each: int
@@ -50,7 +51,10 @@ class Packing:
         """Return the numbers, (h, w) for one number per pixel, (h, w, n) for n.
 
         `channels` is (h, w) or (h, w, n * bytes_each), byte / 255, with the bytes of a number side by side.
+        Floats are (h, w) or (h, w, n).
         """
+        if self.bytes_each == 0:
+            return (self.low + channels.astype(np.float32) * (self.high - self.low)).astype(np.float32)
         height, width = channels.shape[:2]
         levels = np.rint(channels.astype(np.float64) * 255.0).reshape(height, width, -1, self.bytes_each)
         weights = 256.0 ** np.arange(self.bytes_each - 1, -1, -1)
@@ -63,33 +67,50 @@ def parse_packing(name: str, value: Mapping[str, Any], count: int) -> tuple[list
     """Return the channels of a packed array, in the order of `Packing.decoded`, and its packing.
 
     `value` is {"bytes": ..., "range": [low, high]}. "bytes" lists the channels of a number, the most
-    significant byte first; for `count` > 1 numbers per pixel, it is a list of such lists.
+    significant byte first; for `count` > 1 numbers per pixel, it is a list of such lists. Or it is
+    {"channels": ..., "range": [low, high]}, with the channel of each number, a float.
 
     Raises:
         ArgumentError: a key is missing or unknown, or a value is not of this form.
     """
-    place, keys = f"channel_map[{name!r}]", ("bytes", "range")
+    place, keys = f"channel_map[{name!r}]", ("bytes", "channels", "range")
     for key in value:
         if key not in keys:
             got, hint = f"with {shown(key)}", did_you_mean(key, keys)
             raise ArgumentError(place, got=got, want=f"keys of {', '.join(keys)}", hint=hint)
-    listed = [value.get("bytes")] if count == 1 else value.get("bytes")
-    lists = listed if isinstance(listed, list | tuple) else []
-    sizes = {len(each) if _are_texts(each) else 0 for each in lists}
-    if len(lists) != count or len(sizes) != 1 or not 1 <= min(sizes) <= _MAX_BYTES:
-        one = f"a list of 1 to {_MAX_BYTES} channels, the most significant byte first"
-        want = one if count == 1 else f"{count} lists of equal length, for each number {one}"
-        raise ArgumentError(f"{place}['bytes']", got=shown(value.get("bytes")), want=want)
+    if "channels" in value:
+        if "bytes" in value:
+            raise ArgumentError(place, got="with 'bytes' and 'channels'", want="one of the two")
+        channels, bytes_each = _listed_channels(f"{place}['channels']", value["channels"], count), 0
+    else:
+        listed = [value.get("bytes")] if count == 1 else value.get("bytes")
+        lists = listed if isinstance(listed, list | tuple) else []
+        sizes = {len(each) if _are_texts(each) else 0 for each in lists}
+        if len(lists) != count or len(sizes) != 1 or not 1 <= min(sizes) <= _MAX_BYTES:
+            one = f"a list of 1 to {_MAX_BYTES} channels, the most significant byte first"
+            want = one if count == 1 else f"{count} lists of equal length, for each number {one}"
+            raise ArgumentError(f"{place}['bytes']", got=shown(value.get("bytes")), want=want)
+        channels, bytes_each = [channel for each in lists for channel in each], min(sizes)
     ends = value.get("range")
     given = [as_number(end) for end in ends] if isinstance(ends, list | tuple) else []
     numbers = [number for number in given if number is not None and math.isfinite(number)]
     if len(given) != 2 or len(set(numbers)) != 2:
-        want = "[low, high], two different finite numbers: for bytes that are all 0, and all 255"
+        want = (
+            "[low, high], two different finite numbers: for bytes that are all 0 and all 255, or for 0 and 1"
+        )
         raise ArgumentError(
             f"{place}['range']", got=shown(ends), want=want, hint="Motion in UV often has [-1, 1]."
         )
     low, high = numbers
-    return [channel for each in lists for channel in each], Packing(min(sizes), low, high)
+    return channels, Packing(bytes_each, low, high)
+
+
+def _listed_channels(place: str, value: Any, count: int) -> list[str]:
+    """Return the names of an array's channels; ArgumentError unless they are `count` texts."""
+    texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
+    if len(texts) != count or not _are_texts(texts):
+        raise ArgumentError(place, got=shown(value), want=f"{count} channel names")
+    return texts
 
 
 def _are_texts(value: object) -> bool:
@@ -158,8 +179,8 @@ def import_channels(
             motion_next (2), base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any
             number), reference (3). `motion/*.exr:R` is channel R of the files of that pattern; `R` alone is a
             channel of `files`. `{"bytes": ..., "range": [low, high]}` describes numbers that are packed into
-            8-bit channels; see `parse_packing`. References have the number of their frame; frames may lack
-            one.
+            8-bit channels, `{"channels": ..., "range": [low, high]}` floats in [0, 1]; see `parse_packing`.
+            References have the number of their frame; frames may lack one.
         conventions: conventions of these channels and of the jitter.
         files: pattern of the frames' files: `beauty.####.exr`, `beauty.%04d.exr` or `beauty_*.exr`.
         frames: first and last number of the frames to open, both included; by default all. Only frames
@@ -180,15 +201,20 @@ def import_channels(
         ArgumentError: the map has an unknown name or a wrong number of channels; or the frame rate is out of
             range.
     """
-    found = _MappedFiles(Path(folder), channel_map, conventions, files, frames)
-    if not all(isinstance(index, int | np.integer) and 0 <= index <= found.last_index for index in cuts):
-        raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {found.last_index}")
+    if not isinstance(channel_map, Mapping):
+        raise ArgumentError("channel_map", got=shown(channel_map), want="a mapping of our names to channels")
+    found = _MappedFiles(Path(folder), channel_map, checked_conventions(conventions), files, frames)
+    indices = [as_index(cut) for cut in cuts] if is_row(cuts) else [None]
+    if not all(index is not None and 0 <= index <= found.last_index for index in indices):
+        raise ArgumentError("cuts", got=shown(cuts), want=f"indices of frames, 0 to {found.last_index}")
     offsets = read_jitter(found.folder, jitter, found.indices)
     found.check_types()
     height, width = found.read_arrays(0).depth.shape
     if display_size is None and found.references:
         image = found.read_reference(found.numbers.index(next(iter(found.references))))
         display_size = (image.shape[1], image.shape[0])
+    if display_size is not None:
+        display_size = checked_size("display_size", display_size)
     header = read_header(found.frame_file(0))
     if frame_rate is None:
         frame_rate = header.frame_rate or _FRAME_RATE
@@ -225,11 +251,13 @@ def first_file(folder: Path, options: SequenceOptions) -> Path:
     return next(iter(of_range(folder, numbered, options.get("frames")).values()))
 
 
-def import_described_channels(folder: Path | str, **options: Unpack[SequenceOptions]) -> Shot:
+def import_described_channels(
+    folder: Path | str, *, conventions: Conventions | None = None, **options: Unpack[SequenceOptions]
+) -> Shot:
     """Open a folder of EXR frames by its channels.json, which holds arguments of `import_channels`.
 
-    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space. `options`
-    replace the values of the file.
+    Its keys: channels, conventions; optional display_size, frame_rate, cuts, name, color_space.
+    `conventions` and `options` replace the values of the file.
 
     Raises:
         ShotError: see `import_channels`; or channels.json is missing or wrong.
@@ -238,9 +266,10 @@ def import_described_channels(folder: Path | str, **options: Unpack[SequenceOpti
     path = folder / MAP_FILE_NAME
     given = read_typed(path, _MapFile, "docs/shots.md lists the keys.")
     values: dict[str, Any] = {**msgspec.structs.asdict(given), **options}
+    stated = values.pop("conventions")
     try:
-        conventions = Conventions.from_json(values.pop("conventions"))
-        return import_channels(folder, values.pop("channels"), conventions=conventions, **values)
+        used = Conventions.from_json(stated) if conventions is None else conventions
+        return import_channels(folder, values.pop("channels"), conventions=used, **values)
     except ArgumentError as error:
         if error.name in options:
             raise
@@ -330,7 +359,7 @@ class _MappedFiles:
             )
             types = read_header(path).types
             kinds = {types[channel] for channel in source.channels if channel in types}
-            if source.packing is not None:
+            if source.packing is not None and source.packing.bytes_each:
                 if others := sorted(kinds - {"uint8"}):
                     hint = 'Without "bytes", half and float are read as they are.'
                     raise ShotError(path, f"holds packed {name} as {others[0]}; want 8 bits a channel", hint)
@@ -437,10 +466,9 @@ def _channels(name: str, value: Any) -> tuple[list[str], Packing | None]:
     """Return the channels of an array, and its packing, or None."""
     if isinstance(value, Mapping) and name not in _UNPACKED:
         return parse_packing(name, value, _COUNTS[name])
-    texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
-    count = _COUNTS.get(name, min(len(texts), MAX_AOVS))
-    if len(texts) != count or not _are_texts(texts):
-        raise ArgumentError(f"channel_map[{name!r}]", got=shown(value), want=f"{count} channel names")
+    number = len(value) if isinstance(value, list | tuple) else 1
+    count = _COUNTS.get(name, min(number, MAX_AOVS))
+    texts = _listed_channels(f"channel_map[{name!r}]", value, count)
     for text in texts:
         if ":" in text and {*text.partition(":")[0]} & {*"*?#"} and _MAPPED.fullmatch(text) is None:
             raise ArgumentError(f"channel_map[{name!r}]", got=shown(text), want="EXR, PNG or TIFF files")

@@ -18,7 +18,14 @@ from supersampler.frame import Array, Float32, Size
 from supersampler.io.display_transforms import REC709, UNKNOWN_COLOR_SPACE
 from supersampler.io.files import IMAGE_CHANNELS, SHOT_FRAMES
 from supersampler.io.images import Channel, Metadata, read_exr, read_header, read_image, write_exr
-from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
+from supersampler.io.json_files import (
+    FileSize,
+    Rate,
+    Text,
+    check_sizes,
+    check_version,
+    read_typed,
+)
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
@@ -118,6 +125,18 @@ def is_frame_range(first: int, last: int) -> bool:
 def files_of(entry: FrameEntry) -> list[str]:
     """Return the files of a frame, relative to the shot's folder."""
     return [name for name in (entry.file, entry.display_file, entry.reference) if name is not None]
+
+
+def check_info(path: Path, info: ShotInfo) -> None:
+    """Raise ShotError if a reader would refuse these properties of a shot; its render size is not checked."""
+    stated = {name: getattr(info, name) for name in ShotInfo.__struct_fields__}
+    frame = {"file": "0000.exr", "jitter": (0.0, 0.0)}
+    unknown = {"version": FORMAT_VERSION, "render_size": (1, 1), "conventions": {}, "frames": [frame]}
+    try:
+        msgspec.convert({**stated, **unknown}, _ShotFile)
+    except (msgspec.ValidationError, UnicodeError) as error:
+        raise ShotError(path, f"could not be read again: {error}", _HINT) from error
+    _check_names(path, info)
 
 
 def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:

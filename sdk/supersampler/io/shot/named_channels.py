@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Unpack
 
 from supersampler.conventions import Conventions
+from supersampler.conventions.conventions import checked_conventions
 from supersampler.errors import ShotError
 from supersampler.io.images import ImageHeader, luminance_chroma_error, read_header
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
+from supersampler.io.shot.numbered import numbered_files
 from supersampler.io.shot.shot import Shot
 
 _XYZ, _RGB = ("xyz", "rgb"), ("rgb", ("red", "green", "blue"))
@@ -219,7 +221,7 @@ def import_named_channels(
     if channel_map is None:
         hint = "docs/shots.md lists the names that are recognised; a channels.json states others."
         raise ShotError(first, f"has no depth or no motion among {', '.join(types)}", hint)
-    if conventions.motion_jittered:  # it contains the next frame's jitter
+    if checked_conventions(conventions).motion_jittered:  # it contains the next frame's jitter
         channel_map.pop("motion_next", None)
     aovs, ignored = blended_and_ignored(types, channel_map, header.cryptomattes)
     if "color" not in channel_map and (parts := _parts_of_color(types)):
@@ -232,6 +234,7 @@ def import_named_channels(
     if aovs:
         channel_map["aovs"] = aovs
     if reference is not None:
+        numbered_files(folder, reference)  # raises if nothing matches
         channel_map["reference"] = [f"{reference}:{axis}" for axis in "RGB"]
     names = [_output_name(name, channel_map.get("color", ["R"])[0]) for name in aovs]
     if len({*names, *"RGB"}) != len(names) + 3:

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
+from supersampler.arguments import as_index, checked_path, is_row
 from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
 from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
 from supersampler.io.json_files import read_json
@@ -56,7 +57,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     """
     if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
-    parts = PurePosixPath(pattern).parts
+    parts = PurePosixPath(checked_path("pattern", pattern)).parts
     if not parts or PurePath(pattern).is_absolute() or ".." in parts:
         hint = "Copy the files into the folder; names that leave it are not followed."
         raise ShotError(folder, f"the pattern {pattern!r} matches no files in it", hint)
@@ -79,7 +80,10 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
             raise ShotError(path, f"has the same frame number as {other}", hint)
         files[number] = path
     if not files:
-        raise ShotError(folder, f"has no file {pattern}", suggestion(place))
+        below = "/".join(parts[:-1])
+        is_folder = os.path.isdir(place)  # noqa: PTH112  # as above
+        hint = suggestion(place, below) if is_folder else f"The pattern is relative to {folder}."
+        raise ShotError(folder, f"has no file {pattern}", hint)
     if len({*rests.values()}) > 1:
         raise ShotError(folder, f"has files of several sequences {pattern}", choose())
     if len(files) > SHOT_FRAMES:
@@ -115,6 +119,10 @@ def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> d
         ShotError: no file lies in the range.
         MissingFramesError: a frame between two files of the range is missing.
     """
+    if frames is not None:
+        ends = [as_index(number) for number in frames] if is_row(frames) else []
+        if len(ends) != 2 or None in ends:
+            raise ArgumentError("frames", got=shown(frames), want="(first, last), two frame numbers, or None")
     low, high = (min(files), max(files)) if frames is None else frames
     chosen = {number: path for number, path in files.items() if low <= number <= high}
     if not chosen:
@@ -155,7 +163,7 @@ def read_jitter(folder: Path, jitter: Jitter | None, indices: Iterable[int]) -> 
     want = "pairs [x, y], one for each frame; a shorter list repeats"
     try:
         pairs = [(float(x), float(y)) for x, y in values]
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError, RuntimeError):  # of a user's class
         pairs = []
     if not pairs:
         if isinstance(jitter, Path | str):
@@ -207,7 +215,9 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
         problem = f"has {len(fields)} fields for the frame number"
         raise ShotError(path, problem, "Keep one, and write the other numbers as digits.")
     if not fields and not _has_wildcard(path.name):
-        raise ShotError(path, "has no field for the frame number", suggestion(path.parent))
+        is_folder = os.path.isdir(path)  # noqa: PTH112  # as above
+        hint = f"Name its files: {path.name}/*.exr." if is_folder else suggestion(path.parent)
+        raise ShotError(path, "has no field for the frame number", hint)
     if fields:
         field, (begin, end) = fields[0], _without(path.name, fields[0].span())
         count = len(field[0]) if field[0][0] == "#" else int(field[1] or 1)
@@ -252,12 +262,13 @@ def _has_wildcard(name: str) -> bool:
     return "*" in name or "?" in name
 
 
-def suggestion(folder: Path) -> str:
-    """Return a hint that names the sequences in a folder."""
+def suggestion(folder: Path, below: str = "") -> str:
+    """Return a hint that names the sequences in a folder, as patterns that begin with the folder `below`."""
     if not folder.is_dir():
         return "Is this the folder of the frames?"
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in FRAME_SUFFIXES)
     there = sequences(path for path in images if not path.name.startswith("."))
+    there = [str(PurePosixPath(below, name)) for name in there]
     return f"Did you mean {_listed(there)}?" if there else "Is this the folder of the frames?"
 
 

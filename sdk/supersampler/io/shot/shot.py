@@ -101,6 +101,7 @@ class Shot:
         is_denoised: whether the frames state that their renderer has denoised them; only Blender's can.
         noisy_channels: channels of the colour before the renderer denoised it; empty if there are none.
         samples: samples per pixel of the renderer, None if unknown; only frames of Cycles state it.
+        own_format: whether a shot.json describes the frames.
     """
 
     def __init__(
@@ -128,7 +129,7 @@ class Shot:
         self.is_denoised = False
         self.noisy_channels: tuple[str, ...] = ()
         self.samples: int | None = None
-        self._color_channel, self._own_format = color_channel, own_format
+        self._color_channel, self.own_format = color_channel, own_format
         self._channel_map = channel_map  # of `import_channels`
 
     @classmethod
@@ -146,6 +147,9 @@ class Shot:
         path = path_or_shipped(path)
         description = path if path.suffix == ".json" else path / shot_format.FILE_NAME
         folder = description.parent
+        if path.is_dir() and not os.path.lexists(description):
+            hint = "`supersampler.io.shot.open_source` opens frames of other programs."
+            raise ShotError(path, f"has no {shot_format.FILE_NAME}", hint)
         info, entries = shot_format.load_shot_json(description)
         for index, entry in enumerate(entries):
             for name in shot_format.files_of(entry):
@@ -416,7 +420,7 @@ class Shot:
     def _reference_file(self, index: int) -> Path | None:
         """Return the file of a frame's reference if it can have class maps: in this package's format."""
         name = self._entries[index].reference
-        return self.source / name if name is not None and self._own_format else None
+        return self.source / name if name is not None and self.own_format else None
 
     def _converted(
         self, index: int, raw: RawFrame, reference: Float32 | None, converter: Converter

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 from supersampler.arguments import checked_choice, checked_path
 from supersampler.errors import ArgumentError, ShotError
@@ -61,9 +61,10 @@ def open_source(
         path = path_or_shipped(path)
         if path.name == FILE_NAME:
             path = path.parent
-    files = options.get("files")
+    pattern: Any = options.get("files")
+    files = None if "files" not in options else str(checked_path("files", pattern))
     if layout == "auto":
-        layout = guess_layout(path, None if files is None else str(files))
+        layout = guess_layout(path, files)
     opener = _opener(layout, path, options)
     parameters = {*signature(opener).parameters}
     if "options" in parameters:
@@ -74,7 +75,9 @@ def open_source(
         raise ArgumentError("path", got="a pattern", want=f"a folder or file, as the layout is {layout!r}")
     for name in options:
         if name not in parameters:
-            raise ArgumentError(name, got="given", want=f"left out: the layout {layout!r} does not use it")
+            hint = f"Change {FILE_NAME} instead." if layout == "shot" else ""
+            want = f"left out: the layout {layout!r} does not use it"
+            raise ArgumentError(name, got="given", want=want, hint=hint)
     if "frames" in parameters:
         return opener(path, frames=frames, **options)
     shot = opener(path, **options)
@@ -129,7 +132,8 @@ def guess_layout(
         return "blender"
     if recognised_map(frames[0], of_first_view(header)[0]) is not None:
         return "channels"
-    hint = f"Map them in a {MAP_FILE_NAME} (docs/shots.md); in Blender, turn on Combined, Z and Vector."
+    blender = "in Blender, turn on Combined, Z and Vector, and save as OpenEXR MultiLayer"
+    hint = f"Map them in a {MAP_FILE_NAME} (docs/shots.md); {blender}."
     raise ShotError(path, f"holds frames with the channels {_listed(list(header.types))}", hint)
 
 

@@ -13,7 +13,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.arguments import as_number, checked_names, checked_path, checked_size
 from supersampler.conventions import Conventions, RawFrame
+from supersampler.conventions.conventions import checked_conventions
 from supersampler.errors import ArgumentError, ShotError, shown
 from supersampler.frame import Array, Frame, Size
 from supersampler.io import files
@@ -25,6 +27,7 @@ from supersampler.io.shot.format import (
     ClassMaps,
     FrameEntry,
     ShotInfo,
+    check_info,
     files_of,
     load_shot_json,
     shot_json,
@@ -64,7 +67,7 @@ class ShotWriter:
 
     Raises:
         ShotError: the folder already holds a shot; with `resume`, a shot with other properties.
-        ArgumentError: the frame rate is not a positive number.
+        ArgumentError: the frame rate is not a positive number, or an argument is of another type.
     """
 
     def __init__(
@@ -85,24 +88,26 @@ class ShotWriter:
         compression: str = "zip",
         reference_compression: str = "zip",
     ) -> None:
-        if frame_rate is not None and not 0.0 < frame_rate < math.inf:
+        rate = None if frame_rate is None else as_number(frame_rate)
+        if frame_rate is not None and (rate is None or not 0.0 < rate < math.inf):
             raise ArgumentError("frame_rate", got=shown(frame_rate), want="a finite number > 0, or None")
-        self.path = Path(path)
+        self.path = Path(checked_path("path", path))
         self._description = self.path / (FILE_NAME if variant is None else f"{variant}.json")
         self._frames_below = "" if variant is None else f"{variant}/"
         self._compression, self._reference_compression = compression, reference_compression
         self._info = ShotInfo(
             name=name,
             render_size=(0, 0),  # set by the first frame
-            display_size=None if display_size is None else (display_size[0], display_size[1]),
-            frame_rate=None if frame_rate is None else float(frame_rate),
-            conventions=Conventions() if conventions is None else conventions,
+            display_size=None if display_size is None else checked_size("display_size", display_size),
+            frame_rate=rate,
+            conventions=Conventions() if conventions is None else checked_conventions(conventions),
             license=license,
-            attribution=tuple(attribution),
+            attribution=checked_names("attribution", attribution),
             first_number=first_number,
             file_names=file_names,
             color_space=color_space,
         )
+        check_info(self._description, self._info)
         self._entries: list[FrameEntry] = []
         self._note = self.path / f".{self._description.name}.writing"
         if files.is_there(self._description):
@@ -283,7 +288,10 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
         ShotError: the folder is, contains or lies in the source; or it holds other frames than the source;
             see also `ShotWriter` and `Shot.read`.
     """
-    files.check_apart(Path(path), shot.source)
+    if not isinstance(shot, Shot):
+        hint = "`supersampler.io.shot.open_source` opens files." if isinstance(shot, str | Path) else ""
+        raise ArgumentError("shot", got=shown(shot), want="a Shot", hint=hint)
+    files.check_apart(Path(checked_path("path", path)), shot.source)
     of_frames = ("render_size", "aov_names")  # the first frame has them
     info = {name: getattr(shot.info, name) for name in ShotInfo.__struct_fields__ if name not in of_frames}
     writer = ShotWriter(path, **info, resume=resume)
