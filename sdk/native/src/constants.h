@@ -97,7 +97,7 @@ constexpr float MIN_CHANGE = 0.004f;
 constexpr float MIN_SAMPLES = 0.001f;
 constexpr float MIN_BOX_WEIGHT = 0.5f;
 struct Config {
-    float sample_sigma = 0.46f;
+    float sample_sigma = 0.47f;
     float history_sharpness = 0.7f;
     float moment_sigma = 0.4f;
     float gamma_still = 1.3f;
@@ -106,10 +106,10 @@ struct Config {
     float gamma_time = 1.6f;
     float spread_samples = 14.0f;
     float spread_step = 0.15f;
-    float forget = 0.35f;
+    float forget = 0.5f;
     float samples = 18.0f;
     float blur_cost = 48.0f;
-    float speed_cost = 4.0f;
+    float speed_cost = 7.5f;
     float settled = 0.9f;
     float depth_margin = 0.005f;
     float depth_ramp = 0.05f;

@@ -31,7 +31,7 @@ MIN_BOX_WEIGHT = 0.5
 class TaauConfig:
     """Constants, tuned with `supersampler bench quality` and the analytic scenes of the tests."""
 
-    sample_sigma: Sigma = 0.46
+    sample_sigma: Sigma = 0.47
     """Gaussian of a sample's weight in the accumulated colour, display pixels."""
     history_sharpness: Number = 0.7
     """-a of the cubic that resamples the history; 0.5 is Catmull-Rom."""
@@ -50,14 +50,14 @@ class TaauConfig:
     spread_step: Number = 0.15
     """The deviation of a sample is limited to the average so far plus this: thin wires build it up over some
     frames, one firefly does not."""
-    forget: Number = 0.35
+    forget: Number = 0.5
     """Fraction of the samples that is dropped per half size of the box, by distance to the box."""
     samples: Number = 18.0
     """Maximum of the sample count: samples / (1 + blur_cost * blur^2 + speed_cost * speed)."""
     blur_cost: Number = 48.0
     """Reduction of that maximum by a full resampling blur. The blur of a cubic grows with the square of small
     offsets, so that a slow camera keeps more samples."""
-    speed_cost: Number = 4.0
+    speed_cost: Number = 7.5
     """Reduction of that maximum per display pixel of motion."""
     settled: Number = 0.9
     """Sample count from which on only samples near the centre are added, not the upsampled frame."""
