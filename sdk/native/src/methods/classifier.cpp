@@ -322,7 +322,7 @@ static ss_status compute(Step& step) {
     ClassifierWork& work = *static_cast<ClassifierWork*>(step.space.own);
     make_tables(step);
     fill_missing(step);
-    step.after.glares = may_glare(step);
+    step.after.glares = glaring_steps(step);
     make_work(step, work);
     step.workers().run_bands(divided_up(work.target.height, BAND), BAND_STAGES, step.space.bands,
                              [&](int stage, int band, int thread) {
@@ -335,7 +335,7 @@ static ss_status compute(Step& step) {
         for (int k = 0; k < SS_STAGES; k++) spent[k] += work.scratch[thread].spent[k];
     step.clock.divide(spent);
     if (!is_unconfirmed(step, work)) return SS_OK;
-    step.after.glares = true;
+    step.after.glares = History::GLARING_STEPS;
     run_tiles(step, computed_tiles(step), TILE, step.space.display,
               [&](Rect rect, int) { step.kernels().confirm_none(work, rect); });
     return SS_OK;
