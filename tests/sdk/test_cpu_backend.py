@@ -171,6 +171,8 @@ def test_a_state_holds_what_the_history_knows_of_glaring_light(models: Models, m
     spots = np.random.default_rng(0).random((18, 32)) < 0.1
     for index, light in ((6, 5000.0), (7, 500.0)):
         frames[index] = replace(frames[index], color=spoilt(frames[index].color, spots, light))
+    for index in range(7, 12):  # counts of glaring frames are interpolated
+        frames[index] = replace(frames[index], motion=np.full((18, 32, 2), 0.4, np.float32))
     onnx, upscaler = pair_of(models, method)
     for frame in frames:
         loaded = pair_of(models, method)[1]

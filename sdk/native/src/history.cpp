@@ -198,8 +198,7 @@ ss_status ss_history_write(ss_history* handle, int index, const float* values, s
             history.plane(tensor.plane)[at] = values[from];
             if (at % layout.plane[tensor.plane].channels == last) largest = max(largest, values[from]);
         });
-        if (layout.glare && strcmp(layout.glare, tensor.name) == 0)
-            history.glares = largest > 1.0f ? History::GLARING_STEPS : 0;
+        if (layout.glare && strcmp(layout.glare, tensor.name) == 0) history.glares = largest > 1.0f;
         if (layout.plane[tensor.plane].extent == Extent::SAMPLES) pad_rows(history, tensor.plane);
     }
     return succeed(error);

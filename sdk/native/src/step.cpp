@@ -180,9 +180,9 @@ void resample(Step& step) {
         [&](int y0, int y1) { step.kernels().dilate(s, y0, y1); });
 }
 
-int glaring_steps(const Step& step) {
-    if (step.space.samples.may_glare(0, step.space.samples.height - 1)) return History::GLARING_STEPS;
-    return rests_anywhere(step) ? step.before.glares : max(step.before.glares - 1, 0);  // pixels that rest keep counts
+bool may_glare(const Step& step) {
+    return step.space.samples.may_glare(0, step.space.samples.height - 1) ||
+           (step.before.glares && rests_anywhere(step));
 }
 
 PreviousFrame previous_frame(const History& history, int plane) {

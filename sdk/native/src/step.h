@@ -114,7 +114,7 @@ struct History {
     float values[MAX_VALUES] = {};
     float jitter[2] = {};
     float exposure = 0.0f;  // signed, see `followed_exposure`; 0: empty
-    int glares = 0;         // for how many more steps pixels may hold counts of glaring frames
+    bool glares = false;    // whether pixels may hold counts of glaring frames
     RestHistory rest = {};
     int64_t* generations;          // of tiles; in two histories equal ones mean equal planes
     int64_t frame_generation = 0;  // in two histories equal ones mean equal planes of samples
@@ -128,8 +128,6 @@ struct History {
     void mark(int64_t generation);  // all arrays
     void spoil() { mark(SPOILT); }  // after a step that did not end
 
-    // A count outlives the last glaring frame by one step, in which its place is still bright.
-    static constexpr int GLARING_STEPS = 2;
     static constexpr int64_t SPOILT = -1;  // equal to no other generation, as a history is written before it is read
 };
 size_t plane_values(const PlaneSpec& spec, Size display, Size render);
@@ -211,8 +209,8 @@ struct Step {
 
 void fill_missing(Step& step);  // computes what missing samples show; the exposure is known
 void make_tables(const Step& step);
-void resample(Step& step);            // fills and tones samples, dilates motion
-int glaring_steps(const Step& step);  // returns `History::glares` of the next history
+void resample(Step& step);         // fills and tones samples, dilates motion
+bool may_glare(const Step& step);  // whether a sample glares, or pixels that rest do
 PreviousFrame previous_frame(const History& history, int plane);
 // Calls function(rect, thread) on rectangles of pixels of an image of `size`, in which a tile has `unit` pixels.
 template <class Function>

@@ -247,6 +247,7 @@ static void make_work(const Step& step, ClassifierWork& work) {
     work.next_depth = step.after.plane(2);
     work.target = step.target, work.warps = step.space.warps;
     work.glares = step.after.glares || step.before.glares;
+    work.next_glares = &step.after.glares;
     work.flash = is_flash(step.frame, step.exposure, step.before.exposure);
     memset(work.gathered.rising, 0, sizeof(float) * step.target.height * work.gathered.pitch / LANES);
     for (int k = 0; k < step.model.pool.threads(); k++) memset(work.scratch[k].spent, 0, sizeof work.scratch[k].spent);
@@ -322,7 +323,7 @@ static ss_status compute(Step& step) {
     ClassifierWork& work = *static_cast<ClassifierWork*>(step.space.own);
     make_tables(step);
     fill_missing(step);
-    step.after.glares = glaring_steps(step);
+    step.after.glares = may_glare(step);
     make_work(step, work);
     step.workers().run_bands(divided_up(work.target.height, BAND), BAND_STAGES, step.space.bands,
                              [&](int stage, int band, int thread) {
@@ -335,7 +336,7 @@ static ss_status compute(Step& step) {
         for (int k = 0; k < SS_STAGES; k++) spent[k] += work.scratch[thread].spent[k];
     step.clock.divide(spent);
     if (!is_unconfirmed(step, work)) return SS_OK;
-    step.after.glares = History::GLARING_STEPS;
+    step.after.glares = true;
     run_tiles(step, computed_tiles(step), TILE, step.space.display,
               [&](Rect rect, int) { step.kernels().confirm_none(work, rect); });
     return SS_OK;

@@ -121,7 +121,7 @@ static ss_status compute(Step& step) {
     const Kernels& kernels = step.kernels();
     make_tables(step);
     resample(step);
-    step.after.glares = glaring_steps(step);
+    step.after.glares = may_glare(step);
     const Samples& s = work.samples = step.samples();
     work.tables = step.space.tables, work.target = step.target, work.config = step.model.config_of<Config>();
     work.history = step.before.plane(0), work.next_history = step.after.plane(0);
@@ -134,8 +134,7 @@ static ss_status compute(Step& step) {
     step.workers().run_rows(s.height, [&](int y0, int y1, int thread) { kernels.taau_shade(work, y0, y1, thread); });
     write_light(step, work);
     work.unconfirmed = step.after.values[3];
-    if (work.unconfirmed > 0.0f)  // the history keeps its counts
-        step.after.glares = max(step.after.glares, step.before.glares);
+    if (work.unconfirmed > 0.0f) step.after.glares |= step.before.glares;  // pixels keep their counts
     work.glares = work.unconfirmed > 0.0f || step.after.glares || step.before.glares;
     limit_samples(step, work);
     step.clock.enter(SS_FINISH);
