@@ -235,7 +235,8 @@ SS_API ss_status ss_encode_rgba(const ss_image* image, int width, int height, vo
                                 ss_error* error);
 
 /* Writes the mean of two images, (height, width, 3) packed linear RGB, to the first. It is weighted by (height, width) and
- * taken after the tone curve c / (1 + max(c)) of exposed colours, because the brighter of two linear values would dominate. */
+ * taken after the tone curve c / (1 + max(c)) of colours times exposure, which is more than 0, because the brighter of two
+ * linear values would dominate. */
 SS_API ss_status ss_merge_images(float* image, const float* other, const float* weight, const float* other_weight,
                                  int width, int height, float exposure, ss_error* error);
 

@@ -360,16 +360,25 @@ ss_status check_apart(const StepCall& call, const StepCall& other, ss_error* err
     const ss_frame& f = other.frame;
     const struct {
         const char* name;
-        const void* data;
-    } written[] = {{"image", own.image.data}, {"weight", own.weight.data}, {"converged", own.converged.data}},
-      used[] = {{"image", outputs.image.data}, {"weight", outputs.weight.data}, {"converged", outputs.converged.data},
-                {"color", f.color.data},       {"depth", f.depth.data},         {"motion", f.motion.data},
-                {"reactive", f.reactive.data}};
-    for (int k = 0; k < 3; k++)
-        for (int j = 0; j < 7; j++)
-            if (written[k].data && written[k].data == used[j].data && (&call != &other || k != j))
+        const ss_image& image;
+    } written[] = {{"image", own.image}, {"weight", own.weight}, {"converged", own.converged}},
+      used[] = {{"image", outputs.image},
+                {"weight", outputs.weight},
+                {"converged", outputs.converged},
+                {"color", f.color},
+                {"depth", f.depth},
+                {"motion", f.motion},
+                {"reactive", f.reactive},
+                {"base_color", f.base_color},
+                {"normal", f.normal},
+                {"display_base_color", f.display_base_color},
+                {"display_normal", f.display_normal},
+                {"display_depth", f.display_depth}};
+    for (const auto& to : written)
+        for (const auto& use : used)
+            if (to.image.data && to.image.data == use.image.data && &to.image != &use.image)
                 return fail(error, SS_BAD_ARGUMENT, "%s is in the memory of %s%s; want memory that nothing else uses",
-                            written[k].name, used[j].name, &call == &other ? "" : " of another view");
+                            to.name, use.name, &call == &other ? "" : " of another view");
     return SS_OK;
 }
 
