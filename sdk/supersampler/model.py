@@ -23,9 +23,9 @@ from supersampler.arguments import (
 )
 from supersampler.backends.base import Executor, StepReport, StepRequest
 from supersampler.backends.cpu.executor import CpuExecutor
-from supersampler.backends.cpu.ids import IdHistory, IdRequest, check_ids, resample_ids
+from supersampler.backends.cpu.ids import IdHistory, IdRequest, resample_ids
 from supersampler.backends.cpu.library import aligned
-from supersampler.backends.onnx.executor import AovBlender, OnnxExecutor, check_aovs
+from supersampler.backends.onnx.executor import AovBlender, OnnxExecutor
 from supersampler.backends.onnx.runtime import CPU, resolve_providers
 from supersampler.backends.onnx.session import pixels_of, vector_inputs
 from supersampler.backends.onnx.tensors import (
@@ -298,9 +298,11 @@ class Model:
         for name in outputs:
             checked_choice("outputs", name, ("aovs", "ids", *self.info.maps))
         if "aovs" in outputs:
-            check_aovs(None if frame.aovs is None else frame.aovs.shape[2], self._aov_channels(previous))
+            channels = None if frame.aovs is None else frame.aovs.shape[2]
+            _check_channels("aovs", channels, self._aov_channels(previous))
         if "ids" in outputs:
-            check_ids(frame, None if previous is None else previous.ids)
+            before = None if previous is None or previous.ids is None else previous.ids.ids.shape[2]
+            _check_channels("ids", None if frame.ids is None else frame.ids.shape[2], before)
         if out is not None:
             check_out(out, (*display_size[::-1], 3), arrays_of(frame))
 
@@ -436,7 +438,7 @@ class Model:
         """
         self._check_histories(history, history_out)
         if frame.aovs is not None:
-            check_aovs(frame.aovs.channels, self._aov_channels(history))
+            _check_channels("aovs", frame.aovs.channels, self._aov_channels(history))
         check_ratio(self.info.ratios, frame.size, history.display_size)
         next_history = self._next_history(history_out, history.display_size, frame.size)
         self.gpu.encode(
@@ -532,3 +534,12 @@ class Model:
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers, kind=self._kind)
         return History(display, render, self._executor.zeros(display, render), kind=self._kind)
+
+
+def _check_channels(name: str, channels: int | None, before: int | None) -> None:
+    """Raise FrameError unless a frame has "aovs" or "ids", with as many channels as the history, if any."""
+    if channels is None:
+        raise FrameError(name, got=None, want=f"(h, w, k), because {name} are requested")
+    if before not in (None, channels):
+        want = f"{before} channels as before, or a reset"
+        raise FrameError(name, got=f"{channels} channels", want=want)

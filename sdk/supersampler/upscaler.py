@@ -281,7 +281,7 @@ class Upscaler:
         upscalers: "Sequence[Upscaler]",
         frames: Sequence[Frame],
         *,
-        out: Sequence[Float32] | Float32 | None = ...,
+        out: Sequence[Float32 | None] | Float32 | None = ...,
         outputs: tuple[()] = (),
     ) -> list[Float32]: ...
 
@@ -291,7 +291,7 @@ class Upscaler:
         upscalers: "Sequence[Upscaler]",
         frames: Sequence[Frame],
         *,
-        out: Sequence[Float32] | Float32 | None = ...,
+        out: Sequence[Float32 | None] | Float32 | None = ...,
         outputs: _Names,
     ) -> list[StepResult]: ...
 
@@ -301,7 +301,7 @@ class Upscaler:
         upscalers: "Sequence[Upscaler]",
         frames: Sequence[Frame],
         *,
-        out: Sequence[Float32] | Float32 | None = None,
+        out: Sequence[Float32 | None] | Float32 | None = None,
         outputs: Collection[str] = (),
     ) -> list[Float32] | list[StepResult]:
         """Upscale the next frame of each of several cameras, as for robot simulators, stereo and thumbnails.
@@ -317,8 +317,8 @@ class Upscaler:
         Args:
             upscalers: different Upscalers of one Model, one for each view.
             frames: the next frame of each view.
-            out: (H, W, 3) float32 arrays to write the images to, one for each view, or one array
-                (N, H, W, 3).
+            out: (H, W, 3) float32 arrays to write the images to, one for each view (None: a new one), or one
+                array (N, H, W, 3).
             outputs: see `step`; the same for all views.
 
         Returns:
@@ -798,7 +798,7 @@ class Upscaler:
 
 
 def _checked_views(
-    upscalers: Sequence[Upscaler], frames: Sequence[Frame], out: Sequence[Float32] | Float32 | None
+    upscalers: Sequence[Upscaler], frames: Sequence[Frame], out: Sequence[Float32 | None] | Float32 | None
 ) -> tuple[list[Upscaler], list[Frame]]:
     """Return Upscalers and frames of `step_many`; raise ArgumentError unless they belong together."""
     for name, given in (("upscalers", upscalers), ("frames", frames), ("out", () if out is None else out)):
@@ -823,17 +823,17 @@ def _checked_views(
     return upscalers, frames
 
 
-def _check_apart(out: Sequence[Float32] | Float32 | None, frames: Sequence[Frame]) -> None:
+def _check_apart(out: Sequence[Float32 | None] | Float32 | None, frames: Sequence[Frame]) -> None:
     """Raise ArgumentError where the image of a view is in memory that another view reads or writes."""
     if out is None:
         return
-    arrays = [(view, "image", image) for view, image in enumerate(out)]
+    arrays = [(view, "image", image) for view, image in enumerate(out) if image is not None]
+    images = slice(len(arrays))
     arrays += [(view, "frame", array) for view, frame in enumerate(frames) for array in arrays_of(frame)]
     low, high = np.array([byte_bounds(array) for _, _, array in arrays]).T
-    images = slice(len(out))
-    for view, index in np.argwhere((low[images, None] < high) & (low < high[images, None])).tolist():
-        other, kind, array = arrays[index]
-        if other != view and np.shares_memory(out[view], array):
+    for place, index in np.argwhere((low[images, None] < high) & (low < high[images, None])).tolist():
+        (view, _, image), (other, kind, array) = arrays[place], arrays[index]
+        if other != view and np.shares_memory(image, array):
             want = "memory that no other view reads or writes"
             error = ArgumentError("out", got=f"memory of the {kind} of view {other}", want=want)
             error.name_view(view)

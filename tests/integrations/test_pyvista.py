@@ -699,6 +699,7 @@ def test_scenes_of_the_gallery_are_those_of_plain_pyvista(name: str) -> None:
 
 
 def test_other_things_than_an_open_plotter_are_refused(plotter: Any) -> None:
+    plotter.enable_anti_aliasing("ssaa")
     with pytest.raises(ArgumentError, match="plotter is 3; want an open"):
         enable_supersampling(3)
     with pytest.raises(ArgumentError, match=r"scale is 0\.5; want a number >= 1"):
@@ -711,6 +712,7 @@ def test_other_things_than_an_open_plotter_are_refused(plotter: Any) -> None:
         SupersampledWindow(None, [])
     with pytest.raises(ArgumentError, match="want renderers of the window"):
         SupersampledWindow(plotter.render_window, [vtkRenderer()])
+    assert plotter.renderer.GetPass() is not None, "a refused call leaves anti-aliasing on"
     plotter.close()
     with pytest.raises(ArgumentError, match="plotter is closed"):
         enable_supersampling(plotter)

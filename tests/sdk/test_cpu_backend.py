@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cpu_models import cpu_model
 from extrapolated_noise import spoilt
 from method_lists import WITH_KERNELS as METHODS
 from noise import Size, noise
+from rest_scenes import RestScene, wave
 from shared_models import shared_model
 from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.arguments import ExecutorName
@@ -27,6 +29,7 @@ SIZES = [
 BYTES, LARGE, ROUNDING = (3e-3, 0.03), (3.3e-3, 0.03), (1e-5, 1e-3)
 """Mean difference, and that at 99 % of the pixels, of images in [0, 1]: with an int8 network, with one whose
 history is larger, without."""
+NETWORKS = {"classifier": BYTES, "classifier-small": BYTES, "classifier-large": LARGE}
 BRIGHT = (2e-5, 1e-3)
 """Without a network, where light is beyond half floats: toned, it is a few steps of rounding below 1."""
 
@@ -51,28 +54,46 @@ def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
 
 def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, float] = ROUNDING) -> None:
     off = np.abs(display_transform(one) - display_transform(other))
-    networks = {"classifier": BYTES, "classifier-small": BYTES, "classifier-large": LARGE}
-    mean, most = networks.get(method, rounding)
+    mean, most = NETWORKS.get(method, rounding)
     assert off.mean() <= mean
     assert np.quantile(off, 0.99) <= most
 
 
-@pytest.mark.parametrize(
-    ("method", "render", "display"),
-    [
-        (method, render, display)
-        for method in METHODS
-        for render, display in SIZES
-        if method != "classifier-large" or 2 * render[1] >= display[1]
-    ],
-)
-def test_the_cpu_backend_computes_what_the_onnx_backend_computes(
-    models: Models, method: str, render: Size, display: Size
+def hostile(render: Size) -> list[Frame]:
+    """Noise, some of it missing, out of range or without an end, and a reactive mask."""
+    frames = [noise(index, render) for index in range(5)]
+    color, depth, motion = (np.array(a) for a in (frames[1].color, frames[1].depth, frames[1].motion))
+    if render[1] > 9:
+        color[2:5], color[6], color[7], color[8], color[1, 1] = np.nan, np.inf, -1.0, 1e6, np.nan
+        depth[3], depth[4], depth[5] = np.nan, -1.0, np.inf
+        motion[0], motion[1] = np.nan, np.inf
+    mask = np.linspace(0.0, 1.0, depth.size, dtype=np.float32).reshape(depth.shape)
+    frames[1] = replace(frames[1], color=color, depth=depth, motion=motion)
+    frames[3] = replace(frames[3], reactive=mask)
+    return frames
+
+
+@pytest.mark.parametrize("instructions", ["", "avx2", "portable"])
+@pytest.mark.parametrize("method", ["bilinear", "bicubic", *METHODS])
+def test_every_instruction_set_computes_what_the_onnx_backend_computes(
+    method: str, instructions: str
 ) -> None:
-    frames = [noise(seed, render) for seed in range(4)]
-    for one, other in step_both(models, method, frames, display):
-        compare(one.image, other.image, method)
-        assert np.abs(one.weight - other.weight).mean() <= 0.05
+    kernels = cpu_model(method, threads=2, instructions=instructions)
+    outputs = ("weight",) if method in METHODS else ()
+    for render, display in SIZES:
+        if method == "classifier-large" and 2 * render[1] < display[1]:
+            continue
+        ours, theirs = (
+            Upscaler(model, display_size=display, validate="off")
+            for model in (kernels, shared_model(method, "onnx"))
+        )
+        for frame in map(noise, range(4), [render] * 4) if method in NETWORKS else hostile(render):
+            results: list[Any] = [upscaler.step(frame, outputs=outputs) for upscaler in (ours, theirs)]
+            one, other = results
+            if outputs:
+                assert np.abs(one.weight - other.weight).mean() <= 0.05
+                one, other = one.image, other.image
+            compare(one, other, method)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -86,6 +107,16 @@ def test_hostile_pixels_are_alike_on_both(models: Models, method: str, bad: floa
         assert np.isfinite(other.image).all()
         assert other.image.min() >= 0
         compare(one.image, other.image, method, BRIGHT if bad > 1e4 else ROUNDING)
+
+
+def test_what_stands_still_converges_on_both(models: Models) -> None:
+    scene = RestScene(wave, mover=True, render=(40, 24))
+    one, other = pair_of(models, "taau", scene.display)
+    for frame, _ in scene.frames(75):
+        compare(one.step(frame), other.step(frame), "taau", (1e-4, 6e-3))
+    ages = [history_of(upscaler)["history.static_blocks"][0, 0] for upscaler in (one, other)]
+    assert (ages[0] < 0.0).any()
+    np.testing.assert_array_equal(ages[0] < 0.0, ages[1] < 0.0)
 
 
 def test_a_frame_that_is_a_flash_does_the_same_on_both(models: Models) -> None:
@@ -163,6 +194,24 @@ def test_a_state_goes_from_one_backend_to_the_other(models: Models, method: str)
     compare(one.step(noise(3)), other.step(noise(3)), method)
     one.load_state(other.save_state())
     compare(one.step(noise(4)), other.step(noise(4)), method)
+
+
+@pytest.mark.parametrize("method", ["taau", "classifier", "classifier-small"])
+def test_a_state_holds_what_the_history_knows_of_glaring_light(models: Models, method: str) -> None:
+    frames = [replace(frame, exposure=1.0) for frame in still((32, 18))[:12]]
+    spots = np.random.default_rng(0).random((18, 32)) < 0.1
+    for index, light in ((6, 5000.0), (7, 500.0)):
+        frames[index] = replace(frames[index], color=spoilt(frames[index].color, spots, light))
+    for index in range(7, 12):  # counts of glaring frames are interpolated
+        frames[index] = replace(frames[index], motion=np.full((18, 32, 2), 0.4, np.float32))
+    onnx, upscaler = pair_of(models, method)
+    for frame in frames:
+        loaded = pair_of(models, method)[1]
+        loaded.load_state(upscaler.save_state())
+        image = upscaler.step(frame)
+        np.testing.assert_array_equal(loaded.step(frame), image)
+        if method == "taau":  # int8 differs more where light glares
+            compare(onnx.step(frame), image, method, BRIGHT)
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,16 @@ import torch
 
 from gpu_steps import device_or_skip
 from method_backends import BACKENDS, make
-from supersampler import ArgumentError, Frame, Upscaler, halton_jitter
+from supersampler import Frame, Upscaler, halton_jitter
 from supersampler_bench.specs import with_default_gbuffers
 from supersampler_model.ops.color import filled
 
 RENDER = (17, 13)
 SHADED = [(name, kind) for name, kind in BACKENDS if not name.startswith(("guided", "extrapolate"))]
+ON_GPU = [
+    pytest.param(name, "gpu", marks=pytest.mark.long)  # software Vulkan
+    for name in ("taa", "taau", "classifier", "classifier-large")
+]
 
 
 def plate(index: int, upscaler: Upscaler, lost: Any, channels: Any = slice(None)) -> Frame:
@@ -32,18 +36,21 @@ def plate(index: int, upscaler: Upscaler, lost: Any, channels: Any = slice(None)
     return with_default_gbuffers(frame, upscaler.gbuffers, upscaler.display_size or RENDER)
 
 
-def assert_shows_what_is_near(upscaler: Upscaler) -> None:
+def upscaler_or_skip(method: str, executor: str, **options: Any) -> Upscaler:
+    if executor == "gpu":
+        device_or_skip()
+    return make(method, executor, **options)
+
+
+@pytest.mark.parametrize(("method", "executor"), [*SHADED, *ON_GPU])
+def test_a_hole_in_every_frame_is_filled_from_its_surroundings(method: str, executor: str) -> None:
+    upscaler = upscaler_or_skip(method, executor)
     y, x = np.mgrid[: RENDER[1], : RENDER[0]]
     lost = np.hypot(x - 8, y - 6) < 4.5
     for index in range(12):
         image = upscaler.step(plate(index, upscaler, lost))
         assert image.min() > 0.3, f"frame {index}"
         assert image.max() < 0.5, f"frame {index}"
-
-
-@pytest.mark.parametrize(("method", "executor"), SHADED)
-def test_a_hole_in_every_frame_is_filled_from_its_surroundings(method: str, executor: str) -> None:
-    assert_shows_what_is_near(make(method, executor))
 
 
 @pytest.mark.parametrize(("method", "executor"), SHADED)
@@ -56,7 +63,15 @@ def test_a_sample_that_lacks_one_channel_is_missing_as_a_whole(method: str, exec
         np.testing.assert_array_equal(image, all_of_them.step(plate(index, all_of_them, lost)))
 
 
-def assert_shows_the_history(upscaler: Upscaler) -> None:
+@pytest.mark.parametrize(
+    ("method", "executor"),
+    [
+        *(pair for pair in SHADED if pair[0] in ("taau", "gbuffer-fast") or pair[0].startswith("classifier")),
+        *ON_GPU[1:],
+    ],
+)
+def test_a_hole_of_some_frames_shows_and_keeps_the_history(method: str, executor: str) -> None:
+    upscaler = upscaler_or_skip(method, executor, at_rest="off")
     nothing, all_of_it = np.zeros(RENDER[::-1], bool), np.ones(RENDER[::-1], bool)
     weights = []
     for index in range(14):
@@ -65,27 +80,6 @@ def assert_shows_the_history(upscaler: Upscaler) -> None:
         np.testing.assert_allclose(done.image, 0.4, atol=0.02, err_msg=f"frame {index}")
         weights.append(float(done.weight.mean()))
     assert weights[12] > 0.8 * weights[7]
-
-
-@pytest.mark.long  # runs software Vulkan
-@pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-large"])
-def test_a_hole_shows_what_is_near_or_the_history_on_the_gpu(method: str) -> None:
-    device_or_skip()
-    try:
-        upscaler = make(method, "gpu", at_rest="off")
-    except ArgumentError as error:
-        pytest.skip(str(error))
-    assert_shows_what_is_near(upscaler)
-    if method != "taa":
-        assert_shows_the_history(upscaler)
-
-
-@pytest.mark.parametrize(
-    ("method", "executor"),
-    [pair for pair in SHADED if pair[0] in ("taau", "gbuffer-fast") or pair[0].startswith("classifier")],
-)
-def test_a_hole_of_some_frames_shows_and_keeps_the_history(method: str, executor: str) -> None:
-    assert_shows_the_history(make(method, executor, at_rest="off"))
 
 
 def test_fills_are_never_brighter_than_the_brightest_sample_nor_not_a_number() -> None:

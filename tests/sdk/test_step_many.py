@@ -57,6 +57,8 @@ def test_images_are_written_to_one_array_of_all_views() -> None:
     for upscaler, frame, image in zip(views, frames, out, strict=True):
         upscaler.reset()
         np.testing.assert_array_equal(upscaler.step(frame), image)
+    some = Upscaler.step_many(views, frames, out=[out[0], None, None])
+    assert [np.shares_memory(image, out) for image in some] == [True, False, False]
 
 
 @pytest.mark.parametrize(("view", "other"), [(0, 1), (1, 0)])

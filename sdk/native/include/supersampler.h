@@ -7,7 +7,7 @@
  *     if (ss_upscaler_create(model, 1920, 1080, &upscaler, &error) != SS_OK) { puts(error.message); return 1; }
  *     for (each frame) ss_step(upscaler, &frame, &outputs, &error);
  *
- * Functions return SS_OK or an error. The message in `error`, which may be NULL, names the value received, the value
+ * Functions return SS_OK or an error. The message in `error`, which may be NULL, states the value received, the value
  * expected, and how to fix it. An error leaves the history unchanged. There is no global state: models are independent.
  *
  * Threads: a model may be used by several threads at once. An upscaler or a history is used by one thread at a time.
@@ -56,8 +56,8 @@ SS_API int ss_version(void);
 
 typedef struct ss_model ss_model;
 
-/* How a model allocates, works and reports. Zeros choose the defaults. Functions may be called from any thread that
- * uses the model, and from its own threads; `user` is passed on. They must not call into this library. */
+/* Memory, threads and messages of a model. Zeros choose the defaults. The callbacks get `user`. They are called on any thread
+ * that uses the model, and on its own threads, and must not call into this library. */
 typedef struct ss_options {
     int threads; /* threads that work on a step, the calling one included; 0: one for each core */
     /* Calls task(context, 0) to task(context, count - 1), on up to `threads` threads, and returns when all have
@@ -72,13 +72,13 @@ typedef struct ss_options {
                                  "portable" */
 } ss_options;
 
-/* Creates a model of a method without a network ("bilinear", "bicubic", "taa", "taau"; "guided-warp" for
- * `ss_extrapolate`), or a shipped one by its name.
+/* Creates a model that the library contains: "bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small",
+ * "classifier-large" or "gbuffer-fast"; "guided-warp" is for `ss_extrapolate`.
  *
  * SS_BAD_ARGUMENT: there is no such model, or the CPU lacks the instructions that `options` names. */
 SS_API ss_status ss_model_create(const char* name, const ss_options* options, ss_model** model, ss_error* error);
 
-/* Creates a model from the bytes of its file, which are copied. They begin at a multiple of 8, as memory of malloc does. */
+/* Creates a model from the bytes of its file, which are copied. `bytes` is aligned to 8, as malloc aligns it. */
 SS_API ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_options* options,
                                             ss_model** model, ss_error* error);
 
@@ -136,15 +136,15 @@ typedef enum ss_stage {
 /* Returns the name of a stage: "preprocess"; NULL from SS_STAGES on. */
 SS_API const char* ss_stage_name(int stage);
 
-/* Results of a step. Images are of display size; those without data cost nothing. Nothing else uses their memory: neither
- * another output, of this view or of another, nor the frame. */
+/* Results of a step. Images have display size; those whose data is NULL are not computed. Their memory overlaps neither that
+ * of another output, of this view or of another, nor that of the frames. */
 typedef struct ss_outputs {
     ss_image image;     /* 3 channels: linear RGB, finite, >= 0, in the units of the colour */
     ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1] */
     ss_image converged; /* 1 channel: 1 where the image is frozen, else 0 */
-    int compute_all;    /* 1: also compute frozen tiles, for tests; it changes no bit */
+    int compute_all;    /* 1: also compute frozen tiles, for tests; the images are the same, bit for bit */
     double* seconds;    /* SS_STAGES wall times by stage, or NULL */
-    /* called now and then on the calling thread; returns other than 0 to end the step. Or NULL */
+    /* polled on the calling thread during the step: a result other than 0 cancels it; or NULL */
     int (*cancelled)(void* user);
     void* user;
 } ss_outputs;
@@ -174,7 +174,7 @@ SS_API ss_status ss_step_many(ss_upscaler* const* upscalers, const ss_frame* fra
 SS_API void ss_reset(ss_upscaler* upscaler);
 
 typedef struct ss_stats {
-    int64_t frames;       /* steps that have ended */
+    int64_t frames;       /* completed steps */
     float converged;      /* fraction of the image that is frozen, [0, 1] */
     size_t history_bytes; /* of both histories once they have converged */
 } ss_stats;
@@ -235,7 +235,8 @@ SS_API ss_status ss_encode_rgba(const ss_image* image, int width, int height, vo
                                 ss_error* error);
 
 /* Writes the mean of two images, (height, width, 3) packed linear RGB, to the first. It is weighted by (height, width) and
- * taken after the tone curve c / (1 + max(c)) of exposed colours, because the brighter of two linear values would dominate. */
+ * taken after the tone curve c / (1 + max(c)) of colours times exposure, which is more than 0, because the brighter of two
+ * linear values would dominate. */
 SS_API ss_status ss_merge_images(float* image, const float* other, const float* weight, const float* other_weight,
                                  int width, int height, float exposure, ss_error* error);
 

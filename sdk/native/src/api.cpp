@@ -187,10 +187,10 @@ ss_status ss_required_bytes(ss_model* handle, int display_width, int display_hei
     Model& model = *model_of(handle);
     *history = history_of(made)->most_bytes();
     ss_history_destroy(made);
-    Space* space = model.borrow({width, height}, {display_width, display_height});
-    if (!space) return fail(error, SS_NO_MEMORY, "no memory for the work buffers of a step");
-    *working = space->arena.bytes();
-    model.give_back(space);
+    StepBuffers* buffers = model.borrow({width, height}, {display_width, display_height});
+    if (!buffers) return fail(error, SS_NO_MEMORY, "no memory for the work buffers of a step");
+    *working = buffers->arena.bytes();
+    model.give_back(buffers);
     return succeed(error);
 }
 

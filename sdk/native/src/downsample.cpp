@@ -29,21 +29,21 @@ static void make_axis(int display, int large, int pitch, int32_t* pixels, float*
     }
 }
 
-bool make_downsampling(const Model& model, Space& space) {
-    DownsampleWork& w = space.downsampling;
-    const Size display = space.image_size, large = space.display;
+bool make_downsampling(const Model& model, StepBuffers& buffers) {
+    DownsampleWork& w = buffers.downsampling;
+    const Size display = buffers.image_size, large = buffers.display;
     w.size = large;
     w.row_pitch = up_to(display.height, LANES), w.column_pitch = up_to(display.width, LANES);
-    float* image = space.arena.take<float>(static_cast<size_t>(3) * large.width * large.height);
+    float* image = buffers.arena.take<float>(static_cast<size_t>(3) * large.width * large.height);
     w.image = image;
-    w.rows = space.arena.take<int32_t>(TAPS * w.row_pitch),
-    w.columns = space.arena.take<int32_t>(TAPS * w.column_pitch);
-    w.row_weights = space.arena.take<float>(TAPS * w.row_pitch),
-    w.column_weights = space.arena.take<float>(TAPS * w.column_pitch);
+    w.rows = buffers.arena.take<int32_t>(TAPS * w.row_pitch),
+    w.columns = buffers.arena.take<int32_t>(TAPS * w.column_pitch);
+    w.row_weights = buffers.arena.take<float>(TAPS * w.row_pitch),
+    w.column_weights = buffers.arena.take<float>(TAPS * w.column_pitch);
     w.scratch_pitch = static_cast<size_t>(RING + 1) * 4 * up_to(large.width, LANES) + 4 * LANES;
-    w.scratch = space.arena.take<float>(w.scratch_pitch * model.pool.threads());
-    space.weight = space.arena.take<float>(static_cast<size_t>(large.width) * large.height);
-    if (space.arena.failed()) return false;
+    w.scratch = buffers.arena.take<float>(w.scratch_pitch * model.pool.threads());
+    buffers.weight = buffers.arena.take<float>(static_cast<size_t>(large.width) * large.height);
+    if (buffers.arena.failed()) return false;
     make_axis(display.height, large.height, w.row_pitch, w.rows, w.row_weights);
     make_axis(display.width, large.width, w.column_pitch, w.columns, w.column_weights);
     return true;

@@ -76,6 +76,7 @@ ss_status ss_merge_images(float* image, const float* other, const float* weight,
                           int height, float exposure, ss_error* error) {
     if (!image || !other || !weight || !other_weight) return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     if (ss_status status = check_size(width, height, "the image", error)) return status;
+    if (!(exposure > 0.0f)) return fail(error, SS_BAD_ARGUMENT, "exposure is %g; want more than 0", exposure);
     const Kernels& kernels = *find_kernels(nullptr);
     const IeeeArithmetic arithmetic;
     for (ptrdiff_t y = 0; y < height; y++)
@@ -135,6 +136,8 @@ ss_status ss_scatter_motion(const ss_scatter* s, float* motion, float* mismatch,
         return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     if (ss_status status = check_size(s->width, s->height, "the frame", error)) return status;
     if (ss_status status = check_size(s->next_width, s->next_height, "the next frame", error)) return status;
+    if (ss_status status = check_jitter(s->jitter, error)) return status;
+    if (ss_status status = check_jitter(s->next_jitter, error)) return status;
     const IeeeArithmetic arithmetic;
     const int width = s->width, height = s->height;
     const ptrdiff_t pixels = static_cast<ptrdiff_t>(width) * height;

@@ -117,8 +117,9 @@ struct ClassifierWork {
     Network* network;
     WarpScratch* warps;
     ClassifierScratch* scratch;
-    bool glares;  // whether the frame or the history may have light over GLARE_EXPOSED
-    bool flash;   // whether all light of the frame is unconfirmed
+    bool glares;        // whether the frame or the history may have light over GLARE_EXPOSED
+    bool* next_glares;  // set where a pixel of the next history has counts of frames with such light
+    bool flash;         // whether all light of the frame is unconfirmed
 };
 
 }  // namespace ss

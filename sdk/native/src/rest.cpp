@@ -45,11 +45,11 @@ void RestHistory::release(const Allocator& allocator) {
 
 // Work buffers ------------------------------------------------------------------------------------------------------
 
-bool make_rest(Space& space, RestWork& w) {
-    const Size render = space.render, display = space.image_size, own = space.display, blocks = blocks_of(render);
+bool make_rest(StepBuffers& buffers, RestWork& w) {
+    const Size render = buffers.render, display = buffers.image_size, own = buffers.display, blocks = blocks_of(render);
     const size_t count = static_cast<size_t>(blocks.width) * blocks.height;
     const size_t tiles = static_cast<size_t>(tiles_of(own).width) * tiles_of(own).height;
-    Arena& arena = space.arena;
+    Arena& arena = buffers.arena;
     w.display = display;
     StaticBlocks& s = w.blocks;
     s.size = blocks;
@@ -521,11 +521,11 @@ bool compare_with_rest(Step& step, RestWork& w, const RestHistory& before, RestH
 }
 
 bool plan_tiles(const Step& step, RestWork& w, bool compute_all) {
-    const Size tiles = tiles_of(step.space.display);
+    const Size tiles = tiles_of(step.buffers.display);
     const size_t count = static_cast<size_t>(tiles.width) * tiles.height;
     StaticBlocks& s = w.blocks;
     for (int block = 0; block < s.count(); block++) s.spare[block] = !s.stays[block];
-    any_in_tiles(s.spare, s.size.width, step.space.display, w.own_row_blocks, w.own_column_blocks, w.tiles);
+    any_in_tiles(s.spare, s.size.width, step.buffers.display, w.own_row_blocks, w.own_column_blocks, w.tiles);
     for (size_t k = 0; k < count; k++) {
         w.resting[k] = !w.tiles[k];
         w.computed[k] = compute_all || w.tiles[k];

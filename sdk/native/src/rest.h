@@ -8,7 +8,7 @@
 namespace ss {
 
 struct Model;
-struct Space;
+struct StepBuffers;
 
 // of a block: samples; residuals, RGB; samples, RGB; mean there, RGB; squares of the first two
 constexpr int SUMS = 12;

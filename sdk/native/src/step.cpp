@@ -146,7 +146,7 @@ static void read_samples(Step& step) {
                           view_of(f.motion, f.width, 2),
                           view_of(f.reactive, f.width, 1),
                           step.target.pre_exposure,
-                          step.space.scratch,
+                          step.buffers.scratch,
                           static_cast<size_t>(up_to(3 * f.width, LANES))};
     if (!step.model.method->reads_surfaces) images.depth.data = nullptr;
     if (!step.model.method->reads_motion) images.motion.data = nullptr;
@@ -169,7 +169,7 @@ void fill_missing(Step& step) {
 }
 
 void make_tables(const Step& step) {
-    step.kernels().make_tables(step.space.tables, step.frame.jitter[0], step.frame.jitter[1]);
+    step.kernels().make_tables(step.buffers.tables, step.frame.jitter[0], step.frame.jitter[1]);
 }
 
 void resample(Step& step) {
@@ -181,7 +181,7 @@ void resample(Step& step) {
 }
 
 bool may_glare(const Step& step) {
-    return step.space.samples.may_glare(0, step.space.samples.height - 1) ||
+    return step.buffers.samples.may_glare(0, step.buffers.samples.height - 1) ||
            (step.before.glares && rests_anywhere(step));
 }
 
@@ -197,8 +197,8 @@ PreviousFrame previous_frame(const History& history, int plane) {
 static void keep_tiles(Step& step, int64_t generation, bool computes) {
     const History& before = step.before;
     History& after = step.after;
-    RestWork& w = step.space.rest;
-    const Size tiles = tiles_of(step.space.display);
+    RestWork& w = step.buffers.rest;
+    const Size tiles = tiles_of(step.buffers.display);
     const int count = tiles.width * tiles.height;
     bool any_stale = false;
     for (int k = 0; k < count; k++) {
@@ -213,7 +213,7 @@ static void keep_tiles(Step& step, int64_t generation, bool computes) {
             const PlaneSpec& plane = layout.plane[k];
             if (plane.extent == Extent::SAMPLES) continue;
             const bool half = plane.extent == Extent::HALF;
-            const Size size = half ? half_of(step.space.display) : step.space.display;
+            const Size size = half ? half_of(step.buffers.display) : step.buffers.display;
             const size_t pixel = static_cast<size_t>(plane.channels) * (plane.bytes ? 1 : sizeof(float));
             run_tiles(step, w.copy_runs, half ? TILE / 2 : TILE, size, [&](Rect rect, int) {
                 for (int y = rect.y0; y < rect.y1; y++) {
@@ -237,7 +237,7 @@ static void keep_tiles(Step& step, int64_t generation, bool computes) {
         if (layout.plane[k].extent == Extent::SAMPLES &&
             (computes || after.frame_generation != before.frame_generation))
             memcpy(after.planes[k], before.planes[k],
-                   sizeof(float) * plane_values(layout.plane[k], step.space.display, before.render));
+                   sizeof(float) * plane_values(layout.plane[k], step.buffers.display, before.render));
     after.frame_generation = before.frame_generation;
 }
 
@@ -252,11 +252,11 @@ static void copy_image(Step& step, const View& from, const View& to, float facto
 static ss_status compute(Step& step) {
     if (!step.model.method->larger) return step.model.method->compute(step);
     const Target shown = step.target;
-    const Size large = step.space.display;
-    DownsampleWork& w = step.space.downsampling;
+    const Size large = step.buffers.display;
+    DownsampleWork& w = step.buffers.downsampling;
     ss_image image = {}, plane = {};
     image.data = const_cast<float*>(w.image);
-    plane.data = shown.weight ? step.space.weight : nullptr;
+    plane.data = shown.weight ? step.buffers.weight : nullptr;
     step.target = {view_of(image, large.width, 3), view_of(plane, large.width, 1), large.width, large.height, 1.0f};
     ss_status status = step.model.method->compute(step);
     step.target = shown;
@@ -266,17 +266,17 @@ static ss_status compute(Step& step) {
     step.workers().run_rows(shown.height, [&](int y0, int y1, int thread) {
         step.kernels().downsample_rows(w, y0, y1, thread);
         if (shown.weight)
-            step.kernels().pick_pixels(step.space.weight, large, shown.weight, {shown.width, shown.height}, y0, y1);
+            step.kernels().pick_pixels(step.buffers.weight, large, shown.weight, {shown.width, shown.height}, y0, y1);
     });
     return SS_OK;
 }
 
 static ss_status run_stages(Step& step, const ss_outputs& outputs) {
     History& after = step.after;
-    RestWork& w = step.space.rest;
+    RestWork& w = step.buffers.rest;
     Samples& s = step.samples();
     const Target own = step.target;
-    const Size tiles = tiles_of(step.space.display);
+    const Size tiles = tiles_of(step.buffers.display);
     read_samples(step);
     step.exposure = exposure_of(step.frame, s, step.before.exposure);
     s.exposure = fabsf(step.exposure);
@@ -300,11 +300,11 @@ static ss_status run_stages(Step& step, const ss_outputs& outputs) {
         computes = plan_tiles(step, w, outputs.compute_all || outputs.weight.data);
         const bool readable = own.image.type == SS_FLOAT32 && own.image.is_packed<float>(3) && own.pre_exposure == 1.0f;
         if (w.blocks.is_active && !readable) {
-            if (!step.space.image)
-                step.space.image = step.space.arena.take<float>(static_cast<size_t>(3) * own.width * own.height);
-            if (!step.space.image) return SS_NO_MEMORY;
+            if (!step.buffers.image)
+                step.buffers.image = step.buffers.arena.take<float>(static_cast<size_t>(3) * own.width * own.height);
+            if (!step.buffers.image) return SS_NO_MEMORY;
             ss_image packed = {};
-            packed.data = step.space.image;
+            packed.data = step.buffers.image;
             step.target.image = view_of(packed, own.width, 3);
             step.target.pre_exposure = 1.0f;
         }
@@ -360,32 +360,41 @@ ss_status check_apart(const StepCall& call, const StepCall& other, ss_error* err
     const ss_frame& f = other.frame;
     const struct {
         const char* name;
-        const void* data;
-    } written[] = {{"image", own.image.data}, {"weight", own.weight.data}, {"converged", own.converged.data}},
-      used[] = {{"image", outputs.image.data}, {"weight", outputs.weight.data}, {"converged", outputs.converged.data},
-                {"color", f.color.data},       {"depth", f.depth.data},         {"motion", f.motion.data},
-                {"reactive", f.reactive.data}};
-    for (int k = 0; k < 3; k++)
-        for (int j = 0; j < 7; j++)
-            if (written[k].data && written[k].data == used[j].data && (&call != &other || k != j))
+        const ss_image& image;
+    } written[] = {{"image", own.image}, {"weight", own.weight}, {"converged", own.converged}},
+      used[] = {{"image", outputs.image},
+                {"weight", outputs.weight},
+                {"converged", outputs.converged},
+                {"color", f.color},
+                {"depth", f.depth},
+                {"motion", f.motion},
+                {"reactive", f.reactive},
+                {"base_color", f.base_color},
+                {"normal", f.normal},
+                {"display_base_color", f.display_base_color},
+                {"display_normal", f.display_normal},
+                {"display_depth", f.display_depth}};
+    for (const auto& to : written)
+        for (const auto& use : used)
+            if (to.image.data && to.image.data == use.image.data && &to.image != &use.image)
                 return fail(error, SS_BAD_ARGUMENT, "%s is in the memory of %s%s; want memory that nothing else uses",
-                            written[k].name, used[j].name, &call == &other ? "" : " of another view");
+                            to.name, use.name, &call == &other ? "" : " of another view");
     return SS_OK;
 }
 
 ss_status run_step(Model& model, const StepCall& call, Canceller& canceller, bool alone) {
     const auto& [frame, before, after, outputs] = call;
     const Size display = before.image;
-    Space* space = model.borrow({frame.width, frame.height}, display);
-    if (!space) return SS_NO_MEMORY;
+    StepBuffers* buffers = model.borrow({frame.width, frame.height}, display);
+    if (!buffers) return SS_NO_MEMORY;
     const float pre_exposure = frame.pre_exposure > 0.0f ? frame.pre_exposure : 1.0f;
     Target target = {view_of(outputs.image, display.width, 3), view_of(outputs.weight, display.width, 1), display.width,
                      display.height, pre_exposure};
     const IeeeArithmetic arithmetic;
-    Step step = {model, frame, *space, before, after, target, {model.pool, canceller, alone}};
+    Step step = {model, frame, *buffers, before, after, target, {model.pool, canceller, alone}};
     const ss_status status = run_stages(step, outputs);
     if (outputs.seconds) step.clock.read(outputs.seconds);
-    model.give_back(space);
+    model.give_back(buffers);
     return status;
 }
 

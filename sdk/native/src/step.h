@@ -52,7 +52,7 @@ struct Step;
 class Arrays;
 
 // The work buffers of a step for one pair of sizes. The method's own follow in `own`.
-struct Space {
+struct StepBuffers {
     Arena arena;
     Size render, image_size, display;  // of the frame, of the image, and of what the method keeps
     Samples samples;
@@ -63,12 +63,12 @@ struct Space {
     RestWork rest;
     float* image = nullptr;  // (display height, display width, 3), where that of the caller cannot be read back
     void* own = nullptr;
-    Space* next = nullptr;
+    StepBuffers* next = nullptr;
 
     DownsampleWork downsampling;
     float* weight = nullptr;  // (display height, display width), where the image is smaller
 
-    Space(const Allocator& allocator, Size render, Size image, Size display)
+    StepBuffers(const Allocator& allocator, Size render, Size image, Size display)
         : arena(allocator), render(render), image_size(image), display(display) {}
     float* rows_of_samples(int planes, int pitch) {
         return arena.take<float>(static_cast<size_t>(render.height) * planes * pitch);
@@ -94,7 +94,7 @@ struct Method {
     // defaults of the constants, floats in their order; null: the model's bytes have them
     const void* config = nullptr;
     const Filter* (*filters)(const Model& model, Filter* room, int* count, float* window_sigma) = nullptr;
-    bool (*make_space)(const Model& model, Space& space);
+    bool (*make_buffers)(const Model& model, StepBuffers& buffers);
     ss_status (*compute)(Step& step) = nullptr;  // fails before it changes the next history
     ss_status (*read_weights)(Model& model, const Arrays& arrays, ss_error* error) = nullptr;  // null: it has none
 };
@@ -139,8 +139,8 @@ struct Model {
     ThreadPool pool;
     float config[64] = {};
     void* weights = nullptr;
-    int64_t generation = 0;   // last that was given
-    Space* spaces = nullptr;  // free ones; without a lock, which a forked child might find held
+    int64_t generation = 0;               // last that was given
+    StepBuffers* free_buffers = nullptr;  // a list without a lock, which a forked child might find held
 
     Model(const Allocator& allocator, const ss_options& options) : arena(allocator), pool(options) {}
     ~Model();
@@ -148,8 +148,8 @@ struct Model {
     const Config& config_of() const {
         return *reinterpret_cast<const Config*>(config);
     }
-    Space* borrow(Size render, Size image);
-    void give_back(Space* space);
+    StepBuffers* borrow(Size render, Size image);
+    void give_back(StepBuffers* buffers);
 };
 
 // Wall seconds of a step by stage.
@@ -193,7 +193,7 @@ History* new_history(Model& model, Size display, Size render);  // null: no memo
 struct Step {
     Model& model;
     const ss_frame& frame;
-    Space& space;
+    StepBuffers& buffers;
     const History& before;
     History& after;
     Target target;
@@ -203,7 +203,7 @@ struct Step {
     const RestWork* rest = nullptr;  // static blocks; null where the method does not ask
 
     const Kernels& kernels() const { return *model.kernels; }
-    Samples& samples() const { return space.samples; }
+    Samples& samples() const { return buffers.samples; }
     const Workers& workers() const { return at_work; }
 };
 
@@ -215,7 +215,7 @@ PreviousFrame previous_frame(const History& history, int plane);
 // Calls function(rect, thread) on rectangles of pixels of an image of `size`, in which a tile has `unit` pixels.
 template <class Function>
 void run_tiles(Step& step, const Runs& runs, int unit, Size size, const Function& function, int multiple = 1) {
-    Rect* rects = step.space.rest.scaled;
+    Rect* rects = step.buffers.rest.scaled;
     int count = 0;
     for (int k = 0; k < runs.count; k++) {
         const Rect& r = runs.rects[k];
@@ -237,13 +237,13 @@ void run_tiles_of_rows(const uint8_t* tiles, Size across, int unit, Size size, i
         if (rect.y0 < rect.y1 && rect.x0 < rect.x1) function(rect);
     }
 }
-inline const Runs& computed_tiles(const Step& step) { return step.space.rest.runs; }
+inline const Runs& computed_tiles(const Step& step) { return step.buffers.rest.runs; }
 inline bool rests_anywhere(const Step& step) {
-    const Size tiles = tiles_of(step.space.display);
-    return memchr(step.space.rest.resting, 1, static_cast<size_t>(tiles.width) * tiles.height);
+    const Size tiles = tiles_of(step.buffers.display);
+    return memchr(step.buffers.rest.resting, 1, static_cast<size_t>(tiles.width) * tiles.height);
 }
-bool make_downsampling(const Model& model, Space& space);
-bool make_rest(Space& space, RestWork& work);
+bool make_downsampling(const Model& model, StepBuffers& buffers);
+bool make_rest(StepBuffers& buffers, RestWork& work);
 void make_runs(uint8_t* mask, Size tiles, int gap, Runs& runs);  // joins tiles of a row less than `gap` apart
 bool compare_with_rest(Step& step, RestWork& work, const RestHistory& before, RestHistory& after);
 bool plan_tiles(const Step& step, RestWork& work, bool compute_all);  // returns whether a tile is computed

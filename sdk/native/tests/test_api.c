@@ -575,20 +575,31 @@ static void bad_arguments_are_named(void) {
         CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_FRAME, "case %d", k);
         CHECK(strstr(error.message, named[k]), "case %d: %s", k, error.message);
     }
-    for (int k = 0; k < 5; k++) {
+    for (int k = 0; k < 6; k++) {
         ss_frame frame = frame_of(&p, 0);
         ss_outputs outputs = outputs_of(images[0]);
-        const char* said[] = {"image overlaps itself: its strides are 876, 4, 4", "image has no data",
-                              "image is in the memory of weight", "image is in the memory of depth",
-                              "weight has the type"};
+        const char* said[] = {"image overlaps itself: its strides are 876, 4, 4",
+                              "image has no data",
+                              "image is in the memory of weight",
+                              "image is in the memory of depth",
+                              "weight has the type",
+                              "image is in the memory of display_base_color"};
         if (k == 0) outputs.image.pixel_stride = 4, outputs.image.row_stride = sizeof *images[0] * DW * 3;
         if (k == 1) outputs.image.data = NULL;
         if (k == 2) outputs.weight.data = images[0];
         if (k == 3) outputs.image.data = p.depth;
         if (k == 4) outputs.weight.data = images[1], outputs.weight.type = (ss_type)3;
+        if (k == 5) outputs.image.data = p.display_base_color;
         CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_ARGUMENT, "case %d", k);
         CHECK(strstr(error.message, said[k]), "case %d: %s", k, error.message);
     }
+    const ss_scatter scatter = {2, 2, 2, 2, images[0], images[0], images[0], {0.0f, NAN}, {0.0f, 0.0f}};
+    CHECK(ss_scatter_motion(&scatter, images[1], images[1] + 8, &error) == SS_BAD_FRAME &&
+              strstr(error.message, "jitter"),
+          "%s", error.message);
+    CHECK(ss_merge_images(images[1], images[0], images[0], images[0], 2, 2, NAN, &error) == SS_BAD_ARGUMENT &&
+              strstr(error.message, "exposure"),
+          "%s", error.message);
     ss_upscaler_destroy(upscaler);
     ss_model_destroy(model);
 }

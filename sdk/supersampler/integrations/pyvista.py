@@ -46,13 +46,14 @@ def enable_supersampling(
     if window is None or renderers is None:
         got = "closed" if renderers is not None else shown(plotter)
         raise ArgumentError("plotter", got=got, want="an open pyvista.Plotter")
-    samples = window.GetMultiSamples()
-    plotter.disable_anti_aliasing(all_renderers=True)
-    window.SetMultiSamples(samples)
     served = _ServedPlotter(plotter)
-    return SupersampledWindow(
+    supersampled = SupersampledWindow(
         window, renderers, scale=scale, model=model, threads=threads, force=force, wake=served.render_later
     )
+    samples = window.GetMultiSamples()
+    plotter.disable_anti_aliasing(all_renderers=True)  # it also sets the number of samples
+    window.SetMultiSamples(samples)
+    return supersampled
 
 
 class _ServedPlotter:

@@ -233,6 +233,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         F warped_glare = F{};
         if (w.glares) {
             warped_glare = without_glare(high);
+            if (!all(warped_glare <= 0.0f)) __atomic_store_n(w.next_glares, true, __ATOMIC_RELAXED);
             next_count = select((warped_glare > 0.0f) & (warped_glare < CONFIRMED), 0.0f, next_count);
         }
         I rises = light_rises(luma, high, count, surface) & (warped_glare == 0.0f);

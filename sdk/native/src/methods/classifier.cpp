@@ -123,14 +123,14 @@ static ss_status read_weights(Model& model, const Arrays& arrays, ss_error* erro
 
 // Work buffers --------------------------------------------------------------------------------------------------------
 
-static void make_network(const Model& model, Space& space, Network& n) {
+static void make_network(const Model& model, StepBuffers& buffers, Network& n) {
     n = *static_cast<const Network*>(model.weights);
-    n.half = half_of(space.display);
+    n.half = half_of(buffers.display);
     n.row = up_to(n.half.width, ALIGNED) + ROOM;
     n.means_pitch = up_to(n.half.width, LANES) + 2 * PAD;
-    n.kept = space.bands * ALIGNED;
-    n.records = space.arena.take<int32_t>(static_cast<size_t>(n.kept) * n.row * RECORD_WORDS);
-    n.means = space.arena.take<float>(static_cast<size_t>(n.kept) * 2 * n.means_pitch);
+    n.kept = buffers.bands * ALIGNED;
+    n.records = buffers.arena.take<int32_t>(static_cast<size_t>(n.kept) * n.row * RECORD_WORDS);
+    n.means = buffers.arena.take<float>(static_cast<size_t>(n.kept) * 2 * n.means_pitch);
     size_t longest = 0;
     for (int k = 0; k < LEVELS; k++) {
         Level& l = n.level[k];
@@ -138,61 +138,61 @@ static void make_network(const Model& model, Space& space, Network& n) {
         l.x_pitch = l.first.outputs, l.x_row = (l.width + ROOM) * l.x_pitch;
         l.out_pitch = l.last.outputs, l.out_row = (l.width + ROOM) * l.out_pitch;
         l.kept = n.kept >> k;
-        l.x = space.arena.take<uint8_t>(static_cast<size_t>(l.kept) * l.x_row);
-        l.out = space.arena.take<uint8_t>(static_cast<size_t>(l.kept) * l.out_row);
+        l.x = buffers.arena.take<uint8_t>(static_cast<size_t>(l.kept) * l.x_row);
+        l.out = buffers.arena.take<uint8_t>(static_cast<size_t>(l.kept) * l.out_row);
         longest = max(longest, static_cast<size_t>(l.x_row));
         n.line_pitch = max(n.line_pitch, static_cast<size_t>((l.width + ROOM) * max(l.inputs, l.channels)));
     }
     n.line_pitch = (n.line_pitch + 2 * LINE) / LINE * LINE;
-    n.lines = space.arena.take<uint8_t>(n.line_pitch * model.pool.threads());
-    n.zeros = space.arena.take<uint8_t>(longest);
+    n.lines = buffers.arena.take<uint8_t>(n.line_pitch * model.pool.threads());
+    n.zeros = buffers.arena.take<uint8_t>(longest);
 }
 
-static void make_guide(const Model& model, Space& space, ClassifierWork& work) {
+static void make_guide(const Model& model, StepBuffers& buffers, ClassifierWork& work) {
     const gbuffer_fast::Config& c = model.config_of<gbuffer_fast::Config>();
     Guide& g = work.guide;
     const size_t padded = static_cast<size_t>(work.gathered.kept) * (work.gathered.pitch + 2 * PAD);
-    work.gathered.image = space.arena.take<uint16_t>(3 * padded);
-    g.samples = space.kept_rows_of_samples(SURFACE_PLANES, space.samples.pitch);
-    g.depth = space.arena.take<float>(padded);
-    g.scratch_pitch = static_cast<size_t>(up_to(6 * max(space.display.width, space.render.width), LANES));
-    g.scratch = space.arena.take<float>(g.scratch_pitch * model.pool.threads());
+    work.gathered.image = buffers.arena.take<uint16_t>(3 * padded);
+    g.samples = buffers.kept_rows_of_samples(SURFACE_PLANES, buffers.samples.pitch);
+    g.depth = buffers.arena.take<float>(padded);
+    g.scratch_pitch = static_cast<size_t>(up_to(6 * max(buffers.display.width, buffers.render.width), LANES));
+    g.scratch = buffers.arena.take<float>(g.scratch_pitch * model.pool.threads());
     g.normal_scale = sqrtf(c.normal_falloff), g.color_scale = sqrtf(c.base_color_falloff);
     g.depth_scale = 0.5f / (c.depth_sigma * c.depth_sigma), g.min_reflectance = c.min_reflectance;
 }
 
-static bool make_space(const Model& model, Space& space) {
-    ClassifierWork* work = space.arena.take<ClassifierWork>(1);
-    Network* network = space.arena.take<Network>(1);
-    ClassifierScratch* scratch = space.arena.take<ClassifierScratch>(model.pool.threads());
+static bool make_buffers(const Model& model, StepBuffers& buffers) {
+    ClassifierWork* work = buffers.arena.take<ClassifierWork>(1);
+    Network* network = buffers.arena.take<Network>(1);
+    ClassifierScratch* scratch = buffers.arena.take<ClassifierScratch>(model.pool.threads());
     if (!work || !network || !scratch) return false;
-    make_network(model, space, *network);
+    make_network(model, buffers, *network);
     const Variant variant = variant_of(model);
-    const int width = up_to(space.display.width, LANES), half = space.display.width / 2 + 1 + LANES;
-    const size_t all = static_cast<size_t>(space.display.height) * width;
+    const int width = up_to(buffers.display.width, LANES), half = buffers.display.width / 2 + 1 + LANES;
+    const size_t all = static_cast<size_t>(buffers.display.height) * width;
     work->network = network, work->scratch = scratch;
     Gathered& g = work->gathered;
-    g.pitch = width, g.kept = space.bands * BAND;
+    g.pitch = width, g.kept = buffers.bands * BAND;
     const size_t kept = static_cast<size_t>(g.kept) * width;
-    g.history = space.arena.take<float>(kept * 3), g.rest = space.arena.take<uint16_t>(kept * variant.planes());
-    g.luma = space.arena.take<float>(kept + static_cast<size_t>(g.kept) * 2 * PAD),
-    g.samples = space.arena.take<uint8_t>(kept);
-    g.rising = space.arena.take<float>(all / LANES), g.rises = space.arena.take<uint16_t>(all / 4);
-    if (variant.guided) make_guide(model, space, *work);
+    g.history = buffers.arena.take<float>(kept * 3), g.rest = buffers.arena.take<uint16_t>(kept * variant.planes());
+    g.luma = buffers.arena.take<float>(kept + static_cast<size_t>(g.kept) * 2 * PAD),
+    g.samples = buffers.arena.take<uint8_t>(kept);
+    g.rising = buffers.arena.take<float>(all / LANES), g.rises = buffers.arena.take<uint16_t>(all / 4);
+    if (variant.guided) make_guide(model, buffers, *work);
     for (int k = 0; k < model.pool.threads(); k++) {
         ClassifierScratch& s = scratch[k];
-        s.places = space.arena.take<float>(2 * width + LANES);
-        s.inputs = space.arena.take<uint8_t>(2 * INPUT_PLANES * width + 2 * LANES);
-        s.differences = space.arena.take<float>(2 * width + 2 * LANES);
-        s.lines = space.arena.take<float>(static_cast<size_t>(16) * space.samples.pitch);
-        for (float*& tall : s.tall) tall = space.arena.take<float>(network->means_pitch);
-        s.line = space.arena.take<float>(network->means_pitch);
-        s.read = space.arena.take<uint8_t>(32 * half);
-        s.decoded = space.arena.take<uint8_t>(32 * half);
-        s.hidden = space.arena.take<uint8_t>(4 * WIDE * half);
-        s.blend = space.arena.take<float>(static_cast<size_t>(variant.outputs() + CLASSES) * up_to(half, LANES));
+        s.places = buffers.arena.take<float>(2 * width + LANES);
+        s.inputs = buffers.arena.take<uint8_t>(2 * INPUT_PLANES * width + 2 * LANES);
+        s.differences = buffers.arena.take<float>(2 * width + 2 * LANES);
+        s.lines = buffers.arena.take<float>(static_cast<size_t>(16) * buffers.samples.pitch);
+        for (float*& tall : s.tall) tall = buffers.arena.take<float>(network->means_pitch);
+        s.line = buffers.arena.take<float>(network->means_pitch);
+        s.read = buffers.arena.take<uint8_t>(32 * half);
+        s.decoded = buffers.arena.take<uint8_t>(32 * half);
+        s.hidden = buffers.arena.take<uint8_t>(4 * WIDE * half);
+        s.blend = buffers.arena.take<float>(static_cast<size_t>(variant.outputs() + CLASSES) * up_to(half, LANES));
     }
-    space.own = work;
+    buffers.own = work;
     return true;
 }
 
@@ -203,18 +203,18 @@ ss_status run_network(Model& model, const uint8_t* inputs, Size half, float* out
         return fail(error, SS_BAD_ARGUMENT, "%s has no network", model.method->name);
     if (ss_status status = check_size(2 * half.width, 2 * half.height, "the display", error)) return status;
     const Size display = {2 * half.width, 2 * half.height};
-    Space space(model.arena.allocator(), {1, 1}, display, display);
-    space.bands = divided_up(half.height, ALIGNED);
+    StepBuffers buffers(model.arena.allocator(), {1, 1}, display, display);
+    buffers.bands = divided_up(half.height, ALIGNED);
     Network n;
-    make_network(model, space, n);
+    make_network(model, buffers, n);
     const int outputs = variant_of(model).outputs(), pixels = half.width + LANES;
     ClassifierScratch scratch = {};
-    scratch.read = space.arena.take<uint8_t>(32 * pixels), scratch.decoded = space.arena.take<uint8_t>(32 * pixels);
-    scratch.hidden = space.arena.take<uint8_t>(4 * WIDE * pixels);
-    scratch.blend = space.arena.take<float>(static_cast<size_t>(outputs + CLASSES) * up_to(half.width, LANES));
+    scratch.read = buffers.arena.take<uint8_t>(32 * pixels), scratch.decoded = buffers.arena.take<uint8_t>(32 * pixels);
+    scratch.hidden = buffers.arena.take<uint8_t>(4 * WIDE * pixels);
+    scratch.blend = buffers.arena.take<float>(static_cast<size_t>(outputs + CLASSES) * up_to(half.width, LANES));
     ClassifierWork work = {};
-    work.next_classes = space.arena.take<uint8_t>(8 * pixels);
-    if (space.arena.failed()) return fail(error, SS_NO_MEMORY, "no memory for a network");
+    work.next_classes = buffers.arena.take<uint8_t>(8 * pixels);
+    if (buffers.arena.failed()) return fail(error, SS_NO_MEMORY, "no memory for a network");
     work.network = &n, work.scratch = &scratch;
     for (int y = 0; y < half.height; y++)
         memcpy(n.records_at(y), inputs + static_cast<ptrdiff_t>(y) * half.width * 4 * RECORD_WORDS,
@@ -240,13 +240,14 @@ static bool is_flash(const ss_frame& frame, float followed, float before) {
 
 // Prepares the arrays of kernels.
 static void make_work(const Step& step, ClassifierWork& work) {
-    work.samples = step.space.samples, work.tables = step.space.tables, work.config = config_of(step.model);
+    work.samples = step.buffers.samples, work.tables = step.buffers.tables, work.config = config_of(step.model);
     work.history = step.before.plane(0), work.classes = static_cast<const uint8_t*>(step.before.planes[1]);
     work.previous = previous_frame(step.before, 2);
     work.next_history = step.after.plane(0), work.next_classes = static_cast<uint8_t*>(step.after.planes[1]);
     work.next_depth = step.after.plane(2);
-    work.target = step.target, work.warps = step.space.warps;
+    work.target = step.target, work.warps = step.buffers.warps;
     work.glares = step.after.glares || step.before.glares;
+    work.next_glares = &step.after.glares;
     work.flash = is_flash(step.frame, step.exposure, step.before.exposure);
     memset(work.gathered.rising, 0, sizeof(float) * step.target.height * work.gathered.pitch / LANES);
     for (int k = 0; k < step.model.pool.threads(); k++) memset(work.scratch[k].spent, 0, sizeof work.scratch[k].spent);
@@ -279,7 +280,7 @@ static ss_stage run_stage(const Step& step, const ClassifierWork& work, int stag
     const auto of_level = [&](int k, auto encode) {
         const Level& level = n.level[k];
         const int rows = ALIGNED >> k;
-        run_tiles_of_rows(step.space.rest.gathered, tiles, TILE / 2 >> k, {level.width, level.height}, band * rows,
+        run_tiles_of_rows(step.buffers.rest.gathered, tiles, TILE / 2 >> k, {level.width, level.height}, band * rows,
                           (band + 1) * rows, [&](Rect rect) { encode(work, k, rect, thread); });
     };
     if (stage == PREPARE) {
@@ -292,7 +293,7 @@ static ss_stage run_stage(const Step& step, const ClassifierWork& work, int stag
     }
     if (stage == GATHER) {
         kernels.keep_depth(work, sample_at(y0), sample_at(y1));
-        run_tiles_of_rows(step.space.rest.gathered, tiles, TILE, {work.gathered.pitch, display.height}, y0, y1,
+        run_tiles_of_rows(step.buffers.rest.gathered, tiles, TILE, {work.gathered.pitch, display.height}, y0, y1,
                           [&](Rect rect) { kernels.classifier_gather[kernel](work, rect, thread); });
         return SS_GATHER;
     }
@@ -301,7 +302,7 @@ static ss_stage run_stage(const Step& step, const ClassifierWork& work, int stag
         of_level(stage - ENCODE, kernels.encode_first);
         return SS_NETWORK;
     }
-    run_tiles_of_rows(step.space.rest.computed, tiles, TILE / 2, n.half, y0 / 2, y0 / 2 + BAND / 2,
+    run_tiles_of_rows(step.buffers.rest.computed, tiles, TILE / 2, n.half, y0 / 2, y0 / 2 + BAND / 2,
                       [&](Rect rect) { kernels.classifier_finish[kernel](work, rect, thread); });
     return SS_FINISH;
 }
@@ -313,18 +314,18 @@ static bool is_unconfirmed(const Step& step, const ClassifierWork& work) {
     double rising = 0.0;
     for (int y = 0; y < display.height; y++)
         for (int x = 0; x < across; x++)
-            if (!step.space.rest.resting[y / TILE * tiles_of(display).width + x * LANES / TILE])
+            if (!step.buffers.rest.resting[y / TILE * tiles_of(display).width + x * LANES / TILE])
                 rising += work.gathered.rising[static_cast<size_t>(y) * across + x];
     return rising > FLASH_FRACTION * display.width * display.height;
 }
 
 static ss_status compute(Step& step) {
-    ClassifierWork& work = *static_cast<ClassifierWork*>(step.space.own);
+    ClassifierWork& work = *static_cast<ClassifierWork*>(step.buffers.own);
     make_tables(step);
     fill_missing(step);
     step.after.glares = may_glare(step);
     make_work(step, work);
-    step.workers().run_bands(divided_up(work.target.height, BAND), BAND_STAGES, step.space.bands,
+    step.workers().run_bands(divided_up(work.target.height, BAND), BAND_STAGES, step.buffers.bands,
                              [&](int stage, int band, int thread) {
                                  const double began = seconds_now();
                                  const ss_stage named = run_stage(step, work, stage, band, thread);
@@ -336,7 +337,7 @@ static ss_status compute(Step& step) {
     step.clock.divide(spent);
     if (!is_unconfirmed(step, work)) return SS_OK;
     step.after.glares = true;
-    run_tiles(step, computed_tiles(step), TILE, step.space.display,
+    run_tiles(step, computed_tiles(step), TILE, step.buffers.display,
               [&](Rect rect, int) { step.kernels().confirm_none(work, rect); });
     return SS_OK;
 }
@@ -366,7 +367,7 @@ static constexpr Method learned(const char* name, float most, bool larger = fals
             .constants = CONSTANTS,
             .constant_count = sizeof CONSTANTS / sizeof(Constant),
             .filters = filters,
-            .make_space = make_space,
+            .make_buffers = make_buffers,
             .compute = compute,
             .read_weights = read_weights};
 }
@@ -401,7 +402,7 @@ extern const Method GBUFFER_FAST = {.name = "gbuffer-fast",
                                     .constants = gbuffer_fast::CONSTANTS,
                                     .constant_count = sizeof gbuffer_fast::CONSTANTS / sizeof(Constant),
                                     .filters = filters,
-                                    .make_space = make_space,
+                                    .make_buffers = make_buffers,
                                     .compute = compute,
                                     .read_weights = read_weights};
 

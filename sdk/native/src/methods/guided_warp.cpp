@@ -42,16 +42,16 @@ static ss_status read_rings(Model& model, const Arrays& arrays, ss_error* error)
 }
 
 // Buffers for a shaded frame of the size `render`, and motion of the size `image_size`.
-static bool make_space(const Model&, Space& space) {
-    WarpWork* work = space.arena.take<WarpWork>(1);
+static bool make_buffers(const Model&, StepBuffers& buffers) {
+    WarpWork* work = buffers.arena.take<WarpWork>(1);
     if (!work) return false;
-    work->shaded = space.render, work->stride = up_to(work->shaded.width, LANES);
-    work->previous = space.image_size, work->previous_stride = up_to(work->previous.width, LANES);
-    work->samples = space.arena.take<float>(static_cast<size_t>(WARP_PLANES) * work->shaded.height * work->stride);
-    work->motion = space.arena.take<float>(static_cast<size_t>(2) * work->previous.height * work->previous_stride);
-    work->rows = space.arena.take<float>(work->shaded.height),
-    work->previous_rows = space.arena.take<float>(work->previous.height);
-    space.own = work;
+    work->shaded = buffers.render, work->stride = up_to(work->shaded.width, LANES);
+    work->previous = buffers.image_size, work->previous_stride = up_to(work->previous.width, LANES);
+    work->samples = buffers.arena.take<float>(static_cast<size_t>(WARP_PLANES) * work->shaded.height * work->stride);
+    work->motion = buffers.arena.take<float>(static_cast<size_t>(2) * work->previous.height * work->previous_stride);
+    work->rows = buffers.arena.take<float>(work->shaded.height),
+    work->previous_rows = buffers.arena.take<float>(work->previous.height);
+    buffers.own = work;
     return true;
 }
 
@@ -104,16 +104,17 @@ ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s,
     if (ss_status status = check_output("color", out.color, size, 3, error)) return status;
     if (ss_status status = check_input("the motion to write to", out.motion, size, 2, false, error)) return status;
     const bool has_motion = s.motion.data;
-    Space* space = model.borrow({s.width, s.height}, has_motion ? Size{s.motion_width, s.motion_height} : Size{1, 1});
+    StepBuffers* buffers =
+        model.borrow({s.width, s.height}, has_motion ? Size{s.motion_width, s.motion_height} : Size{1, 1});
     Arena rows(model.arena.allocator());
     const size_t pitch = up_to(10 * max(f.width, max(s.width, s.motion_width)), LANES);
     float* scratch = rows.take<float>(pitch * model.pool.threads());
-    if (!space || !scratch) {
-        if (space) model.give_back(space);
+    if (!buffers || !scratch) {
+        if (buffers) model.give_back(buffers);
         return fail(error, SS_NO_MEMORY, "no memory for the work buffers of an extrapolation");
     }
     const IeeeArithmetic arithmetic;
-    WarpWork& w = *static_cast<WarpWork*>(space->own);
+    WarpWork& w = *static_cast<WarpWork*>(buffers->own);
     const Rings& rings = *static_cast<const Rings*>(model.weights);
     w.config = model.config_of<Config>();
     w.across = rings.across, w.down = rings.down, w.strides = rings.strides, w.rings = rings.count;
@@ -141,7 +142,7 @@ ss_status run_extrapolation(Model& model, const ss_frame& f, const ss_shaded& s,
     w.has_depth = any(w.rows, s.height);
     w.moved = has_motion && any(w.previous_rows, s.motion_height);
     workers.run_rows(f.height, [&](int y0, int y1, int thread) { kernels.warp_rows(w, y0, y1, thread); });
-    model.give_back(space);
+    model.give_back(buffers);
     return canceller.is_set() ? fail(error, SS_CANCELLED, "the extrapolation was cancelled") : succeed(error);
 }
 
@@ -150,7 +151,7 @@ extern const Method GUIDED_WARP = {.name = "guided-warp",
                                    .extrapolates = true,
                                    .constants = CONSTANTS,
                                    .constant_count = sizeof CONSTANTS / sizeof(Constant),
-                                   .make_space = make_space,
+                                   .make_buffers = make_buffers,
                                    .read_weights = read_rings};
 
 }  // namespace ss

@@ -10,31 +10,31 @@ static const Filter* filters(const Model&, Filter* room, int* count, float*) {
     return room;
 }
 
-static bool make_space(const Model& model, Space& space) {
-    SpatialWork* work = space.arena.take<SpatialWork>(1);
+static bool make_buffers(const Model& model, StepBuffers& buffers) {
+    SpatialWork* work = buffers.arena.take<SpatialWork>(1);
     if (!work) return false;
-    work->planes = space.rows_of_samples(3, space.samples.pitch);
-    work->lines = space.arena.take<float>(static_cast<size_t>(model.pool.threads()) * 3 * space.samples.pitch);
-    space.own = work;
+    work->planes = buffers.rows_of_samples(3, buffers.samples.pitch);
+    work->lines = buffers.arena.take<float>(static_cast<size_t>(model.pool.threads()) * 3 * buffers.samples.pitch);
+    buffers.own = work;
     return true;
 }
 
 static ss_status compute(Step& step) {
-    SpatialWork& work = *static_cast<SpatialWork*>(step.space.own);
+    SpatialWork& work = *static_cast<SpatialWork*>(step.buffers.own);
     step.samples().exposure = 1.0f;  // missing samples are filled with the grey of an exposure of 1
     fill_missing(step);
     make_tables(step);
-    work.samples = step.samples(), work.tables = step.space.tables, work.target = step.target;
+    work.samples = step.samples(), work.tables = step.buffers.tables, work.target = step.target;
     step.workers().run_rows(step.frame.height, [&](int y0, int y1, int) { step.kernels().spatial_read(work, y0, y1); });
     step.clock.enter(SS_FINISH);
-    run_tiles(step, computed_tiles(step), TILE, step.space.display,
+    run_tiles(step, computed_tiles(step), TILE, step.buffers.display,
               [&](Rect rect, int thread) { step.kernels().spatial_rows(work, rect, thread); });
     return SS_OK;
 }
 
 extern const Method BILINEAR = {
-    .name = "bilinear", .ratios = {1, 4}, .filters = filters<LINEAR>, .make_space = make_space, .compute = compute};
+    .name = "bilinear", .ratios = {1, 4}, .filters = filters<LINEAR>, .make_buffers = make_buffers, .compute = compute};
 extern const Method BICUBIC = {
-    .name = "bicubic", .ratios = {1, 4}, .filters = filters<CUBIC>, .make_space = make_space, .compute = compute};
+    .name = "bicubic", .ratios = {1, 4}, .filters = filters<CUBIC>, .make_buffers = make_buffers, .compute = compute};
 
 }  // namespace ss

@@ -9,30 +9,30 @@ static const Filter* filters(const Model&, Filter* room, int* count, float*) {
     return room;
 }
 
-static bool make_space(const Model&, Space& space) {
-    TaaWork* work = space.arena.take<TaaWork>(1);
+static bool make_buffers(const Model&, StepBuffers& buffers) {
+    TaaWork* work = buffers.arena.take<TaaWork>(1);
     if (!work) return false;
-    work->planes = space.rows_of_samples(TAA_PLANES, space.samples.pitch);
-    work->boxes = space.rows_of_samples(TAA_BOX, space.samples.stride);
-    space.own = work;
+    work->planes = buffers.rows_of_samples(TAA_PLANES, buffers.samples.pitch);
+    work->boxes = buffers.rows_of_samples(TAA_BOX, buffers.samples.stride);
+    buffers.own = work;
     return true;
 }
 
 static ss_status compute(Step& step) {
-    TaaWork& work = *static_cast<TaaWork*>(step.space.own);
+    TaaWork& work = *static_cast<TaaWork*>(step.buffers.own);
     const taa::Config& config = step.model.config_of<taa::Config>();
     fill_missing(step);
     make_tables(step);
-    work.samples = step.samples(), work.tables = step.space.tables, work.target = step.target;
+    work.samples = step.samples(), work.tables = step.buffers.tables, work.target = step.target;
     work.history = step.before.plane(0), work.next_history = step.after.plane(0);
     work.alpha = step.before.exposure != 0.0f ? config.alpha : 1.0f;
     work.gamma = config.gamma;
-    work.scratch = step.space.warps;
+    work.scratch = step.buffers.warps;
     run_rows_with_neighbours(
         step.workers(), step.frame.height, [&](int y0, int y1) { step.kernels().taa_read(work, y0, y1); },
         [&](int y0, int y1) { step.kernels().taa_boxes(work, y0, y1); });
     step.clock.enter(SS_FINISH);
-    run_tiles(step, computed_tiles(step), TILE, step.space.display,
+    run_tiles(step, computed_tiles(step), TILE, step.buffers.display,
               [&](Rect rect, int thread) { step.kernels().taa_rows(work, rect, thread); });
     return SS_OK;
 }
@@ -52,7 +52,7 @@ extern const Method TAA = {.name = "taa",
                            .constants = taa::CONSTANTS,
                            .constant_count = sizeof taa::CONSTANTS / sizeof(Constant),
                            .filters = filters,
-                           .make_space = make_space,
+                           .make_buffers = make_buffers,
                            .compute = compute};
 
 }  // namespace ss

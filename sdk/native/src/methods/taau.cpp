@@ -21,19 +21,19 @@ static const Filter* filters(const Model& model, Filter* room, int* count, float
     return room;
 }
 
-static bool make_space(const Model& model, Space& space) {
-    TaauWork* work = space.arena.take<TaauWork>(1);
+static bool make_buffers(const Model& model, StepBuffers& buffers) {
+    TaauWork* work = buffers.arena.take<TaauWork>(1);
     if (!work) return false;
-    work->sums = space.rows_of_samples(1, 2);
-    work->line_pitch = static_cast<size_t>(LINES) * space.samples.pitch + LANES;
-    work->lines = space.arena.take<float>(work->line_pitch * model.pool.threads());
-    const Size blocks = blocks_of(space.render);
+    work->sums = buffers.rows_of_samples(1, 2);
+    work->line_pitch = static_cast<size_t>(LINES) * buffers.samples.pitch + LANES;
+    work->lines = buffers.arena.take<float>(work->line_pitch * model.pool.threads());
+    const Size blocks = blocks_of(buffers.render);
     work->blocks_across = blocks.width, work->blocks_down = blocks.height,
     work->blocks_pitch = up_to(blocks.width, LANES);
-    work->block_sums = space.arena.take<float>(static_cast<size_t>(6) * blocks.height * work->blocks_pitch);
-    work->kept_pitch = up_to(space.display.width, LANES);
-    work->kept_room = space.arena.take<float>(static_cast<size_t>(blocks.height) * work->kept_pitch);
-    space.own = work;
+    work->block_sums = buffers.arena.take<float>(static_cast<size_t>(6) * blocks.height * work->blocks_pitch);
+    work->kept_pitch = up_to(buffers.display.width, LANES);
+    work->kept_room = buffers.arena.take<float>(static_cast<size_t>(blocks.height) * work->kept_pitch);
+    buffers.own = work;
     return true;
 }
 
@@ -117,27 +117,28 @@ static void limit_samples(Step& step, TaauWork& work) {
 }
 
 static ss_status compute(Step& step) {
-    TaauWork& work = *static_cast<TaauWork*>(step.space.own);
+    TaauWork& work = *static_cast<TaauWork*>(step.buffers.own);
     const Kernels& kernels = step.kernels();
     make_tables(step);
     resample(step);
     step.after.glares = may_glare(step);
     const Samples& s = work.samples = step.samples();
-    work.tables = step.space.tables, work.target = step.target, work.config = step.model.config_of<Config>();
+    work.tables = step.buffers.tables, work.target = step.target, work.config = step.model.config_of<Config>();
     work.history = step.before.plane(0), work.next_history = step.after.plane(0);
     work.previous = previous_frame(step.before, 1);
     work.surface = step.after.plane(1);
-    work.scratch = step.space.warps;
+    work.scratch = step.buffers.warps;
     work.change = step.before.exposure != 0.0f
                       ? s.exposure / (step.before.exposure < 0.0f ? -step.before.exposure : step.before.exposure)
                       : 1.0f;
     step.workers().run_rows(s.height, [&](int y0, int y1, int thread) { kernels.taau_shade(work, y0, y1, thread); });
     write_light(step, work);
     work.unconfirmed = step.after.values[3];
+    if (work.unconfirmed > 0.0f) step.after.glares |= step.before.glares;  // pixels keep their counts
     work.glares = work.unconfirmed > 0.0f || step.after.glares || step.before.glares;
     limit_samples(step, work);
     step.clock.enter(SS_FINISH);
-    run_tiles(step, computed_tiles(step), TILE, step.space.display,
+    run_tiles(step, computed_tiles(step), TILE, step.buffers.display,
               [&](Rect rect, int thread) { step.kernels().taau_rows(work, rect, thread); });
     return SS_OK;
 }
@@ -164,7 +165,7 @@ extern const Method TAAU = {.name = "taau",
                             .constants = CONSTANTS,
                             .constant_count = sizeof CONSTANTS / sizeof(Constant),
                             .filters = filters,
-                            .make_space = make_space,
+                            .make_buffers = make_buffers,
                             .compute = compute};
 
 }  // namespace ss

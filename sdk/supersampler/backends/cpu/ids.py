@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.library import IdData, cpu_library
-from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
 
 UInt32 = NDArray[np.uint32]
@@ -34,16 +33,6 @@ class IdRequest(NamedTuple):
     history: IdHistory | None
 
 
-def check_ids(frame: Frame, history: IdHistory | None) -> None:
-    """Raise FrameError unless the frame has ids, with as many channels as the previous frame."""
-    if frame.ids is None:
-        raise FrameError("ids", got=None, want="(h, w, k), because ids are requested")
-    channels = frame.ids.shape[2]
-    if history is not None and history.ids.shape[2] != channels:
-        want = f"{history.ids.shape[2]} channels as before, or a reset"
-        raise FrameError("ids", got=f"{channels} channels", want=want)
-
-
 def resample_ids(requests: Sequence[IdRequest], model: c_void_p | None) -> list[IdHistory]:
     """Resample the ids of several views to display size; see `ss_resample_ids`.
 
@@ -56,7 +45,7 @@ def resample_ids(requests: Sequence[IdRequest], model: c_void_p | None) -> list[
     """
     views, alive, results = (IdData * len(requests))(), [], []
     for place, (frame, display, history) in enumerate(requests):
-        assert frame.ids is not None  # noqa: S101  # see `check_ids`
+        assert frame.ids is not None  # noqa: S101  # see `Model.check`
         channels = frame.ids.shape[2]
         result = IdHistory(
             np.empty((*display[::-1], channels), np.uint32), np.empty(display[::-1], np.float32)

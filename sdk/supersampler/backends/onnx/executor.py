@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from supersampler.backends.base import ForkSafeLock, StepReport, StepRequest
 from supersampler.backends.onnx import session as sessions
 from supersampler.backends.onnx.runtime import device_of, ort
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
-from supersampler.errors import FrameError, ModelError
+from supersampler.errors import ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.aovs.spec import AOVS
 from supersampler.methods.model_info import ModelInfo, TensorInfo
@@ -31,10 +32,7 @@ class OnnxExecutor:
     def __init__(self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str) -> None:
         self._info, self.precision = info, precision
         self._path = info.steps[precision]
-        self._session = sessions.open_session(
-            self._path, threads, providers,
-            method=info.method, inputs=info.graph_inputs, outputs=info.graph_outputs,
-        )  # fmt: skip
+        self._session = _open(info, self._path, threads, providers)
         self.providers: list[str] = self._session.get_providers()
         self.device = device_of(self.providers[0])
 
@@ -117,6 +115,12 @@ class OnnxExecutor:
         return {h.name: h.shape_for(render=render, display=display) for h in self._info.history}
 
 
+def _open(info: ModelInfo, path: Path, threads: int, providers: Sequence[str]) -> "ort.InferenceSession":
+    """Load a graph of a model; see `open_session`."""
+    inputs, outputs = info.graph_inputs, info.graph_outputs
+    return sessions.open_session(path, threads, providers, method=info.method, inputs=inputs, outputs=outputs)
+
+
 def _values(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Tensors:
     """Return arrays as values of ONNX Runtime, which share their memory."""
     return {name: ort.OrtValue.ortvalue_from_numpy(array) for name, array in arrays.items()}
@@ -129,10 +133,7 @@ class OnnxExtrapolation:
 
     def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
         self._info, self._path = info, info.steps["fp32"]
-        self._session = sessions.open_session(
-            self._path, threads, providers,
-            method=info.method, inputs=info.graph_inputs, outputs=info.graph_outputs,
-        )  # fmt: skip
+        self._session = _open(info, self._path, threads, providers)
         self._device = device_of(self._session.get_providers()[0])
 
     def upload(self, array: NDArray[Any]) -> "ort.OrtValue":
@@ -163,15 +164,6 @@ _INPUTS = [
 _OUTPUTS = [TensorInfo("image", "float32", AOVS.image)]
 
 
-def check_aovs(channels: int | None, before: int | None) -> None:
-    """Raise FrameError unless a frame has AOVs, with as many channels as those of the history, if any."""
-    if channels is None:
-        raise FrameError("aovs", got=None, want="(h, w, k), because AOVs are requested")
-    if before not in (None, channels):
-        want = f"{before} channels as before, or a reset"
-        raise FrameError("aovs", got=f"{channels} channels", want=want)
-
-
 class AovBlender:
     """Runs a model's graph for AOVs, loaded on first use; threads may share it."""
 
@@ -185,7 +177,7 @@ class AovBlender:
     ) -> Float32:
         """Upsample the channels to display size and blend them with their history.
 
-        The frame has passed `check_aovs`. `weight` is the weight of the history, (1, 1, H, W), or None for a
+        The frame has passed `Model.check`. `weight` is the weight of the history, (1, 1, H, W), or None for a
         method without one. History and result are (1, k, H, W) float32.
         """
         inputs = sessions.frame_inputs(
