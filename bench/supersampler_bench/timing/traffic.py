@@ -15,8 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import onnx
-
 from supersampler.backends.gpu.program import TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Constants, Shader
 from supersampler.errors import ArgumentError
@@ -166,6 +164,8 @@ def cost_of(name_or_path: str) -> Cost:
     Raises:
         ArgumentError: the model has no network.
     """
+    import onnx  # a measuring kit lacks it, and counts traffic alone
+
     folder = find_model(name_or_path)
     path = folder / "network.onnx"
     if not path.is_file():

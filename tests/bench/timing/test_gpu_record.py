@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from apart import run_apart
 from gpu_steps import device_or_skip
 from supersampler_bench.report.doc_tables import blocks_of
 from supersampler_bench.timing import gpu_limits, gpu_steps
@@ -91,6 +92,19 @@ def test_images_are_compared_with_those_of_the_cpu_backend(device: Any) -> None:
     (found,) = gpu_steps.compare_images(device, ["taa"])
     assert found.mean < 1e-4
     assert found.mean < found.p999 < found.largest < 0.05
+
+
+KIT = """
+import sys
+for name in ("torch", "onnx", "onnxruntime", "moderngl", "matplotlib", "flip_evaluator"):
+    sys.modules[name] = None
+from supersampler_bench.cli import timing
+from supersampler_bench.timing import gpu_record, gpu_steps, other_runtimes
+"""
+
+
+def test_a_measuring_kit_needs_neither_torch_nor_onnx() -> None:
+    run_apart(KIT)
 
 
 def test_runtimes_without_a_gpu_are_left_out_with_the_reason() -> None:

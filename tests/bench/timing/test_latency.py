@@ -130,9 +130,12 @@ def test_a_program_on_the_gpu_is_timed_from_its_start() -> None:
     assert result.warm_seconds > 0.0
 
 
-def test_a_method_whose_process_fails_is_named() -> None:
-    with pytest.raises(ArgumentError, match=r"--methods is no-such, whose process ended with code 1: .*such"):
-        measure_startup(["no-such"], (64, 36), cold=1, warm=0)
+@pytest.mark.parametrize("method", ["no-such", "taa:int8"])  # taa has no network
+def test_a_method_whose_process_fails_is_named(method: str) -> None:
+    with pytest.raises(
+        ArgumentError, match=f"--methods is {method}, whose process ended with code 1: .*Error"
+    ):
+        measure_startup([method], (64, 36), cold=1, warm=0)
 
 
 def test_the_table_has_a_row_for_each_method() -> None:
