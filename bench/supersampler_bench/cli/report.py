@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from supersampler.cli.terminal import Terminal
+from supersampler.errors import ArgumentError
 from supersampler_bench.cli import options
 
 
@@ -42,8 +43,14 @@ def stress(
     stressed = subjects(options.split_list(methods), options.executors_of(executors))
     for text in runner.left_out(scenarios, stressed):
         options.warn(text)
+    count = len(runner.runs(scenarios, stressed))
+    if not count:
+        hint = "--quick runs few scenarios." if quick else ""
+        raise ArgumentError(
+            "--only", got=repr(only), want="scenarios that suit one of the methods", hint=hint
+        )
     outcomes = []
-    with options.counted("scenarios", len(runner.runs(scenarios, stressed))) as advance:
+    with options.counted("scenarios", count) as advance:
         for outcome in runner.measure(scenarios, stressed, quick=quick):
             outcomes.append(outcome)
             advance()

@@ -31,6 +31,13 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
         assert result.first > 0.0
 
 
+def test_a_setting_that_a_method_lacks_is_named() -> None:
+    notes: list[str] = []
+    results = measure_latency(["gbuffer-small"], [(64, 36)], ["cpu"], [1], steps=1, on_left_out=notes.append)
+    assert [r.setting.method for r in results] == ["taa"]
+    assert notes[0].startswith("gbuffer-small on cpu is left out: ")
+
+
 def test_slow_settings_do_not_alternate_with_fast_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[str] = []
     step = latency._LatencyRunner.step
