@@ -30,8 +30,20 @@ def _checked_json(path: Path | None) -> Path | None:
     return path
 
 
+def _checked_figures(folder: Path | None) -> Path | None:
+    """Fail before the measurement, not after it, without matplotlib or if a file has the folder's name."""
+    if folder is not None:
+        import matplotlib  # noqa: F401
+
+        check_ours(folder / "figure.png", lambda _: True, "a figure")
+    return folder
+
+
 JSON = Annotated[
     Path | None, typer.Option(help="Write all values and their setting here.", callback=_checked_json)
+]
+FIGURES = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Folder for figures.", callback=_checked_figures)
 ]
 METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, comma-separated.")]
 DISPLAY_SIZE = Annotated[str, typer.Option(help="Size of the images, as 960x540.")]

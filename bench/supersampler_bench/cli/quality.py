@@ -148,7 +148,8 @@ def denoise(
     from supersampler_bench.quality.denoise_references import find_references
 
     given = {**dict.fromkeys(SOURCE_OPTIONS), "layout": "auto", "conventions": conventions}
-    shots = [(folder, open_with(str(folder), given, guides="denoising")) for folder in renders]
+    folders = [folder.absolute() for folder in renders]  # "." has neither a name nor a parent
+    shots = [(folder, open_with(str(folder), given, guides="denoising")) for folder in folders]
     total = sum(
         frame_count(shot, find_references(folder, scene_and_samples(folder)[0], reference))
         for folder, shot in shots
@@ -172,14 +173,12 @@ def still(
     executors: options.EXECUTORS = "cpu,onnx",
     display_size: options.DISPLAY_SIZE = "320x180",
     samples: options.SAMPLES = 64,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for still.png: curves over the frames.")
-    ] = None,
+    output: options.FIGURES = None,
     json: options.JSON = None,
 ) -> None:
     """Measure the PSNR of scenes with a fixed camera after 1, 2 and 4 jitter periods.
 
-    Test shots are rendered here, with OpenGL.
+    The figure, still.png, has curves over the frames. Test shots are rendered here, with OpenGL.
 
     \b
     Examples:
@@ -188,17 +187,17 @@ def still(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.still import StillRecord, frame_count, measure_still
 
-    if output is not None:
-        from supersampler_bench.report import figures  # without matplotlib it fails before the measurement
     chosen, display = _scenes_of(scenes), parse_size(display_size, "--display-size")
     names, kinds = options.split_list(methods), options.executors_of(executors)
     with options.counted("frames", sum(frame_count(ratio) for _, ratio in chosen)) as advance:
         results = measure_still(chosen, names, display, executors=kinds, samples=samples, on_frame=advance)
     record = StillRecord(display, results)
+    options.publish(record, "still", json)
     if output is not None:
+        from supersampler_bench.report import figures
+
         figures.draw_still(record, output / "still.png")
         options.say(str(output / "still.png"))
-    options.publish(record, "still", json)
 
 
 def _scenes_of(text: str) -> list[tuple[str, float]]:

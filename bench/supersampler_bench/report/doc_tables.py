@@ -3,11 +3,12 @@
 import re
 import shlex
 import sys
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+
+import msgspec
 
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
@@ -144,7 +145,7 @@ class Recipe:
         if self.record is None:
             return "was never measured"
         words = shlex.split(self.command)
-        if [word for word in self.record["command"] if word in words] != words:
+        if [word for word in self.record.get("command", ()) if word in words] != words:
             return "was measured by another command"
         return bench_record.age_of(self.record)
 
@@ -152,6 +153,10 @@ class Recipe:
     def seconds(self) -> float:
         """Duration of the last measurement; 0 where that is not known."""
         return float((self.record or {}).get("seconds", 0.0))
+
+
+class _Recipes(msgspec.Struct):
+    commands: dict[str, str]
 
 
 def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
@@ -165,8 +170,8 @@ def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
         ArgumentError: there is no such file, or it has no such record.
     """
     try:
-        commands = tomllib.loads((root / COMMANDS).read_text(encoding="utf-8"))["commands"]
-    except (OSError, KeyError, tomllib.TOMLDecodeError) as error:
+        commands = msgspec.toml.decode((root / COMMANDS).read_bytes(), type=_Recipes).commands
+    except (OSError, msgspec.MsgspecError) as error:
         want = "a repository of supersampler"
         raise ArgumentError("root", got=f"{root} ({error})", want=want) from error
     if unknown := [name for name in names if name not in commands]:

@@ -152,11 +152,12 @@ def test_the_cost_of_rendering_is_the_mean_over_the_frames_that_are_read(tmp_pat
 
 
 def test_the_command_prints_tables_and_writes_a_record_that_has_the_same_tables(
-    render: Path, tmp_path: Path
+    render: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (render / "costs.jsonl").write_text('{"frame": 6, "cpu": 2.5}\n')
     path = tmp_path / "denoise.json"
-    result = succeeded(run("bench", "denoise", render, "--per-frame", "none", "--json", path))
+    monkeypatch.chdir(render)
+    result = succeeded(run("bench", "denoise", ".", "--per-frame", "none", "--json", path))
     data = json.loads(path.read_text("utf-8"))
     record = DenoiseRecord.from_json(data)
     tables = record.tables("denoise")
