@@ -21,7 +21,7 @@ from supersampler.io.json_files import read_json
 from supersampler.methods.model_file import CONTRACT
 from supersampler.methods.model_info import EXTRAPOLATED, extents
 from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of, sized
-from supersampler_export.graph import OPSET, export_graph, export_subgraph, history_name
+from supersampler_export.graph import OPSET, export_graph, export_subgraph
 from supersampler_export.half import to_half
 from supersampler_export.parity import (
     FRAMES,
@@ -148,7 +148,7 @@ def describe(method: Method) -> dict[str, Any]:
         "inputs": [_tensor(name, TENSORS[name]) for name in spec.inputs],
         **({"only_extrapolated": True} if spec.only_extrapolated else {}),
         "history": [
-            {**_tensor(history_name(f"history_{name}"), shape), "output": f"next.{name}"}
+            {**_tensor(f"history.{name}", shape), "output": f"next.{name}"}
             for name, shape in spec.history.items()
         ],
         "image": _tensor("image", spec.image),

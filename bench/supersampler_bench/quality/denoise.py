@@ -66,14 +66,10 @@ def measure_render(
     reference: str,
     on_frame: Callable[[], None] = lambda: None,
 ) -> denoise_record.RenderRow:
-    """Denoise frames of a shot in several ways, and score those that have references.
+    """Denoise the frames of a folder in several ways, and score those that have references.
 
-    Args:
-        render: folder of the shot, whose name is SCENE-SAMPLES.
-        shot: its frames, opened with the guides of denoising.
-        denoiser: denoises each frame first; None if the frames are already denoised.
-        reference: pattern, see `find_references`.
-        on_frame: called after each frame of `frame_count`.
+    The shot is opened with the guides of denoising. `denoiser` denoises each frame first; None: frames are
+    already denoised. For the pattern `reference`, see `find_references`.
 
     Raises:
         ArgumentError: the folder has another name, or no frame has a reference.
@@ -155,15 +151,12 @@ def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
 
 
 class Metered:
-    """Counts the CPU seconds of a denoiser, and keeps the frames that it denoises by themselves.
-
-    Attributes:
-        frame_cpu: CPU seconds of frames, with their guides.
-        mean_cpu: CPU seconds of means of frames, which have no guides of their own.
-    """
+    """Counts the CPU seconds of a denoiser, and keeps the frames that it denoises by themselves."""
 
     def __init__(self, denoiser: FrameDenoiser) -> None:
-        self._denoiser, self.frame_cpu, self.mean_cpu = denoiser, 0.0, 0.0
+        self._denoiser = denoiser
+        self.frame_cpu = 0.0  # of frames, with their guides
+        self.mean_cpu = 0.0  # of means of frames, which have no guides of their own
         self._guides: Guides | None = None  # of the frame that comes next
         self._singles: list[tuple[Float32, Guides]] = []
 

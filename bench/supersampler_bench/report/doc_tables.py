@@ -29,11 +29,8 @@ _EXPORT = f"export classifier-paper --weights bench/weights/classifier-paper.saf
 def blocks_of(name: str, record: bench_record.JsonRecord) -> Mapping[str, Callable[[], str]]:
     """Return functions that make the blocks of a record, by the block's name.
 
-    They raise ArgumentError if the record was written by another version.
-
-    Args:
-        name: name of its file, without the suffix: "quality-plaza" is the block "quality plaza".
-        record: read from it.
+    `name` is that of the record's file: "quality-plaza" has the block "quality plaza". The functions raise
+    ArgumentError if another version wrote the record.
     """
     if (kind := bench_record.BENCHES.get(record["bench"])) is None:
         return {}
@@ -62,21 +59,13 @@ def read_records(folder: Path) -> dict[str, bench_record.JsonRecord]:
 
 @dataclass(frozen=True)
 class DocBlock:
-    """One block of a Markdown file, compared with its record.
-
-    Attributes:
-        page: the file.
-        name: name of the block.
-        text: its present text.
-        recorded: the text made from its record; None where there is no record of this version.
-        problem: why there is none.
-    """
+    """One block of a Markdown file, compared with its record."""
 
     page: Path
     name: str
-    text: str
-    recorded: str | None
-    problem: str = ""
+    text: str  # at present
+    recorded: str | None  # made from its record; None without a record of this version
+    problem: str = ""  # why there is none
 
     @property
     def is_recorded(self) -> bool:
@@ -127,17 +116,11 @@ def _block(page: Path, name: str, maker: Callable[[], str] | None) -> DocBlock:
 
 @dataclass(frozen=True)
 class Recipe:
-    """Command that measures a record.
+    """Command that measures a record."""
 
-    Attributes:
-        name: name of the record's file, without the suffix.
-        command: as one types it, without --json.
-        record: the present one; None where there is none.
-    """
-
-    name: str
-    command: str
-    record: bench_record.JsonRecord | None
+    name: str  # of the record's file, without the suffix
+    command: str  # as one types it, without --json
+    record: bench_record.JsonRecord | None  # the present one
 
     @property
     def problem(self) -> str:
@@ -160,11 +143,7 @@ class _Recipes(msgspec.Struct):
 
 
 def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
-    """Yield the recipes of a repository, in the order of the file.
-
-    Args:
-        root: the repository.
-        names: names of records; none are all.
+    """Yield the recipes of a repository, of some records by name or of all, in the order of the file.
 
     Raises:
         ArgumentError: there is no such file, or it has no such record.
@@ -182,15 +161,9 @@ def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
 
 
 def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
-    """Run a recipe's command; its record is replaced when that has ended well, by summaries alone.
+    """Run a recipe's command in the repository; return whether it succeeded. `on_line` gets its errors.
 
-    Args:
-        root: the repository.
-        recipe: what to measure.
-        on_line: called with errors.
-
-    Returns:
-        Whether it ended well.
+    The record is replaced only if it succeeds. Published records have no scores of single frames.
     """
     path = RESULTS / f"{recipe.name}.json"
     steps = [f"{recipe.command.removeprefix('supersampler ')} --json {path}"]

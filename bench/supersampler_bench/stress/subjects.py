@@ -99,6 +99,7 @@ class _Session:
     def __init__(self, upscaler: Upscaler, display: Size, *, alternates: bool) -> None:
         self._upscaler, self._display, self._alternates = upscaler, display, alternates
         self._next_is_unshaded = False
+        self.save_state = upscaler.save_state
 
     def step(self, frame: Frame) -> Float32:
         """See `Upscaler.step`."""
@@ -108,10 +109,6 @@ class _Session:
         if unshaded:
             return self._upscaler.extrapolate(replace(frame, color=None))
         return self._upscaler.step(frame)
-
-    def save_state(self) -> State:
-        """See `Upscaler.save_state`."""
-        return self._upscaler.save_state()
 
     def load_state(self, state: State) -> None:
         """See `Upscaler.load_state`."""
