@@ -15,7 +15,7 @@ TITLES: Mapping[str, str] = {
     "three-taau-sharp": "the same, textures as sharp as at full size",
     NATIVE: "three.js `TRAANode`, rendered at full size",
 }
-"""Names of what is not of this package."""
+"""Titles of the methods that are not of this package."""
 
 
 @dataclass(frozen=True)

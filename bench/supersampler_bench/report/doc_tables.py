@@ -69,7 +69,7 @@ class DocBlock:
 
     @property
     def is_recorded(self) -> bool:
-        """Whether the text is that of the record; without a record it must be empty."""
+        """Whether the text equals the record's; without a record it must be empty."""
         return self.text == (self.recorded or "")
 
     def write(self) -> None:
