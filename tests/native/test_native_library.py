@@ -162,3 +162,4 @@ def test_an_unknown_target_of_a_build_is_refused_with_those_that_are_known(
     hook = object.__new__(module_of(SOURCES / "build_hook.py").LibraryHook)
     with pytest.raises(RuntimeError, match="the target is 'linux'; want one of manylinux-x86_64, "):
         hook.initialize("standard", {})
+    hook.finalize("standard", {}, "")
