@@ -147,6 +147,8 @@ IMAGES = {
 """Function and JPEG quality of each image."""
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2 or sys.argv[1] not in IMAGES:
+        sys.exit(__doc__)
     make, quality = IMAGES[sys.argv[1]]
     with replacing(Path(__file__).with_name(f"{sys.argv[1]}.jpg")) as partial:
         partial.write_bytes(encode_jpeg(make(), quality=quality))
