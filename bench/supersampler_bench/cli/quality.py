@@ -9,7 +9,7 @@ from rich.table import Table
 
 from supersampler import ArgumentError
 from supersampler.cli.arguments import SOURCE_OPTIONS, ConventionsOption, open_with, parse_size
-from supersampler.cli.terminal import Terminal
+from supersampler.cli.terminal import Terminal, echo
 from supersampler_bench.cli import options
 from supersampler_bench.record import read_record, write_json
 from supersampler_bench.shots import public_shots
@@ -267,7 +267,7 @@ def hashes(
         return
     found = list(bench.differences(before, here, partly=methods is not None))
     for text in found:
-        Terminal().print(text, soft_wrap=True)
+        echo(text)
     options.say(f"{len(here.hashed)} runs: {len(found)} differ from {check}")
     if found:
         if unlike := bench.unlike_versions(before, here):

@@ -3,9 +3,8 @@
 import re
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -26,20 +25,25 @@ _PAPER = Path("out/classifier-paper")
 _EXPORT = f"export classifier-paper --weights bench/weights/classifier-paper.safetensors -o {_PAPER}"
 
 
-def blocks_of(name: str, record: bench_record.JsonRecord) -> Mapping[str, Callable[[], str]]:
-    """Return functions that make the blocks of a record, by the block's name.
+def blocks_of(name: str, record: bench_record.JsonRecord) -> dict[str, str]:
+    """Return the tables of a record by the names of their blocks; `name` is that of the record's file.
 
-    `name` is that of the record's file: "quality-plaza" has the block "quality plaza". The functions raise
-    ArgumentError if another version wrote the record.
+    The table "clip" of "quality-plaza" is the block "quality plaza clip".
     """
     if (kind := bench_record.BENCHES.get(record["bench"])) is None:
         return {}
-    names = zip(kind.block_names(name.replace("-", " ", 1)), kind.TABLES, strict=True)
-    return {each: partial(_block_text, record, table) for each, table in names}
+    return dict(zip(kind.block_names(name.replace("-", " ", 1)), kind.TABLES, strict=True))
 
 
-def _block_text(record: bench_record.JsonRecord, table: str) -> str:
-    return bench_record.BenchRecord.from_json(record).table_text(table)
+def block_text(record: bench_record.JsonRecord, table: str) -> str:
+    """Return the text of a block, which says where models have changed since it was measured.
+
+    Raises:
+        ArgumentError: another version wrote the record.
+    """
+    text = bench_record.BenchRecord.from_json(record).table_text(table)
+    age = bench_record.age_of(record)
+    return f"{text}\n\n{age}" if age else text
 
 
 def read_records(folder: Path) -> dict[str, bench_record.JsonRecord]:
@@ -87,29 +91,23 @@ def find_all(root: Path) -> Iterator[DocBlock]:
     records = read_records(root / RESULTS)
     if (pareto_path := root / "bench" / "supersampler_bench" / bench_record.SHIPPED_PARETO.name).is_file():
         records["pareto"] = bench_record.read_record(pareto_path)
-    makers = {
-        block: partial(_with_age, maker, record)
+    tables = {
+        block: (record, table)
         for name, record in records.items()
-        for block, maker in blocks_of(name, record).items()
+        for block, table in blocks_of(name, record).items()
     }
     for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
         for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
-            yield _block(page, name, makers.get(name))
+            yield _block(page, name, tables.get(name))
 
 
-def _with_age(maker: Callable[[], str], record: bench_record.JsonRecord) -> str:
-    """Return the text of a block, which says where models have changed since it was measured."""
-    age = bench_record.age_of(record)
-    return f"{maker()}\n\n{age}" if age else maker()
-
-
-def _block(page: Path, name: str, maker: Callable[[], str] | None) -> DocBlock:
+def _block(page: Path, name: str, recorded: tuple[bench_record.JsonRecord, str] | None) -> DocBlock:
     content, start, stop = find_block(page, name)
     text = content[start:stop].replace("\r\n", "\n").strip("\n")
-    if maker is None:
+    if recorded is None:
         return DocBlock(page, name, text, None, "there is no record of it")
     try:
-        return DocBlock(page, name, text, maker())
+        return DocBlock(page, name, text, block_text(*recorded))
     except ArgumentError as error:
         return DocBlock(page, name, text, None, str(error))
 

@@ -9,7 +9,7 @@ import pytest
 
 from apart import run_apart
 from gpu_steps import device_or_skip
-from supersampler_bench.report.doc_tables import blocks_of
+from supersampler_bench.report.doc_tables import block_text, blocks_of
 from supersampler_bench.timing import gpu_limits, gpu_steps
 from supersampler_bench.timing.gpu_limits import GpuLimits, measure_limits
 from supersampler_bench.timing.gpu_record import GpuRecord
@@ -136,9 +136,10 @@ def test_a_record_without_results_has_tables() -> None:
 
 
 def test_each_table_of_a_record_has_a_block() -> None:
-    blocks = blocks_of("device-some", record().to_json())
+    measured = record().to_json()
+    blocks = blocks_of("device-some", measured)
     assert list(blocks) == [f"device some{table}" for table in ("", " passes", " images", " others")]
-    assert blocks["device some passes"]() == record().passes_table()
+    assert block_text(measured, blocks["device some passes"]) == record().passes_table()
 
 
 def test_the_command_records_what_it_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
