@@ -143,23 +143,21 @@ def denoise(
       supersampler bench denoise renders/room-4 --reference "truth/*.exr"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.denoising.oidn import Oidn
-    from supersampler_bench.quality.denoise import frame_count, measure_render, scene_and_samples
+    from supersampler_bench.quality.denoise import measure_render, scene_and_samples, span_of
     from supersampler_bench.quality.denoise_record import DenoiseRecord
     from supersampler_bench.quality.denoise_references import find_references
 
     given = {**dict.fromkeys(SOURCE_OPTIONS), "layout": "auto", "conventions": conventions}
     folders = [folder.absolute() for folder in renders]  # "." has neither a name nor a parent
-    shots = [(folder, open_with(str(folder), given, guides="denoising")) for folder in folders]
-    total = sum(
-        frame_count(shot, find_references(folder, scene_and_samples(folder)[0], reference))
-        for folder, shot in shots
-    )
+    shots = [open_with(str(folder), given, guides="denoising") for folder in folders]
+    files = [find_references(folder, scene_and_samples(folder)[0], reference) for folder in folders]
+    total = sum(len(span_of(*pair)) for pair in zip(shots, files, strict=True))
     rows = []
     with options.counted("frames", total) as advance:
-        for folder, shot in shots:
+        for folder, shot, found in zip(folders, shots, files, strict=True):
             comes_denoised = shot.is_denoised if per_frame == "auto" else per_frame == "none"
             with nullcontext() if comes_denoised else Oidn(threads=1) as denoiser:
-                rows.append(measure_render(folder, shot, denoiser, reference=reference, on_frame=advance))
+                rows.append(measure_render(folder, shot, found, denoiser, on_frame=advance))
             if json is not None:  # a stopped run keeps what it has measured
                 write_json(DenoiseRecord(rows), json)
     options.publish(DenoiseRecord(rows), "denoise", json)
