@@ -113,11 +113,6 @@ def test_runtimes_without_a_gpu_are_left_out_with_the_reason() -> None:
     assert found or "CUDA" in notes[0]
 
 
-def test_the_steps_of_a_record_are_restored() -> None:
-    assert record().steps[0].passes == STEP.passes
-    assert (STEP.moved, STEP.multiply_adds) == (600_000_000, 4_000_000_000)
-
-
 def test_tables_have_steps_and_their_longest_passes() -> None:
     text = record().table()
     assert "| 960x540 to 1920x1080 | classifier | 1.20 | 1.30 | 0.60 | 4.0 | 0.40 | 3.0 | 20 | 3.0 |" in text
