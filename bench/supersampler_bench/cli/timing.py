@@ -43,9 +43,8 @@ def traffic(
     from supersampler_bench.timing import traffic as bench
 
     size, ratios = parse_size(display_size, "--display-size"), options.ratio_list(ratio)
-    options.publish(
-        bench.TrafficRecord(bench.traffic_of(options.split_list(methods), size, ratios)), "traffic", json
-    )
+    steps = bench.traffic_of(options.split_list(methods), size, ratios, on_left_out=options.warn)
+    options.publish(bench.TrafficRecord(steps), "traffic", json)
 
 
 def startup(
