@@ -61,7 +61,10 @@ SHOT = Annotated[
         f"{', '.join(name for s in public_shots.APART_SHOTS for name in s.seeds)}.",
     ),
 ]
-RATIO = Annotated[str, typer.Option(help="Display over render size of test shots, comma-separated.")]
+RATIO = Annotated[
+    str | None,
+    typer.Option(help="Display over render size of test shots, comma-separated.", show_default="2"),
+]
 RATIOS = Annotated[str, typer.Option(help="Display over render size, comma-separated.")]
 _CACHE_SOURCE: Any = {
     "envvar": public_shots.CACHE_VARIABLE,
@@ -150,18 +153,24 @@ def publish(record: BenchRecord, name: str, json: Path | None, *, unprinted: Col
         write_json(record, json)
 
 
-def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[tuple[Shot, dict[str, Any]]]]:
+def opened_shots(
+    shot: str, cache: Path | None, ratio: str | None
+) -> tuple[str, list[tuple[Shot, dict[str, Any]]]]:
     """Open the SHOT argument; return its name, and each shot with its `PublicShot.origin`.
 
     Raises:
-        ArgumentError: a ratio is not a number, or there is no such shot.
+        ArgumentError: a ratio is not a number, or is given for another shot than a test shot.
         ShotError: the test shots are missing.
     """
     shots = public_shots.shots_named(shot)
     if shots is None:
+        if ratio is not None:
+            raise ArgumentError(
+                "--ratio", got=repr(ratio), want=f"none: {shot} is no test shot, and has its own"
+            )
         one = open_source(shot)
         return one.name, [(one, {})]
-    ratios = ratio_list(ratio)
+    ratios = ratio_list("2" if ratio is None else ratio)
     folder = cache or public_shots.default_cache()
     found = public_shots.open_test_shots(folder, ratios, shots, public_shots.FROZEN)
     for public in found:

@@ -25,7 +25,7 @@ def quality(
             "easu, easu-rcas, fsr2-like."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier-small,classifier,classifier-large",
-    ratio: options.RATIO = "2",
+    ratio: options.RATIO = None,
     cache: options.CACHE = None,
     cvvdp: Annotated[
         bool, typer.Option("--cvvdp", help="Also measure ColorVideoVDP, which takes seconds per image.")
@@ -75,7 +75,7 @@ def extrapolation(
     alternation: Annotated[
         str, typer.Option(help="Ratios of unshaded to shaded frames, comma-separated.")
     ] = "1:1,2:1",
-    ratio: options.RATIO = "2",
+    ratio: options.RATIO = None,
     cache: options.CACHE = None,
     json: options.JSON = None,
 ) -> None:
