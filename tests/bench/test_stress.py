@@ -264,7 +264,7 @@ def test_a_command_that_would_run_nothing_is_refused(options: str, message: str)
 
 
 def test_a_subject_has_the_settings_that_its_method_names() -> None:
-    frames = still((24, 16)) * 3
+    frames = [*still((24, 16))] * 3
     images = {}
     for method in ("taau", "taau:off"):
         [subject] = subjects([method], ["cpu"])

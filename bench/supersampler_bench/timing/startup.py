@@ -80,7 +80,7 @@ def measure_startup(
 
 def _first_image(spec: Spec, render: Size, cache: str) -> float:
     """Return the seconds to the first image of a new process, whose drivers keep shaders in `cache`."""
-    where = {"precision": spec.precision, "at_rest": spec.at_rest}
+    where: dict[str, str] = {"precision": spec.precision, "at_rest": spec.at_rest}
     where |= {"executor": "gpu"} if spec.executor == "gpu" else {"providers": "cpu"}
     request = {"method": spec.model, "render": render, "scale": RATIO, "where": where}
     environment = {**os.environ, "XDG_CACHE_HOME": cache, "PYTHONSAFEPATH": "1"}
