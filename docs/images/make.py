@@ -86,11 +86,7 @@ def of_test_shots(
 ) -> Pixels:
     """Return a row of crops for each place: the image of each method, then the reference.
 
-    Args:
-        places: test shot, frame, and corner of each crop in display pixels.
-        methods: names of shipped models.
-        size: width and height of a crop in display pixels.
-        zoom: factor by which crops are enlarged.
+    A place is a test shot, a frame, and the corner of the crop; it and the crop's `size` are display pixels.
     """
     cache, rows = Path(os.environ.get(CACHE_VARIABLE) or default_cache()), []
     for name, index, corner in places:

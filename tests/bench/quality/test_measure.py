@@ -107,19 +107,13 @@ def test_a_perfect_image_has_perfect_scores(tmp_path: Path, painted: Painted) ->
         }
 
 
-def test_change_is_measured_only_between_neighbours_that_both_have_a_reference(
-    tmp_path: Path, painted: Painted
+@pytest.mark.parametrize(("references", "cuts"), [([2, 4, 5], (0,)), ([2, 3, 4], (0, 3))])
+def test_change_is_measured_only_between_neighbours_of_one_cut_that_both_have_a_reference(
+    tmp_path: Path, painted: Painted, references: list[int], cuts: tuple[int, ...]
 ) -> None:
-    shot = write_shot(tmp_path, references=[2, 4, 5])
-    frames = painted(shot, truth)
-    assert [np.isnan(f.full["tpsnr"]) for f in frames] == [True, True, False]
-    assert [np.isnan(f.full["warped_error_difference"]) for f in frames] == [True, True, False]
-
-
-def test_change_is_not_measured_across_a_cut(tmp_path: Path, painted: Painted) -> None:
-    shot = write_shot(tmp_path, cuts=(0, 3), references=[2, 3, 4])
-    frames = painted(shot, truth)
-    assert [np.isnan(f.full["tpsnr"]) for f in frames] == [True, True, False]
+    frames = painted(write_shot(tmp_path, cuts=cuts, references=references), truth)
+    for name in ("tpsnr", "warped_error_difference"):
+        assert [np.isnan(f.full[name]) for f in frames] == [True, True, False]
 
 
 def test_an_image_that_lags_a_frame_is_worse_where_it_moves_and_steady_noise_is_not_flicker(
