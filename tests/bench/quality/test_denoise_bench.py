@@ -24,6 +24,7 @@ from supersampler_bench.quality.denoise_record import (
     RenderRow,
 )
 from supersampler_bench.quality.denoise_references import (
+    DEFAULT_PATTERN,
     bounding_box,
     find_references,
     read_reference,
@@ -33,7 +34,6 @@ from upscale_runs import refusal, run, succeeded
 
 COUNT = 12
 SCORED = (6, 7, 8)
-DEFAULT_PATTERN = "{scene}-reference*/*.exr"
 
 
 @pytest.fixture
