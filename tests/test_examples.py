@@ -95,6 +95,16 @@ def test_raw_frames_are_those_of_the_shot(tmp_path: Path) -> None:
                 np.testing.assert_array_equal(pixels[..., : image.shape[2]], image)
 
 
+@pytest.mark.parametrize("count", ["-3", "0", "all"])
+def test_raw_planes_of_an_impossible_number_of_frames_are_not_written(tmp_path: Path, count: str) -> None:
+    script, shot = EXAMPLES / "cpp_onnxruntime" / "raw_planes.py", Shot.open("plaza").path
+    command = [sys.executable, str(script), str(shot), str(tmp_path / "raw"), count]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert done.stderr.startswith("Write the frames of a shot as raw float32 planes")
+    assert not (tmp_path / "raw").exists()
+
+
 def test_the_viewer_stops_rendering_once_the_image_has_converged(tmp_path: Path) -> None:
     image = tmp_path / "at_rest.png"
     command = [sys.executable, str(EXAMPLES / "viewer_at_rest.py"), "--model", "taau", "-o", str(image)]

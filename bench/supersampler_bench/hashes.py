@@ -1,6 +1,6 @@
 """Hashes of images and histories, to check that two versions compute the same ones, bit for bit.
 
-Every shipped model steps through 24 frames at five sizes, or 48 where most of the frame is static, in
+Every shipped model steps through 16 frames at five sizes, or 48 where most of the frame is static, in
 every way that it runs on a CPU. Hashes depend on the processor's instructions, on ONNX Runtime and on the
 compiler, so compare records of one machine.
 """

@@ -125,9 +125,10 @@ class BenchRecord:
         provenance = {name: data[name] for name in _PROVENANCE if name in data}
         try:
             record = msgspec.convert({**kind.adapted(data), "provenance": provenance}, kind)
-        except msgspec.ValidationError as error:
+        except (msgspec.ValidationError, LookupError, TypeError) as error:
+            got = f"without {error}" if isinstance(error, LookupError) else str(error)
             hint = "Measure again: the record has the command."
-            raise ArgumentError("record", got=str(error), want="one of this version", hint=hint) from error
+            raise ArgumentError("record", got=got, want="one of this version", hint=hint) from error
         if not isinstance(record, cls):
             raise ArgumentError("record", got=f"one of {data['bench']!r}", want=f"one of {cls.BENCH!r}")
         return record
@@ -167,9 +168,9 @@ def age_of(record: JsonRecord) -> str:
 
 def _is_other_shot(row: JsonRecord | str) -> bool:
     """Return whether a shot of a record ships, and has changed since; some records have its name alone."""
-    if isinstance(row, str) or not (file := SHIPPED / row["name"] / SHOT_FILE).is_file():
+    if isinstance(row, str) or not (file := SHIPPED / row.get("name", "") / SHOT_FILE).is_file():
         return False
-    return bool(row["shot_json_sha256"] != hashlib.sha256(file.read_bytes()).hexdigest())
+    return bool(row.get("shot_json_sha256") != hashlib.sha256(file.read_bytes()).hexdigest())
 
 
 def _texts(values: object) -> Iterator[str]:

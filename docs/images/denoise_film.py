@@ -55,4 +55,6 @@ def side_by_side(images: tuple[Float32, ...]) -> np.ndarray:
 
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
     main(Path(sys.argv[1]))

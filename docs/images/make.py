@@ -86,11 +86,7 @@ def of_test_shots(
 ) -> Pixels:
     """Return a row of crops for each place: the image of each method, then the reference.
 
-    Args:
-        places: test shot, frame, and corner of each crop in display pixels.
-        methods: names of shipped models.
-        size: width and height of a crop in display pixels.
-        zoom: factor by which crops are enlarged.
+    A place is a test shot, a frame, and the corner of the crop; it and the crop's `size` are display pixels.
     """
     cache, rows = Path(os.environ.get(CACHE_VARIABLE) or default_cache()), []
     for name, index, corner in places:
@@ -147,6 +143,8 @@ IMAGES = {
 """Function and JPEG quality of each image."""
 
 if __name__ == "__main__":
+    if len(sys.argv) != 2 or sys.argv[1] not in IMAGES:
+        sys.exit(__doc__)
     make, quality = IMAGES[sys.argv[1]]
     with replacing(Path(__file__).with_name(f"{sys.argv[1]}.jpg")) as partial:
         partial.write_bytes(encode_jpeg(make(), quality=quality))

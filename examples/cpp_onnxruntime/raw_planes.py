@@ -16,7 +16,7 @@ from OpenImageIO import ImageBuf
 CHANNELS = {"color": ("R", "G", "B"), "depth": ("depth.Z",), "motion": ("motion.X", "motion.Y")}
 REACTIVE = {"reactive": ("reactive.Y",)}  # optional
 
-if len(sys.argv) not in (3, 4):
+if len(sys.argv) not in (3, 4) or not all(count.isdecimal() and int(count) for count in sys.argv[3:]):
     sys.exit(__doc__)
 shot, out = Path(sys.argv[1]), Path(sys.argv[2])
 description = json.loads((shot / "shot.json").read_text())

@@ -66,10 +66,9 @@ def export(
       supersampler export classifier --target wgsl -o shaders
       supersampler export all --target npm -o supersampler-npm
     """  # noqa: D301  # \b makes click keep the line breaks
-    if aovs and target != "wgsl":
-        raise ArgumentError("--aovs", got=aovs, want="none without --target wgsl")
-    if images != "textures" and target != "wgsl":
-        raise ArgumentError("--images", got=images, want="none without --target wgsl")
+    for option, given, default in (("--aovs", aovs, 0), ("--images", images, "textures")):
+        if given != default and target != "wgsl":
+            raise ArgumentError(option, got=given, want="none without --target wgsl")
     if target is not None:
         if weights is not None:
             hint = "Export a model folder with these weights, then `supersampler export FOLDER --target ...`."

@@ -21,7 +21,7 @@ from supersampler.io.json_files import read_json
 from supersampler.methods.model_file import CONTRACT
 from supersampler.methods.model_info import EXTRAPOLATED, extents
 from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of, sized
-from supersampler_export.graph import OPSET, export_graph, export_subgraph, history_name
+from supersampler_export.graph import OPSET, export_graph, export_subgraph
 from supersampler_export.half import to_half
 from supersampler_export.parity import (
     FRAMES,
@@ -48,6 +48,7 @@ _FILES = {
     f"{EXTRAPOLATED}/model.json": "describes the step for extrapolated frames, on the same history.",
 }
 """Description of each optional file in the model card."""
+_LISTED = "listed by a model.json next to it"
 
 
 def write_model_folder(method: Method, folder: Path) -> None:
@@ -59,13 +60,13 @@ def write_model_folder(method: Method, folder: Path) -> None:
         ExportError: opset, operators or parity fail; nothing is written.
         ShotError: existing files were not written by an export; nothing is written.
     """
+    check_ours(folder / "model.json", _is_listed, _LISTED)  # before the trace, which takes minutes
     inner: dict[str, bytes] = {}
     if (extrapolated := method.on_extrapolated()) is not None:
         inner = {f"{EXTRAPOLATED}/{name}": made for name, made in _folder_files(extrapolated, {}).items()}
     content = {**inner, **_folder_files(method, inner)}
     for name in content:
-        check_ours(folder / name, _is_listed, "listed by a model.json next to it")
-    (folder / EXTRAPOLATED if inner else folder).mkdir(parents=True, exist_ok=True)
+        check_ours(folder / name, _is_listed, _LISTED)
     for name, made in content.items():
         write_bytes(folder / name, made)
 
@@ -147,7 +148,7 @@ def describe(method: Method) -> dict[str, Any]:
         "inputs": [_tensor(name, TENSORS[name]) for name in spec.inputs],
         **({"only_extrapolated": True} if spec.only_extrapolated else {}),
         "history": [
-            {**_tensor(history_name(f"history_{name}"), shape), "output": f"next.{name}"}
+            {**_tensor(f"history.{name}", shape), "output": f"next.{name}"}
             for name, shape in spec.history.items()
         ],
         "image": _tensor("image", spec.image),

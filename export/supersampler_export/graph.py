@@ -42,9 +42,10 @@ class ExportError(SupersamplerError, RuntimeError):
     """The graph cannot be exported, or differs from torch."""
 
 
-def history_name(name: str) -> str:
-    """Return the name of a history tensor in the graph: history_color -> history.color."""
-    return name.replace("history_", "history.", 1)
+def graph_inputs(method: Method) -> dict[str, Shape]:
+    """Return names and shapes of the inputs of a step's graph; the history's names are history.NAME."""
+    inputs: dict[str, Shape] = {name: TENSORS[name] for name in method.inputs()}
+    return inputs | {f"history.{name}": shape for name, shape in method.history.items()}
 
 
 def export_graph(method: Method) -> onnx.ModelProto:
@@ -54,8 +55,6 @@ def export_graph(method: Method) -> onnx.ModelProto:
         ExportError: the exporter returned another opset, or an operator that is not portable.
     """
     arguments = example_arguments(method, *traced_sizes(method), ops.Size(22, 15))
-    names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
-    inputs = {history_name(name): shape_of(method, name) for name in names}
     outputs: dict[str, Sequence[int | str]] = {"image": method.spec.image}
     # this frame's size is the next one's previous size
     previous = *shapes.PREVIOUS, *shapes.BLOCKS, shapes.PHASES
@@ -63,7 +62,9 @@ def export_graph(method: Method) -> onnx.ModelProto:
     for name, shape in method.history.items():
         outputs[f"next.{name}"] = [current.get(n, n) if isinstance(n, str) else n for n in shape]
     outputs |= {name: TENSORS[name] for name in method.spec.aux_outputs}
-    return _traced(folded(copy.deepcopy(method).eval()), arguments, inputs, outputs, _dims(method))
+    return _traced(
+        folded(copy.deepcopy(method).eval()), arguments, graph_inputs(method), outputs, _dims(method)
+    )
 
 
 def traced_sizes(method: Method) -> tuple[ops.Size, ops.Size]:
@@ -144,13 +145,6 @@ def _traced(
     return model
 
 
-def shape_of(method: Method, parameter: str) -> Shape:
-    """Return the shape of a parameter of the step."""
-    if parameter.startswith("history_"):
-        return method.history[parameter.removeprefix("history_")]
-    return TENSORS[parameter]
-
-
 def example_arguments(
     method: Method, render: ops.Size, display: ops.Size, previous: ops.Size
 ) -> list[Tensor]:
@@ -158,9 +152,10 @@ def example_arguments(
     sizes = extents(render=render, display=display, previous=previous) | {shapes.CHANNELS: 3}
     for i, (height, width) in enumerate((shapes.SHADED, shapes.EARLIER, shapes.BETWEEN), 1):
         sizes |= {height: previous.height + 2 * i, width: previous.width + i}
-    names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
-    noise = {name: torch.rand(sized(shape_of(method, name), sizes)) for name in names}
-    return [torch.tensor(display) if name == "display_size" else noise[name] for name in names]
+    return [
+        torch.tensor(display) if name == "display_size" else torch.rand(sized(shape, sizes))
+        for name, shape in graph_inputs(method).items()
+    ]
 
 
 def check_portable(model: onnx.ModelProto, others: Collection[str] = ()) -> None:

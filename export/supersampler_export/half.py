@@ -14,11 +14,8 @@ Folded = TypeVar("Folded", bound=nn.Module)
 class HalfNetwork(nn.Module):
     """A network in half precision with float32 inputs and outputs.
 
-    Batch normalisation is folded into the preceding convolution in float32, as its means and variances may
-    exceed the range of half floats.
-
-    Args:
-        network: a network of tensors to a tuple of tensors; not changed.
+    `network`, which is not changed, returns a tuple of tensors. Batch normalisation is folded into the
+    preceding convolution in float32, as its means and variances may exceed the range of half floats.
     """
 
     def __init__(self, network: nn.Module) -> None:

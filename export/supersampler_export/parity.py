@@ -12,7 +12,7 @@ from torch import Tensor
 from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions.jitter import only_ratio, scaled
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
+from supersampler_export.graph import ExportError, example_inputs, graph_inputs, traced_sizes
 from supersampler_model import ops
 from supersampler_model.methods.base import LearnedMethod, Method, NetworkSubgraph
 
@@ -136,10 +136,9 @@ def check_subgraph(subgraph: NetworkSubgraph, graph: bytes) -> None:
 
 def compare(method: Method, session: ort.InferenceSession, render: ops.Size, display: ops.Size) -> Parity:
     """Step noisy frames in torch and ONNX Runtime, each with its own history."""
-    names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
 
     def step(*tensors: Tensor) -> tuple[Tensor, list[Tensor]]:
-        feeds = {name: tensor.numpy() for name, tensor in zip(names, tensors, strict=True)}
+        feeds = {name: tensor.numpy() for name, tensor in zip(graph_inputs(method), tensors, strict=True)}
         image, *others = (torch.from_numpy(array) for array in session.run(None, feeds))
         return image, others[: len(method.history)]
 

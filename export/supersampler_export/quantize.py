@@ -63,17 +63,11 @@ def cpu_network(method: Method) -> bytes | None:
 
 @dataclass(frozen=True)
 class ByteLayout:
-    """Layout of channels as contiguous bytes; one entry per byte.
+    """Layout of channels as contiguous bytes; one entry per byte."""
 
-    Attributes:
-        channel: index of the channel, or -1 for padding.
-        scale: scale of the values.
-        zero: byte of the value 0.
-    """
-
-    channel: NDArray[np.int64]
-    scale: Floats
-    zero: Floats
+    channel: NDArray[np.int64]  # index of the channel, or -1 for padding
+    scale: Floats  # of the values
+    zero: Floats  # byte of the value 0
 
     @classmethod
     def of(cls, channels: Sequence[int] | int, scale: float, zero: float = 0.0) -> "ByteLayout":
@@ -169,15 +163,10 @@ def unpacked(channels: int, level: int) -> list[int]:
 
 
 def quantized(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays:
-    """Quantize all layers.
+    """Quantize all layers of a trained network; `ranges` are those of `calibrated`.
 
-    Args:
-        network: the trained network.
-        ranges: ranges of the outputs of layers by name; see `calibrated`.
-
-    Returns:
-        "<layer>.weights", "<layer>.scale" and "<layer>.bias" of each layer; "logits.first", the index of the
-        classes among the outputs of the hidden layer, and "logits.scale".
+    Returns "<layer>.weights", "<layer>.scale" and "<layer>.bias" of each layer; "logits.first", the index of
+    the classes among the outputs of the hidden layer, and "logits.scale".
     """
     layers: dict[str, Arrays] = {}
     packed = packed_bytes()

@@ -27,24 +27,15 @@ ENDS = {"packed": "packed.bytes", "half_inputs": "half_inputs.bytes"}
 
 
 class Layer(NamedTuple):
-    """A layer of `network.npz`, with channels in the graph's order: sum(weights * bytes) * scale + bias.
+    """A layer of `network.npz`, with channels in the graph's order: sum(weights * bytes) * scale + bias."""
 
-    Attributes:
-        weights: int8, in the shape of the graph's convolution.
-        scale, bias: float32, one per output channel.
-    """
-
-    weights: NDArray[np.int8]
-    scale: NDArray[np.float32]
+    weights: NDArray[np.int8]  # in the shape of the graph's convolution
+    scale: NDArray[np.float32]  # one per output channel
     bias: NDArray[np.float32]
 
 
 def quantized_network(network: onnx.ModelProto, content: bytes) -> onnx.ModelProto:
-    """Return the QDQ graph of a network.
-
-    Args:
-        network: `network.onnx`; not changed.
-        content: `network.npz` with the same weights.
+    """Return the QDQ graph of `network.onnx`, which is not changed, with the content of `network.npz`.
 
     Raises:
         ExportError: the graph has an operator that is not portable.
@@ -72,10 +63,8 @@ def quantized_network(network: onnx.ModelProto, content: bytes) -> onnx.ModelPro
 def layer_of(arrays: Arrays, name: str, shape: tuple[int, ...]) -> Layer:
     """Return a layer in the order of the graph: the inverse of `pixelwise` etc. of `quantize`.
 
-    Args:
-        arrays: arrays of `network.npz`.
-        name: name of the graph's convolution: "encoder.blocks.0.1", "decoder.0.0", "classes", ...
-        shape: shape of its weights, (out, in, height, width).
+    `name` is that of the graph's convolution, such as "encoder.blocks.0.1", "decoder.0.0" or "classes";
+    `shape` is that of its weights, (out, in, height, width).
     """
     part, level = _part_of(name), int(name.split(".")[2]) if name.startswith("encoder") else 0
     weights, scale, bias = (arrays[f"{part}.{field}"] for field in ("weights", "scale", "bias"))

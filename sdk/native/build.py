@@ -137,6 +137,17 @@ def zig_compiler(target: Target) -> list[str]:
     return [f"-DCMAKE_TOOLCHAIN_FILE={toolchain}", f"-DSS_ZIG={program}", f"-DSS_TARGET={target.zig}"]
 
 
+def target_of(name: str) -> Target:
+    """Return a target by its name.
+
+    Raises:
+        RuntimeError: there is no such target.
+    """
+    if name not in TARGETS:
+        raise RuntimeError(f"the target is {name!r}; want one of {', '.join(TARGETS)}")
+    return TARGETS[name]
+
+
 def machine_target() -> Target:
     """Return the target of this machine.
 

@@ -43,7 +43,7 @@ class LibraryHook(BuildHookInterface[Any]):
         built = folder / native_build.NAME
         uses_zig = bool(TARGET) or compiler is None
         if uses_zig:
-            target = native_build.TARGETS[TARGET] if TARGET else native_build.machine_target()
+            target = native_build.target_of(TARGET) if TARGET else native_build.machine_target()
             compiler, tag = native_build.zig_compiler(target), target.tag
             built = folder / target.tag / target.library
         native_build.compile_library(built.parent, [*compiler, "-DCMAKE_SHARED_LINKER_FLAGS=-s"])

@@ -40,7 +40,7 @@ _spec.loader.exec_module(native_build)
 
 def build_wheel(target: str, folder: Path) -> Path:
     """Build the wheel of a target, in place of earlier ones in `folder`, and return its path."""
-    wheels = f"supersampler-*-{native_build.TARGETS[target].tag}.whl"
+    wheels = f"supersampler-*-{native_build.target_of(target).tag}.whl"
     for earlier in folder.glob(wheels):
         earlier.unlink()
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
@@ -108,6 +108,8 @@ def try_wheel(wheel: Path) -> None:
 
 def main() -> None:
     """Build and check the wheels; try the one for this machine."""
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
     folder = Path(sys.argv[1]).resolve()
     own = native_build.machine_target()
     for name in sys.argv[2:] or native_build.TARGETS:

@@ -244,6 +244,35 @@ def test_two_passes_of_a_shipped_method_lose_nothing_in_short_shots() -> None:
         assert outcome.figures[0].value < (0.05 if outcome.scenario == "two passes: one frame" else -0.2)
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            "--methods gbuffer-small --executors cpu",
+            "--methods is 'gbuffer-small'; want methods that run on cpu",
+        ),
+        ("--methods taa+no-such", "no model 'no-such'"),
+        ("--methods taa --quick --only fireflies", "--only is 'fireflies'; want scenarios that suit one of"),
+        (
+            "--methods bilinear --only light",
+            "--only is 'light'; want scenarios that suit one of the methods.",
+        ),
+    ],
+)
+def test_a_command_that_would_run_nothing_is_refused(options: str, message: str) -> None:
+    assert message in upscale_runs.refusal("bench", "stress", *options.split())
+
+
+def test_a_subject_has_the_settings_that_its_method_names() -> None:
+    frames = [*still((24, 16))] * 3
+    images = {}
+    for method in ("taau", "taau:off"):
+        [subject] = subjects([method], ["cpu"])
+        session = subject.begin(DISPLAY, 1)
+        images[method] = [session.step(frame) for frame in frames][-1]
+    assert np.abs(images["taau"] - images["taau:off"]).max() > 0.0
+
+
 def test_with_an_extrapolation_model_every_second_frame_is_unshaded() -> None:
     [subject] = subjects(["taa+guided-warp"], ["cpu"])
     assert (subject.method, subject.executor) == ("taa+guided-warp", "cpu")

@@ -203,6 +203,13 @@ def test_foreign_files_are_kept_and_those_of_an_earlier_export_replaced(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made
 
 
+def test_a_folder_that_cannot_be_written_is_refused_before_the_trace(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for options in ([], ["--target", "wgsl"]):
+        result = run("export", "taau", "-o", tmp_path / "file", *options)
+        assert "file is not a folder. Choose another name." in result.stderr
+
+
 def test_an_inner_folder_is_listed_by_its_description_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """It lists the files beside it by itself."""
     graph = onnx.load(find_model("bilinear") / "step.onnx")

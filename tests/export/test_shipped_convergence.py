@@ -10,7 +10,7 @@ from supersampler import halton_jitter
 from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions import jitter_phase_count
 from supersampler.methods.model_file import find_model
-from supersampler_export.graph import history_name
+from supersampler_export.graph import graph_inputs
 from supersampler_model import ops
 from supersampler_model.data.scenes.analytic import still_scene
 from supersampler_model.methods import load_method
@@ -53,8 +53,10 @@ def test_the_shipped_graph_freezes_and_restarts_as_torch_does(name: str) -> None
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
             image, ours, _ = method.step(*arguments, *ours)
-        names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
-        feeds = {name: value.numpy() for name, value in zip(names, [*arguments, *theirs], strict=True)}
+        feeds = {
+            name: value.numpy()
+            for name, value in zip(graph_inputs(method), [*arguments, *theirs], strict=True)
+        }
         made = dict(zip(outputs, map(torch.from_numpy, session.run(None, feeds)), strict=True))
         theirs = [made[f"next.{name}"] for name in method.history]
         difference = (ops.tone(image) - ops.tone(made["image"])).abs()
@@ -73,7 +75,7 @@ def test_a_mean_of_many_samples_still_takes_a_small_difference(name: str, file: 
     before = dict(zip(method.history, method.first_history(DISPLAY, RENDER), strict=True))
     before["static_mean"][:, :3], before["static_mean"][:, 3:] = 0.5, 2000.0
     feeds = {name: frame[name].numpy() for name in method.inputs()}
-    feeds |= {history_name(f"history_{name}"): value.numpy() for name, value in before.items()}
+    feeds |= {f"history.{name}": value.numpy() for name, value in before.items()}
     (still,) = session.run(["next.static_mean"], feeds)
     sampled = still[:, 3:] > 2000.2
     assert sampled.mean() > 0.2

@@ -14,7 +14,7 @@ from hostile_frames import BAD, EXPOSURES, RENDER, display_of, frames
 from supersampler.backends.onnx.runtime import ort
 from supersampler.methods.model_file import find_model
 from supersampler.methods.registry import methods
-from supersampler_export.graph import history_name
+from supersampler_export.graph import graph_inputs
 from supersampler_model.methods import load_method
 from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Method
@@ -60,7 +60,6 @@ def assert_steps_alike(method: Method, graph: Path) -> None:
     history = method.first_history(display, RENDER, 3)
     shapes = [t.shape for t in history]
     shaded = SHADED if method.extrapolates() else (False,) * len(EXPOSURES)
-    names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
     for index, frame in enumerate(frames(display)):
         if shaded[index]:
             history = method.after_shaded(frame, history if index else None)
@@ -72,7 +71,10 @@ def assert_steps_alike(method: Method, graph: Path) -> None:
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
             image, after, aux_outputs = method.step(*arguments, *history)
-        feeds = {key: value.numpy() for key, value in zip(names, [*arguments, *history], strict=True)}
+        feeds = {
+            key: value.numpy()
+            for key, value in zip(graph_inputs(method), [*arguments, *history], strict=True)
+        }
         theirs = [torch.from_numpy(array) for array in session.run(None, feeds)]
         outputs = ["image", *method.history, *method.spec.aux_outputs]
         for output, a, b in zip(outputs, [image, *after, *aux_outputs], theirs, strict=True):

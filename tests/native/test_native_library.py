@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cpu_models import bytes_of
-from native_build import SOURCES, native_build, native_generated
+from native_build import SOURCES, module_of, native_build, native_generated
 from supersampler import ModelError
 from supersampler.backends.cpu.executor import CpuModel
 from supersampler.backends.cpu.library import Options, cpu_library
@@ -64,3 +64,13 @@ def test_a_damaged_model_is_refused() -> None:
             load(whole[:end])
     with pytest.raises(ModelError, match="method"):
         load(arrays_bytes({"method": np.frombuffer(b"other\0", np.uint8)}))
+
+
+def test_an_unknown_target_of_a_build_is_refused_with_those_that_are_known(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("SUPERSAMPLER_TARGET", "linux")
+    hook = object.__new__(module_of(SOURCES / "build_hook.py").LibraryHook)
+    with pytest.raises(RuntimeError, match="the target is 'linux'; want one of manylinux-x86_64, "):
+        hook.initialize("standard", {})
+    hook.finalize("standard", {}, "")

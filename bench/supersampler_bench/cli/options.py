@@ -30,8 +30,20 @@ def _checked_json(path: Path | None) -> Path | None:
     return path
 
 
+def _checked_figures(folder: Path | None) -> Path | None:
+    """Fail before the measurement, not after it, without matplotlib or if a file has the folder's name."""
+    if folder is not None:
+        import matplotlib  # noqa: F401
+
+        check_ours(folder / "figure.png", lambda _: True, "a figure")
+    return folder
+
+
 JSON = Annotated[
     Path | None, typer.Option(help="Write all values and their setting here.", callback=_checked_json)
+]
+FIGURES = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Folder for figures.", callback=_checked_figures)
 ]
 METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, comma-separated.")]
 DISPLAY_SIZE = Annotated[str, typer.Option(help="Size of the images, as 960x540.")]
@@ -49,7 +61,10 @@ SHOT = Annotated[
         f"{', '.join(name for s in public_shots.APART_SHOTS for name in s.seeds)}.",
     ),
 ]
-RATIO = Annotated[str, typer.Option(help="Display over render size of test shots, comma-separated.")]
+RATIO = Annotated[
+    str | None,
+    typer.Option(help="Display over render size of test shots, comma-separated.", show_default="2"),
+]
 RATIOS = Annotated[str, typer.Option(help="Display over render size, comma-separated.")]
 _CACHE_SOURCE: Any = {
     "envvar": public_shots.CACHE_VARIABLE,
@@ -138,18 +153,24 @@ def publish(record: BenchRecord, name: str, json: Path | None, *, unprinted: Col
         write_json(record, json)
 
 
-def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[tuple[Shot, dict[str, Any]]]]:
+def opened_shots(
+    shot: str, cache: Path | None, ratio: str | None
+) -> tuple[str, list[tuple[Shot, dict[str, Any]]]]:
     """Open the SHOT argument; return its name, and each shot with its `PublicShot.origin`.
 
     Raises:
-        ArgumentError: a ratio is not a number, or there is no such shot.
+        ArgumentError: a ratio is not a number, or is given for another shot than a test shot.
         ShotError: the test shots are missing.
     """
     shots = public_shots.shots_named(shot)
     if shots is None:
+        if ratio is not None:
+            raise ArgumentError(
+                "--ratio", got=repr(ratio), want=f"none: {shot} is no test shot, and has its own"
+            )
         one = open_source(shot)
         return one.name, [(one, {})]
-    ratios = ratio_list(ratio)
+    ratios = ratio_list("2" if ratio is None else ratio)
     folder = cache or public_shots.default_cache()
     found = public_shots.open_test_shots(folder, ratios, shots, public_shots.FROZEN)
     for public in found:

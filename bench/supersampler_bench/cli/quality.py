@@ -9,7 +9,7 @@ from rich.table import Table
 
 from supersampler import ArgumentError
 from supersampler.cli.arguments import SOURCE_OPTIONS, ConventionsOption, open_with, parse_size
-from supersampler.cli.terminal import Terminal
+from supersampler.cli.terminal import Terminal, echo
 from supersampler_bench.cli import options
 from supersampler_bench.record import read_record, write_json
 from supersampler_bench.shots import public_shots
@@ -25,7 +25,7 @@ def quality(
             "easu, easu-rcas, fsr2-like."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier-small,classifier,classifier-large",
-    ratio: options.RATIO = "2",
+    ratio: options.RATIO = None,
     cache: options.CACHE = None,
     cvvdp: Annotated[
         bool, typer.Option("--cvvdp", help="Also measure ColorVideoVDP, which takes seconds per image.")
@@ -75,7 +75,7 @@ def extrapolation(
     alternation: Annotated[
         str, typer.Option(help="Ratios of unshaded to shaded frames, comma-separated.")
     ] = "1:1,2:1",
-    ratio: options.RATIO = "2",
+    ratio: options.RATIO = None,
     cache: options.CACHE = None,
     json: options.JSON = None,
 ) -> None:
@@ -143,22 +143,21 @@ def denoise(
       supersampler bench denoise renders/room-4 --reference "truth/*.exr"
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.denoising.oidn import Oidn
-    from supersampler_bench.quality.denoise import frame_count, measure_render, scene_and_samples
+    from supersampler_bench.quality.denoise import measure_render, scene_and_samples, span_of
     from supersampler_bench.quality.denoise_record import DenoiseRecord
     from supersampler_bench.quality.denoise_references import find_references
 
     given = {**dict.fromkeys(SOURCE_OPTIONS), "layout": "auto", "conventions": conventions}
-    shots = [(folder, open_with(str(folder), given, guides="denoising")) for folder in renders]
-    total = sum(
-        frame_count(shot, find_references(folder, scene_and_samples(folder)[0], reference))
-        for folder, shot in shots
-    )
+    folders = [folder.absolute() for folder in renders]  # "." has neither a name nor a parent
+    shots = [open_with(str(folder), given, guides="denoising") for folder in folders]
+    files = [find_references(folder, scene_and_samples(folder)[0], reference) for folder in folders]
+    total = sum(len(span_of(*pair)) for pair in zip(shots, files, strict=True))
     rows = []
     with options.counted("frames", total) as advance:
-        for folder, shot in shots:
+        for folder, shot, found in zip(folders, shots, files, strict=True):
             comes_denoised = shot.is_denoised if per_frame == "auto" else per_frame == "none"
             with nullcontext() if comes_denoised else Oidn(threads=1) as denoiser:
-                rows.append(measure_render(folder, shot, denoiser, reference=reference, on_frame=advance))
+                rows.append(measure_render(folder, shot, found, denoiser, on_frame=advance))
             if json is not None:  # a stopped run keeps what it has measured
                 write_json(DenoiseRecord(rows), json)
     options.publish(DenoiseRecord(rows), "denoise", json)
@@ -172,14 +171,12 @@ def still(
     executors: options.EXECUTORS = "cpu,onnx",
     display_size: options.DISPLAY_SIZE = "320x180",
     samples: options.SAMPLES = 64,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for still.png: curves over the frames.")
-    ] = None,
+    output: options.FIGURES = None,
     json: options.JSON = None,
 ) -> None:
     """Measure the PSNR of scenes with a fixed camera after 1, 2 and 4 jitter periods.
 
-    Test shots are rendered here, with OpenGL.
+    The figure, still.png, has curves over the frames. Test shots are rendered here, with OpenGL.
 
     \b
     Examples:
@@ -188,17 +185,17 @@ def still(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.still import StillRecord, frame_count, measure_still
 
-    if output is not None:
-        from supersampler_bench.report import figures  # without matplotlib it fails before the measurement
     chosen, display = _scenes_of(scenes), parse_size(display_size, "--display-size")
     names, kinds = options.split_list(methods), options.executors_of(executors)
     with options.counted("frames", sum(frame_count(ratio) for _, ratio in chosen)) as advance:
         results = measure_still(chosen, names, display, executors=kinds, samples=samples, on_frame=advance)
     record = StillRecord(display, results)
+    options.publish(record, "still", json)
     if output is not None:
+        from supersampler_bench.report import figures
+
         figures.draw_still(record, output / "still.png")
         options.say(str(output / "still.png"))
-    options.publish(record, "still", json)
 
 
 def _scenes_of(text: str) -> list[tuple[str, float]]:
@@ -268,7 +265,7 @@ def hashes(
         return
     found = list(bench.differences(before, here, partly=methods is not None))
     for text in found:
-        Terminal().print(text, soft_wrap=True)
+        echo(text)
     options.say(f"{len(here.hashed)} runs: {len(found)} differ from {check}")
     if found:
         if unlike := bench.unlike_versions(before, here):

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from supersampler.cli.terminal import Terminal
+from supersampler.cli.terminal import echo
+from supersampler.errors import ArgumentError
 from supersampler_bench.cli import options
 
 
@@ -42,8 +43,14 @@ def stress(
     stressed = subjects(options.split_list(methods), options.executors_of(executors))
     for text in runner.left_out(scenarios, stressed):
         options.warn(text)
+    count = len(runner.runs(scenarios, stressed))
+    if not count:
+        hint = "--quick runs few scenarios." if quick else ""
+        raise ArgumentError(
+            "--only", got=repr(only), want="scenarios that suit one of the methods", hint=hint
+        )
     outcomes = []
-    with options.counted("scenarios", len(runner.runs(scenarios, stressed))) as advance:
+    with options.counted("scenarios", count) as advance:
         for outcome in runner.measure(scenarios, stressed, quick=quick):
             outcomes.append(outcome)
             advance()
@@ -78,10 +85,10 @@ def tables(
             continue
         wrong += 1
         if check:
-            Terminal().print(f"{what}: differs from its record", soft_wrap=True)
+            echo(f"{what}: differs from its record")
         elif block.recorded is not None:
             block.write()
-            Terminal().print(f"{what}: written", soft_wrap=True)
+            echo(f"{what}: written")
     if check and wrong:
         raise typer.Exit(1)
 
@@ -111,20 +118,17 @@ def records(
     from supersampler_bench.report import doc_tables
 
     due = [recipe for recipe in doc_tables.recipes(root, names or []) if recipe.problem]
-    out = Terminal()
-    total, failed = sum(recipe.seconds for recipe in due), 0
-    out.print(f"{len(due)} records are due; they took {doc_tables.clock(total)}", soft_wrap=True)
+    failed = 0
+    echo(f"{len(due)} records are due; they took {doc_tables.clock(sum(one.seconds for one in due))}")
     for recipe in due:
         if list_only:
-            out.print(f"{recipe.name}: {recipe.problem} ({doc_tables.clock(recipe.seconds)})", soft_wrap=True)
+            echo(f"{recipe.name}: {recipe.problem} ({doc_tables.clock(recipe.seconds)})")
             continue
         with options.ERRORS.status(recipe.name):
             began = time.perf_counter()
             ended = doc_tables.measure(root, recipe, options.say)
         seconds = time.perf_counter() - began
         failed += not ended
-        out.print(
-            f"{recipe.name}: {'measured' if ended else 'failed'}, {doc_tables.clock(seconds)}", soft_wrap=True
-        )
+        echo(f"{recipe.name}: {'measured' if ended else 'failed'}, {doc_tables.clock(seconds)}")
     if failed:
         raise typer.Exit(1)

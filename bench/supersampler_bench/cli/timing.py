@@ -43,9 +43,8 @@ def traffic(
     from supersampler_bench.timing import traffic as bench
 
     size, ratios = parse_size(display_size, "--display-size"), options.ratio_list(ratio)
-    options.publish(
-        bench.TrafficRecord(bench.traffic_of(options.split_list(methods), size, ratios)), "traffic", json
-    )
+    steps = bench.traffic_of(options.split_list(methods), size, ratios, on_left_out=options.warn)
+    options.publish(bench.TrafficRecord(steps), "traffic", json)
 
 
 def startup(
@@ -181,12 +180,10 @@ def pareto(
     budget_ms: Annotated[
         float | None, typer.Option(min=0.0, help="Also print the best setting within this time per step.")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for a figure of each metric.")
-    ] = None,
+    output: options.FIGURES = None,
     json: options.JSON = None,
 ) -> None:
-    """Time all scored settings, and plot time against error.
+    """Time all scored settings, and plot time against error, in a figure for each metric.
 
     Nothing else should run on the machine.
 
@@ -198,8 +195,6 @@ def pareto(
     from supersampler_bench.specs import gbuffers_of
     from supersampler_bench.timing import pareto as bench
 
-    if output is not None:
-        from supersampler_bench.report import figures  # without matplotlib it fails before the measurement
     records = [BenchRecord.from_json(read_record(path)) for path in quality or [SHIPPED_PARETO]]
     size = parse_size(display_size, "--display-size")
     with options.counted("rounds", 2 * len(bench.scores_of(records)) * steps) as advance:
@@ -209,6 +204,8 @@ def pareto(
     record = bench.ParetoRecord(bench.shot_names(records[0]), size, threads, points)
     options.publish(record, "pareto", json)
     if output is not None:
+        from supersampler_bench.report import figures
+
         figures.draw_pareto(record, output)
     if budget_ms is not None:
         best = bench.best_within(points, budget_ms)

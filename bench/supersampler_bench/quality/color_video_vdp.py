@@ -37,11 +37,7 @@ def metric() -> Any:
 
 
 class Clip:
-    """Images of a method and their references, in runs of consecutive frames.
-
-    Args:
-        frame_rate: frames per second; None if unknown.
-    """
+    """Images of a method and their references, in runs of consecutive frames; `frame_rate`: per second."""
 
     def __init__(self, frame_rate: float | None) -> None:
         self._frame_rate, self._last = frame_rate or _FRAME_RATE, -2

@@ -73,7 +73,7 @@ class CornerTruths:
         """Return the truth of the next frame; None if the shot lacks a plane.
 
         Args:
-            planes: planes of `Shot.read_truth`; those of `PixelTruth` are read.
+            planes: of `Shot.read_truth`; the fields of `PixelTruth` are read.
             motion: (H, W, 2), display pixels, previous minus current.
             unclear: where the motion is not that of a single surface that was visible before.
             reset: whether the frame is the first after a cut, or after one without planes.

@@ -23,7 +23,6 @@ from supersampler_bench.quality import denoise_record, metrics
 from supersampler_bench.quality.denoise_references import (
     Reference,
     bounding_box,
-    find_references,
     read_reference,
 )
 from supersampler_bench.quality.scores import BORDER
@@ -53,27 +52,18 @@ def scene_and_samples(render: Path) -> tuple[str, int]:
     return found[1], int(found[2])
 
 
-def frame_count(shot: Shot, references: Mapping[int, Sequence[Path]]) -> int:
-    """Return the number of frames that `measure_render` reads."""
-    return len(_span(shot, references))
-
-
 def measure_render(
     render: Path,
     shot: Shot,
+    files: Mapping[int, Sequence[Path]],
     denoiser: FrameDenoiser | None,
     *,
-    reference: str,
     on_frame: Callable[[], None] = lambda: None,
 ) -> denoise_record.RenderRow:
-    """Denoise frames of a shot in several ways, and score those that have references.
+    """Denoise the frames of a folder in several ways, and score those that have references.
 
-    Args:
-        render: folder of the shot, whose name is SCENE-SAMPLES.
-        shot: its frames, opened with the guides of denoising.
-        denoiser: denoises each frame first; None if the frames are already denoised.
-        reference: pattern, see `find_references`.
-        on_frame: called after each frame of `frame_count`.
+    The shot is opened with the guides of denoising; `files` are its references by `find_references`.
+    `denoiser` denoises each frame first; None: frames are already denoised.
 
     Raises:
         ArgumentError: the folder has another name, or no frame has a reference.
@@ -81,8 +71,7 @@ def measure_render(
             can be scored.
     """
     scene, samples = scene_and_samples(render)
-    files = find_references(render, scene, reference)
-    span = _span(shot, files)
+    span = span_of(shot, files)
     numbers = [shot.first_number + index for index in span]
     references = {number: read_reference(files[number], denoiser) for number in numbers if number in files}
     width, height = shot.render_size
@@ -125,8 +114,12 @@ def measure_render(
     )
 
 
-def _span(shot: Shot, references: Mapping[int, object]) -> range:
-    """Return the indices of the frames from REACH before the first reference to REACH after the last."""
+def span_of(shot: Shot, references: Mapping[int, object]) -> range:
+    """Return the indices of the frames from REACH before the first reference to REACH after the last.
+
+    Raises:
+        ArgumentError: no frame has a reference.
+    """
     indices = [index for index in range(len(shot)) if shot.first_number + index in references]
     if not indices:
         numbers = f"{shot.first_number} to {shot.first_number + len(shot) - 1}"
@@ -155,15 +148,12 @@ def render_cost(render: Path, numbers: Sequence[int]) -> float | None:
 
 
 class Metered:
-    """Counts the CPU seconds of a denoiser, and keeps the frames that it denoises by themselves.
-
-    Attributes:
-        frame_cpu: CPU seconds of frames, with their guides.
-        mean_cpu: CPU seconds of means of frames, which have no guides of their own.
-    """
+    """Counts the CPU seconds of a denoiser, and keeps the frames that it denoises by themselves."""
 
     def __init__(self, denoiser: FrameDenoiser) -> None:
-        self._denoiser, self.frame_cpu, self.mean_cpu = denoiser, 0.0, 0.0
+        self._denoiser = denoiser
+        self.frame_cpu = 0.0  # of frames, with their guides
+        self.mean_cpu = 0.0  # of means of frames, which have no guides of their own
         self._guides: Guides | None = None  # of the frame that comes next
         self._singles: list[tuple[Float32, Guides]] = []
 

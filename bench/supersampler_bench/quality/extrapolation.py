@@ -173,18 +173,10 @@ def measure_extrapolation(
     on_left_out: Callable[[str], None] = lambda _: None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> dict[str, list[UnshadedScores]]:
-    """Remove the colour of some frames of a shot, extrapolate them in all ways, and score them.
+    """Remove the colour of some frames of a shot, extrapolate them in all ways; return scores by alternation.
 
-    Args:
-        shot: all of its frames are shaded and have the G-buffers that the models read.
-        upscalers: see `parse_spec`.
-        models: names or folders of extrapolation models, with ":x2" for two passes.
-        alternations: see `Alternation`.
-        on_left_out: called with the reason why an upscaler is left out.
-        on_frame: called after each frame, for each alternation.
-
-    Returns:
-        Scores of all ways, by alternation.
+    All frames are shaded, and have the G-buffers that the models read. Upscalers are as `parse_spec` takes
+    them, alternations as `Alternation` does; models of two passes end in ":x2".
 
     Raises:
         ShotError: no frame has a reference, or G-buffers are missing.

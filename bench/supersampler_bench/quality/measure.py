@@ -93,14 +93,7 @@ def measure_steppers(
     cvvdp: bool = False,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[MethodScores]:
-    """Return the scores of each stepper, in order.
-
-    Args:
-        shot: the shot.
-        steppers: compute the images.
-        cvvdp: whether ColorVideoVDP is measured, too; see `color_video_vdp.metric`.
-        on_frame: called after each frame.
-    """
+    """Return the scores of each stepper, in order; with `cvvdp` also those of ColorVideoVDP."""
     gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
     frames: list[list[FrameScores]] = [[] for _ in steppers]
     truths = _Truths(shot)

@@ -15,46 +15,29 @@ TITLES: Mapping[str, str] = {
     "three-taau-sharp": "the same, textures as sharp as at full size",
     NATIVE: "three.js `TRAANode`, rendered at full size",
 }
-"""Names of what is not of this package."""
+"""Titles of the methods that are not of this package."""
 
 
 @dataclass(frozen=True)
 class ThreeScores:
-    """Errors of one method, of display values.
+    """Errors of one method, dB, of display values."""
 
-    Attributes:
-        method: one of TITLES, or a method of this package.
-        psnr: dB, mean over the frames after the first eight.
-        tpsnr: dB, PSNR of the changes between these frames.
-        first: dB, PSNR of the first image without a history.
-    """
-
-    method: str
-    psnr: float
-    tpsnr: float
-    first: float
+    method: str  # one of TITLES, or a method of this package
+    psnr: float  # mean over the frames after the first eight
+    tpsnr: float  # PSNR of the changes between these frames
+    first: float  # PSNR of the first image, which has no history
 
 
 @dataclass(frozen=True)
 class ThreeRecord(BenchRecord):
-    """Errors of methods in one scene.
+    """Errors of methods in one scene."""
 
-    Attributes:
-        three: version of three.js.
-        browser: version of Chromium.
-        render: size of the frames that are upscaled.
-        display: size of the images.
-        frames: their number.
-        samples: samples a pixel of the reference.
-        scores: of each method.
-    """
-
-    three: str
-    browser: str
+    three: str  # version of three.js
+    browser: str  # version of Chromium
     render: Size
     display: Size
     frames: int
-    samples: int
+    samples: int  # per pixel of the reference
     scores: list[ThreeScores]
     BENCH = "three"
 

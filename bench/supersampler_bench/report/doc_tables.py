@@ -3,11 +3,11 @@
 import re
 import shlex
 import sys
-import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
+
+import msgspec
 
 from supersampler.errors import ArgumentError
 from supersampler.io.child_process import run
@@ -25,23 +25,25 @@ _PAPER = Path("out/classifier-paper")
 _EXPORT = f"export classifier-paper --weights bench/weights/classifier-paper.safetensors -o {_PAPER}"
 
 
-def blocks_of(name: str, record: bench_record.JsonRecord) -> Mapping[str, Callable[[], str]]:
-    """Return functions that make the blocks of a record, by the block's name.
+def blocks_of(name: str, record: bench_record.JsonRecord) -> dict[str, str]:
+    """Return the tables of a record by the names of their blocks; `name` is that of the record's file.
 
-    They raise ArgumentError if the record was written by another version.
-
-    Args:
-        name: name of its file, without the suffix: "quality-plaza" is the block "quality plaza".
-        record: read from it.
+    The table "clip" of "quality-plaza" is the block "quality plaza clip".
     """
     if (kind := bench_record.BENCHES.get(record["bench"])) is None:
         return {}
-    names = zip(kind.block_names(name.replace("-", " ", 1)), kind.TABLES, strict=True)
-    return {each: partial(_block_text, record, table) for each, table in names}
+    return dict(zip(kind.block_names(name.replace("-", " ", 1)), kind.TABLES, strict=True))
 
 
-def _block_text(record: bench_record.JsonRecord, table: str) -> str:
-    return bench_record.BenchRecord.from_json(record).table_text(table)
+def block_text(record: bench_record.JsonRecord, table: str) -> str:
+    """Return the text of a block, which says where models have changed since it was measured.
+
+    Raises:
+        ArgumentError: another version wrote the record.
+    """
+    text = bench_record.BenchRecord.from_json(record).table_text(table)
+    age = bench_record.age_of(record)
+    return f"{text}\n\n{age}" if age else text
 
 
 def read_records(folder: Path) -> dict[str, bench_record.JsonRecord]:
@@ -61,25 +63,17 @@ def read_records(folder: Path) -> dict[str, bench_record.JsonRecord]:
 
 @dataclass(frozen=True)
 class DocBlock:
-    """One block of a Markdown file, compared with its record.
-
-    Attributes:
-        page: the file.
-        name: name of the block.
-        text: its present text.
-        recorded: the text made from its record; None where there is no record of this version.
-        problem: why there is none.
-    """
+    """One block of a Markdown file, compared with its record."""
 
     page: Path
     name: str
-    text: str
-    recorded: str | None
-    problem: str = ""
+    text: str  # at present
+    recorded: str | None  # made from its record; None without a record of this version
+    problem: str = ""  # why there is none
 
     @property
     def is_recorded(self) -> bool:
-        """Whether the text is that of the record; without a record it must be empty."""
+        """Whether the text equals the record's; without a record it must be empty."""
         return self.text == (self.recorded or "")
 
     def write(self) -> None:
@@ -97,46 +91,34 @@ def find_all(root: Path) -> Iterator[DocBlock]:
     records = read_records(root / RESULTS)
     if (pareto_path := root / "bench" / "supersampler_bench" / bench_record.SHIPPED_PARETO.name).is_file():
         records["pareto"] = bench_record.read_record(pareto_path)
-    makers = {
-        block: partial(_with_age, maker, record)
+    tables = {
+        block: (record, table)
         for name, record in records.items()
-        for block, maker in blocks_of(name, record).items()
+        for block, table in blocks_of(name, record).items()
     }
     for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
         for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
-            yield _block(page, name, makers.get(name))
+            yield _block(page, name, tables.get(name))
 
 
-def _with_age(maker: Callable[[], str], record: bench_record.JsonRecord) -> str:
-    """Return the text of a block, which says where models have changed since it was measured."""
-    age = bench_record.age_of(record)
-    return f"{maker()}\n\n{age}" if age else maker()
-
-
-def _block(page: Path, name: str, maker: Callable[[], str] | None) -> DocBlock:
+def _block(page: Path, name: str, recorded: tuple[bench_record.JsonRecord, str] | None) -> DocBlock:
     content, start, stop = find_block(page, name)
     text = content[start:stop].replace("\r\n", "\n").strip("\n")
-    if maker is None:
+    if recorded is None:
         return DocBlock(page, name, text, None, "there is no record of it")
     try:
-        return DocBlock(page, name, text, maker())
+        return DocBlock(page, name, text, block_text(*recorded))
     except ArgumentError as error:
         return DocBlock(page, name, text, None, str(error))
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """Command that measures a record.
+    """Command that measures a record."""
 
-    Attributes:
-        name: name of the record's file, without the suffix.
-        command: as one types it, without --json.
-        record: the present one; None where there is none.
-    """
-
-    name: str
-    command: str
-    record: bench_record.JsonRecord | None
+    name: str  # of the record's file, without the suffix
+    command: str  # as one types it, without --json
+    record: bench_record.JsonRecord | None  # the present one
 
     @property
     def problem(self) -> str:
@@ -144,7 +126,7 @@ class Recipe:
         if self.record is None:
             return "was never measured"
         words = shlex.split(self.command)
-        if [word for word in self.record["command"] if word in words] != words:
+        if [word for word in self.record.get("command", ()) if word in words] != words:
             return "was measured by another command"
         return bench_record.age_of(self.record)
 
@@ -154,19 +136,19 @@ class Recipe:
         return float((self.record or {}).get("seconds", 0.0))
 
 
-def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
-    """Yield the recipes of a repository, in the order of the file.
+class _Recipes(msgspec.Struct):
+    commands: dict[str, str]
 
-    Args:
-        root: the repository.
-        names: names of records; none are all.
+
+def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
+    """Yield the recipes of a repository, of some records by name or of all, in the order of the file.
 
     Raises:
         ArgumentError: there is no such file, or it has no such record.
     """
     try:
-        commands = tomllib.loads((root / COMMANDS).read_text(encoding="utf-8"))["commands"]
-    except (OSError, KeyError, tomllib.TOMLDecodeError) as error:
+        commands = msgspec.toml.decode((root / COMMANDS).read_bytes(), type=_Recipes).commands
+    except (OSError, msgspec.MsgspecError) as error:
         want = "a repository of supersampler"
         raise ArgumentError("root", got=f"{root} ({error})", want=want) from error
     if unknown := [name for name in names if name not in commands]:
@@ -177,15 +159,9 @@ def recipes(root: Path, names: Sequence[str] = ()) -> Iterator[Recipe]:
 
 
 def measure(root: Path, recipe: Recipe, on_line: Callable[[str], None]) -> bool:
-    """Run a recipe's command; its record is replaced when that has ended well, by summaries alone.
+    """Run a recipe's command in the repository; return whether it succeeded. `on_line` gets its errors.
 
-    Args:
-        root: the repository.
-        recipe: what to measure.
-        on_line: called with errors.
-
-    Returns:
-        Whether it ended well.
+    The record is replaced only if it succeeds. Published records have no scores of single frames.
     """
     path = RESULTS / f"{recipe.name}.json"
     steps = [f"{recipe.command.removeprefix('supersampler ')} --json {path}"]

@@ -133,7 +133,7 @@ def shot_folder(cache: Path, family: str) -> Path:
 
 
 def shots_named(name: str) -> TestShots | None:
-    """Return the five test shots or the shot apart of this name; None if there are none."""
+    """Return the five test shots, or one of APART_SHOTS by its name; None if there is no such shot."""
     if name == NAME:
         return TEST_SHOTS
     return next((replace(s, seeds={name: s.seeds[name]}) for s in APART_SHOTS if name in s.seeds), None)

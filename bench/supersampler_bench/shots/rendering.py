@@ -48,15 +48,10 @@ def rendered_frame(
 def rendered_sequence(
     renderer: Renderer, family: str, count: int, size: Size, *, references: int = 0, gbuffers: bool = False
 ) -> Iterator[tuple[Frame, Float32 | None]]:
-    """Render a test shot of `count` frames; yield frames and, for the last ones, references (H, W, 3).
+    """Render a test shot of `count` frames of (width, height) `size`, with a renderer of display size.
 
-    Args:
-        renderer: at display size.
-        family: of the test shot.
-        count: number of frames.
-        size: (width, height) of the frames.
-        references: number of references.
-        gbuffers: see `rendered_frame`.
+    Yields frames and, for the last `references` ones, their references (H, W, 3). For `gbuffers`, see
+    `rendered_frame`.
     """
     sequence = make_sequence(SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count))
     for index in range(count):

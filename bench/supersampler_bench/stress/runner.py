@@ -39,7 +39,7 @@ class ScenarioOutcome:
 
 
 def chosen(names: Sequence[str], *, quick: bool = False) -> list[Scenario]:
-    """Return the scenarios of some names or families; all without names. `quick`: those of short runs.
+    """Return the scenarios of some names or families; all without names. `quick`: only those of short runs.
 
     Raises:
         ArgumentError: there is no such scenario or family.

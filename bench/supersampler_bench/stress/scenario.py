@@ -113,26 +113,18 @@ class Trial:
         return Watched((self.subject.own or self.subject.begin)(self.display, 1), self)
 
 
-@dataclass(frozen=True)
 class Watched:
     """A session whose bad values are counted by a trial."""
 
-    session: Session
-    trial: Trial
+    def __init__(self, session: Session, trial: Trial) -> None:
+        self._session, self._trial = session, trial
+        self.save_state, self.load_state = session.save_state, session.load_state
 
     def step(self, frame: Frame) -> Float32:
         """Step, and count bad values."""
-        image = self.session.step(frame)
-        self.trial.bad_values += bad_values(image)
+        image = self._session.step(frame)
+        self._trial.bad_values += bad_values(image)
         return image
-
-    def save_state(self) -> State:
-        """See `Session`."""
-        return self.session.save_state()
-
-    def load_state(self, state: State) -> None:
-        """See `Session`."""
-        self.session.load_state(state)
 
 
 @dataclass(frozen=True)

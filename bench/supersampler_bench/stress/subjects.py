@@ -7,6 +7,7 @@ from functools import cache, partial
 from supersampler import ArgumentError, Frame, Model, State, Upscaler, upscale_sequence
 from supersampler.arguments import AtRest, ExecutorName, Precision
 from supersampler.frame import Float32, Size
+from supersampler.methods.model_file import find_model
 from supersampler.methods.model_info import ModelInfo
 from supersampler_bench.specs import parse_spec, with_default_gbuffers
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
@@ -22,15 +23,28 @@ def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[
 
     Methods may have a precision ("classifier:fp16") or two passes ("taau:x2"). Of "taau+guided-warp", every
     second frame is unshaded, and the other model extrapolates it.
+
+    Raises:
+        ArgumentError: a method runs on none of the executors.
+        ModelError: there is no such model.
     """
-    return [subject for method in methods for subject in _of(method, executors)]
+    found: list[Subject] = []
+    for method in methods:
+        made = list(_of(method, executors))
+        if not made:
+            want = f"methods that run on {' or '.join(executors)}"
+            raise ArgumentError("--methods", got=repr(method), want=want)
+        found += made
+    return found
 
 
 def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
     upscaler, _, extrapolation = method.partition("+")
     spec = parse_spec(upscaler, two_passes=not extrapolation)
-    for executor in executors:
-        begin = _SessionFactory(spec.model, executor, spec.precision, extrapolation or None)
+    if extrapolation:
+        find_model(extrapolation)
+    for executor in executors if spec.executor == "auto" else [spec.executor]:
+        begin = _SessionFactory(spec.model, executor, spec.precision, extrapolation or None, spec.at_rest)
         try:
             model = begin.model(1)
         except ArgumentError:  # the method has no such executor
@@ -48,7 +62,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             recovery=SLOW.get(spec.model, RECOVERY),
             every=2 if extrapolation else 1,
             ratios=model.info.ratios,
-            sequences=partial(_sequence, model) if spec.passes == 2 else None,
+            sequences=partial(_sequence, model, spec.at_rest) if spec.passes == 2 else None,
         )
 
 
@@ -85,6 +99,7 @@ class _Session:
     def __init__(self, upscaler: Upscaler, display: Size, *, alternates: bool) -> None:
         self._upscaler, self._display, self._alternates = upscaler, display, alternates
         self._next_is_unshaded = False
+        self.save_state = upscaler.save_state
 
     def step(self, frame: Frame) -> Float32:
         """See `Upscaler.step`."""
@@ -95,19 +110,19 @@ class _Session:
             return self._upscaler.extrapolate(replace(frame, color=None))
         return self._upscaler.step(frame)
 
-    def save_state(self) -> State:
-        """See `Upscaler.save_state`."""
-        return self._upscaler.save_state()
-
     def load_state(self, state: State) -> None:
         """See `Upscaler.load_state`."""
         self._upscaler.load_state(state)
         self._next_is_unshaded = False
 
 
-def _sequence(model: Model, frames: Sequence[Frame], display: Size, passes: int) -> Iterable[Float32]:
+def _sequence(
+    model: Model, at_rest: AtRest, frames: Sequence[Frame], display: Size, passes: int
+) -> Iterable[Float32]:
     given = (with_default_gbuffers(frame, model.info.gbuffers, display) for frame in frames)
-    return upscale_sequence(given, display_size=display, model=model, passes=passes, validate="off")
+    return upscale_sequence(
+        given, display_size=display, model=model, passes=passes, at_rest=at_rest, validate="off"
+    )
 
 
 @cache

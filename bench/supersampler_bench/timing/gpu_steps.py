@@ -1,4 +1,4 @@
-"""Steps of the GPU backend: their times and those of passes, by timestamps; differences of their images."""
+"""Steps of the GPU backend: times of steps and passes, by timestamps, and differences of images."""
 
 import itertools
 import time

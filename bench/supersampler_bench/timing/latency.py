@@ -178,9 +178,7 @@ def measure_settings(
             continue
         try:
             runners.append(_LatencyRunner(setting, frames, providers, warm_up))
-        except ArgumentError:
-            pass  # the method has no such executor or precision
-        except DeviceError as error:
+        except (ArgumentError, DeviceError) as error:  # the method or this machine has no such executor
             on_left_out(f"{setting.method} on {setting.executor} is left out: {error}")
     limit = SLOW * runners[0].fastest
     take_turns([runner.step for runner in runners if runner.fastest <= limit], steps, on_round=on_round)

@@ -83,7 +83,7 @@ def measure_pareto(
 
 
 def scores_of(records: Sequence[BenchRecord]) -> dict[float, dict[Spec, dict[str, float]]]:
-    """Return scores by ratio and setting, without warm-up and border: means, or those of the only shot.
+    """Return scores by ratio and setting, without warm-up and border: means, or the scores of the only shot.
 
     Raises:
         ArgumentError: a record has no PSNR of shots after the warm-up, or is of other shots than the first.

@@ -15,7 +15,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
 from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.record import BenchRecord, table
-from supersampler_bench.shots.rendering import HELD_FRAME, held_sequence, rendered_frame, rendered_sequence
+from supersampler_bench.shots.rendering import held_sequence, rendered_frame, rendered_sequence
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.shots import render_size
 
@@ -145,7 +145,6 @@ class SkipRecord(BenchRecord):
     ratio: float
     scenes: list[RestTimes]
     frames: int
-    held_frame: int = HELD_FRAME
     scored: int = SCORED
     BENCH = "skip"
 

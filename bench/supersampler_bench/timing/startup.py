@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.child_process import end_text, run
 from supersampler_bench.record import BenchRecord, table
-from supersampler_bench.specs import parse_spec
+from supersampler_bench.specs import Spec, parse_spec
 
 FIRST_IMAGE = """
 import time
@@ -58,7 +57,7 @@ def measure_startup(
     """Start processes for each method, one after the other. Methods read no G-buffers.
 
     `cold` processes have an empty cache folder each; `warm` ones then use the cache of the last cold one.
-    NAME:gpu runs on the GPU backend.
+    For suffixes of the methods, see `parse_spec`.
 
     Raises:
         ArgumentError: a process fails; with its last message.
@@ -66,29 +65,30 @@ def measure_startup(
     results = []
     for method in methods:
         spec = parse_spec(method)
-        where = {"executor": "gpu"} if spec.executor == "gpu" else {"providers": "cpu"}
-        request = {"method": spec.model, "render": list(render), "scale": RATIO, "where": where}
         cold_seconds, warm_seconds, cache_bytes = [], [], 0
         for index in range(cold):
             with TemporaryDirectory() as cache:
-                cold_seconds.append(_first_image(request, cache))
+                cold_seconds.append(_first_image(spec, render, cache))
                 on_process()
                 cache_bytes = sum(path.stat().st_size for path in Path(cache).rglob("*") if path.is_file())
                 for _ in range(warm if index == cold - 1 else 0):
-                    warm_seconds.append(_first_image(request, cache))
+                    warm_seconds.append(_first_image(spec, render, cache))
                     on_process()
         results.append(FirstFrame(method, median(cold_seconds), median(warm_seconds), cache_bytes))
     return results
 
 
-def _first_image(request: dict[str, Any], cache: str) -> float:
+def _first_image(spec: Spec, render: Size, cache: str) -> float:
     """Return the seconds to the first image of a new process, whose drivers keep shaders in `cache`."""
+    where: dict[str, str] = {"precision": spec.precision, "at_rest": spec.at_rest}
+    where |= {"executor": "gpu"} if spec.executor == "gpu" else {"providers": "cpu"}
+    request = {"method": spec.model, "render": render, "scale": RATIO, "where": where}
     environment = {**os.environ, "XDG_CACHE_HOME": cache, "PYTHONSAFEPATH": "1"}
     command = [sys.executable, "-c", FIRST_IMAGE.strip(), json.dumps(request)]
     done = run(command, environment=environment, seconds=None)
     if done.returncode:
         last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
-        got = f"{request['method']}, whose process ended with {end_text(done.returncode)}: {last[:200]}"
+        got = f"{spec}, whose process ended with {end_text(done.returncode)}: {last[:200]}"
         raise ArgumentError("--methods", got=got, want="methods that run here")
     return float(json.loads(done.stdout.splitlines()[-1])["seconds"])
 

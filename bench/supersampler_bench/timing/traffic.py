@@ -10,12 +10,10 @@ this with the elements that shaders access.
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
-
-import onnx
 
 from supersampler.backends.gpu.program import TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Constants, Shader
@@ -27,6 +25,7 @@ from supersampler.methods.classifier.network_file import INPUT_PLANES
 from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.record import BenchRecord, sizes_text, table
+from supersampler_bench.specs import compatible
 from supersampler_model.data.shots import render_size
 
 PIXEL_BYTES = {"frame_color": 8, "frame_depth": 4, "frame_motion": 4, "image": 8}
@@ -103,8 +102,14 @@ class Traffic:
     moved_at_rest: int
 
 
-def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -> list[Traffic]:
-    """Return the cost of a step of each method at each ratio.
+def traffic_of(
+    methods: Sequence[str],
+    display: Size,
+    ratios: Sequence[float],
+    *,
+    on_left_out: Callable[[str], None] = lambda _: None,
+) -> list[Traffic]:
+    """Return the cost of a step of each method at each ratio that it supports.
 
     Raises:
         ArgumentError: a method has no shaders.
@@ -117,6 +122,8 @@ def traffic_of(methods: Sequence[str], display: Size, ratios: Sequence[float]) -
             raise ArgumentError("--methods", got=method, want="methods with shaders")
         for ratio in ratios:
             render = render_size(display, ratio)
+            if not compatible([method], render, display, on_left_out):
+                continue
             costs = pass_costs(program, render, display)
             moved, products = sum(one.moved for one in costs), sum(one.multiply_adds for one in costs)
             at_rest = sum(one.moved for one in pass_costs(program, render, display, frozen=True))
@@ -166,6 +173,8 @@ def cost_of(name_or_path: str) -> Cost:
     Raises:
         ArgumentError: the model has no network.
     """
+    import onnx  # a measuring kit lacks it, and counts traffic alone
+
     folder = find_model(name_or_path)
     path = folder / "network.onnx"
     if not path.is_file():

@@ -20,23 +20,15 @@ PERIOD = 8  # frames of the shipped shot that each view repeats
 
 @dataclass(frozen=True)
 class ViewTimes:
-    """Times of one method and size. Milliseconds are medians over the rounds.
-
-    Attributes:
-        method: the model's name.
-        display: (width, height) of each view's images.
-        one: milliseconds of a step of one session that alone has the caches.
-        each: milliseconds of `step` on each of the views, in turn.
-        at_once: milliseconds of `step_many` on the views.
-        ratios: `at_once` over the number of views times `one`, of each round: least, quartiles, largest.
-    """
+    """Times of one method and size. Milliseconds are medians over the rounds."""
 
     method: str
-    display: Size
-    one: float
-    each: float
-    at_once: float
+    display: Size  # of each view's images
+    one: float  # milliseconds of a step of one session, which alone has the caches
+    each: float  # milliseconds of `step` on each of the views, in turn
+    at_once: float  # milliseconds of `step_many` on the views
     ratios: tuple[float, float, float, float, float]
+    """`at_once` over the number of views times `one`, of each round: minimum, quartiles, maximum."""
 
 
 def measure_views(
@@ -49,56 +41,36 @@ def measure_views(
     rounds: int = 100,
     on_round: Callable[[], None] = lambda: None,
 ) -> list[ViewTimes]:
-    """Time each method at each size. A round steps one session `views` times, each view, then all at once.
+    """Time each method at each size, with `views` cameras, each with its own part of the shipped shot.
 
-    Args:
-        methods: names of shipped models, or model folders.
-        displays: (width, height) of the images.
-        views: number of cameras, each with its own part of the shipped shot.
-        threads: number of CPU threads.
-        ratio: display over render size.
-        rounds: timed rounds of each setting.
-        on_round: called after each round.
+    A round steps one session `views` times, then each view, then all at once.
     """
-    return [
-        _measure(method, display, views, threads, ratio, rounds, on_round)
-        for display in displays
-        for method in methods
-    ]
-
-
-def _measure(
-    method: str,
-    display: Size,
-    views: int,
-    threads: int,
-    ratio: float,
-    rounds: int,
-    on_round: Callable[[], None],
-) -> ViewTimes:
-    model = Model.load(method, threads=threads, providers="cpu", executor="cpu")
-    frames = itertools.cycle(_frames(views, render_size(display, ratio)))
-    one, *upscalers = (Upscaler(model, display_size=display, validate="off") for _ in range(1 + 2 * views))
-    each, at_once = upscalers[:views], upscalers[views:]
-    images = np.empty((views, *display[::-1], 3), np.float32)
-    times = np.empty((rounds, 3))
-    for index in range(-WARM_UP, rounds):
-        given = next(frames)
-        moments = [time.perf_counter()]
-        for frame, image in zip(given, images, strict=True):
-            one.step(frame, out=image)
-        moments.append(time.perf_counter())
-        for upscaler, frame, image in zip(each, given, images, strict=True):
-            upscaler.step(frame, out=image)
-        moments.append(time.perf_counter())
-        Upscaler.step_many(at_once, given, out=images)
-        moments.append(time.perf_counter())
-        if index >= 0:
-            times[index] = 1e3 * np.diff(moments)
-            on_round()
-    alone, in_turn, together = (median(column) for column in times.T.tolist())
-    ratios = np.quantile(times[:, 2] / times[:, 0], (0.0, 0.25, 0.5, 0.75, 1.0))
-    return ViewTimes(method, display, alone / views, in_turn, together, tuple(ratios.tolist()))
+    results = []
+    for display, method in itertools.product(displays, methods):
+        model = Model.load(method, threads=threads, providers="cpu", executor="cpu")
+        frames = itertools.cycle(_frames(views, render_size(display, ratio)))
+        sessions = [Upscaler(model, display_size=display, validate="off") for _ in range(1 + 2 * views)]
+        one, each, at_once = sessions[0], sessions[1 : 1 + views], sessions[1 + views :]
+        images = np.empty((views, *display[::-1], 3), np.float32)
+        times = np.empty((rounds, 3))
+        for index in range(-WARM_UP, rounds):
+            given = next(frames)
+            moments = [time.perf_counter()]
+            for frame, image in zip(given, images, strict=True):
+                one.step(frame, out=image)
+            moments.append(time.perf_counter())
+            for upscaler, frame, image in zip(each, given, images, strict=True):
+                upscaler.step(frame, out=image)
+            moments.append(time.perf_counter())
+            Upscaler.step_many(at_once, given, out=images)
+            moments.append(time.perf_counter())
+            if index >= 0:
+                times[index] = 1e3 * np.diff(moments)
+                on_round()
+        alone, in_turn, together = (median(column) for column in times.T.tolist())
+        ratios = np.quantile(times[:, 2] / times[:, 0], (0.0, 0.25, 0.5, 0.75, 1.0))
+        results.append(ViewTimes(method, display, alone / views, in_turn, together, tuple(ratios.tolist())))
+    return results
 
 
 def _frames(views: int, size: Size) -> list[list[Frame]]:

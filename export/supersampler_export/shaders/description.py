@@ -27,15 +27,9 @@ _WORKGROUP = re.compile(r"@workgroup_size\(([^)]*)\)")
 
 
 class ExportedPass(NamedTuple):
-    """A pass with its complete shader.
+    """A pass with its complete shader."""
 
-    Attributes:
-        name: number and name, unique.
-        spec: the method's pass.
-        shader: its code.
-    """
-
-    name: str
+    name: str  # number and name, unique
     spec: PassSpec
     shader: Shader
 
@@ -81,15 +75,7 @@ def exported_passes(program: GpuProgram, images: str, aovs: ExportedAovs) -> lis
 def described(
     info: ModelInfo, program: GpuProgram, images: str, aovs: ExportedAovs, passes: Sequence[ExportedPass]
 ) -> dict[str, Any]:
-    """Return the content of upscaler.json, without the digests of files.
-
-    Args:
-        info: the model.
-        program: its GPU program.
-        images: key of VARIANTS.
-        aovs: AOVs that are blended, if any.
-        passes: passes of a step.
-    """
+    """Return the content of upscaler.json, without the digests of files; `images` is a key of VARIANTS."""
     used = {one.resource(binding): binding.kind for one in passes for binding in one.shader.bindings}
     inputs = [name for name in texts.INPUTS if f"frame_{name}" in used]
     return {

@@ -24,13 +24,7 @@ LONGEST_LINE = 140
 def write_shader_folder(
     model: str | Path, folder: Path, *, images: Images = "textures", aovs: int = 0
 ) -> None:
-    """Write the shaders of a model, in WGSL.
-
-    Args:
-        model: a shipped model by name, or a model folder.
-        folder: the folder to write; files of an earlier export are replaced.
-        images: kind of the resources that hold frame and image.
-        aovs: channels of AOVs to blend; each texture holds four.
+    """Write the files of `shader_files` to a folder, in place of those of an earlier export.
 
     Raises:
         ShotError: existing files were not written by an export; nothing is written.
@@ -46,12 +40,12 @@ def write_shader_folder(
 
 
 def shader_files(model: str | Path, *, images: Images = "textures", aovs: int = 0) -> dict[str, bytes]:
-    """Return the files of a model's shaders by name, upscaler.json last.
+    """Return the files of a model's shaders, in WGSL, by name, upscaler.json last.
 
     Args:
-        model: see `write_shader_folder`.
-        images: see `write_shader_folder`.
-        aovs: see `write_shader_folder`.
+        model: a shipped model by name, or a model folder.
+        images: kind of the resources that hold frame and image.
+        aovs: channels of AOVs to blend; each texture holds four.
 
     Raises:
         ModelError: the model does not exist or is damaged.

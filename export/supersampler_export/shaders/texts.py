@@ -16,17 +16,8 @@ _NORMAL: dict[str, Any] = {
     "invalid": "NaN and values out of range count as 0",
     "formats": ["rgba16float", "rgba32float"],
 }
-
-
-def _of_render(about: dict[str, Any]) -> dict[str, Any]:
-    """Return the input at render size; G-buffers are textures, also where the other images are in buffers."""
-    return {**about, "sampling": "where the colour was"}
-
-
-def _of_display(about: dict[str, Any]) -> dict[str, Any]:
-    """Return the input at display size."""
-    return {**about, "sampling": "at the centres of the display's pixels, without jitter"}
-
+_AS_COLOR = "where the colour was"
+_AT_CENTRES = "at the centres of the display's pixels, without jitter"
 
 INPUTS: dict[str, dict[str, Any]] = {
     "color": {
@@ -43,7 +34,7 @@ INPUTS: dict[str, dict[str, Any]] = {
         "unit": "near / view distance: reversed, infinite far plane, 0 at the sky; any constant times "
         "1 / distance works if it is constant between resets",
         "range": [0.0, 1e30],
-        "sampling": "where the colour was",
+        "sampling": _AS_COLOR,
         "invalid": "NaN, Inf and negative values prove no disocclusion and are never the closest",
         "formats": ["r32float", "depth32float"],
     },
@@ -52,7 +43,7 @@ INPUTS: dict[str, dict[str, Any]] = {
         "unit": "(x, y) in render pixels, y down, without jitter, previous minus current: what is at p now "
         "was at p + motion[p] in the previous frame",
         "range": [-1e6, 1e6],
-        "sampling": "where the colour was",
+        "sampling": _AS_COLOR,
         "invalid": "NaN and Inf count as no motion; longer vectors are clamped",
         "formats": ["rg16float", "rg32float"],
     },
@@ -61,32 +52,34 @@ INPUTS: dict[str, dict[str, Any]] = {
         "unit": "how unreliable the history is (particles, screens, glass): the weight w of this frame "
         "becomes w + (1 - w) reactive",
         "range": [0.0, 1.0],
-        "sampling": "where the colour was",
+        "sampling": _AS_COLOR,
         "invalid": "NaN and negative values count as 0, larger ones as 1",
         "formats": ["r8unorm", "r16float", "r32float"],
         "optional": "without a mask set params.has_reactive = 0, and bind a texture of 1x1 or a buffer of "
         "16 bytes",
     },
-    "gbuffer_base_color": _of_render(_BASE_COLOR),
-    "gbuffer_normal": _of_render(_NORMAL),
-    "gbuffer_display_base_color": _of_display(_BASE_COLOR),
-    "gbuffer_display_normal": _of_display(_NORMAL),
-    "gbuffer_display_depth": _of_display(
-        {
-            "channels": 1,
-            "unit": "as depth, with the same constant",
-            "range": [0.0, 1e30],
-            "invalid": "NaN, Inf and negative values prove no disocclusion",
-            "formats": ["r32float", "depth32float"],
-        }
-    ),
+    "gbuffer_base_color": {**_BASE_COLOR, "sampling": _AS_COLOR},
+    "gbuffer_normal": {**_NORMAL, "sampling": _AS_COLOR},
+    "gbuffer_display_base_color": {**_BASE_COLOR, "sampling": _AT_CENTRES},
+    "gbuffer_display_normal": {**_NORMAL, "sampling": _AT_CENTRES},
+    "gbuffer_display_depth": {
+        "channels": 1,
+        "unit": "as depth, with the same constant",
+        "range": [0.0, 1e30],
+        "invalid": "NaN, Inf and negative values prove no disocclusion",
+        "formats": ["r32float", "depth32float"],
+        "sampling": _AT_CENTRES,
+    },
 }
-"""Images of a frame; a buffer holds float32 values, row by row from the top, channels side by side."""
+"""Images of a frame; a buffer holds float32 values, row by row from the top, channels side by side.
+
+G-buffers are textures, also where the other images are in buffers.
+"""
 
 AOVS: dict[str, Any] = {
     "unit": "any; blended with the weights of the colour",
     "range": [-65504.0, 65504.0],
-    "sampling": "where the colour was",
+    "sampling": _AS_COLOR,
     "invalid": "values out of range are clamped; a NaN is a missing sample of its channel",
     "formats": ["rgba8unorm", "rgba16float", "rgba32float"],
 }

@@ -145,10 +145,12 @@ def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: I
 
 
 def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
-    """Raise ShotError if a file exists that this package did not write, so that it is not replaced.
+    """Raise ShotError if a file exists that this package did not write, or has the name of its folder.
 
     `is_ours` decides by the content; `what` describes the expected file: "a record of `bench ... --json`".
     """
+    if folder := next(filter(is_file, path.parents), None):
+        raise ShotError(path, f"cannot be written: {folder} is not a folder", "Choose another name.")
     if is_there(path) and not (is_regular(path) and is_ours(path)):
         hint = "Move it away, or choose another name."
         raise ShotError(path, f"already exists, and is not {what}", hint)

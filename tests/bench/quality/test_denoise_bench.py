@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from noisy_frames import SIZE, noisy, truth
-from supersampler import ArgumentError, ShotError
+from supersampler import ShotError
 from supersampler.denoising.oidn import Guides
 from supersampler.frame import Float32
 from supersampler.io.images import write_exr
@@ -30,7 +30,7 @@ from supersampler_bench.quality.denoise_references import (
     read_reference,
 )
 from supersampler_bench.record import DENOISER, age_of
-from upscale_runs import run, succeeded
+from upscale_runs import refusal, run, succeeded
 
 COUNT = 12
 SCORED = (6, 7, 8)
@@ -62,8 +62,8 @@ class HalfDenoiser:
 
 
 def measured(render: Path, **options: Any) -> RenderRow:
-    shot = Shot.open(render)
-    return measure_render(render, shot, options.pop("denoiser", None), reference=DEFAULT_PATTERN, **options)
+    files = find_references(render, "wall", DEFAULT_PATTERN)
+    return measure_render(render, Shot.open(render), files, options.pop("denoiser", None), **options)
 
 
 def test_the_filter_has_less_error_and_flicker_than_the_frames_and_least_with_two_passes(
@@ -152,11 +152,12 @@ def test_the_cost_of_rendering_is_the_mean_over_the_frames_that_are_read(tmp_pat
 
 
 def test_the_command_prints_tables_and_writes_a_record_that_has_the_same_tables(
-    render: Path, tmp_path: Path
+    render: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (render / "costs.jsonl").write_text('{"frame": 6, "cpu": 2.5}\n')
     path = tmp_path / "denoise.json"
-    result = succeeded(run("bench", "denoise", render, "--per-frame", "none", "--json", path))
+    monkeypatch.chdir(render)
+    result = succeeded(run("bench", "denoise", ".", "--per-frame", "none", "--json", path))
     data = json.loads(path.read_text("utf-8"))
     record = DenoiseRecord.from_json(data)
     tables = record.tables("denoise")
@@ -201,8 +202,7 @@ def test_invalid_folder_names_and_references_are_errors(
 ) -> None:
     write_exr(render.parent / "late/0100.exr", truth(6))
     folder = render.rename(render.parent / name)
-    with pytest.raises(ArgumentError, match=message):
-        measure_render(folder, Shot.open(folder), None, reference=reference)
+    assert message in refusal("bench", "denoise", folder, "--reference", reference)
 
 
 def test_a_reference_of_another_size_or_too_small_a_region_is_named(render: Path) -> None:

@@ -28,7 +28,7 @@ from supersampler_bench.quality.extrapolation import (
 from supersampler_bench.quality.masks import disoccluded
 from supersampler_bench.quality.scores import FRAME_METRICS, MASKED, WEIGHTED, FrameScores, MethodScores
 from supersampler_bench.record import read_record, write_json
-from supersampler_bench.report.doc_tables import blocks_of
+from supersampler_bench.report.doc_tables import block_text, blocks_of
 from upscale_runs import run
 
 SIZE, DISPLAY, FRAMES = (48, 27), (96, 54), 12
@@ -196,7 +196,7 @@ def test_the_command_prints_a_table_and_writes_its_record(folder: Path, tmp_path
     table = ExtrapolationRecord.from_json(record).table()
     assert "| bilinear, guided-warp |" in table
     assert "lit, 48x27 to 96x54, 1:1 unshaded to shaded frames" in table
-    assert blocks_of("extrapolation-lit", record)["extrapolation lit"]() == table
+    assert block_text(record, blocks_of("extrapolation-lit", record)["extrapolation lit"]) == table
     assert table.splitlines()[2] in done.output
 
 

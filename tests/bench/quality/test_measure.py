@@ -77,18 +77,25 @@ def truth(index: int) -> Float32:
     return SCENE.truth(index, DISPLAY, samples=4)
 
 
-def painted(
-    monkeypatch: pytest.MonkeyPatch, shot: Shot, paint: Callable[[int], Float32]
-) -> list[FrameScores]:
-    monkeypatch.setattr(quality, "Upscaler", Painter(paint))
-    return measure_quality(shot, ["painter"])[0].frames
+Painted = Callable[[Shot, Callable[[int], Float32]], list[FrameScores]]
 
 
-def test_a_perfect_image_has_perfect_scores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def painted(monkeypatch: pytest.MonkeyPatch) -> Painted:
+    """Measure the images that a function of the frame's number paints."""
+
+    def measured(shot: Shot, paint: Callable[[int], Float32]) -> list[FrameScores]:
+        monkeypatch.setattr(quality, "Upscaler", Painter(paint))
+        return measure_quality(shot, ["painter"])[0].frames
+
+    return measured
+
+
+def test_a_perfect_image_has_perfect_scores(tmp_path: Path, painted: Painted) -> None:
     hard = ClassMaps(*(np.arange(54 * 96).reshape(54, 96).astype(np.uint8) // step % 3 for step in (1, 3, 7)))
     shot = write_shot(tmp_path, references=[2, 4, 5], classes=hard)
     stored = {item.index: item.reference for item in shot if item.reference is not None}
-    frames = painted(monkeypatch, shot, lambda i: stored.get(i, truth(i)))
+    frames = painted(shot, lambda i: stored.get(i, truth(i)))
     assert [f.frame for f in frames] == [2, 4, 5]
     for scores in (frames[-1].full, frames[-1].cropped):
         perfect = {"flip": 0.0, "ssim": 1.0, "warped_error_difference": 0.0, "strred": 0.0}
@@ -100,36 +107,30 @@ def test_a_perfect_image_has_perfect_scores(tmp_path: Path, monkeypatch: pytest.
         }
 
 
-def test_change_is_measured_only_between_neighbours_that_both_have_a_reference(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("references", "cuts"), [([2, 4, 5], (0,)), ([2, 3, 4], (0, 3))])
+def test_change_is_measured_only_between_neighbours_of_one_cut_that_both_have_a_reference(
+    tmp_path: Path, painted: Painted, references: list[int], cuts: tuple[int, ...]
 ) -> None:
-    shot = write_shot(tmp_path, references=[2, 4, 5])
-    frames = painted(monkeypatch, shot, truth)
-    assert [np.isnan(f.full["tpsnr"]) for f in frames] == [True, True, False]
-    assert [np.isnan(f.full["warped_error_difference"]) for f in frames] == [True, True, False]
-
-
-def test_change_is_not_measured_across_a_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shot = write_shot(tmp_path, cuts=(0, 3), references=[2, 3, 4])
-    frames = painted(monkeypatch, shot, truth)
-    assert [np.isnan(f.full["tpsnr"]) for f in frames] == [True, True, False]
+    frames = painted(write_shot(tmp_path, cuts=cuts, references=references), truth)
+    for name in ("tpsnr", "warped_error_difference"):
+        assert [np.isnan(f.full[name]) for f in frames] == [True, True, False]
 
 
 def test_an_image_that_lags_a_frame_is_worse_where_it_moves_and_steady_noise_is_not_flicker(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, painted: Painted
 ) -> None:
     shot = write_shot(tmp_path, references=[4, 5])
-    late = painted(monkeypatch, shot, lambda i: truth(i - 1) if i else truth(0))[-1].cropped
+    late = painted(shot, lambda i: truth(i - 1) if i else truth(0))[-1].cropped
     stain = np.random.default_rng(0).uniform(0.9, 1.1, (DISPLAY[1], DISPLAY[0], 3)).astype(np.float32)
-    stained = painted(monkeypatch, shot, lambda i: truth(i) * stain)[-1].cropped
+    stained = painted(shot, lambda i: truth(i) * stain)[-1].cropped
     assert late["psnr"] < stained["psnr"] - 5
     assert late["tpsnr"] < stained["tpsnr"] - 5
 
 
-def test_the_masks_are_those_of_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_masks_are_those_of_the_scene(tmp_path: Path, painted: Painted) -> None:
     shot = write_shot(tmp_path, references=[3])
     unshaded = SCENE.disoccluded(3, DISPLAY)
-    wrong_there = painted(monkeypatch, shot, lambda i: np.where(unshaded[..., None], 0, truth(i)))[0].full
+    wrong_there = painted(shot, lambda i: np.where(unshaded[..., None], 0, truth(i)))[0].full
     assert 0.7 * unshaded.sum() < wrong_there["pixels_disoccluded"] < 1.3 * unshaded.sum()
     assert wrong_there["psnr_disoccluded"] < wrong_there["psnr"] - 6
     moving_share = wrong_there["pixels_moving"] / (DISPLAY[0] * DISPLAY[1])
@@ -137,44 +138,40 @@ def test_the_masks_are_those_of_the_scene(tmp_path: Path, monkeypatch: pytest.Mo
     assert moving_share == pytest.approx(disc_share, rel=0.1)
 
 
-def test_the_masks_are_the_truth_classes_where_a_shot_has_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_masks_are_the_truth_classes_where_a_shot_has_them(tmp_path: Path, painted: Painted) -> None:
     ghost, alias = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
     ghost[20:22, 30:40], ghost[30:33, 30:40], alias[40:42, 30:40], alias[42:46, 30:40] = 1, 2, 1, 2
     shot = write_shot(tmp_path, references=[3], classes=ClassMaps(ghost, alias))
-    wrong = painted(monkeypatch, shot, lambda i: np.where((ghost == 2)[..., None], 0, truth(i)))[0].full
+    wrong = painted(shot, lambda i: np.where((ghost == 2)[..., None], 0, truth(i)))[0].full
     pixels = {name: wrong[f"pixels_{name}"] for name in ("disoccluded", "changing_light", "aliased")}
     assert pixels == {"disoccluded": 20, "changing_light": 30, "aliased": 60}
     assert wrong["psnr_changing_light"] < 20 < 60 < wrong["psnr_disoccluded"]
     assert wrong["psnr_aliased"] > 60
 
 
-def test_thin_pixels_are_measured_where_their_class_is_known(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_thin_pixels_are_measured_where_their_class_is_known(tmp_path: Path, painted: Painted) -> None:
     none, thin = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
     thin[20:22, 30:40] = 1
     scores = {}
     for name, known in (("with", thin), ("without", None)):
         shot = write_shot(tmp_path / name, references=[3], classes=ClassMaps(none, none, known))
-        scores[name] = painted(monkeypatch, shot, lambda i: np.where(thin[..., None], 0, truth(i)))[0].full
+        scores[name] = painted(shot, lambda i: np.where(thin[..., None], 0, truth(i)))[0].full
     assert scores["with"]["pixels_thin"] == 20
     assert scores["with"]["psnr_thin"] < 20 < scores["with"]["psnr"]
     assert np.isnan(scores["without"]["psnr_thin"])
 
 
 def test_without_truth_classes_aliasing_and_changing_light_are_not_measured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, painted: Painted
 ) -> None:
-    scores = painted(monkeypatch, write_shot(tmp_path, references=[3]), truth)[0].full
+    scores = painted(write_shot(tmp_path, references=[3]), truth)[0].full
     assert np.isnan([scores["psnr_changing_light"], scores["psnr_aliased"]]).all()
     assert scores["pixels_aliased"] == 0
 
 
-def test_strred_uses_pairs_that_do_not_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_strred_uses_pairs_that_do_not_overlap(tmp_path: Path, painted: Painted) -> None:
     shot = write_shot(tmp_path, references=[1, 2, 3, 4, 5, 8, 9], count=10)
-    frames = painted(monkeypatch, shot, lambda i: truth(i - i % 2))
+    frames = painted(shot, lambda i: truth(i - i % 2))
     paired = [f.frame for f in frames if not np.isnan(f.cropped["strred"])]
     assert paired == [2, 4, 9]
     assert all(f.full["trred"] > 0.0 for f in frames if f.frame in paired)
@@ -211,9 +208,7 @@ def test_predicted_classes_are_compared_with_the_true_ones(
     assert cropped.sum() == 2 * 80 * 38
 
 
-def test_the_border_is_left_out_of_the_cropped_scores(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_border_is_left_out_of_the_cropped_scores(tmp_path: Path, painted: Painted) -> None:
     shot = write_shot(tmp_path, references=[4, 5])
 
     def framed(index: int) -> Float32:
@@ -221,14 +216,14 @@ def test_the_border_is_left_out_of_the_cropped_scores(
         metrics.crop(image, BORDER)[...] = metrics.crop(truth(index), BORDER)
         return image
 
-    scores = painted(monkeypatch, shot, framed)[-1]
-    assert scores.cropped["psnr"] > 60 > 30 > painted(monkeypatch, shot, framed)[0].full["psnr"]
+    scores = painted(shot, framed)[-1]
+    assert scores.cropped["psnr"] > 60 > 30 > painted(shot, framed)[0].full["psnr"]
     assert scores.cropped["tpsnr"] > 60 > scores.full["tpsnr"]
 
 
-def test_output_and_reference_have_the_same_exposure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_output_and_reference_have_the_same_exposure(tmp_path: Path, painted: Painted) -> None:
     shot = write_shot(tmp_path, references=[4])
-    too_bright = painted(monkeypatch, shot, lambda i: 2 * truth(i))[0].full
+    too_bright = painted(shot, lambda i: 2 * truth(i))[0].full
     assert too_bright["psnr"] < 25  # metered each on its own, they would be equal
 
 

@@ -62,6 +62,13 @@ def test_the_summary_shows_all_scenes_at_the_ratio_closest_to_2() -> None:
     assert f"| analytic | 1 {row}" in record.table()
 
 
+@pytest.mark.parametrize("command", ["still -o", "pareto -o", "parity --json"])
+def test_an_output_below_a_file_is_refused_before_the_measurement(tmp_path: Path, command: str) -> None:
+    (tmp_path / "file").touch()
+    said = refusal("bench", *command.split(), tmp_path / "file" / "output")
+    assert "file is not a folder. Choose another name." in said
+
+
 @pytest.mark.parametrize("scenes", ["courtyard:2", "analytic", "analytic:two"])
 def test_an_unknown_scene_or_a_missing_ratio_is_refused(scenes: str) -> None:
     assert "--scenes" in refusal("bench", "still", "--scenes", scenes)

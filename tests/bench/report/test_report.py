@@ -61,13 +61,19 @@ def test_a_number_that_no_record_holds_fails_the_check_by_name(
     assert (repository / page).read_text() == changed
 
 
-def test_a_record_of_another_version_is_reported(repository: Path) -> None:
-    path = repository / RESULTS / "cost.json"
+@pytest.mark.parametrize(
+    ("name", "field", "message"),
+    [("cost", "networks", "missing required field `networks`"), ("stress", "outcomes", "without 'outcomes'")],
+)
+def test_a_record_of_another_version_is_reported(
+    repository: Path, name: str, field: str, message: str
+) -> None:
+    path = repository / RESULTS / f"{name}.json"
     record = json.loads(path.read_text())
-    del record["networks"]
+    del record[field]
     write_json(record, path)
-    answer = succeeded(run("bench", "tables", repository))
-    assert "missing required field `networks`" in answer.output
+    (repository / "README.md").write_text(f"<!-- bench:{name} -->\n<!-- /bench -->\n")
+    assert message in succeeded(run("bench", "tables", repository)).output
 
 
 def test_a_folder_without_records_is_named(tmp_path: Path) -> None:
@@ -115,6 +121,16 @@ def test_a_record_is_due_if_its_models_or_its_command_have_changed(root: Path) -
     assert Recipe("first", COST, changed).problem.endswith("another version of taau.")
     with pytest.raises(ArgumentError, match="third"):
         list(recipes(root, ["third"]))
+
+
+def test_a_record_without_its_command_is_due_and_a_file_of_other_commands_is_refused(root: Path) -> None:
+    (root / RESULTS / "first.json").write_text('{"bench": "cost", "shots": [{"name": "plaza"}]}')
+    assert (
+        "first: was measured by another"
+        in succeeded(run("bench", "records", "--list", "--root", root)).output
+    )
+    (root / COMMANDS).write_text("[commands]\nfirst = 3\n")
+    assert "Expected `str`, got `int`" in refusal("bench", "records", "--root", root)
 
 
 @pytest.mark.long  # runs commands in processes

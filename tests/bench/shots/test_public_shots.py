@@ -24,7 +24,7 @@ from supersampler_bench.shots.public_shots import (
 from supersampler_bench.shots.rendering import frames_there, render_test_shot, render_test_shots
 from supersampler_model.data.errors import DataError
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES
-from upscale_runs import run, succeeded
+from upscale_runs import refusal, run, succeeded
 
 TINY = TestShots(
     seeds={"gallery": 5, "court": 3}, frames=10, display_size=(48, 28), ratios=(1.5, 2.0), samples=4
@@ -236,6 +236,12 @@ def test_the_bench_without_a_cache_names_the_command_that_makes_one(tmp_path: Pa
     assert "`supersampler bench shots` renders it" in done.stderr
     wrong = run("bench", "quality", "test-shots", "--ratio", "half")
     assert "--ratio is 'half'; want numbers" in wrong.stderr
+
+
+@pytest.mark.parametrize("command", ["quality", "extrapolation"])
+def test_a_ratio_for_a_shot_that_has_its_own_is_refused(command: str) -> None:
+    said = refusal("bench", command, "plaza", "--ratio", "3")
+    assert "--ratio is '3'; want none: plaza is no test shot, and has its own." in said
 
 
 def test_one_command_renders_the_shipped_shot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

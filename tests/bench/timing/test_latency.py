@@ -31,6 +31,13 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
         assert result.first > 0.0
 
 
+def test_a_setting_that_a_method_lacks_is_named() -> None:
+    notes: list[str] = []
+    results = measure_latency(["gbuffer-small"], [(64, 36)], ["cpu"], [1], steps=1, on_left_out=notes.append)
+    assert [r.setting.method for r in results] == ["taa"]
+    assert notes[0].startswith("gbuffer-small on cpu is left out: ")
+
+
 def test_slow_settings_do_not_alternate_with_fast_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     steps: list[str] = []
     step = latency._LatencyRunner.step
@@ -130,9 +137,12 @@ def test_a_program_on_the_gpu_is_timed_from_its_start() -> None:
     assert result.warm_seconds > 0.0
 
 
-def test_a_method_whose_process_fails_is_named() -> None:
-    with pytest.raises(ArgumentError, match=r"--methods is no-such, whose process ended with code 1: .*such"):
-        measure_startup(["no-such"], (64, 36), cold=1, warm=0)
+@pytest.mark.parametrize("method", ["no-such", "taa:int8"])  # taa has no network
+def test_a_method_whose_process_fails_is_named(method: str) -> None:
+    with pytest.raises(
+        ArgumentError, match=f"--methods is {method}, whose process ended with code 1: .*Error"
+    ):
+        measure_startup([method], (64, 36), cold=1, warm=0)
 
 
 def test_the_table_has_a_row_for_each_method() -> None:

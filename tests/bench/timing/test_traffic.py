@@ -81,6 +81,15 @@ def test_a_frozen_step_to_4k_moves_the_frame_the_mean_and_the_image(method: str)
     assert sum(one.multiply_adds for one in costs) == 0
 
 
+def test_ratios_that_a_method_does_not_support_are_not_counted_and_named() -> None:
+    notes: list[str] = []
+    steps = traffic_of(["classifier-large", "taau"], (3840, 2160), [2.0, 4.0], on_left_out=notes.append)
+    assert [(step.method, step.render[0]) for step in steps] == [
+        ("classifier-large", 1920), ("taau", 1920), ("taau", 960),
+    ]  # fmt: skip
+    assert notes[0].startswith("classifier-large is left out: frame.size is (960, 540)")
+
+
 def test_variables_that_a_frozen_step_accesses_are_declared() -> None:
     for method in ("taau", "classifier", "classifier-large", "gbuffer-fast"):
         program = program_of(method)
