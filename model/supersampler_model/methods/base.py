@@ -16,11 +16,11 @@ from typing import Any, ClassVar, NamedTuple, Self, get_type_hints
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor, nn
 
 from supersampler.errors import ArgumentError
-from supersampler.io.files import replacing
+from supersampler.io.files import write_bytes
 from supersampler.methods.model_info import extents
 from supersampler.methods.registry import find_method
 from supersampler.methods.spec import BETWEEN, CHANNELS, EARLIER, RENDER, SHADED, MethodSpec, Shape, sized
@@ -211,10 +211,13 @@ def shipped_weights(method: str) -> Path:
 
 
 def save_trained(path: Path, trained: Trained) -> None:
-    """Write a weights file atomically: safetensors whose header holds method, config and provenance."""
+    """Write a weights file atomically: safetensors whose header holds method, config and provenance.
+
+    Raises:
+        ShotError: the disk refuses.
+    """
     header = {name: getattr(trained, name) for name in ("method", "config", "facts")}
-    with replacing(path) as partial:
-        save_file(trained.tensors, partial, {"trained": json.dumps(header, sort_keys=True)})
+    write_bytes(path, save(trained.tensors, {"trained": json.dumps(header, sort_keys=True)}))
 
 
 def load_trained(path: Path) -> Trained:

@@ -85,7 +85,8 @@ class Commands(TyperGroup):
             if line is None or ctx.params.get("debug"):
                 raise
             if isinstance(error, ArgumentError):
-                line = _with_option(line, error.name, self.get_command(ctx, ctx.invoked_subcommand or ""))
+                command = self.resolve_command(ctx, [ctx.invoked_subcommand or ""])[1]
+                line = _with_option(line, error.name, command)
             echo(f"error: {line}", err=True)
             raise typer.Exit(2 if isinstance(error, ArgumentError) else 1) from None
         except KeyboardInterrupt:

@@ -1,6 +1,5 @@
 """Plan and render a training set; a stopped run resumes after the last complete frame of each sequence."""
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from supersampler_model.data.dataset.storage import Dataset, Description, Sequen
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.rendered import labels_of
-from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.renderer.renderer import Renderer, samples_side
 from supersampler_model.data.scenes.gltf.compose import read_folder
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
 from supersampler_model.data.shots import render_frame
@@ -53,11 +52,10 @@ class RenderPlan:
         for family in self.families:
             if family not in known:
                 raise ArgumentError("families", got=repr(family), want=f"some of {', '.join(known)}")
-        for name in ("sequences", "frames", "samples"):
+        for name in ("sequences", "frames"):
             if getattr(self, name) < 1:
                 raise ArgumentError(name, got=getattr(self, name), want="at least 1")
-        if math.isqrt(self.samples) ** 2 != self.samples:
-            raise ArgumentError("samples", got=self.samples, want="a square number, such as 16 or 64")
+        samples_side(self.samples)
         if not self.families:
             raise ArgumentError("families", got="none", want=f"some of {', '.join(known)}")
         check_ratios("ratios", self.ratios, self.display_size)

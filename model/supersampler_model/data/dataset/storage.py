@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from safetensors.numpy import save
 
 from supersampler import Frame, ShotError
-from supersampler.io.files import is_there, replacing
+from supersampler.io.files import is_there, write_bytes, write_text
 from supersampler.io.json_files import check_version, read_typed
 from supersampler.io.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
@@ -141,8 +141,7 @@ def _write(
         {name: np.ascontiguousarray(array) for name, array in stored.items()},
         metadata={"frame": json.dumps(numbers)},  # one entry: safetensors does not keep their order
     )
-    with replacing(path) as partial:
-        partial.write_bytes(content)
+    write_bytes(path, content)
 
 
 def _read(path: Path, prefix: str) -> tuple[dict[str, Any], GBuffers]:
@@ -287,9 +286,7 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
                 hint = "Move it away, or choose another folder."
                 problem = f"already exists, and no {FILE_NAME} lists it"
                 raise DatasetError(folder / entry.folder, problem, hint)
-        with replacing(path) as partial:
-            content = {"version": VERSION, **asdict(description)}
-            partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_text(path, json.dumps({"version": VERSION, **asdict(description)}, indent=1) + "\n")
     return Dataset(folder, description)
 
 
