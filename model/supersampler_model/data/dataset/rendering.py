@@ -20,7 +20,7 @@ from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer, samples_side
 from supersampler_model.data.scenes.gltf.compose import read_folder
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
-from supersampler_model.data.shots import render_frame
+from supersampler_model.data.shots import render_frame, render_size
 from supersampler_model.data.specs import SequenceSpec
 
 RATIOS = {1.0: 0.1, 1.5: 0.2, 2.0: 0.4, 3.0: 0.2, 4.0: 0.1}
@@ -169,13 +169,13 @@ def _rerender(
     sequence, display_size = make_sequence(entry.spec), dataset.description.display_size
     first = next(e for e in own.entries() if e.folder == entry.folder)
     existing = own.read(first, 0).color.astype(np.float32)
-    size, jitter = first.render_size(display_size), halton_jitter(0, first.ratio)
+    size, jitter = render_size(display_size, first.ratio), halton_jitter(0, first.ratio)
     now, _ = renderer.frame(sequence.scene(0), size, jitter=jitter)
     if float(np.abs(now - existing).mean()) > MAX_DIFFERENCE * float(existing.mean()):
         hint = "Render a new set: the scenes or the renderer have changed since this one was rendered."
         raise DatasetError(dataset.path(first, 0), "differs from its rendering now", hint)
     for index in range(dataset.complete(entry), entry.spec.frames):
-        jitter, size = halton_jitter(index, entry.ratio), entry.render_size(display_size)
+        jitter, size = halton_jitter(index, entry.ratio), render_size(display_size, entry.ratio)
         color, surfaces = renderer.frame(sequence.scene(index), size, jitter=jitter)
         motion = surfaces.motion.astype(np.float16)
         frame = storage.Rerendered(color, surfaces.depth, motion, jitter, surfaces.gbuffer())

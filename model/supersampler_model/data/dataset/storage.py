@@ -204,10 +204,6 @@ class SequenceEntry:
         """Return whether the ratio is in [minimum, maximum], up to the rounding of sizes to whole pixels."""
         return ratios[0] - 0.02 <= self.ratio <= ratios[1] + 0.02
 
-    def render_size(self, display_size: tuple[int, int]) -> tuple[int, int]:
-        """Return the (width, height) of the frames."""
-        return round(display_size[0] / self.ratio), round(display_size[1] / self.ratio)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
