@@ -45,7 +45,6 @@ EXTRAS = {
     "pyoidn": "denoise",
     "wgpu": "gpu",
     "moderngl": "render",
-    "safetensors": "render",
 }
 """Optional packages, and the extra that installs each."""
 END_WITH_STDIN = "SUPERSAMPLER_END_WITH_STDIN"

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from safetensors.numpy import load_file
 
 from gl_scenes import Yard
 from gltf_files import cube, strip
@@ -79,6 +80,7 @@ def test_rendered_frames_are_read_back(tmp_path: Path, small_renderer: Renderer)
     assert [f.exposure for f in frames] == [1.0, 1.5, 2.0]
     again = small_renderer.render(YardSequence(entry.spec).scene(1), (48, 27), jitter=frames[1].jitter)
     np.testing.assert_array_equal(frames[1].color, again.color)
+    np.testing.assert_array_equal(load_file(dataset.path(entry, 1))["color"], again.color)
     np.testing.assert_array_equal(frames[1].depth, again.render.depth)
     np.testing.assert_allclose(frames[1].motion, again.render.motion, rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(frames[1].reference, again.reference.color, rtol=1e-3, atol=1e-4)
@@ -160,7 +162,7 @@ def test_a_full_disk_leaves_whole_frames_only(
     def refuse(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", refuse)
+    monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(OSError, match="No space"):
         render_sequence(dataset, entry, small_renderer)
     assert dataset.complete(entry) == 1

@@ -12,12 +12,11 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import save
 
 from supersampler import Frame, ShotError
-from supersampler.io.files import is_there, write_bytes, write_text
+from supersampler.io.files import is_there, write_text
 from supersampler.io.json_files import check_version, read_typed
-from supersampler.io.safetensors import open_safetensors
+from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.rendered import UNIT_BUFFERS
 from supersampler_model.data.specs import SequenceSpec
@@ -137,11 +136,7 @@ def _write(
     stored = {name: array.astype(_TYPES[name], copy=False) for name, array in tensors.items()}
     for name, array in gbuffer.items():
         stored[prefix + name] = _to_bytes(array) if name in UNIT_BUFFERS else array
-    content = save(
-        {name: np.ascontiguousarray(array) for name, array in stored.items()},
-        metadata={"frame": json.dumps(numbers)},  # one entry: safetensors does not keep their order
-    )
-    write_bytes(path, content)
+    write_safetensors(path, stored, {"frame": json.dumps(numbers)})
 
 
 def _read(path: Path, prefix: str) -> tuple[dict[str, Any], GBuffers]:
