@@ -19,10 +19,12 @@ from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences
 from supersampler_model.data.dataset.storage import (
     Dataset,
     Description,
+    Rerendered,
     SequenceEntry,
     create_dataset,
     open_dataset,
     read_training_frame,
+    write_rerendered,
 )
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
@@ -104,6 +106,10 @@ def test_sequences_rendered_at_another_ratio_share_what_is_of_display_size(
     assert frame.gbuffer is not None
     np.testing.assert_allclose(frame.gbuffer["base_color"] / 255.0, again.render.base_color, atol=0.003)
     assert frame.frame().gbuffer_display is not None
+    damaged = Rerendered(frame.color, frame.depth, frame.motion[1:], frame.jitter, frame.gbuffer)
+    write_rerendered(at.rerendered_path(fourth, 1), damaged)
+    with pytest.raises(DatasetError, match=r"0001\.4x\.safetensors: not a whole training frame .*motion is"):
+        at.read(fourth, 1)
 
 
 def test_another_ratio_is_not_rendered_for_scenes_that_have_changed(

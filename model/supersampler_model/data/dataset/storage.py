@@ -102,17 +102,6 @@ def write_rerendered(path: Path, rerendered: Rerendered) -> None:
     _write(path, tensors, _RENDER, rerendered.gbuffer, {"jitter": rerendered.jitter})
 
 
-def read_rerendered(path: Path) -> Rerendered:
-    """Memory-map a second rendering.
-
-    Raises:
-        DatasetError: the file is missing, cut off, or lacks a tensor.
-    """
-    with _damage_named(path):
-        fields, gbuffer = _read(path, _RENDER)
-        return Rerendered(**fields, gbuffer=gbuffer)
-
-
 def _check(frame: TrainingFrame) -> None:
     """Raise a ValueError if arrays or numbers are not those of a frame."""
     render, display = frame.depth.shape, frame.ghost.shape
@@ -123,9 +112,11 @@ def _check(frame: TrainingFrame) -> None:
     for name, shape in shapes.items():
         if getattr(frame, name).shape != shape or 0 in shape:
             raise ValueError(f"{name} is {getattr(frame, name).shape}")
-    for name, array in (frame.gbuffer_display or {}).items():
-        if array.shape[:2] != display:
-            raise ValueError(f"{_DISPLAY}{name} is {array.shape}")
+    sizes = (_DISPLAY, frame.gbuffer_display, display), (_RENDER, frame.gbuffer, render)
+    for prefix, buffers, size in sizes:
+        for name, array in (buffers or {}).items():
+            if array.shape[:2] != size:
+                raise ValueError(f"{prefix}{name} is {array.shape}")
     if type(frame.reset) is not bool or type(frame.exposure) not in (int, float) or not frame.exposure > 0:
         raise ValueError(f"reset is {frame.reset!r}, exposure {frame.exposure!r}")
 
@@ -254,7 +245,12 @@ class Dataset:
         frame = read_training_frame(self.path(entry, index))
         if self.own is None:
             return frame
-        return replace(frame, **read_rerendered(self.rerendered_path(entry, index))._asdict())
+        path = self.rerendered_path(entry, index)
+        with _damage_named(path):
+            fields, gbuffer = _read(path, _RENDER)
+            frame = replace(frame, **Rerendered(**fields, gbuffer=gbuffer)._asdict())
+            _check(frame)
+        return frame
 
     def frames(self, entry: SequenceEntry) -> Iterator[TrainingFrame]:
         """Yield the existing frames of a sequence, in order."""
