@@ -92,7 +92,8 @@ def train(
             text = f"{dataset.folder}: only {done} of {total} training frames are rendered, and are read."
             _CONSOLE.print(text, soft_wrap=True)
     if not any(dataset.entries("train") for dataset in datasets):
-        raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
+        got, want = "not given, nor is --shot", "a training set or a shot to learn from"
+        raise ArgumentError("--data", got=got, want=want)
     if init == "shipped" and not _LEARNED[name].weights:
         raise ArgumentError("--init", got=repr(init), want=f"a file, as no weights ship for {name}")
     start = shipped_weights(name) if init == "shipped" else init and Path(init)

@@ -428,7 +428,7 @@ def test_a_shot_without_any_reference_is_refused(tmp_path: Path) -> None:
 
 
 def test_data_without_a_usable_sequence_is_described(dataset: Dataset) -> None:
-    with pytest.raises(ArgumentError, match=r"data is 12 frames in a row at a ratio of 2; want 13 .* 1 to 3"):
+    with pytest.raises(ArgumentError, match=r"data is 12 consecutive frames at ratio 2; want 13 .* 1 to 3"):
         sequences_of([dataset], (1.0, 3.0), min_frames=13)
 
 

@@ -28,7 +28,7 @@ RATIOS = {1.0: 0.1, 1.5: 0.2, 2.0: 0.4, 3.0: 0.2, 4.0: 0.1}
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples fill [0, 1) evenly
 _VALIDATION_EVERY = 8  # one sequence in eight is for validation, with another seed and thus another scene
 _FRAME_FILE = re.compile(r"\d{4,}(\.[\d.e+]+x)?\.safetensors")
-MAX_DIFFERENCE = 0.01  # mean difference of one frame between drivers, over its mean
+MAX_DIFFERENCE = 0.01  # tolerance for another driver: mean absolute difference of a frame over its mean
 
 
 @dataclass(frozen=True, kw_only=True)
