@@ -16,7 +16,6 @@ from torch.utils import _pytree as pytree
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from supersampler.errors import SupersamplerError
-from supersampler_model.data.errors import DataError
 from supersampler_model.training.crops import CropStream, StreamPosition
 
 ALIGNMENT = 64  # bytes
@@ -74,16 +73,16 @@ class PackedCrops:
         return list(pytree.tree_map_only(Slot, lambda slot: slot.of(buffer), self.crops))
 
 
-class _Frames(IterableDataset[PackedCrops | str]):
+class _Frames(IterableDataset[PackedCrops | SupersamplerError]):
     """Frames of all streams; each of n workers cuts every n-th stream.
 
-    The last item may be the message of an error: torch does not pass on errors of more than one argument.
+    The last item may be an error, because torch passes on only errors whose one argument is the message.
     """
 
     def __init__(self, streams: Sequence[CropStream]) -> None:
         self._streams = streams
 
-    def __iter__(self) -> Iterator[PackedCrops | str]:
+    def __iter__(self) -> Iterator[PackedCrops | SupersamplerError]:
         worker = get_worker_info()
         own = self._streams if worker is None else self._streams[worker.id :: worker.num_workers]
         iterators = [iter(stream) for stream in own]
@@ -91,9 +90,7 @@ class _Frames(IterableDataset[PackedCrops | str]):
             try:
                 crops = [next(iterator) for iterator in iterators]
             except SupersamplerError as error:
-                if worker is None:
-                    raise
-                yield str(error)
+                yield error
                 return
             yield PackedCrops.of(crops, [replace(stream.position) for stream in own])
 
@@ -106,10 +103,10 @@ def frames_of(
     Worker processes cut crops ahead. Without workers, crops are cut on demand. The crops are the same.
 
     Raises:
-        DataError: a worker has met an error, such as a damaged frame.
+        SupersamplerError: of a stream, such as a damaged frame, from any process.
     """
     workers = min(workers, len(streams))
-    loader: DataLoader[PackedCrops | str] = DataLoader(
+    loader: DataLoader[PackedCrops | SupersamplerError] = DataLoader(
         _Frames(streams),
         batch_size=None,
         num_workers=workers,
@@ -126,9 +123,9 @@ def frames_of(
         while True:
             frame: list[Any] = [None] * len(streams)
             for turn in range(turns):
-                packed: PackedCrops | str = next(parts)
-                if isinstance(packed, str):
-                    raise DataError(packed)
+                packed: PackedCrops | SupersamplerError = next(parts)
+                if isinstance(packed, SupersamplerError):
+                    raise packed
                 frame[turn::turns] = zip(packed.on(device), packed.positions, strict=True)
             yield frame
     finally:

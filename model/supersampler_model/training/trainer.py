@@ -133,7 +133,8 @@ class Trainer:
 
         Raises:
             DivergedError: a loss is not finite.
-            DataError: a worker process has met a damaged frame, or has ended.
+            DatasetError: a frame is damaged.
+            DataError: a worker process has ended.
         """
         target = self.plan.steps if until is None else min(until, self.plan.steps)
         while self.done < target and not stops():
