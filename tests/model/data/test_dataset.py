@@ -131,6 +131,7 @@ def test_a_cut_is_visibility_ghosting_everywhere_and_the_frame_between_is_not(
     assert (first.ghost == 1).all()
     assert (last.ghost == 1).all()
     assert 0 < (between.ghost == 1).mean() < 0.5
+    assert (between.ghost == 2).mean() < 0.1, "its exposure has risen, its light has not"
     assert (between.alias > 0).any()
     fraction = frequencies(dataset, [entry])["visibility"]  # cuts do not count
     assert fraction == pytest.approx((between.ghost == 1).mean())
