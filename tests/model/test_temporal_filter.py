@@ -13,7 +13,7 @@ from supersampler.backends.cpu.library import TemporalData, cpu_library
 from supersampler.denoising import spec, temporal
 from supersampler.denoising.spec import OF_DENOISED, OF_NOISY, REACH
 from supersampler.denoising.temporal import TemporalFilter
-from supersampler.errors import SupersamplerError
+from supersampler.errors import ShotError, SupersamplerError
 from supersampler.frame import Array
 from supersampler.io.shot import ShotWriter
 from supersampler_model.denoising import filter as definition
@@ -185,6 +185,12 @@ def test_examples_come_from_the_frames_with_references(tmp_path: Path) -> None:
     assert psnr > 2.0
     assert tpsnr > 2.0
     assert seen > 0.1
+    with ShotWriter(tmp_path / "bare", name="bare", display_size=(8, 8), frame_rate=24.0) as writer:
+        writer.write(noisy_frames.noisy(0))
+    bare = Shot.open(tmp_path / "bare")
+    bare.is_denoised = True
+    with pytest.raises(ShotError, match="bare: no frame has a reference of its own size"):
+        render_of(bare, 2.0)
 
 
 def model() -> definition.TemporalFilter:

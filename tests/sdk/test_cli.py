@@ -204,7 +204,7 @@ def test_debug_and_bugs_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) ->
     assert type(run("info").exception).__name__ == "ZeroDivisionError"
 
 
-RUNTIME_ONLY = dict.fromkeys(("torch", "onnx", "onnxscript", "tensorboard", "moderngl", "safetensors"))
+RUNTIME_ONLY = dict.fromkeys(("torch", "onnx", "onnxscript", "tensorboard", "moderngl"))
 
 
 @pytest.mark.parametrize("command", ["train", "export", "render"])

@@ -19,14 +19,14 @@ _FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
 @app.command()
 def render(
     output: Annotated[Path, typer.Argument(help="Folder of the set.")],
-    scenes: Annotated[
-        str, typer.Option(help=f"`train`, `test`, or some of {', '.join(_FAMILIES)}.")
+    families: Annotated[
+        str, typer.Option("--scenes", help=f"`train`, `test`, or some of {', '.join(_FAMILIES)}.")
     ] = "train",
     sequences: Annotated[int, typer.Option(help="Number of sequences.")] = 60,
     frames: Annotated[int, typer.Option(help="Frames per sequence.")] = 25,
     display_size: Annotated[str, typer.Option(metavar="WxH", help="Size of the references.")] = "640x360",
-    ratio: Annotated[
-        str, typer.Option(help="Display over render size, chosen at random from these.")
+    ratios: Annotated[
+        str, typer.Option("--ratio", help="Display over render size, chosen at random from these.")
     ] = "1,1.5,2,3,4",
     also: Annotated[
         str, typer.Option(help="Render every sequence at these ratios, too; references are shared.")
@@ -64,13 +64,13 @@ def render(
     from supersampler_model.data.dataset.overview import write_class_maps
     from supersampler_model.data.dataset.storage import create_dataset
 
-    families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
+    groups = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}
     plan = rendering.RenderPlan(
-        families=families,
+        families=groups.get(families, tuple(name.strip() for name in families.split(","))),
         sequences=sequences,
         frames=frames,
         display_size=parse_size(display_size, "--display-size"),
-        ratios=_numbers("--ratio", ratio),
+        ratios=_numbers("--ratio", ratios),
         samples=samples,
         gbuffers=gbuffers,
         seed=seed,

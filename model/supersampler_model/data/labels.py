@@ -236,20 +236,10 @@ def opened(mask: Mask, times: int) -> Mask:
     Pixels beyond the border have no influence.
     """
     for _ in range(times):
-        mask = ~_grown(~mask)
+        mask = ~_max_around(~mask, (-1, 0, 1))
     for _ in range(times):
-        mask = _grown(mask)
+        mask = _max_around(mask, (-1, 0, 1))
     return mask
-
-
-def _grown(mask: Mask) -> Mask:
-    rows = mask.copy()
-    rows[1:] |= mask[:-1]
-    rows[:-1] |= mask[1:]
-    grown = rows.copy()
-    grown[:, 1:] |= rows[:, :-1]
-    grown[:, :-1] |= rows[:, 1:]
-    return grown
 
 
 def _neighbours() -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
@@ -306,7 +296,7 @@ def thin(pixels: PixelStatistics) -> Mask:
     return np.asarray(pixels.depth_max - nearest - slope > _CLOSER * pixels.depth_max)
 
 
-def _max_around(values: Float32, offsets: Sequence[int]) -> Float32:
+def _max_around(values: NDArray[Any], offsets: Sequence[int]) -> NDArray[Any]:
     """Return the maximum at these offsets from each pixel, along both axes; borders are repeated."""
     for axis in (0, 1):
         places = np.arange(values.shape[axis])

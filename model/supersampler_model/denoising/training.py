@@ -22,6 +22,7 @@ from supersampler import Shot
 from supersampler.denoising import temporal
 from supersampler.denoising.sequence import BUFFERS, TemporalDenoiser
 from supersampler.denoising.spec import Weights
+from supersampler.errors import ShotError
 from supersampler.frame import Float32
 from supersampler.io.display import ExposureMeter
 from supersampler_model.denoising.filter import (
@@ -161,7 +162,7 @@ def constants(model: TemporalFilter) -> Weights:
 
 
 def render_of(shot: Shot, samples: float) -> Render:
-    """Return the frames of a shot that have a reference of its size."""
+    """Return the frames of a shot that have a reference of their size; a ShotError if there are none."""
     frames = [item.frame for item in shot.frames(gbuffers=BUFFERS, references=False)]
     with TemporalDenoiser(per_frame="none" if shot.is_denoised else "oidn") as denoiser:
         windows = [as_tensors(window) for window in denoiser.windows(frames)]
@@ -173,6 +174,9 @@ def render_of(shot: Shot, samples: float) -> Render:
             previous, following = windows[:index][::-1], windows[index + 1 :]
             ideal = planes(reference)
             examples.append(example_of(windows[index], previous, following, ideal, samples, exposure))
+    if not examples:
+        hint = "Render some of its frames with many samples."
+        raise ShotError(shot.path, "no frame has a reference of its own size", hint)
     return Render(examples, samples)
 
 
@@ -188,12 +192,18 @@ def planes(array: Float32) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(array, np.float32)).permute(2, 0, 1)[None]
 
 
+def name_and_samples(text: str) -> tuple[str, float]:
+    """Split an argument of the command line; ValueError if it does not end in a number."""
+    name, _, samples = text.rpartition(":")
+    return name, float(samples)
+
+
 def main() -> None:
     """Fit to the shots of the command line."""
     parser = ArgumentParser(description="Fits the constants of the temporal filter.")
-    parser.add_argument("shots", nargs="+", metavar="SHOT:SAMPLES", help="frames, some with references")
-    given = [text.rpartition(":") for text in parser.parse_args().shots]
-    renders = [render_of(Shot.open(name), float(samples)) for name, _, samples in given]
+    help_text = "frames in a row, some with references"
+    parser.add_argument("shots", nargs="+", type=name_and_samples, metavar="SHOT:SAMPLES", help=help_text)
+    renders = [render_of(Shot.open(name), samples) for name, samples in parser.parse_args().shots]
     sys.stdout.write(f"{constants(fit(renders))}\n")
 
 

@@ -14,13 +14,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Self, get_type_hints
 
+import numpy as np
 import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from supersampler.errors import ArgumentError
-from supersampler.io.files import replacing
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler.methods.model_info import extents
 from supersampler.methods.registry import find_method
 from supersampler.methods.spec import BETWEEN, CHANNELS, EARLIER, RENDER, SHADED, MethodSpec, Shape, sized
@@ -211,10 +210,14 @@ def shipped_weights(method: str) -> Path:
 
 
 def save_trained(path: Path, trained: Trained) -> None:
-    """Write a weights file atomically: safetensors whose header holds method, config and provenance."""
+    """Write a weights file atomically: safetensors whose header holds method, config and provenance.
+
+    Raises:
+        ShotError: the disk refuses.
+    """
     header = {name: getattr(trained, name) for name in ("method", "config", "facts")}
-    with replacing(path) as partial:
-        save_file(trained.tensors, partial, {"trained": json.dumps(header, sort_keys=True)})
+    arrays = {name: tensor.numpy() for name, tensor in trained.tensors.items()}
+    write_safetensors(path, arrays, {"trained": json.dumps(header, sort_keys=True)})
 
 
 def load_trained(path: Path) -> Trained:
@@ -224,11 +227,11 @@ def load_trained(path: Path) -> Trained:
         ArgumentError: the file is missing, damaged, or not a weights file.
     """
     try:
-        with safe_open(path, "pt") as file:
-            header: Mapping[str, Any] = json.loads(file.metadata()["trained"])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
+        arrays, metadata = open_safetensors(path)
+        header: Mapping[str, Any] = json.loads(metadata["trained"])
+        tensors = {name: torch.from_numpy(np.array(array)) for name, array in arrays.items()}
         return Trained(header["method"], header["config"], header["facts"], tensors)
-    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
-        raise ArgumentError(
-            "weights", got=f"{path} ({error})", want="a weights.safetensors that `supersampler train` wrote"
-        ) from error
+    except (ShotError, KeyError, TypeError, ValueError) as error:
+        problem = error.problem if isinstance(error, ShotError) else error
+        want = "a weights.safetensors that `supersampler train` wrote"
+        raise ArgumentError("weights", got=f"{path} ({problem})", want=want) from error

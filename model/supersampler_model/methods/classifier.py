@@ -75,12 +75,13 @@ class Classifier(LearnedMethod):
     spec: ClassVar = classifier.CLASSIFIER
     config: classifier.ClassifierConfig
     runs_in_fp16: ClassVar = True
+    network_class: ClassVar[type[ClassifierNetwork]] = ClassifierNetwork
     larger: ClassVar = False  # whether history and network have 1.4 times the display's width and height
 
     def make_network(self) -> nn.Module:
         """Return the untrained network."""
         c = self.config
-        return ClassifierNetwork(
+        return self.network_class(
             c.network, packed=4 * c.planes, half_inputs=c.half_inputs, blend_parameters=c.blend_parameters
         )
 

@@ -9,7 +9,7 @@ paper, E1 reads the warped and the refined colour; here, it reads their combinat
 from typing import ClassVar, Self
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import NetworkConfig
@@ -24,13 +24,11 @@ SURFACE = 3  # channels of an extrapolated pixel's surface in the network inputs
 
 
 class ExtraSSNetwork(ClassifierNetwork):
-    """`ClassifierNetwork` for both kinds of frames; extrapolated ones have `surface` more packed channels."""
+    """`ClassifierNetwork` for both kinds of frames; extrapolated ones also have packed surfaces."""
 
-    def __init__(
-        self, config: NetworkConfig, *, packed: int, half_inputs: int, surface: int, blend_parameters: int
-    ) -> None:
-        super().__init__(config, packed=packed, half_inputs=half_inputs, blend_parameters=blend_parameters)
-        self.extrapolated_encoder = Encoder(packed + half_inputs + surface, config.levels)
+    def __init__(self, config: NetworkConfig, *, packed: int, half_inputs: int, **outputs: int) -> None:
+        super().__init__(config, packed=packed, half_inputs=half_inputs, **outputs)
+        self.extrapolated_encoder = Encoder(packed + half_inputs + 4 * SURFACE, config.levels)
 
     def forward(
         self, packed: Tensor, half_inputs: Tensor, surface: Tensor | None = None
@@ -63,14 +61,7 @@ class TwoEncoders(Classifier):
     """`Classifier` with a network for both kinds of frames."""
 
     net: ExtraSSNetwork
-
-    def make_network(self) -> nn.Module:
-        """Return the untrained network."""
-        c = self.config
-        return ExtraSSNetwork(
-            c.network, packed=4 * c.planes, half_inputs=c.half_inputs, surface=4 * SURFACE,
-            blend_parameters=c.blend_parameters,
-        )  # fmt: skip
+    network_class: ClassVar = ExtraSSNetwork
 
 
 class Extrapolate(TwoEncoders):

@@ -118,12 +118,16 @@ class ClassifierTask(Task):
 
     def gather(self, crop: CropFrame, state: State) -> Gathered:
         """Run the gather stage on one crop."""
-        color, counted, classes, depth, jitter, exposure = state
-        history = History(color, counted, classes, depth, exposure)
-        before = crop.view._replace(jitter=jitter)  # the region is the same in all frames of a crop
+        history, before = _history(crop, state)
         return self.method.gather(
             crop.color, crop.depth, crop.motion, crop.exposure, history, crop.view, before
         )
+
+
+def _history(crop: CropFrame, state: State) -> tuple[History, ops.View]:
+    """Return the history in a state, and the view of the previous frame; the region of a crop never moves."""
+    color, counted, classes, depth, jitter, exposure = state[:6]
+    return History(color, counted, classes, depth, exposure), crop.view._replace(jitter=jitter)
 
 
 def _ghost(crops: list[CropFrame], gathered: list[Gathered]) -> Tensor:
@@ -176,12 +180,10 @@ class GuidedTask(ClassifierTask):
 
     def gather(self, crop: CropFrame, state: State) -> Gathered:
         """Run the gather stage on one crop."""
-        color, counted, classes, depth, jitter, exposure, reflectance = state
+        history, before = _history(crop, state)
         render, display = self.method.surfaces_of(crop.gbuffer, crop.depth)
-        history = History(color, counted, classes, depth, exposure)
-        before = crop.view._replace(jitter=jitter)  # the region is the same in all frames of a crop
         frame = GuidedFrame(crop.color, crop.motion, crop.exposure, render, display, crop.view)
-        return self.method.gather_guided(frame, history, reflectance, before)
+        return self.method.gather_guided(frame, history, state[-1], before)
 
     def stepped(
         self,

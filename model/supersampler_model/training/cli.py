@@ -78,6 +78,7 @@ def train(
     torch.manual_seed(seed)
     _check_free(output)
     read_log(output)  # fails before the updates, not after them
+    authors = [] if attributions is None else _lines(attributions)
     output.mkdir(parents=True, exist_ok=True)
     datasets = [open_dataset(folder) for folder in data or []]
     for paths, split in ((shot, "train"), (validation_shot, "validation")):
@@ -91,14 +92,14 @@ def train(
             text = f"{dataset.folder}: only {done} of {total} training frames are rendered, and are read."
             _CONSOLE.print(text, soft_wrap=True)
     if not any(dataset.entries("train") for dataset in datasets):
-        raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
+        got, want = "not given, nor is --shot", "a training set or a shot to learn from"
+        raise ArgumentError("--data", got=got, want=want)
     if init == "shipped" and not _LEARNED[name].weights:
         raise ArgumentError("--init", got=repr(init), want=f"a file, as no weights ship for {name}")
     start = shipped_weights(name) if init == "shipped" else init and Path(init)
     task = start_task(name, load_trained(start) if start else None)
     learned = task.method.provenance
     initial = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
-    authors = [] if attributions is None else _lines(attributions)
     plan = TrainingPlan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output, workers=workers, initial=initial, attributions=authors)
     if initial not in ({}, trainer.initial):
@@ -107,6 +108,8 @@ def train(
         )
     entries = validation_entries(trainer.datasets, task.ratios)
     _warn_without_scores(trainer, [entry.spec.frames for _, entry in entries])
+    if not trainer.done:
+        trainer.save()  # the folder is then this run's, and the disk takes a checkpoint
     baseline = validate(task.baseline.eval(), entries, task.runner) if entries else None
     updates: list[Update] = []
     # a run that was stopped in its last validation has all updates, but not their weights
@@ -219,4 +222,4 @@ def _report(
     write_log(output, trainer.done, values, found.image if found else None)
     line = ", ".join(f"{key} {value:.3f}" for key, value in values.items())
     speed = f", {mean(update.seconds for update in updates):.2f} s per update" if updates else ""
-    _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}{speed}: {line}")
+    _CONSOLE.print(f"{trainer.done}/{trainer.plan.steps}{speed}: {line}", soft_wrap=True)

@@ -121,8 +121,8 @@ def sequences_of(
     found = [each for each in every if each[1].within(ratios) and each[2] >= min_frames]
     if not found:
         kinds = sorted({(f"{entry.ratio:.3g}", count) for _, entry, count in every})
-        got = ", ".join(f"{count} frames in a row at a ratio of {ratio}" for ratio, count in kinds)
-        want = f"{min_frames} frames in a row to train on, at a ratio from {ratios[0]:g} to {ratios[1]:g}"
+        got = ", ".join(f"{count} consecutive frames at ratio {ratio}" for ratio, count in kinds)
+        want = f"{min_frames} or more consecutive frames at a ratio from {ratios[0]:g} to {ratios[1]:g}"
         raise ArgumentError("data", got=got or "empty", want=want)
     return found
 

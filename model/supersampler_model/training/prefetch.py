@@ -15,6 +15,7 @@ from torch import Tensor
 from torch.utils import _pytree as pytree
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
+from supersampler.errors import SupersamplerError
 from supersampler_model.training.crops import CropStream, StreamPosition
 
 ALIGNMENT = 64  # bytes
@@ -72,18 +73,25 @@ class PackedCrops:
         return list(pytree.tree_map_only(Slot, lambda slot: slot.of(buffer), self.crops))
 
 
-class _Frames(IterableDataset[PackedCrops]):
-    """Frames of all streams; each of n workers cuts every n-th stream."""
+class _Frames(IterableDataset[PackedCrops | SupersamplerError]):
+    """Frames of all streams; each of n workers cuts every n-th stream.
+
+    The last item may be an error, because torch passes on only errors whose one argument is the message.
+    """
 
     def __init__(self, streams: Sequence[CropStream]) -> None:
         self._streams = streams
 
-    def __iter__(self) -> Iterator[PackedCrops]:
+    def __iter__(self) -> Iterator[PackedCrops | SupersamplerError]:
         worker = get_worker_info()
         own = self._streams if worker is None else self._streams[worker.id :: worker.num_workers]
         iterators = [iter(stream) for stream in own]
         while True:
-            crops = [next(iterator) for iterator in iterators]
+            try:
+                crops = [next(iterator) for iterator in iterators]
+            except SupersamplerError as error:
+                yield error
+                return
             yield PackedCrops.of(crops, [replace(stream.position) for stream in own])
 
 
@@ -93,9 +101,12 @@ def frames_of(
     """Yield the next frame of each stream, with the stream's position after it.
 
     Worker processes cut crops ahead. Without workers, crops are cut on demand. The crops are the same.
+
+    Raises:
+        SupersamplerError: of a stream, such as a damaged frame, from any process.
     """
     workers = min(workers, len(streams))
-    loader: DataLoader[PackedCrops] = DataLoader(
+    loader: DataLoader[PackedCrops | SupersamplerError] = DataLoader(
         _Frames(streams),
         batch_size=None,
         num_workers=workers,
@@ -112,7 +123,9 @@ def frames_of(
         while True:
             frame: list[Any] = [None] * len(streams)
             for turn in range(turns):
-                packed: PackedCrops = next(parts)
+                packed: PackedCrops | SupersamplerError = next(parts)
+                if isinstance(packed, SupersamplerError):
+                    raise packed
                 frame[turn::turns] = zip(packed.on(device), packed.positions, strict=True)
             yield frame
     finally:

@@ -4,6 +4,7 @@ Each stream of a batch yields crop after crop, frame by frame. An update starts 
 of the previous update, so that the network is trained on its own histories.
 """
 
+import io
 import math
 import pickle
 import subprocess
@@ -21,9 +22,10 @@ from torch.optim.swa_utils import AveragedModel
 
 from supersampler.errors import ArgumentError, SupersamplerError
 from supersampler.io.child_process import run
-from supersampler.io.files import replacing
+from supersampler.io.files import write_bytes
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset
+from supersampler_model.data.errors import DataError
 from supersampler_model.methods.base import Method, Trained
 from supersampler_model.training.crops import StreamPosition
 from supersampler_model.training.datasets import assets, data_hash
@@ -131,16 +133,23 @@ class Trainer:
 
         Raises:
             DivergedError: a loss is not finite.
+            DatasetError: a frame is damaged.
+            DataError: a worker process has ended.
         """
         target = self.plan.steps if until is None else min(until, self.plan.steps)
         while self.done < target and not stops():
             started = time.perf_counter()
-            losses = self._update()
+            try:
+                losses = self._update()
+            except RuntimeError as error:
+                if not str(error).startswith("DataLoader worker"):
+                    raise
+                raise DataError(f"{error} Was there not enough memory? Run again to resume.") from error
             self.done += 1
             on_update(Update(losses, time.perf_counter() - started))
 
     def save(self) -> None:
-        """Write the checkpoint."""
+        """Write the checkpoint; ShotError if the disk refuses."""
         content = {
             "version": VERSION,
             "done": self.done,
@@ -155,8 +164,9 @@ class Trainer:
             "attributions": self.attributions,
             **self._settings(),
         }
-        with replacing(self.folder / CHECKPOINT) as partial:
-            torch.save(content, partial)
+        data = io.BytesIO()
+        torch.save(content, data)  # on a full disk, torch itself raises an error that names no file
+        write_bytes(self.folder / CHECKPOINT, data.getvalue())
 
     def _settings(self) -> dict[str, Any]:
         """Return the settings that must not change for a run to resume."""
@@ -185,10 +195,12 @@ class Trainer:
 
     def _load(self, path: Path) -> None:
         content = load_checkpoint(path)
-        changed = [name for name, value in self._settings().items() if content[name] != value]
-        if changed:
-            want = f"the run's own {', '.join(changed)}, or a new folder"
-            raise ArgumentError("checkpoint", got=f"{path}, of another {changed[0]}", want=want)
+        for name, value in self._settings().items():
+            if (before := content.get(name)) != value:
+                fields = before.items() if isinstance(before, dict) and isinstance(value, dict) else ()
+                other = ", ".join(f"{key} {old}" for key, old in fields if value.get(key) != old)
+                got = f"{path}, of another {name}{f' ({other})' if other else ''}"
+                raise ArgumentError("checkpoint", got=got, want=f"the run's own {name}, or a new folder")
         self.done = content["done"]
         self.initial = content.get("initial", self.initial)  # older checkpoints lack these two
         self.attributions = self.attributions or content.get("attributions", [])

@@ -45,7 +45,6 @@ EXTRAS = {
     "pyoidn": "denoise",
     "wgpu": "gpu",
     "moderngl": "render",
-    "safetensors": "render",
 }
 """Optional packages, and the extra that installs each."""
 END_WITH_STDIN = "SUPERSAMPLER_END_WITH_STDIN"
@@ -86,7 +85,8 @@ class Commands(TyperGroup):
             if line is None or ctx.params.get("debug"):
                 raise
             if isinstance(error, ArgumentError):
-                line = _with_option(line, error.name, self.get_command(ctx, ctx.invoked_subcommand or ""))
+                command = self.resolve_command(ctx, [ctx.invoked_subcommand or ""])[1]
+                line = _with_option(line, error.name, command)
             echo(f"error: {line}", err=True)
             raise typer.Exit(2 if isinstance(error, ArgumentError) else 1) from None
         except KeyboardInterrupt:

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
+from safetensors.numpy import load_file
 
 from gl_scenes import Yard
 from gltf_files import cube, strip
@@ -18,10 +19,12 @@ from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences
 from supersampler_model.data.dataset.storage import (
     Dataset,
     Description,
+    Rerendered,
     SequenceEntry,
     create_dataset,
     open_dataset,
     read_training_frame,
+    write_rerendered,
 )
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
@@ -79,6 +82,7 @@ def test_rendered_frames_are_read_back(tmp_path: Path, small_renderer: Renderer)
     assert [f.exposure for f in frames] == [1.0, 1.5, 2.0]
     again = small_renderer.render(YardSequence(entry.spec).scene(1), (48, 27), jitter=frames[1].jitter)
     np.testing.assert_array_equal(frames[1].color, again.color)
+    np.testing.assert_array_equal(load_file(dataset.path(entry, 1))["color"], again.color)
     np.testing.assert_array_equal(frames[1].depth, again.render.depth)
     np.testing.assert_allclose(frames[1].motion, again.render.motion, rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(frames[1].reference, again.reference.color, rtol=1e-3, atol=1e-4)
@@ -102,6 +106,10 @@ def test_sequences_rendered_at_another_ratio_share_what_is_of_display_size(
     assert frame.gbuffer is not None
     np.testing.assert_allclose(frame.gbuffer["base_color"] / 255.0, again.render.base_color, atol=0.003)
     assert frame.frame().gbuffer_display is not None
+    damaged = Rerendered(frame.color, frame.depth, frame.motion[1:], frame.jitter, frame.gbuffer)
+    write_rerendered(at.rerendered_path(fourth, 1), damaged)
+    with pytest.raises(DatasetError, match=r"0001\.4x\.safetensors: not a whole training frame .*motion is"):
+        at.read(fourth, 1)
 
 
 def test_another_ratio_is_not_rendered_for_scenes_that_have_changed(
@@ -123,6 +131,7 @@ def test_a_cut_is_visibility_ghosting_everywhere_and_the_frame_between_is_not(
     assert (first.ghost == 1).all()
     assert (last.ghost == 1).all()
     assert 0 < (between.ghost == 1).mean() < 0.5
+    assert (between.ghost == 2).mean() < 0.1, "its exposure has risen, its light has not"
     assert (between.alias > 0).any()
     fraction = frequencies(dataset, [entry])["visibility"]  # cuts do not count
     assert fraction == pytest.approx((between.ghost == 1).mean())
@@ -160,7 +169,7 @@ def test_a_full_disk_leaves_whole_frames_only(
     def refuse(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", refuse)
+    monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(OSError, match="No space"):
         render_sequence(dataset, entry, small_renderer)
     assert dataset.complete(entry) == 1

@@ -198,9 +198,9 @@ def test_a_file_that_is_neither_prop_nor_stage_is_left_out_with_the_reason(folde
 
 def test_missing_or_broken_input_is_named(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
-    with pytest.raises(SceneError, match=r"folder is .*empty, without any; want at least one \.glb"):
+    with pytest.raises(SceneError, match=r"gltf is .*empty, without any; want at least one \.glb"):
         compose(tmp_path / "empty", 0)
-    with pytest.raises(SceneError, match=r"folder is .*nowhere, which is not a folder; want a folder"):
+    with pytest.raises(SceneError, match=r"gltf is .*nowhere, which is not a folder; want a folder"):
         compose(tmp_path / "nowhere", 0)
     with pytest.raises(SceneError, match=r"spec\.frames is 0; want"):
         compose(folder, 0, 0)

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from label_samples import Sample, label_inputs, samples, statistics_of
+from label_samples import label_inputs
 from more_scenes import Floor, ShadingStep, dots, near, ripples, thin_lines
-from supersampler_model.data.labels import Alias, Ghost, Labels, LabelThresholds, aliasing, label
+from supersampler_model.data.labels import Alias, Ghost, Labels, LabelThresholds, label
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,
@@ -93,18 +93,6 @@ def test_a_silhouette_is_geometry_aliasing(thresholds: LabelThresholds) -> None:
     assert not (must & ~edge).any()
 
 
-def test_a_silhouette_before_a_grazing_plane_is_geometry_aliasing_and_its_surroundings_are_not() -> None:
-    size = (64, 36)
-    depth = np.array([s.depth for s in samples(Floor(plain), 0, size)])  # 1 % and more from pixel to pixel
-    x = np.array([x for x, _ in ((places(size, (dx / 8 - 0.4375, 0.0))) for dx in range(8))] * 8)
-    depth[x < 20.6] = 0.2
-    zeros = np.zeros((36, 64, 3))
-    pixels = statistics_of(Sample(zeros, d, zeros, zeros) for d in depth)
-    edge, _ = aliasing(pixels)
-    assert edge[:, 20].all()
-    assert edge.sum() == 36
-
-
 def test_thin_wires_are_geometry_aliasing_and_the_same_lines_painted_are_texture_aliasing() -> None:
     x, y = places(SIZE)
     away = np.hypot(x - EXTENT[0] / 2, y - EXTENT[1] / 2) > 5.0  # where each wire is alone
@@ -115,15 +103,6 @@ def test_thin_wires_are_geometry_aliasing_and_the_same_lines_painted_are_texture
         assert (alias[away & (off < 0.4)] == name).all()
         assert not alias[away & (off > 0.5 * np.sqrt(2.0))].any()
         assert set(np.unique(alias)) == {Alias.NONE, name}
-
-
-def test_a_change_of_exposure_is_not_a_change_of_light() -> None:
-    scene = Plane(zone_plate)
-    before, toned_alike = (statistics_of(samples(scene, 0, SIZE), exposure=e) for e in (1.0, 3.0))
-    now = statistics_of(samples(scene, 1, SIZE), exposure=3.0)
-    frames = [replace(label_inputs(scene, 1, SIZE), pixels=p) for p in (now, toned_alike, before)]
-    assert not label(frames[0], frames[1]).ghost.any()
-    assert (label(frames[0], frames[2]).ghost == Ghost.SHADING).any()
 
 
 def test_approaching_and_receding_surfaces_are_compared_at_their_previous_depth() -> None:

@@ -116,9 +116,11 @@ def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--scenes", "wires"), "error: families is 'wires'; want some of fences, "),
-        (("--gltf", "nowhere"), "error: folder is nowhere, which is not a folder; want a folder"),
-        (("--gltf-fraction", "1.5"), "error: gltf_fraction is 1.5; want a fraction"),
+        (("--scenes", "floors, wires"), "error: --scenes is 'wires'; want some of fences, "),
+        (("--samples", str(1 << 40)), "error: --samples is 1099511627776; want a square number"),
+        (("--ratio", "0.5"), "error: --ratio is [0.5]; want some from 1.0 to "),
+        (("--gltf", "nowhere"), "error: --gltf is nowhere, which is not a folder; want a folder"),
+        (("--gltf-fraction", "1.5"), "error: --gltf-fraction is 1.5; want a fraction"),
         (("--ratio", "2;3"), "error: --ratio is '2;3'; want comma-separated numbers"),
         (("--ratio", "nan"), "error: "),
         (("--also", "nan"), "error: "),

@@ -2,7 +2,9 @@
 
 import csv
 import dataclasses
+import multiprocessing
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -29,7 +31,7 @@ from supersampler_model.data.dataset.storage import (
     create_dataset,
     write_training_frame,
 )
-from supersampler_model.data.errors import DatasetError
+from supersampler_model.data.errors import DataError, DatasetError
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.methods.base import load_trained
 from supersampler_model.methods.classifier import Classifier
@@ -91,6 +93,34 @@ def test_crops_that_workers_cut_ahead_are_the_same(dataset: Dataset, tmp_path: P
     resumed.run(until=3)
     for name, value in alone.method.state_dict().items():
         assert torch.equal(value, resumed.method.state_dict()[name]), name
+
+
+@pytest.fixture
+def damaged(dataset: Dataset, tmp_path: Path) -> Path:
+    """Return a copy of the set whose last frames are cut off."""
+    copy = Path(shutil.copytree(dataset.folder, tmp_path / "damaged"))
+    for path in sorted(copy.rglob("*.safetensors"))[3:]:
+        path.write_bytes(path.read_bytes()[:-10])
+    return copy
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_damaged_frame_is_named_by_any_process(damaged: Path, tmp_path: Path, workers: int) -> None:
+    small = ("--steps", 9, "--size", 17, "--batch", 1, "--frames", 4, "--workers", workers)
+    done = run("train", "classifier-small", "--data", damaged, "-o", tmp_path / "run", *small)
+    assert done.exit_code == 1
+    *_, line = done.stderr.splitlines()
+    assert re.search(r"^error: .*\.safetensors: not a whole training frame", line)
+
+
+def test_the_end_of_a_worker_is_one_line(dataset: Dataset, tmp_path: Path) -> None:
+    run = trainer(dataset, tmp_path, workers=1)
+    run.run(until=1)
+    for worker in multiprocessing.active_children():
+        worker.kill()
+    with pytest.raises(DataError, match=r"DataLoader worker .* Run again to resume") as caught:
+        run.run(until=500)
+    assert "\n" not in str(caught.value)
 
 
 class Interrupting(list[Update]):
@@ -199,7 +229,7 @@ def test_unknown_classes_do_not_count_in_validation(
 
 def test_a_run_is_not_resumed_with_another_plan_or_loss(dataset: Dataset, tmp_path: Path) -> None:
     trainer(dataset, tmp_path).save()
-    with pytest.raises(ArgumentError, match="plan"):
+    with pytest.raises(ArgumentError, match=r"of another plan \(batch 2\); want the run's own plan"):
         trainer(dataset, tmp_path, dataclasses.replace(PLAN, batch=4))
     with pytest.raises(ArgumentError, match="losses"):
         Trainer(ClassifierTask(Classifier(), ClassifierWeights(ghost=1.0)), [dataset], PLAN, tmp_path)
@@ -222,6 +252,25 @@ def test_a_run_whose_loss_is_not_finite_is_not_saved(dataset: Dataset, tmp_path:
     with pytest.raises(DivergedError, match="lower learning rate"):
         update_and_save(run, PLAN.steps, [])
     assert not (tmp_path / CHECKPOINT).exists()
+
+
+def test_a_run_takes_its_folder_before_the_first_update(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Trainer, "run", lambda *_, **__: pytest.fail("it has trained"))
+    command = ["train", "classifier-small", "--data", dataset.folder, "-o", tmp_path, "--size", 17]
+    with monkeypatch.context() as full:
+        full.setattr(Path, "write_bytes", refuse)
+        done = run(*command)
+    assert done.exit_code == 1
+    assert "checkpoint.pt: cannot be written ([Errno 28] No space left on device)" in done.stderr
+    with pytest.raises(pytest.fail.Exception):
+        run(*command)
+    assert "of another plan (batch 8)" in run(*command, "--batch", 4).stderr
+
+
+def refuse(*_: object) -> None:
+    raise OSError(28, "No space left on device")
 
 
 def test_a_resumed_run_keeps_the_provenance_of_its_start(dataset: Dataset, tmp_path: Path) -> None:
@@ -379,7 +428,7 @@ def test_a_shot_without_any_reference_is_refused(tmp_path: Path) -> None:
 
 
 def test_data_without_a_usable_sequence_is_described(dataset: Dataset) -> None:
-    with pytest.raises(ArgumentError, match=r"data is 12 frames in a row at a ratio of 2; want 13 .* 1 to 3"):
+    with pytest.raises(ArgumentError, match=r"data is 12 consecutive frames at ratio 2; want 13 .* 1 to 3"):
         sequences_of([dataset], (1.0, 3.0), min_frames=13)
 
 

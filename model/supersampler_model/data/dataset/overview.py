@@ -1,7 +1,6 @@
 """Overviews of a training set: class maps, and the rows of `supersampler info DATASET`.
 
-Class maps show false colours over an image, from the palette of Okabe and Ito, which colour-blind readers can
-distinguish. Aliased pixels with visibility ghosting have their own colour; no other classes can be combined.
+Class maps show the colours of `supersampler.aux_outputs` over an image.
 """
 
 from collections import Counter
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.aux_outputs import CLASS_COLORS
+from supersampler.aux_outputs import class_colors
 from supersampler.io.display import BT709_WEIGHTS, display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, Split, open_dataset
@@ -24,24 +23,13 @@ OPACITY = 0.6
 _SPLITS: tuple[Split, ...] = ("train", "validation", "test")
 
 
-def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
-    """Return the pixels (H, W) of each colour of CLASS_COLORS; they do not overlap."""
-    visibility, shading = labels.ghost == Ghost.VISIBILITY, labels.ghost == Ghost.SHADING
-    aliased, ghost = labels.alias != Alias.NONE, labels.ghost != Ghost.NONE
-    return {
-        "visibility": visibility & ~aliased,
-        "visibility, aliased": visibility & aliased,
-        "shading": shading,
-        "geometry": (labels.alias == Alias.GEOMETRY) & ~ghost,
-        "texture": (labels.alias == Alias.TEXTURE) & ~ghost,
-    }
-
-
 def overlay(labels: Labels, image: NDArray[Any]) -> Image:
     """Return the colours of the classes over a grey tone-mapped image, both (H, W, 3) uint8 sRGB."""
-    tinted = np.repeat((image.astype(np.float32) @ np.array(BT709_WEIGHTS))[..., None], 3, axis=-1)
-    for name, mask in masks_of(labels).items():
-        tinted[mask] += OPACITY * (np.array(CLASS_COLORS[name]) - tinted[mask])
+    grey = np.repeat((image.astype(np.float32) @ np.array(BT709_WEIGHTS))[..., None], 3, axis=-1)
+    one = np.eye(3, dtype=np.float32)
+    colors = class_colors(np.concatenate([one[labels.ghost], one[labels.alias]], axis=-1))
+    has_class = (labels.ghost != Ghost.NONE) | (labels.alias != Alias.NONE)
+    tinted = grey + OPACITY * has_class[..., None] * (colors - grey)
     return np.asarray(np.clip(np.rint(tinted), 0, 255), np.uint8)
 
 

@@ -1,6 +1,5 @@
 """Plan and render a training set; a stopped run resumes after the last complete frame of each sequence."""
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -18,10 +17,10 @@ from supersampler_model.data.dataset.storage import Dataset, Description, Sequen
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.rendered import labels_of
-from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.renderer.renderer import Renderer, samples_side
 from supersampler_model.data.scenes.gltf.compose import read_folder
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
-from supersampler_model.data.shots import render_frame
+from supersampler_model.data.shots import render_frame, render_size
 from supersampler_model.data.specs import SequenceSpec
 
 RATIOS = {1.0: 0.1, 1.5: 0.2, 2.0: 0.4, 3.0: 0.2, 4.0: 0.1}
@@ -29,7 +28,7 @@ RATIOS = {1.0: 0.1, 1.5: 0.2, 2.0: 0.4, 3.0: 0.2, 4.0: 0.1}
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples fill [0, 1) evenly
 _VALIDATION_EVERY = 8  # one sequence in eight is for validation, with another seed and thus another scene
 _FRAME_FILE = re.compile(r"\d{4,}(\.[\d.e+]+x)?\.safetensors")
-MAX_DIFFERENCE = 0.01  # mean difference of one frame between drivers, over its mean
+MAX_DIFFERENCE = 0.01  # tolerance for another driver: mean absolute difference of a frame over its mean
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,11 +52,10 @@ class RenderPlan:
         for family in self.families:
             if family not in known:
                 raise ArgumentError("families", got=repr(family), want=f"some of {', '.join(known)}")
-        for name in ("sequences", "frames", "samples"):
+        for name in ("sequences", "frames"):
             if getattr(self, name) < 1:
                 raise ArgumentError(name, got=getattr(self, name), want="at least 1")
-        if math.isqrt(self.samples) ** 2 != self.samples:
-            raise ArgumentError("samples", got=self.samples, want="a square number, such as 16 or 64")
+        samples_side(self.samples)
         if not self.families:
             raise ArgumentError("families", got="none", want=f"some of {', '.join(known)}")
         check_ratios("ratios", self.ratios, self.display_size)
@@ -171,13 +169,13 @@ def _rerender(
     sequence, display_size = make_sequence(entry.spec), dataset.description.display_size
     first = next(e for e in own.entries() if e.folder == entry.folder)
     existing = own.read(first, 0).color.astype(np.float32)
-    size, jitter = first.render_size(display_size), halton_jitter(0, first.ratio)
+    size, jitter = render_size(display_size, first.ratio), halton_jitter(0, first.ratio)
     now, _ = renderer.frame(sequence.scene(0), size, jitter=jitter)
     if float(np.abs(now - existing).mean()) > MAX_DIFFERENCE * float(existing.mean()):
         hint = "Render a new set: the scenes or the renderer have changed since this one was rendered."
         raise DatasetError(dataset.path(first, 0), "differs from its rendering now", hint)
     for index in range(dataset.complete(entry), entry.spec.frames):
-        jitter, size = halton_jitter(index, entry.ratio), entry.render_size(display_size)
+        jitter, size = halton_jitter(index, entry.ratio), render_size(display_size, entry.ratio)
         color, surfaces = renderer.frame(sequence.scene(index), size, jitter=jitter)
         motion = surfaces.motion.astype(np.float16)
         frame = storage.Rerendered(color, surfaces.depth, motion, jitter, surfaces.gbuffer())

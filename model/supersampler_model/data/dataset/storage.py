@@ -12,12 +12,11 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from safetensors.numpy import save
 
 from supersampler import Frame, ShotError
-from supersampler.io.files import is_there, replacing
+from supersampler.io.files import is_there, write_text
 from supersampler.io.json_files import check_version, read_typed
-from supersampler.io.safetensors import open_safetensors
+from supersampler.io.safetensors import open_safetensors, write_safetensors
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.rendered import UNIT_BUFFERS
 from supersampler_model.data.specs import SequenceSpec
@@ -103,17 +102,6 @@ def write_rerendered(path: Path, rerendered: Rerendered) -> None:
     _write(path, tensors, _RENDER, rerendered.gbuffer, {"jitter": rerendered.jitter})
 
 
-def read_rerendered(path: Path) -> Rerendered:
-    """Memory-map a second rendering.
-
-    Raises:
-        DatasetError: the file is missing, cut off, or lacks a tensor.
-    """
-    with _damage_named(path):
-        fields, gbuffer = _read(path, _RENDER)
-        return Rerendered(**fields, gbuffer=gbuffer)
-
-
 def _check(frame: TrainingFrame) -> None:
     """Raise a ValueError if arrays or numbers are not those of a frame."""
     render, display = frame.depth.shape, frame.ghost.shape
@@ -124,9 +112,11 @@ def _check(frame: TrainingFrame) -> None:
     for name, shape in shapes.items():
         if getattr(frame, name).shape != shape or 0 in shape:
             raise ValueError(f"{name} is {getattr(frame, name).shape}")
-    for name, array in (frame.gbuffer_display or {}).items():
-        if array.shape[:2] != display:
-            raise ValueError(f"{_DISPLAY}{name} is {array.shape}")
+    sizes = (_DISPLAY, frame.gbuffer_display, display), (_RENDER, frame.gbuffer, render)
+    for prefix, buffers, size in sizes:
+        for name, array in (buffers or {}).items():
+            if array.shape[:2] != size:
+                raise ValueError(f"{prefix}{name} is {array.shape}")
     if type(frame.reset) is not bool or type(frame.exposure) not in (int, float) or not frame.exposure > 0:
         raise ValueError(f"reset is {frame.reset!r}, exposure {frame.exposure!r}")
 
@@ -137,12 +127,7 @@ def _write(
     stored = {name: array.astype(_TYPES[name], copy=False) for name, array in tensors.items()}
     for name, array in gbuffer.items():
         stored[prefix + name] = _to_bytes(array) if name in UNIT_BUFFERS else array
-    content = save(
-        {name: np.ascontiguousarray(array) for name, array in stored.items()},
-        metadata={"frame": json.dumps(numbers)},  # one entry: safetensors does not keep their order
-    )
-    with replacing(path) as partial:
-        partial.write_bytes(content)
+    write_safetensors(path, stored, {"frame": json.dumps(numbers)})
 
 
 def _read(path: Path, prefix: str) -> tuple[dict[str, Any], GBuffers]:
@@ -205,10 +190,6 @@ class SequenceEntry:
         """Return whether the ratio is in [minimum, maximum], up to the rounding of sizes to whole pixels."""
         return ratios[0] - 0.02 <= self.ratio <= ratios[1] + 0.02
 
-    def render_size(self, display_size: tuple[int, int]) -> tuple[int, int]:
-        """Return the (width, height) of the frames."""
-        return round(display_size[0] / self.ratio), round(display_size[1] / self.ratio)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
@@ -264,7 +245,12 @@ class Dataset:
         frame = read_training_frame(self.path(entry, index))
         if self.own is None:
             return frame
-        return replace(frame, **read_rerendered(self.rerendered_path(entry, index))._asdict())
+        path = self.rerendered_path(entry, index)
+        with _damage_named(path):
+            fields, gbuffer = _read(path, _RENDER)
+            frame = replace(frame, **Rerendered(**fields, gbuffer=gbuffer)._asdict())
+            _check(frame)
+        return frame
 
     def frames(self, entry: SequenceEntry) -> Iterator[TrainingFrame]:
         """Yield the existing frames of a sequence, in order."""
@@ -287,9 +273,7 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
                 hint = "Move it away, or choose another folder."
                 problem = f"already exists, and no {FILE_NAME} lists it"
                 raise DatasetError(folder / entry.folder, problem, hint)
-        with replacing(path) as partial:
-            content = {"version": VERSION, **asdict(description)}
-            partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_text(path, json.dumps({"version": VERSION, **asdict(description)}, indent=1) + "\n")
     return Dataset(folder, description)
 
 

@@ -58,14 +58,9 @@ class OsMesa:
             waiting = failed
         return cls(ctypes.CDLL(str(main)))
 
-    def address(self, name: bytes) -> int | None:
-        """Return the address of a GL function, or None."""
-        address: int | None = self._library.OSMesaGetProcAddress(name)
-        return address
-
     def load(self, name: str) -> int:
         """Return the address of a GL function, or 0."""
-        return self.address(name.encode()) or 0
+        return self._library.OSMesaGetProcAddress(name.encode()) or 0
 
     def __enter__(self) -> "OsMesa":
         if not self._library.OSMesaMakeCurrent(self._context, self._screen, _UNSIGNED_BYTE, 16, 16):
@@ -93,11 +88,11 @@ class Graphics(NamedTuple):
     """A context, with GL functions that moderngl lacks."""
 
     gl: Any  # the moderngl context; enter it to make it current
-    address: Callable[[bytes], int | None]  # returns the address of a GL function by name
+    load: Callable[[str], int]  # returns the address of a GL function by name
 
     def call(self, name: str, *arguments: int | None) -> None:
         """Call a GL function of integers and null pointers that returns nothing, in the current context."""
-        address = self.address(name.encode())
+        address = self.load(name)
         if not address:
             raise GraphicsError(f"this OpenGL has no {name}")
         types = [ctypes.c_void_p if argument is None else ctypes.c_int for argument in arguments]
@@ -120,10 +115,14 @@ def open_graphics() -> Graphics:
     """
     if importlib.util.find_spec("moderngl") is None:
         raise GraphicsError(NO_MODERNGL)
+    import moderngl  # an extra: supersampler[render]
+
+    create: Any = moderngl.create_context  # typed as if every setting were a dict
     reasons = []
     for name, open_ in (("egl", _open_egl), ("osmesa", _open_osmesa)):
         try:
-            graphics = open_()
+            loader = open_()
+            graphics = Graphics(create(require=VERSION, context=loader), loader.load)
             break
         except Exception as error:  # moderngl raises bare Exceptions
             reasons.append(f"{name}: {' '.join(str(error).split())}")
@@ -136,27 +135,16 @@ def open_graphics() -> Graphics:
     return graphics
 
 
-def _open_egl() -> Graphics:
-    library = find_library("EGL")
-    if library is None or not sys.platform.startswith("linux"):
+def _open_egl() -> Any:
+    if find_library("EGL") is None or not sys.platform.startswith("linux"):
         raise GraphicsError("libEGL is not installed")
-    gl = _create_context(backend="egl")
-    egl = ctypes.CDLL(library)
-    egl.eglGetProcAddress.restype = ctypes.c_void_p
-    egl.eglGetProcAddress.argtypes = [ctypes.c_char_p]
-    return Graphics(gl, egl.eglGetProcAddress)
+    from glcontext import get_backend_by_name  # moderngl's own dependency
+
+    return get_backend_by_name("egl")(mode="standalone", glversion=VERSION)
 
 
-def _open_osmesa() -> Graphics:
+def _open_osmesa() -> OsMesa:
     spec = importlib.util.find_spec("lavavu")  # only its libraries are used
     if spec is None or spec.origin is None:
         raise GraphicsError("the wheel lavavu-osmesa is not installed")
-    loader = OsMesa.from_wheel(spec.origin)
-    return Graphics(_create_context(context=loader), loader.address)
-
-
-def _create_context(**settings: Any) -> Any:
-    import moderngl  # an extra: supersampler[render]
-
-    create: Any = moderngl.create_context  # typed as if every setting were a dict
-    return create(require=VERSION, standalone=True, **settings)
+    return OsMesa.from_wheel(spec.origin)

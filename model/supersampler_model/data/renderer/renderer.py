@@ -176,11 +176,9 @@ class Renderer:
 
         Raises:
             GraphicsError: there is no OpenGL.
-            SceneError: `samples` is not a square number, or the display is larger than OpenGL's textures.
+            SceneError: `samples` is no usable number, or the display is larger than OpenGL's textures.
         """
-        if samples < 1 or isqrt(samples) ** 2 != samples:
-            raise SceneError("samples", got=samples, want="a square number, such as 16 or 64")
-        self._side = isqrt(samples)
+        self._side = samples_side(samples)
         self.display_size = display_size
         self._graphics = graphics or open_graphics()
         self._gl = self._graphics.gl
@@ -368,6 +366,14 @@ class Renderer:
         if program not in self._screens:
             self._screens[program] = self._gl.vertex_array(program, [])
         self._screens[program].render(self._gl.TRIANGLES, vertices=3)
+
+
+def samples_side(samples: int) -> int:
+    """Return the samples along each side of a reference's pixel; a SceneError if there is no such grid."""
+    if not 1 <= samples <= MAX_TILE**2 or isqrt(samples) ** 2 != samples:
+        want = f"a square number, such as 16 or 64, up to {MAX_TILE**2}"
+        raise SceneError("samples", got=samples, want=want)
+    return isqrt(samples)
 
 
 def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:

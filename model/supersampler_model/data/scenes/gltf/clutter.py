@@ -62,7 +62,7 @@ def _screen(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Value
     )[int(rng.integers(3))]()
     panel = shapes.wall(float(np.hypot(along[0], along[2])), tall, rng.uniform(0.7, 1.4))
     across = placed(yaw=float(np.arctan2(-along[2], along[0])))
-    stage.put(panel, surface, _moved(0.5 * (start + end)) @ across)
+    stage.put(panel, surface, placed(*(0.5 * (start + end))) @ across)
     posts = [_pole(place, tall + 0.05, 0.025) for place in (start, end)]
     stage.put(posts, materials.metal(rng, hue, 0.35))
     return [start, 0.5 * (start + end), end]
@@ -77,7 +77,7 @@ def _rods(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]
     hoops = [(shapes.torus(radius, 1.5 * thin), placed(0, height, 0)) for height in (0.02, tall)]
     cage = shapes.merged([*(_pole(foot, tall, thin) for foot in around), *hoops])
     speed = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.5, 4.0) * rng.integers(2))
-    stage.put(cage, _shiny(rng), paths.spinning(_moved(place), (0.0, 1.0, 0.0), speed))
+    stage.put(cage, _shiny(rng), paths.spinning(placed(*place), (0.0, 1.0, 0.0), speed))
     return [place]
 
 
@@ -86,7 +86,7 @@ def _bush(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]
     place = ground.near(rng, focus, 0.6, 2.5)
     plant = Stage(environment=stage.environment)
     bush(rng, plant, (0.0, 0.0), rng.uniform(0.05, 0.16))
-    stage.props += [prop._replace(pose=paths.attached(prop.pose, _moved(place))) for prop in plant.props]
+    stage.props += [prop._replace(pose=paths.attached(prop.pose, placed(*place))) for prop in plant.props]
     return [place]
 
 
@@ -95,7 +95,7 @@ def _balls(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values
     for _ in range(int(rng.integers(2, 5))):
         radius, surface = rng.uniform(0.08, 0.24), _shiny(rng)
         if rng.random() < 0.4:
-            at = _moved(ground.near(rng, focus, 0.3, 2.0))
+            at = placed(*ground.near(rng, focus, 0.3, 2.0))
             stage.put(shapes.ball(radius), surface, at @ placed(0.0, radius, 0.0))
             continue
         start, end = ground.stretch(rng, focus, 1.5, 0.8, 3.0)
@@ -127,7 +127,7 @@ def _crates(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Value
     for _ in range(int(rng.integers(1, 4))):
         size = rng.uniform(0.25, 0.55)
         box = shapes.box(size, 0.8 * size, size, rng.uniform(0.8, 2.5))
-        at = _moved(place) @ placed(0, level, 0, yaw=rng.uniform(0.0, 1.6))
+        at = placed(*place) @ placed(0, level, 0, yaw=rng.uniform(0.0, 1.6))
         stage.put(box, _patterned(rng), at)
         level += 0.8 * size
     return [place]
@@ -181,10 +181,4 @@ def _patterned(rng: Rng) -> Material:
 
 
 def _pole(foot: Values, tall: float, radius: float) -> tuple[Mesh, Matrix]:
-    return shapes.cylinder(radius, tall, 8), _moved(foot)
-
-
-def _moved(place: Values) -> Matrix:
-    matrix = np.eye(4)
-    matrix[:3, 3] = place
-    return matrix
+    return shapes.cylinder(radius, tall, 8), placed(*foot)

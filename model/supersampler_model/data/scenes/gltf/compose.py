@@ -93,7 +93,7 @@ def read_folder(path: Path, on_left_out: Callable[[str], None] = lambda _: None)
     """
     if not path.is_dir():
         want = "a folder of .glb or .gltf files"
-        raise SceneError("folder", got=f"{path}, which is not a folder", want=want)
+        raise SceneError("gltf", got=f"{path}, which is not a folder", want=want)
     stages, props, panoramas = list[File](), list[File](), list[File]()
     for file in sorted(f for f in path.rglob("*") if f.suffix.lower() in (".glb", ".gltf", PANORAMA)):
         name = file.relative_to(path).as_posix()
@@ -111,7 +111,7 @@ def read_folder(path: Path, on_left_out: Callable[[str], None] = lambda _: None)
             on_left_out(f"{file} is left out: it is {size} m, too large for a prop, and has no free floor.")
     if not stages and not props:
         want = f"at least one .glb or .gltf smaller than {MIN_STAGE_SIZE:g} m, or with room to stand in"
-        raise SceneError("folder", got=f"{path}, without any", want=want)
+        raise SceneError("gltf", got=f"{path}, without any", want=want)
     return Folder(
         path=str(path.resolve()), stages=tuple(stages), props=tuple(props), panoramas=tuple(panoramas)
     )

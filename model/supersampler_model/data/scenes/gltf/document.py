@@ -120,7 +120,7 @@ class Document:
         """Return an item of a kind, such as "meshes"."""
         items = self.content.get(kind, [])
         if type(index) is not int or not 0 <= index < len(items):
-            raise MalformedError(f"{kind} {index!r} is referred to, and there are {len(items)}")
+            raise MalformedError(f"it refers to number {index!r} of {len(items)} {kind}, counted from 0")
         item = items[index]
         if not isinstance(item, dict):
             raise MalformedError(f"{kind} {index} is not an object")
