@@ -391,6 +391,13 @@ def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path:
         np.testing.assert_allclose(marked.matrix, plain.matrix, atol=1e-6)
 
 
+def test_a_linked_scene_is_jittered_and_found_by_its_full_name(tmp_path: Path) -> None:
+    options = ("--samples", 1, "--scale", 2, "--method", "bilinear")
+    assert "the file has Scene, Scene [set.blend]" in attempt(tmp_path, "--scene", "Set", linked=True).stderr
+    render(tmp_path, "--scene", "Scene [set.blend]", *options, linked=True)
+    assert wrong_motion(*rendered(tmp_path), 1) < 1e-3
+
+
 def test_every_second_frame_is_refused_as_motion_leads_to_the_one_before(tmp_path: Path) -> None:
     blend = make_scene(tmp_path, properties={"scene.frame_step": 2})
     done = run("blender", blend, "-o", tmp_path / "out", "--blender", PROGRAM)

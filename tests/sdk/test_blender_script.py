@@ -134,6 +134,31 @@ def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(scr
     assert "curves and white balance of the colour management are not applied" in script.notes[0]
 
 
+def test_the_compositor_is_where_blender_4_or_5_has_it(script: Any) -> None:
+    tree = object()
+    for attributes, want in (
+        ({"use_nodes": False, "node_tree": tree}, None), ({"use_nodes": True, "node_tree": tree}, tree),
+        ({"use_nodes": True, "compositing_node_group": None}, None),
+        ({"use_nodes": True, "compositing_node_group": tree}, tree),
+    ):  # fmt: skip
+        assert script.compositor_of(scene(**attributes)) is want
+
+
+@pytest.mark.parametrize(("modifiers", "points"), [(["GENERATOR"], []), ([], [(0.0, 0.0), (1.0, 1.0)])])
+def test_a_driven_shift_has_the_keys_of_the_frames_alone(
+    script: Any, modifiers: list[str], points: list[tuple[float, float]]
+) -> None:
+    """As Blender 4 makes the curve of a driver, and as Blender 5 does."""
+    target = SimpleNamespace()
+    variables = SimpleNamespace(new=lambda: SimpleNamespace(targets=[target]))
+    curve = SimpleNamespace(
+        driver=SimpleNamespace(variables=variables), modifiers=modifiers, keyframe_points=points
+    )
+    data = SimpleNamespace(driver_remove=lambda _: None, driver_add=lambda _: curve)
+    assert script.shift_curve(scene(), data, "shift_x") is curve
+    assert (modifiers, points, target.data_path) == ([], [], "frame_current")
+
+
 @pytest.mark.parametrize(
     ("first", "last", "most", "want"),
     [(1, 48, None, (1, 48)), (1, 48, 5, (22, 26)), (7, 9, 5, (7, 9)), (0, 0, 5, (0, 0)), (3, 8, 5, (3, 7))],

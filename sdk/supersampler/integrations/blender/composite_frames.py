@@ -32,6 +32,7 @@ def main(settings: dict[str, Any]) -> None:
     """
     open_scene(settings["blend"])
     scene = chosen_scene(settings["scene"])
+    render_frames.make_local(scene)
     choose_camera(scene, settings["camera"])
     tree = own_tree(scene) if settings["composite"] else new_tree(scene)
     frames = FrameImages(tree, settings)
@@ -57,8 +58,8 @@ def main(settings: dict[str, Any]) -> None:
 
 def own_tree(scene: Any) -> Any:
     """Return the scene's compositor nodes."""
-    tree = getattr(scene, "compositing_node_group", None) or (scene.use_nodes and scene.node_tree)
-    if not tree or not scene.render.use_compositing:
+    tree = render_frames.compositor_of(scene)
+    if tree is None or not scene.render.use_compositing:
         raise BlenderSceneError(f"scene {scene.name!r} has no compositor nodes, or Compositing is off")
     return tree
 
@@ -139,8 +140,10 @@ class FrameImages:
 def add_motion_blur(scene: Any, tree: Any, frames: FrameImages, image: Any) -> Any:
     """Add Vector Blur with the scene's shutter; return the socket of the blurred image."""
     node = tree.nodes.new("CompositorNodeVecBlur")
-    for name, socket in (("Image", image), ("Z", frames.socket("Depth")), ("Speed", frames.socket("Vector"))):
-        tree.links.new(socket, node.inputs[name])
+    depth = "Depth" if "Depth" in node.inputs else "Z"  # before Blender 5
+    tree.links.new(image, node.inputs["Image"])
+    tree.links.new(frames.socket("Depth"), node.inputs[depth])
+    tree.links.new(frames.socket("Vector"), node.inputs["Speed"])
     shutter = scene.render.motion_blur_shutter
     if "Shutter" in node.inputs:
         node.inputs["Shutter"].default_value = shutter
@@ -154,7 +157,9 @@ def add_depth_of_field(scene: Any, tree: Any, frames: FrameImages, image: Any) -
     node = tree.nodes.new("CompositorNodeDefocus")
     tree.links.new(image, node.inputs["Image"])
     tree.links.new(frames.socket("Depth"), node.inputs["Z"])
-    node.scene, node.use_zbuffer, node.use_preview, node.blur_max = scene, True, False, MAX_BLUR
+    node.scene, node.use_zbuffer, node.blur_max = scene, True, MAX_BLUR
+    if hasattr(node, "use_preview"):  # before Blender 5
+        node.use_preview = False
     return node
 
 
