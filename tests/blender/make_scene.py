@@ -115,7 +115,11 @@ def add_compositor(scene: Any, layer: str) -> None:
     tree, output = new_compositor(scene)
     nodes, link = tree.nodes, tree.links.new
     layers, invert, viewer = (nodes.new(f"CompositorNode{kind}") for kind in ("RLayers", "Invert", "Viewer"))
-    link(layers.outputs["Image"], invert.inputs["Color"])
+    image = layers.outputs["Image"]
+    if output.type == "GROUP_OUTPUT":  # Blender 5, where the tree's input is the image of the render
+        tree.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketColor")
+        image = nodes.new("NodeGroupInput").outputs["Image"]
+    link(image, invert.inputs["Color"])
     link(invert.outputs["Color"], output.inputs["Image"])
     link(layers.outputs["Depth"], viewer.inputs["Image"])
     link(layers.outputs["Image"], add_writer(nodes).inputs["Image"])

@@ -136,12 +136,17 @@ def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(scr
 
 def test_the_compositor_is_where_blender_4_or_5_has_it(script: Any) -> None:
     tree = object()
+    effects = [
+        SimpleNamespace(enable_for_render=is_on, node_group=group)
+        for is_on, group in ((True, tree), (False, object()), (True, None))
+    ]
     for attributes, want in (
-        ({"use_nodes": False, "node_tree": tree}, None), ({"use_nodes": True, "node_tree": tree}, tree),
-        ({"use_nodes": True, "compositing_node_group": None}, None),
-        ({"use_nodes": True, "compositing_node_group": tree}, tree),
+        ({"use_nodes": False, "node_tree": tree}, []), ({"use_nodes": True, "node_tree": tree}, [tree]),
+        ({"use_nodes": True, "compositing_node_group": None}, []),
+        ({"use_nodes": True, "compositing_node_group": tree}, [tree]),
+        ({"use_nodes": True, "compositing_node_group": object(), "compositor_effects": effects}, [tree]),
     ):  # fmt: skip
-        assert script.compositor_of(scene(**attributes)) is want
+        assert script.compositors_of(scene(**attributes)) == want
 
 
 @pytest.mark.parametrize(("modifiers", "points"), [(["GENERATOR"], []), ([], [(0.0, 0.0), (1.0, 1.0)])])

@@ -58,10 +58,13 @@ def main(settings: dict[str, Any]) -> None:
 
 def own_tree(scene: Any) -> Any:
     """Return the scene's compositor nodes."""
-    tree = render_frames.compositor_of(scene)
-    if tree is None or not scene.render.use_compositing:
+    trees = render_frames.compositors_of(scene)
+    if not trees or not scene.render.use_compositing:
         raise BlenderSceneError(f"scene {scene.name!r} has no compositor nodes, or Compositing is off")
-    return tree
+    if len(trees) > 1:
+        problem = f"scene {scene.name!r} has several compositor effects: {named(trees)}"
+        raise BlenderSceneError(f"{problem}; join their nodes in one, or turn all but one off for renders")
+    return trees[0]
 
 
 def new_tree(scene: Any) -> Any:
@@ -70,6 +73,8 @@ def new_tree(scene: Any) -> Any:
         tree = bpy.data.node_groups.new("Blur", "CompositorNodeTree")
         tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
         scene.compositing_node_group = tree
+        for effect in getattr(scene, "compositor_effects", ()):  # Blender 5.3
+            effect.enable_for_render = effect.node_group == tree
         output = tree.nodes.new("NodeGroupOutput")
     else:
         scene.use_nodes = True
@@ -179,8 +184,14 @@ def all_nodes(tree: Any) -> Iterator[Any]:
 
 
 def replace_render_layers(scene: Any, tree: Any, layer: str, frames: FrameImages, image: Any) -> None:
-    """Replace all Render Layers nodes by the frames' files; `image` is the socket of the image."""
+    """Replace all Render Layers nodes by the frames' files; `image` is the socket of the image.
+
+    In Blender 5 the first socket of the tree's own input is the rendered image, too.
+    """
     for node in list(tree.nodes):
+        if node.type == "GROUP_INPUT":
+            for link in list(node.outputs[0].links):
+                tree.links.new(image, link.to_socket)
         if node.type == "GROUP" and any(inner.type == "R_LAYERS" for inner in all_nodes(node.node_tree)):
             raise BlenderSceneError(f"group {node.name!r} has a Render Layers node: move it out of the group")
         if node.type != "R_LAYERS":

@@ -369,7 +369,7 @@ def set_output(scene: Any, denoise: str) -> None:
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
     image.color_management = "FOLLOW_SCENE"  # pixels are not converted to another colour space
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
-    if render.use_compositing and compositor_of(scene):
+    if render.use_compositing and compositors_of(scene):
         frames = "denoised" if denoise == "temporal" else "upscaled"
         report(note=f"compositing is off in the render; --composite runs it on the {frames} frames")
     editor = scene.sequence_editor
@@ -385,11 +385,15 @@ def set_output(scene: Any, denoise: str) -> None:
         report(note="curves and white balance of the colour management are not applied to png and mp4")
 
 
-def compositor_of(scene: Any) -> Any:
-    """Return the compositor nodes of a scene, or None."""
+def compositors_of(scene: Any) -> list[Any]:
+    """Return the node trees of a scene's compositor; Blender 5.3 and later run several, one after another."""
+    if hasattr(scene, "compositor_effects"):
+        return [
+            each.node_group for each in scene.compositor_effects if each.enable_for_render and each.node_group
+        ]
     if hasattr(scene, "compositing_node_group"):  # Blender 5
-        return scene.compositing_node_group
-    return scene.node_tree if scene.use_nodes else None
+        return [scene.compositing_node_group] if scene.compositing_node_group else []
+    return [scene.node_tree] if scene.use_nodes else []
 
 
 class CameraShift:
