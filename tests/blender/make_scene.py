@@ -110,18 +110,22 @@ def add_markers(scene: Any, markers: list[Any]) -> None:
 
 
 def add_compositor(scene: Any, layer: str) -> None:
-    """Invert the image; show the depth in a viewer; write a file beside."""
-    scene.view_layers[0].use_pass_z = True
+    """Invert the image, in Blender 4 the noisy one; view that and the depth; write a file beside."""
+    scene.view_layers[0].use_pass_z = scene.cycles.use_denoising = True
+    scene.view_layers[0].cycles.denoising_store_passes = True
+    scene.view_layers[0].update_render_passes()
     tree, output = new_compositor(scene)
     nodes, link = tree.nodes, tree.links.new
-    layers, invert, viewer = (nodes.new(f"CompositorNode{kind}") for kind in ("RLayers", "Invert", "Viewer"))
-    image = layers.outputs["Image"]
+    kinds = ("RLayers", "Invert", "Viewer", "Viewer")
+    layers, invert, *viewers = (nodes.new(f"CompositorNode{kind}") for kind in kinds)
+    for name, viewer in zip(("Noisy Image", "Depth"), viewers, strict=True):
+        link(layers.outputs[name], viewer.inputs["Image"])
+    image = layers.outputs["Noisy Image"]
     if output.type == "GROUP_OUTPUT":  # Blender 5, where the tree's input is the image of the render
         tree.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketColor")
         image = nodes.new("NodeGroupInput").outputs["Image"]
     link(image, invert.inputs["Color"])
     link(invert.outputs["Color"], output.inputs["Image"])
-    link(layers.outputs["Depth"], viewer.inputs["Image"])
     link(layers.outputs["Image"], add_writer(nodes).inputs["Image"])
     inside = bpy.data.node_groups.new("Group", "CompositorNodeTree")
     inside.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketColor")

@@ -334,6 +334,7 @@ def test_the_compositor_of_the_file_runs_on_the_results_and_writes_no_other_file
     tmp_path.mkdir()
     done = render(tmp_path, "--samples", 1, "--composite", compositor="ViewLayer")
     assert "not those of File Output" in done.stderr
+    assert "node 'Render Layers': the results replace Noisy Image, too" in done.stderr
     for name in NAMES:
         result, composited = pixels(tmp_path / "out" / name), pixels(tmp_path / "out" / "composited" / name)
         np.testing.assert_allclose(composited, 1.0 - result, atol=1e-6)

@@ -17,6 +17,9 @@ from render_frames import BlenderSceneError, choose_camera, chosen_scene, named,
 import bpy  # isort: skip  # render_frames reports where it is missing
 
 MAX_BLUR = 64.0  # pixels of the depth of field
+NOISY = (
+    "Noisy Image"  # pass that many compositors denoise; from the render, it would not be denoised over time
+)
 
 
 def main(settings: dict[str, Any]) -> None:
@@ -200,8 +203,10 @@ def replace_render_layers(scene: Any, tree: Any, layer: str, frames: FrameImages
         if used and not node.mute and (node.layer != layer or node.scene not in (None, scene)):
             problem = f"node {node.name!r} reads view layer {node.layer!r}, but {layer!r} was rendered"
             raise BlenderSceneError(problem)
+        if not node.mute and NOISY in [output.name for output in used]:
+            report(note=f"node {node.name!r}: the results replace {NOISY}, too")
         for output in () if node.mute else used:
-            source = image if output.name == "Image" else frames.socket(output.name)
+            source = image if output.name in ("Image", NOISY) else frames.socket(output.name)
             for link in list(output.links):
                 tree.links.new(source, link.to_socket)
         tree.nodes.remove(node)
