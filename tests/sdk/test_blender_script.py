@@ -129,9 +129,12 @@ def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(scr
     ours = scene(sequence_editor=None, use_nodes=False, view_settings=SimpleNamespace(use_curve_mapping=True))
     output = ours.render.image_settings = SimpleNamespace(color_management="OVERRIDE")
     ours.render.use_compositing = ours.render.use_sequencer = False
+    ours.render.use_stamp = True
     script.set_output(ours, "temporal")
     assert (output.color_management, output.file_format) == ("FOLLOW_SCENE", "OPEN_EXR_MULTILAYER")
-    assert "curves and white balance of the colour management are not applied" in script.notes[0]
+    assert not ours.render.use_stamp, "text of the metadata is no part of the scene"
+    assert "metadata is not burned into the frames" in script.notes[0]
+    assert "curves and white balance of the colour management are not applied" in script.notes[1]
 
 
 def test_the_compositor_is_where_blender_4_or_5_has_it(script: Any) -> None:

@@ -380,6 +380,9 @@ def set_output(scene: Any, denoise: str) -> None:
     if getattr(render, "use_multiview", False):
         render.use_multiview = False
         report(note="stereoscopy is off: one view is rendered")
+    if render.use_stamp:
+        render.use_stamp = False  # the text would be averaged over time
+        report(note="metadata is not burned into the frames; it is burned into composited ones")
     view = scene.view_settings
     if view.use_curve_mapping or getattr(view, "use_white_balance", False):
         report(note="curves and white balance of the colour management are not applied to png and mp4")
