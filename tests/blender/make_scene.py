@@ -137,7 +137,10 @@ def add_compositor(scene: Any, layer: str) -> None:
     if layer not in scene.view_layers:
         scene.view_layers.new(layer)
     layers.layer = layer
-    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
+    written = scene.render.image_settings
+    if hasattr(written, "media_type"):  # Blender 5
+        written.media_type = "MULTI_LAYER_IMAGE"
+    written.file_format, written.color_depth = "OPEN_EXR_MULTILAYER", "32"
 
 
 def new_compositor(scene: Any) -> tuple[Any, Any]:

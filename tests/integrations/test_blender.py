@@ -335,7 +335,9 @@ def test_the_compositor_of_the_file_runs_on_the_results_and_writes_no_other_file
     done = render(tmp_path, "--samples", 1, "--composite", compositor="ViewLayer")
     assert "not those of File Output" in done.stderr
     assert "node 'Render Layers': the results replace Noisy Image, too" in done.stderr
+    assert "the output is OPEN_EXR_MULTILAYER: OPEN_EXR images are written instead" in done.stderr
     for name in NAMES:
+        assert set(read_exr(tmp_path / "out" / "composited" / name)) == set("RGBA")
         result, composited = pixels(tmp_path / "out" / name), pixels(tmp_path / "out" / "composited" / name)
         np.testing.assert_allclose(composited, 1.0 - result, atol=1e-6)
     assert not (tmp_path / "beside").exists()

@@ -231,11 +231,17 @@ def set_output(scene: Any, tree: Any, size: list[int]) -> str:
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
     if getattr(render, "use_multiview", False):
         render.use_multiview = False
-    if render.is_movie_format:
-        if hasattr(render.image_settings, "media_type"):  # Blender 5
-            render.image_settings.media_type = "IMAGE"
-        report(note=f"the output is {render.image_settings.file_format}: PNG images are written instead")
-        render.image_settings.file_format = "PNG"
+    output = render.image_settings
+    is_multilayer = output.file_format == "OPEN_EXR_MULTILAYER"  # its passes would be black: none is rendered
+    if render.is_movie_format or is_multilayer:
+        written = "OPEN_EXR" if is_multilayer else "PNG"
+        report(note=f"the output is {output.file_format}: {written} images are written instead")
+        depth, codec = output.color_depth, output.exr_codec
+        if hasattr(output, "media_type"):  # Blender 5
+            output.media_type = "IMAGE"
+        output.file_format = written
+        if is_multilayer:
+            output.color_depth, output.exr_codec = depth, codec
     writers = [node for node in all_nodes(tree) if node.type == "OUTPUT_FILE" and not node.mute]
     for node in writers:
         node.mute = True
