@@ -343,11 +343,11 @@ def test_the_compositor_of_the_file_runs_on_the_results_and_writes_no_other_file
     assert not (tmp_path / "beside").exists()
 
 
-def test_a_compositor_of_another_view_layer_is_refused_after_the_results(tmp_path: Path) -> None:
+def test_a_compositor_of_another_view_layer_is_refused_before_rendering(tmp_path: Path) -> None:
     done = attempt(tmp_path, "--samples", 1, "--composite", compositor="Other Layer")
     assert done.exit_code == 1
-    assert "reads view layer 'Other Layer', but 'ViewLayer' was rendered" in done.stderr
-    assert (tmp_path / "out" / "0008.exr").exists()
+    assert "reads view layer 'Other Layer', but 'ViewLayer' is rendered" in done.stderr
+    assert not [*tmp_path.rglob("*.exr")], "frames would be lost with the change of the file that it needs"
 
 
 BLUR = {

@@ -6,7 +6,6 @@ nodes take the place of the Render Layers nodes. The .blend file is never saved.
 """
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +36,8 @@ def main(settings: dict[str, Any]) -> None:
     scene = chosen_scene(settings["scene"])
     render_frames.make_local(scene)
     choose_camera(scene, settings["camera"])
-    tree = own_tree(scene) if settings["composite"] else new_tree(scene)
+    layer = settings["layer"]
+    tree = render_frames.compositor_of(scene, layer) if settings["composite"] else new_tree(scene)
     frames = FrameImages(tree, settings)
     image = frames.socket("Image")
     if settings["motion_blur"]:
@@ -46,7 +46,7 @@ def main(settings: dict[str, Any]) -> None:
     if settings["depth_of_field"]:
         defocus = add_depth_of_field(scene, tree, frames, image)
         image = defocus.outputs["Image"]
-    replace_render_layers(scene, tree, settings["layer"], frames, image)
+    replace_render_layers(tree, frames, image)
     read_cryptomatte_from_files(tree, frames)
     extension = set_output(scene, tree, settings["size"])
     for number in range(settings["first"], settings["last"] + 1):
@@ -57,17 +57,6 @@ def main(settings: dict[str, Any]) -> None:
         name = f".{number:04d}.{settings['run']}.partial{extension}"
         render_frames.render(scene, Path(settings["folder"]) / name)
         report(frame=number, extension=extension)
-
-
-def own_tree(scene: Any) -> Any:
-    """Return the scene's compositor nodes."""
-    trees = render_frames.compositors_of(scene)
-    if not trees or not scene.render.use_compositing:
-        raise BlenderSceneError(f"scene {scene.name!r} has no compositor nodes, or Compositing is off")
-    if len(trees) > 1:
-        problem = f"scene {scene.name!r} has several compositor effects: {named(trees)}"
-        raise BlenderSceneError(f"{problem}; join their nodes in one, or turn all but one off for renders")
-    return trees[0]
 
 
 def new_tree(scene: Any) -> Any:
@@ -178,15 +167,7 @@ def follow_camera(defocus: Any, camera: Any) -> None:
     defocus.f_stop = focus.aperture_fstop
 
 
-def all_nodes(tree: Any) -> Iterator[Any]:
-    """Yield the nodes of a tree and of its groups; `tree` may be None, for an empty group."""
-    for node in tree.nodes if tree else ():
-        yield node
-        if node.type == "GROUP":
-            yield from all_nodes(node.node_tree)
-
-
-def replace_render_layers(scene: Any, tree: Any, layer: str, frames: FrameImages, image: Any) -> None:
+def replace_render_layers(tree: Any, frames: FrameImages, image: Any) -> None:
     """Replace all Render Layers nodes by the frames' files; `image` is the socket of the image.
 
     In Blender 5 the first socket of the tree's own input is the rendered image, too.
@@ -195,14 +176,9 @@ def replace_render_layers(scene: Any, tree: Any, layer: str, frames: FrameImages
         if node.type == "GROUP_INPUT":
             for link in list(node.outputs[0].links):
                 tree.links.new(image, link.to_socket)
-        if node.type == "GROUP" and any(inner.type == "R_LAYERS" for inner in all_nodes(node.node_tree)):
-            raise BlenderSceneError(f"group {node.name!r} has a Render Layers node: move it out of the group")
         if node.type != "R_LAYERS":
             continue
         used = [output for output in node.outputs if output.is_linked]
-        if used and not node.mute and (node.layer != layer or node.scene not in (None, scene)):
-            problem = f"node {node.name!r} reads view layer {node.layer!r}, but {layer!r} was rendered"
-            raise BlenderSceneError(problem)
         if not node.mute and NOISY in [output.name for output in used]:
             report(note=f"node {node.name!r}: the results replace {NOISY}, too")
         for output in () if node.mute else used:
@@ -242,7 +218,7 @@ def set_output(scene: Any, tree: Any, size: list[int]) -> str:
         output.file_format = written
         if is_multilayer:
             output.color_depth, output.exr_codec = depth, codec
-    writers = [node for node in all_nodes(tree) if node.type == "OUTPUT_FILE" and not node.mute]
+    writers = [node for node in render_frames.all_nodes(tree) if node.type == "OUTPUT_FILE" and not node.mute]
     for node in writers:
         node.mute = True
     if writers:

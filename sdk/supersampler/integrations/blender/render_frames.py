@@ -14,7 +14,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,8 @@ def main(settings: dict[str, Any]) -> None:
             jitter, "frame" or "off" for small ones, null: see `chosen_denoising`; "keep_blur": whether
             motion blur and depth of field stay on; "part": fraction of the scene's width and height, if
             "display_size" is null; "seed": added to the scene's, for other noise; "most": null, or for a
-            trial the number of frames in the middle of the scene's range, if "frames" is null.
+            trial the number of frames in the middle of the scene's range, if "frames" is null; "composite":
+            whether the scene's compositor is to run on the results, which is checked before rendering.
     """
     open_scene(settings["blend"])
     scene = chosen_scene(settings["scene"])
@@ -75,6 +76,8 @@ def main(settings: dict[str, Any]) -> None:
         report(note=f"markers switch cameras at frame {at}: the history is dropped there")
     denoise = chosen_denoising(scene, settings["denoise"], settings["scale"])
     layer = chosen_layer(scene)
+    if settings["composite"]:
+        compositor_of(scene, layer.name)
     set_engine(scene, layer, settings["samples"], denoise)
     if settings["most"] is not None and scene.render.engine == "CYCLES":
         set_trial(scene, settings["samples"], settings["seed"])
@@ -397,6 +400,33 @@ def compositors_of(scene: Any) -> list[Any]:
     if hasattr(scene, "compositing_node_group"):  # Blender 5
         return [scene.compositing_node_group] if scene.compositing_node_group else []
     return [scene.node_tree] if scene.use_nodes else []
+
+
+def compositor_of(scene: Any, layer: str) -> Any:
+    """Return the scene's compositor nodes, after checking that they can run on frames of one view layer."""
+    trees = compositors_of(scene)
+    if not trees or not scene.render.use_compositing:
+        raise BlenderSceneError(f"scene {scene.name!r} has no compositor nodes, or Compositing is off")
+    if len(trees) > 1:
+        problem = f"scene {scene.name!r} has several compositor effects: {named(trees)}"
+        raise BlenderSceneError(f"{problem}; join their nodes in one, or turn all but one off for renders")
+    for node in trees[0].nodes:
+        if node.type == "GROUP" and any(inner.type == "R_LAYERS" for inner in all_nodes(node.node_tree)):
+            raise BlenderSceneError(f"group {node.name!r} has a Render Layers node: move it out of the group")
+        if node.type != "R_LAYERS" or node.mute or not any(output.is_linked for output in node.outputs):
+            continue
+        if node.layer != layer or node.scene not in (None, scene):
+            problem = f"node {node.name!r} reads view layer {node.layer!r}, but {layer!r} is rendered"
+            raise BlenderSceneError(problem)
+    return trees[0]
+
+
+def all_nodes(tree: Any) -> Iterator[Any]:
+    """Yield the nodes of a tree and of its groups; `tree` may be None, for an empty group."""
+    for node in tree.nodes if tree else ():
+        yield node
+        if node.type == "GROUP":
+            yield from all_nodes(node.node_tree)
 
 
 class CameraShift:
