@@ -7,6 +7,7 @@ A camera that turns, walks and shifts its lens above a floor, before a sky; a cu
 import json
 import random
 import sys
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -24,6 +25,7 @@ DEFAULTS: dict[str, Any] = {
     "properties": {},
     "compositor": None,  # name of the view layer whose inverted image and depth the nodes read
     "script": "",  # Python that Blender is to run when it opens the file
+    "linked": False,  # whether the file has an empty scene, and links this one from set.blend beside it
 }
 FIRST, LAST = 5, 10
 OBJECTS = 14
@@ -108,28 +110,59 @@ def add_markers(scene: Any, markers: list[Any]) -> None:
 
 
 def add_compositor(scene: Any, layer: str) -> None:
-    """Invert the image; show the depth in a viewer; write a file beside."""
-    scene.view_layers[0].use_pass_z, scene.use_nodes = True, True
-    nodes, link = scene.node_tree.nodes, scene.node_tree.links.new
-    nodes.clear()
-    kinds = ("RLayers", "Invert", "Composite", "Viewer", "OutputFile")
-    layers, invert, output, viewer, writer = (nodes.new(f"CompositorNode{kind}") for kind in kinds)
-    link(layers.outputs["Image"], invert.inputs["Color"])
+    """Invert the image, in Blender 4 the noisy one; view that and the depth; write a file beside."""
+    scene.view_layers[0].use_pass_z = scene.cycles.use_denoising = True
+    scene.view_layers[0].cycles.denoising_store_passes = True
+    scene.view_layers[0].update_render_passes()
+    tree, output = new_compositor(scene)
+    nodes, link = tree.nodes, tree.links.new
+    kinds = ("RLayers", "Invert", "Viewer", "Viewer")
+    layers, invert, *viewers = (nodes.new(f"CompositorNode{kind}") for kind in kinds)
+    for name, viewer in zip(("Noisy Image", "Depth"), viewers, strict=True):
+        link(layers.outputs[name], viewer.inputs["Image"])
+    image = layers.outputs["Noisy Image"]
+    if output.type == "GROUP_OUTPUT":  # Blender 5, where the tree's input is the image of the render
+        tree.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketColor")
+        image = nodes.new("NodeGroupInput").outputs["Image"]
+    link(image, invert.inputs["Color"])
     link(invert.outputs["Color"], output.inputs["Image"])
-    link(layers.outputs["Depth"], viewer.inputs["Image"])
-    link(layers.outputs["Image"], writer.inputs["Image"])
+    link(layers.outputs["Image"], add_writer(nodes).inputs["Image"])
     inside = bpy.data.node_groups.new("Group", "CompositorNodeTree")
     inside.interface.new_socket("Image", in_out="INPUT", socket_type="NodeSocketColor")
-    inner, writes = (inside.nodes.new(kind) for kind in ("NodeGroupInput", "CompositorNodeOutputFile"))
-    inside.links.new(inner.outputs["Image"], writes.inputs["Image"])
-    writes.base_path = "//beside"
+    inner = inside.nodes.new("NodeGroupInput")
+    inside.links.new(inner.outputs["Image"], add_writer(inside.nodes).inputs["Image"])
     group = nodes.new("CompositorNodeGroup")
     group.node_tree = inside
     link(layers.outputs["Image"], group.inputs["Image"])
     if layer not in scene.view_layers:
         scene.view_layers.new(layer)
-    layers.layer, writer.base_path = layer, "//beside"
-    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
+    layers.layer = layer
+    written = scene.render.image_settings
+    if hasattr(written, "media_type"):  # Blender 5
+        written.media_type = "MULTI_LAYER_IMAGE"
+    written.file_format, written.color_depth = "OPEN_EXR_MULTILAYER", "32"
+
+
+def new_compositor(scene: Any) -> tuple[Any, Any]:
+    """Return the scene's compositor tree, without nodes but the output, and that node."""
+    if hasattr(scene, "compositing_node_group"):  # Blender 5
+        tree = scene.compositing_node_group = bpy.data.node_groups.new("Compositor", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        return tree, tree.nodes.new("NodeGroupOutput")
+    scene.use_nodes = True
+    scene.node_tree.nodes.clear()
+    return scene.node_tree, scene.node_tree.nodes.new("CompositorNodeComposite")
+
+
+def add_writer(nodes: Any) -> Any:
+    """Return a File Output node that writes to the folder `beside`."""
+    writer = nodes.new("CompositorNodeOutputFile")
+    if hasattr(writer, "file_output_items"):  # Blender 5
+        writer.directory, writer.file_name = "//beside", "image"
+        writer.file_output_items.new("RGBA", "Image")
+    else:
+        writer.base_path = "//beside"
+    return writer
 
 
 def move(item: Any, name: str, values: list[Any]) -> None:
@@ -142,6 +175,20 @@ def move(item: Any, name: str, values: list[Any]) -> None:
         item.keyframe_insert(name, frame=frame)
 
 
+def link_from(path: str) -> None:
+    """Save the scene to a file, and link it in an empty one."""
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (there, here):
+        here.scenes = there.scenes
+
+
+def main(path: str, options: dict[str, Any]) -> None:
+    build(options)
+    if options["linked"]:
+        link_from(str(Path(path).with_name("set.blend")))
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+
+
 if __name__ == "__main__":
-    build({**DEFAULTS, **json.loads(sys.argv[-1])})
-    bpy.ops.wm.save_as_mainfile(filepath=sys.argv[-2])
+    main(sys.argv[-2], {**DEFAULTS, **json.loads(sys.argv[-1])})

@@ -334,17 +334,20 @@ def test_the_compositor_of_the_file_runs_on_the_results_and_writes_no_other_file
     tmp_path.mkdir()
     done = render(tmp_path, "--samples", 1, "--composite", compositor="ViewLayer")
     assert "not those of File Output" in done.stderr
+    assert "node 'Render Layers': the results replace Noisy Image, too" in done.stderr
+    assert "the output is OPEN_EXR_MULTILAYER: OPEN_EXR images are written instead" in done.stderr
     for name in NAMES:
+        assert set(read_exr(tmp_path / "out" / "composited" / name)) == set("RGBA")
         result, composited = pixels(tmp_path / "out" / name), pixels(tmp_path / "out" / "composited" / name)
         np.testing.assert_allclose(composited, 1.0 - result, atol=1e-6)
     assert not (tmp_path / "beside").exists()
 
 
-def test_a_compositor_of_another_view_layer_is_refused_after_the_results(tmp_path: Path) -> None:
+def test_a_compositor_of_another_view_layer_is_refused_before_rendering(tmp_path: Path) -> None:
     done = attempt(tmp_path, "--samples", 1, "--composite", compositor="Other Layer")
     assert done.exit_code == 1
-    assert "reads view layer 'Other Layer', but 'ViewLayer' was rendered" in done.stderr
-    assert (tmp_path / "out" / "0008.exr").exists()
+    assert "reads view layer 'Other Layer', but 'ViewLayer' is rendered" in done.stderr
+    assert not [*tmp_path.rglob("*.exr")], "frames would be lost with the change of the file that it needs"
 
 
 BLUR = {
@@ -389,6 +392,13 @@ def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path:
         render(tmp_path / name, *options, markers=markers)
     for marked, plain in zip(*(rendered(tmp_path / n)[1].frames for n in ("marked", "plain")), strict=True):
         np.testing.assert_allclose(marked.matrix, plain.matrix, atol=1e-6)
+
+
+def test_a_linked_scene_is_jittered_and_found_by_its_full_name(tmp_path: Path) -> None:
+    options = ("--samples", 1, "--scale", 2, "--method", "bilinear")
+    assert "the file has Scene, Scene [set.blend]" in attempt(tmp_path, "--scene", "Set", linked=True).stderr
+    render(tmp_path, "--scene", "Scene [set.blend]", *options, linked=True)
+    assert wrong_motion(*rendered(tmp_path), 1) < 1e-3
 
 
 def test_every_second_frame_is_refused_as_motion_leads_to_the_one_before(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import asyncio
 import importlib.util
+import re
 import runpy
 import shutil
 import subprocess
@@ -930,6 +931,22 @@ def selected(plotter: Any) -> set[int]:
     selector.SetFieldAssociation(1)
     node = selector.Select().GetNode(0)
     return set(vtk_to_numpy(node.GetSelectionList()).tolist())
+
+
+def test_the_screenshot_of_the_tutorials_script_has_converged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """PyVista places the camera when it first shows a plotter: what has converged before is another view."""
+    page = (Path(__file__).parents[2] / "docs/tutorials/pyvista.md").read_text(encoding="utf-8")
+    script = re.findall(r"^In scripts, .*?```python\n(.*?)```", page, re.DOTALL | re.MULTILINE)[0]
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {"enable_supersampling": enable_supersampling}
+    names["plotter"] = pv.Plotter(off_screen=True, window_size=SIZE)
+    names["plotter"].add_mesh(pv.examples.load_airplane())
+    exec(script, names)  # noqa: S102
+    assert names["window"].is_converged
+    assert (tmp_path / "image.png").exists()
+    names["plotter"].close()
 
 
 def test_cells_are_selected_as_without(plotter: Any) -> None:

@@ -129,9 +129,42 @@ def test_frames_are_written_in_the_space_of_the_scene_whatever_its_output_is(scr
     ours = scene(sequence_editor=None, use_nodes=False, view_settings=SimpleNamespace(use_curve_mapping=True))
     output = ours.render.image_settings = SimpleNamespace(color_management="OVERRIDE")
     ours.render.use_compositing = ours.render.use_sequencer = False
+    ours.render.use_stamp = True
     script.set_output(ours, "temporal")
     assert (output.color_management, output.file_format) == ("FOLLOW_SCENE", "OPEN_EXR_MULTILAYER")
-    assert "curves and white balance of the colour management are not applied" in script.notes[0]
+    assert not ours.render.use_stamp, "text of the metadata is no part of the scene"
+    assert "metadata is not burned into the frames" in script.notes[0]
+    assert "curves and white balance of the colour management are not applied" in script.notes[1]
+
+
+def test_the_compositor_is_where_blender_4_or_5_has_it(script: Any) -> None:
+    tree = object()
+    effects = [
+        SimpleNamespace(enable_for_render=is_on, node_group=group)
+        for is_on, group in ((True, tree), (False, object()), (True, None))
+    ]
+    for attributes, want in (
+        ({"use_nodes": False, "node_tree": tree}, []), ({"use_nodes": True, "node_tree": tree}, [tree]),
+        ({"use_nodes": True, "compositing_node_group": None}, []),
+        ({"use_nodes": True, "compositing_node_group": tree}, [tree]),
+        ({"use_nodes": True, "compositing_node_group": object(), "compositor_effects": effects}, [tree]),
+    ):  # fmt: skip
+        assert script.compositors_of(scene(**attributes)) == want
+
+
+@pytest.mark.parametrize(("modifiers", "points"), [(["GENERATOR"], []), ([], [(0.0, 0.0), (1.0, 1.0)])])
+def test_a_driven_shift_has_the_keys_of_the_frames_alone(
+    script: Any, modifiers: list[str], points: list[tuple[float, float]]
+) -> None:
+    """As Blender 4 makes the curve of a driver, and as Blender 5 does."""
+    target = SimpleNamespace()
+    variables = SimpleNamespace(new=lambda: SimpleNamespace(targets=[target]))
+    curve = SimpleNamespace(
+        driver=SimpleNamespace(variables=variables), modifiers=modifiers, keyframe_points=points
+    )
+    data = SimpleNamespace(driver_remove=lambda _: None, driver_add=lambda _: curve)
+    assert script.shift_curve(scene(), data, "shift_x") is curve
+    assert (modifiers, points, target.data_path) == ([], [], "frame_current")
 
 
 @pytest.mark.parametrize(

@@ -69,12 +69,18 @@ def test_json_of_a_run_that_continues_has_the_frames_that_were_missing(shot: Pat
 
 
 def test_a_log_has_lines_of_progress(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "frames/s" not in upscale(shot, tmp_path / "quick").stderr
+    assert "upscaling" not in upscale(shot, tmp_path / "quick").stderr
     monkeypatch.setattr(terminal, "LOG_SECONDS", 0.0)
     said = upscale(shot, tmp_path / "slow").stderr
-    lines = re.findall(r"^upscaling (\d) of 6: \d+\.\d frames/s.*, (\d+:\d\d) left$", said, re.MULTILINE)
+    lines = re.findall(r"^upscaling (\d) of 6: \d+\.\d \S+, (\d+:\d\d) left$", said, re.MULTILINE)
     assert [int(done) for done, _ in lines] == [1, 2, 3, 4, 5, 6]
     assert lines[-1][1] == "0:00"
+
+
+def test_slow_frames_are_stated_in_seconds_each() -> None:
+    assert terminal.rate_text(3, 2.0) == "1.5 frames/s"
+    assert terminal.rate_text(2, 99.9) == "50.0 s/frame"
+    assert terminal.rate_text(0, 1.0) == "0.0 frames/s"
 
 
 def test_exit_codes_are_as_the_help_says(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

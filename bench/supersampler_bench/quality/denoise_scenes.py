@@ -345,6 +345,8 @@ def prepare(build: Callable[[random.Random], None], seed: str, size: tuple[int, 
     render.resolution_percentage = 100
     render.use_compositing = render.use_sequencer = False
     image = render.image_settings
+    if hasattr(image, "media_type"):  # Blender 5
+        image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "16", "ZIP"
     if threads:
         render.threads_mode, render.threads = "FIXED", threads

@@ -142,6 +142,7 @@ def blender(
         scene=scene,
         keep_blur=keep_blur,
         program=blender,
+        composite=composite and not advise,
     )
     note = partial(console.print, soft_wrap=True)
     if advise:

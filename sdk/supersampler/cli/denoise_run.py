@@ -12,6 +12,7 @@ from supersampler.cli import frame_run
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_run import FrameJob, FramePlan, FrameRun, OnStep, SteppedFrame
 from supersampler.cli.results import PREROLL, Results
+from supersampler.cli.terminal import rate_text
 from supersampler.denoising import sequence
 from supersampler.denoising.oidn import has_oidn
 from supersampler.denoising.sequence import PerFrame, TemporalDenoiser
@@ -198,7 +199,7 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
             raise ShotError(self._shot.path, f"frame {number}: {error}") from error
 
     def summary(self, wall: float) -> tuple[int, str]:
-        return self._count, f"{self._count} frames in {wall:.1f} s: {self._count / wall:.2f} per second"
+        return self._count, f"{self._count} frames in {wall:.1f} s: {rate_text(self._count, wall)}"
 
     def facts(self) -> dict[str, str]:
         return {

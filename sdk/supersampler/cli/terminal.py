@@ -91,6 +91,13 @@ def frame_warnings(
             warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)
 
 
+def rate_text(frames: int, seconds: float) -> str:
+    """Return how fast frames are: "7.5 frames/s", or "12.0 s/frame" where they take longer than a second."""
+    if 0 < frames < seconds:
+        return f"{seconds / frames:.1f} s/frame"
+    return f"{frames / max(seconds, 1e-9):.1f} frames/s"
+
+
 class RunProgress:
     """Progress of a run: a bar on a terminal, a line every 15 s in a log, or a line of JSON per frame."""
 
@@ -119,12 +126,12 @@ class RunProgress:
         """Count a step; `activity` is "upscaling", "replaying" or "stepping backward"."""
         self._done += 1
         now = time.monotonic()
-        rate = self._done / max(now - self._began, 1e-9)
-        text = f"{rate:.1f} frames/s"
+        text = rate_text(self._done, now - self._began)
         self._bar.update(self._task, advance=1, description=activity, rate=text)
         if not self._console.is_terminal and not self._json and now - self._logged >= LOG_SECONDS:
             self._logged = now
-            minutes, seconds = divmod(round((self._total - self._done) / rate), 60)
+            left = (self._total - self._done) * (now - self._began) / self._done
+            minutes, seconds = divmod(round(left), 60)
             hours, minutes = divmod(minutes, 60)
             remaining = f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
             self._console.print(f"{activity} {self._done} of {self._total}: {text}, {remaining} left")

@@ -16,6 +16,7 @@ from supersampler.cli import frame_run
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_run import FrameJob, FramePlan, FrameRun, OnStep, SteppedFrame
 from supersampler.cli.results import AT_REST, PREROLL, Results
+from supersampler.cli.terminal import rate_text
 from supersampler.conventions import jitter_phase_count
 from supersampler.errors import ShotError
 from supersampler.frame import Frame, Size
@@ -222,8 +223,8 @@ class _UpscaleRun(FrameRun[UpscaleJob]):
 
     def summary(self, wall: float) -> tuple[int, str]:
         stats = self._upscaler.stats
-        rates = f"{stats.frames / wall:.1f} per second; the steps alone {stats.frames / stats.seconds:.1f}"
-        line = f"{stats.frames} frames in {wall:.1f} s: {rates}"
+        rate, steps = rate_text(stats.frames, wall), rate_text(stats.frames, stats.seconds)
+        line = f"{stats.frames} frames in {wall:.1f} s: {rate}; the steps alone: {steps}"
         if stats.extrapolated:
             each = stats.extrapolation_seconds / stats.extrapolated
             line += f"\n{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s"

@@ -29,7 +29,8 @@ def enable_supersampling(
 
     This holds for all output of the plotter: `show`, `screenshot`, interaction, movies, and the server side
     of Trame and Jupyter. `SupersampledWindow` documents what is rendered how. The plotter's own
-    anti-aliasing is replaced: plain frames have multi-sampling.
+    anti-aliasing is replaced: plain frames have multi-sampling. Show the plotter before you call `converge`:
+    PyVista places the camera then.
 
     Args:
         plotter: a `pyvista.Plotter`, with subplots or without.

@@ -6,7 +6,6 @@ nodes take the place of the Render Layers nodes. The .blend file is never saved.
 """
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,9 @@ from render_frames import BlenderSceneError, choose_camera, chosen_scene, named,
 import bpy  # isort: skip  # render_frames reports where it is missing
 
 MAX_BLUR = 64.0  # pixels of the depth of field
+NOISY = (
+    "Noisy Image"  # pass that many compositors denoise; from the render, it would not be denoised over time
+)
 
 
 def main(settings: dict[str, Any]) -> None:
@@ -32,8 +34,10 @@ def main(settings: dict[str, Any]) -> None:
     """
     open_scene(settings["blend"])
     scene = chosen_scene(settings["scene"])
+    render_frames.make_local(scene)
     choose_camera(scene, settings["camera"])
-    tree = own_tree(scene) if settings["composite"] else new_tree(scene)
+    layer = settings["layer"]
+    tree = render_frames.compositor_of(scene, layer) if settings["composite"] else new_tree(scene)
     frames = FrameImages(tree, settings)
     image = frames.socket("Image")
     if settings["motion_blur"]:
@@ -42,7 +46,7 @@ def main(settings: dict[str, Any]) -> None:
     if settings["depth_of_field"]:
         defocus = add_depth_of_field(scene, tree, frames, image)
         image = defocus.outputs["Image"]
-    replace_render_layers(scene, tree, settings["layer"], frames, image)
+    replace_render_layers(tree, frames, image)
     read_cryptomatte_from_files(tree, frames)
     extension = set_output(scene, tree, settings["size"])
     for number in range(settings["first"], settings["last"] + 1):
@@ -55,20 +59,14 @@ def main(settings: dict[str, Any]) -> None:
         report(frame=number, extension=extension)
 
 
-def own_tree(scene: Any) -> Any:
-    """Return the scene's compositor nodes."""
-    tree = getattr(scene, "compositing_node_group", None) or (scene.use_nodes and scene.node_tree)
-    if not tree or not scene.render.use_compositing:
-        raise BlenderSceneError(f"scene {scene.name!r} has no compositor nodes, or Compositing is off")
-    return tree
-
-
 def new_tree(scene: Any) -> Any:
     """Replace the scene's compositor nodes by a Render Layers node and an output."""
     if hasattr(scene, "compositing_node_group"):  # Blender 5
         tree = bpy.data.node_groups.new("Blur", "CompositorNodeTree")
         tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
         scene.compositing_node_group = tree
+        for effect in getattr(scene, "compositor_effects", ()):  # Blender 5.3
+            effect.enable_for_render = effect.node_group == tree
         output = tree.nodes.new("NodeGroupOutput")
     else:
         scene.use_nodes = True
@@ -139,8 +137,10 @@ class FrameImages:
 def add_motion_blur(scene: Any, tree: Any, frames: FrameImages, image: Any) -> Any:
     """Add Vector Blur with the scene's shutter; return the socket of the blurred image."""
     node = tree.nodes.new("CompositorNodeVecBlur")
-    for name, socket in (("Image", image), ("Z", frames.socket("Depth")), ("Speed", frames.socket("Vector"))):
-        tree.links.new(socket, node.inputs[name])
+    depth = "Depth" if "Depth" in node.inputs else "Z"  # before Blender 5
+    tree.links.new(image, node.inputs["Image"])
+    tree.links.new(frames.socket("Depth"), node.inputs[depth])
+    tree.links.new(frames.socket("Vector"), node.inputs["Speed"])
     shutter = scene.render.motion_blur_shutter
     if "Shutter" in node.inputs:
         node.inputs["Shutter"].default_value = shutter
@@ -154,7 +154,9 @@ def add_depth_of_field(scene: Any, tree: Any, frames: FrameImages, image: Any) -
     node = tree.nodes.new("CompositorNodeDefocus")
     tree.links.new(image, node.inputs["Image"])
     tree.links.new(frames.socket("Depth"), node.inputs["Z"])
-    node.scene, node.use_zbuffer, node.use_preview, node.blur_max = scene, True, False, MAX_BLUR
+    node.scene, node.use_zbuffer, node.blur_max = scene, True, MAX_BLUR
+    if hasattr(node, "use_preview"):  # before Blender 5
+        node.use_preview = False
     return node
 
 
@@ -165,27 +167,22 @@ def follow_camera(defocus: Any, camera: Any) -> None:
     defocus.f_stop = focus.aperture_fstop
 
 
-def all_nodes(tree: Any) -> Iterator[Any]:
-    """Yield the nodes of a tree and of its groups; `tree` may be None, for an empty group."""
-    for node in tree.nodes if tree else ():
-        yield node
-        if node.type == "GROUP":
-            yield from all_nodes(node.node_tree)
+def replace_render_layers(tree: Any, frames: FrameImages, image: Any) -> None:
+    """Replace all Render Layers nodes by the frames' files; `image` is the socket of the image.
 
-
-def replace_render_layers(scene: Any, tree: Any, layer: str, frames: FrameImages, image: Any) -> None:
-    """Replace all Render Layers nodes by the frames' files; `image` is the socket of the image."""
+    In Blender 5 the first socket of the tree's own input is the rendered image, too.
+    """
     for node in list(tree.nodes):
-        if node.type == "GROUP" and any(inner.type == "R_LAYERS" for inner in all_nodes(node.node_tree)):
-            raise BlenderSceneError(f"group {node.name!r} has a Render Layers node: move it out of the group")
+        if node.type == "GROUP_INPUT":
+            for link in list(node.outputs[0].links):
+                tree.links.new(image, link.to_socket)
         if node.type != "R_LAYERS":
             continue
         used = [output for output in node.outputs if output.is_linked]
-        if used and not node.mute and (node.layer != layer or node.scene not in (None, scene)):
-            problem = f"node {node.name!r} reads view layer {node.layer!r}, but {layer!r} was rendered"
-            raise BlenderSceneError(problem)
+        if not node.mute and NOISY in [output.name for output in used]:
+            report(note=f"node {node.name!r}: the results replace {NOISY}, too")
         for output in () if node.mute else used:
-            source = image if output.name == "Image" else frames.socket(output.name)
+            source = image if output.name in ("Image", NOISY) else frames.socket(output.name)
             for link in list(output.links):
                 tree.links.new(source, link.to_socket)
         tree.nodes.remove(node)
@@ -210,12 +207,18 @@ def set_output(scene: Any, tree: Any, size: list[int]) -> str:
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
     if getattr(render, "use_multiview", False):
         render.use_multiview = False
-    if render.is_movie_format:
-        if hasattr(render.image_settings, "media_type"):  # Blender 5
-            render.image_settings.media_type = "IMAGE"
-        report(note=f"the output is {render.image_settings.file_format}: PNG images are written instead")
-        render.image_settings.file_format = "PNG"
-    writers = [node for node in all_nodes(tree) if node.type == "OUTPUT_FILE" and not node.mute]
+    output = render.image_settings
+    is_multilayer = output.file_format == "OPEN_EXR_MULTILAYER"  # its passes would be black: none is rendered
+    if render.is_movie_format or is_multilayer:
+        written = "OPEN_EXR" if is_multilayer else "PNG"
+        report(note=f"the output is {output.file_format}: {written} images are written instead")
+        depth, codec = output.color_depth, output.exr_codec
+        if hasattr(output, "media_type"):  # Blender 5
+            output.media_type = "IMAGE"
+        output.file_format = written
+        if is_multilayer:
+            output.color_depth, output.exr_codec = depth, codec
+    writers = [node for node in render_frames.all_nodes(tree) if node.type == "OUTPUT_FILE" and not node.mute]
     for node in writers:
         node.mute = True
     if writers:

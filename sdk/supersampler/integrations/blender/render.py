@@ -91,6 +91,8 @@ class RenderRequest:
             do not sample adaptively. None for a normal render.
         seed: added to the scene's seed, for other noise.
         program: Blender, or a Python that has bpy; None searches for Blender.
+        composite: whether `composite` will run the scene's compositor on the results. One that it cannot run
+            is refused before anything is rendered.
     """
 
     blend: Path
@@ -107,6 +109,7 @@ class RenderRequest:
     most: int | None = None
     seed: int = 0
     program: str | None = None
+    composite: bool = False
 
     def settings(self) -> dict[str, object]:
         """Return all settings that the frames depend on, as JSON values, without the frame numbers.
@@ -120,7 +123,8 @@ class RenderRequest:
             raise ArgumentError("scale", got=f"{self.scale:g}, with temporal denoising", want=want)
         with os_errors_as_shot_error(self.blend), self.blend.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        settings = {name: value for name, value in vars(self).items() if name not in ("frames", "program")}
+        others = "frames", "program", "composite"
+        settings = {name: value for name, value in vars(self).items() if name not in others}
         return settings | {
             "blend": digest,
             "display_size": self.display_size and list(self.display_size),
@@ -173,6 +177,7 @@ def rendering(
     complete = len(rendered.record.frames)
     script = {
         **rendered.record.settings,
+        "composite": request.composite,
         "frames": request.frames and [request.frames.first, request.frames.last],
         "jitter": rendered.record.jitter,
         "complete": complete,

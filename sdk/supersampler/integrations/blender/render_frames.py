@@ -14,7 +14,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -61,10 +61,13 @@ def main(settings: dict[str, Any]) -> None:
             jitter, "frame" or "off" for small ones, null: see `chosen_denoising`; "keep_blur": whether
             motion blur and depth of field stay on; "part": fraction of the scene's width and height, if
             "display_size" is null; "seed": added to the scene's, for other noise; "most": null, or for a
-            trial the number of frames in the middle of the scene's range, if "frames" is null.
+            trial the number of frames in the middle of the scene's range, if "frames" is null; "composite":
+            whether the scene's compositor is to run on the results, which is checked before rendering.
     """
     open_scene(settings["blend"])
     scene = chosen_scene(settings["scene"])
+    name = scene.name_full
+    make_local(scene)
     choose_camera(scene, settings["camera"])
     if settings["engine"] is not None:
         choose_engine(scene, settings["engine"])
@@ -73,6 +76,8 @@ def main(settings: dict[str, Any]) -> None:
         report(note=f"markers switch cameras at frame {at}: the history is dropped there")
     denoise = chosen_denoising(scene, settings["denoise"], settings["scale"])
     layer = chosen_layer(scene)
+    if settings["composite"]:
+        compositor_of(scene, layer.name)
     set_engine(scene, layer, settings["samples"], denoise)
     if settings["most"] is not None and scene.render.engine == "CYCLES":
         set_trial(scene, settings["samples"], settings["seed"])
@@ -86,7 +91,7 @@ def main(settings: dict[str, Any]) -> None:
     own = own_range(scene, settings["most"])
     first, last = settings["frames"] or own
     has_strokes = denoise == "temporal" and bool(strokes(scene, layer))
-    report(scene=facts(scene, layer.name, own, display_size, denoise) | {"has_strokes": has_strokes})
+    report(scene=facts(scene, name, layer.name, own, display_size, denoise) | {"has_strokes": has_strokes})
     jitter = [(0.0, 0.0)] if denoise == "temporal" else settings["jitter"]
     shift, moved = CameraShift(scene, is_jittered=denoise != "temporal"), MovedObjects(scene)
     for index in range(max(0, settings["complete"] - 1), last + 1 - first):
@@ -129,14 +134,24 @@ def own_range(scene: Any, most: int | None) -> tuple[int, int]:
 
 
 def chosen_scene(name: str | None) -> Any:
-    """Return the scene of that name, and make it the window's scene; None is the active scene."""
+    """Return the scene of that name, and make it the window's scene; None is the active scene.
+
+    A linked scene may also be given with the name of its file: "Scene [set.blend]".
+    """
     if name is None:
         return bpy.context.scene
-    if name not in bpy.data.scenes:
+    found = [scene for scene in bpy.data.scenes if name in (scene.name, scene.name_full)]
+    if not found:
         raise BlenderSceneError(f"no scene is named {name!r}; the file has {named(bpy.data.scenes)}")
     if bpy.context.window is not None:
-        bpy.context.window.scene = bpy.data.scenes[name]
-    return bpy.data.scenes[name]
+        bpy.context.window.scene = found[0]
+    return found[0]
+
+
+def make_local(scene: Any) -> None:
+    """Make a linked scene editable, in memory; its objects stay linked."""
+    if scene.library is not None:
+        scene.make_local()
 
 
 def choose_camera(scene: Any, name: str | None) -> None:
@@ -357,7 +372,7 @@ def set_output(scene: Any, denoise: str) -> None:
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
     image.color_management = "FOLLOW_SCENE"  # pixels are not converted to another colour space
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
-    if render.use_compositing and (getattr(scene, "compositing_node_group", None) or scene.use_nodes):
+    if render.use_compositing and compositors_of(scene):
         frames = "denoised" if denoise == "temporal" else "upscaled"
         report(note=f"compositing is off in the render; --composite runs it on the {frames} frames")
     editor = scene.sequence_editor
@@ -368,9 +383,50 @@ def set_output(scene: Any, denoise: str) -> None:
     if getattr(render, "use_multiview", False):
         render.use_multiview = False
         report(note="stereoscopy is off: one view is rendered")
+    if render.use_stamp:
+        render.use_stamp = False  # the text would be averaged over time
+        report(note="metadata is not burned into the frames; it is burned into composited ones")
     view = scene.view_settings
     if view.use_curve_mapping or getattr(view, "use_white_balance", False):
         report(note="curves and white balance of the colour management are not applied to png and mp4")
+
+
+def compositors_of(scene: Any) -> list[Any]:
+    """Return the node trees of a scene's compositor; Blender 5.3 and later run several, one after another."""
+    if hasattr(scene, "compositor_effects"):
+        return [
+            each.node_group for each in scene.compositor_effects if each.enable_for_render and each.node_group
+        ]
+    if hasattr(scene, "compositing_node_group"):  # Blender 5
+        return [scene.compositing_node_group] if scene.compositing_node_group else []
+    return [scene.node_tree] if scene.use_nodes else []
+
+
+def compositor_of(scene: Any, layer: str) -> Any:
+    """Return the scene's compositor nodes, after checking that they can run on frames of one view layer."""
+    trees = compositors_of(scene)
+    if not trees or not scene.render.use_compositing:
+        raise BlenderSceneError(f"scene {scene.name!r} has no compositor nodes, or Compositing is off")
+    if len(trees) > 1:
+        problem = f"scene {scene.name!r} has several compositor effects: {named(trees)}"
+        raise BlenderSceneError(f"{problem}; join their nodes in one, or turn all but one off for renders")
+    for node in trees[0].nodes:
+        if node.type == "GROUP" and any(inner.type == "R_LAYERS" for inner in all_nodes(node.node_tree)):
+            raise BlenderSceneError(f"group {node.name!r} has a Render Layers node: move it out of the group")
+        if node.type != "R_LAYERS" or node.mute or not any(output.is_linked for output in node.outputs):
+            continue
+        if node.layer != layer or node.scene not in (None, scene):
+            problem = f"node {node.name!r} reads view layer {node.layer!r}, but {layer!r} is rendered"
+            raise BlenderSceneError(problem)
+    return trees[0]
+
+
+def all_nodes(tree: Any) -> Iterator[Any]:
+    """Yield the nodes of a tree and of its groups; `tree` may be None, for an empty group."""
+    for node in tree.nodes if tree else ():
+        yield node
+        if node.type == "GROUP":
+            yield from all_nodes(node.node_tree)
 
 
 class CameraShift:
@@ -424,7 +480,9 @@ def shift_curve(scene: Any, data: Any, name: str) -> Any:
     curve.driver.type = "SUM"
     target = curve.driver.variables.new().targets[0]
     target.id_type, target.id, target.data_path = "SCENE", scene, "frame_current"
-    curve.modifiers.remove(curve.modifiers[0])  # it takes the place of keys
+    for modifier in list(curve.modifiers):  # in Blender 4 there is one, which takes the place of keys
+        curve.modifiers.remove(modifier)
+    curve.keyframe_points.clear()  # in Blender 5 there are two
     return curve
 
 
@@ -515,13 +573,13 @@ def camera_matrices(scene: Any) -> tuple[list[list[float]], list[list[float]]]:
 
 
 def facts(
-    scene: Any, layer: str, numbers: tuple[int, int], display_size: tuple[int, int], denoise: str
+    scene: Any, name: str, layer: str, numbers: tuple[int, int], display_size: tuple[int, int], denoise: str
 ) -> dict[str, object]:
-    """Return the properties of the scene that the reader of the frames needs."""
+    """Return the properties of the scene that the reader of the frames needs; `name` is that in the file."""
     render, view = scene.render, scene.view_settings
     own = Path(bpy.utils.system_resource("DATAFILES"))
     return {
-        "name": scene.name,
+        "name": name,
         "blender": bpy.app.version_string,
         "numbers": numbers,
         "frame_rate": render.fps / render.fps_base,
@@ -542,7 +600,7 @@ def facts(
 
 def named(items: Any) -> str:
     """Return names, comma-separated, or "none"."""
-    return ", ".join(item.name for item in items) or "none"
+    return ", ".join(getattr(item, "name_full", item.name) for item in items) or "none"
 
 
 def run(script: Callable[[dict[str, Any]], None]) -> None:
