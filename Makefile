@@ -130,8 +130,9 @@ web-tests:
 	    tests/integrations/test_npm_package.py tests/integrations/test_docs_site.py
 
 # Rewrites bench/results/three.json, its table and its picture in docs/tutorials/web.md.
-three: web-tests
+three: web-tests $(DEVELOPMENT)
 	test ! -d $(NODE)/three || PYTHONPATH=tests .venv-web/bin/python docs/images/three_js.py $(NODE)
+	.venv-dev/bin/supersampler bench tables
 
 # Needs CMake and a C++ compiler. Afterwards `make test` runs these tests, too, on fewer frames.
 cpp: $(DEVELOPMENT)

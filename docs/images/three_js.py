@@ -2,7 +2,7 @@
 
     PYTHONPATH=tests python docs/images/three_js.py NODE_MODULES      # also: make three
 
-Writes bench/results/three.json, the table in docs/tutorials/web.md, and docs/images/three.jpg. Chromium runs
+Writes bench/results/three.json, for `supersampler bench tables`, and docs/images/three.jpg. Chromium runs
 on its software adapter, which computes the same images on every machine; a quarter of an hour.
 """
 
@@ -23,7 +23,6 @@ from supersampler_bench.quality.metrics import crop, psnr, tpsnr
 from supersampler_bench.quality.scores import BORDER, WARM_UP_FRAMES
 from supersampler_bench.quality.three_js import NATIVE, TITLES, ThreeRecord, ThreeScores
 from supersampler_bench.record import write_json
-from supersampler_bench.report.doc_tables import update_block
 from supersampler_export.shaders.folder import shader_files
 from web_page import chromium, pixels
 
@@ -104,7 +103,6 @@ def main() -> None:
     render = (DISPLAY[0] // 2, DISPLAY[1] // 2)
     record = ThreeRecord(three, version.partition(".")[0], render, DISPLAY, FRAMES, SAMPLES, scores)
     write_json(record, ROOT / "bench/results/three.json")
-    update_block(ROOT / "docs/tutorials/web.md", "three", record.table())
     with replacing(ROOT / "docs/images/three.jpg") as partial:
         partial.write_bytes(figure([found[name][FRAMES - 1] for name in (*FIGURE, "reference")]))
 
