@@ -179,7 +179,7 @@ PURE: dict[str, Call] = {
         for name in signature(ShotWriter).parameters if name != "variant"
     },
     **{
-        f"denoise_sequence({name})": _with(partial(denoise_sequence, iter(())), name)
+        f"denoise_sequence({name})": _with(partial(denoise_sequence, iter(()), per_frame="none"), name)
         for name in signature(denoise_sequence).parameters if name != "frames"
     },
     "upscale_sequence(scratch)": lambda value: upscale_sequence((), model="bilinear", scale=2, scratch=value),
