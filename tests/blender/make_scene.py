@@ -110,7 +110,7 @@ def add_markers(scene: Any, markers: list[Any]) -> None:
 
 
 def add_compositor(scene: Any, layer: str) -> None:
-    """Invert the image, in Blender 4 the noisy one; view that and the depth; write a file beside."""
+    """Set a compositor that inverts the image, in Blender 4 the noisy one, views it, and writes a file."""
     scene.view_layers[0].use_pass_z = scene.cycles.use_denoising = True
     scene.view_layers[0].cycles.denoising_store_passes = True
     scene.view_layers[0].update_render_passes()

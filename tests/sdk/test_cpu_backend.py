@@ -60,7 +60,7 @@ def compare(one: Float32, other: Float32, method: str, rounding: tuple[float, fl
 
 
 def hostile(render: Size) -> list[Frame]:
-    """Noise, some of it missing, out of range or without an end, and a reactive mask."""
+    """Make noisy frames, one with missing, negative and infinite samples, another with a reactive mask."""
     frames = [noise(index, render) for index in range(5)]
     color, depth, motion = (np.array(a) for a in (frames[1].color, frames[1].depth, frames[1].motion))
     if render[1] > 9:

@@ -57,7 +57,7 @@ def test_a_power_of_two_changes_nothing_but_the_unit(
 @settings(max_examples=3, deadline=None)
 @given(factors=st.lists(st.floats(2.0**-20, 2.0**20), min_size=4, max_size=4))
 def test_any_factor_changes_the_unit_of_its_frame(method: str, executor: str, factors: list[float]) -> None:
-    """The quotient k c / k may be off by one unit, which decides comparisons: both steps start from it."""
+    """Rounding makes k c / k differ from c, which can flip a comparison; so both steps start from k c / k."""
     upscaler, plain = make(method, executor), make(method, executor)
     for index, factor in enumerate(factors):
         frame = exposed(upscaler, index, factor, 1.0)

@@ -148,7 +148,7 @@ def test_an_image_that_moves_lacks_motion(moved: Pixels, size: Pixels) -> None:
 def test_images_of_48_pixels_are_searched_for_motion_of_more_than_a_pixel(
     moved: Pixels, size: Pixels, found: bool
 ) -> None:
-    """Motion of one pixel may be the jitter's. In larger images, longer motion is searched for."""
+    """Frames that move by one pixel might only be jittered; larger images allow a wider search."""
     assert pair(view(size=size), view(*moved, size=size)).lacks_motion is found
 
 

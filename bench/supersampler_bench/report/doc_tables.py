@@ -36,7 +36,7 @@ def blocks_of(name: str, record: bench_record.JsonRecord) -> dict[str, str]:
 
 
 def block_text(record: bench_record.JsonRecord, table: str) -> str:
-    """Return the text of a block, which says where models have changed since it was measured.
+    """Return the text of a block; a last line names the models that have changed since its record.
 
     Raises:
         ArgumentError: another version wrote the record.

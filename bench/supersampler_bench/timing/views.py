@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from statistics import median
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler import ArgumentError, Frame, Model, Shot, Upscaler
 from supersampler.cli.arguments import size_text
-from supersampler.frame import Size
+from supersampler.frame import Float32, Size
 from supersampler_bench.record import BenchRecord, table
 from supersampler_model.data.shots import render_size
 
@@ -54,23 +55,30 @@ def measure_views(
         images = np.empty((views, *display[::-1], 3), np.float32)
         times = np.empty((rounds, 3))
         for index in range(-WARM_UP, rounds):
-            given = next(frames)
-            moments = [time.perf_counter()]
-            for frame, image in zip(given, images, strict=True):
-                one.step(frame, out=image)
-            moments.append(time.perf_counter())
-            for upscaler, frame, image in zip(each, given, images, strict=True):
-                upscaler.step(frame, out=image)
-            moments.append(time.perf_counter())
-            Upscaler.step_many(at_once, given, out=images)
-            moments.append(time.perf_counter())
+            elapsed = _round(one, each, at_once, next(frames), images)
             if index >= 0:
-                times[index] = 1e3 * np.diff(moments)
+                times[index] = elapsed
                 on_round()
         alone, in_turn, together = (median(column) for column in times.T.tolist())
         ratios = np.quantile(times[:, 2] / times[:, 0], (0.0, 0.25, 0.5, 0.75, 1.0))
         results.append(ViewTimes(method, display, alone / views, in_turn, together, tuple(ratios.tolist())))
     return results
+
+
+def _round(
+    one: Upscaler, each: Sequence[Upscaler], at_once: Sequence[Upscaler], frames: list[Frame], images: Float32
+) -> NDArray[np.float64]:
+    """Return milliseconds of steps of one session, of a step of each view, and of one call for all: (3,)."""
+    moments = [time.perf_counter()]
+    for frame, image in zip(frames, images, strict=True):
+        one.step(frame, out=image)
+    moments.append(time.perf_counter())
+    for upscaler, frame, image in zip(each, frames, images, strict=True):
+        upscaler.step(frame, out=image)
+    moments.append(time.perf_counter())
+    Upscaler.step_many(at_once, frames, out=images)
+    moments.append(time.perf_counter())
+    return 1e3 * np.diff(moments)
 
 
 def _frames(views: int, size: Size) -> list[list[Frame]]:

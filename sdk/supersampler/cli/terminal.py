@@ -92,7 +92,7 @@ def frame_warnings(
 
 
 def rate_text(frames: int, seconds: float) -> str:
-    """Return how fast frames are: "7.5 frames/s", or "12.0 s/frame" where they take longer than a second."""
+    """Return a frame rate: "7.5 frames/s", or "12.0 s/frame" where a frame takes longer than a second."""
     if 0 < frames < seconds:
         return f"{seconds / frames:.1f} s/frame"
     return f"{frames / max(seconds, 1e-9):.1f} frames/s"

@@ -136,7 +136,7 @@ def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: I
     """
     root = Path(os.path.realpath(folder))
     for place in (root, *(root / name for name in below if name)):
-        if not os.path.isdir(place) or os.path.realpath(place) != str(place):  # noqa: PTH112  # Path.is_dir may raise
+        if not is_folder(place) or os.path.realpath(place) != str(place):
             continue
         for path in place.iterdir():
             found = _PARTIAL_NAME.fullmatch(path.name)
@@ -145,7 +145,7 @@ def remove_partial_files(folder: Path, is_own: Callable[[str], object], below: I
 
 
 def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
-    """Raise ShotError if a file exists that this package did not write, or has the name of its folder.
+    """Raise ShotError if the path is that of a file of something else, or lies below a file.
 
     `is_ours` decides by the content; `what` describes the expected file: "a record of `bench ... --json`".
     """
@@ -177,6 +177,11 @@ def is_file(path: Path) -> bool:
     return os.path.isfile(path)  # noqa: PTH113
 
 
+def is_folder(path: Path) -> bool:
+    """Return whether a folder, or a link to one, has the name; False where `Path.is_dir` raises."""
+    return os.path.isdir(path)  # noqa: PTH112
+
+
 def is_regular(path: Path) -> bool:
     """Return whether the path is a regular file, not a link."""
     return is_file(path) and not path.is_symlink()
@@ -184,7 +189,7 @@ def is_regular(path: Path) -> bool:
 
 def is_own_folder(path: Path) -> bool:
     """Return whether the path is a folder, not a link."""
-    return os.path.isdir(path) and not path.is_symlink()  # noqa: PTH112
+    return is_folder(path) and not path.is_symlink()
 
 
 def check_is_file(path: Path) -> None:

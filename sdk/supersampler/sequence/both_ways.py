@@ -15,6 +15,7 @@ from supersampler.frame import Float32, Frame, checked_frame
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter
 from supersampler.io.shot import Shot, ShotFrame
+from supersampler.io.shot.shot import path_hint
 from supersampler.sequence.backward_motion import reversed_frame
 from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
 from supersampler.sequence.interpolation import Interpolator
@@ -209,8 +210,8 @@ def checked_frames(frames: Shot | Iterable[Frame]) -> Shot | Iterable[Frame]:
     """Return a Shot or an iterable of Frames; ArgumentError for anything else, such as a path."""
     if isinstance(frames, Shot) or (isinstance(frames, Iterable) and not isinstance(frames, str | bytes)):
         return frames
-    hint = "`supersampler.io.shot.open_source` opens files." if isinstance(frames, str | Path) else ""
-    raise ArgumentError("frames", got=shown(frames), want="a Shot, or an iterable of Frames", hint=hint)
+    want = "a Shot, or an iterable of Frames"
+    raise ArgumentError("frames", got=shown(frames), want=want, hint=path_hint(frames))
 
 
 def frames_of(frames: Shot | Iterable[Frame], names: Collection[str]) -> Iterator[Frame]:

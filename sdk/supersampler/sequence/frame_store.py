@@ -1,6 +1,5 @@
 """Storage of frames and images that are needed later, in memory and in a scratch file."""
 
-import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
 from supersampler.frame import Frame
-from supersampler.io.files import os_errors_as_shot_error
+from supersampler.io.files import is_folder, os_errors_as_shot_error
 from supersampler.methods.gbuffers import IMAGES, arrays_by_name, frame_of
 
 MEMORY = 2.0**30
@@ -53,7 +52,7 @@ class FrameStore:
     def __init__(
         self, *, memory: float | None = None, folder: Path | None = None, names: frozenset[str] = frozenset()
     ) -> None:
-        if folder is not None and not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir may raise
+        if folder is not None and not is_folder(folder):
             raise ShotError(folder, "is not a folder", "`scratch` names an existing one.")
         self._names, self._folder = names, folder or tempfile.gettempdir()
         self._free_memory = MEMORY if memory is None else memory

@@ -203,8 +203,8 @@ GBUFFER_DEPTH_SCALED = replace(
 OF_REPROJECTION = {
     each.kind for each in (MOTION_OFFSET, MOTION_MISREAD, JITTER_MISREAD, ROWS_BOTTOM_UP, JITTER_AMPLITUDE)
 }
-"""Kinds of mistakes that are found by following the motion, or prevent it. One of them makes others seem to
-be there, so that only the first one is reported."""
+"""Kinds of mistakes that are found by following the motion, or make that impossible. One of them makes others
+seem to be there, so that only the first one is reported."""
 OF_SRGB = {COLOR_CLIPPED.kind, COLOR_DISPLAYED.kind}
 """Kinds of mistakes that are none in frames whose conventions state that they are sRGB-encoded."""
 

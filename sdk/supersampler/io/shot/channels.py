@@ -35,7 +35,7 @@ _MAX_BYTES = 4
 
 @dataclass(frozen=True, slots=True)
 class Packing:
-    """Encoding of numbers: a linear function of the integer that the bytes of a number form, or of a float.
+    """Encoding of a number as a linear function of a float, or of the integer that its bytes form.
 
     Attributes:
         bytes_each: bytes of a number, 1 to 4, the most significant one first; 0 if it is stored as a float.

@@ -18,14 +18,7 @@ from supersampler.frame import Array, Float32, Size
 from supersampler.io.display_transforms import REC709, UNKNOWN_COLOR_SPACE
 from supersampler.io.files import IMAGE_CHANNELS, SHOT_FRAMES
 from supersampler.io.images import Channel, Metadata, read_exr, read_header, read_image, write_exr
-from supersampler.io.json_files import (
-    FileSize,
-    Rate,
-    Text,
-    check_sizes,
-    check_version,
-    read_typed,
-)
+from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, check_version, read_typed
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from supersampler.arguments import as_index, checked_path, is_row
 from supersampler.errors import ArgumentError, MissingFramesError, ShotError, shown
-from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside
+from supersampler.io.files import NOT_FOUND, SHOT_FRAMES, check_inside, is_folder
 from supersampler.io.json_files import read_json
 from supersampler.io.shot.format import FORBIDDEN, LARGEST_NUMBER, is_frame_range
 
@@ -55,7 +55,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
         ShotError: no file matches, a name has no number, two have the same, names differ in more than the
             number, a hyphen is ambiguous, or a file lies outside of the folder.
     """
-    if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
+    if not is_folder(folder):
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
     parts = PurePosixPath(checked_path("pattern", pattern)).parts
     if not parts or PurePath(pattern).is_absolute() or ".." in parts:
@@ -81,8 +81,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
         files[number] = path
     if not files:
         below = "/".join(parts[:-1])
-        is_folder = os.path.isdir(place)  # noqa: PTH112  # as above
-        hint = suggestion(place, below) if is_folder else f"The pattern is relative to {folder}."
+        hint = suggestion(place, below) if is_folder(place) else f"The pattern is relative to {folder}."
         raise ShotError(folder, f"has no file {pattern}", hint)
     if len({*rests.values()}) > 1:
         raise ShotError(folder, f"has files of several sequences {pattern}", choose())
@@ -215,8 +214,7 @@ def _number_finder(path: Path) -> Callable[..., _Span | None]:
         problem = f"has {len(fields)} fields for the frame number"
         raise ShotError(path, problem, "Keep one, and write the other numbers as digits.")
     if not fields and not _has_wildcard(path.name):
-        is_folder = os.path.isdir(path)  # noqa: PTH112  # as above
-        hint = f"Name its files: {path.name}/*.exr." if is_folder else suggestion(path.parent)
+        hint = f"Name its files: {path.name}/*.exr." if is_folder(path) else suggestion(path.parent)
         raise ShotError(path, "has no field for the frame number", hint)
     if fields:
         field, (begin, end) = fields[0], _without(path.name, fields[0].span())

@@ -51,6 +51,11 @@ _READERS = 2  # threads; a frame with many channels takes longer to decompress t
 _Stored: TypeAlias = tuple[RawFrame, Float32 | None]
 
 
+def path_hint(value: object) -> str:
+    """Return a hint for a path that was given in place of a Shot; "" for anything else."""
+    return "`supersampler.io.shot.open_source` opens files." if isinstance(value, str | Path) else ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShotFrame:
     """One frame of a shot.

@@ -34,7 +34,7 @@ from supersampler.io.shot.format import (
     write_frame,
     write_reference,
 )
-from supersampler.io.shot.shot import Shot, converter_at
+from supersampler.io.shot.shot import Shot, converter_at, path_hint
 
 _DISPLAY, _REFERENCE = "display", "reference"
 _STATED = ("reset", "jitter", "exposure", "pre_exposure", "aov_names")
@@ -289,8 +289,7 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
             see also `ShotWriter` and `Shot.read`.
     """
     if not isinstance(shot, Shot):
-        hint = "`supersampler.io.shot.open_source` opens files." if isinstance(shot, str | Path) else ""
-        raise ArgumentError("shot", got=shown(shot), want="a Shot", hint=hint)
+        raise ArgumentError("shot", got=shown(shot), want="a Shot", hint=path_hint(shot))
     files.check_apart(Path(checked_path("path", path)), shot.source)
     of_frames = ("render_size", "aov_names")  # the first frame has them
     info = {name: getattr(shot.info, name) for name in ShotInfo.__struct_fields__ if name not in of_frames}
