@@ -126,125 +126,187 @@ SS_INLINE void write_history(float* to, int count, F3 color, F samples, F low, F
     memcpy(to, pixels, sizeof(float) * HISTORY_VALUES * count);
 }
 
-// Computes the image, linear RGB, and the next history of columns x0 to x1 of row y.
-template <bool rectified, bool own_motion, bool guided>
-SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blend_pitch, int y, int x0, int x1) {
-    constexpr Variant variant = {rectified, own_motion, guided};
-    constexpr int parameters = variant.parameters();
-    const Samples& s = w.samples;
-    const Axis &ax = w.tables.x, &ay = w.tables.y;
-    const int width = w.gathered.pitch, end = w.target.width, near = ay.nearest[y];
-    blend += 2 * parameters * (y % 2) * blend_pitch;
-    const uint16_t* gathered = w.gathered.rest + variant.planes() * w.gathered.place(y);
-    const float *histories = w.gathered.history + 3 * w.gathered.place(y), *rows[3];
-    const uint16_t* images[3] = {};
+// A row of the compositor: what it reads.
+struct ComposeRow {
+    int y;
+    const uint16_t* rest;  // see `Gathered`
+    const float* history;
+    const float* samples[3];    // toned, of the rows around
+    const uint16_t* guided[3];  // guided colour of the rows around; of the variant `guided`
+    const float* blend;         // parameters of the left pixels of packed pixels, then of the right ones
+    int pitch;
+};
+
+template <Variant variant>
+static ComposeRow row_of(const ClassifierWork& w, const float* blend, int y) {
+    const Gathered& g = w.gathered;
+    ComposeRow row = {};
+    row.y = y;
+    row.rest = g.rest + variant.planes() * g.place(y), row.history = g.history + 3 * g.place(y);
+    row.pitch = up_to(w.network->half.width, LANES);
+    row.blend = blend + 2 * variant.parameters() * (y % 2) * row.pitch;
     for (int i = 0; i < 3; i++) {
-        rows[i] = sample_row(s, ay.clamped(near + i - 1), TONED) - PAD;
-        if constexpr (guided) images[i] = guided_row(w, clamp(y + i - 1, 0, w.target.height - 1));
+        row.samples[i] = sample_row(w.samples, w.tables.y.clamped(w.tables.y.nearest[y] + i - 1), TONED) - PAD;
+        if constexpr (variant.guided) row.guided[i] = guided_row(w, clamp(y + i - 1, 0, w.target.height - 1));
     }
-    for (int x = x0; x < min(x1, end); x += W) {
-        const uint16_t* rest = gathered + variant.planes() * x;
-        const float* history = histories + 3 * x;
+    return row;
+}
+
+// Returns a blend parameter of W pixels.
+template <Variant variant>
+SS_INLINE F parameter(const ComposeRow& row, int x, int index) {
+    const float *left = row.blend + index * row.pitch + x / 2, *right = left + variant.parameters() * row.pitch;
+    return low_zip(load(left), load(right));
+}
+
+// The network's kernel on the 3x3 samples, or guided pixels, around W pixels.
+template <Variant variant>
+SS_INLINE Sum filter_window(const ClassifierWork& w, const ComposeRow& row, int x) {
+    const Axis &ax = w.tables.x, &ay = w.tables.y;
+    auto kernel = [&](int k) __attribute__((always_inline)) {
+        return factor(parameter<variant>(row, x, variant.kernel_weights() + k));
+    };
+    Sum window;
+    const Places places(ax.nearest, x);
+    if constexpr (variant.guided)
+        unrolled<9>([&](auto index) __attribute__((always_inline)) {
+            constexpr int k = index.k;
+            const uint16_t* at = row.guided[k / 3] + x + k % 3 - 1;
+            const int pitch = w.gathered.pitch + 2 * PAD;
+            window.add(F3{load_toned(at), load_toned(at + pitch), load_toned(at + 2 * pitch)},
+                       NEIGHBOUR_WEIGHTS[k] * kernel(k));
+        });
+    else
+        unrolled<9>([&](auto index) __attribute__((always_inline)) {
+            constexpr int k = index.k, i = k / 3, j = k % 3;
+            const F weight = load(ax.windows + j * ax.pitch + x) * ay.windows[i * ay.pitch + row.y] + MIN_KERNEL_WEIGHT;
+            auto plane = [&](int c) __attribute__((always_inline)) {
+                return places.at(row.samples[i] + c * w.samples.pitch, j - 1);
+            };
+            window.add(F3{plane(0), plane(1), plane(2)}, weight * kernel(k) * plane(USABLE));
+        });
+    return window;
+}
+
+// The colours of this frame at W pixels, by the network's weights.
+struct CurrentColors {
+    Sum sum;
+    F3 frame, sample;
+    F confidence;
+    I sampled;  // whether a sample around is usable
+    F prior;    // sum of the weights without the network's
+};
+
+template <Variant variant>
+SS_INLINE CurrentColors current_colors(const ClassifierWork& w, const ComposeRow& row, int x) {
+    const uint16_t* rest = row.rest + variant.planes() * x;
+    const Sum window = filter_window<variant>(w, row, x);
+    CurrentColors c;
+    c.frame = load_toned3(rest + W * FRAME), c.sample = load_toned3(rest + W * SAMPLE);
+    c.confidence = load_half(rest + W * CONFIDENCE);
+    F3 filtered = select(window.weight > 1e-9f, window.color * (1.0f / maximum(window.weight, 1e-12f)), c.frame);
+    const F here = variant.guided ? load_half(rest + W * variant.sampled()) : select(window.weight > 0.0f, 1.0f, F{});
+    c.sampled = here > 0.0f;
+    const F sample_weight = here * (c.confidence + MIN_PRIOR), frame_weight = here * FRAME_PRIOR;
+    constexpr int first = variant.history_colors();
+    c.sum.add(c.sample, sample_weight * factor(parameter<variant>(row, x, first)));
+    c.sum.add(c.frame, frame_weight * factor(parameter<variant>(row, x, first + 1)));
+    c.sum.add(filtered, frame_weight * factor(parameter<variant>(row, x, first + 2)));
+    c.prior = sample_weight + frame_weight + frame_weight;
+    return c;
+}
+
+// The colours of the history at W pixels, by the network's weights; the number of its samples.
+struct PastColors {
+    Sum sum;
+    F count, surface;
+    I known;
+};
+
+template <Variant variant>
+SS_INLINE PastColors past_colors(const ClassifierWork& w, const ComposeRow& row, int x, F current_weight) {
+    const uint16_t* rest = row.rest + variant.planes() * x;
+    const float* history = row.history + 3 * x;
+    PastColors past;
+    past.count = load_half(rest + W * COUNT), past.surface = load_half(rest + W * SURFACE);
+    const F visible = past.count * past.surface;
+    past.known = is_positive(visible);
+    F first = select(past.known, visible + MIN_PRIOR, 0.0f) * factor(parameter<variant>(row, x, 0));
+    F other = select(past.known, past.count * OTHER_PRIOR + MIN_PRIOR, 0.0f), second = F{}, third = F{};
+    if (variant.rectified) second = other * factor(parameter<variant>(row, x, 1));
+    if (variant.own_motion) third = other * factor(parameter<variant>(row, x, variant.history_colors() - 1));
+    F weight = first + second + third;
+    if (w.samples.has_reactive) {
+        F reactive = reactive_at(w.samples, w.tables, row.y, x), now = maximum(current_weight, 1e-12f);
+        F kept = (1.0f - reactive) * (now / (now + reactive * weight));
+        first *= kept;
+        second *= kept;
+        third *= kept;
+        weight *= kept;
+    }
+    F strength = clamped(parameter<variant>(row, x, variant.sharpness()), 0.0f, MAX_SHARPNESS);
+    F3 color = F3{load(history), load(history + W), load(history + 2 * W)} + load_half3(rest + W * DETAIL) * strength;
+    color = clamped(color, 0.0f, MAX_TONED);
+    past.sum.add(color, first);
+    if (variant.rectified) {
+        F3 mean = load_half3(rest + W * variant.mean()), extents = load_half3(rest + W * (variant.mean() + 3));
+        mean.r = load_toned(rest + W * variant.mean());
+        past.sum.add(clip_to_center(color, mean, extents), second);
+    }
+    if (variant.own_motion) past.sum.add(load_toned3(rest + W * variant.own()), third);
+    past.sum.weight = weight;
+    return past;
+}
+
+// Writes the next history of W pixels up to column `end`. share: of the history in the image, [0, 1].
+template <Variant variant>
+SS_INLINE void write_next(const ClassifierWork& w, const ComposeRow& row, int x, int end, F3 image, F share,
+                          const PastColors& past, const CurrentColors& now) {
+    const uint16_t* rest = row.rest + variant.planes() * x;
+    const F count = past.count;
+    F odds = past.sum.weight / maximum(now.sum.weight, 1e-12f) * now.prior;
+    odds = select(now.sampled, odds, share * count);  // all that is known
+    F next_count = minimum(minimum(odds, count), w.config.samples) + now.confidence;
+    const F luma = luminance(now.sample);
+    const F trust = select(past.known, minimum(odds * HALF_COUNT / maximum(count, 1e-6f), 1.0f), 0.0f);
+    const F rate = now.confidence * w.config.contraction;
+    F low = load_half(rest + W * MIN_LUMA), high = load_half(rest + W * MAX_LUMA), warped_glare = F{};
+    if (w.glares) {
+        warped_glare = without_glare(high);
+        if (!all(warped_glare <= 0.0f)) __atomic_store_n(w.next_glares, true, __ATOMIC_RELAXED);
+        next_count = select((warped_glare > 0.0f) & (warped_glare < CONFIRMED), 0.0f, next_count);
+    }
+    const I rises = light_rises(luma, high, count, past.surface) & (warped_glare == 0.0f);
+    const ptrdiff_t group = (static_cast<ptrdiff_t>(row.y) * w.gathered.pitch + x) / 4;
+    w.gathered.rises[group] = static_cast<uint16_t>(mask_bits(rises));
+    if (w.flash) next_count = F{};
+    low = select(now.sampled, minimum(low, luma), low) + rate * maximum(luma - low, 0.0f);
+    high = maximum(high, luma) - rate * maximum(high - luma, 0.0f);
+    low = luma + trust * (low - luma);
+    high = luma + trust * (high - luma) + warped_glare * GLARE;
+    const ptrdiff_t pixel = static_cast<ptrdiff_t>(row.y) * w.target.width + x;
+    write_history(w.next_history + HISTORY_VALUES * pixel, end - x, image, next_count, low, high);
+}
+
+// Computes the image, linear RGB, and the next history of columns x0 to x1 of row y.
+template <Variant variant>
+SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int y, int x0, int x1) {
+    const ComposeRow row = row_of<variant>(w, blend, y);
+    const int end = min(x1, w.target.width);
+    for (int x = x0; x < end; x += W) {
         for (int line = 0; line < W * variant.planes(); line += LINE / 2)
-            prefetch(rest + 2 * W * variant.planes() + line);
-        for (int line = 0; line < 3 * W; line += LINE / 4) prefetch(history + 2 * 3 * W + line);
-        // Of the left and right pixel of packed pixels.
-        auto parameter = [&](int index) __attribute__((always_inline)) {
-            const float *left = blend + index * blend_pitch + x / 2, *right = left + parameters * blend_pitch;
-            return low_zip(load(left), load(right));
-        };
-        Sum window;
-        const Places places(ax.nearest, x);
-        if constexpr (guided)
-            unrolled<9>([&](auto index) __attribute__((always_inline)) {
-                constexpr int k = index.k;
-                const uint16_t* at = images[k / 3] + x + k % 3 - 1;
-                const int pitch = width + 2 * PAD;
-                window.add(F3{load_toned(at), load_toned(at + pitch), load_toned(at + 2 * pitch)},
-                           NEIGHBOUR_WEIGHTS[k] * factor(parameter(variant.kernel_weights() + k)));
-            });
-        else
-            unrolled<3>([&](auto row_index) __attribute__((always_inline)) {
-                constexpr int i = row_index.k;
-                const float down = ay.windows[i * ay.pitch + y];
-                unrolled<3>([&](auto column_index) __attribute__((always_inline)) {
-                    constexpr int j = column_index.k;
-                    F weight = load(ax.windows + j * ax.pitch + x) * down + MIN_KERNEL_WEIGHT;
-                    weight *= factor(parameter(variant.kernel_weights() + 3 * i + j));
-                    auto plane = [&](int c)
-                                     __attribute__((always_inline)) { return places.at(rows[i] + c * s.pitch, j - 1); };
-                    window.add(F3{plane(0), plane(1), plane(2)}, weight * plane(USABLE));
-                });
-            });
-        F3 frame = load_toned3(rest + W * FRAME), sample = load_toned3(rest + W * SAMPLE);
-        F3 filtered = select(window.weight > 1e-9f, window.color * (1.0f / maximum(window.weight, 1e-12f)), frame);
-        F confidence = load_half(rest + W * CONFIDENCE);
-        F here = select(window.weight > 0.0f, 1.0f, F{});  // whether a sample around is usable
-        if (guided) here = load_half(rest + W * variant.sampled());
-        F sampled = here * (confidence + MIN_PRIOR), frame_weight = here * FRAME_PRIOR;
-        constexpr int of_sample = variant.history_colors();
-        Sum current;
-        current.add(sample, sampled * factor(parameter(of_sample)));
-        current.add(frame, frame_weight * factor(parameter(of_sample + 1)));
-        current.add(filtered, frame_weight * factor(parameter(of_sample + 2)));
-        // history colours
-        F count = load_half(rest + W * COUNT), surface = load_half(rest + W * SURFACE), visible = count * surface;
-        I known = is_positive(visible);
-        F first = select(known, visible + MIN_PRIOR, 0.0f) * factor(parameter(0));
-        F other = select(known, count * OTHER_PRIOR + MIN_PRIOR, 0.0f), second = F{}, third = F{};
-        if (rectified) second = other * factor(parameter(1));
-        if (own_motion) third = other * factor(parameter(variant.history_colors() - 1));
-        F history_weight = first + second + third;
-        F strength = clamped(parameter(variant.sharpness()), 0.0f, MAX_SHARPNESS);
-        F3 detail = load_half3(rest + W * DETAIL);
-        F3 color =
-            clamped(F3{load(history), load(history + W), load(history + 2 * W)} + detail * strength, 0.0f, MAX_TONED);
-        if (s.has_reactive) {
-            F reactive = reactive_at(s, w.tables, y, x), now = maximum(current.weight, 1e-12f);
-            F kept = (1.0f - reactive) * (now / (now + reactive * history_weight));
-            first *= kept;
-            second *= kept;
-            third *= kept;
-            history_weight *= kept;
-        }
-        Sum past;
-        past.add(color, first);
-        if (rectified) {
-            F3 mean = load_half3(rest + W * variant.mean()), extents = load_half3(rest + W * (variant.mean() + 3));
-            mean.r = load_toned(rest + W * variant.mean());
-            past.add(clip_to_center(color, mean, extents), second);
-        }
-        if (own_motion) past.add(load_toned3(rest + W * variant.own()), third);
-        F total = history_weight + current.weight, scale = 1.0f / maximum(total, 1e-12f);
-        F3 toned = select(total > 0.0f, (past.color + current.color) * scale, frame);
-        if (!guided && !all(known)) toned = select(known, toned, along_edges(w, y, x, toned));
-        F3 image = linear_of(toned, s.exposure);
-        if (w.target.weight) write_plane(w.target.weight, y, x, min(x1, end), history_weight * scale);
-        write_image(w.target, y, x, min(x1, end), image);
-        // next history
-        F odds = history_weight / maximum(current.weight, 1e-12f) * (sampled + frame_weight + frame_weight);
-        const I unsampled = here <= 0.0f;
-        odds = select(unsampled, history_weight * scale * count, odds);  // all that is known
-        F next_count = minimum(minimum(odds, count), w.config.samples) + confidence;
-        F luma = luminance(sample),
-          trust = select(known, minimum(odds * HALF_COUNT / maximum(count, 1e-6f), 1.0f), 0.0f);
-        F rate = confidence * w.config.contraction, low = load_half(rest + W * MIN_LUMA),
-          high = load_half(rest + W * MAX_LUMA);
-        F warped_glare = F{};
-        if (w.glares) {
-            warped_glare = without_glare(high);
-            if (!all(warped_glare <= 0.0f)) __atomic_store_n(w.next_glares, true, __ATOMIC_RELAXED);
-            next_count = select((warped_glare > 0.0f) & (warped_glare < CONFIRMED), 0.0f, next_count);
-        }
-        I rises = light_rises(luma, high, count, surface) & (warped_glare == 0.0f);
-        w.gathered.rises[(static_cast<ptrdiff_t>(y) * width + x) / 4] = static_cast<uint16_t>(mask_bits(rises));
-        if (w.flash) next_count = F{};
-        low = select(unsampled, low, minimum(low, luma)) + rate * maximum(luma - low, 0.0f);
-        high = maximum(high, luma) - rate * maximum(high - luma, 0.0f);
-        low = luma + trust * (low - luma);
-        high = luma + trust * (high - luma) + warped_glare * GLARE;
-        write_history(w.next_history + HISTORY_VALUES * (static_cast<ptrdiff_t>(y) * end + x), min(x1, end) - x, image,
-                      next_count, low, high);
+            prefetch(row.rest + variant.planes() * (x + 2 * W) + line);
+        for (int line = 0; line < 3 * W; line += LINE / 4) prefetch(row.history + 3 * (x + 2 * W) + line);
+        const CurrentColors now = current_colors<variant>(w, row, x);
+        const PastColors past = past_colors<variant>(w, row, x, now.sum.weight);
+        const F total = past.sum.weight + now.sum.weight, scale = 1.0f / maximum(total, 1e-12f);
+        F3 toned = select(total > 0.0f, (past.sum.color + now.sum.color) * scale, now.frame);
+        if (!variant.guided && !all(past.known)) toned = select(past.known, toned, along_edges(w, y, x, toned));
+        const F3 image = linear_of(toned, w.samples.exposure);
+        const F share = past.sum.weight * scale;
+        if (w.target.weight) write_plane(w.target.weight, y, x, end, share);
+        write_image(w.target, y, x, end, image);
+        write_next<variant>(w, row, x, end, image, share, past, now);
     }
 }
 
@@ -289,24 +351,20 @@ void infer_rows(const ClassifierWork& w, int parameters, float* out, int y0, int
 }
 
 // Decodes and composes a rectangle of packed pixels: the image and the next history.
-template <bool rectified, bool own_motion, bool guided>
+template <Variant variant>
 static void finish_rows(const ClassifierWork& w, Rect rect, int thread) {
-    constexpr Variant variant = {rectified, own_motion, guided};
     const Network& n = *w.network;
     const ClassifierScratch& s = w.scratch[thread];
-    const int pitch = up_to(n.half.width, LANES), p0 = rect.x0;
     for (int y = rect.y0; y < rect.y1; y++) {
         uint8_t* classes = w.next_classes + 8 * static_cast<ptrdiff_t>(y) * n.half.width;
-        infer_row(n, s, variant.outputs(), y, p0, rect.x1, classes);
-        mark_unknown(w.gathered, variant.planes(), y, p0, rect.x1, classes);
+        infer_row(n, s, variant.outputs(), y, rect.x0, rect.x1, classes);
+        mark_unknown(w.gathered, variant.planes(), y, rect.x0, rect.x1, classes);
         for (int row = 2 * y; row < min(2 * y + 2, w.target.height); row++)
-            compose_row<rectified, own_motion, guided>(w, s.blend, pitch, row, 2 * p0, 2 * rect.x1);
+            compose_row<variant>(w, s.blend, row, 2 * rect.x0, 2 * rect.x1);
     }
     end_streams();
 }
 
-extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread) = {
-    finish_rows<false, false, false>, finish_rows<false, true, false>, finish_rows<true, false, false>,
-    finish_rows<true, true, false>,   finish_rows<false, true, true>,  finish_rows<true, true, true>};
+extern void (*const FINISH[])(const ClassifierWork&, Rect, int thread) = SS_VARIANTS(finish_rows);
 
 }  // namespace ss::SS_ISA

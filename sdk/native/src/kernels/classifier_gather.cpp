@@ -190,156 +190,230 @@ static void pack_inputs(const ClassifierWork& w, const ClassifierScratch& s, int
     pack_means(*w.network, differences(first), differences(y), p0, p1, y / 2);
 }
 
-// Computes `gathered` and the network inputs of a rectangle, whose first row is even.
-template <bool rectified, bool own_motion, bool guided>
-static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
-    constexpr Variant variant = {rectified, own_motion, guided};
+// A row of the gather: what it reads, and where it writes.
+struct GatherRow {
+    int y;
+    float scale_x, scale_y;               // display size / render size
+    const float *dilated, *nearest;       // surfaces of samples, see `prepare`: dilated, and nearest to the pixels
+    const float *base_color, *normals;    // of the variant `guided`
+    float *luma, *history, *differences;  // differences: luma of the history minus that of the frame
+    uint16_t* rest;
+    uint8_t *samples, *inputs;
+};
+
+template <Variant variant>
+static GatherRow row_of(const ClassifierWork& w, int y, int thread) {
     const Samples& s = w.samples;
-    const Axis &ax = w.tables.x, &ay = w.tables.y;
+    const Gathered& g = w.gathered;
+    const ClassifierScratch& scratch = w.scratch[thread];
     const Size display = {w.target.width, w.target.height};
-    const float scale_x = static_cast<float>(display.width) / static_cast<float>(s.width);
-    const float scale_y = static_cast<float>(display.height) / static_cast<float>(s.height);
-    const int width = w.gathered.pitch, end = min(rect.x1, display.width);
+    GatherRow row = {};
+    row.y = y;
+    row.scale_x = static_cast<float>(display.width) / static_cast<float>(s.width);
+    row.scale_y = static_cast<float>(display.height) / static_cast<float>(s.height);
+    row.dilated = fours_row(s, s.dilated, w.tables.y.clamped(w.tables.y.start[y]));
+    row.nearest = fours_row(s, s.own, w.tables.y.nearest[y]);
+    row.luma = g.luma + g.padded(y), row.history = g.history + 3 * g.place(y);
+    row.rest = g.rest + variant.planes() * g.place(y), row.samples = g.samples + g.place(y);
+    row.inputs = scratch.inputs + y % 2 * INPUT_PLANES * g.pitch;
+    row.differences = scratch.differences + y % 2 * g.pitch;
+    if constexpr (variant.guided) {
+        float* room = w.guide.scratch + thread * w.guide.scratch_pitch;
+        row.base_color = packed_row(w.guide.display_base_color, 3, y, display.width, room);
+        row.normals = packed_row(w.guide.display_normal, 3, y, display.width, room + 3 * display.width);
+    }
+    return row;
+}
+
+// Surfaces at W pixels; motion in render pixels.
+struct Surfaces {
+    F depth, edge;                               // edge: relative range of depth around
+    F dilated_x, dilated_y, motion_x, motion_y;  // motion, dilated and the pixel's own
+    F glare;                                     // 1 where this frame has light over GLARE_EXPOSED nearby
+    Guided guided;                               // of the variant `guided`
+    F3 reflectance;
+};
+
+template <Variant variant>
+SS_INLINE Surfaces surfaces_at(const ClassifierWork& w, const GatherRow& row, int x, WarpScratch& warps) {
+    const Axis& ax = w.tables.x;
+    F dilated[4], own[4];
+    store(warps.offsets[0], clamped(load(ax.start + x), 0, w.samples.width - 1));
+    gather4(row.dilated, warps.offsets[0], 4, dilated);
+    gather4(row.nearest, ax.nearest + x, 4, own);
+    Surfaces s = {dilated[0], own[2], dilated[1], dilated[2], own[0], own[1], own[3], {}, {}};
+    if constexpr (variant.guided) {
+        const Surface surface = surface_at(row.base_color, row.normals, x, w.target.width);
+        s.depth = load(depth_row(w, row.y) + x);
+        s.edge = edge_at(w, row.y, x);
+        s.guided = guide_pixels(w, row.y, x, surface, s.depth);
+        s.motion_x = s.guided.motion_x, s.motion_y = s.guided.motion_y;
+        s.reflectance = reflectance(surface, w.guide.min_reflectance);
+    }
+    return s;
+}
+
+// Positions of W pixels in the previous frame, display pixels, and whether they are on the screen.
+struct Reprojected {
+    F x, y;
+    I on;
+};
+SS_INLINE Reprojected reproject(const ClassifierWork& w, const GatherRow& row, int x, F motion_x, F motion_y) {
+    const Size display = {w.target.width, w.target.height};
+    const F px = previous_position(to_float(ramp() + x), motion_x * row.scale_x, display.width);
+    const F py = previous_position(spread(static_cast<float>(row.y)), motion_y * row.scale_y, display.height);
+    return {px, py, on_screen(px, py, display)};
+}
+
+// The history at W pixels: toned colours by the cubic, linearly, and by the pixels' own motion; samples; range of luma.
+struct WarpedHistory {
+    F3 color, linear, by_own;
+    F count, low, high;
+    F glare;  // consecutive frames with glare nearby
+};
+
+template <Variant variant>
+SS_INLINE WarpedHistory warp_history(const ClassifierWork& w, const GatherRow& row, int x, const Surfaces& here,
+                                     const Reprojected& at, const Reprojected& own, WarpScratch& warps) {
+    const Size display = {w.target.width, w.target.height};
+    prepare_warp(at.x, at.y, display, HISTORY_VALUES, w.config.history_sharpness, warps);
+    const bool same_motion = !variant.own_motion || (!variant.guided && all((own.x == at.x) & (own.y == at.y)));
+    if (!same_motion) {
+        store(warps.weights[10], store_offsets(own.x, 0, 1, display.width, HISTORY_VALUES, warps.offsets + 8));
+        store(warps.weights[11],
+              store_offsets(own.y, 0, 1, display.height, HISTORY_VALUES * display.width, warps.offsets + 10));
+    }
+    warp8<variant.own_motion>(w.history, same_motion, warps);
+    F sharp[4], first[4], second[4], by_own[4];
+    load_four(warps.pixels, 0, first);
+    load_four(warps.pixels, 1, second);
+    load_four(warps.pixels, 2, sharp);
+    if (variant.own_motion) load_four(warps.pixels, 3, by_own);
+    WarpedHistory past;
+    past.color = where(at.on, toned_at(w, sharp[0], sharp[1], sharp[2]));
+    past.linear = where(at.on, toned_at(w, first[0], first[1], first[2]));
+    past.count = select(at.on, first[3], 0.0f);
+    past.low = select(at.on, second[0], 0.0f), past.high = select(at.on, second[1], 0.0f);
+    past.glare = w.glares ? without_glare(past.high) : F{};
+    past.by_own = past.linear;
+    if constexpr (variant.guided) {
+        const F3 before = warp_reflectance(w.guide.before, warps);
+        const ptrdiff_t pixel = static_cast<ptrdiff_t>(row.y) * display.width + x;
+        const F3 kept = keep_reflectance(here.reflectance, w.guide.next + 4 * pixel, display.width - x);
+        const F3 light = relit(F3{by_own[0], by_own[1], by_own[2]}, before, kept, w.guide.min_reflectance);
+        past.by_own = where(own.on, toned_at(w, light.r, light.g, light.b));
+    } else if (!same_motion) past.by_own = toned_at(w, by_own[0], by_own[1], by_own[2]);
+    return past;
+}
+
+// Writes the guided colour of W pixels.
+static void keep_guided(const ClassifierWork& w, int y, int x, F3 frame) {
+    uint16_t* image = guided_row(w, y) + x;
+    const int pitch = w.gathered.pitch + 2 * PAD;
+    store_as(image, to_half(near_one(frame.r)));
+    store_as(image + pitch, to_half(near_one(frame.g)));
+    store_as(image + 2 * pitch, to_half(near_one(frame.b)));
+}
+
+// Writes what the compositor reads of W pixels. high: of the luma range, with the count of glaring frames.
+template <Variant variant>
+SS_INLINE void stream_gathered(const GatherRow& row, int x, const Surfaces& here, const WarpedHistory& past, F surface,
+                               F high, const CurrentFrame& now) {
+    float* history = row.history + 3 * x;
+    stream(history, past.color.r);
+    stream(history + W, past.color.g);
+    stream(history + 2 * W, past.color.b);
+    uint16_t* planes = row.rest + variant.planes() * x;
+    stream_toned3(planes + W * FRAME, now.frame);
+    stream_toned3(planes + W * SAMPLE, now.sample);
+    stream_half(planes + W * CONFIDENCE, now.confidence);
+    stream_half3(planes + W * DETAIL, past.color - past.linear);
+    stream_half(planes + W * SURFACE, surface);
+    stream_half(planes + W * COUNT, past.count);
+    stream_half(planes + W * MIN_LUMA, past.low);
+    stream_half(planes + W * MAX_LUMA, high);
+    if (variant.rectified) {
+        stream_half3(planes + W * variant.mean(), {near_one(now.mean.r), now.mean.g, now.mean.b});
+        stream_half3(planes + W * (variant.mean() + 3), now.extents);
+    }
+    if (variant.own_motion) stream_toned3(planes + W * variant.own(), past.by_own);
+    if (variant.guided) stream_half(planes + W * variant.sampled(), here.guided.sampled);
+}
+
+// Writes the network's inputs of W pixels, but for those that need neighbours. difference: of depth, see `gather_surface`.
+template <Variant variant>
+SS_INLINE void store_inputs(const GatherRow& row, int width, int x, const Surfaces& here, const WarpedHistory& past,
+                            F surface, F difference, const CurrentFrame& now) {
+    const F3 color = roots(past.color), frame = roots(now.frame), sample = roots(now.sample);
+    const F luma = luminance(color), frame_luma = luminance(frame);
+    store(row.luma + x, luma);
+    store(row.differences + x, luma - frame_luma);
+    auto input = [&](InputWord word, F value) __attribute__((always_inline)) {
+        store_input(row.inputs + word * width + x, value);
+    };
+    input(IN_FRAME, frame_luma);
+    input(IN_SAMPLE, luminance(sample));
+    store(row.samples + x, load(row.inputs + IN_SAMPLE * width + x));
+    input(IN_HISTORY, luma);
+    input(IN_HISTORY_TO_SAMPLE, max_difference(color, sample));
+    input(IN_HISTORY_TO_FRAME, max_difference(color, frame));
+    input(IN_CONTRAST, root(root(now.variance)));
+    input(IN_MIN_LUMA, variant.guided ? max_difference(roots(past.by_own), frame) : root(past.low));
+    input(IN_MAX_LUMA, variant.guided ? here.guided.agreement : root(past.high));
+    input(IN_DETAIL, root(max_difference(past.color, past.linear)));
+    input(IN_CONFIDENCE, now.confidence);
+    input(IN_COUNT, past.count / (past.count + HALF_COUNT));
+    input(IN_DEPTH_DIFFERENCE, difference * 0.5f + 0.5f);
+    input(IN_SURFACE, surface);
+    input(IN_EDGE, here.edge);
+}
+
+// Gathers W pixels; returns 1 where light rises at one that counts towards FLASH_FRACTION.
+template <Variant variant>
+SS_INLINE F gather_pixels(const ClassifierWork& w, const GatherRow& row, int x, const ClassifierScratch& scratch,
+                          WarpScratch& warps) {
+    const Surfaces here = surfaces_at<variant>(w, row, x, warps);
+    const Reprojected at = reproject(w, row, x, here.dilated_x, here.dilated_y);
+    const Reprojected own = reproject(w, row, x, here.motion_x, here.motion_y);
+    store(scratch.places + x, at.x);
+    store(scratch.places + w.gathered.pitch + x, at.y);
+    const WarpedHistory past = warp_history<variant>(w, row, x, here, at, own, warps);
+    const Reprojected& shown = variant.guided ? own : at;
+    F difference, surface = gather_surface(w, here.depth, shown.x, shown.y, shown.on, difference);
+    CurrentFrame now = current_frame<variant.guided>(w, scratch.lines, x);
+    if constexpr (variant.guided) {
+        now.frame = lit(here.guided.light, here.reflectance);
+        keep_guided(w, row.y, x, now.frame);
+    } else now.frame = or_fill(now.found, now.frame, w.samples, w.tables, row.y, x);
+    const F luma = luminance(now.sample);
+    F high = past.high;
+    if (w.glares) high += confirmed_glare(here.glare, past.glare, past.count, luma) * GLARE;
+    stream_gathered<variant>(row, x, here, past, surface, high, now);
+    store_inputs<variant>(row, w.gathered.pitch, x, here, past, surface, difference, now);
+    const I sparse = (luma > now.mean.r + CONTRAST) & (ramp() + x < w.target.width);
+    return select(sparse & light_rises(luma, past.high, past.count, surface), 1.0f, F{});
+}
+
+// Computes `gathered` and the network inputs of a rectangle, whose first row is even.
+template <Variant variant>
+static void gather_rows(const ClassifierWork& w, Rect rect, int thread) {
     const ClassifierScratch& scratch = w.scratch[thread];
     WarpScratch& warps = w.warps[thread];
-    const Span span(ax, rect.x0, end);
+    const int width = w.gathered.pitch, end = min(rect.x1, w.target.width);
+    const Span span(w.tables.x, rect.x0, end);
     for (int y = rect.y0; y < rect.y1; y++) {
-        float *lumas = w.gathered.luma + w.gathered.padded(y), *history = w.gathered.history + 3 * w.gathered.place(y);
-        uint16_t* rest = w.gathered.rest + variant.planes() * w.gathered.place(y);
-        uint8_t *samples = w.gathered.samples + w.gathered.place(y),
-                *inputs = scratch.inputs + y % 2 * INPUT_PLANES * width;
-        filter_all_down(w, y, span, scratch.lines, !guided);
-        const float *dilated = fours_row(s, s.dilated, ay.clamped(ay.start[y])),
-                    *nearest = fours_row(s, s.own, ay.nearest[y]);
-        const float *base_color = nullptr, *normals = nullptr;
-        if (guided) {
-            float* room = w.guide.scratch + thread * w.guide.scratch_pitch;
-            base_color = packed_row(w.guide.display_base_color, 3, y, display.width, room);
-            normals = packed_row(w.guide.display_normal, 3, y, display.width, room + 3 * display.width);
-        }
+        const GatherRow row = row_of<variant>(w, y, thread);
+        filter_all_down(w, y, span, scratch.lines, !variant.guided);
         F rising = F{};
-        for (int x = rect.x0; x < rect.x1; x += W) {
-            F lane = to_float(ramp() + x), v[4], own[4];
-            store(warps.offsets[0], clamped(load(ax.start + x), 0, s.width - 1));
-            gather4(dilated, warps.offsets[0], 4, v);
-            F depth = v[0], px = previous_position(lane, v[1] * scale_x, display.width);
-            F py = previous_position(spread(static_cast<float>(y)), v[2] * scale_y, display.height);
-            I on = on_screen(px, py, display);
-            gather4(nearest, ax.nearest + x, 4, own);
-            F edge = own[2];
-            Surface surface_here = {};
-            Guided guided_here = {};
-            if (guided) {
-                surface_here = surface_at(base_color, normals, x, display.width);
-                depth = load(depth_row(w, y) + x);
-                guided_here = guide_pixels(w, y, x, surface_here, depth);
-                own[0] = guided_here.motion_x, own[1] = guided_here.motion_y;
-                edge = edge_at(w, y, x);
-            }
-            F surface_x = px, surface_y = py;
-            I surface_on = on;
-            store(scratch.places + x, px);
-            store(scratch.places + width + x, py);
-            prepare_warp(px, py, display, HISTORY_VALUES, w.config.history_sharpness, warps);
-            bool same_motion = true;
-            if (own_motion) {
-                F ox = previous_position(lane, own[0] * scale_x, display.width);
-                F oy = previous_position(spread(static_cast<float>(y)), own[1] * scale_y, display.height);
-                same_motion = !guided && all((ox == px) & (oy == py));
-                if (guided) surface_x = ox, surface_y = oy, surface_on = on_screen(ox, oy, display);
-                if (!same_motion) {
-                    store(warps.weights[10], store_offsets(ox, 0, 1, display.width, HISTORY_VALUES, warps.offsets + 8));
-                    store(warps.weights[11],
-                          store_offsets(oy, 0, 1, display.height, HISTORY_VALUES * display.width, warps.offsets + 10));
-                }
-            }
-            warp8<own_motion>(w.history, same_motion, warps);
-            F sharp[4];
-            load_four(warps.pixels, 2, sharp);
-            F3 color = where(on, toned_at(w, sharp[0], sharp[1], sharp[2])), color_roots = roots(color);
-            F luma = luminance(color_roots);
-            store(lumas + x, luma);
-            F first[4], second[4], third[4];
-            load_four(warps.pixels, 0, first);
-            load_four(warps.pixels, 1, second);
-            if (own_motion) load_four(warps.pixels, 3, third);
-            F3 linear = where(on, toned_at(w, first[0], first[1], first[2])), detail = color - linear;
-            F count = select(on, first[3], 0.0f), low = select(on, second[0], 0.0f), high = select(on, second[1], 0.0f);
-            stream(history + 3 * x, color.r);
-            stream(history + 3 * x + W, color.g);
-            stream(history + 3 * x + 2 * W, color.b);
-            F3 by_own = own_motion && !guided && !same_motion ? toned_at(w, third[0], third[1], third[2]) : linear;
-            F3 reflected = {};
-            if (guided) {
-                reflected = reflectance(surface_here, w.guide.min_reflectance);
-                F3 before = warp_reflectance(w.guide.before, warps);
-                F3 kept = keep_reflectance(
-                    reflected, w.guide.next + 4 * (static_cast<ptrdiff_t>(y) * display.width + x), display.width - x);
-                F3 light = relit(F3{third[0], third[1], third[2]}, before, kept, w.guide.min_reflectance);
-                by_own = where(surface_on, toned_at(w, light.r, light.g, light.b));
-            }
-            F difference, surface = gather_surface(w, depth, surface_x, surface_y, surface_on, difference);
-            CurrentFrame now = current_frame<guided>(w, scratch.lines, x);
-            now.frame = or_fill(now.found, now.frame, s, w.tables, y, x);
-            if (guided) {
-                now.frame = lit(guided_here.light, reflected);
-                uint16_t* image = guided_row(w, y) + x;
-                store_as(image, to_half(near_one(now.frame.r)));
-                store_as(image + width + 2 * PAD, to_half(near_one(now.frame.g)));
-                store_as(image + 2 * (width + 2 * PAD), to_half(near_one(now.frame.b)));
-            }
-            F sample_luma = luminance(now.sample), glares = F{};
-            if (w.glares) {
-                F warped_glare = without_glare(high);
-                glares = confirmed_glare(own[3], warped_glare, count, sample_luma) * GLARE;
-            }
-            I sparse = (sample_luma > now.mean.r + CONTRAST) & (lane < static_cast<float>(display.width));
-            rising += select(sparse & light_rises(sample_luma, high, count, surface), 1.0f, F{});
-            uint16_t* planes = rest + variant.planes() * x;
-            stream_toned3(planes + W * FRAME, now.frame);
-            stream_toned3(planes + W * SAMPLE, now.sample);
-            stream_half(planes + W * CONFIDENCE, now.confidence);
-            stream_half3(planes + W * DETAIL, detail);
-            stream_half(planes + W * SURFACE, surface);
-            stream_half(planes + W * COUNT, count);
-            stream_half(planes + W * MIN_LUMA, low);
-            stream_half(planes + W * MAX_LUMA, high + glares);
-            if (rectified) {
-                stream_half3(planes + W * variant.mean(), {near_one(now.mean.r), now.mean.g, now.mean.b});
-                stream_half3(planes + W * (variant.mean() + 3), now.extents);
-            }
-            if (own_motion) stream_toned3(planes + W * variant.own(), by_own);
-            if (guided) stream_half(planes + W * variant.sampled(), guided_here.sampled);
-
-            F3 frame_roots = roots(now.frame), sample_roots = roots(now.sample);
-            F frame_luma = luminance(frame_roots);
-            store(scratch.differences + y % 2 * width + x, luma - frame_luma);
-            auto input = [&](InputWord word, F value)
-                             __attribute__((always_inline)) { store_input(inputs + word * width + x, value); };
-            input(IN_FRAME, frame_luma);
-            input(IN_SAMPLE, luminance(sample_roots));
-            store(samples + x, load(inputs + IN_SAMPLE * width + x));
-            input(IN_HISTORY, luma);
-            input(IN_HISTORY_TO_SAMPLE, max_difference(color_roots, sample_roots));
-            input(IN_HISTORY_TO_FRAME, max_difference(color_roots, frame_roots));
-            input(IN_CONTRAST, root(root(now.variance)));
-            input(IN_MIN_LUMA, guided ? max_difference(roots(by_own), frame_roots) : root(low));
-            input(IN_MAX_LUMA, guided ? guided_here.agreement : root(high));
-            input(IN_DETAIL, root(max_difference(color, linear)));
-            input(IN_CONFIDENCE, now.confidence);
-            input(IN_COUNT, count / (count + HALF_COUNT));
-            input(IN_DEPTH_DIFFERENCE, difference * 0.5f + 0.5f);
-            input(IN_SURFACE, surface);
-            input(IN_EDGE, edge);
-        }
-        for (int c = 0; guided && c < 3; c++) {  // the pixels beside the image
-            uint16_t* row = guided_row(w, y) + c * (width + 2 * PAD);
-            if (rect.x0 == 0) row[-1] = row[0];
-            if (end == display.width) row[end] = row[end - 1];
-        }
+        for (int x = rect.x0; x < rect.x1; x += W) rising += gather_pixels<variant>(w, row, x, scratch, warps);
         w.gathered.rising[(static_cast<ptrdiff_t>(y) * width + rect.x0) / LANES] = sum_of_lanes(rising);
+        for (int c = 0; variant.guided && c < 3; c++) {  // the pixels beside the image
+            uint16_t* image = guided_row(w, y) + c * (width + 2 * PAD);
+            if (rect.x0 == 0) image[-1] = image[0];
+            if (end == w.target.width) image[end] = image[end - 1];
+        }
         if (y % 2 == 0) warp_classes(w, scratch.places, rect.x0 / 2, (end + 1) / 2, y / 2, warps);
-        repeat_ends(lumas + rect.x0, end - rect.x0);
+        repeat_ends(row.luma + rect.x0, end - rect.x0);
         if (y % 2 || y + 1 == rect.y1) pack_inputs(w, scratch, y, rect.x0, rect.x1);
     }
     end_streams();
@@ -363,8 +437,6 @@ void keep_depth(const ClassifierWork& w, int y0, int y1) {
     }
 }
 
-extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread) = {
-    gather_rows<false, false, false>, gather_rows<false, true, false>, gather_rows<true, false, false>,
-    gather_rows<true, true, false>,   gather_rows<false, true, true>,  gather_rows<true, true, true>};
+extern void (*const GATHER[])(const ClassifierWork&, Rect, int thread) = SS_VARIANTS(gather_rows);
 
 }  // namespace ss::SS_ISA
