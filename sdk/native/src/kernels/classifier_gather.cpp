@@ -12,9 +12,9 @@ static F3 roots(F3 c) { return {root(c.r), root(c.g), root(c.b)}; }
 static F max_difference(F3 a, F3 b) { return largest(absolute(a.r - b.r), absolute(a.g - b.g), absolute(a.b - b.b)); }
 
 // The surface's previous visibility, [0, 1], and the depth difference, [-1, 1] (equation 10).
-static F gather_surface(const ClassifierWork& w, F depth, F px, F py, I on, F& difference) {
+static F gather_surface(const ClassifierWork& w, F depth, const Reprojected& shown, F& difference) {
     const PreviousFrame& p = w.previous;
-    const Previous at = previous_of(p, px, py, {w.target.width, w.target.height});
+    const Previous at = previous_of(p, shown.x, shown.y, {w.target.width, w.target.height});
     LinearTaps taps(at.x, at.y, p.width, p.height, p.pitch);
     F upper[4], lower[4];  // depth and occluding depth of the left sample, then of the right one
     gather4(p.plane, taps.upper, 2, upper);
@@ -23,10 +23,10 @@ static F gather_surface(const ClassifierWork& w, F depth, F px, F py, I on, F& d
     F occluded = occlusion(depth, occluding, taps.weight, w.config.depth_margin, w.config.depth_ramp);
     I right = at.x - floor(at.x) >= 0.5f, low = at.y - floor(at.y) >= 0.5f;
     F before = select(low, select(right, lower[2], lower[0]), select(right, upper[2], upper[0]));
-    before = select(on, before, 0.0f);
+    before = select(shown.on, before, 0.0f);
     difference = (before - depth) / maximum(maximum(before, depth), 1e-12f);
     difference = select(depth >= 0.0f, clamped(difference, -1.0f, 1.0f), 0.0f);
-    return select(on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
+    return select(shown.on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
 }
 
 // Same as `CurrentFrame` of the torch module; extents: half sides of the variance box, YCoCg.
@@ -225,7 +225,7 @@ static GatherRow row_of(const ClassifierWork& w, int y, int thread) {
     return row;
 }
 
-// Surfaces at W pixels; motion in render pixels.
+// Surfaces at W pixels; motion in display pixels.
 struct Surfaces {
     F depth, edge;                               // edge: relative range of depth around
     F dilated_x, dilated_y, motion_x, motion_y;  // motion, dilated and the pixel's own
@@ -241,28 +241,20 @@ SS_INLINE Surfaces surfaces_at(const ClassifierWork& w, const GatherRow& row, in
     store(warps.offsets[0], clamped(load(ax.start + x), 0, w.samples.width - 1));
     gather4(row.dilated, warps.offsets[0], 4, dilated);
     gather4(row.nearest, ax.nearest + x, 4, own);
-    Surfaces s = {dilated[0], own[2], dilated[1], dilated[2], own[0], own[1], own[3], {}, {}};
+    Surfaces s = {};
+    s.depth = dilated[0], s.edge = own[2], s.glare = own[3];
+    F motion_x = own[0], motion_y = own[1];
     if constexpr (variant.guided) {
         const Surface surface = surface_at(row.base_color, row.normals, x, w.target.width);
         s.depth = load(depth_row(w, row.y) + x);
         s.edge = edge_at(w, row.y, x);
         s.guided = guide_pixels(w, row.y, x, surface, s.depth);
-        s.motion_x = s.guided.motion_x, s.motion_y = s.guided.motion_y;
+        motion_x = s.guided.motion_x, motion_y = s.guided.motion_y;
         s.reflectance = reflectance(surface, w.guide.min_reflectance);
     }
+    s.dilated_x = dilated[1] * row.scale_x, s.dilated_y = dilated[2] * row.scale_y;
+    s.motion_x = motion_x * row.scale_x, s.motion_y = motion_y * row.scale_y;
     return s;
-}
-
-// Positions of W pixels in the previous frame, display pixels, and whether they are on the screen.
-struct Reprojected {
-    F x, y;
-    I on;
-};
-SS_INLINE Reprojected reproject(const ClassifierWork& w, const GatherRow& row, int x, F motion_x, F motion_y) {
-    const Size display = {w.target.width, w.target.height};
-    const F px = previous_position(to_float(ramp() + x), motion_x * row.scale_x, display.width);
-    const F py = previous_position(spread(static_cast<float>(row.y)), motion_y * row.scale_y, display.height);
-    return {px, py, on_screen(px, py, display)};
 }
 
 // The history at W pixels: toned colours by the cubic, linearly, and by the pixels' own motion; samples; range of luma.
@@ -373,13 +365,13 @@ template <Variant variant>
 SS_INLINE F gather_pixels(const ClassifierWork& w, const GatherRow& row, int x, const ClassifierScratch& scratch,
                           WarpScratch& warps) {
     const Surfaces here = surfaces_at<variant>(w, row, x, warps);
-    const Reprojected at = reproject(w, row, x, here.dilated_x, here.dilated_y);
-    const Reprojected own = reproject(w, row, x, here.motion_x, here.motion_y);
+    const Size display = {w.target.width, w.target.height};
+    const Reprojected at = reproject(x, row.y, here.dilated_x, here.dilated_y, display);
+    const Reprojected own = reproject(x, row.y, here.motion_x, here.motion_y, display);
     store(scratch.places + x, at.x);
     store(scratch.places + w.gathered.pitch + x, at.y);
     const WarpedHistory past = warp_history<variant>(w, row, x, here, at, own, warps);
-    const Reprojected& shown = variant.guided ? own : at;
-    F difference, surface = gather_surface(w, here.depth, shown.x, shown.y, shown.on, difference);
+    F difference, surface = gather_surface(w, here.depth, variant.guided ? own : at, difference);
     CurrentFrame now = current_frame<variant.guided>(w, scratch.lines, x);
     if constexpr (variant.guided) {
         now.frame = lit(here.guided.light, here.reflectance);

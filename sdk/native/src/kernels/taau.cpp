@@ -117,12 +117,19 @@ static F change_of_light(const Config& n, F mean, F deviation, F mean_before, F 
     return clamped((absolute(mean - mean_before) / noise - 1.0f) / n.change_ramp, 0.0f, 1.0f);
 }
 
+// The surface at W pixels; motion in display pixels. mean, deviation, fit: of luma in 3x3 samples, see `taau_shade`;
+// glare: 1 where this frame has light over GLARE_EXPOSED nearby.
+struct Surface {
+    F depth, motion_x, motion_y, mean, deviation, fit, glare;
+};
+
 // The history at W pixels.
 struct PixelHistory {
     F3 color, light;   // toned YCoCg; the same, linear RGB
     F samples, power;  // number of samples; mean square of sample - history, toned luma, which also holds the glare
     F surface;         // 0 where the surface was occluded in the previous frame, 1 where it was visible
     F unchanged;       // 1 - `change_of_light`
+    F flash;           // 1 where the light of this frame is unconfirmed
 };
 
 struct Blended {
@@ -130,14 +137,15 @@ struct Blended {
     F next_samples, next_power, weight;
 };
 
-// `Taau.network` and `Taau.finish`. around: mean toned luma of 3x3 samples; glare: 1 where this frame has light over
-// GLARE_EXPOSED nearby; flash: 1 where the light of this frame is unconfirmed; speed: display pixels; blur: of the
-// resampling, 0 on a pixel's centre, 1 on a corner of four; reactive: fraction of the image that is this frame alone.
-// upsampled(): YCoCg of this frame alone, for where that is shown.
+// `Taau.network` and `Taau.finish`. at: where the history was read; reactive: fraction of the image that is this frame
+// alone. upsampled(): YCoCg of this frame alone, for where that is shown.
 template <class Upsampled>
-SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const PixelHistory& past, F around, F fit, F glare,
-                        F flash, F speed, F blur, F reactive, const Upsampled& upsampled) {
+SS_INLINE Blended blend(const TaauWork& w, const Surface& here, const Reprojected& at, const CurrentFrame& now,
+                        const PixelHistory& past, F reactive, const Upsampled& upsampled) {
     const Config& n = w.config;
+    const F speed = square_root(here.motion_x * here.motion_x + here.motion_y * here.motion_y);
+    // of the resampling: 0 on a pixel's centre, 1 on a corner of four
+    const F tx = at.x - floor(at.x), ty = at.y - floor(at.y), blur = (tx * (1.0f - tx) + ty * (1.0f - ty)) * 2.0f;
     F gamma = minimum(speed * (1.0f / n.gamma_speed), 1.0f) * (n.gamma_moving - n.gamma_still) + n.gamma_still;
     F power = past.power, warped_glare = F{}, unchanged = past.unchanged;
     if (w.glares) {
@@ -172,8 +180,8 @@ SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const PixelH
     }
     b.color = linear_of(maximum3(from_ycocg(shown), 0.0f), w.samples.exposure);
 
-    F contrast = absolute(now.sample.r - around);
-    contrast += fit * (minimum(absolute(now.sample.r - now.center.r), contrast) - contrast);
+    F contrast = absolute(now.sample.r - here.mean);
+    contrast += here.fit * (minimum(absolute(now.sample.r - now.center.r), contrast) - contrast);
     F error = minimum(absolute(now.sample.r - past.color.r), contrast);
     error = minimum(error, spread_over_time + n.spread_step);
     F rate = now.confidence / maximum(minimum(samples, n.spread_samples) + now.confidence, 1e-6f);
@@ -182,13 +190,13 @@ SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const PixelH
     b.next_color = b.color;
     b.next_samples = samples + now.confidence;
     if (w.glares) {
-        F glares = select(warped_glare < CONFIRMED - 1.0f, glare, 0.0f);
+        F glares = select(warped_glare < CONFIRMED - 1.0f, here.glare, 0.0f);
         F trusted = select(glares > 0.0f, past.surface, holds);
         F kept = minimum(past.samples * trusted, limit);
-        I adds_sample = select(maximum(glares, flash) > 0.0f, kept, 0.0f) <= MIN_SAMPLES;
+        I adds_sample = select(maximum(glares, past.flash) > 0.0f, kept, 0.0f) <= MIN_SAMPLES;
         b.next_color = select(adds_sample, b.color, past.light);
-        b.next_power = select(adds_sample, b.next_power + glare * (GLARE * CONFIRMED),
-                              trusted * power + minimum(warped_glare + glare, CONFIRMED) * GLARE);
+        b.next_power = select(adds_sample, b.next_power + here.glare * (GLARE * CONFIRMED),
+                              trusted * power + minimum(warped_glare + here.glare, CONFIRMED) * GLARE);
         b.next_samples = select(adds_sample, b.next_samples, kept);
     }
     return b;
@@ -217,85 +225,110 @@ static void write_history(float* pixels, int width, int y, int x, int end, const
     }
 }
 
+// A row of the image: what it reads.
+struct TaauRow {
+    int y;
+    float scale_x, scale_y;           // display size / render size
+    const float *dilated, *surfaces;  // of samples: dilated motion, and what `taau_shade` wrote
+    const float* lines;               // filtered down
+};
+
+static TaauRow row_of(const TaauWork& w, Span span, int y, int thread) {
+    const Samples& s = w.samples;
+    const Axis& ay = w.tables.y;
+    float* lines = w.lines + static_cast<ptrdiff_t>(thread) * w.line_pitch;
+    auto down = [&](int filter, int plane, int count, int line) __attribute__((always_inline)) {
+        filter_down(Rows(ay, filter, y, sample_rows(s)), span, plane, count, s.pitch, lines + line * s.pitch);
+    };
+    down(BY_MEAN, LUMA, 6, OF_MEAN);
+    down(BY_MEAN, USABLE, 1, OF_MEAN_USABLE);
+    down(BY_SLOPE, LUMA, 1, OF_SLOPE);
+    down(BY_SAMPLE, TONED, 4, OF_SAMPLE);
+    return {y,
+            static_cast<float>(w.target.width) / static_cast<float>(s.width),
+            static_cast<float>(w.target.height) / static_cast<float>(s.height),
+            fours_row(s, s.dilated, ay.clamped(ay.start[y])),
+            w.surface + 4 * (static_cast<ptrdiff_t>(ay.nearest[y]) * s.pitch + PAD),
+            lines};
+}
+
+SS_INLINE Surface surface_at(const TaauWork& w, const TaauRow& row, int x, WarpScratch& scratch) {
+    const Axis& ax = w.tables.x;
+    F dilated[4], around[4];
+    store(scratch.offsets[0], clamped(load(ax.start + x), 0, w.samples.width - 1));
+    gather4(row.dilated, scratch.offsets[0], 4, dilated);
+    gather4(row.surfaces, ax.nearest + x, 4, around);
+    const F glare = select(around[3] > 1.5f, 1.0f, F{});
+    return {
+        dilated[0], dilated[1] * row.scale_x, dilated[2] * row.scale_y, around[1], around[2], around[3] - 2.0f * glare,
+        glare};
+}
+
+// Reads visibility and light of the surface in the previous frame.
+SS_INLINE void compare_surface(const TaauWork& w, const Surface& here, const Reprojected& at, PixelHistory& past) {
+    const PreviousFrame& p = w.previous;
+    const Previous previous = previous_of(p, at.x, at.y, {w.target.width, w.target.height});
+    LinearTaps taps(previous.x, previous.y, p.width, p.height, p.pitch);
+    F a[4][4];
+    gather4(p.plane, taps.upper, 4, a[0]);
+    gather4(p.plane + 4, taps.upper, 4, a[1]);
+    gather4(p.plane, taps.lower, 4, a[2]);
+    gather4(p.plane + 4, taps.lower, 4, a[3]);
+    const F depths[4] = {a[0][0], a[1][0], a[2][0], a[3][0]}, means[4] = {a[0][1], a[1][1], a[2][1], a[3][1]};
+    const F deviations[4] = {a[0][2], a[1][2], a[2][2], a[3][2]};
+    const F occluded = occlusion(here.depth, depths, taps.weight, w.config.depth_margin, w.config.depth_ramp);
+    past.surface = select(at.on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
+    F mean = mean_of(means, taps.weight), deviation = mean_of(deviations, taps.weight);
+    const F dim = 1.0f / (mean * (w.change - 1.0f) + 1.0f);
+    mean = mean * w.change * dim;
+    deviation = deviation * w.change * dim * dim;
+    past.unchanged = 1.0f - change_of_light(w.config, here.mean, here.deviation, mean, deviation);
+    past.flash = spread(w.unconfirmed);
+    if (w.unconfirmed == 1.0f)
+        past.flash = select(here.deviation * here.deviation > deviation * deviation * FLASH + LEAST_FLASH, 1.0f, F{});
+}
+
+SS_INLINE PixelHistory history_at(const TaauWork& w, const Surface& here, const Reprojected& at, int y, int x,
+                                  WarpScratch& scratch) {
+    prepare_warp(at.x, at.y, {w.target.width, w.target.height}, 5, w.config.history_sharpness, scratch);
+    warp5(w.history, scratch);
+    F sharp[4], linear[4];
+    load_four(scratch.pixels, 0, sharp);
+    load_four(scratch.pixels, 1, linear);
+    PixelHistory past;
+    past.light = sanitize(F3{sharp[0], sharp[1], sharp[2]});
+    past.color = ycocg(tone(past.light * w.samples.exposure));
+    past.samples = linear[2];
+    past.power = linear[3];
+    if (w.kept)
+        past.samples = minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
+    compare_surface(w, here, at, past);
+    return past;
+}
+
 void taau_rows(const TaauWork& w, Rect rect, int thread) {
     const Samples& s = w.samples;
-    const Config& n = w.config;
-    const Axis &ax = w.tables.x, &ay = w.tables.y;
     const Size display = {w.target.width, w.target.height};
-    const float scale_x = static_cast<float>(display.width) / static_cast<float>(s.width);
-    const float scale_y = static_cast<float>(display.height) / static_cast<float>(s.height);
-    const float exposure = s.exposure, change = w.change;
     WarpScratch& scratch = w.scratch[thread];
-    float* lines = w.lines + static_cast<ptrdiff_t>(thread) * w.line_pitch;
-    const Span span(ax, rect.x0, rect.x1);
+    const Span span(w.tables.x, rect.x0, rect.x1);
     for (int y = rect.y0; y < rect.y1; y++) {
-        auto down = [&](int filter, int plane, int count, int line) __attribute__((always_inline)) {
-            filter_down(Rows(ay, filter, y, sample_rows(s)), span, plane, count, s.pitch, lines + line * s.pitch);
-        };
-        down(BY_MEAN, LUMA, 6, OF_MEAN);
-        down(BY_MEAN, USABLE, 1, OF_MEAN_USABLE);
-        down(BY_SLOPE, LUMA, 1, OF_SLOPE);
-        down(BY_SAMPLE, TONED, 4, OF_SAMPLE);
-        const float* dilated = fours_row(s, s.dilated, ay.clamped(ay.start[y]));
-        const float* surface = w.surface + 4 * (static_cast<ptrdiff_t>(ay.nearest[y]) * s.pitch + PAD);
+        const TaauRow row = row_of(w, span, y, thread);
         for (int x = rect.x0; x < rect.x1; x += W) {
-            const Places places(ax.start, x);
-            store(scratch.offsets[0], clamped(load(ax.start + x), 0, s.width - 1));
-            F v[4];
-            gather4(dilated, scratch.offsets[0], 4, v);
-            F depth = v[0], mx = v[1] * scale_x, my = v[2] * scale_y;
-            F px = previous_position(to_float(ramp() + x), mx, display.width);
-            F py = previous_position(spread(static_cast<float>(y)), my, display.height);
-            I on = on_screen(px, py, display);
-            prepare_warp(px, py, display, 5, n.history_sharpness, scratch);
-            warp5(w.history, scratch);
-            F sharp[4], linear[4];
-            load_four(scratch.pixels, 0, sharp);
-            load_four(scratch.pixels, 1, linear);
-            PixelHistory past;
-            past.light = sanitize(F3{sharp[0], sharp[1], sharp[2]});
-            past.color = ycocg(tone(past.light * exposure));
-            past.samples = linear[2];
-            past.power = linear[3];
-            // visibility and light of the surface in the previous frame
-            const Previous previous = previous_of(w.previous, px, py, display);
-            LinearTaps taps(previous.x, previous.y, w.previous.width, w.previous.height, w.previous.pitch);
-            F a[4][4];
-            gather4(w.previous.plane, taps.upper, 4, a[0]);
-            gather4(w.previous.plane + 4, taps.upper, 4, a[1]);
-            gather4(w.previous.plane, taps.lower, 4, a[2]);
-            gather4(w.previous.plane + 4, taps.lower, 4, a[3]);
-            const F depths[4] = {a[0][0], a[1][0], a[2][0], a[3][0]}, means[4] = {a[0][1], a[1][1], a[2][1], a[3][1]};
-            const F deviations[4] = {a[0][2], a[1][2], a[2][2], a[3][2]};
-            F occluded = occlusion(depth, depths, taps.weight, n.depth_margin, n.depth_ramp);
-            past.surface = select(on, maximum(1.0f - occluded * 2.0f, 0.0f), 0.0f);
-            F mean_before = mean_of(means, taps.weight), deviation_before = mean_of(deviations, taps.weight);
-            F dim = 1.0f / (mean_before * (change - 1.0f) + 1.0f);
-            mean_before = mean_before * change * dim;
-            deviation_before = deviation_before * change * dim * dim;
-            gather4(surface, ax.nearest + x, 4, v);
-            F mean = v[1], deviation = v[2], fit = v[3], glare = select(fit > 1.5f, 1.0f, F{});
-            fit -= 2.0f * glare;
-            past.unchanged = 1.0f - change_of_light(n, mean, deviation, mean_before, deviation_before);
-            F flash = spread(w.unconfirmed);
-            if (w.unconfirmed == 1.0f)
-                flash = select(deviation * deviation > deviation_before * deviation_before * FLASH + LEAST_FLASH, 1.0f,
-                               F{});
-            CurrentFrame now = current_frame(w, lines, places, y, x, fit);
+            const Places places(w.tables.x.start, x);
+            const Surface here = surface_at(w, row, x, scratch);
+            const Reprojected at = reproject(x, y, here.motion_x, here.motion_y, display);
+            const PixelHistory past = history_at(w, here, at, y, x, scratch);
+            const CurrentFrame now = current_frame(w, row.lines, places, y, x, here.fit);
             auto upsampled = [&] {
                 F3 frame = now.center;
                 if (s.fill_across)
-                    frame = select(now.found, frame, ycocg(fill_at(s, ay.nearest[y], load(ax.nearest + x), true)));
+                    frame = select(now.found, frame,
+                                   ycocg(fill_at(s, w.tables.y.nearest[y], load(w.tables.x.nearest + x), true)));
                 frame.r = upsample_along_edges(s, w.tables, BY_DISTANCE, places, y, x);
                 return frame * dimming_to_samples(s, w.tables, y, x, from_ycocg(frame));
             };
-            F reactive = s.has_reactive ? reactive_at(s, w.tables, y, x) : F{};
-            if (w.kept)
-                past.samples =
-                    minimum(past.samples, load(w.kept + w.kept_rows[y] * static_cast<ptrdiff_t>(w.kept_pitch) + x));
-            F tx = px - floor(px), ty = py - floor(py);
-            Blended b = blend(w, now, past, mean, fit, glare, flash, square_root(mx * mx + my * my),
-                              (tx * (1.0f - tx) + ty * (1.0f - ty)) * 2.0f, reactive, upsampled);
+            const F reactive = s.has_reactive ? reactive_at(s, w.tables, y, x) : F{};
+            const Blended b = blend(w, here, at, now, past, reactive, upsampled);
             if (w.target.weight) write_plane(w.target.weight, y, x, rect.x1, b.weight);
             write_image(w.target, y, x, rect.x1, b.color);
             write_history(w.next_history, display.width, y, x, rect.x1, b, scratch);

@@ -43,8 +43,9 @@ SS_INLINE void prepare_warp(F px, F py, Size display, int pitch, float sharpness
 
 // Resamples four values of pixel `i` with the cubic.
 SS_INLINE F4 cubic4(const float* h, const WarpScratch& s, int i) {
-    auto at = [&](int row, int column)
-                  __attribute__((always_inline)) { return load4(h + s.offsets[4 + row][i] + s.offsets[column][i]); };
+    auto at = [&](int row, int column) __attribute__((always_inline)) {
+        return load4(h + s.offsets[4 + row][i] + s.offsets[column][i]);
+    };
     float x0 = s.weights[0][i], x1 = s.weights[1][i], x2 = s.weights[2][i], x3 = s.weights[3][i];
     F4 top = at(0, 1) * x1 + at(0, 2) * x2;
     F4 upper = at(1, 0) * x0 + at(1, 1) * x1 + at(1, 2) * x2 + at(1, 3) * x3;
@@ -78,6 +79,18 @@ SS_INLINE I on_screen(F px, F py, Size display) {
 // Previous position on an axis, clamped to two pixels around the screen.
 SS_INLINE F previous_position(F pixel, F motion, int extent) {
     return clamped(pixel + motion, -2.0f, static_cast<float>(extent + 1));
+}
+
+// Positions of W pixels in the previous frame, display pixels, and whether they are on the screen.
+struct Reprojected {
+    F x, y;
+    I on;
+};
+// Reprojects pixels x to x + W - 1 of row y by their motion, display pixels.
+SS_INLINE Reprojected reproject(int x, int y, F motion_x, F motion_y, Size display) {
+    const F px = previous_position(to_float(ramp() + x), motion_x, display.width);
+    const F py = previous_position(spread(static_cast<float>(y)), motion_y, display.height);
+    return {px, py, on_screen(px, py, display)};
 }
 
 // The four samples around positions in the previous frame, and their weights.
