@@ -45,69 +45,75 @@ void RestHistory::release(const Allocator& allocator) {
 
 // Work buffers ------------------------------------------------------------------------------------------------------
 
-bool make_rest(StepBuffers& buffers, RestWork& w) {
-    const Size render = buffers.render, display = buffers.image_size, own = buffers.display, blocks = blocks_of(render);
-    const size_t count = static_cast<size_t>(blocks.width) * blocks.height;
-    const size_t tiles = static_cast<size_t>(tiles_of(own).width) * tiles_of(own).height;
-    Arena& arena = buffers.arena;
-    w.display = display;
-    StaticBlocks& s = w.blocks;
-    s.size = blocks;
+// Takes the block of each of the pixels of an axis; after them is room for `spare` more.
+static const int32_t* take_blocks(Arena& arena, int pixels, int samples, int spare = 0) {
+    int32_t* const blocks = arena.take<int32_t>(pixels + spare);
+    for (int x = 0; blocks && x < pixels; x++) blocks[x] = block_of(x, pixels, samples);
+    return blocks;
+}
+
+// Takes the pixel nearest to each of the samples of an axis; after them is room for `spare` more.
+static const int32_t* take_nearest(Arena& arena, int pixels, int samples, int spare = 0) {
+    int32_t* const nearest = arena.take<int32_t>(samples + spare);
+    for (int x = 0; nearest && x < samples; x++)
+        nearest[x] =
+            static_cast<int32_t>(min<int64_t>((2 * int64_t{x} + 1) * pixels / (2 * int64_t{samples}), pixels - 1));
+    return nearest;
+}
+
+// Takes the weights of a block's values in the last of a signature, (BLOCK, 3, LANES): rows of blocks side by side.
+static const float* take_order_weights(Arena& arena) {
+    float* const weights = arena.take<float>(BLOCK * 3 * LANES);
+    for (int k = 0; weights && k < 3 * BLOCK * BLOCK; k++) {  // of channel, row and column of a block
+        const float place = static_cast<float>(ORDER_FACTOR * k * k * k % ORDER_PRIME);
+        const float weight = (2.0f * place / (ORDER_PRIME - 1) - 1.0f) / (BLOCK * BLOCK);
+        const int c = k / (BLOCK * BLOCK), row = k / BLOCK % BLOCK, column = k % BLOCK;
+        for (int x = column; x < LANES; x += BLOCK) weights[(row * 3 + c) * LANES + x] = weight;
+    }
+    return weights;
+}
+
+static void take_block_values(Arena& arena, StaticBlocks& s, int phases) {
+    const size_t count = static_cast<size_t>(s.count());
     uint8_t** masks[] = {&s.moving, &s.known, &s.changed, &s.restarts, &s.moves, &s.is_static, &s.verifies,
                          &s.adds,   &s.stays, &s.freezes, &s.selected, &s.spare, &s.modes};
     for (uint8_t** mask : masks) *mask = arena.take<uint8_t>(count);
-    s.ages = arena.take<float>(count), s.tests = arena.take<float>(3 * count), s.shares = arena.take<float>(count);
-    s.complete = arena.take<float>(count), s.signature = arena.take<float>(4 * count),
-    s.sums = arena.take<float>(SUMS * count);
-    s.windows = arena.take<float>(10 * count);
-    s.phases = arena.take<float[4]>(phases_of(display, render));
+    s.ages = arena.take<float>(count), s.shares = arena.take<float>(count), s.complete = arena.take<float>(count);
+    s.tests = arena.take<float>(3 * count), s.signature = arena.take<float>(4 * count);
+    s.sums = arena.take<float>(SUMS * count), s.windows = arena.take<float>(10 * count);
+    s.phases = arena.take<float[4]>(phases);
+}
+
+bool make_rest(StepBuffers& buffers, RestWork& w) {
+    const Size render = buffers.render, display = buffers.image_size, own = buffers.display;
+    const int phases = phases_of(display, render);
+    Arena& arena = buffers.arena;
+    w.display = display;
+    w.blocks.size = blocks_of(render);
+    take_block_values(arena, w.blocks, phases);
+    w.row_blocks = take_blocks(arena, display.height, render.height);
+    w.column_blocks = take_blocks(arena, display.width, render.width, LANES);
+    w.own_row_blocks = take_blocks(arena, own.height, render.height);
+    w.own_column_blocks = take_blocks(arena, own.width, render.width);
+    w.nearest_rows = take_nearest(arena, display.height, render.height);
+    w.nearest_columns = take_nearest(arena, display.width, render.width, LANES);
+    w.order_weights = take_order_weights(arena);
     const auto integers = [&](int n) { return arena.take<int32_t>(n); };
     const auto floats = [&](size_t n) { return arena.take<float>(n); };
-    int32_t* const row_blocks = integers(display.height);
-    int32_t* const column_blocks = integers(display.width + LANES);
-    int32_t* const own_row_blocks = integers(own.height);
-    int32_t* const own_column_blocks = integers(own.width);
-    int32_t* const nearest_rows = integers(render.height);
-    int32_t* const nearest_columns = integers(render.width + LANES);
     w.pixel_rows = integers(2 * render.height), w.pixel_columns = integers(2 * render.width);
     w.pixel_row_weights = floats(2 * render.height), w.pixel_column_weights = floats(2 * render.width);
     w.sample_rows = integers(2 * display.height), w.sample_columns = integers(2 * display.width);
     w.sample_row_weights = floats(2 * display.height), w.sample_column_weights = floats(2 * display.width);
     w.row_pitch = up_to(display.height, LANES), w.column_pitch = up_to(display.width, LANES);
-    w.row_moments = floats(static_cast<size_t>(2) * phases_of(display, render) * w.row_pitch);
-    w.column_moments = floats(static_cast<size_t>(2) * phases_of(display, render) * w.column_pitch);
-    float* const order = floats(BLOCK * 3 * LANES);
+    w.row_moments = floats(static_cast<size_t>(2) * phases * w.row_pitch);
+    w.column_moments = floats(static_cast<size_t>(2) * phases * w.column_pitch);
+    const size_t tiles = static_cast<size_t>(tiles_of(own).width) * tiles_of(own).height;
     uint8_t** tile_masks[] = {&w.tiles, &w.computed, &w.gathered, &w.resting, &w.stale};
     for (uint8_t** mask : tile_masks) *mask = arena.take<uint8_t>(tiles);
     Runs* const all_runs[] = {&w.runs, &w.halo_runs, &w.copy_runs};
     for (Runs* runs : all_runs) runs->rects = arena.take<Rect>(tiles + 1);
     w.scaled = arena.take<Rect>(tiles + 1);
-    if (arena.failed()) return false;
-    const auto blocks_at = [](int32_t* to, int pixels, int samples) {
-        for (int x = 0; x < pixels; x++) to[x] = block_of(x, pixels, samples);
-    };
-    const auto nearest = [](int32_t* to, int pixels, int samples) {
-        for (int x = 0; x < samples; x++)
-            to[x] =
-                static_cast<int32_t>(min<int64_t>((2 * int64_t{x} + 1) * pixels / (2 * int64_t{samples}), pixels - 1));
-    };
-    blocks_at(row_blocks, display.height, render.height);
-    blocks_at(column_blocks, display.width, render.width);
-    blocks_at(own_row_blocks, own.height, render.height);
-    blocks_at(own_column_blocks, own.width, render.width);
-    nearest(nearest_rows, display.height, render.height);
-    nearest(nearest_columns, display.width, render.width);
-    w.own_row_blocks = own_row_blocks, w.own_column_blocks = own_column_blocks;
-    w.row_blocks = row_blocks, w.column_blocks = column_blocks, w.nearest_rows = nearest_rows,
-    w.nearest_columns = nearest_columns;
-    for (int k = 0; k < 3 * BLOCK * BLOCK; k++) {  // of channel, row and column of a block
-        const float place = static_cast<float>(ORDER_FACTOR * k * k * k % ORDER_PRIME);
-        const float weight = (2.0f * place / (ORDER_PRIME - 1) - 1.0f) / (BLOCK * BLOCK);
-        const int c = k / (BLOCK * BLOCK), row = k / BLOCK % BLOCK, column = k % BLOCK;
-        for (int x = column; x < LANES; x += BLOCK) order[(row * 3 + c) * LANES + x] = weight;
-    }
-    w.order_weights = order;
-    return true;
+    return !arena.failed();
 }
 
 // Samples around pixels ---------------------------------------------------------------------------------------------

@@ -271,62 +271,81 @@ static ss_status compute(Step& step) {
     return SS_OK;
 }
 
-static ss_status run_stages(Step& step, const ss_outputs& outputs) {
-    History& after = step.after;
+// Gives the step an image of packed floats, as the mean at rest is blended with it, unless that of the caller is one.
+static bool take_readable_image(Step& step) {
+    Target& to = step.target;
+    if (to.image.type == SS_FLOAT32 && to.image.is_packed<float>(3) && to.pre_exposure == 1.0f) return true;
+    float*& image = step.buffers.image;
+    if (!image) image = step.buffers.arena.take<float>(static_cast<size_t>(3) * to.width * to.height);
+    if (!image) return false;
+    ss_image packed = {};
+    packed.data = image;
+    to.image = view_of(packed, to.width, 3);
+    to.pre_exposure = 1.0f;
+    return true;
+}
+
+// Finds static blocks and the tiles to compute. `before` is the history's, or an empty one of this render size.
+static bool plan_rest(Step& step, const RestHistory& before, bool compute_all, bool& computes) {
     RestWork& w = step.buffers.rest;
-    Samples& s = step.samples();
-    const Target own = step.target;
+    if (!compare_with_rest(step, w, before, step.after.rest)) return false;
+    step.rest = &w;
+    computes = plan_tiles(step, w, compute_all);
+    if (w.blocks.is_active && !take_readable_image(step)) return false;
+    w.image = step.target.image;
+    return true;
+}
+
+// Makes every tile one to compute.
+static void plan_whole(Step& step) {
+    RestWork& w = step.buffers.rest;
     const Size tiles = tiles_of(step.buffers.display);
+    const size_t count = static_cast<size_t>(tiles.width) * tiles.height;
+    memset(w.computed, 1, count);
+    memset(w.resting, 0, count);
+    make_runs(w.computed, tiles, 1, w.runs);
+    make_runs(w.computed, tiles, 1, w.halo_runs);
+}
+
+// The method's image and next history, of the tiles to compute.
+static ss_status compute_tiles(Step& step) {
+    memcpy(step.after.jitter, step.frame.jitter, sizeof step.after.jitter);
+    step.after.exposure = step.exposure;
+    step.clock.enter(SS_PREPROCESS);
+    return compute(step);
+}
+
+static ss_status run_stages(Step& step, const ss_outputs& outputs) {
+    RestWork& w = step.buffers.rest;
+    const Target own = step.target;
+    const bool rests = step.model.method->layout.rests;
     read_samples(step);
-    step.exposure = exposure_of(step.frame, s, step.before.exposure);
-    s.exposure = fabsf(step.exposure);
-    w.samples = s;
+    step.exposure = exposure_of(step.frame, step.samples(), step.before.exposure);
+    step.samples().exposure = fabsf(step.exposure);
+    w.samples = step.samples();
     const int64_t generation = __atomic_add_fetch(&step.model.generation, 1, __ATOMIC_RELAXED);
+    RestHistory& after = step.after.rest;
+    const RestHistory* before = &step.before.rest;
     Arena room(step.model.arena.allocator());
     RestHistory forgotten = {};  // of another render size; its arrays are in `room`
-    const RestHistory* rest = &step.before.rest;
-    const bool rests = step.model.method->layout.rests;
     bool computes = true;
     if (rests) {
         step.clock.enter(SS_REST);
-        if (!(rest->render == after.rest.render)) {
-            forgotten.take(room, after.rest.display, after.rest.render);
+        if (!(before->render == after.render)) {
+            forgotten.take(room, after.display, after.render);
             if (room.failed()) return SS_NO_MEMORY;
-            forgotten.mean = rest->mean, forgotten.generations = rest->generations;
-            rest = &forgotten;
+            forgotten.mean = before->mean, forgotten.generations = before->generations;
+            before = &forgotten;
         }
-        if (!compare_with_rest(step, w, *rest, after.rest)) return SS_NO_MEMORY;
-        step.rest = &w;
-        computes = plan_tiles(step, w, outputs.compute_all || outputs.weight.data);
-        const bool readable = own.image.type == SS_FLOAT32 && own.image.is_packed<float>(3) && own.pre_exposure == 1.0f;
-        if (w.blocks.is_active && !readable) {
-            if (!step.buffers.image)
-                step.buffers.image = step.buffers.arena.take<float>(static_cast<size_t>(3) * own.width * own.height);
-            if (!step.buffers.image) return SS_NO_MEMORY;
-            ss_image packed = {};
-            packed.data = step.buffers.image;
-            step.target.image = view_of(packed, own.width, 3);
-            step.target.pre_exposure = 1.0f;
-        }
-        w.image = step.target.image;
-    } else {
-        const int count = tiles.width * tiles.height;
-        memset(w.computed, 1, static_cast<size_t>(count));
-        memset(w.resting, 0, static_cast<size_t>(count));
-        make_runs(w.computed, tiles, 1, w.runs);
-        make_runs(w.computed, tiles, 1, w.halo_runs);
-    }
-    if (computes) {
-        memcpy(after.jitter, step.frame.jitter, sizeof after.jitter);
-        after.exposure = step.exposure;
-        step.clock.enter(SS_PREPROCESS);
-        if (ss_status status = compute(step)) return status;
-    }
+        if (!plan_rest(step, *before, outputs.compute_all || outputs.weight.data, computes)) return SS_NO_MEMORY;
+    } else plan_whole(step);
+    if (computes)
+        if (ss_status status = compute_tiles(step)) return status;
     step.clock.enter(SS_REST);
     keep_tiles(step, generation, computes);
-    after.render = {step.frame.width, step.frame.height};
+    step.after.render = {step.frame.width, step.frame.height};
     if (!rests) return SS_OK;
-    if (!show_rest(step, w, *rest, after.rest, generation)) return SS_NO_MEMORY;
+    if (!show_rest(step, w, *before, after, generation)) return SS_NO_MEMORY;
     if (step.target.image.data != own.image.data) copy_image(step, step.target.image, own.image, own.pre_exposure);
     const View converged = view_of(outputs.converged, own.width, 1);
     if (converged)
