@@ -90,7 +90,7 @@ static void resample_rows(const ss_ids& v, int y0, int y1) {
             const int sample_x = nearest_sample(x, ratio_x, v.jitter[0], v.width, &across);
             const ptrdiff_t pixel = static_cast<ptrdiff_t>(y) * v.display_width + x;
             const uint32_t* ids = v.ids + (static_cast<ptrdiff_t>(sample_y) * v.width + sample_x) * v.channels;
-            float distance = max(across, down), kept;
+            float distance = max(across, down), kept = distance;
             if (v.previous && !uniform[sample_x])
                 if (const uint32_t* surviving = surviving_ids(v, x, y, sample_x, sample_y, &kept))
                     if (kept < distance) ids = surviving, distance = kept;
