@@ -64,8 +64,12 @@ fn complete_mean(p: vec2i) -> vec4f {
 
 // Slope of the mean: at most twice the smaller of those to each neighbour.
 fn slope(p: vec2i, step: vec2i, here: vec3f) -> vec3f {
-    let before = complete_mean(p - step);
-    let after = complete_mean(p + step);
+    var before = vec4f();
+    var after = vec4f();
+    for (var side = 0; side < 2; side++) {   // a loop, as drivers would inline `complete_mean` twice
+        before = after;
+        after = complete_mean(p + (2 * side - 1) * step);
+    }
     let below = here - before.rgb;
     let above = after.rgb - here;
     let most = 2.0 * min(abs(below), abs(above)) * before.a * after.a;
@@ -100,7 +104,10 @@ fn offset_of(p: vec2i, period: f32) -> vec2f {
 fn centred(p: vec2i, here: vec3f, period: f32) -> vec3f {
     if (is_noisy()) { return max(here, vec3f(0.0)); }
     let offset = offset_of(p, period);
-    let moved = slope(p, vec2i(1, 0), here) * offset.x + slope(p, vec2i(0, 1), here) * offset.y;
+    var moved = vec3f(0.0);
+    for (var axis = 0; axis < 2; axis++) {
+        moved += slope(p, vec2i(1 - axis, axis), here) * select(offset.x, offset.y, axis == 1);
+    }
     return max(here - moved, vec3f(0.0));
 }
 

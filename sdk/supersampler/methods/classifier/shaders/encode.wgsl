@@ -1,68 +1,56 @@
-// A level of the encoder on a tile: 1x1, depthwise 3x3, 1x1, then 2x2 maximum of what the next level takes.
+// A level of the encoder on a tile: 1x1, depthwise 3x3, 1x1, then 2x2 maximum of what the next level takes. A thread
+// computes four channels of a pixel at a time; its neighbours compute the same channels, and so read the same weights.
 // import params
 // import level
 //
 // Files that import this define input_chunk(p, c): chunk c of the input at pixel p.
 
 const THREADS = 128u;
-const WIDE_X = TILE_X + 2;
-const WIDE_Y = TILE_Y + 2;
-const OUTPUTS = KEPT + POOLED;
+const CELLS_ACROSS = TILE_X;
+const CELLS = TILE_X * TILE_Y;
+const WIDE_X = TILE_X + 2;              // a tile with one pixel around
+const WIDE_CELLS = WIDE_X * (TILE_Y + 2);
 
-var<workgroup> features: array<vec4u, WIDE_X * WIDE_Y * CHANNELS>;   // of the first layer, one pixel around
-var<workgroup> spatial: array<vec4u, TILE_X * TILE_Y * CHANNELS>;    // of the depthwise layer
+var<workgroup> features: array<u32, WIDE_CELLS * CHANNEL_QUADS>;   // of the first layer, then what is pooled; by quad
+var<workgroup> spatial: array<u32, CELLS * CHANNEL_QUADS>;         // of the depthwise layer
 
-fn first_layer(p: vec2i, chunk: u32) -> vec4u {
-    var sums = array<vec4i, 4>();
-    for (var c = 0u; c < INPUTS; c++) {
-        let x = input_chunk(p, c);
-        /* unroll */ for (var q = 0u; q < 4u; q++) {
-            sums[q] += products16(x, FIRST + ((4u * chunk + q) * INPUTS + c) * 4u);
-        }
-    }
-    let values = FIRST + 4u * CHANNELS * INPUTS * 4u;
-    return bytes_of(sums, values, 4u * CHANNELS, 4u * chunk);
+fn first_layer(p: vec2i, quad: u32) -> u32 {
+    var sums = vec4i(0);
+    for (var c = 0u; c < INPUTS; c++) { sums += products16(input_chunk(p, c), FIRST + (quad * INPUTS + c) * 4u); }
+    return to_bytes(scaled(sums, FIRST + CHANNEL_QUADS * INPUTS * 4u, CHANNEL_QUADS, quad));
 }
 
-fn spatial_layer(cell: vec2u, chunk: u32) -> vec4u {
-    var sums = array<vec4i, 4>();
-    /* unroll */ for (var q = 0u; q < 4u; q++) {
-        var around = array<u32, 9>();
-        /* unroll */ for (var k = 0u; k < 9u; k++) {
-            around[k] = features[((cell.y + k / 3u) * WIDE_X + cell.x + k % 3u) * CHANNELS + chunk][q];
-        }
-        sums[q] = depthwise(&around, SPATIAL + 3u * (4u * chunk + q));
+//   cell: of the upper left of the nine pixels
+fn spatial_layer(cell: u32, quad: u32) -> u32 {
+    var around = array<u32, 9>();
+    /* unroll */ for (var k = 0u; k < 9u; k++) {
+        around[k] = features[quad * WIDE_CELLS + cell + k / 3u * WIDE_X + k % 3u];
     }
-    return bytes_of(sums, SPATIAL + 12u * CHANNELS, 4u * CHANNELS, 4u * chunk);
+    let sums = depthwise(&around, SPATIAL + 3u * quad);
+    return to_bytes(scaled(sums, SPATIAL + 3u * CHANNEL_QUADS, CHANNEL_QUADS, quad));
 }
 
-fn last_layer(cell: u32, chunk: u32) -> vec4u {
-    var sums = array<vec4i, 4>();
+fn last_layer(cell: u32, quad: u32) -> u32 {
+    var sums = vec4i(0);
     for (var c = 0u; c < CHANNELS; c++) {
-        let x = spatial[cell * CHANNELS + c];
-        /* unroll */ for (var q = 0u; q < 4u; q++) {
-            sums[q] += products16(x, LAST + ((4u * chunk + q) * CHANNELS + c) * 4u);
-        }
+        let first = 4u * c * CELLS + cell;
+        let given = vec4u(spatial[first], spatial[first + CELLS], spatial[first + 2u * CELLS], spatial[first + 3u * CELLS]);
+        sums += products16(given, LAST + (quad * CHANNELS + c) * 4u);
     }
-    let values = LAST + 4u * OUTPUTS * CHANNELS * 4u;
-    return bytes_of(sums, values, 4u * OUTPUTS, 4u * chunk);
+    return to_bytes(scaled(sums, LAST + OUTPUT_QUADS * CHANNELS * 4u, OUTPUT_QUADS, quad));
 }
 
-fn largest_chunk(a: vec4u, b: vec4u) -> vec4u {
-    return vec4u(largest_bytes(a.x, b.x), largest_bytes(a.y, b.y), largest_bytes(a.z, b.z), largest_bytes(a.w, b.w));
-}
-
-fn pool(origin: vec2i, thread: u32) {
-    let size = level_size(LEVEL + 1u);
-    for (var i = thread; i < TILE_X * TILE_Y / 4u * POOLED; i += THREADS) {
-        let chunk = i % max(POOLED, 1u);   // the deepest level pools nothing
-        let q = i / max(POOLED, 1u);
-        let cell = vec2u(q % (TILE_X / 2u), q / (TILE_X / 2u));
-        let p = origin / 2 + vec2i(cell);
-        let first = (2u * cell.y * TILE_X + 2u * cell.x) * POOLED + chunk;
-        let upper = largest_chunk(features[first], features[first + POOLED]);
-        let lower = largest_chunk(features[first + TILE_X * POOLED], features[first + (TILE_X + 1u) * POOLED]);
-        if (inside(p, size)) { pooled[index_of(p, size) * POOLED + chunk] = largest_chunk(upper, lower); }
+// Store a chunk of what the level keeps, and leave one of what it pools in `features`.
+fn store_chunk(p: vec2i, cell: u32, chunk: u32) {
+    var words = vec4u();
+    for (var q = 0u; q < 4u; q++) {
+        let word = last_layer(cell, 4u * chunk + q);
+        if (chunk >= KEPT) { features[(4u * (chunk - KEPT) + q) * CELLS + cell] = word; }
+        words = vec4u(words.yzw, word);
+    }
+    if (chunk < KEPT && inside(p, level_size(LEVEL))) {
+        let part = vec2i(vec2u(chunk % KEPT_ACROSS, chunk / KEPT_ACROSS));
+        textureStore(kept, p * vec2i(KEPT_ACROSS, KEPT / KEPT_ACROSS) + part, words);
     }
 }
 
@@ -70,34 +58,26 @@ fn pool(origin: vec2i, thread: u32) {
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) thread: u32) {
     let origin = vec2i(group.xy) * vec2i(TILE_X, TILE_Y);
     if (nothing_depends_on(origin, vec2i(TILE_X, TILE_Y))) { return; }
-    let size = level_size(LEVEL);
-    for (var i = thread; i < WIDE_X * WIDE_Y * CHANNELS; i += THREADS) {
-        let cell = i % (WIDE_X * WIDE_Y);   // threads of a subgroup have one chunk, and so the same weights
-        let chunk = i / (WIDE_X * WIDE_Y);
+    for (var i = thread; i < WIDE_CELLS * CHANNEL_QUADS; i += THREADS) {
+        let cell = i % WIDE_CELLS;
         let p = origin - 1 + vec2i(vec2u(cell % WIDE_X, cell / WIDE_X));
-        var bytes = vec4u();
-        if (inside(p, size)) { bytes = first_layer(p, chunk); }
-        features[cell * CHANNELS + chunk] = bytes;
+        var word = 0u;
+        if (inside(p, level_size(LEVEL))) { word = first_layer(p, i / WIDE_CELLS); }
+        features[i] = word;
     }
     workgroupBarrier();
-    for (var i = thread; i < TILE_X * TILE_Y * CHANNELS; i += THREADS) {
-        let cell = i % (TILE_X * TILE_Y);
-        let chunk = i / (TILE_X * TILE_Y);
-        spatial[cell * CHANNELS + chunk] = spatial_layer(vec2u(cell % TILE_X, cell / TILE_X), chunk);
+    for (var i = thread; i < CELLS * CHANNEL_QUADS; i += THREADS) {
+        let cell = i % CELLS;
+        spatial[i] = spatial_layer(cell / TILE_X * WIDE_X + cell % TILE_X, i / CELLS);
     }
     workgroupBarrier();
-    for (var i = thread; i < TILE_X * TILE_Y * OUTPUTS; i += THREADS) {
-        let cell = i % (TILE_X * TILE_Y);
-        let chunk = i / (TILE_X * TILE_Y);
-        let bytes = last_layer(cell, chunk);
-        let p = origin + vec2i(vec2u(cell % TILE_X, cell / TILE_X));
-        if (chunk >= KEPT) {
-            features[cell * POOLED + chunk - KEPT] = bytes;
-        } else if (inside(p, size)) {
-            let part = vec2i(vec2u(chunk % KEPT_ACROSS, chunk / KEPT_ACROSS));
-            textureStore(kept, p * vec2i(KEPT_ACROSS, KEPT / KEPT_ACROSS) + part, bytes);
-        }
+    for (var i = thread; i < CELLS * (KEPT + POOLED); i += THREADS) {
+        let cell = i % CELLS;
+        store_chunk(origin + vec2i(vec2u(cell % TILE_X, cell / TILE_X)), cell, i / CELLS);
     }
     workgroupBarrier();
-    pool(origin, thread);
+    for (var i = thread; i < CELLS / 4u * POOLED; i += THREADS) {
+        let place = vec2u(i % (CELLS / 4u) % (TILE_X / 2u), i % (CELLS / 4u) / (TILE_X / 2u));
+        pool(origin / 2 + vec2i(place), 2u * place.y * TILE_X + 2u * place.x, i / (CELLS / 4u));
+    }
 }

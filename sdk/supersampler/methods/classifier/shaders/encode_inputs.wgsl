@@ -11,6 +11,7 @@
 @group(0) @binding(7) var<storage, read> differences: array<u32>;
 
 const SIDE = 16u;             // pixels of a workgroup in either direction: a tile with one pixel around
+const CELLS_ACROSS = SIDE;
 const CELLS = SIDE * SIDE;
 
 var<workgroup> features: array<u32, CELLS * CHANNEL_QUADS>;   // of the first layer, then what is pooled; by quad
@@ -64,12 +65,6 @@ fn last_layer(cell: u32, quad: u32) -> u32 {
     return to_bytes(scaled(sums, LAST + OUTPUT_QUADS * CHANNELS * 4u, OUTPUT_QUADS, quad));
 }
 
-fn pooled_word(quad: u32, cell: u32) -> u32 {
-    let first = quad * CELLS + cell;
-    return largest_bytes(largest_bytes(features[first], features[first + 1u]),
-                         largest_bytes(features[first + SIDE], features[first + SIDE + 1u]));
-}
-
 @compute @workgroup_size(SIDE, SIDE)
 fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) cell: u32) {
     let origin = vec2i(group.xy) * (i32(SIDE) - 2);
@@ -100,10 +95,6 @@ fn main(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) ce
     }
     workgroupBarrier();
     if (computes && all((place & vec2i(1)) == vec2i(0))) {
-        let first = index_of(p / 2, level_size(LEVEL + 1u)) * POOLED;
-        for (var chunk = 0u; chunk < POOLED; chunk++) {
-            pooled[first + chunk] = vec4u(pooled_word(4u * chunk, cell), pooled_word(4u * chunk + 1u, cell),
-                                          pooled_word(4u * chunk + 2u, cell), pooled_word(4u * chunk + 3u, cell));
-        }
+        for (var chunk = 0u; chunk < POOLED; chunk++) { pool(p / 2, cell, chunk); }
     }
 }
