@@ -234,6 +234,10 @@ class Upscaler:
         """(width, height) of the images; with `scale`, None before the first frame."""
         return self._camera.display_size
 
+    def display_size_for(self, render_size: Size) -> Size:
+        """Return `display_size`; before the first frame, that of a first frame of this size."""
+        return self._camera.display_size or display_size_of(render_size, self._scale)
+
     @property
     def stats(self) -> Stats:
         """Counts and times of all steps so far."""
@@ -590,10 +594,10 @@ class Upscaler:
         size = None if render_size is None else checked_size("render_size", render_size)
         read = [*names, "depth"] if aovs else names  # motion is dilated by depth
         may_be_larger = size is not None
-        given, size = checked_images(images, read, size, self._display_size_for, gpu.device)
+        given, size = checked_images(images, read, size, self.display_size_for, gpu.device)
         reset = checked_reset(reset)
         values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
-        display = self._display_size_for(size)
+        display = self.display_size_for(size)
         blended = checked_aovs(
             aovs, aovs_out, size, display, gpu.device,
             in_textures=is_texture(given["color"]), may_be_larger=may_be_larger,
@@ -624,7 +628,7 @@ class Upscaler:
         """
         self._check_open()
         size = checked_size("render_size", self._render_size if render_size is None else render_size)
-        display_size = self._display_size_for(size)
+        display_size = self.display_size_for(size)
         frame = black(self.gbuffers, size, display_size)
         if self._extrapolator is not None:
             self._extrapolator.extrapolate(replace(frame, color=None), self._extrapolator.after_shaded(frame))
@@ -715,7 +719,7 @@ class Upscaler:
         self, model: Model, given: Frame, frame: Frame, out: Float32 | None, outputs: Collection[str]
     ) -> tuple[ModelStep, FrameChecker]:
         """Check the arguments of `_upscale`; return those of `Model.run_checked`, and the next checker."""
-        display = self._display_size_for(frame.size)
+        display = self.display_size_for(frame.size)
         history = None if frame.reset else self._camera.history
         # before anything is allocated for a frame that may be refused
         model.check(frame, display, outputs, history, out)
@@ -732,13 +736,10 @@ class Upscaler:
             return None
         return self._extrapolator.after_shaded(frame, self._camera.shaded)
 
-    def _display_size_for(self, render_size: Size) -> Size:
-        return self._camera.display_size or display_size_of(render_size, self._scale)
-
     def _history(self, render_size: Size, *, reset: bool) -> History:
         """Return the history that a step on a frame of this size reads."""
         if self._camera.history is None or reset:
-            return self.model.first_history(self._display_size_for(render_size), render_size)
+            return self.model.first_history(self.display_size_for(render_size), render_size)
         return self._camera.history
 
     def _advance(

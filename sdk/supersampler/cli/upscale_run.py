@@ -28,8 +28,7 @@ from supersampler.io.shot import Shot, ShotFrame
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import Model
-from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of
-from supersampler.sequence.interpolation import interpolator_of
+from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.upscaler import Upscaler, preset_model
 
 MIN_PREROLL, MAX_PREROLL = 32, jitter_phase_count(4.0)
@@ -281,13 +280,10 @@ class _UpscaleRun(FrameRun[UpscaleJob]):
 
         Chunks of frames before `needed` have no backward run: nothing uses their images.
         """
-        job, forward, start = self._job, self._upscaler, plan.start
-        interpolator = None if job.extrapolation is None else interpolator_of(job.extrapolation, forward)
-        buffers = buffers_of(forward, interpolator)
-        aov_names: deque[Sequence[str] | None] = deque()
+        start, aov_names = plan.start, deque[Sequence[str] | None]()
 
         def read() -> Iterator[Frame]:
-            for item in self._frames(plan, buffers, references=False):
+            for item in self._frames(plan, runs.buffers, references=False):
                 aov_names.append(item.raw.aov_names)
                 yield item.frame
 
@@ -297,19 +293,17 @@ class _UpscaleRun(FrameRun[UpscaleJob]):
                 yield
             on_step(start + place, direction)
 
-        with job.upscaler_like(forward, validate="off") as backward:  # the forward run checks the frames
-            outputs = "aovs", *self._maps()
-            runs = BothWays(
-                forward, backward, self._chunk, outputs=outputs, around=around, interpolator=interpolator,
-                scratch=job.scratch,
-            )  # fmt: skip
-            merged, before = runs.run(read(), skip=needed - start), time.perf_counter()
-            written = islice(merged, plan.stop - start)  # later frames only began the backward run
-            for index, (frame, result) in enumerate(written, start):
-                reference = self._shot.read_reference(index) if references else None
-                seconds = time.perf_counter() - before
-                yield SteppedFrame(index, frame, reference, aov_names.popleft(), result, seconds)
-                before = time.perf_counter()
+        runs = BothWays(
+            self._upscaler, self._chunk, outputs=("aovs", *self._maps()), around=around,
+            extrapolation=self._job.extrapolation, scratch=self._job.scratch,
+        )  # fmt: skip
+        merged, before = runs.run(read(), skip=needed - start), time.perf_counter()
+        written = islice(merged, plan.stop - start)  # later frames only began the backward run
+        for index, (frame, result) in enumerate(written, start):
+            reference = self._shot.read_reference(index) if references else None
+            seconds = time.perf_counter() - before
+            yield SteppedFrame(index, frame, reference, aov_names.popleft(), result, seconds)
+            before = time.perf_counter()
 
     def _frames(self, plan: FramePlan, gbuffers: Collection[str], *, references: bool) -> Iterator[ShotFrame]:
         exposure = self._exposure_at(plan.start)
