@@ -472,7 +472,9 @@ class Upscaler:
         pre_exposure = checked_pre_exposure(pre_exposure)
         recorded: AbstractContextManager[list[Tensor]] = nullcontext([])
         if self._recorder is not None:
-            recorded = self._recorder.step_tensors(tensors, jitter, exposure, pre_exposure, reset)
+            recorded = self._recorder.step_tensors(
+                tensors, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset
+            )
         with recorded as results:
             started = time.perf_counter()
             self._check_no_extrapolation("step_tensors")
@@ -753,11 +755,17 @@ class Upscaler:
         extrapolation_seconds: float | None = None,
     ) -> None:
         """Store the result of a step that read `history` and took `seconds`, and its checker."""
-        stats = self._camera.stats.after_step(
-            fresh=history is not self._camera.history,
-            seconds=seconds,
-            stages=stages,
-            extrapolation_seconds=extrapolation_seconds,
+        stats, sums = self._camera.stats, dict(self._camera.stats.stages)
+        for name, spent in (stages or {}).items():
+            sums[name] = sums.get(name, 0.0) + spent
+        stats = replace(
+            stats,
+            frames=stats.frames + 1,
+            extrapolated=stats.extrapolated + (extrapolation_seconds is not None),
+            resets=stats.resets + (history is not self._camera.history),
+            seconds=stats.seconds + seconds,
+            extrapolation_seconds=stats.extrapolation_seconds + (extrapolation_seconds or 0.0),
+            stages=sums,
         )
         self._camera = CameraState(next_history.display_size, checker, next_history, history, shaded, stats)
 

@@ -12,6 +12,8 @@ from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array
 
 IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next", "ids")
 """Fields of a frame that are arrays."""
+VALUES = ("jitter", "reset", "exposure", "pre_exposure")
+"""Fields of a frame that are neither arrays nor G-buffers."""
 
 
 class BufferField(NamedTuple):
@@ -130,8 +132,13 @@ def arrays_by_name(frame: Frame) -> dict[str, Array]:
     return images | {name: GBUFFERS[name].find(frame) for name in names_of(frame)}
 
 
+def values_of(source: object) -> dict[str, Any]:
+    """Return the fields VALUES of a frame, or of a record that has them, by name."""
+    return {name: getattr(source, name) for name in VALUES}
+
+
 def frame_of(arrays: Mapping[str, Array], **values: Any) -> Frame:
-    """Return a frame of arrays by tensor name, and of other values of `Frame`.
+    """Return a frame of arrays by tensor name, and of the fields VALUES.
 
     Raises:
         FrameError: depth or motion is missing, or see `Frame`.
