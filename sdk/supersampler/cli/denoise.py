@@ -26,8 +26,8 @@ def denoise(
     per_frame: Annotated[
         Literal["auto", "oidn", "none"],
         typer.Option(
-            help="Denoiser of single frames. oidn: Open Image Denoise; of frames that Cycles has denoised it "
-            "takes Noisy Image. none: the frames are denoised already. auto: oidn where it is installed."
+            help="Denoiser of single frames. oidn: Open Image Denoise; from frames that Cycles has denoised, "
+            "it reads Noisy Image. none: the frames are denoised already. auto: oidn where it is installed."
         ),
     ] = "auto",
     passes: Annotated[

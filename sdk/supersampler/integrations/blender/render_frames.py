@@ -259,7 +259,7 @@ def set_trial(scene: Any, samples: int | None, seed: int) -> None:
 
 def pencils(objects: Any) -> list[Any]:
     """Return the Grease Pencil objects that are rendered."""
-    kinds = ("GREASEPENCIL", "GPENCIL")  # since Blender 4.3, before
+    kinds = ("GREASEPENCIL", "GPENCIL")  # since Blender 4.3, and before it
     return [item for item in objects if item.type in kinds and not item.hide_render]
 
 
