@@ -93,7 +93,7 @@ struct Method {
     int constant_count = 0;
     // defaults of the constants, floats in their order; null: the model's bytes have them
     const void* config = nullptr;
-    const Filter* (*filters)(const Model& model, Filter* room, int* count, float* window_sigma) = nullptr;
+    void (*add_filters)(const Model& model, Tables& tables) = nullptr;
     bool (*make_buffers)(const Model& model, StepBuffers& buffers);
     ss_status (*compute)(Step& step) = nullptr;  // fails before it changes the next history
     ss_status (*read_weights)(Model& model, const Arrays& arrays, ss_error* error) = nullptr;  // null: it has none

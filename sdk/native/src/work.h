@@ -87,6 +87,7 @@ struct Guide {
 // A separable filter of the four samples around a display pixel.
 enum FilterKind { LINEAR, CUBIC, DISTANCE, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };
 // DISTANCE is not a filter: it stores the distances of the samples.
+constexpr int MAX_FILTERS = 5;
 struct Filter {
     FilterKind kind;
     float sigma = 0.0f;
@@ -106,9 +107,10 @@ struct Axis {
 
 struct Tables {
     Axis x, y;
-    const Filter* filters;
+    Filter filters[MAX_FILTERS];
     int filter_count;
-    float window_sigma;
+    float window_sigma;  // of `Axis.windows`; 0: there are none
+    void add(Filter filter) { filters[filter_count++] = filter; }
 };
 
 // The images that a step writes.
