@@ -36,7 +36,6 @@ from supersampler.frame import (
     Float32,
     Frame,
     Size,
-    arrays_of,
     checked_exposure,
     checked_frame,
     checked_jitter,
@@ -45,7 +44,7 @@ from supersampler.frame import (
 )
 from supersampler.history import STATE_VERSION, History, State, Stats, StepResult
 from supersampler.methods.at_rest import ADDED
-from supersampler.methods.gbuffers import GBUFFERS, black
+from supersampler.methods.gbuffers import GBUFFERS, arrays_by_name, black
 from supersampler.model import Model, ModelStep, Plan
 from supersampler.validation import FrameChecker
 
@@ -838,7 +837,8 @@ def _check_apart(out: Sequence[Float32 | None] | Float32 | None, frames: Sequenc
         return
     arrays = [(view, "image", image) for view, image in enumerate(out) if image is not None]
     images = slice(len(arrays))
-    arrays += [(view, "frame", array) for view, frame in enumerate(frames) for array in arrays_of(frame)]
+    for view, frame in enumerate(frames):
+        arrays += [(view, "frame", array) for array in arrays_by_name(frame).values()]
     low, high = np.array([byte_bounds(array) for _, _, array in arrays]).T
     for place, index in np.argwhere((low[images, None] < high) & (low < high[images, None])).tolist():
         (view, _, image), (other, kind, array) = arrays[place], arrays[index]

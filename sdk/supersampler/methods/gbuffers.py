@@ -127,9 +127,9 @@ def grouped(buffers: Mapping[str, Array]) -> tuple[Mapping[str, Array] | None, M
 
 
 def arrays_by_name(frame: Frame) -> dict[str, Array]:
-    """Return the arrays of a frame by tensor name."""
-    images = {name: getattr(frame, name) for name in IMAGES if getattr(frame, name) is not None}
-    return images | {name: GBUFFERS[name].find(frame) for name in names_of(frame)}
+    """Return all arrays of a frame by tensor name."""
+    found = {name: array for name in IMAGES if (array := getattr(frame, name)) is not None}
+    return found | {name: array for name, each in GBUFFERS.items() if (array := each.find(frame)) is not None}
 
 
 def values_of(source: object) -> dict[str, Any]:
