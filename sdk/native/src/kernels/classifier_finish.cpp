@@ -148,7 +148,7 @@ SS_INLINE void compose_row(const ClassifierWork& w, const float* blend, int blen
         for (int line = 0; line < W * variant.planes(); line += LINE / 2)
             prefetch(rest + 2 * W * variant.planes() + line);
         for (int line = 0; line < 3 * W; line += LINE / 4) prefetch(history + 2 * 3 * W + line);
-        // Returns a parameter of packed pixels: left and right ones in turn.
+        // Of the left and right pixel of packed pixels.
         auto parameter = [&](int index) __attribute__((always_inline)) {
             const float *left = blend + index * blend_pitch + x / 2, *right = left + parameters * blend_pitch;
             return low_zip(load(left), load(right));

@@ -132,8 +132,8 @@ struct Blended {
 
 // `Taau.network` and `Taau.finish`. around: mean toned luma of 3x3 samples; glare: 1 where this frame has light over
 // GLARE_EXPOSED nearby; flash: 1 where the light of this frame is unconfirmed; speed: display pixels; blur: of the
-// resampling, 0 at a pixel's centre, 1 at the corner of four pixels; reactive: fraction of the image that is this frame
-// alone. upsampled(): YCoCg of this frame alone, for where that is shown.
+// resampling, 0 on a pixel's centre, 1 on a corner of four; reactive: fraction of the image that is this frame alone.
+// upsampled(): YCoCg of this frame alone, for where that is shown.
 template <class Upsampled>
 SS_INLINE Blended blend(const TaauWork& w, const CurrentFrame& now, const PixelHistory& past, F around, F fit, F glare,
                         F flash, F speed, F blur, F reactive, const Upsampled& upsampled) {

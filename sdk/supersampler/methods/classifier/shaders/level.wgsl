@@ -17,7 +17,7 @@ fn level_size(level: u32) -> vec2i { return (((display_size() + 1) / 2 + 7) / 8 
 
 fn largest_bytes(a: u32, b: u32) -> u32 { return pack4xU8(max(unpack4xU8(a), unpack4xU8(b))); }
 
-// Whether no computed pixel of the image depends on these pixels of the level.
+// Whether no image is computed that depends on these pixels of the level.
 fn nothing_depends_on(origin: vec2i, extent: vec2i) -> bool {
     const PIXELS = 2 << LEVEL;    // of the display, along an axis
     let size = tiles_size();
