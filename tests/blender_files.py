@@ -2,12 +2,15 @@
 
 import json
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).with_name("blender")
 RECORDED = HERE / "recorded"
 NUMBERS = (5, 8)  # of the recorded frames
+SECONDS = 40.0  # for what ends soon, on a busy machine
 
 
 def fake_blender(folder: Path) -> Path:
@@ -29,3 +32,10 @@ def is_running(pid: int) -> bool:
     """Return whether a process exists and is no zombie (Linux)."""
     state = Path(f"/proc/{pid}/stat")
     return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def wait_until(what: Callable[[], object], seconds: float = SECONDS) -> None:
+    until = time.monotonic() + seconds
+    while not what():
+        assert time.monotonic() < until
+        time.sleep(0.05)

@@ -154,13 +154,6 @@ def _frame_hint(value: object) -> str:
     return "`Conventions.converter` converts a RawFrame."
 
 
-def arrays_of(frame: Frame) -> list[NDArray[Any]]:
-    """Return all arrays of a frame, G-buffers included."""
-    images = [getattr(frame, name) for name in (*_CHANNELS, "aovs", "ids")]
-    buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
-    return [array for array in (*images, *buffers) if array is not None]
-
-
 def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
     """Return a frame's jitter as two floats; raise FrameError unless both are in [-0.5, 0.5]."""
     x, y = pair_of(jitter)

@@ -1,7 +1,7 @@
 """State between steps, as `History` and stored as `State`; `StepResult` and `Stats` of steps."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 import numpy as np
@@ -53,9 +53,9 @@ class StepResult:
         ids: (H, W, k) ids of the frame, in their own type. Each pixel has those of one sample: the nearest
             one of this frame; or an earlier one that was nearer to the pixel's centre, if its surface,
             followed by motion, is still among the frame's samples around the pixel.
-        class_map: (H / 2, W / 2, 6) float32, sizes rounded up: class probabilities of each 2x2 pixels. Three
-            classes of ghosting: none, disocclusion, changed light; three of aliasing: none, edge, fine
-            detail.
+        class_map: (H / 2, W / 2, 6) float32, sizes rounded up: class probabilities of each block of 2x2
+            pixels. Three classes of ghosting: none, disocclusion, changed light; three of aliasing: none,
+            edge, fine detail.
         weight: (H, W) float32 weight of the history in the image, [0, 1].
         count: (H, W) float32 number of samples that each pixel has accumulated.
         converged: (H, W) float32, 1 where the image is frozen, else 0. A frozen pixel is the mean of one
@@ -93,28 +93,6 @@ class Stats:
     extrapolation_seconds: float = 0.0
     stages: Mapping[str, float] = field(default_factory=dict)
     converged: float | None = 0.0
-
-    def after_step(
-        self,
-        *,
-        fresh: bool,
-        seconds: float,
-        stages: Mapping[str, float] | None = None,
-        extrapolation_seconds: float | None = None,
-    ) -> "Stats":
-        """Return the stats after another step; `fresh` says that it had no history.
-
-        `extrapolation_seconds` is None for a shaded frame.
-        """
-        return replace(
-            self,
-            frames=self.frames + 1,
-            extrapolated=self.extrapolated + (extrapolation_seconds is not None),
-            extrapolation_seconds=self.extrapolation_seconds + (extrapolation_seconds or 0.0),
-            resets=self.resets + fresh,
-            seconds=self.seconds + seconds,
-            stages={**self.stages, **{k: self.stages.get(k, 0.0) + v for k, v in (stages or {}).items()}},
-        )
 
 
 @dataclass(frozen=True)

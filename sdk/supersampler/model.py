@@ -42,7 +42,6 @@ from supersampler.frame import (
     Float32,
     Frame,
     Size,
-    arrays_of,
     checked_exposure,
     checked_frame,
     checked_jitter,
@@ -52,7 +51,7 @@ from supersampler.history import History, StepResult
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
 from supersampler.methods.at_rest import ADDED, check_history, converged_fraction
 from supersampler.methods.executors import choose_executor
-from supersampler.methods.gbuffers import check_gbuffers, sampled
+from supersampler.methods.gbuffers import arrays_by_name, check_gbuffers, sampled
 from supersampler.methods.model_file import read_model_info, read_upscaling_info
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import HALF, LARGE_HALF, half_size, resized
@@ -304,7 +303,7 @@ class Model:
             before = None if previous is None or previous.ids is None else previous.ids.ids.shape[2]
             _check_channels("ids", None if frame.ids is None else frame.ids.shape[2], before)
         if out is not None:
-            check_out(out, (*display_size[::-1], 3), arrays_of(frame))
+            check_out(out, (*display_size[::-1], 3), arrays_by_name(frame).values())
 
     def run_checked(
         self, steps: Sequence[ModelStep]

@@ -36,7 +36,6 @@ from supersampler.frame import (
     Float32,
     Frame,
     Size,
-    arrays_of,
     checked_exposure,
     checked_frame,
     checked_jitter,
@@ -45,7 +44,7 @@ from supersampler.frame import (
 )
 from supersampler.history import STATE_VERSION, History, State, Stats, StepResult
 from supersampler.methods.at_rest import ADDED
-from supersampler.methods.gbuffers import GBUFFERS, black
+from supersampler.methods.gbuffers import GBUFFERS, arrays_by_name, black
 from supersampler.model import Model, ModelStep, Plan
 from supersampler.validation import FrameChecker
 
@@ -233,6 +232,10 @@ class Upscaler:
     def display_size(self) -> Size | None:
         """(width, height) of the images; with `scale`, None before the first frame."""
         return self._camera.display_size
+
+    def display_size_for(self, render_size: Size) -> Size:
+        """Return `display_size`; before the first frame, that of a first frame of this size."""
+        return self._camera.display_size or display_size_of(render_size, self._scale)
 
     @property
     def stats(self) -> Stats:
@@ -468,7 +471,9 @@ class Upscaler:
         pre_exposure = checked_pre_exposure(pre_exposure)
         recorded: AbstractContextManager[list[Tensor]] = nullcontext([])
         if self._recorder is not None:
-            recorded = self._recorder.step_tensors(tensors, jitter, exposure, pre_exposure, reset)
+            recorded = self._recorder.step_tensors(
+                tensors, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset
+            )
         with recorded as results:
             started = time.perf_counter()
             self._check_no_extrapolation("step_tensors")
@@ -590,10 +595,10 @@ class Upscaler:
         size = None if render_size is None else checked_size("render_size", render_size)
         read = [*names, "depth"] if aovs else names  # motion is dilated by depth
         may_be_larger = size is not None
-        given, size = checked_images(images, read, size, self._display_size_for, gpu.device)
+        given, size = checked_images(images, read, size, self.display_size_for, gpu.device)
         reset = checked_reset(reset)
         values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
-        display = self._display_size_for(size)
+        display = self.display_size_for(size)
         blended = checked_aovs(
             aovs, aovs_out, size, display, gpu.device,
             in_textures=is_texture(given["color"]), may_be_larger=may_be_larger,
@@ -624,7 +629,7 @@ class Upscaler:
         """
         self._check_open()
         size = checked_size("render_size", self._render_size if render_size is None else render_size)
-        display_size = self._display_size_for(size)
+        display_size = self.display_size_for(size)
         frame = black(self.gbuffers, size, display_size)
         if self._extrapolator is not None:
             self._extrapolator.extrapolate(replace(frame, color=None), self._extrapolator.after_shaded(frame))
@@ -715,7 +720,7 @@ class Upscaler:
         self, model: Model, given: Frame, frame: Frame, out: Float32 | None, outputs: Collection[str]
     ) -> tuple[ModelStep, FrameChecker]:
         """Check the arguments of `_upscale`; return those of `Model.run_checked`, and the next checker."""
-        display = self._display_size_for(frame.size)
+        display = self.display_size_for(frame.size)
         history = None if frame.reset else self._camera.history
         # before anything is allocated for a frame that may be refused
         model.check(frame, display, outputs, history, out)
@@ -732,13 +737,10 @@ class Upscaler:
             return None
         return self._extrapolator.after_shaded(frame, self._camera.shaded)
 
-    def _display_size_for(self, render_size: Size) -> Size:
-        return self._camera.display_size or display_size_of(render_size, self._scale)
-
     def _history(self, render_size: Size, *, reset: bool) -> History:
         """Return the history that a step on a frame of this size reads."""
         if self._camera.history is None or reset:
-            return self.model.first_history(self._display_size_for(render_size), render_size)
+            return self.model.first_history(self.display_size_for(render_size), render_size)
         return self._camera.history
 
     def _advance(
@@ -752,11 +754,17 @@ class Upscaler:
         extrapolation_seconds: float | None = None,
     ) -> None:
         """Store the result of a step that read `history` and took `seconds`, and its checker."""
-        stats = self._camera.stats.after_step(
-            fresh=history is not self._camera.history,
-            seconds=seconds,
-            stages=stages,
-            extrapolation_seconds=extrapolation_seconds,
+        stats, sums = self._camera.stats, dict(self._camera.stats.stages)
+        for name, spent in (stages or {}).items():
+            sums[name] = sums.get(name, 0.0) + spent
+        stats = replace(
+            stats,
+            frames=stats.frames + 1,
+            extrapolated=stats.extrapolated + (extrapolation_seconds is not None),
+            resets=stats.resets + (history is not self._camera.history),
+            seconds=stats.seconds + seconds,
+            extrapolation_seconds=stats.extrapolation_seconds + (extrapolation_seconds or 0.0),
+            stages=sums,
         )
         self._camera = CameraState(next_history.display_size, checker, next_history, history, shaded, stats)
 
@@ -829,7 +837,8 @@ def _check_apart(out: Sequence[Float32 | None] | Float32 | None, frames: Sequenc
         return
     arrays = [(view, "image", image) for view, image in enumerate(out) if image is not None]
     images = slice(len(arrays))
-    arrays += [(view, "frame", array) for view, frame in enumerate(frames) for array in arrays_of(frame)]
+    for view, frame in enumerate(frames):
+        arrays += [(view, "frame", array) for array in arrays_by_name(frame).values()]
     low, high = np.array([byte_bounds(array) for _, _, array in arrays]).T
     for place, index in np.argwhere((low[images, None] < high) & (low < high[images, None])).tolist():
         (view, _, image), (other, kind, array) = arrays[place], arrays[index]

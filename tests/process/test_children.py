@@ -14,21 +14,13 @@ import pytest
 from typer.testing import CliRunner
 
 import supersampler
-from blender_files import fake_blender, is_running, scene_file
+from blender_files import SECONDS, fake_blender, is_running, scene_file, wait_until
 from native_build import module_of
 from supersampler.cli import app
 from supersampler.io.child_process import ChildProcess, end_text, run
 
 TESTS = Path(__file__).parents[1]
 EXTENSION = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension" / "run.py"
-SECONDS = 40.0
-
-
-def wait_until(what: Callable[[], object], seconds: float = SECONDS) -> None:
-    until = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < until
-        time.sleep(0.05)
 
 
 def signals(*, ignored: bool) -> Callable[[], None]:
@@ -269,7 +261,7 @@ def test_close_ends_a_program_whose_supervisor_hangs(
         os.kill(child._process.pid, signal.SIGSTOP)
     child.close()
     child.output.close()
-    assert not is_running(int((tmp_path / "pid").read_text()))
+    wait_until(lambda: not is_running(int((tmp_path / "pid").read_text())))
 
 
 def test_a_child_is_not_inherited_by_another_one() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
-from blender_files import NUMBERS, RECORDED, fake_blender, is_running, scene_file
+from blender_files import NUMBERS, RECORDED, fake_blender, is_running, scene_file, wait_until
 from blender_motion import camera_motion_of
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import denoise_run
@@ -360,7 +360,7 @@ def test_a_blender_that_ignores_signals_is_killed(tmp_path: Path) -> None:
     began = time.monotonic()
     assert "no camera" in one_line(blender(tmp_path, stubborn=True, error="no camera"))
     assert time.monotonic() - began < 60
-    assert not is_running(int((tmp_path / "pid").read_text()))
+    wait_until(lambda: not is_running(int((tmp_path / "pid").read_text())))
 
 
 @pytest.mark.long  # waits for seconds

@@ -124,7 +124,7 @@ def test_noise_is_denoised_where_the_frames_have_it_and_oidn_is_installed(
     shot = Shot.open(write_noisy(tmp_path / "shot", 1))
     shot.is_denoised, shot.noisy_channels = denoised, channels
     monkeypatch.setattr(denoise_run, "has_oidn", lambda: installed)
-    assert denoise_run.DenoiseJob(shot=shot, output=tmp_path, per_frame=per_frame).denoiser == denoiser
+    assert denoise_run.DenoiseRun(shot=shot, output=tmp_path, per_frame=per_frame).denoiser == denoiser
 
 
 def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from supersampler import ArgumentError, ShotError
+from supersampler import ArgumentError, Frame, ShotError
 from supersampler.conventions.encodings import srgb_encoded
 from supersampler.io.display import ExposureMeter, auto_exposure, display_transform, to_uint8
 from supersampler.io.display_transforms import display_transform_from, ocio_transform
@@ -21,6 +21,11 @@ HOSTILE = np.array(
 
 def grey(value: float) -> np.ndarray:
     return np.full((2, 3, 3), value, np.float32)
+
+
+def frame_of(color: np.ndarray | None, **values: Any) -> Frame:
+    motion = np.zeros((2, 3, 2), np.float32)  # of the size of `grey`
+    return Frame(color=color, depth=motion[..., 0], motion=motion, jitter=(0.0, 0.0), **values)
 
 
 @pytest.mark.parametrize(("linear", "encoded"), [(0.0, 0.0), (0.001, 0.01292), (0.5, 0.735357), (1.0, 1.0)])
@@ -58,17 +63,17 @@ def test_black_pixels_count_as_the_darkest_too_bright_ones_as_65504_and_nan_not_
 
 
 def test_the_meter_takes_the_engines_exposure_as_it_is_or_measures_without_pre_exposure() -> None:
-    assert ExposureMeter().read(grey(1.0), given=2.5) == 2.5
-    assert ExposureMeter().read(grey(0.72), pre_exposure=4.0) == pytest.approx(1.0)
-    assert ExposureMeter().read(grey(0.72), given=2.5, pre_exposure=4.0) == 2.5
+    assert ExposureMeter().read_frame(frame_of(grey(1.0), exposure=2.5)) == 2.5
+    assert ExposureMeter().read_frame(frame_of(grey(0.72), pre_exposure=4.0)) == pytest.approx(1.0)
+    assert ExposureMeter().read_frame(frame_of(grey(0.72), exposure=2.5, pre_exposure=4.0)) == 2.5
 
 
 def test_the_meter_follows_slowly_until_a_cut() -> None:
     meter = ExposureMeter()
-    assert meter.read(grey(0.18)) == pytest.approx(1.0)
-    assert meter.read(grey(1.8)) == pytest.approx(0.1**0.1)
-    assert meter.read(None) == pytest.approx(0.1**0.1)  # a frame that was not shaded
-    assert meter.read(grey(1.8), reset=True) == pytest.approx(0.1)
+    assert meter.read_frame(frame_of(grey(0.18))) == pytest.approx(1.0)
+    assert meter.read_frame(frame_of(grey(1.8))) == pytest.approx(0.1**0.1)
+    assert meter.read_frame(frame_of(None)) == pytest.approx(0.1**0.1)  # a frame that was not shaded
+    assert meter.read_frame(frame_of(grey(1.8), reset=True)) == pytest.approx(0.1)
 
 
 # --- what PNG, TIFF and video files show: the tone curve, sRGB alone, OpenColorIO views ---

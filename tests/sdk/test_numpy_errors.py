@@ -104,7 +104,7 @@ def test_calls_on_images_raise_no_error() -> None:
         warnings.simplefilter("ignore", FrameWarning)
         list(upscale_sequence(frames, display_size=(48, 32), model="taau", passes=2))
         detect_conventions(Shot.open("plaza"), frames=4)
-        ExposureMeter().read(color, given=None, reset=True)
+        ExposureMeter().read_frame(replace(frames[0], exposure=None))
         to_uint8(display_transform(np.float32(1.0) * color))
         display_transform_from(view="Un-tone-mapped").show(color, 1.0)
         camera_motion(frames[0].depth, np.eye(4), np.diag([1e-30, 1e30, 1.0, 1.0]))

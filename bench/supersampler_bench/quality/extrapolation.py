@@ -22,8 +22,7 @@ from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import lacking, listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.model_info import ModelInfo
-from supersampler.sequence.both_ways import buffers_of
-from supersampler.sequence.interpolation import interpolator_of
+from supersampler.sequence.both_ways import BothWays
 from supersampler_bench.quality import masks, measure, metrics
 from supersampler_bench.quality import scores as quality_scores
 from supersampler_bench.quality.score_table import COLUMNS as QUALITY_COLUMNS
@@ -218,18 +217,16 @@ def _ways(
         return way(_info(model).method, step, both.gbuffers)
 
     def both_ways(model: str | None) -> measure.Stepper:
-        forward = measure.upscaler_of(upscaler, display)
-        interpolator = None if model is None else interpolator_of(model, forward)
-        gbuffers = buffers_of(forward, interpolator)
+        runs = BothWays(measure.upscaler_of(upscaler, display), extrapolation=model)
 
         def frames() -> Iterator[Frame]:
-            for item in shot.frames(gbuffers=gbuffers, references=False):
+            for item in shot.frames(gbuffers=runs.buffers, references=False):
                 unshaded = model is not None and alternation.leaves_unshaded(item)
                 yield replace(item.frame, color=None) if unshaded else item.frame
 
-        images = measure.both_ways_images(frames(), forward, interpolator=interpolator)
+        images = measure.both_ways_images(frames(), runs)
         name = "shaded" if model is None else _info(model).method
-        return measure.Stepper(f"{upscaler}, {name} x2", lambda _: next(images), gbuffers)
+        return measure.Stepper(f"{upscaler}, {name} x2", lambda _: next(images), runs.buffers)
 
     shaded = measure.upscaler_of(upscaler, display)
     yield way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers)

@@ -17,8 +17,7 @@ from supersampler.history import StepResult
 from supersampler.io.display import auto_exposure, display_transform, usable_exposure
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
-from supersampler.sequence.both_ways import BothWays, buffers_of, frames_of
-from supersampler.sequence.interpolation import Interpolator
+from supersampler.sequence.both_ways import BothWays, frames_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.fsr1 import EASU, EASU_RCAS, Fsr1
 from supersampler_bench.fsr2 import FSR2_LIKE, Fsr2Like
@@ -163,7 +162,8 @@ def stepper_of(method: str, shot: Shot) -> Stepper:
     outputs = ["class_map"] * ("class_map" in upscaler.model.info.maps) + ["aovs"] * bool(_aov_indices(shot))
     gbuffers = upscaler.model.info.gbuffers
     if parse_spec(method, two_passes=True).passes == 2:
-        images = both_ways_images(frames_of(shot, buffers_of(upscaler)), upscaler, outputs=outputs)
+        runs = BothWays(upscaler, outputs=tuple(outputs))
+        images = both_ways_images(frames_of(shot, runs.buffers), runs)
         return Stepper(method, lambda _: next(images), gbuffers)
 
     def step(item: ShotFrame) -> StepImage:
@@ -185,18 +185,8 @@ def _native(shot: Shot) -> Shot:
     return Shot.open(path)
 
 
-def both_ways_images(
-    frames: Iterable[Frame],
-    forward: Upscaler,
-    *,
-    outputs: Sequence[str] = (),
-    interpolator: Interpolator | None = None,
-) -> Iterator[StepImage]:
-    """Yield the images of frames in two passes, with the settings of an Upscaler for the forward one."""
-    backward = Upscaler(
-        forward.model, display_size=forward.display_size, at_rest=forward.at_rest, validate="off"
-    )
-    runs = BothWays(forward, backward, outputs=tuple(outputs), interpolator=interpolator)
+def both_ways_images(frames: Iterable[Frame], runs: BothWays) -> Iterator[StepImage]:
+    """Yield the images of frames in two passes."""
     for _, result in runs.run(frames):
         yield StepImage(result.image, result.class_map, result.aovs)
 

@@ -38,7 +38,7 @@ extern "C" {
 typedef enum ss_status {
     SS_OK = 0,
     SS_BAD_ARGUMENT = 1, /* an argument other than the frame: a size, a pointer, an option */
-    SS_BAD_FRAME = 2,    /* the frame breaks the contract; the next one may be right */
+    SS_BAD_FRAME = 2,    /* the frame breaks the contract; the next one may be valid */
     SS_BAD_MODEL = 3,    /* the bytes of a model are damaged, or of another version */
     SS_BAD_STATE = 4,    /* the bytes of a state are damaged, or of another model or size */
     SS_NO_MEMORY = 5,    /* the allocator returned NULL */
@@ -63,7 +63,7 @@ typedef struct ss_options {
     /* Calls task(context, 0) to task(context, count - 1), on up to `threads` threads, and returns when all have
      * returned. NULL: the model has threads of its own. */
     void (*parallel_for)(void* user, void (*task)(void* context, int index), void* context, int count);
-    void* (*allocate)(void* user, size_t bytes); /* any alignment; NULL where there is no memory */
+    void* (*allocate)(void* user, size_t bytes); /* any alignment; NULL if there is no memory */
     void (*release)(void* user, void* memory, size_t bytes);
     /* called when a model is created, with its instruction set and threads */
     void (*log)(void* user, const char* message);
@@ -92,8 +92,8 @@ SS_API const char* ss_model_instructions(const ss_model* model);
 
 typedef enum ss_type {
     SS_FLOAT32 = 0,
-    SS_FLOAT16 = 1, /* of outputs: values beyond +-65504 are clamped to it */
-    SS_UNORM8 = 2   /* 255 is one. Only of outputs: values are clamped to [0, 1], and rounded */
+    SS_FLOAT16 = 1, /* of outputs: values beyond +-65504 are clamped to these */
+    SS_UNORM8 = 2   /* 255 stands for 1. Outputs only: values are clamped to [0, 1], and rounded */
 } ss_type;
 
 /* The pixels of an image in memory of the caller. Strides are in bytes and may be negative; no two values overlap. */
@@ -113,8 +113,8 @@ typedef struct ss_frame {
     ss_image depth;    /* 1 channel: reversed, infinite far: near / view distance; 0 at the sky */
     ss_image motion;   /* 2 channels: render pixels without jitter, previous minus current position */
     ss_image reactive; /* 1 channel in [0, 1], or none: how unreliable the history is */
-    ss_image base_color, normal; /* G-buffers of render size, for methods that read them */
-    ss_image display_base_color, display_normal, display_depth; /* the same of display size */
+    ss_image base_color, normal; /* G-buffers at render size, for methods that read them */
+    ss_image display_base_color, display_normal, display_depth; /* the same at display size */
     float jitter[2];    /* sample position minus pixel centre, render pixels, in [-0.5, 0.5] */
     float exposure;     /* multiplies the colour before the tone curve; 0: measured */
     float pre_exposure; /* factor that the colour already contains, 2^-24 to 2^24; 0 counts as 1 */
@@ -136,8 +136,8 @@ typedef enum ss_stage {
 /* Returns the name of a stage: "preprocess"; NULL from SS_STAGES on. */
 SS_API const char* ss_stage_name(int stage);
 
-/* Results of a step. Images have display size; those whose data is NULL are not computed. Their memory overlaps neither that
- * of another output, of this view or of another, nor that of the frames. */
+/* Results of a step. Images have display size; those whose data is NULL are not computed. Their memory must not overlap
+ * another output of any view, or a frame. */
 typedef struct ss_outputs {
     ss_image image;     /* 3 channels: linear RGB, finite, >= 0, in the units of the colour */
     ss_image weight;    /* 1 channel: weight of the history in the image, [0, 1] */
@@ -325,7 +325,7 @@ SS_API void ss_history_destroy(ss_history* history);
 /* Returns 1 if `history` can hold the history after a frame of this size, else 0. */
 SS_API int ss_history_fits(const ss_history* history, int width, int height);
 
-/* Computes an image and the next history. Both histories are of `model`; the next one is another one, and fits the frame.
+/* Computes an image and the next history. The histories are two different ones of `model`; the next one fits the frame.
  * `reset` of the frame is not read: pass an empty history. */
 SS_API ss_status ss_run(ss_model* model, const ss_frame* frame, const ss_history* history, ss_history* next_history,
                         const ss_outputs* outputs, ss_error* error);
@@ -343,7 +343,7 @@ SS_API ss_status ss_run_many(ss_model* model, const ss_frame* frames, const ss_h
 SS_API ss_status ss_run_network(ss_model* model, const uint8_t* inputs, int width, int height, float* outputs,
                                 ss_error* error);
 
-/* Returns the name of a history tensor of the contract; NULL from the last one on. `shape` is (n, channels, height,
+/* Returns the name of a history tensor of the contract; NULL if there is no such index. `shape` is (n, channels, height,
  * width), or fewer axes: `axes` of them. */
 SS_API const char* ss_history_tensor(const ss_history* history, int index, int64_t shape[4], int* axes);
 

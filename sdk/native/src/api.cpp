@@ -106,12 +106,6 @@ static ss_status read_constants(Model& model, const Arrays& arrays, ss_error* er
     return SS_OK;
 }
 
-static ss_status hand_out(ss_status status, Model* made, ss_model** model) {
-    if (status != SS_OK && made) destroy(Allocator(made->arena.allocator()), made);
-    if (status == SS_OK) *model = reinterpret_cast<ss_model*>(made);
-    return status;
-}
-
 ss_status ss_model_create(const char* name, const ss_options* options, ss_model** model, ss_error* error) {
     if (!name || !model) return fail(error, SS_BAD_ARGUMENT, "%s is NULL", name ? "model" : "name");
     *model = nullptr;
@@ -144,7 +138,9 @@ ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_o
     ss_status status = make_model(method, options, &made, error);
     if (status == SS_OK) status = read_constants(*made, arrays, error);
     if (status == SS_OK && method->read_weights) status = method->read_weights(*made, arrays, error);
-    return hand_out(status, made, model);
+    if (status == SS_OK) *model = reinterpret_cast<ss_model*>(made);
+    else if (made) destroy(Allocator(made->arena.allocator()), made);
+    return status;
 }
 
 void ss_model_destroy(ss_model* handle) {

@@ -4,7 +4,7 @@ namespace ss {
 
 static constexpr char MAGIC[8] = {'s', 's', 'a', 'r', 'r', 'a', 'y', '1'};
 
-// CRC-32 of zlib, four bits at once.
+// The CRC-32 of zlib, four bits at a time.
 static uint64_t checksum_of(const void* bytes, size_t count) {
     static constexpr uint32_t TABLE[16] = {0x00000000, 0x1DB71064, 0x3B6E20C8, 0x26D930AC, 0x76DC4190, 0x6B6B51F4,
                                            0x4DB26158, 0x5005713C, 0xEDB88320, 0xF00F9344, 0xD6D6A3E8, 0xCB61B38C,

@@ -39,7 +39,7 @@ template <class T>
 constexpr T clamp(T value, T low, T high) {
     return min(max(value, low), high);
 }
-// Rounds to a byte, of which 255 is one; NaN counts as 0.
+// Rounds to a byte, where 255 stands for 1; NaN counts as 0.
 constexpr uint8_t to_unorm8(float value) {
     return value > 0.0f ? static_cast<uint8_t>(min(value, 1.0f) * 255.0f + 0.5f) : 0;
 }
@@ -55,7 +55,7 @@ inline ss_status succeed(ss_error* error) {
     return SS_OK;
 }
 
-double seconds_now();  // since some instant
+double seconds_now();  // since an arbitrary instant
 
 struct Allocator {
     void* (*allocate)(void* user, size_t bytes);

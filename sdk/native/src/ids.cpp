@@ -25,7 +25,7 @@ struct Vector {
     float x, y;
 };
 
-// Motion of a sample in display pixels; none where it is NaN or infinite.
+// Motion of a sample in display pixels; 0 where it is NaN or infinite.
 static Vector motion_of(const ss_ids& v, ptrdiff_t sample) {
     const float x = v.motion[2 * sample], y = v.motion[2 * sample + 1];
     if (!(fabsf(x) <= MAX_SIDE && fabsf(y) <= MAX_SIDE)) return {0.0f, 0.0f};
@@ -35,9 +35,9 @@ static Vector motion_of(const ss_ids& v, ptrdiff_t sample) {
 
 static float larger_side(float x, float y) { return max(fabsf(x), fabsf(y)); }
 
-// Returns the ids of the closest surface among the 3x3 samples that was at this pixel in the previous frame, too, and their
-// distance from the pixel's centre; null where there is none. The distance grows by the motion relative to the nearest sample,
-// as edges between surfaces move by that.
+// Returns the ids of the closest surface among the 3x3 samples that was at this pixel in the previous frame, too, and
+// their distance from the pixel's centre; null where there is none. The distance grows by the motion relative to the
+// nearest sample, as edges between surfaces move by that.
 static const uint32_t* surviving_ids(const ss_ids& v, int x, int y, int sample_x, int sample_y, float* distance) {
     const Vector nearest = motion_of(v, static_cast<ptrdiff_t>(sample_y) * v.width + sample_x);
     const uint32_t* found = nullptr;
@@ -63,7 +63,7 @@ static const uint32_t* surviving_ids(const ss_ids& v, int x, int y, int sample_x
     return found;
 }
 
-// Marks the samples of a row around which all 3x3 have the same ids.
+// Marks the samples of a row whose 3x3 neighbours all have the same ids.
 static void mark_uniform(const ss_ids& v, int sample_y, uint8_t* uniform) {
     const uint32_t* rows[3];
     for (int k = 0; k < 3; k++)

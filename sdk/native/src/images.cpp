@@ -19,8 +19,8 @@ ss_status ss_camera_motion(const ss_image* depth, int width, int height, const d
     const IeeeArithmetic arithmetic;
     const double* m = to_previous;
     // With (X, Y, Z, W) = m * (x, y, depth, 1), the motion is X / W - x = (X - x W) / W. Where the camera hardly moves,
-    // X / W and x are nearly equal, and their difference in single precision is noise; X - x W has its differences in the
-    // coefficients, which are of double precision.
+    // X / W and x are nearly equal, and their difference in single precision is noise; X - x W takes its
+    // differences in the coefficients, in double precision.
     float columns[5 * CameraMotion::BLOCK], rows[5 * CameraMotion::ROWS];
     CameraMotion work = {view_of(*depth, width, 1),
                          view_of(*motion, width, 2),
@@ -167,7 +167,7 @@ ss_status ss_scatter_motion(const ss_scatter* s, float* motion, float* mismatch,
             if (mismatch[pixel] < HIDDEN) continue;
             int best = 4 * OTHER_SURFACE;
             ptrdiff_t source = -1;
-            // Ring by ring: all others are farther away.
+            // Ring by ring: later rings are farther away.
             for (int reach = 1; reach <= REACH && best >= reach * reach; reach++)
                 for (int y = max(row - reach, 0); y < min(row + reach + 1, height); y++) {
                     // Of the rows between the first and the last, both ends.

@@ -1,4 +1,4 @@
-// Chooses kernels by what the CPU has.
+// Chooses kernels by the instruction sets of the CPU.
 #include "work.h"
 
 #if defined(__aarch64__) && defined(__linux__)
@@ -37,7 +37,7 @@ struct Registers {
     uint32_t a, b, c, d;
 };
 
-// The compiler's __builtin_cpu_supports is of its runtime library, which not every linker finds.
+// __builtin_cpu_supports needs the compiler's runtime library, which not every linker finds.
 static Registers cpuid(uint32_t leaf, uint32_t part) {
     Registers r;
     __asm__ volatile("cpuid" : "=a"(r.a), "=b"(r.b), "=c"(r.c), "=d"(r.d) : "a"(leaf), "c"(part));
@@ -70,7 +70,7 @@ static bool has_dot_product() {
 #if defined(__linux__)
     return getauxval(AT_HWCAP) & HWCAP_ASIMDDP;
 #else
-    return true;  // of Apple's
+    return true;  // all of Apple's CPUs have it
 #endif
 }
 

@@ -36,8 +36,7 @@ static void make_step_buffers(const Model& model, StepBuffers& buffers) {
     }
     Tables& t = buffers.tables;
     t = {};
-    Filter* filters = buffers.arena.take<Filter>(8);
-    if (filters) t.filters = model.method->filters(model, filters, &t.filter_count, &t.window_sigma);
+    model.method->add_filters(model, t);
     Axis* axes[] = {&t.x, &t.y};
     const int pixels[] = {display.width, display.height}, samples[] = {render.width, render.height};
     for (int k = 0; k < 2; k++) {

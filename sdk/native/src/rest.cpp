@@ -118,7 +118,7 @@ bool make_rest(StepBuffers& buffers, RestWork& w) {
 
 // Samples around pixels ---------------------------------------------------------------------------------------------
 
-// The two samples around a pixel of an axis and their weights; their offsets from it, display pixels.
+// The two samples around a pixel along an axis, their weights, and their offsets from the pixel in display pixels.
 static void samples_around(int pixel, int render, int display, float jitter, int32_t (&sample)[2], float (&weight)[2],
                            float (&offset)[2]) {
     const float scale = static_cast<float>(static_cast<double>(display) / render);
@@ -164,7 +164,7 @@ static void make_pixel_tables(RestWork& w, const float (&jitter)[2]) {
         }
 }
 
-// Weights of the samples near pixels in each phase of the cycle, and these times offsets.
+// Weights of the samples near pixels in each phase of the cycle, and weights times offsets.
 static void make_moments(RestWork& w) {
     const StaticBlocks& s = w.blocks;
     const int render[] = {w.samples.width, w.samples.height}, display[] = {w.display.width, w.display.height};
@@ -191,25 +191,30 @@ static void make_moments(RestWork& w) {
 static bool any(const uint8_t* mask, int count) { return memchr(mask, 1, static_cast<size_t>(count)) != nullptr; }
 static bool every(const uint8_t* mask, int count) { return memchr(mask, 0, static_cast<size_t>(count)) == nullptr; }
 
-// Adds what is within `reach` rows and columns of a mask; `spare` has its size.
-static void dilate_mask(uint8_t* mask, uint8_t* spare, Size size, int reach) {
-    if (!any(mask, size.width * size.height)) return;
+// Replaces each value of a plane by the largest within `reach` rows and columns; `spare` has the size of the plane.
+template <class T>
+static void dilate(T* plane, T* spare, Size size, int reach) {
     for (int y = 0; y < size.height; y++)
         for (int x = 0; x < size.width; x++) {
-            uint8_t found = 0;
-            for (int k = max(x - reach, 0); k <= min(x + reach, size.width - 1); k++) found |= mask[y * size.width + k];
+            T found = plane[y * size.width + x];
+            for (int k = max(x - reach, 0); k <= min(x + reach, size.width - 1); k++)
+                found = max(found, plane[y * size.width + k]);
             spare[y * size.width + x] = found;
         }
     for (int y = 0; y < size.height; y++)
         for (int x = 0; x < size.width; x++) {
-            uint8_t found = 0;
+            T found = spare[y * size.width + x];
             for (int k = max(y - reach, 0); k <= min(y + reach, size.height - 1); k++)
-                found |= spare[k * size.width + x];
-            mask[y * size.width + x] = found;
+                found = max(found, spare[k * size.width + x]);
+            plane[y * size.width + x] = found;
         }
 }
 
-// Marks tiles of an image, in whose rows and columns these blocks are, with a pixel of a marked block.
+static void dilate_mask(uint8_t* mask, uint8_t* spare, Size size, int reach) {
+    if (any(mask, size.width * size.height)) dilate(mask, spare, size, reach);
+}
+
+// Marks the tiles of an image with a pixel of a marked block; row_blocks and column_blocks: block of each row and column.
 static void any_in_tiles(const uint8_t* blocks, int across, Size image, const int32_t* row_blocks,
                          const int32_t* column_blocks, uint8_t* tiles) {
     const Size size = tiles_of(image);
@@ -322,40 +327,22 @@ static float excess(float square, float variance, float ratio, const Window& w, 
     return clamp((square - ratio * variance) / level - FLICKER * FLICKER, -OLDEST, OLDEST);
 }
 
-// The maxima over the blocks up to `reach` away on both axes, in place; `spare` has the size of a plane.
-static void widen(float* plane, float* spare, Size size, int reach) {
-    for (int y = 0; y < size.height; y++)
-        for (int x = 0; x < size.width; x++) {
-            float found = plane[y * size.width + x];
-            for (int k = max(x - reach, 0); k <= min(x + reach, size.width - 1); k++)
-                found = max(found, plane[y * size.width + k]);
-            spare[y * size.width + x] = found;
-        }
-    for (int y = 0; y < size.height; y++)
-        for (int x = 0; x < size.width; x++) {
-            float found = spare[y * size.width + x];
-            for (int k = max(y - reach, 0); k <= min(y + reach, size.height - 1); k++)
-                found = max(found, spare[k * size.width + x]);
-            plane[y * size.width + x] = found;
-        }
-}
-
-static void sum_residuals(Step& step, RestWork& w, const RestHistory& before, bool same) {
+static void sum_residuals(Step& step, RestWork& w, const RestHistory& before) {
     StaticBlocks& s = w.blocks;
     if (!before.mean) {
         memset(s.sums, 0, sizeof(float) * SUMS * static_cast<size_t>(s.count()));
         return;
     }
     make_pixel_tables(w, step.frame.jitter);
-    w.mean = before.mean, w.ages = same ? before.ages : s.ages;
+    w.mean = before.mean, w.ages = before.ages;
     step.workers().run_rows(s.size.height, [&](int y0, int y1, int) { step.kernels().sum_blocks(w, y0, y1); });
 }
 
-// Adds to the tests of blocks that verify their mean how far residuals are over the limits; see `steadiness` in torch.
+// Adds the excess of residuals over the limits to the tests of blocks that verify their mean; see `steadiness` in torch.
 static void test_steadiness(Step& step, RestWork& w, const RestHistory& before, float dark) {
     StaticBlocks& s = w.blocks;
     const int count = s.count(), across = s.size.width;
-    // residuals of the large windows with a small one that is read
+    // large windows that contain a small one that is read
     memcpy(s.selected, s.verifies, static_cast<size_t>(count));
     dilate_mask(s.selected, s.spare, s.size, SMALL_WINDOW);
     for (int wy = 0; wy < s.size.height; wy += LARGE_WINDOW)
@@ -369,7 +356,7 @@ static void test_steadiness(Step& step, RestWork& w, const RestHistory& before, 
                     s.selected[block] = read && before.ages[block] != 0.0f;
                 }
         }
-    sum_residuals(step, w, before, true);
+    sum_residuals(step, w, before);
     float *uniform = s.windows, *contrast = s.windows + count, *spare = s.windows + 2 * count;
     for (int by = 0; by < s.size.height; by += SMALL_WINDOW)
         for (int bx = 0; bx < across; bx += SMALL_WINDOW) {
@@ -382,8 +369,8 @@ static void test_steadiness(Step& step, RestWork& w, const RestHistory& before, 
                 contrast[y * across + x] = small.contrast;
             }
         }
-    widen(uniform, spare, s.size, SMALL_WINDOW);
-    widen(contrast, spare, s.size, SMALL_WINDOW);
+    dilate(uniform, spare, s.size, SMALL_WINDOW);
+    dilate(contrast, spare, s.size, SMALL_WINDOW);
     Window large = {};
     int last = -1;  // large window whose moments these are
     const int windows_across = divided_up(across, LARGE_WINDOW);
@@ -409,7 +396,7 @@ static void follow_noise(Step& step, RestWork& w, const RestHistory& before, flo
     StaticBlocks& s = w.blocks;
     const int count = s.count();
     memset(s.selected, 1, static_cast<size_t>(count));
-    sum_residuals(step, w, before, true);
+    sum_residuals(step, w, before);
     const float frames = NOISE_RATE / (2.0f - NOISE_RATE);
     for (int block = 0; block < count; block++) {
         const Window window = window_at(s, SMALL_WINDOW, block / s.size.width, block % s.size.width);

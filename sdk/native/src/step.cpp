@@ -193,7 +193,7 @@ PreviousFrame previous_frame(const History& history, int plane) {
             {history.jitter[0], history.jitter[1]}};
 }
 
-// Makes tiles that rest in the next history those of the history.
+// Makes the tiles of the next history that rest equal to those of the history.
 static void keep_tiles(Step& step, int64_t generation, bool computes) {
     const History& before = step.before;
     History& after = step.after;

@@ -93,7 +93,7 @@ struct Method {
     int constant_count = 0;
     // defaults of the constants, floats in their order; null: the model's bytes have them
     const void* config = nullptr;
-    const Filter* (*filters)(const Model& model, Filter* room, int* count, float* window_sigma) = nullptr;
+    void (*add_filters)(const Model& model, Tables& tables) = nullptr;
     bool (*make_buffers)(const Model& model, StepBuffers& buffers);
     ss_status (*compute)(Step& step) = nullptr;  // fails before it changes the next history
     ss_status (*read_weights)(Model& model, const Arrays& arrays, ss_error* error) = nullptr;  // null: it has none
@@ -139,7 +139,7 @@ struct Model {
     ThreadPool pool;
     float config[64] = {};
     void* weights = nullptr;
-    int64_t generation = 0;               // last that was given
+    int64_t generation = 0;               // the last one assigned
     StepBuffers* free_buffers = nullptr;  // a list without a lock, which a forked child might find held
 
     Model(const Allocator& allocator, const ss_options& options) : arena(allocator), pool(options) {}
@@ -207,7 +207,7 @@ struct Step {
     const Workers& workers() const { return at_work; }
 };
 
-void fill_missing(Step& step);  // computes what missing samples show; the exposure is known
+void fill_missing(Step& step);  // computes the values of missing samples; the exposure is known
 void make_tables(const Step& step);
 void resample(Step& step);         // fills and tones samples, dilates motion
 bool may_glare(const Step& step);  // whether a sample glares, or pixels that rest do
@@ -267,7 +267,7 @@ struct StepCall {
     const ss_outputs& outputs;
 };
 ss_status check_step(const Model& model, const StepCall& call, ss_error* error);
-// checks that no output of a call begins where an image of another one, or another image of its own, begins
+// checks that no output of a call has the address of another image, of its own or of the other call
 ss_status check_apart(const StepCall& call, const StepCall& other, ss_error* error);
 ss_status run_step(Model& model, const StepCall& call, Canceller& canceller, bool alone);  // after `check_step`
 ss_status fail_in_view(int view, ss_status status, ss_error* error);  // puts the view in front of the message
@@ -298,8 +298,8 @@ ss_status run_steps(Model& model, int count, const CallOf& call_of, ss_error* er
     return status == SS_OK ? succeed(error) : fail(error, status, "no memory for a step");
 }
 
-// Calls `rows(y0, y1)` and then `beside(y0, y1)`, which reads one more row on either side, on all rows: the second
-// while they are in the cache, but for the rows at which threads meet.
+// Calls `rows(y0, y1)` and then `beside(y0, y1)`, which reads one more row on either side, on all rows. `beside` runs
+// while its rows are in the cache, except where the rows of two threads meet.
 template <class RowFunction, class BesideFunction>
 void run_rows_with_neighbours(const Workers& workers, int height, const RowFunction& rows,
                               const BesideFunction& beside) {

@@ -62,7 +62,7 @@ struct ThreadPool::Job {
     const void* context;
     int count, threads;
     const Canceller& canceller;
-    int next = 0;  // index that no thread has begun
+    int next = 0;  // first index that no thread has begun
     int busy = 0;  // threads of the pool that work on it; guarded by the lock
     Job* after = nullptr;
     bool taken[MAX_THREADS] = {};
@@ -132,7 +132,7 @@ void ThreadPool::run(int count, Task task, const void* context, Canceller& cance
             *at = job.after;
             break;
         }
-    while (job.busy) {  // with tasks that may run others
+    while (job.busy) {  // meanwhile, help with the jobs of its tasks
         if (Job* other = job_with_more(&canceller)) help(*other);
         else lock_.wait();
     }

@@ -15,7 +15,7 @@ namespace ss {
 
 constexpr int MAX_THREADS = 256;
 constexpr int MAX_BANDS = 4096;
-constexpr int PARTS_OF_THREAD = 3;  // a thread that is held up leaves parts to others
+constexpr int PARTS_OF_THREAD = 3;  // a delayed thread leaves parts to others
 
 // Mutex and condition of the system.
 class Lock {
@@ -66,7 +66,7 @@ struct Guard {
     Lock& lock_;
 };
 
-// Asks the caller now and then, in its thread, whether a call is to end. One call has one.
+// Asks the caller from time to time, on the caller's thread, whether to cancel. Each call has one.
 class Canceller {
    public:
     Canceller(int (*asked)(void* user), void* user)
@@ -90,7 +90,7 @@ class Canceller {
 
 void pause_thread(int tries);  // in a loop that waits for another thread
 
-// Makes this thread compute as IEEE 754 has it while it lives: subnormal numbers, rounding to nearest, no traps.
+// While it exists, its thread computes as IEEE 754 specifies: subnormal numbers, rounding to nearest, no traps.
 class IeeeArithmetic {
    public:
     IeeeArithmetic();

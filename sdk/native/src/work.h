@@ -87,6 +87,7 @@ struct Guide {
 // A separable filter of the four samples around a display pixel.
 enum FilterKind { LINEAR, CUBIC, DISTANCE, GAUSSIAN, LINE_MEAN, LINE_SLOPE, LINE_SHIFT };
 // DISTANCE is not a filter: it stores the distances of the samples.
+constexpr int MAX_FILTERS = 5;
 struct Filter {
     FilterKind kind;
     float sigma = 0.0f;
@@ -106,9 +107,10 @@ struct Axis {
 
 struct Tables {
     Axis x, y;
-    const Filter* filters;
+    Filter filters[MAX_FILTERS];
     int filter_count;
-    float window_sigma;
+    float window_sigma;  // of `Axis.windows`; 0: there are none
+    void add(Filter filter) { filters[filter_count++] = filter; }
 };
 
 // The images that a step writes.
@@ -251,46 +253,54 @@ struct TemporalFilter {
     float* scratch;
 };
 
+// Name and parameters of each kernel.
+// clang-format off
+#define SS_KERNELS(kernel)                                                                                            \
+    kernel(read_frame, (const FrameImages&, const Samples&, int y0, int y1, int thread))                              \
+    kernel(fill_windows, (const Samples&, int y0, int y1))                                                            \
+    kernel(prepare, (const Samples&, int y0, int y1))                                                                 \
+    kernel(dilate, (const Samples&, int y0, int y1))                                                                  \
+    kernel(make_tables, (const Tables&, float jitter_x, float jitter_y))                                              \
+    kernel(spatial_read, (const SpatialWork&, int y0, int y1))                                                        \
+    kernel(spatial_rows, (const SpatialWork&, Rect, int thread))                                                      \
+    kernel(taa_read, (const TaaWork&, int y0, int y1))                                                                \
+    kernel(taa_boxes, (const TaaWork&, int y0, int y1))                                                               \
+    kernel(taa_rows, (const TaaWork&, Rect, int thread))                                                              \
+    kernel(taau_shade, (const TaauWork&, int y0, int y1, int thread))                                                 \
+    kernel(taau_compare, (const TaauWork&, int y0, int y1))                                                           \
+    kernel(taau_rows, (const TaauWork&, Rect, int thread))                                                            \
+    kernel(sign_blocks, (const RestWork&, int y0, int y1))                                                            \
+    kernel(sum_blocks, (const RestWork&, int y0, int y1))                                                             \
+    kernel(add_samples, (const RestWork&, Rect))                                                                      \
+    kernel(show_mean, (const RestWork&, Rect))                                                                        \
+    kernel(freeze_mean, (const RestWork&, Rect))                                                                      \
+    kernel(downsample_rows, (const DownsampleWork&, int y0, int y1, int thread))                                      \
+    kernel(copy_image, (const View& from, const View& to, int width, int y0, int y1, float factor))                   \
+    kernel(pick_pixels, (const float* from, Size from_size, const View& to, Size size, int y0, int y1))               \
+    kernel(write_converged, (const RestWork&, const View& image, int y0, int y1))                                     \
+    kernel(warp_read_shaded, (const WarpWork&, int y0, int y1, int thread))                                           \
+    kernel(warp_read_motion, (const WarpWork&, int y0, int y1, int thread))                                           \
+    kernel(warp_rows, (const WarpWork&, int y0, int y1, int thread))                                                  \
+    kernel(camera_motion_rows, (const CameraMotion&, int y0, int y1))                                                 \
+    kernel(rgba_rows, (const View& image, uint8_t* pixels, ptrdiff_t row, int width, int y0, int y1, float* scratch)) \
+    kernel(merge_row, (float* image, const float* other, const float* weight, const float* other_weight,              \
+                       int width, float exposure))                                                                    \
+    kernel(temporal_rows, (const TemporalFilter&, int y0, int y1))                                                    \
+    kernel(nearest_motion_rows, (const float* depth, const float* motion, float* to, Size size, int y0, int y1))      \
+    kernel(keep_depth, (const ClassifierWork&, int y0, int y1))                                                       \
+    kernel(prepare_surfaces, (const ClassifierWork&, int y0, int y1, int thread))                                     \
+    kernel(prepare_depth, (const ClassifierWork&, int y0, int y1, int thread))                                        \
+    kernel(confirm_none, (const ClassifierWork&, Rect))                                                               \
+    kernel(encode_first, (const ClassifierWork&, int depth, Rect, int thread))                                        \
+    kernel(encode_others, (const ClassifierWork&, int depth, Rect, int thread))                                       \
+    kernel(infer_rows, (const ClassifierWork&, int parameters, float* out, int y0, int y1))
+// clang-format on
+
 struct Kernels {
     const char* name;
-    void (*read_frame)(const FrameImages&, const Samples&, int y0, int y1, int thread);
-    void (*fill_windows)(const Samples&, int y0, int y1);
-    void (*prepare)(const Samples&, int y0, int y1);
-    void (*dilate)(const Samples&, int y0, int y1);
-    void (*make_tables)(const Tables&, float jitter_x, float jitter_y);
-    void (*spatial_read)(const SpatialWork&, int y0, int y1);
-    void (*spatial_rows)(const SpatialWork&, Rect, int thread);
-    void (*taa_read)(const TaaWork&, int y0, int y1);
-    void (*taa_boxes)(const TaaWork&, int y0, int y1);
-    void (*taa_rows)(const TaaWork&, Rect, int thread);
-    void (*taau_shade)(const TaauWork&, int y0, int y1, int thread);
-    void (*taau_compare)(const TaauWork&, int y0, int y1);
-    void (*taau_rows)(const TaauWork&, Rect, int thread);
-    void (*sign_blocks)(const RestWork&, int y0, int y1);
-    void (*sum_blocks)(const RestWork&, int y0, int y1);
-    void (*add_samples)(const RestWork&, Rect);
-    void (*show_mean)(const RestWork&, Rect);
-    void (*freeze_mean)(const RestWork&, Rect);
-    void (*downsample_rows)(const DownsampleWork&, int y0, int y1, int thread);
-    void (*copy_image)(const View& from, const View& to, int width, int y0, int y1, float factor);
-    void (*pick_pixels)(const float* from, Size from_size, const View& to, Size size, int y0, int y1);
-    void (*write_converged)(const RestWork&, const View& image, int y0, int y1);
-    void (*warp_read_shaded)(const WarpWork&, int y0, int y1, int thread);
-    void (*warp_read_motion)(const WarpWork&, int y0, int y1, int thread);
-    void (*warp_rows)(const WarpWork&, int y0, int y1, int thread);
-    void (*camera_motion_rows)(const CameraMotion&, int y0, int y1);
-    void (*rgba_rows)(const View& image, uint8_t* pixels, ptrdiff_t row, int width, int y0, int y1, float* scratch);
-    void (*merge_row)(float* image, const float* other, const float* weight, const float* other_weight, int width,
-                      float exposure);
-    void (*temporal_rows)(const TemporalFilter&, int y0, int y1);
-    void (*nearest_motion_rows)(const float* depth, const float* motion, float* to, Size size, int y0, int y1);
-    void (*keep_depth)(const ClassifierWork&, int y0, int y1);
-    void (*prepare_surfaces)(const ClassifierWork&, int y0, int y1, int thread);
-    void (*prepare_depth)(const ClassifierWork&, int y0, int y1, int thread);
-    void (*confirm_none)(const ClassifierWork&, Rect);
-    void (*encode_first)(const ClassifierWork&, int depth, Rect, int thread);
-    void (*encode_others)(const ClassifierWork&, int depth, Rect, int thread);
-    void (*infer_rows)(const ClassifierWork&, int parameters, float* out, int y0, int y1);
+#define SS_MEMBER(name, parameters) void(*name) parameters;
+    SS_KERNELS(SS_MEMBER)
+#undef SS_MEMBER
     // by variant: 1 of own_motion, 2 of rectified; 4 of guided, which has own_motion, and 1 of rectified
     void (*const* classifier_gather)(const ClassifierWork&, Rect, int thread);
     void (*const* classifier_finish)(const ClassifierWork&, Rect, int thread);

@@ -101,7 +101,7 @@ Format = StrEnum("Format", ["exr", "png", "tif", "mp4"])
 
 
 def _output_folder(text: str) -> Path:
-    if not text:  # as of an unset variable of a shell; the path would be the current folder
+    if not text:  # an unset shell variable; the path would be the current folder
         raise typer.BadParameter("'' is no folder.")
     return Path(text)
 

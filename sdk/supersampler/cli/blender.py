@@ -109,9 +109,9 @@ def blender(
       supersampler blender kitchen.blend -o out --composite --motion-blur --depth-of-field
       supersampler blender kitchen.blend -o out --advise
     """  # noqa: D301  # \b: click keeps the line breaks
-    from supersampler.cli.denoise_run import DenoiseJob, run_denoise
+    from supersampler.cli.denoise_run import DenoiseRun
     from supersampler.cli.results import ImageOptions
-    from supersampler.cli.upscale_run import UpscaleJob, run_upscale
+    from supersampler.cli.upscale_run import UpscaleRun
     from supersampler.integrations.blender.composite import composite as composite_frames
     from supersampler.integrations.blender.render import RenderRequest, rendering
     from supersampler.io.shot.numbered import FrameRange
@@ -166,9 +166,9 @@ def blender(
             "overwrite": overwrite, "holds_shot": True, "console": console,
         }  # fmt: skip
         if render.scene.denoise == "temporal":
-            run_denoise(DenoiseJob(**same))
+            DenoiseRun(**same).write()
         else:
-            run_upscale(UpscaleJob(**same, model=method))
+            UpscaleRun(**same, model=method).write()
         if composite or blurs:
             results = output / "exr" if len(images.image_formats) > 1 else output
             folder = output / "composited"

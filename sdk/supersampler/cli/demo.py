@@ -51,10 +51,10 @@ def demo(
 
 def _upscale(output: Path, method: str, *, overwrite: bool) -> None:
     from supersampler.cli.results import DEMO, ImageOptions
-    from supersampler.cli.upscale_run import UpscaleJob, run_upscale
+    from supersampler.cli.upscale_run import UpscaleRun
     from supersampler.io.shot import Shot
 
-    job = UpscaleJob(
+    run = UpscaleRun(
         shot=Shot.open("plaza"),
         output=output,
         model=method,
@@ -65,7 +65,7 @@ def _upscale(output: Path, method: str, *, overwrite: bool) -> None:
         source=DEMO,
         overwrite=overwrite,
     )
-    run_upscale(job)
+    run.write()
     echo(f"EXR frames: {output / 'exr'}")
     echo(f"PNG frames: {output / 'png'}")
     echo(f"Open in a browser: {output / 'compare.html'}")

@@ -9,10 +9,10 @@ from supersampler.cli import arguments
 from supersampler.cli.arguments import open_with, source_notes, source_of, unused_options
 from supersampler.cli.terminal import Terminal, echo
 
-_JOB_OPTIONS = (
+_RUN_OPTIONS = (
     "output", "compare", "per_frame", "passes", "lookahead", "samples", "threads", "overwrite", "json",
 )  # fmt: skip
-"""Parameters that are passed to `DenoiseJob` unchanged."""
+"""Parameters that are passed to `DenoiseRun` unchanged."""
 
 
 def denoise(
@@ -26,8 +26,8 @@ def denoise(
     per_frame: Annotated[
         Literal["auto", "oidn", "none"],
         typer.Option(
-            help="Denoiser of single frames. oidn: Open Image Denoise; of frames that Cycles has denoised it "
-            "takes Noisy Image. none: the frames are denoised already. auto: oidn where it is installed."
+            help="Denoiser of single frames. oidn: Open Image Denoise; from frames that Cycles has denoised, "
+            "it reads Noisy Image. none: the frames are denoised already. auto: oidn where it is installed."
         ),
     ] = "auto",
     passes: Annotated[
@@ -83,7 +83,7 @@ def denoise(
       supersampler denoise "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler denoise renders -o out --per-frame none --compare
     """  # noqa: D301  # \b: click keeps the line breaks
-    from supersampler.cli.denoise_run import DenoiseJob, copied_ids, parts_of, run_denoise
+    from supersampler.cli.denoise_run import DenoiseRun, copied_ids, parts_of
     from supersampler.cli.upscale import image_options
     from supersampler.io.shot.numbered import FrameRange
 
@@ -97,12 +97,12 @@ def denoise(
         notes = *source_notes(opened, copied), *unused_options(given, images.formats)
         for line in (*filter(None, [note]), *notes):
             console.print(line, soft_wrap=True)
-        job = DenoiseJob(
+        run = DenoiseRun(
             shot=opened, source=source_of(given), images=images, numbers=part,
-            console=console, **{key: given[key] for key in _JOB_OPTIONS},
+            console=console, **{key: given[key] for key in _RUN_OPTIONS},
         )  # fmt: skip
-        results = run_denoise(job)
-        if job.images.video and not json:
+        results = run.write()
+        if images.video and not json:
             echo(f"Video: {output / results.record.video}")
         if compare and not json:
             echo(f"Open in a browser: {output / results.record.page}")

@@ -3,14 +3,12 @@
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from supersampler import __version__
-from supersampler.cli import frame_run
 from supersampler.cli.arguments import size_text
-from supersampler.cli.frame_run import FrameJob, FramePlan, FrameRun, OnStep, SteppedFrame
+from supersampler.cli.frame_run import EXPOSURE_FRAMES, FrameRun, SteppedFrame
 from supersampler.cli.results import PREROLL, Results
 from supersampler.cli.terminal import rate_text
 from supersampler.denoising import sequence
@@ -29,38 +27,6 @@ from supersampler.validation import FrameChecker
 from supersampler.validation.mistakes import MOTION_ZERO
 
 
-@dataclass(frozen=True, kw_only=True)
-class DenoiseJob(FrameJob):
-    """Input, settings and output of one run that denoises.
-
-    Attributes:
-        per_frame: denoiser of single frames: "oidn"; "none" for frames that are already denoised; "auto" is
-            "none" for a shot that states that, unless it has the colour from before, too, and OIDN is
-            installed; otherwise "oidn".
-        passes: 1 averages with previous frames; 2 also with following frames.
-        lookahead: number of following frames; see `denoise_sequence`.
-        samples: samples per pixel; None is what the shot states.
-        threads: 0 is one per core.
-    """
-
-    per_frame: PerFrame | Literal["auto"] = "auto"
-    passes: int = 2
-    lookahead: int | None = None
-    samples: float | None = None
-    threads: int = 0
-
-    @property
-    def denoiser(self) -> PerFrame:
-        """The denoiser that runs: "oidn" or "none"."""
-        if self.per_frame != "auto":
-            return self.per_frame
-        return "oidn" if not self.shot.is_denoised or (self.shot.noisy_channels and has_oidn()) else "none"
-
-    def settled(self, count: int) -> int:
-        """Return the number of images that later frames do not change; see `FrameJob`."""
-        return max(0, count - sequence.frames_after(self.passes, self.lookahead))
-
-
 def copied_ids(shot: Shot) -> list[str]:
     """Return the channels of the frames that EXR results keep unchanged: ids in floating point."""
     if not shot.ignored_channels:
@@ -71,29 +37,6 @@ def copied_ids(shot: Shot) -> list[str]:
         for name in shot.ignored_channels
         if header.types.get(name) in ("half", "float") and is_id(name, header.cryptomattes)
     ]
-
-
-def run_denoise(job: DenoiseJob) -> Results:
-    """Denoise the frames that are not complete yet, and print a summary; for errors see `run_frames`."""
-    if job.denoiser == "oidn":
-        job = replace(job, shot=job.shot.with_noise())
-    after = sequence.frames_after(job.passes, job.lookahead)
-    samples = sequence.checked_samples(job.shot.samples if job.samples is None else job.samples)
-    plan = frame_run.plan_frames(job.shot, job.numbers, REACH, 2 if after else 1)
-    settings = {
-        "supersampler": __version__,
-        "method": "denoise",
-        "per frame": job.denoiser,
-        "frames after": after,
-        "samples": samples,
-        PREROLL: REACH if job.numbers is not None else None,
-        **job.shot_settings(),
-    }
-    with TemporalDenoiser(
-        per_frame=job.denoiser, lookahead=after, samples=samples, threads=job.threads
-    ) as denoiser:
-        begin = partial(_DenoiseRun, job, denoiser, plan)
-        return frame_run.run_frames(job, plan, settings, begin)
 
 
 def parts_of(
@@ -128,7 +71,7 @@ def parts_of(
 
 def _opened(numbers: FrameRange, open_frames: Callable[..., Shot], passes: int) -> Shot:
     """Open a range of frames, and the frames around it that its images depend on, up to the next gap."""
-    first = numbers.first - REACH - frame_run.EXPOSURE_FRAMES
+    first = numbers.first - REACH - EXPOSURE_FRAMES
     last = numbers.last + (REACH if passes == 2 else 0)
     while True:
         try:
@@ -145,26 +88,73 @@ def _opened(numbers: FrameRange, open_frames: Callable[..., Shot], passes: int) 
             raise
 
 
-class _DenoiseRun(FrameRun[DenoiseJob]):
-    activity, reach = "denoising", REACH
+@dataclass(kw_only=True, eq=False)
+class DenoiseRun(FrameRun):
+    """One run that denoises a shot.
 
-    def __init__(
-        self, job: DenoiseJob, denoiser: TemporalDenoiser, plan: FramePlan, results: Results, first: int
-    ) -> None:
-        super().__init__(job, results, plan, first, job.shot.render_size)
-        self._denoiser, self._count, self._reading = denoiser, 0, plan.start
-        self._ids: list[str] | None = None
+    Attributes:
+        per_frame: denoiser of single frames: "oidn"; "none" for frames that are already denoised; "auto" is
+            "none" for a shot that states that, unless it has the colour from before, too, and OIDN is
+            installed; otherwise "oidn".
+        passes: 1 averages with previous frames; 2 also with following frames.
+        lookahead: number of following frames; see `denoise_sequence`.
+        samples: samples per pixel; None is what the shot states.
+        threads: 0 is one per core.
+    """
 
-    def step_count(self, plan: FramePlan, needed: int) -> int:
-        return plan.stop - needed
+    per_frame: PerFrame | Literal["auto"] = "auto"
+    passes: int = 2
+    lookahead: int | None = None
+    samples: float | None = None
+    threads: int = 0
+    activity = "denoising"
+    reach = REACH
+    _denoiser: TemporalDenoiser = field(init=False)
+    _count: int = field(default=0, init=False)
+    _reading: int = field(default=0, init=False)  # index of the frame that was read last
+    _ids: list[str] | None = field(default=None, init=False)
 
-    def steps(
-        self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
-    ) -> Generator[SteppedFrame]:
+    def write(self) -> Results:
+        """Denoise the frames that are not complete yet, and print a summary; errors: see `write_frames`."""
+        if self.denoiser == "oidn":
+            self.shot = self.shot.with_noise()
+        after = sequence.frames_after(self.passes, self.lookahead)
+        samples = sequence.checked_samples(self.shot.samples if self.samples is None else self.samples)
+        plan = self.plan_frames(REACH, 2 if after else 1)
+        settings = {
+            "supersampler": __version__,
+            "method": "denoise",
+            "per frame": self.denoiser,
+            "frames after": after,
+            "samples": samples,
+            PREROLL: REACH if self.numbers is not None else None,
+            **self.shot_settings(),
+        }
+        with TemporalDenoiser(
+            per_frame=self.denoiser, lookahead=after, samples=samples, threads=self.threads
+        ) as self._denoiser:
+            return self.write_frames(plan, self.shot.render_size, settings)
+
+    @property
+    def denoiser(self) -> PerFrame:
+        """The denoiser that runs: "oidn" or "none"."""
+        if self.per_frame != "auto":
+            return self.per_frame
+        return "oidn" if not self.shot.is_denoised or (self.shot.noisy_channels and has_oidn()) else "none"
+
+    def _settled(self, count: int) -> int:
+        """Return the number of images that later frames do not change."""
+        return max(0, count - sequence.frames_after(self.passes, self.lookahead))
+
+    def _step_count(self) -> int:
+        return self._plan.stop - self._needed
+
+    def _steps(self, *, references: bool) -> Generator[SteppedFrame]:
+        plan, needed = self._plan, self._needed
         names, checker = deque[Sequence[str] | None](), FrameChecker()
 
         def read() -> Iterator[Frame]:
-            for item in self._shot.frames(plan.start, plan.end, gbuffers=sequence.BUFFERS, references=False):
+            for item in self.shot.frames(plan.start, plan.end, gbuffers=sequence.BUFFERS, references=False):
                 frame, self._reading = item.frame, item.index
                 if item.index == plan.start:
                     frame = replace(frame, reset=True)
@@ -172,7 +162,7 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
                     if missing := [name for name, guide in guides if guide is None]:
                         lost = "edges between surfaces of similar colour may blur"
                         text = f"The frames have no {' and no '.join(missing)}: {lost}."
-                        self._job.console.print(text, soft_wrap=True)
+                        self.console.print(text, soft_wrap=True)
                 with self._named(item.index, only=(MOTION_ZERO.kind,)):  # others are of jittered frames
                     checker.check(frame, frame.size)
                 if item.index >= needed:
@@ -184,7 +174,7 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
             for index, denoised in enumerate(self._denoiser.run(read(), skip=needed - plan.start), needed):
                 if index >= plan.stop:  # later frames are neighbours only
                     return
-                reference = self._shot.read_reference(index) if references else None
+                reference = self.shot.read_reference(index) if references else None
                 frame = denoised.frame
                 if index == needed and exposure is not None:
                     frame = replace(frame, exposure=exposure)
@@ -192,38 +182,38 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
                 seconds = time.perf_counter() - before
                 self._count += 1
                 yield SteppedFrame(index, frame, reference, names.popleft(), result, seconds)
-                on_step(index, "forward")
+                self._count_step(index)
                 before = time.perf_counter()
         except FrameError as error:  # in the frame that was read last
-            number = self._shot.first_number + self._reading
-            raise ShotError(self._shot.path, f"frame {number}: {error}") from error
+            number = self.shot.first_number + self._reading
+            raise ShotError(self.shot.path, f"frame {number}: {error}") from error
 
-    def summary(self, wall: float) -> tuple[int, str]:
+    def _summary(self, wall: float) -> tuple[int, str]:
         return self._count, f"{self._count} frames in {wall:.1f} s: {rate_text(self._count, wall)}"
 
-    def facts(self) -> dict[str, str]:
+    def _facts(self) -> dict[str, str]:
         return {
             "method": "temporal denoiser",
-            "size": size_text(self._display_size).replace("x", " × "),
-            "denoiser": {"oidn": "Open Image Denoise", "none": "as it came"}[self._job.denoiser],
+            "size": size_text(self._image_size).replace("x", " × "),
+            "denoiser": {"oidn": "Open Image Denoise", "none": "as it came"}[self.denoiser],
         }
 
-    def layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
-        image, reference, transform = stepped.result.image, stepped.reference, self._job.images.transform
+    def _layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
+        image, reference, transform = stepped.result.image, stepped.reference, self.images.transform
         return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
 
-    def copied(self, index: int) -> Mapping[str, Channel]:
+    def _copied(self, index: int) -> Mapping[str, Channel]:
         ids = self._kept_ids()
-        return self._shot.read_channels(index, ids) if ids else {}
+        return self.shot.read_channels(index, ids) if ids else {}
 
     def _metadata(self, index: int) -> Metadata:
         metadata = super()._metadata(index)
         if self._kept_ids():
-            metadata |= self._shot.read_header(index).cryptomatte
+            metadata |= self.shot.read_header(index).cryptomatte
         return metadata
 
     def _kept_ids(self) -> list[str]:
         """Return the channels of ids that results keep, which a live render knows from its first frame on."""
-        if self._ids is None and self._shot.ignored_channels:
-            self._ids = copied_ids(self._shot)
+        if self._ids is None and self.shot.ignored_channels:
+            self._ids = copied_ids(self.shot)
         return self._ids or []

@@ -509,7 +509,7 @@ def frame_path(folder: Path, pattern: str, number: int) -> Path:
 
 
 def _frame_number(pattern: str, name: str) -> int | None:
-    """Return the number of the frame that `frame_path` gives this name; None if it gives it to none."""
+    """Return the number of the frame that `frame_path` gives this name; None if there is none."""
     if "#" not in pattern:
         return None
     before, _, after = re.split("(#+)", pattern)

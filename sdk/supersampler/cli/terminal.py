@@ -76,7 +76,7 @@ def frame_warnings(
 ) -> Iterator[None]:
     """Print each FrameWarning of the block as one line with the frame's index; show others as usual.
 
-    Those of the kinds `ignored` are not printed, nor those of kinds outside of `only`, if it is given.
+    Kinds in `ignored` are not printed; if `only` is given, no other kinds are.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", FrameWarning)

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from supersampler.cli.results import ImageOptions
     from supersampler.io.shot import Shot
 
-_JOB_OPTIONS = (
+_RUN_OPTIONS = (
     "output", "preroll", "scale", "compare", "maps", "threads", "precision", "at_rest", "preset", "passes",
     "scratch", "validate", "record", "overwrite", "json",
 )  # fmt: skip
-"""Parameters that are passed to `UpscaleJob` unchanged."""
+"""Parameters that are passed to `UpscaleRun` unchanged."""
 
 
 def upscale(
@@ -49,7 +49,8 @@ def upscale(
         int | None,
         typer.Option(
             min=0,
-            help="Frames before --frames that build the history. Without --frames: make images as chunks do.",
+            help="Frames before --frames that build the history. Without --frames: compute the images as if "
+            "in chunks.",
             show_default="with --frames: one jitter period, at least 32",
         ),
     ] = None,
@@ -145,7 +146,7 @@ def upscale(
       supersampler upscale "renders/beauty.####.exr" -o out --conventions blender --frames 100-199
       supersampler upscale shots/city -o out --format png --view "ACES 2.0 - SDR 100 nits (Rec.709)"
     """  # noqa: D301  # \b: click keeps the line breaks
-    from supersampler.cli.upscale_run import UpscaleJob, open_for, run_upscale
+    from supersampler.cli.upscale_run import UpscaleRun, open_for
     from supersampler.io.shot.numbered import FrameRange
 
     given = dict(locals())
@@ -166,7 +167,7 @@ def upscale(
     unused = arguments.unused_options(given, written.formats)
     for line in (*filter(None, [note]), *source_notes(opened), *unused):
         console.print(line, soft_wrap=True)
-    job = UpscaleJob(
+    run = UpscaleRun(
         shot=opened,
         source=arguments.source_of(given),
         images=written,
@@ -177,14 +178,14 @@ def upscale(
         skip=not no_skip,
         extrapolation=extrapolate,
         console=console,
-        **{key: given[key] for key in _JOB_OPTIONS},
+        **{key: given[key] for key in _RUN_OPTIONS},
     )
-    results = run_upscale(job)
+    results = run.write()
     if json:
         return
     if record is not None:
         echo(f"Replay: supersampler replay {record}")
-    if job.images.video:
+    if written.video:
         echo(f"Video: {output / results.record.video}")
     if compare:
         echo(f"Open in a browser: {output / results.record.page}")

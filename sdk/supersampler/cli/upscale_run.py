@@ -4,17 +4,16 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from supersampler import __version__
 from supersampler.arguments import AtRest, Precision, PresetName
 from supersampler.aux_outputs import LEGENDS, aux_output_layers
-from supersampler.cli import frame_run
 from supersampler.cli.arguments import size_text
-from supersampler.cli.frame_run import FrameJob, FramePlan, FrameRun, OnStep, SteppedFrame
+from supersampler.cli.frame_run import EXPOSURE_FRAMES, FrameRun, SteppedFrame
 from supersampler.cli.results import AT_REST, PREROLL, Results
 from supersampler.cli.terminal import rate_text
 from supersampler.conventions import jitter_phase_count
@@ -28,17 +27,54 @@ from supersampler.io.shot import Shot, ShotFrame
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import Model
-from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of
-from supersampler.sequence.interpolation import interpolator_of
+from supersampler.sequence.both_ways import BothWays, ChunkSize
 from supersampler.upscaler import Upscaler, preset_model
 
 MIN_PREROLL, MAX_PREROLL = 32, jitter_phase_count(4.0)
 """Bounds of the default preroll, in frames."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class UpscaleJob(FrameJob):
-    """Input, settings and output of one run that upscales.
+def default_preroll(scale: float) -> int:
+    """Return the number of frames that build the history of a range: one jitter period, at least 32.
+
+    docs/how-to/farm.md compares the images with a run of the whole shot. `scale` is display size /
+    render size.
+    """
+    return min(max(MIN_PREROLL, jitter_phase_count(scale)), MAX_PREROLL)
+
+
+def open_for(
+    numbers: FrameRange, preroll: int | None, open_frames: Callable[[tuple[int, int]], Shot], passes: int = 1
+) -> tuple[Shot, str]:
+    """Open the frames of a shot that a run reads; missing frames elsewhere do not matter.
+
+    Args:
+        numbers: numbers of the frames to write.
+        preroll: frames before them that build the history; None is the default of the ratio.
+        open_frames: opens the frames from a first to a last number; ShotError if one is missing.
+        passes: 2 also opens frames after the range, for the backward run.
+
+    Returns:
+        The shot, and a note or "". If a frame before the preroll or after the range is missing, the shot
+        begins with the preroll and ends with the range, and the note says so.
+    """
+    before = (MAX_PREROLL if preroll is None else preroll) + EXPOSURE_FRAMES
+    min_before = MIN_PREROLL if preroll is None else preroll
+    after = min_before if passes == 2 else 0
+    try:
+        return open_frames((numbers.first - before, numbers.last + after)), ""
+    except ShotError as error:
+        try:
+            shot = open_frames((numbers.first - min_before, numbers.last))
+        except ShotError:
+            open_frames((numbers.first, numbers.last))  # an error about the range itself names its numbers
+            raise
+        return shot, f"History and exposure begin at frame {shot.first_number}: {error.problem}."
+
+
+@dataclass(kw_only=True, eq=False)
+class UpscaleRun(FrameRun):
+    """One run that upscales a shot.
 
     Attributes:
         preroll: number of frames before the written ones that build the history. None with `numbers` is
@@ -72,14 +108,51 @@ class UpscaleJob(FrameJob):
     extrapolation: str | Path | None = None
     validate: Literal["off", "warn", "strict"] = "warn"
     record: Path | None = None
+    activity = "upscaling"
+    legends = LEGENDS
+    _upscaler: Upscaler = field(init=False)
+    _bicubic: Upscaler | None = field(default=None, init=False)
+    _chunk: ChunkSize = field(default_factory=ChunkSize, init=False)
+    _stack: ExitStack = field(default_factory=ExitStack, init=False)
+
+    def write(self) -> Results:
+        """Upscale the frames that are not complete yet, and print a summary; errors: see `write_frames`."""
+        if self.record is not None:
+            check_apart(self.record, self.shot.source)
+            if self.output.resolve().is_relative_to(self.record.resolve()):
+                raise ShotError(
+                    self.record, f"is or holds the output, {self.output}", "Choose another folder."
+                )
+        with self._stack:
+            self._upscaler = upscaler = self._stack.enter_context(self._new_upscaler())
+            plan = self.plan_frames(self._preroll_frames(), self.passes)
+            upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
+            if self.record is not None and is_there(self.record):
+                raise ShotError(self.record, "already exists", "Choose another name, or move it away.")
+            size = upscaler.display_size or self.shot.render_size
+            return self.write_frames(plan, size, self._settings(), all_frames=self.record is not None)
+
+    def _begin(self) -> None:
+        """Open the recording, and the Upscaler of the page's layer `bicubic`."""
+        upscaler = self._upscaler
+        if self.record is not None:
+            self._upscaler = self._stack.enter_context(
+                Upscaler(
+                    upscaler.model, display_size=upscaler.display_size, render_size=self.shot.render_size,
+                    at_rest=upscaler.at_rest, skip=upscaler.skip, extrapolation=self.extrapolation,
+                    validate=self.validate, record=self.record,
+                )
+            )  # fmt: skip
+        if self.compare:
+            bicubic = Upscaler("bicubic", display_size=self._image_size, threads=self.threads, validate="off")
+            self._bicubic = self._stack.enter_context(bicubic)
 
     @property
     def _has_preroll(self) -> bool:
         """Whether the history depends on the preroll alone, so that chunks of a shot have equal images."""
         return self.numbers is not None or self.preroll is not None
 
-    def upscaler(self) -> Upscaler:
-        """Return the Upscaler of the run."""
+    def _new_upscaler(self) -> Upscaler:
         model, precision = preset_model(self.preset, self.model, self.precision)
         size = self.display_size or (self.shot.display_size if self.scale is None else None)
         info = model.info if isinstance(model, Model) else read_model_info(find_model(model))
@@ -97,16 +170,9 @@ class UpscaleJob(FrameJob):
             validate=self.validate,
         )
 
-    def upscaler_like(self, other: Upscaler, **arguments: Any) -> Upscaler:
-        """Return an Upscaler with the model, sizes and static mode of another one, and these arguments."""
-        return Upscaler(
-            other.model, display_size=other.display_size, render_size=self.shot.render_size,
-            at_rest=other.at_rest, skip=other.skip, **arguments,
-        )  # fmt: skip
-
-    def settings(self, upscaler: Upscaler) -> dict[str, object]:
-        """Return the settings for `run_frames`."""
-        name, model = self.extrapolation, upscaler.model
+    def _settings(self) -> dict[str, object]:
+        """Return the settings for `write_frames`."""
+        name, upscaler, model = self.extrapolation, self._upscaler, self._upscaler.model
         return {
             "supersampler": __version__,
             "method": model.info.method,
@@ -115,113 +181,25 @@ class UpscaleJob(FrameJob):
             "executor": model.executor,
             "precision": model.precision,
             **self.shot_settings(),
-            PREROLL: self.preroll_of(upscaler) if self._has_preroll else None,
+            PREROLL: self._preroll_frames() if self._has_preroll else None,
             AT_REST: upscaler.at_rest,
             "passes": None if self.passes == 1 else self.passes,
             "extrapolation": None if name is None else dict(read_model_info(find_model(name)).files),
             "display size": size_text(upscaler.display_size),
         }
 
-    def settled(self, count: int) -> int:
-        """Return the number of images that later frames do not change; see `FrameJob`."""
-        return count if self.passes == 1 else ChunkSize().settled(count)
+    def _settled(self, count: int) -> int:
+        """Return the number of images that later frames do not change."""
+        return count if self.passes == 1 else self._chunk.settled(count)
 
-    def preroll_of(self, upscaler: Upscaler) -> int:
-        """Return the number of frames of the preroll."""
-        size = upscaler.display_size or self.shot.render_size
+    def _preroll_frames(self) -> int:
+        size = self._upscaler.display_size or self.shot.render_size
         return default_preroll(size[0] / self.shot.render_size[0]) if self.preroll is None else self.preroll
 
+    def _steps(self, *, references: bool) -> Generator[SteppedFrame]:
+        return self._in_order(references) if self.passes == 1 else self._both_ways(references)
 
-def default_preroll(scale: float) -> int:
-    """Return the number of frames that build the history of a range: one jitter period, at least 32.
-
-    docs/how-to/farm.md compares the images with a run of the whole shot. `scale` is display size /
-    render size.
-    """
-    return min(max(MIN_PREROLL, jitter_phase_count(scale)), MAX_PREROLL)
-
-
-def open_for(
-    numbers: FrameRange, preroll: int | None, open_frames: Callable[[tuple[int, int]], Shot], passes: int = 1
-) -> tuple[Shot, str]:
-    """Open the frames of a shot that a run reads; missing frames elsewhere do not matter.
-
-    Args:
-        numbers: numbers of the frames to write.
-        preroll: frames before them that build the history; None is the default of the ratio.
-        open_frames: opens the frames from a first to a last number; ShotError if one is missing.
-        passes: 2 also opens frames after the range, for the backward run.
-
-    Returns:
-        The shot, and a note or "". If a frame before the preroll or after the range is missing, the shot
-        begins with the preroll and ends with the range, and the note says so.
-    """
-    before = (MAX_PREROLL if preroll is None else preroll) + frame_run.EXPOSURE_FRAMES
-    min_before = MIN_PREROLL if preroll is None else preroll
-    after = min_before if passes == 2 else 0
-    try:
-        return open_frames((numbers.first - before, numbers.last + after)), ""
-    except ShotError as error:
-        try:
-            shot = open_frames((numbers.first - min_before, numbers.last))
-        except ShotError:
-            open_frames((numbers.first, numbers.last))  # an error about the range itself names its numbers
-            raise
-        return shot, f"History and exposure begin at frame {shot.first_number}: {error.problem}."
-
-
-def run_upscale(job: UpscaleJob) -> Results:
-    """Upscale the frames that are not complete yet, and print a summary; for errors see `run_frames`."""
-    if job.record is not None:
-        check_apart(job.record, job.shot.source)
-        if job.output.resolve().is_relative_to(job.record.resolve()):
-            raise ShotError(job.record, f"is or holds the output, {job.output}", "Choose another folder.")
-    with ExitStack() as stack:
-        upscaler = stack.enter_context(job.upscaler())
-        plan = frame_run.plan_frames(job.shot, job.numbers, job.preroll_of(upscaler), job.passes)
-        upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
-        if job.record is not None and is_there(job.record):
-            raise ShotError(job.record, "already exists", "Choose another name, or move it away.")
-
-        def begin(results: Results, first: int) -> FrameRun[UpscaleJob]:
-            used, bicubic = upscaler, None
-            if job.record is not None:
-                extra = {"extrapolation": job.extrapolation, "record": job.record}
-                used = stack.enter_context(job.upscaler_like(upscaler, validate=job.validate, **extra))
-            if job.compare:
-                size = upscaler.display_size or job.shot.render_size
-                bicubic = Upscaler("bicubic", display_size=size, threads=job.threads, validate="off")
-                stack.enter_context(bicubic)
-            return _UpscaleRun(job, used, bicubic, results, plan, first)
-
-        settings, records = job.settings(upscaler), job.record is not None
-        return frame_run.run_frames(job, plan, settings, begin, all_frames=records)
-
-
-class _UpscaleRun(FrameRun[UpscaleJob]):
-    activity = "upscaling"
-    legends = LEGENDS
-
-    def __init__(
-        self,
-        job: UpscaleJob,
-        upscaler: Upscaler,
-        bicubic: Upscaler | None,
-        results: Results,
-        plan: FramePlan,
-        first: int,
-    ) -> None:
-        super().__init__(job, results, plan, first, upscaler.display_size or job.shot.render_size)
-        self._upscaler, self._bicubic, self._chunk = upscaler, bicubic, ChunkSize()
-
-    def steps(
-        self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
-    ) -> Generator[SteppedFrame]:
-        if self._job.passes == 1:
-            return self._in_order(plan, on_step, references=references)
-        return self._both_ways(plan, needed, on_step, references=references)
-
-    def summary(self, wall: float) -> tuple[int, str]:
+    def _summary(self, wall: float) -> tuple[int, str]:
         stats = self._upscaler.stats
         rate, steps = rate_text(stats.frames, wall), rate_text(stats.frames, stats.seconds)
         line = f"{stats.frames} frames in {wall:.1f} s: {rate}; the steps alone: {steps}"
@@ -230,17 +208,17 @@ class _UpscaleRun(FrameRun[UpscaleJob]):
             line += f"\n{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s"
         return stats.frames, line
 
-    def facts(self) -> dict[str, str]:
-        model, size = self._upscaler.model, self._display_size
+    def _facts(self) -> dict[str, str]:
+        model, size = self._upscaler.model, self._image_size
         provider = model.providers[0].removesuffix("ExecutionProvider")
         return {
             "method": model.info.method,
-            "size": f"{size_text(self._shot.render_size)} to {size_text(size)}".replace("x", " × "),
+            "size": f"{size_text(self.shot.render_size)} to {size_text(size)}".replace("x", " × "),
             "runs on": f"{provider} ({model.executor}, {model.precision})",
         }
 
-    def layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
-        frame, reference, transform = stepped.frame, stepped.reference, self._job.images.transform
+    def _layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
+        frame, reference, transform = stepped.frame, stepped.reference, self.images.transform
         bicubic = None
         if self._bicubic is not None and frame.color is not None:
             bicubic = self._bicubic.step(frame)
@@ -249,21 +227,22 @@ class _UpscaleRun(FrameRun[UpscaleJob]):
         )
         return {**layers, **aux_output_layers(stepped.result)}, numbers
 
-    def step_count(self, plan: FramePlan, needed: int) -> int:
+    def _step_count(self) -> int:
+        plan, needed = self._plan, self._needed
         total, start = plan.stop - plan.start, plan.start
-        while self._job.passes == 2 and start < plan.end:
+        while self.passes == 2 and start < plan.end:
             stop = start + 1
-            while stop < plan.end and self._shot.last_cut(stop) != stop:
+            while stop < plan.end and self.shot.last_cut(stop) != stop:
                 stop += 1
             skipped = max(0, needed - start) // self._chunk.frames * self._chunk.frames  # whole chunks
             total += self._chunk.backward_steps(max(0, stop - start - skipped))
             start = stop
         return total
 
-    def _in_order(self, plan: FramePlan, on_step: OnStep, *, references: bool) -> Generator[SteppedFrame]:
+    def _in_order(self, references: bool) -> Generator[SteppedFrame]:
         """Yield each frame of the plan with the outputs of its step."""
-        upscaler, extrapolates = self._upscaler, self._job.extrapolation is not None
-        for item in self._frames(plan, upscaler.gbuffers, references=references):
+        upscaler, extrapolates = self._upscaler, self.extrapolation is not None
+        for item in self._frames(upscaler.gbuffers, references=references):
             frame, before = item.frame, upscaler.stats.seconds
             step = upscaler.extrapolate if extrapolates and frame.color is None else upscaler.step
             aovs = () if frame.aovs is None else ("aovs",)
@@ -272,22 +251,17 @@ class _UpscaleRun(FrameRun[UpscaleJob]):
             result = result if isinstance(result, StepResult) else StepResult(result)
             seconds, names = upscaler.stats.seconds - before, item.raw.aov_names
             yield SteppedFrame(item.index, frame, item.reference, names, result, seconds)
-            on_step(item.index, "forward")
+            self._count_step(item.index)
 
-    def _both_ways(
-        self, plan: FramePlan, needed: int, on_step: OnStep, *, references: bool
-    ) -> Generator[SteppedFrame]:
+    def _both_ways(self, references: bool) -> Generator[SteppedFrame]:
         """Yield each frame of the plan with the merged outputs of a forward and a backward run.
 
-        Chunks of frames before `needed` have no backward run: nothing uses their images.
+        Chunks of only frames whose images are not needed have no backward run.
         """
-        job, forward, start = self._job, self._upscaler, plan.start
-        interpolator = None if job.extrapolation is None else interpolator_of(job.extrapolation, forward)
-        buffers = buffers_of(forward, interpolator)
-        aov_names: deque[Sequence[str] | None] = deque()
+        start, aov_names = self._plan.start, deque[Sequence[str] | None]()
 
         def read() -> Iterator[Frame]:
-            for item in self._frames(plan, buffers, references=False):
+            for item in self._frames(runs.buffers, references=False):
                 aov_names.append(item.raw.aov_names)
                 yield item.frame
 
@@ -295,29 +269,28 @@ class _UpscaleRun(FrameRun[UpscaleJob]):
         def around(place: int, direction: str) -> Iterator[None]:
             with self._named(start + place):
                 yield
-            on_step(start + place, direction)
+            self._count_step(start + place, direction)
 
-        with job.upscaler_like(forward, validate="off") as backward:  # the forward run checks the frames
-            outputs = "aovs", *self._maps()
-            runs = BothWays(
-                forward, backward, self._chunk, outputs=outputs, around=around, interpolator=interpolator,
-                scratch=job.scratch,
-            )  # fmt: skip
-            merged, before = runs.run(read(), skip=needed - start), time.perf_counter()
-            written = islice(merged, plan.stop - start)  # later frames only began the backward run
-            for index, (frame, result) in enumerate(written, start):
-                reference = self._shot.read_reference(index) if references else None
-                seconds = time.perf_counter() - before
-                yield SteppedFrame(index, frame, reference, aov_names.popleft(), result, seconds)
-                before = time.perf_counter()
+        runs = BothWays(
+            self._upscaler, self._chunk, outputs=("aovs", *self._maps()), around=around,
+            extrapolation=self.extrapolation, scratch=self.scratch,
+        )  # fmt: skip
+        merged, before = runs.run(read(), skip=self._needed - start), time.perf_counter()
+        written = islice(merged, self._plan.stop - start)  # later frames only began the backward run
+        for index, (frame, result) in enumerate(written, start):
+            reference = self.shot.read_reference(index) if references else None
+            seconds = time.perf_counter() - before
+            yield SteppedFrame(index, frame, reference, aov_names.popleft(), result, seconds)
+            before = time.perf_counter()
 
-    def _frames(self, plan: FramePlan, gbuffers: Collection[str], *, references: bool) -> Iterator[ShotFrame]:
+    def _frames(self, gbuffers: Collection[str], *, references: bool) -> Iterator[ShotFrame]:
+        plan = self._plan
         exposure = self._exposure_at(plan.start)
-        frames = self._shot.frames(plan.start, plan.end, gbuffers=gbuffers, references=references)
+        frames = self.shot.frames(plan.start, plan.end, gbuffers=gbuffers, references=references)
         for item in frames:
             if item.index == plan.start and exposure is not None:
                 item = replace(item, frame=replace(item.frame, reset=True, exposure=exposure))
             yield item
 
     def _maps(self) -> tuple[str, ...]:
-        return tuple(self._upscaler.model.info.maps) if self._job.maps else ()
+        return tuple(self._upscaler.model.info.maps) if self.maps else ()

@@ -83,7 +83,7 @@ def camera_motion(
 
 def _to_clip_space(matrix: Matrix, near: float | None) -> tuple[Matrix, float]:
     """Return the matrix from (x, y, depth, 1) to clip space / w, and the depth of the far plane, 0 or 1."""
-    # In a perspective, z / w = far + slope / w: the rows of z and w have parallel directions.
+    # In a perspective projection, z / w = far + slope / w: the rows of z and w have parallel directions.
     z, w = matrix[2], matrix[3]
     squared = float(w[:3] @ w[:3])
     far = float(z[:3] @ w[:3]) / squared if squared > 0.0 else 0.0

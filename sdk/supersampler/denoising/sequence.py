@@ -36,7 +36,7 @@ class Denoised(NamedTuple):
     """A frame and its denoised images.
 
     Attributes:
-        frame: the frame, as it came.
+        frame: the frame, unchanged.
         image: (h, w, 3) float32 linear RGB.
         aovs: (h, w, k) float32, averaged by the weights of the image; None where the frame has none.
     """
@@ -50,7 +50,7 @@ class Denoised(NamedTuple):
 class _Item:
     """A frame on its way through the stages."""
 
-    frame: Frame  # as it came
+    frame: Frame  # unchanged
     window: temporal.WindowFrame
     guides: Guides  # without noise
     exposure: float  # of this frame alone: images depend on no other
@@ -73,7 +73,7 @@ class TemporalDenoiser:
     Args:
         per_frame: denoiser of single frames: "oidn", another one, or "none" for frames that are denoised
             already.
-        lookahead: frames after a frame that are read before its image comes, 0 to REACH.
+        lookahead: number of later frames that are read before a frame's image is returned, 0 to REACH.
         samples: samples per pixel of the frames, > 0.
         threads: threads of the filter and of OIDN; 0 is one per core.
 
@@ -293,14 +293,14 @@ def denoise_sequence(
 
     Args:
         frames: a `Shot`, or Frames in order, all of one size. `reset` marks the first one after a cut. Of a
-            shot that Cycles has denoised, "oidn" takes the colour from before.
+            shot that Cycles has denoised, "oidn" reads the noisy colour.
         per_frame: "oidn" denoises frames and means of frames by Open Image Denoise (`pip install
             "supersampler[denoise]"`); "none" is for frames that are denoised already.
         passes: 2 uses previous and following frames; 1 previous frames only, for live use: each frame is
             denoised once, and averaged with the frames before it.
-        lookahead: with two passes, frames after a frame that are read before its image comes, 1 to 5;
-            None is 5.
-        samples: samples per pixel of the frames: the more, the less a neighbour that differs counts. None is
+        lookahead: with two passes, number of later frames that are read before a frame's image is
+            returned, 1 to 5; None is 5.
+        samples: samples per pixel of the frames: the more, the less a differing neighbour counts. None is
             `Shot.samples`, or 8 where that is unknown.
         threads: threads that compute; 0 is one per core.
 

@@ -18,11 +18,11 @@ _MIN_TURN_COSINE = np.cos(np.radians(30.0))  # of the angle between view directi
 _TILE = 16  # side in pixels of the tiles in which the background moves with a surface
 _MAX_THIN_SAMPLES = 32  # samples in a tile of a surface that is two samples wide
 _PROBE_STEP = 16  # pixels between those whose motion is probed
-_FARTHEST = 0.99999  # depth of a surface at most; 1 is the background
-_REACTIVE = 0.3  # of volumes; 0 has more errors, and so has 1
+_FARTHEST = 0.99999  # maximum depth of a surface; 1 is the background
+_REACTIVE = 0.3  # of volumes; errors are larger at 0 and at 1
 _SURFACE = 2  # `vtkProperty.GetRepresentation`
 _GENERATED = ("vtkCubeAxesActor", "vtkAxisActor", "vtkPolarAxesActor")  # actors that draw lines and text
-_MIN_VOLUME = 1e-9  # of what a matrix makes of a cube, relative to its edges; below it, it is flat
+_MIN_VOLUME = 1e-9  # of a transformed cube, relative to its edges; below it, the matrix is flat
 _UPRIGHT = ("vtkTextActor", "vtkScalarBarActor", "vtkCornerAnnotation", "vtkLegendBoxActor")
 _SURFACE_TEXTURES = ("albedoTex", "materialTex", "normalTex", "emissiveTex", "anisotropyTex", "coatNormalTex")
 _COMPOSING = (
@@ -44,7 +44,7 @@ class SceneView:
         size: (width, height) of the render.
         jitter: see `Frame`.
         view_projection: without jitter, to a clip space from -1 to 1.
-        near: distance of the near plane; of the far plane `far`.
+        near, far: distances of the near plane and the far plane.
         parallel: whether the projection is parallel.
         matrices: matrices of the visible actors and volumes, from their own space to the world's.
         aspect: width / height that the camera projects to.
@@ -157,7 +157,7 @@ class SceneView:
         return mask
 
     def translucent_pixels(self, props: Collection[vtkProp3D]) -> NDArray[np.bool_]:
-        """Return (h, w), whether a pixel is in the box of a volume or a translucent surface among these."""
+        """Return a mask (h, w) of the pixels in boxes of the volumes and translucent surfaces among these."""
         mask = np.zeros(self.size[::-1], np.bool_)
         for prop in filter(_is_translucent, props):
             columns, rows, _ = self._enclosing(prop.GetBounds())
@@ -257,7 +257,7 @@ def appearance(renderer: Any) -> tuple[Any, ...]:
 
 
 def _value(vtk_object: Any, name: str) -> Any:
-    """Return a property of a VTK object; None where this version has no such one."""
+    """Return a property of a VTK object; None if this version lacks it."""
     get = getattr(vtk_object, f"Get{name}", None)
     return None if get is None else get()
 
@@ -305,7 +305,7 @@ def _texture(texture: Any) -> tuple[Any, ...]:
 
 
 def _inputs(algorithm: Any) -> Iterator[Any]:
-    """Yield the data of all inputs of a mapper or a texture, as of now."""
+    """Yield the data of all inputs of a mapper or a texture, brought up to date."""
     for port in range(algorithm.GetNumberOfInputPorts()):
         for index in range(algorithm.GetNumberOfInputConnections(port)):
             algorithm.GetInputAlgorithm(port, index).Update()

@@ -150,7 +150,7 @@ def usable_exposure(given: float | None) -> float | None:
 
 
 def followed_exposure(given: float | None, target: float | None, before: float) -> float:
-    """Return a value whose absolute value is the exposure of a frame, and which the next call needs.
+    """Return a frame's signed exposure: its absolute value is used, and the next call takes it as `before`.
 
     A given exposure is used unchanged. A measured exposure moves a tenth of the way, in stops, from the
     previous exposure to the target. An exposure more than six stops from the previous one is an outlier: this
@@ -189,36 +189,19 @@ class ExposureMeter:
     def __init__(self) -> None:
         self._before = 0.0
 
-    def read_frame(self, frame: Frame) -> float:
-        """Return the exposure of a frame; see `read`."""
-        return self.read(
-            frame.color, given=frame.exposure, reset=frame.reset, pre_exposure=frame.pre_exposure
-        )
-
     @ieee_arithmetic
-    def read(
-        self,
-        color: Array | None,
-        *,
-        given: float | None = None,
-        reset: bool = False,
-        pre_exposure: float = 1.0,
-    ) -> float:
-        """Return this frame's exposure, for colour without pre-exposure, and keep it for the next frame.
+    def read_frame(self, frame: Frame) -> float:
+        """Return a frame's exposure, for colour without pre-exposure, and keep it for the next frame.
 
-        Args:
-            color: (h, w, 3) linear RGB; None on an unshaded frame, which keeps the previous exposure.
-            given: the engine's exposure.
-            reset: True on the first frame after a cut.
-            pre_exposure: factor already applied to `color`.
+        A frame that was not shaded keeps the previous exposure.
         """
-        if reset:
+        if frame.reset:
             self._before = 0.0
-        given = usable_exposure(given)
+        given, color, target = usable_exposure(frame.exposure), frame.color, None
         if given is None and color is None:
             return abs(self._before) or 1.0
-        target = None
         if given is None and color is not None:
-            target = auto_exposure(color if pre_exposure == 1.0 else color / np.float32(pre_exposure))
+            factor = frame.pre_exposure
+            target = auto_exposure(color if factor == 1.0 else color / np.float32(factor))
         self._before = followed_exposure(given, target, self._before)
         return abs(self._before)

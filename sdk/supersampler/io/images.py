@@ -406,7 +406,7 @@ def _color_space(spec: ImageSpec) -> str:
 
 
 def scene_linear_space(config: str) -> str:
-    """Return the space of light in an OpenColorIO configuration, by its name as in `ImageHeader.color_space`.
+    """Return the scene-linear space of an OpenColorIO configuration, named as in `ImageHeader.color_space`.
 
     Rec. 709, as in Blender's own configuration, if the configuration is not on this machine.
     """

@@ -22,7 +22,7 @@ _CODEC: Literal["libx264"] = "libx264"
 # "crf" is x264's constant rate factor; at 16 the loss is hardly visible. With B-frames, x264 does not always
 # write the same bytes for the same images, so that a resumed run would write another video.
 _OPTIONS = {"crf": "16", "bf": "0"}
-_BT709, _VIDEO_RANGE = 1, 1  # numbers of ITU-T H.273, and FFmpeg's of the range 16 to 235
+_BT709, _VIDEO_RANGE = 1, 1  # of ITU-T H.273; FFmpeg's number of the range 16 to 235
 
 
 @contextmanager

@@ -42,7 +42,7 @@ OLDEST = float(1 << 20)
 ORDER_FACTOR, ORDER_PRIME = 151, 383
 """Value k of a block has in the last value of a signature the weight ORDER_FACTOR k^3 modulo ORDER_PRIME,
 scaled to [-1, 1]. Weights linear in k (modulo 1) would cancel in a chequered pattern of 1 or 2 samples a
-cell. These numbers tell best where patterns of period 2 or 4 lie."""
+cell. These numbers locate patterns of period 2 or 4 best."""
 TOLERANCE = 1.0 / 1024.0
 """Largest relative difference of two signatures that count as equal: 0.4 % of the light of a block."""
 DARK = 1e-3

@@ -12,6 +12,8 @@ from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array
 
 IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next", "ids")
 """Fields of a frame that are arrays."""
+VALUES = ("jitter", "reset", "exposure", "pre_exposure")
+"""Fields of a frame that are neither arrays nor G-buffers."""
 
 
 class BufferField(NamedTuple):
@@ -125,13 +127,18 @@ def grouped(buffers: Mapping[str, Array]) -> tuple[Mapping[str, Array] | None, M
 
 
 def arrays_by_name(frame: Frame) -> dict[str, Array]:
-    """Return the arrays of a frame by tensor name."""
-    images = {name: getattr(frame, name) for name in IMAGES if getattr(frame, name) is not None}
-    return images | {name: GBUFFERS[name].find(frame) for name in names_of(frame)}
+    """Return all arrays of a frame by tensor name."""
+    found = {name: array for name in IMAGES if (array := getattr(frame, name)) is not None}
+    return found | {name: array for name, each in GBUFFERS.items() if (array := each.find(frame)) is not None}
+
+
+def values_of(source: object) -> dict[str, Any]:
+    """Return the fields VALUES of a frame, or of a record that has them, by name."""
+    return {name: getattr(source, name) for name in VALUES}
 
 
 def frame_of(arrays: Mapping[str, Array], **values: Any) -> Frame:
-    """Return a frame of arrays by tensor name, and of other values of `Frame`.
+    """Return a frame of arrays by tensor name, and of the fields VALUES.
 
     Raises:
         FrameError: depth or motion is missing, or see `Frame`.

@@ -22,7 +22,7 @@ from supersampler.history import State
 from supersampler.io.files import NOT_FOUND, check_inside, is_own_folder, is_regular, is_there
 from supersampler.io.json_files import check_version, decoded, read_typed
 from supersampler.io.safetensors import open_safetensors, write_safetensors
-from supersampler.methods.gbuffers import frame_of
+from supersampler.methods.gbuffers import frame_of, values_of
 from supersampler.methods.model_file import CONTRACT
 from supersampler.methods.model_info import ModelInfo
 
@@ -221,13 +221,7 @@ class Recording:
                         yield record
 
     def _step(self, index: int, record: StepRecord, arrays: Arrays, outcome_file: str) -> StepCall:
-        frame = frame_of(
-            arrays,
-            jitter=record.jitter,
-            reset=record.reset,
-            exposure=record.exposure,
-            pre_exposure=record.pre_exposure,
-        )
+        frame = frame_of(arrays, **values_of(record))
         outcome = None
         if (self.path / outcome_file).exists():
             found, samples = self._read(outcome_file, OutcomeRecord)

@@ -19,7 +19,7 @@ from supersampler.frame import Float32, Frame
 from supersampler.history import State, StepResult
 from supersampler.io.files import NO_ROOM, remove_files, write_text
 from supersampler.io.machine import machine, versions
-from supersampler.methods.gbuffers import arrays_by_name, only_gbuffers
+from supersampler.methods.gbuffers import arrays_by_name, only_gbuffers, values_of
 from supersampler.methods.model_info import ModelInfo
 from supersampler.recording import Arrays, Record, Setup, StepOutcome
 
@@ -97,10 +97,7 @@ class Recorder:
         record = recording.StepRecord(
             name=name,  # type: ignore[arg-type]  # one of the three
             outputs=tuple(outputs),
-            jitter=frame.jitter,
-            reset=frame.reset,
-            exposure=frame.exposure,
-            pre_exposure=frame.pre_exposure,
+            **values_of(frame),
         )
         number, index = self._count, self._steps
         self._append(record, arrays_by_name(frame))
@@ -118,15 +115,8 @@ class Recorder:
         self._write_outcome(number, returned(index, result))
 
     @contextmanager
-    def step_tensors(
-        self,
-        tensors: Mapping[str, Tensor],
-        jitter: tuple[float, float],
-        exposure: float | None,
-        pre_exposure: float,
-        reset: bool,
-    ) -> Iterator[list[Any]]:
-        """Record a step with tensors, as a frame that is copied from the device; see `step`.
+    def step_tensors(self, tensors: Mapping[str, Tensor], **values: Any) -> Iterator[list[Any]]:
+        """Record a step with tensors and `values_of` the frame, which is copied from the device; see `step`.
 
         Raises:
             FrameError: the tensors are not a valid frame; the block was not run.
@@ -134,10 +124,7 @@ class Recorder:
         if not self._is_on():
             yield []
             return
-        frame = frame_of_tensors(
-            tensors, jitter, exposure, pre_exposure=pre_exposure, reset=reset, inputs=self._inputs
-        )
-        with self.step("step_tensors", frame, ()) as results:
+        with self.step("step_tensors", frame_of_tensors(tensors, self._inputs, **values), ()) as results:
             yield results
 
     def reset(self) -> None:

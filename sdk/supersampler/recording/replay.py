@@ -15,6 +15,7 @@ from supersampler.errors import ProviderError, RecordingError
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter, display_transform
 from supersampler.methods import model_file
+from supersampler.methods.gbuffers import values_of
 from supersampler.model import Model
 from supersampler.recording.recorder import raised, returned
 from supersampler.upscaler import Upscaler
@@ -169,11 +170,7 @@ class Replay:
         frame, upscaler = call.frame, self._upscaler
         if call.name == "step_tensors" and self.model.executor == "onnx":  # other backends have no tensors
             tensors = tensors_of_frame(frame, self.model.device)
-            image = upscaler.step_tensors(
-                tensors, jitter=frame.jitter, exposure=frame.exposure, pre_exposure=frame.pre_exposure,
-                reset=frame.reset,
-            )  # fmt: skip
-            return StepResult(image_of_tensor(image))
+            return StepResult(image_of_tensor(upscaler.step_tensors(tensors, **values_of(frame))))
         step = upscaler.extrapolate if call.name == "extrapolate" else upscaler.step
         result = step(frame, outputs=call.outputs)
         return result if isinstance(result, StepResult) else StepResult(result)

@@ -4,18 +4,14 @@ The runs and their chunks are in both_ways.py, the colour of unshaded frames in 
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
-from itertools import chain
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from supersampler.arguments import AtRest, ExecutorName, Precision, Validate, checked_lookahead, checked_path
-from supersampler.conventions.jitter import display_size_of
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.shot import Shot
 from supersampler.model import Model
-from supersampler.sequence.both_ways import BothWays, ChunkSize, buffers_of, checked_frames, frames_of
-from supersampler.sequence.interpolation import interpolator_of
+from supersampler.sequence.both_ways import BothWays, ChunkSize, checked_frames, frames_of
 from supersampler.upscaler import Upscaler
 
 __all__ = ["upscale_sequence"]
@@ -94,10 +90,11 @@ def upscale_sequence(
     )  # fmt: skip
     if passes == 1:
         return _in_order(frames, forward, extrapolates=extrapolation is not None)
-    interpolator = None if extrapolation is None else interpolator_of(extrapolation, forward, executor)
     memory = None if lookahead is None else math.inf
-    runs = partial(BothWays, chunk=chunk, interpolator=interpolator, memory=memory, scratch=folder)
-    return _both_ways(frames_of(frames, buffers_of(forward, interpolator)), forward, scale, runs)
+    runs = BothWays(
+        forward, chunk, extrapolation=extrapolation, executor=executor, memory=memory, scratch=folder
+    )
+    return _both_ways(frames, forward, runs)
 
 
 def _in_order(frames: Shot | Iterable[Frame], forward: Upscaler, *, extrapolates: bool) -> Iterator[Float32]:
@@ -107,18 +104,7 @@ def _in_order(frames: Shot | Iterable[Frame], forward: Upscaler, *, extrapolates
             yield forward.extrapolate(frame) if unshaded else forward.step(frame)
 
 
-def _both_ways(
-    frames: Iterator[Frame], forward: Upscaler, scale: float | None, runs: Callable[..., BothWays]
-) -> Iterator[Float32]:
+def _both_ways(frames: Shot | Iterable[Frame], forward: Upscaler, runs: BothWays) -> Iterator[Float32]:
     with forward:
-        first = next(frames, None)
-        if first is None:
-            return
-        # of the first frame, although the backward run begins with a later one, which may have another size
-        size = forward.display_size or display_size_of(first.size, scale or 1.0)
-        backward = Upscaler(  # the forward run checks the same frames
-            forward.model, display_size=size, at_rest=forward.at_rest, skip=forward.skip, validate="off"
-        )
-        with backward:
-            for merged in runs(forward, backward).run(chain([first], frames)):
-                yield merged.result.image
+        for merged in runs.run(frames_of(frames, runs.buffers)):
+            yield merged.result.image

@@ -3,12 +3,13 @@
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from supersampler.arguments import ieee_arithmetic
+from supersampler.arguments import ExecutorName, ieee_arithmetic
 from supersampler.backends.cpu.library import cpu_library
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Frame, checked_frame
@@ -18,7 +19,7 @@ from supersampler.io.shot import Shot, ShotFrame
 from supersampler.io.shot.shot import path_hint
 from supersampler.sequence.backward_motion import reversed_frame
 from supersampler.sequence.frame_store import FrameStore, Stored, StoredFrame
-from supersampler.sequence.interpolation import Interpolator
+from supersampler.sequence.interpolation import Interpolator, interpolator_of
 from supersampler.upscaler import Upscaler
 
 MOTION_NEXT = "motion_next"
@@ -83,34 +84,45 @@ class BothWays:
     """Merges a forward and a backward run of a model.
 
     Args:
-        forward: keeps its history from chunk to chunk.
-        backward: has the same model, and the display size of the images; it restarts with each chunk.
+        forward: the Upscaler of the forward run, which keeps its history from chunk to chunk. The backward
+            run has its model and settings, and restarts with each chunk.
         chunk: sizes of the chunks.
         outputs: auxiliary outputs to return. "aovs" are merged, the others are the forward run's.
         around: makes a context for each step, from the index of its frame and the direction.
-        interpolator: computes the colour of unshaded frames; without one they are refused.
+        extrapolation: model for the colour of unshaded frames, see `interpolator_of`; without one they are
+            refused.
+        executor: backend of `extrapolation`.
         memory: see `FrameStore`.
         scratch: see `FrameStore`.
 
+    Attributes:
+        buffers: names of the buffers of a frame that are read, as in `Shot.frames`.
+
     Raises:
+        ModelError, ArgumentError: see `interpolator_of`.
         ShotError: `scratch` is not a folder.
     """
 
     def __init__(
         self,
         forward: Upscaler,
-        backward: Upscaler,
         chunk: ChunkSize | None = None,
         *,
         outputs: tuple[str, ...] = (),
         around: Around = lambda *_: nullcontext(),
-        interpolator: Interpolator | None = None,
+        extrapolation: str | Path | None = None,
+        executor: ExecutorName = "auto",
         memory: float | None = None,
         scratch: Path | None = None,
     ) -> None:
-        self._forward, self._backward, self._interpolator = forward, backward, interpolator
-        self._chunk, self._outputs, self._around = chunk or ChunkSize(), outputs, around
-        self._store = FrameStore(memory=memory, folder=scratch, names=buffers_of(forward, interpolator))
+        self._forward, self._chunk, self._outputs = forward, chunk or ChunkSize(), outputs
+        self._around = around
+        self._interpolator: Interpolator | None = None
+        if extrapolation is not None:
+            self._interpolator = interpolator_of(extrapolation, forward, executor)
+        of_unshaded = () if self._interpolator is None else self._interpolator.gbuffers
+        self.buffers = frozenset((*forward.gbuffers, *of_unshaded, MOTION_NEXT))
+        self._store = FrameStore(memory=memory, folder=scratch, names=self.buffers)
         self._colors: dict[int, Stored] = {}  # of the unshaded frames of the window
         self._meter, self._steps = ExposureMeter(), 0  # steps of the forward run since the last cut
         self._weights = tuple(name for name in WEIGHT_MAPS if name in forward.model.info.maps)
@@ -123,14 +135,22 @@ class BothWays:
             skip: number of first frames whose images are not needed: a chunk of only such frames has no
                 backward run.
         """
-        source, window = iter(frames), _Window()
-        with self._store:
+        source, window, forward = iter(frames), _Window(), self._forward
+        if (first := next(source, None)) is None:
+            return
+        source = chain([first], source)
+        # of the first frame, although the backward run begins with a later one, which may have another size
+        size = forward.display_size_for(first.size)
+        backward = Upscaler(  # the forward run checks the same frames
+            forward.model, display_size=size, at_rest=forward.at_rest, skip=forward.skip, validate="off"
+        )
+        with self._store, backward:
             while self._fill(window, source):
                 count = len(window.frames) if window.ended else self._chunk.frames
                 if self._interpolator is not None:
                     self._colors = self._interpolator.colors(window.frames, count, self._store)
                 is_needed = window.first + count > skip
-                images = self._step_backward(window, count) if is_needed else [None] * count
+                images = self._step_backward(backward, window, count) if is_needed else [None] * count
                 for place in range(count):
                     yield self._merged(window, place, images[place])
                     self._store.drop(window.frames[place].stored)
@@ -153,14 +173,14 @@ class BothWays:
             window.frames.append(self._store.put_frame(frame))
         return bool(window.frames)
 
-    def _step_backward(self, window: _Window, count: int) -> list[Stored | None]:
+    def _step_backward(self, backward: Upscaler, window: _Window, count: int) -> list[Stored | None]:
         """Step from the last frame to the first; return the images of the first `count`, in order."""
         found: list[Stored | None] = []
         following = None
         for steps, place in enumerate(reversed(range(len(window.frames))), start=1):
             frame = self._store.get_frame(window.frames[place])
             with self._around(window.first + place, "backward"):
-                result = self._step(self._backward, reversed_frame(frame, following), place)
+                result = self._step(backward, reversed_frame(frame, following), place)
             if place < count:
                 arrays = {"image": result.image, "weight": weight_of(result, steps)}
                 if result.aovs is not None:
@@ -199,11 +219,6 @@ class BothWays:
         else:
             result = upscaler.step(frame, outputs=names)
         return result if isinstance(result, StepResult) else StepResult(result)
-
-
-def buffers_of(upscaler: Upscaler, interpolator: Interpolator | None = None) -> frozenset[str]:
-    """Return the names of the buffers of a frame that two passes read, as in `Shot.frames`."""
-    return frozenset((*upscaler.gbuffers, *(interpolator.gbuffers if interpolator else ()), MOTION_NEXT))
 
 
 def checked_frames(frames: Shot | Iterable[Frame]) -> Shot | Iterable[Frame]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from supersampler.errors import ShotError
 from supersampler.frame import Frame
 from supersampler.io.files import is_folder, os_errors_as_shot_error
-from supersampler.methods.gbuffers import IMAGES, arrays_by_name, frame_of
+from supersampler.methods.gbuffers import IMAGES, arrays_by_name, frame_of, values_of
 
 MEMORY = 2.0**30
 """Bytes of frames and images that are kept in memory before the scratch file is used."""
@@ -26,13 +26,10 @@ class Stored(NamedTuple):
 
 
 class StoredFrame(NamedTuple):
-    """Reference to a frame in a `FrameStore`: its arrays, and its other values."""
+    """Reference to a frame in a `FrameStore`: its arrays, and `values_of` it."""
 
     stored: Stored
-    jitter: tuple[float, float]
-    reset: bool
-    exposure: float | None
-    pre_exposure: float
+    values: Mapping[str, Any]
 
 
 class FrameStore:
@@ -96,14 +93,11 @@ class FrameStore:
         """Keep a copy of a frame, because engines reuse their arrays."""
         kept = {*IMAGES, *self._names}
         copies = {name: array.copy() for name, array in arrays_by_name(frame).items() if name in kept}
-        return StoredFrame(self.put(copies), frame.jitter, frame.reset, frame.exposure, frame.pre_exposure)
+        return StoredFrame(self.put(copies), values_of(frame))
 
     def get_frame(self, frame: StoredFrame) -> Frame:
         """Return a frame."""
-        stored, jitter, reset, exposure, pre_exposure = frame
-        return frame_of(
-            self.get(stored), jitter=jitter, reset=reset, exposure=exposure, pre_exposure=pre_exposure
-        )
+        return frame_of(self.get(frame.stored), **frame.values)
 
     def drop(self, stored: Stored) -> None:
         """Free the memory of arrays, or their space in the file."""

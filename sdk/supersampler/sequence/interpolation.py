@@ -95,7 +95,7 @@ class Interpolator:
         Returns:
             For each unshaded frame, by index, its colour and agreement, and the distance.
         """
-        history, since = (None, 0) if frames[0].reset else (self._history, self._since)
+        history, since = (None, 0) if frames[0].values["reset"] else (self._history, self._since)
         found: dict[int, tuple[Stored, int]] = {}
         for index, stored in enumerate(frames):
             if index == next_start:

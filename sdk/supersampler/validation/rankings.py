@@ -351,7 +351,7 @@ def _depth_overrides(order: DepthOrder, frames: Sequence[FrameProbe], found: Con
     far = max(float(frame.depth.max()) for frame in frames)
     if not 1e6 <= far < np.inf:
         return {"depth": "linear", "far": None}
-    return {"depth": "linear", "far": min(far, MAX_FACTOR)}  # renderers write up to 3.4e38 at the sky
+    return {"depth": "linear", "far": min(far, MAX_FACTOR)}  # renderers write up to 3.4e38 in the sky
 
 
 def _wrongly_hidden(pairs: Sequence[FramePair], order: DepthOrder, found: Conventions) -> float:

@@ -39,7 +39,7 @@ _MIN_CONTRAST = 0.15  # minimum difference of tone-mapped luminance across an ed
 _FLAT = 0.06  # of the contrast: maximum change on either side of an edge
 _MIXED = 0.12, 0.7  # of the contrast: range of a mixed pixel's difference from its side
 _DEPTH_RATIO, _SAME_SURFACE = 1.1, 1.03  # minimum ratio of depths across an edge, maximum along a side
-# Depth edges between rows, which are those of colour unless one of both is upside down.
+# Depth edges between rows, which are those of colour unless one of the two is upside down.
 _MAX_ROW_EDGES = 4  # maximum weight of the edges of one row, each of which has 1 at most
 _MIN_EDGE_WEIGHT = 80  # minimum weight of all edges
 _NEAR_EDGES = (-8, -6, -4, -2, 2, 4, 6, 8)  # rows from an edge to the pixels that it is compared with
@@ -96,7 +96,7 @@ def _color(frame: Frame, color: Array, light: Float32) -> Iterator[Mistake]:
 def _display_range(values: Float32, depth: Array, light: Float32) -> float:
     """Return 1 or 255 if colours fill that range and have the brightness of displayed images; otherwise 0.
 
-    Highlights of linear scenes exceed such a bound, or most of the scene is much darker than its half.
+    Highlights of linear scenes exceed such a bound, or most of the scene is much darker than half of it.
     """
     surface = values[depth > 0].max(axis=1)
     if len(surface) < _MIN_SURFACE or len(np.unique(depth)) < _MIN_DEPTHS:
@@ -122,8 +122,8 @@ def mixed_edges(tone: Float32, depth: Array) -> float:
     """Return the fraction of depth edges with a pixel of mixed colour; 0.0 if there are too few edges.
 
     Depth is sampled at a point. A pixel on one side of a depth edge has the colour of that side, unless
-    colour is filtered. Only edges with even colour in 2x3 pixels of both sides count, as textures, noise and
-    soft shadows look mixed. `tone` is luminance of `tone_mapped`.
+    colour is filtered. Only edges with even colour in 2x3 pixels on both sides count, as textures, noise and
+    soft shadows look mixed. `tone` is luminance from `tone_mapped`.
     """
     away = np.concatenate([_edge_profiles(tone, depth), _edge_profiles(tone.T, depth.T)], axis=1)
     own, between = np.abs(away) < _MIXED[0], (away >= _MIXED[0]) & (away < _MIXED[1])

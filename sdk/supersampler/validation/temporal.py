@@ -26,7 +26,7 @@ FACTORS = tuple(product(_FACTORS_OF_AN_AXIS, _FACTORS_OF_AN_AXIS))
 
 _MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the stated one's, after one pair of frames
 _MAX_RATIO_LATER = 0.75  # maximum ratio after several pairs, with summed errors
-_MAX_RATIO_OF_BOTH = 0.9  # maximum ratio of the error with motion and jitter reread to that with only one
+_MAX_RATIO_OF_BOTH = 0.9  # maximum ratio of the error with both read differently to that with one of them
 _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded pixels
 _MAX_DISOCCLUDED = 15  # maximum per pair of frames, as jitter alone can hide thin geometry
@@ -53,12 +53,12 @@ _READINGS: Mapping[str, Conventions] = {
 }
 """Readings of motion or jitter that do not depend on sizes, by their Python expressions."""
 # Amplitude of the jitter in the image.
-_MIN_PAIRS, _MIN_PAIRS_OF_AN_AXIS = 2, 6  # of two pairs, one axis may hardly have a change of jitter
+_MIN_PAIRS, _MIN_PAIRS_OF_AN_AXIS = 2, 6  # in two pairs, the jitter may hardly change along one axis
 _MIN_GAIN = 0.04  # minimum relative decrease of the error with the best factors
 _MIN_GAIN_OF_FEW = 0.12  # minimum for fewer than _MIN_PAIRS_OF_AN_AXIS; correct frames reach 0.09
 _MIN_GAIN_OF_AN_AXIS = 0.08  # minimum if only one axis is wrong; correct frames reach 0.06
 _MIN_SIDE_OF_AN_AXIS = 96  # pixels; in smaller images one textured surface decides an axis
-_RIGHT = 0.25  # maximum difference of a right factor from 1
+_RIGHT = 0.25  # maximum difference of a correct factor from 1
 _MAX_ERROR = 0.7  # of the variance; larger errors mean unrelated images
 _PLAUSIBLE = (0.65, 1.5)  # factor of an axis; correct frames were estimated at 0.71 to 1.34
 _PLAUSIBLE_MEAN = (0.75, 1.4)  # mean factor of both axes; correct frames: 0.82 to 1.25

@@ -3,7 +3,7 @@
 
 namespace ss::SS_ISA {
 
-// How often the mean of three rows, taken twice around row y, counts `row`, of nine times.
+// Weight, in ninths, of `row` in the mean of three rows, taken twice, at row y.
 static float tent_weight(int row, int y, int height) {
     int count = 0;
     for (int first = -1; first <= 1; first++)
@@ -64,7 +64,7 @@ static void contrast_row(const Gathered& g, int height, int y, int x0, int x1, u
     }
 }
 
-// Writes the inputs of packed pixels p0 to p1 of row y that need neighbours to their records.
+// Writes the inputs that need neighbours, of packed pixels p0 to p1 of row y, to their records.
 static void complete_row(const ClassifierWork& w, int y, int p0, int p1, const ClassifierScratch& s) {
     const int pitch = w.gathered.pitch, width = w.target.width, height = w.target.height;
     uint8_t* lines[2] = {s.inputs, s.inputs + 2 * pitch};
@@ -86,7 +86,7 @@ static void complete_row(const ClassifierWork& w, int y, int p0, int p1, const C
     mean_difference_row(*w.network, y, p0, p1, s);
 }
 
-// Repeats the last record of a row PIXELS_AT_ONCE times after the row, as far as it is read.
+// Repeats the last record of a row after its end, as far as layers read.
 static void repeat_last(const Network& n, int y, int width) {
     int32_t* row = n.records_at(y);
     for (int p = n.half.width; p < width + PIXELS_AT_ONCE; p++)

@@ -45,7 +45,7 @@ static void store_classes(const float* logits, int pitch, int count, uint8_t* cl
 }
 
 // Computes blend parameters, (outputs, pitch), and after them class logits, of packed pixels p0 to p1, and class
-// probabilities. W pixels side by side, their bytes word by word.
+// probabilities. `hidden` has W pixels side by side, their bytes word by word.
 static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int p0, int p1, int pitch, float* out,
                       uint8_t* classes) {
     constexpr int AT_ONCE = 8;
@@ -71,7 +71,7 @@ static void blend_row(const Network& n, const uint8_t* hidden, int outputs, int 
     }
 }
 
-// Writes visibility for the ghosting of packed pixels p0 to p1 of row y that have no history.
+// Sets the ghosting of those of the packed pixels p0 to p1 of row y that have no history to `visibility`.
 static void mark_unknown(const Gathered& g, int planes, int y, int p0, int p1, uint8_t* classes) {
     for (int x = 2 * p0; x < min(2 * p1, g.pitch); x += W) {
         const uint32_t known = mask_bits(is_positive(load_half(g.rest + (g.place(2 * y) + x) * planes + W * COUNT)));

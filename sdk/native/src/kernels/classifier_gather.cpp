@@ -90,7 +90,8 @@ static F confirmed_glare(F glare, F warped, F count, F luma) {
     return select(still_bright, 1.0f, glare) * minimum(counts + 1.0f, CONFIRMED);
 }
 
-// Resamples W pixels of HISTORY_VALUES to 12 or 16 each: all linear; RGB and count by the cubic; by their own motion.
+// Resamples HISTORY_VALUES of W pixels to 12 or 16 each: all linearly; RGB and count by the cubic, and by their own
+// motion.
 template <bool own_motion>
 SS_INLINE void warp8(const float* h, bool same_motion, WarpScratch& s) {
     typedef float F8 __attribute__((vector_size(32)));
@@ -176,7 +177,7 @@ static void pack_means(const Network& n, const float* upper, const float* lower,
     repeat_ends(means + n.means_pitch + p0, p1 - p0);
 }
 
-// Packs the inputs of columns x0 to x1 of rows y - 1 and y, or of the last row alone, but for those that need neighbours.
+// Packs the inputs of columns x0 to x1 of rows y - 1 and y, or of the last row alone, except those that need neighbours.
 static void pack_inputs(const ClassifierWork& w, const ClassifierScratch& s, int y, int x0, int x1) {
     const int width = w.gathered.pitch, big_w = w.target.width;
     auto inputs = [&](int row) { return s.inputs + row % 2 * INPUT_PLANES * width; };

@@ -51,7 +51,7 @@ SS_INLINE F3 linear_of(F3 toned, float exposure) {
     return bounded(toned * (1.0f / (maximum(1.0f - largest(toned), 1.0f / MAX_HALF) * exposure)));
 }
 
-// The factor with which no channel of a toned colour exceeds `limit`.
+// The factor that limits the largest channel of a toned colour to `limit`.
 SS_INLINE F dimming(F3 toned, F limit) { return limit / maximum(largest(toned), limit); }
 
 // e^x for x <= 0, with a relative error of 3e-7; 0 for x < -87.

@@ -1,4 +1,4 @@
-// Depth for disocclusion tests: what occludes in the next frame, and where the previous frame was.
+// Depth for disocclusion tests: the occluding depth that the next frame reads, and positions in the previous frame.
 #pragma once
 
 #include "frame.h"
@@ -6,7 +6,7 @@
 
 namespace ss::SS_ISA {
 
-// Motion less that of the farthest of 3x3 samples, and the depth of the latter; of equals, of the same as
+// Motion relative to the farthest of 3x3 samples, and the depth of that one. Of equally far ones, it is the one that
 // `_farthest_3x3` takes.
 SS_INLINE F motion_over_background(const Samples& s, int y, int x, F& across, F& down) {
     const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
@@ -38,13 +38,13 @@ SS_INLINE F closest_around(const Samples& s, F x, F y) {
     return closest;
 }
 
-// Rounds components below one sample: from THIN_MOTION on to one, else to 0.
+// Rounds components shorter than one sample: to one from THIN_MOTION on, otherwise to 0.
 SS_INLINE F whole_steps(F motion) {
     F length = absolute(motion), step = select(length >= THIN_MOTION, 1.0f, F{});
     return select(length < 1.0f, select(motion < 0.0f, -step, step), motion);
 }
 
-// Occluding depth of W samples, negative of what leaves; same as `occluding_depth` of the torch module.
+// Occluding depth of W samples, negative where thin geometry leaves; same as `occluding_depth` of the torch module.
 [[maybe_unused]] static F occluding_at(const Samples& s, int y, int x) {
     const ptrdiff_t here = static_cast<ptrdiff_t>(y) * s.pitch + PAD + x;
     const auto eroded = [&](int row) { return s.eroded_depth + s.place(row) * s.pitch + PAD + x; };

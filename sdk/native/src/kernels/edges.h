@@ -10,7 +10,7 @@ struct Form {
     F xx, xy, yy;
 };
 
-// The form that is 1 at distances from which on samples have no weight, from the structure tensor.
+// The form that is 1 at distances where the weight of a sample reaches 0, from the structure tensor.
 SS_INLINE Form kernel_form(Form tensor) {
     F difference = tensor.xx - tensor.yy;
     F contrast = square_root(difference * difference + 4.0f * tensor.xy * tensor.xy + 1e-12f);
@@ -70,7 +70,7 @@ SS_INLINE Form structure_tensor(const F (&luma)[4][4], const F (&dx)[4], const f
     return select(weights > MIN_WEIGHT, upsampled, ycocg(fill_at(s, t.y.nearest[y], load(t.x.nearest + x), true)).r);
 }
 
-// The factor with which no highlight of a toned colour exceeds the 3x3 samples around; same as `ops.peak`.
+// The factor that keeps highlights of a toned colour from exceeding the 3x3 samples around; same as `ops.peak`.
 [[maybe_unused]] static F dimming_to_samples(const Samples& s, const Tables& t, int y, int x, F3 color) {
     F peak = spread(HIGHLIGHT_TONED);
     if (all(largest(color) <= peak)) return spread(1.0f);

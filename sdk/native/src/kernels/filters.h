@@ -15,7 +15,7 @@ struct Span {
         : first((PAD + x.start[x0] - 1) / LANES * LANES), last(PAD + x.start[min(x1, x.pixels) - 1] + 3) {}
 };
 
-// The four rows of samples around a display row, and their weights. row_of(y): a row of samples.
+// The four rows of samples around a display row, and their weights. row_of(y) returns a row of samples.
 struct Rows {
     const float* row[4];
     float weight[4];

@@ -26,7 +26,7 @@ SS_INLINE Surface surface_at(const float* color, const float* normal, int x, int
     return s;
 }
 
-// Reflectance of surfaces; 1 at the sky, which has no normal.
+// Reflectance of surfaces; 1 in the sky, which has no normal.
 SS_INLINE F3 reflectance(const Surface& s, float least) {
     I sky = s.normal.r * s.normal.r + s.normal.g * s.normal.g + s.normal.b * s.normal.b < MIN_NORMAL;
     F3 c = s.color * (1.0f - least);
@@ -117,7 +117,7 @@ SS_INLINE F3 keep_reflectance(F3 reflected, uint8_t* to, int count) {
     return F3{to_float(r), to_float(g), to_float(b)} * (1.0f / 255.0f);
 }
 
-// Reflectance of the history, read linearly at the places of the own warp.
+// Reflectance of the history, interpolated linearly where the pixels' own motion leads.
 SS_INLINE F3 warp_reflectance(const uint8_t* before, WarpScratch& s) {
     typedef uint8_t B4 __attribute__((vector_size(4)));
     for (int i = 0; i < W; i++) {
@@ -133,7 +133,7 @@ SS_INLINE F3 warp_reflectance(const uint8_t* before, WarpScratch& s) {
     return F3{v[0], v[1], v[2]} * (1.0f / 255.0f);
 }
 
-// Linear colours of the history under the reflectance of now.
+// Linear colours of the history, with this frame's reflectance in place of their own.
 SS_INLINE F3 relit(F3 color, F3 before, F3 now, float least) {
     auto channel = [&](F c, F was, F is) { return minimum(sanitize(c) * is / maximum(was, least * 0.5f), MAX_HALF); };
     return {channel(color.r, before.r, now.r), channel(color.g, before.g, now.g), channel(color.b, before.b, now.b)};

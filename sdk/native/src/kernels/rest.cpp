@@ -242,7 +242,7 @@ void write_converged(const RestWork& w, const View& image, int y0, int y1) {
         }
 }
 
-// Writes the image to the mean in blocks that freeze.
+// Copies the image to the mean in blocks that freeze.
 void freeze_mean(const RestWork& w, Rect rect) {
     for (int y = rect.y0; y < rect.y1; y++) {
         const uint8_t* freezes = w.blocks.freezes + w.row_blocks[y] * w.blocks.size.width;

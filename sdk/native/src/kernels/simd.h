@@ -2,7 +2,7 @@
 //
 // Kernels are written once, on F (float) and I (int32) of W lanes and on F4 of four. Operators are those of the
 // compiler's vector extensions; a scalar operand is broadcast. A comparison gives an I of 0 or -1 per lane, a mask.
-// All of this is inlined into kernels: functions of one instruction set must never be linked into another.
+// All of this is inlined into kernels: code for one instruction set must never be linked into code for another.
 #pragma once
 
 #include <stddef.h>
@@ -59,7 +59,7 @@ typedef float F4 __attribute__((vector_size(16)));
 typedef int32_t I4 __attribute__((vector_size(16)));
 typedef uint8_t B __attribute__((vector_size(W)));
 
-// Memory. Addresses need no alignment but that of the element, except for `stream`.
+// Memory. Addresses need only the alignment of an element, except in `stream`.
 
 template <class V>
 struct Loose {
@@ -102,8 +102,8 @@ SS_INLINE void store(int32_t* to, I v) { store_as(to, v); }
 SS_INLINE void store4(float* to, F4 v) { store_as(to, v); }
 SS_INLINE void store(uint8_t* to, I v) { store_as(to, to_bytes(v)); }
 
-// Stores past the caches, for values that are not read again soon; `to` is aligned to the size of the vector. A kernel
-// ends with `end_streams`, so that other threads see them.
+// Stores that bypass the caches, for values that are not read again soon; `to` is aligned to the size of the vector. A
+// kernel ends with `end_streams`, so that other threads see the values.
 template <class V>
 SS_INLINE void stream_as(void* to, V v) {
 #if defined(__clang__)
@@ -146,7 +146,7 @@ SS_INLINE I to_int(F v) { return __builtin_convertvector(v, I); }  // towards ze
 SS_INLINE I bits_of(F v) { return reinterpret_cast<I>(v); }
 SS_INLINE F float_of(I v) { return reinterpret_cast<F>(v); }
 
-// The value itself, rounded: a product that is subtracted from another one must not be fused with the subtraction.
+// Returns the value, rounded: the compiler must not fuse a product with the subtraction that follows.
 SS_INLINE F rounded(F v) {
 #if defined(__x86_64__)
     __asm__("" : "+v"(v));
@@ -162,7 +162,7 @@ SS_INLINE F select(I mask, F first, float second) { return mask ? first : spread
 SS_INLINE F select(I mask, float first, float second) { return mask ? spread(first) : spread(second); }
 SS_INLINE I select(I mask, I first, I second) { return mask ? first : second; }
 
-// The second where either is NaN.
+// The second operand is returned where either is NaN.
 #if defined(__AVX512F__)
 SS_INLINE F minimum(F a, F b) { return (F)_mm512_min_ps((__m512)a, (__m512)b); }
 SS_INLINE F maximum(F a, F b) { return (F)_mm512_max_ps((__m512)a, (__m512)b); }
@@ -260,7 +260,7 @@ SS_INLINE F permuted(F v, I index) {
 #endif
 }
 
-// Shuffles: `Order::at(i)` is the lane of the result's lane i, of two vectors in a row.
+// Shuffles: lane i of the result is lane `Order::at(i)` of two concatenated vectors.
 
 template <class Order, class V, int... K>
 SS_INLINE V shuffled(V a, V b, Sequence<int, K...>) {
@@ -278,15 +278,17 @@ struct Evens {
 struct Odds {
     static constexpr int at(int i) { return 2 * i + 1; }
 };
-template <int first>  // of the third that lane `first` of three interleaved vectors begins
-struct ThirdOfTwo {   // the lanes that are of the first two vectors
+// Every third lane of three concatenated vectors, from lane `first` on: first those in two of them, then all.
+template <int first>
+struct ThirdOfTwo {
     static constexpr int at(int i) { return 3 * i + first < 2 * W ? 3 * i + first : 0; }
 };
 template <int first>
 struct ThirdOfLast {
     static constexpr int at(int i) { return 3 * i + first < 2 * W ? i : W + 3 * i + first - 2 * W; }
 };
-template <int part, int lanes>  // third `part` of three vectors, interleaved
+// Vector `part` of three vectors whose lanes are interleaved: first the lanes from two of them, then all.
+template <int part, int lanes>
 struct PartOfTwo {
     static constexpr int place(int i) { return (part * lanes + i) % 3 * lanes + (part * lanes + i) / 3; }
     static constexpr int at(int i) { return place(i) < 2 * lanes ? place(i) : 0; }
@@ -314,8 +316,8 @@ SS_INLINE V odds(V a, V b) {
     return shuffled<Odds>(a, b, Lanes{});
 }
 
-// Transposes: N vectors of N channels of W pixels, interleaved or one after the other. A round of zips moves the last
-// bit of a value's place (vector, then lane) to the front.
+// Transposes of N vectors: W pixels of N interleaved channels, or one vector per channel. Each round of zips rotates the
+// bits of a value's place (vector, then lane) by one: the last becomes the first.
 
 constexpr int log2_of(int n) { return n == 1 ? 0 : 1 + log2_of(n / 2); }
 
@@ -345,7 +347,7 @@ SS_INLINE void load_channels(const float* from, F (&v)[N]) {
     to_channels(v);
 }
 
-// In each four lanes: lanes of two vectors alternating, the first or the last two of each; pairs of lanes.
+// In each group of four lanes: the first or the last two lanes of two vectors, alternating or in pairs.
 template <int first>
 struct Alternating {
     static constexpr int at(int i) { return i / 4 * 4 + first + i % 4 / 2 + W * (i % 2); }
@@ -380,7 +382,7 @@ SS_INLINE F concatenated(const Function& function) {
 #endif
 }
 
-// Pixels of several fours of channels, where `load_four` finds them as a vector per channel.
+// Address of four channels of a pixel, in the layout that `load_four` reads as one vector per channel.
 SS_INLINE float* four_at(float* pixels, int four, int pixel) {
     return pixels + (4 * four + pixel % 4) * W + pixel / 4 * 4;
 }
@@ -401,7 +403,7 @@ SS_INLINE F3 load_rgb(const float* from) {  // of W pixels
     return {third(Constant<0>{}), third(Constant<1>{}), third(Constant<2>{})};
 }
 
-// Part k of three vectors of `lanes` channels, interleaved.
+// Vector k of three vectors whose lanes are interleaved.
 template <int k, int lanes, class V>
 SS_INLINE V interleaved(V a, V b, V c) {
     return shuffled<PartOfLast<k, lanes>>(shuffled<PartOfTwo<k, lanes>>(a, b, Count<lanes>{}), c, Count<lanes>{});

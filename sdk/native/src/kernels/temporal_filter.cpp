@@ -1,6 +1,6 @@
 // The temporal filter of denoised frames; the same as supersampler_model.denoising.filter.
 //
-// Each pixel follows its motion from frame to frame. What is found there is averaged, weighted by its distance.
+// Each pixel follows its motion from frame to frame. The pixels that it finds are averaged, weighted by their similarity.
 #include "warp.h"
 
 namespace ss::SS_ISA {
@@ -40,7 +40,7 @@ static_assert(PLANES * PLANE == TemporalFilter::SCRATCH);
 // Exponent plus mantissa of positive floats: a piecewise linear logarithm to base 2.
 SS_INLINE F log2(F v) { return to_float(bits_of(v)) * 0x1p-23f - 127.0f; }
 
-// The tile, its border, and the pixels of the image that they are: beyond an edge, pixels are repeated.
+// A tile with its border, and where both lie in the image; beyond an edge, its pixels are repeated.
 struct Tile {
     Rect inner;
     Size size;
@@ -84,7 +84,7 @@ static void box(const Tile& t, int plane, int to) {
     }
 }
 
-// Reads the frame itself: exposed colour, where it is known, guides.
+// Reads the frame itself: its exposed colour, where that is known, and its guides.
 static void read_own(const TemporalFilter& w, const Tile& t) {
     for (int y = 0; y < t.rows; y++)
         for (int x = 0; x < t.columns; x += W) {
@@ -133,8 +133,8 @@ static void compare_guides(const Tile& t, const float* guides, const WarpScratch
     store(t.row(NORMALS, y) + x, of_normal);
 }
 
-// Follows the motion of the last frame to the next one, which is `frame`; gathers there, in the border only what
-// patches reach.
+// Follows the motion of the last frame to `frame`, the next one, and gathers that there; in the border, only what patches
+// reach.
 static void gather_frame(const TemporalFilter& w, const Tile& t, const float* step, const ss_temporal_frame& frame,
                          WarpScratch& s) {
     const float right = static_cast<float>(t.size.width), bottom = static_cast<float>(t.size.height);
@@ -192,7 +192,7 @@ SS_INLINE F relit(const Tile& t, int channel, int y, int x, float samples) {
     return load(t.row(COLORS + channel, y) + x) * exponential(change * significance / (significance + LIGHT_NOISE));
 }
 
-// Adds what a neighbour has, by its weights.
+// Adds the colours and AOVs of a neighbouring frame, times their weights.
 static void add_frame(const TemporalFilter& w, const Tile& t, const ss_temporal_frame& frame, int age, WarpScratch& s) {
     box<1>(t, NORMALS, NORMALS_3);
     box<1>(t, ALBEDOS, ALBEDOS_3);

@@ -26,15 +26,13 @@ static Variant variant_of(const Model& model) {
 }
 static int kernel_of(const Variant& v) { return v.guided ? 4 + v.rectified : 2 * v.rectified + v.own_motion; }
 
-static const Filter* filters(const Model& model, Filter* room, int* count, float* window_sigma) {
+static void add_filters(const Model& model, Tables& tables) {
     const Config c = config_of(model);
-    room[0] = {GAUSSIAN, c.sample_sigma, true};
-    room[1] = {CUBIC};
-    room[2] = {GAUSSIAN, c.moment_sigma};
-    room[3] = {DISTANCE};
-    *count = 4;
-    *window_sigma = c.kernel_sigma;
-    return room;
+    tables.add({GAUSSIAN, c.sample_sigma, true});
+    tables.add({CUBIC});
+    tables.add({GAUSSIAN, c.moment_sigma});
+    tables.add({DISTANCE});
+    tables.window_sigma = c.kernel_sigma;
 }
 
 // Weights -----------------------------------------------------------------------------------------------------------
@@ -366,7 +364,7 @@ static constexpr Method learned(const char* name, float most, bool larger = fals
             .layout = LAYOUT,
             .constants = CONSTANTS,
             .constant_count = sizeof CONSTANTS / sizeof(Constant),
-            .filters = filters,
+            .add_filters = add_filters,
             .make_buffers = make_buffers,
             .compute = compute,
             .read_weights = read_weights};
@@ -401,7 +399,7 @@ extern const Method GBUFFER_FAST = {.name = "gbuffer-fast",
                                     .layout = GUIDED_LAYOUT,
                                     .constants = gbuffer_fast::CONSTANTS,
                                     .constant_count = sizeof gbuffer_fast::CONSTANTS / sizeof(Constant),
-                                    .filters = filters,
+                                    .add_filters = add_filters,
                                     .make_buffers = make_buffers,
                                     .compute = compute,
                                     .read_weights = read_weights};

@@ -4,10 +4,8 @@
 namespace ss {
 
 template <FilterKind kind>
-static const Filter* filters(const Model&, Filter* room, int* count, float*) {
-    room[0] = {kind};
-    *count = 1;
-    return room;
+static void add_filters(const Model&, Tables& tables) {
+    tables.add({kind});
 }
 
 static bool make_buffers(const Model& model, StepBuffers& buffers) {
@@ -32,9 +30,15 @@ static ss_status compute(Step& step) {
     return SS_OK;
 }
 
-extern const Method BILINEAR = {
-    .name = "bilinear", .ratios = {1, 4}, .filters = filters<LINEAR>, .make_buffers = make_buffers, .compute = compute};
-extern const Method BICUBIC = {
-    .name = "bicubic", .ratios = {1, 4}, .filters = filters<CUBIC>, .make_buffers = make_buffers, .compute = compute};
+extern const Method BILINEAR = {.name = "bilinear",
+                                .ratios = {1, 4},
+                                .add_filters = add_filters<LINEAR>,
+                                .make_buffers = make_buffers,
+                                .compute = compute};
+extern const Method BICUBIC = {.name = "bicubic",
+                               .ratios = {1, 4},
+                               .add_filters = add_filters<CUBIC>,
+                               .make_buffers = make_buffers,
+                               .compute = compute};
 
 }  // namespace ss

@@ -3,11 +3,7 @@
 
 namespace ss {
 
-static const Filter* filters(const Model&, Filter* room, int* count, float*) {
-    room[0] = {LINEAR};
-    *count = 1;
-    return room;
-}
+static void add_filters(const Model&, Tables& tables) { tables.add({LINEAR}); }
 
 static bool make_buffers(const Model&, StepBuffers& buffers) {
     TaaWork* work = buffers.arena.take<TaaWork>(1);
@@ -51,7 +47,7 @@ extern const Method TAA = {.name = "taa",
                            .layout = LAYOUT,
                            .constants = taa::CONSTANTS,
                            .constant_count = sizeof taa::CONSTANTS / sizeof(Constant),
-                           .filters = filters,
+                           .add_filters = add_filters,
                            .make_buffers = make_buffers,
                            .compute = compute};
 

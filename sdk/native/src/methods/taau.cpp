@@ -9,16 +9,13 @@ using namespace taau;
 
 constexpr int LINES = 12;
 
-static const Filter* filters(const Model& model, Filter* room, int* count, float*) {
+static void add_filters(const Model& model, Tables& tables) {
     const Config& c = model.config_of<Config>();
-    const Filter made[] = {{LINE_MEAN, c.moment_sigma},
-                           {GAUSSIAN, c.sample_sigma, true},
-                           {LINE_SLOPE, c.moment_sigma},
-                           {LINE_SHIFT, c.moment_sigma},
-                           {DISTANCE}};
-    *count = sizeof made / sizeof *made;
-    memcpy(room, made, sizeof made);
-    return room;
+    tables.add({LINE_MEAN, c.moment_sigma});
+    tables.add({GAUSSIAN, c.sample_sigma, true});
+    tables.add({LINE_SLOPE, c.moment_sigma});
+    tables.add({LINE_SHIFT, c.moment_sigma});
+    tables.add({DISTANCE});
 }
 
 static bool make_buffers(const Model& model, StepBuffers& buffers) {
@@ -164,7 +161,7 @@ extern const Method TAAU = {.name = "taau",
                             .layout = LAYOUT,
                             .constants = CONSTANTS,
                             .constant_count = sizeof CONSTANTS / sizeof(Constant),
-                            .filters = filters,
+                            .add_filters = add_filters,
                             .make_buffers = make_buffers,
                             .compute = compute};
 

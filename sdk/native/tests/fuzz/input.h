@@ -35,7 +35,7 @@ static float pick_float(Input* in) {
     return index < 16 ? hostile[index] : (float)(next_random(in) >> 8) * 0x1p-24f;
 }
 
-/* A value of an image: mostly a number in [0, scale], or one of any bits, as often as `hostile` of 255. */
+/* A value of an image: a number in [0, scale]; or in `hostile` of 256 cases one of any bits. */
 static float value_of(Input* in, int hostile, float scale) {
     float value;
     uint32_t bits = next_random(in);
@@ -72,7 +72,7 @@ static ss_image image_of(Input* in, void** memory, int width, int height, int ch
     return image;
 }
 
-/* Ends the program where values of an image are not finite or negative. */
+/* Ends the program if a value of an image is negative or not finite. */
 static void check_image(const ss_image* image, const void* memory, size_t values) {
     for (size_t k = 0; k < values && image->type == SS_FLOAT32 && !image->pixel_stride; k++) {
         const float value = ((const float*)memory)[k];

@@ -31,7 +31,7 @@ class WarpShaders(NamedTuple):
 
     Attributes:
         read_shaded: packs the surfaces of the shaded frame.
-        warp: reads them.
+        warp: computes colour and motion from them.
         offsets: (x, y) of the samples among which a pixel chooses; see `WarpParams`.
     """
 

@@ -28,10 +28,22 @@ Packed = NDArray[Any]
 
 
 class Codec(NamedTuple):
-    """Conversion of a plane between its bytes and (H, W, channels) float32."""
+    """Conversion of a plane between its words and float32 (H, W, channels), at most four channels a word."""
 
     unpack: Callable[[Packed], Float32]
     pack: Callable[[Float32], Packed]
+
+
+def _unpack_bytes(words: Packed) -> Float32:
+    return np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
+
+
+def _pack_bytes(pixels: Float32) -> Packed:
+    return (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+BYTES = Codec(_unpack_bytes, _pack_bytes)
+"""Values in [0, 1] in a byte each."""
 
 
 class HistoryPlane(NamedTuple):
@@ -232,7 +244,8 @@ class GpuHistory:
             self.aovs = BlendedAovs(tensors["aovs"].shape[1], memory)
         for name, plane in self.layout.planes.items():
             width, height = self.layout.size(name, self.display, self.render)
-            pixels = np.zeros((height, width, plane.words if plane.codec is None else 8), np.float32)
+            channels = plane.words if plane.codec is None else 4 * plane.words
+            pixels = np.zeros((height, width, channels), np.float32)
             for tensor, where in self.layout.channels.items():
                 for i, (of, channel) in enumerate(where):
                     if of == name:

@@ -140,7 +140,7 @@ def _content(path: Path) -> bytes:
     content = path.read_bytes()
     refusal = None if is_shipped(path) else refusal_of(content)
     if refusal is not None:
-        raise ModelError(f"{path}: {refusal}. `supersampler export` writes graphs that are taken.")
+        raise ModelError(f"{path}: {refusal}. `supersampler export` writes graphs that are accepted.")
     return content
 
 

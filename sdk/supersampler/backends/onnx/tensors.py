@@ -122,16 +122,8 @@ def check_tensor(value: "ort.OrtValue", info: TensorInfo, shape: tuple[int, ...]
         raise FrameError(info.name, got=texts[0], want=texts[1])
 
 
-def frame_of_tensors(
-    tensors: Mapping[str, Tensor],
-    jitter: tuple[float, float],
-    exposure: float | None,
-    *,
-    pre_exposure: float,
-    reset: bool,
-    inputs: Collection[str],
-) -> Frame:
-    """Return a frame with copies of tensors in CPU memory.
+def frame_of_tensors(tensors: Mapping[str, Tensor], inputs: Collection[str], **values: Any) -> Frame:
+    """Return a frame with copies of tensors in CPU memory, and these `gbuffers.VALUES`.
 
     `inputs` are the names of the tensors that the method reads. Others are ignored. Depth and motion that are
     neither given nor read are 0.
@@ -152,7 +144,7 @@ def frame_of_tensors(
         if planes.ndim != 4 or planes.shape[0] != 1:
             raise FrameError(name, got=planes.shape, want="(1, c, h, w)")
         images[name] = pixels_of(planes)
-    return frame_of(images, jitter=jitter, exposure=exposure, pre_exposure=pre_exposure, reset=reset)
+    return frame_of(images, **values)
 
 
 def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:

@@ -83,7 +83,7 @@ def advise(
     Args:
         request: the scene, without a scale.
         folder: folder for the renders; complete ones are used again.
-        overwrite: render all of them again.
+        overwrite: whether to render all of them again.
         note: called with each message about a setting that differs from the file's.
 
     Raises:

@@ -157,7 +157,7 @@ def rendering(
     Args:
         request: settings of the render.
         folder: folder for the frames, render.json and blender.log.
-        overwrite: remove the frames of an earlier call instead.
+        overwrite: whether to remove the frames of an earlier call instead.
         note: called with each message about a setting that differs from the file's.
 
     Raises:
@@ -464,7 +464,7 @@ def answers(child: ChildProcess, token: str, log: LogFile, last: LastLines, blen
 
 
 def end_of_script(child: ChildProcess, last: LastLines) -> str:
-    """Return how Blender ended, with the last line of its output that tells more."""
+    """Return how Blender ended, with the last line of its output that has an error, or the last one."""
     code = child.wait(GRACE)
     line = next((line for line in reversed(last) if "Error" in line), last[-1] if last else "")
     return f"Blender ended with {end_text(code)}{line and f': {line}'}"

@@ -51,18 +51,11 @@ def main(settings: dict[str, Any]) -> None:
     """Render with these settings.
 
     Args:
-        settings: "blend": file to open; "folder" to write to; "run": part of the files' temporary names;
-            "token": begins each message; "display_size": [width, height] of the images, null for the scene's;
-            "scale": display over render size, null for SCALE; "frames": numbers of the first and the last
-            frame, null for the scene's; "complete": number of first frames that are already rendered;
-            "jitter": [[x, y], ...] of successive frames, in render pixels, x right, y down, repeated;
-            "engine", "scene", "camera": null for the scene's own; "samples": null for SAMPLES in small
-            frames of Cycles, otherwise the scene's own; "denoise": "temporal" for full-size frames without
-            jitter, "frame" or "off" for small ones, null: see `chosen_denoising`; "keep_blur": whether
-            motion blur and depth of field stay on; "part": fraction of the scene's width and height, if
-            "display_size" is null; "seed": added to the scene's, for other noise; "most": null, or for a
-            trial the number of frames in the middle of the scene's range, if "frames" is null; "composite":
-            whether the scene's compositor is to run on the results, which is checked before rendering.
+        settings: the fields of `RenderRequest`, which render.py documents, as JSON values: null is None,
+            "frames" [first, last] and "display_size" [width, height]. And "folder" to write to; "run": part
+            of the files' temporary names; "token": begins each message; "complete": number of first frames
+            that are already rendered; "jitter": [[x, y], ...] of successive frames, in render pixels, x
+            right, y down, repeated.
     """
     open_scene(settings["blend"])
     scene = chosen_scene(settings["scene"])
@@ -266,7 +259,7 @@ def set_trial(scene: Any, samples: int | None, seed: int) -> None:
 
 def pencils(objects: Any) -> list[Any]:
     """Return the Grease Pencil objects that are rendered."""
-    kinds = ("GREASEPENCIL", "GPENCIL")  # since Blender 4.3, before
+    kinds = ("GREASEPENCIL", "GPENCIL")  # since Blender 4.3, and before it
     return [item for item in objects if item.type in kinds and not item.hide_render]
 
 

@@ -10,9 +10,9 @@ def aov_pass(parts: int, first: int = 0, *, in_texture: bool, has_history: bool)
     """Return a pass that blends AOVs, with or without an AOV history.
 
     Args:
-        parts: values of a pixel of the history: channels, or where AOVs are in textures, textures.
-        first: number of the texture that the pass blends.
-        in_texture: whether they are in a texture; else the pass blends all channels of a buffer.
+        parts: values of a pixel of the history: channels; textures, if AOVs are in textures.
+        first: index of the texture that the pass blends.
+        in_texture: whether the AOVs are in textures; else the pass blends all channels of a buffer.
         has_history: whether there is a history.
     """
     variants = {

@@ -4,7 +4,15 @@ import numpy as np
 
 from supersampler.backends.gpu import memory as gpu
 from supersampler.backends.gpu import program
-from supersampler.backends.gpu.history import PIXELS, Codec, HistoryLayout, HistoryPlane, Packed, of_plane
+from supersampler.backends.gpu.history import (
+    BYTES,
+    PIXELS,
+    Codec,
+    HistoryLayout,
+    HistoryPlane,
+    Packed,
+    of_plane,
+)
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
 from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network
@@ -41,20 +49,12 @@ def _pack_ranges(pixels: Float32) -> Packed:
     return packed
 
 
-def _unpack_classes(words: Packed) -> Float32:
-    return np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
-
-
-def _pack_classes(pixels: Float32) -> Packed:
-    return (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-
-
 LAYOUT = HistoryLayout(
     CLASSIFIER,
     {
         "pixels": PIXELS,
         "ranges": HistoryPlane("state", 1, "r32uint", Codec(_unpack_ranges, _pack_ranges)),
-        "classes": HistoryPlane("classes", 2, None, Codec(_unpack_classes, _pack_classes)),
+        "classes": HistoryPlane("classes", 2, None, BYTES),
         "surface": HistoryPlane("depth", 2, "rg32float"),
         **program.REST_PLANES,
     },

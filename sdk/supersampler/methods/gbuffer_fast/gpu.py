@@ -3,12 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
-from supersampler.backends.gpu.history import Codec, HistoryLayout, HistoryPlane, Packed, of_plane
+from supersampler.backends.gpu.history import BYTES, HistoryLayout, HistoryPlane, of_plane
 from supersampler.backends.gpu.memory import DISPLAY, PixelTexture
 from supersampler.backends.gpu.program import GpuProgram
-from supersampler.frame import Float32
 from supersampler.methods.classifier.gpu import LAYOUT as CLASSIFIER_LAYOUT
 from supersampler.methods.classifier.gpu import classifier_program
 from supersampler.methods.gbuffer.spec import NEIGHBOUR_WEIGHTS, STEP_COST
@@ -17,25 +14,12 @@ from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 
 _VARIANTS: Mapping[str, str] = {"pixel_surface": "guided_surface", "frame_colors": "guided_colors"}
-"""Shader files that take the place of those of `classifier`."""
-
-
-def _unpack_reflectance(words: Packed) -> Float32:
-    return np.ascontiguousarray(words).view(np.uint8).astype(np.float32) / np.float32(255.0)
-
-
-def _pack_reflectance(pixels: Float32) -> Packed:
-    return (np.clip(pixels[..., :4], 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+"""Shader files that replace those of `classifier`."""
 
 
 LAYOUT = HistoryLayout(
     GBUFFER_FAST,
-    {
-        **CLASSIFIER_LAYOUT.planes,
-        "reflectance": HistoryPlane(
-            "reflectance", 1, "r32uint", Codec(_unpack_reflectance, _pack_reflectance)
-        ),
-    },
+    {**CLASSIFIER_LAYOUT.planes, "reflectance": HistoryPlane("reflectance", 1, "r32uint", BYTES)},
     {**CLASSIFIER_LAYOUT.channels, "reflectance": of_plane("reflectance", 0, 1, 2)},
 )
 

@@ -3,7 +3,7 @@
 
 struct Closest {
     motion: vec2f,    // render pixels
-    depth: f32,       // UNKNOWN_DEPTH where it is
+    depth: f32,       // UNKNOWN_DEPTH where it is unknown
     edge: f32,        // range of depth of 3x3 samples over the closest, [0, 1]
 }
 

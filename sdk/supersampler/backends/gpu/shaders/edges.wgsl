@@ -40,7 +40,7 @@ fn upsample_along_edges(at: vec2f) -> f32 {
     return sum.x / sum.y;
 }
 
-// The factor with which no highlight of a toned colour exceeds the 3x3 samples around a position.
+// The factor that keeps highlights of a toned colour from exceeding the 3x3 samples around a position.
 fn dimming_to_samples(color: vec3f, at: vec2f) -> f32 {
     var peak = HIGHLIGHT_TONED;
     if (largest(color) <= peak) { return 1.0; }

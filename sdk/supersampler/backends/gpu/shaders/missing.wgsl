@@ -6,7 +6,7 @@
 
 struct Found {
     color: vec3f,    // linear RGB, filled where the sample is missing
-    usable: f32,     // 0 where it is, else 1
+    usable: f32,     // 0 where the sample is missing, else 1
 }
 
 fn sample_of_frame(p: vec2i, exposure: f32) -> Found {

@@ -67,7 +67,7 @@ fn load_tile(origin: vec2i, thread: i32) {
     }
 }
 
-// Motion, depth and relative range of depth: of the closest of each sample and its right and lower neighbours.
+// Motion and depth of the closest of a sample and its right and lower neighbours; relative range of depth around.
 fn dilate(p: vec2i, origin: vec2i) -> Closest {
     var best = p;
     /* unroll */ for (var k = 1; k < 4; k++) {
@@ -87,7 +87,7 @@ fn dilate(p: vec2i, origin: vec2i) -> Closest {
     return Closest(usable_motion(motion_at(best)), depth_near(best, origin), edge);
 }
 
-// Depth without thin things, and minus the depth of what leaves: see `occluding_depth` of the torch methods.
+// Depth without thin geometry; minus the depth where geometry leaves: see `occluding_depth` of the torch methods.
 fn occluding(p: vec2i, origin: vec2i) -> f32 {
     var opened = -f32(MAX_DEPTH);
     /* unroll */ for (var j = -1; j <= 1; j++) {
@@ -103,13 +103,13 @@ fn occluding(p: vec2i, origin: vec2i) -> f32 {
     return -depth;
 }
 
-// Components below one sample: from THIN_MOTION on one, else 0.
+// Motion with components below one sample rounded: to one from THIN_MOTION on, else to 0.
 fn whole_steps(motion: vec2f) -> vec2f {
     let steps = sign(motion) * step(vec2f(THIN_MOTION), abs(motion));
     return select(motion, steps, abs(motion) < vec2f(1.0));
 }
 
-// 0, -1, 1.
+// Maps 0, 1, 2 to 0, -1, 1.
 fn outward(k: i32) -> i32 {
     return select(2 * k - 3, 0, k == 0);
 }

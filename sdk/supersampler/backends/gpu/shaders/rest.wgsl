@@ -21,7 +21,7 @@ fn stays_frozen(p: vec2i) -> bool { return (block_state(p).x & STAYS) != 0u; }
 // Weight of a sample in the mean, by its distance along an axis.
 fn trapezoid(distance: f32) -> f32 { return clamp((OUTER - abs(distance)) / (OUTER - INNER), 0.0, 1.0); }
 
-// Position of a pixel in samples of a jitter.
+// Position of a pixel among the samples of a frame with this jitter.
 fn sample_position(p: vec2i, jitter: vec2f) -> vec2f {
     return (vec2f(p) + 0.5) * params.render / params.display - 0.5 - jitter;
 }
@@ -42,7 +42,7 @@ fn samples_near(p: vec2i) -> vec4f {
     return sum;
 }
 
-// The mean with this frame's samples, where they belong into it.
+// The mean, with this frame's samples where they are added.
 fn mean_after(p: vec2i, flags: u32) -> vec4f {
     var mean = vec4f(0.0);
     if ((flags & KEEPS) != 0u) { mean = textureLoad(history_mean, p, 0); }
@@ -53,7 +53,7 @@ fn mean_after(p: vec2i, flags: u32) -> vec4f {
     return vec4f((mean.rgb * mean.a + near.rgb) / max(total, 1e-6), total);
 }
 
-// A neighbour's mean, and 1 where it is of a whole period.
+// A neighbour's mean, and 1 if it has the samples of a whole period.
 fn complete_mean(p: vec2i) -> vec4f {
     let q = clamped(p, image_size());
     let flags = block_state(q).x;

@@ -1,5 +1,5 @@
-// Tiles of a method's images. In x of `next_tiles`: how many tiles away the nearest one is that is not frozen, at most
-// INPUTS_REACH + 1, and HELD; in y of the first one a count of pixels.
+// Tiles of a method's images. In x of `next_tiles`: the distance, in tiles, to the nearest one that is not frozen, at
+// most INPUTS_REACH + 1, and HELD; in y of the first one, a count of pixels.
 // import params
 
 const DISTANCE = 7u;

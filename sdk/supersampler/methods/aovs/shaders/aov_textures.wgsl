@@ -1,4 +1,4 @@
-// AOVs of the frame in a texture of the caller, and where they are shown: four channels at once.
+// AOVs of the frame, and blended AOVs, in textures of the caller: four channels at once.
 // import sanitize
 
 @group(0) @binding(1) var frame_aovs: texture_2d<f32>;

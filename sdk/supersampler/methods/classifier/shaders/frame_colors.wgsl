@@ -13,7 +13,7 @@ fn visibility_at(p: vec2i, at: vec2f, there: Reprojection) -> f32 {
     return gather_surface(there, closest_at(dilated, upper_left(at)).depth).visibility;
 }
 
-// Colour of the history by the pixel's own motion, toned.
+// Toned colour of the history at the pixel's own motion.
 fn own_history(p: vec2i) -> vec3f {
     let motion = usable_motion(motion_at(nearest(render_position(p))));
     return toned_history(resample_linear(history_pixels, reproject(p, motion).at).rgb, exposure_of(next_state));

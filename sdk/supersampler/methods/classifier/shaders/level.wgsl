@@ -1,4 +1,4 @@
-// A level of the encoder: what it writes, and its size. Chunks are sixteen bytes, the channels of a pixel side by side;
+// A level of the encoder: its outputs, and its size. Chunks are sixteen bytes, the channels of a pixel side by side;
 // quads are four.
 // import params
 // import int8

@@ -1,4 +1,4 @@
-// The surface of a display pixel, as far as the samples around show it.
+// The surface of a display pixel, as far as the samples around it show.
 // import warped_history
 // import current_frame
 
@@ -19,5 +19,5 @@ fn pixel_surface(p: vec2i, origin: vec2i, at: vec2f, now: CurrentFrame, there: R
     return PixelSurface(now.frame, surface, edge, vec2f(root(before.range.x), root(before.range.y)));
 }
 
-// Called in place of it where nothing is computed.
+// Called instead of `pixel_surface` where nothing is computed.
 fn keep_pixel(p: vec2i) {}

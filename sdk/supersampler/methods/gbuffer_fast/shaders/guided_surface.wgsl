@@ -1,4 +1,4 @@
-// The surface of a display pixel, from G-buffers. It takes the place of pixel_surface.wgsl.
+// The surface of a display pixel, from G-buffers. It replaces pixel_surface.wgsl.
 // Light of this frame is resampled from 3x3 samples by the agreement of surfaces. Same as `guide` and `gather_guided`.
 // import current_frame
 // import gbuffers

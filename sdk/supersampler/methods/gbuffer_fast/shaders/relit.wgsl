@@ -1,4 +1,4 @@
-// The history of a pixel's own surface under its reflectance of now, and what `gather` keeps of a pixel for `compose`.
+// The history of a pixel's own surface with its current reflectance, and what `gather` keeps of a pixel for `compose`.
 // import warped_history
 
 @group(0) @binding(20) var history_reflectance: texture_2d<u32>;   // three bytes, 255 is one

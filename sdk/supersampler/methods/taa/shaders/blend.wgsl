@@ -77,8 +77,8 @@ fn frame_at(at: vec2f, first: vec2i) -> vec3f {
     return mix(upper, lower, t.y);
 }
 
-// The segment from the history to the new sample, where it enters the box. A segment that misses the box (the
-// sample may be outside of a variance box) is clipped towards the box's centre.
+// The point where the segment from the history to the new sample enters the box. If the segment misses the box (the
+// sample may be outside of a variance box), the history is clipped towards the box's centre.
 fn clip_to_sample(color: vec3f, sample: vec3f, box: Box) -> vec3f {
     let difference = sample - color;
     let step = select(difference, vec3f(1e-6), abs(difference) < vec3f(1e-6));

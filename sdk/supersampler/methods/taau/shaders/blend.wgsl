@@ -33,9 +33,9 @@ struct Current {          // this frame; colours are toned YCoCg
     sample: vec3f,        // mean of the samples near the pixel
     confidence: f32,      // sum of their weights
     center: vec3f,        // mean of the samples around, luma by the plane through them
-    found: bool,          // whether there are any
-    variance: vec3f,      // about that
-    fit: f32,             // whether 3x3 samples are on that plane, 0 to 1
+    found: bool,          // whether a sample is around
+    variance: vec3f,      // about `center`
+    fit: f32,             // how well 3x3 samples fit that plane, 0 to 1
     shade: vec2f,         // mean and deviation of luma over 3x3 samples
     glares: bool,
     reactive: f32,        // mask
@@ -82,7 +82,7 @@ fn gather_current(p: vec2i) -> Current {
     var square = vec3f(0.0);
     var slope = vec2f(0.0);
     let sample = nearest(at);
-    var steps = vec2f(0.0);    // sums of luma over 3x3 samples: to the right less to the left, below less above
+    var steps = vec2f(0.0);    // luma of 3x3 samples: right minus left, below minus above
     var around = vec3f(0.0);   // sums over these, see `shade_of`
     /* unroll */ for (var j = 0; j < 4; j++) {
         /* unroll */ for (var i = 0; i < 4; i++) {
@@ -181,7 +181,7 @@ struct Blend {
     samples: f32,         // effective number in the history
     holds: f32,           // 1 where the spread of the history is still valid
     trusted: f32,         // fraction of the history that is kept where this frame adds no sample
-    kept: f32,            // number in the history there
+    kept: f32,            // number of samples in the history there
     unconfirmed: bool,    // whether this frame adds no sample
 }
 

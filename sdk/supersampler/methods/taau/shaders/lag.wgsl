@@ -16,7 +16,7 @@ const STEPS = BLOCK / LAG_STEP;  // samples of a block that are compared, in eit
 
 struct Sums {
     difference: vec4f,   // of samples and history, toned RGB; number of blocks
-    square: vec4f,       // of it
+    square: vec4f,       // of the difference
     level: vec4f,        // of the history
 }
 
