@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import pytest
 
 from gpu_steps import DISPLAY, RENDER, aovs_of, device_or_skip, make, moving, with_aovs
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
+from supersampler.backends.gpu.passes import MAX_GROUPS
 from supersampler.errors import DeviceError
 from texture_frames import (
     COPY_DST,
@@ -83,6 +85,16 @@ def test_steps_encoded_into_one_encoder_run_in_order(device: Any, ours: Model) -
         wanted = arrays.step(frame)
     device.queue.submit([encoder.finish()])
     np.testing.assert_allclose(pixels_of(device, last), wanted, rtol=2e-3, atol=1e-6)
+
+
+def test_textures_of_earlier_frames_are_released(device: Any, ours: Model) -> None:
+    upscaler, alive = Upscaler(ours, display_size=DISPLAY), WeakSet[Any]()
+    for index in range(2 * MAX_GROUPS):
+        images = textures_of(device, moving(0))
+        alive.update([upscaler.step_textures(images, jitter=(0.0, 0.0)), *images.values()])
+        if index == MAX_GROUPS:
+            at_first = len(alive)
+    assert len(alive) <= at_first
 
 
 def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model) -> None:

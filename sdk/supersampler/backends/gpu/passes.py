@@ -7,15 +7,16 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
+from supersampler.backends.gpu.frame import is_texture
 from supersampler.backends.gpu.shader import Shader
 
 if TYPE_CHECKING:
     import wgpu
 
 Resource = Any
-"""A buffer or a texture view."""
+"""A buffer, a texture view, or a texture of the caller, of which the first mip level is bound."""
 MAX_GROUPS = 16
-"""Bind groups that a pass caches, the most recently used ones."""
+"""Bind groups that a pass caches, the most recently used ones. They keep their resources alive."""
 _pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
 _lock = Lock()
 
@@ -55,10 +56,12 @@ class Pass:
         if key in self._groups:
             self._groups.move_to_end(key)
             return self._groups[key][1]
-        entries = [
-            {"binding": b.index, "resource": resource if b.is_texture else {"buffer": resource}}
-            for b, resource in zip(bindings, bound, strict=True)
-        ]
+        entries = []
+        for binding, resource in zip(bindings, bound, strict=True):
+            target = resource if binding.is_texture else {"buffer": resource}
+            if is_texture(resource):
+                target = resource.create_view(mip_level_count=1)
+            entries.append({"binding": binding.index, "resource": target})
         group = self._device.create_bind_group(layout=self._layouts[number], entries=entries)
         self._groups[key] = bound, group  # `bound` keeps the ids from being used again
         if len(self._groups) > MAX_GROUPS:
