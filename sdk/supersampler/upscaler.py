@@ -460,8 +460,10 @@ class Upscaler:
             (1, 3, H, W) linear RGB on the device; `out` if given.
 
         Raises:
-            FrameError: a tensor is missing, or has a wrong type, shape or device. The history is unchanged.
-            ArgumentError: the executor does not accept tensors, or the Upscaler has an `extrapolation`.
+            FrameError: a tensor is missing, or has an unknown name or a wrong type, shape or device. The
+                history is unchanged.
+            ArgumentError: the executor does not accept tensors, the Upscaler has an `extrapolation`, or `out`
+                has a wrong type, shape or device.
         """
         self._check_open()
         tensors, reset = checked_tensors(tensors), checked_reset(reset)
@@ -528,8 +530,8 @@ class Upscaler:
             The image, linear RGB; `out` if given.
 
         Raises:
-            FrameError: an image is missing, or has a wrong format, size, usage or device. The history is
-                unchanged.
+            FrameError: an image is missing, or has an unknown name or a wrong format, size, usage or device.
+                The history is unchanged.
             DeviceError: the device failed. The history is unchanged unless the message says that it is lost.
             ArgumentError: the executor is not "gpu", or `out` or `aovs_out` has a wrong format, size, usage
                 or device.

@@ -124,6 +124,8 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
             FrameError, match=rf"frame\.motion is {kind} .*; want a float format of 2 or more"
         ):
             upscaler.step_textures({**good, "motion": encoded}, jitter=(0.0, 0.0))
+    with pytest.raises(FrameError, match=r"frame\.images\['reactve'\] is .* Did you mean 'reactive'\?"):
+        upscaler.step_textures({**good, "reactve": good["depth"]}, jitter=(0.0, 0.0))
     with pytest.raises(FrameError, match=r"frame\.color is"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), render_size=(RENDER[0] + 1, RENDER[1]))
     with pytest.raises(FrameError, match="render_size"):
