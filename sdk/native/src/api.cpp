@@ -144,6 +144,7 @@ ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_o
     ss_status status = make_model(method, options, &made, error);
     if (status == SS_OK) status = read_constants(*made, arrays, error);
     if (status == SS_OK && method->read_weights) status = method->read_weights(*made, arrays, error);
+    if (status == SS_OK) made->checksum = arrays.checksum();
     return hand_out(status, made, model);
 }
 

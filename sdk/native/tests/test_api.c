@@ -694,6 +694,27 @@ static void states_are_saved_and_loaded(void) {
     }
 }
 
+static void states_of_another_model_are_refused(void) {
+    static const char* const names[] = {"classifier", "classifier-small", "taau"};
+    ss_error error;
+    ss_model* models[3];
+    ss_upscaler* upscalers[3];
+    for (int k = 0; k < 3; k++) {
+        CHECK(ss_model_create(names[k], NULL, &models[k], &error) == SS_OK, "%s", error.message);
+        CHECK(ss_upscaler_create(models[k], DW, DH, &upscalers[k], &error) == SS_OK, "%s", error.message);
+    }
+    const size_t count = ss_state_bytes(upscalers[0]);
+    char* bytes = malloc(count);
+    CHECK(ss_state_save(upscalers[0], bytes, count, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_state_load(upscalers[0], bytes, count, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_state_load(upscalers[1], bytes, count, &error) == SS_BAD_STATE, "of the same method");
+    CHECK(strstr(error.message, "the state is of another model of classifier"), "%s", error.message);
+    CHECK(ss_state_load(upscalers[2], bytes, count, &error) == SS_BAD_STATE, "of another method");
+    CHECK(strstr(error.message, "the state is of classifier; want one of taau"), "%s", error.message);
+    free(bytes);
+    for (int k = 0; k < 3; k++) ss_upscaler_destroy(upscalers[k]), ss_model_destroy(models[k]);
+}
+
 static void histories_of_another_model_are_refused(void) {
     static Pixels p;
     static float image[DH][DW][3];
@@ -859,6 +880,7 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
 
 int main(void) {
     states_are_saved_and_loaded();
+    states_of_another_model_are_refused();
     histories_of_another_model_are_refused();
     CHECK(ss_version() == SS_VERSION, "%d", ss_version());
     thread_counts_change_no_bit();
