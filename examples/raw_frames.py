@@ -32,8 +32,8 @@ def main() -> None:
         parser.error(f"--frames is {options.frames}; want at least 1")
     try:
         write(options)
-    except SupersamplerError as error:
-        raise SystemExit(error) from error
+    except (SupersamplerError, OSError) as error:
+        raise SystemExit(str(error)) from error
 
 
 def write(options: argparse.Namespace) -> None:

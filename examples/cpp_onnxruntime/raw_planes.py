@@ -35,6 +35,6 @@ try:
         factors = *frame.jitter, frame.exposure or 0.0, frame.pre_exposure
         flags = int(frame.reset), int(frame.reactive is not None)
         lines.append(" ".join(map(str, (stem, *sizes, *factors, *flags))) + "\n")
-except SupersamplerError as error:
+except (SupersamplerError, OSError) as error:
     sys.exit(str(error))
 (out / "frames.txt").write_text("".join(lines))
