@@ -202,9 +202,10 @@ class GpuExecutor:
             source, target = (one.memory[SIGNATURES].resource for one in (history, next_history))
             encoder.copy_buffer_to_buffer(source, 0, target, 0, target.size)
         gpu.encode_write(self.device, encoder, buffers.params, params)
+        groups = next_history.groups.setdefault(history, {})
         compute = encoder.begin_compute_pass()
         for spec, one in zip(self.program.passes, self.passes(variants), strict=True):
-            one.encode(compute, resources, spec.extent.size(render, history.display))
+            one.encode(compute, resources, spec.extent.size(render, history.display), groups)
         compute.end()
         if aovs is not None:
             self._aovs.encode(encoder, aovs, history, next_history, render, variants, resources)
