@@ -3,9 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from threading import Lock
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 from supersampler.backends.gpu.frame import is_texture
 from supersampler.backends.gpu.shader import Shader
@@ -19,8 +17,9 @@ MAX_GROUPS = 4
 """Bind groups that are kept of a pass and a pair of histories, for textures that the caller takes in turn."""
 BindGroups = dict[Any, OrderedDict[tuple[int, ...], tuple[list[Resource], Any]]]
 """Bind groups of passes, the most recently used ones. They keep their resources alive."""
-_pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
-_lock = Lock()
+_PIPELINES = "_supersampler_pipelines"
+"""Attribute of a device with the pipelines of all models, by code. As they refer to it, a dictionary of this
+module would keep it alive."""
 
 
 class Pass:
@@ -85,8 +84,7 @@ class Pass:
 
 
 def _pipeline(device: "wgpu.GPUDevice", shader: Shader) -> tuple[Any, list[Any]]:
-    with _lock:
-        known = _pipelines.setdefault(device, {})
+    known: dict[str, tuple[Any, list[Any]]] = vars(device).setdefault(_PIPELINES, {})
     if shader.code not in known:  # threads compile at the same time, at worst the same shader twice
         layouts = [
             device.create_bind_group_layout(entries=[b.layout() for b in group])
