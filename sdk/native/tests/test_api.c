@@ -593,6 +593,19 @@ static void bad_arguments_are_named(void) {
         CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_ARGUMENT, "case %d", k);
         CHECK(strstr(error.message, said[k]), "case %d: %s", k, error.message);
     }
+    ss_frame unread = frame_of(&p, 0);
+    const ss_outputs outputs = outputs_of(images[0]);
+    unread.display_normal.row_stride = 4, unread.display_normal.pixel_stride = 4; /* taau reads no G-buffers */
+    CHECK(ss_step(upscaler, &unread, &outputs, &error) == SS_OK, "%s", error.message);
+    double matrix[16] = {1.0, 0.0, 0.0, 0.0, 0.0, NAN};
+    const ss_image depth = {p.depth}, motion = {p.motion};
+    CHECK(ss_camera_motion(&depth, W, H, matrix, 0.0, unread.jitter, &motion, &error) == SS_BAD_ARGUMENT &&
+              strstr(error.message, "to_previous is nan at [5]; want finite numbers"),
+          "%s", error.message);
+    matrix[5] = 1.0;
+    CHECK(ss_camera_motion(&depth, W, H, matrix, INFINITY, unread.jitter, &motion, &error) == SS_BAD_ARGUMENT &&
+              strstr(error.message, "far_depth is inf, jitter"),
+          "%s", error.message);
     const ss_scatter scatter = {2, 2, 2, 2, images[0], images[0], images[0], {0.0f, NAN}, {0.0f, 0.0f}};
     CHECK(ss_scatter_motion(&scatter, images[1], images[1] + 8, &error) == SS_BAD_FRAME &&
               strstr(error.message, "jitter"),
