@@ -598,7 +598,7 @@ static void bad_arguments_are_named(void) {
     unread.display_normal.row_stride = 4, unread.display_normal.pixel_stride = 4; /* taau reads no G-buffers */
     CHECK(ss_step(upscaler, &unread, &outputs, &error) == SS_OK, "%s", error.message);
     double matrix[16] = {1.0, 0.0, 0.0, 0.0, 0.0, NAN};
-    const ss_image depth = {p.depth}, motion = {p.motion};
+    const ss_image depth = {p.depth, SS_FLOAT32, 0, 0, 0}, motion = {p.motion, SS_FLOAT32, 0, 0, 0};
     CHECK(ss_camera_motion(&depth, W, H, matrix, 0.0, unread.jitter, &motion, &error) == SS_BAD_ARGUMENT &&
               strstr(error.message, "to_previous is nan at [5]; want finite numbers"),
           "%s", error.message);
@@ -888,6 +888,22 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
     CHECK(ss_resample_ids(model, &bad, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 0"), "%s",
           error.message);
     CHECK(ss_resample_ids(model, NULL, 1, &error) == SS_BAD_ARGUMENT, "NULL is a view");
+    for (int k = 0; k < 4; k++) {
+        static const char* const said[] = {"view 0: image or distance is that of another view",
+                                           "view 0: image or distance is that of the previous frame",
+                                           "view 1: image or distance is that of the previous frame",
+                                           "view 1: image or distance is in the memory of ids or depth"};
+        const ss_ids one = {SIDE,         SIDE, BIG,  BIG,  2,   &ids[0][0][0], &depth[0][0], &motion[0][0][0],
+                            {0.0f, 0.0f}, NULL, NULL, NULL, NULL};
+        ss_ids views[] = {one, one};
+        views[0].image = &image[0][0][0][0], views[0].distance = &distance[0][0][0];
+        views[1].image = k == 0 ? views[0].image : k == 3 ? &ids[0][0][0] : &image[1][0][0][0];
+        views[1].distance = &distance[1][0][0];
+        if (k == 1 || k == 2)
+            views[1].previous = views[k - 1].image, views[1].previous_distance = &alone_distance[0][0];
+        CHECK(ss_resample_ids(model, views, 2, &error) == SS_BAD_ARGUMENT, "case %d", k);
+        CHECK(strstr(error.message, said[k]), "case %d: %s", k, error.message);
+    }
     ss_model_destroy(model);
 }
 
