@@ -40,6 +40,19 @@ def test_a_state_passes_from_one_backend_to_another(method: str, first: str, sec
         assert distance(after.step(moving(index)), whole.step(moving(index))) <= most
 
 
+@pytest.mark.parametrize(("render", "display"), [((1, 1), (9, 9)), ((4, 4), (21, 21))])
+def test_a_state_of_tiny_frames_at_the_largest_ratio_passes_between_backends(
+    render: Size, display: Size
+) -> None:
+    ours, theirs = make("taau", display=display), make("taau", "cpu", display)
+    for index in range(3):
+        ours.step(moving(index, render))
+    theirs.load_state(ours.save_state())
+    ours.load_state(theirs.save_state())
+    phases = [(upscaler.save_state().history or {})["history.phases"] for upscaler in (ours, theirs)]
+    np.testing.assert_array_equal(*phases)
+
+
 @pytest.mark.parametrize("method", WITH_SHADERS)
 def test_outputs_beside_the_image_are_those_of_the_cpu(method: str) -> None:
     names = MAPS.get(method, ALL_MAPS)
