@@ -19,6 +19,9 @@ given = [Path(argument) for argument in sys.argv[1:]]
 if len(given) not in (0, 3):
     sys.exit(__doc__)
 model, shot, out = given or [shipped / "models" / "classifier", shipped / "shots" / "plaza", Path("out")]
+for file in (model / "model.json", shot / "shot.json"):
+    if not file.is_file():
+        sys.exit(f"{file} is missing")
 contract = json.loads((model / "model.json").read_text())
 if contract["contract"] != 4:
     sys.exit(f"{model} has contract {contract['contract']}; want 4. Export the method again.")

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame, SupersamplerError, Upscaler, halton_jitter
-from supersampler.arguments import checked_scale
 from supersampler.cli.arguments import parse_size
+from supersampler.conventions import render_size_for
 from supersampler.io.display import ExposureMeter, display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler_model.data.renderer.renderer import Renderer
@@ -38,9 +38,8 @@ Pixels = NDArray[np.uint8]
 
 
 def main(options: Namespace) -> None:
-    width, height = display_size = options.display_size
-    ratio = checked_scale(options.ratio)
-    render_size = (round(width / ratio), round(height / ratio))
+    display_size, ratio = options.display_size, options.ratio
+    render_size = render_size_for(display_size, ratio)
     game = make_sequence(SequenceSpec(family=options.family, seed=options.seed, frames=options.frames))
     show = open_window(options.window)
     renderer = Renderer(display_size)

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from supersampler import Frame, Shot
+from supersampler import Frame, Shot, SupersamplerError
 
 VALUES = ("jitter", "exposure", "pre_exposure", "reset", "size")
 """Attributes of a frame in frames.json."""
 
 
 def main() -> None:
-    """Write the files."""
+    """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("shot", help="name of a shot, or its folder")
     parser.add_argument("output", type=Path, help="folder to write to")
@@ -30,9 +30,16 @@ def main() -> None:
     options = parser.parse_args()
     if options.frames is not None and options.frames < 1:
         parser.error(f"--frames is {options.frames}; want at least 1")
-    options.output.mkdir(parents=True, exist_ok=True)
+    try:
+        write(options)
+    except (SupersamplerError, OSError) as error:
+        raise SystemExit(str(error)) from error
 
+
+def write(options: argparse.Namespace) -> None:
+    """Write the frames and frames.json."""
     shot, frames = Shot.open(options.shot), []
+    options.output.mkdir(parents=True, exist_ok=True)
     for item in islice(shot, options.frames):
         frame = item.frame
         if frame.color is None or frame.depth is None:

@@ -18,9 +18,9 @@ def loaded(method: str, executor: str) -> Model:
     return shared_model(method, executor, threads=2)
 
 
-def upscaler(method: str = "taau", executor: str = "cpu") -> Upscaler:
-    model = loaded(method, executor)
-    return Upscaler(model, display_size=DISPLAY, validate="off", extrapolation="guided-warp")
+def upscaler(method: str = "taau", executor: str = "cpu", **options: Any) -> Upscaler:
+    fixed: dict[str, Any] = {"validate": "off", "extrapolation": "guided-warp", **options}
+    return Upscaler(loaded(method, executor), display_size=DISPLAY, **fixed)
 
 
 def frame(index: int, **overrides: Any) -> Frame:

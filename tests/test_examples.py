@@ -95,13 +95,33 @@ def test_raw_frames_are_those_of_the_shot(tmp_path: Path) -> None:
                 np.testing.assert_array_equal(pixels[..., : image.shape[2]], image)
 
 
-@pytest.mark.parametrize("count", ["-3", "0", "all"])
-def test_raw_planes_of_an_impossible_number_of_frames_are_not_written(tmp_path: Path, count: str) -> None:
-    script, shot = EXAMPLES / "cpp_onnxruntime" / "raw_planes.py", Shot.open("plaza").path
-    command = [sys.executable, str(script), str(shot), str(tmp_path / "raw"), count]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+@pytest.mark.parametrize(
+    ("script", "arguments", "message"),
+    [
+        (
+            "cpp_onnxruntime/raw_planes.py",
+            ["plaza", "raw", "-3"],
+            "Write the frames of a shot as raw float32",
+        ),
+        ("cpp_onnxruntime/raw_planes.py", ["plaza", "raw", "0"], "Write the frames of a shot"),
+        (
+            "cpp_onnxruntime/raw_planes.py",
+            ["plaza", "raw", "all"],
+            "Write the frames of a shot as raw float32",
+        ),
+        ("cpp_onnxruntime/raw_planes.py", ["plazza", "raw"], "plazza: there is no such file or folder"),
+        ("raw_frames.py", ["plazza", "raw"], "plazza: there is no such file or folder"),
+        ("bare_onnxruntime.py", ["model", "shot", "raw"], "model/model.json is missing"),
+    ],
+)
+def test_frames_that_cannot_be_read_are_named_in_one_line(
+    tmp_path: Path, script: str, arguments: list[str], message: str
+) -> None:
+    command = [sys.executable, str(EXAMPLES / script), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path)
     assert done.returncode == 1
-    assert done.stderr.startswith("Write the frames of a shot as raw float32 planes")
+    assert done.stderr.startswith(message)
+    assert "Traceback" not in done.stderr
     assert not (tmp_path / "raw").exists()
 
 
@@ -153,6 +173,11 @@ def test_the_live_renderer_shows_its_input_beside_the_images_of_upscaler(tmp_pat
         for left in (0, 128):
             middle = shown[27:45, left + 48 : left + 80].repeat(4, axis=0).repeat(4, axis=1)
             np.testing.assert_array_equal(shown[72:, left : left + 128], middle)
+
+
+def test_the_live_renderer_renders_at_least_a_pixel(tmp_path: Path) -> None:
+    done = live("--display-size", "1x1", "--frames", "1", "-o", str(tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("option", ["--frames", "--ratio"])

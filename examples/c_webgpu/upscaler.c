@@ -249,7 +249,8 @@ void upscaler_encode(Upscaler* upscaler, WGPUCommandEncoder encoder, const Frame
         if (resource->role == NEXT) bound[i] = &upscaler->pairs[resource->index][1 - upscaler->current];
         if (is_given(resource)) {
             if (given[resource->index] == NULL) fail("%s is NULL; a pass of the folder binds it", resource->name);
-            bound[i]->view = wgpuTextureCreateView(given[resource->index], NULL);
+            bound[i]->view = wgpuTextureCreateView(
+                given[resource->index], &(WGPUTextureViewDescriptor){.mipLevelCount = 1, .arrayLayerCount = 1});
         } else if (resource->role != WEIGHTS) {
             uint32_t size[2];
             size_at(&resource->size, bases, size);

@@ -211,9 +211,10 @@ export class Upscaler {
       if (!texture?.createView) throw new UpscalerError(`frame.${name}`, shown(texture), "a GPUTexture");
       const isDepth = texture.format.startsWith("depth32float");
       const isFloat = isDepth ? name.endsWith("depth") : formatOf(name).test(texture.format);
-      if (!isFloat || !(texture.usage & TEXTURE.TEXTURE_BINDING) || texture.sampleCount !== 1) {
+      const isPlain = isFlat(texture) && texture.sampleCount === 1;
+      if (!isFloat || !(texture.usage & TEXTURE.TEXTURE_BINDING) || !isPlain) {
         const formats = this.info.inputs.find((one) => one.name === name).formats.join(" or ");
-        throw new UpscalerError(`frame.${name}`, textureText(texture), `${formats} with TEXTURE_BINDING`);
+        throw new UpscalerError(`frame.${name}`, textureText(texture), `${formats} of one layer with TEXTURE_BINDING`);
       }
       textures.set(`frame_${name}`, texture);
     }
@@ -360,7 +361,7 @@ export class Upscaler {
   _view(texture) {
     if (!this._views.has(texture)) {
       const aspect = texture.format.startsWith("depth") ? "depth-only" : "all";
-      this._views.set(texture, texture.createView({ aspect }));
+      this._views.set(texture, texture.createView({ aspect, mipLevelCount: 1 }));
     }
     return this._views.get(texture);
   }
@@ -423,10 +424,11 @@ function checkOutput(resource, output, display, images, outputs) {
     output?.createView &&
     output.format === "rgba16float" &&
     output.usage & TEXTURE.STORAGE_BINDING &&
+    isFlat(output) &&
     same([output.width, output.height], display);
   if (!good) {
     const got = output?.createView ? textureText(output) : shown(output);
-    throw new UpscalerError(name, got, `rgba16float ${display.join("x")} with STORAGE_BINDING`);
+    throw new UpscalerError(name, got, `rgba16float ${display.join("x")} of one layer with STORAGE_BINDING`);
   }
   const textures = [...images.textures.values(), ...outputs.values()];
   if (textures.filter((one) => one === output).length > 1) {
@@ -452,6 +454,12 @@ function formatOf(name) {
   return name.endsWith("normal") ? /^rgba\d+(float|snorm)$/ : /^r.*(float|norm)|^bgra8unorm/;
 }
 
-function textureText({ format, width, height, usage, sampleCount }) {
-  return `${format} ${width}x${height}, usage ${usage}, ${sampleCount} sample${sampleCount === 1 ? "" : "s"}`;
+/** Whether a texture has two dimensions and one layer. */
+function isFlat({ dimension = "2d", depthOrArrayLayers = 1 }) {
+  return dimension === "2d" && depthOrArrayLayers === 1;
+}
+
+function textureText({ format, width, height, usage, sampleCount, depthOrArrayLayers: layers = 1 }) {
+  const text = `${format} ${width}x${height}, usage ${usage}, ${sampleCount} sample${sampleCount === 1 ? "" : "s"}`;
+  return layers === 1 ? text : `${text}, ${layers} layers`;
 }

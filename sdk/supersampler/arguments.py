@@ -84,9 +84,9 @@ def is_image_size(width: int, height: int) -> bool:
 
 
 def checked_choice(name: str, value: _Choice, choices: Collection[_Choice], hint: str = "") -> _Choice:
-    """Return the value if it is one of `choices`; `hint` is added to the error message."""
+    """Return the one of `choices` that equals the value; `hint` is added to the error message."""
     if isinstance(value, str) and value in choices:
-        return value
+        return next(choice for choice in choices if choice == value)  # a plain str for numpy's
     *others, last = map(repr, choices)
     want = f"{', '.join(others)} or {last}" if others else last
     hint = f"{did_you_mean(value, [c for c in choices if isinstance(c, str)])} {hint}".strip()
@@ -154,7 +154,7 @@ def checked_names(name: str, names: Collection[str]) -> tuple[str, ...]:
     several = isinstance(names, Collection) and not isinstance(names, (str, bytes, np.ndarray))
     if not several or not all(isinstance(each, str) for each in names):
         raise ArgumentError(name, got=shown(names), want="names in a tuple, a list or a set")
-    return tuple(names)
+    return tuple(map(str, names))  # plain ones for numpy's
 
 
 def checked_path(name: str, path: str | Path) -> str | Path:

@@ -397,7 +397,8 @@ class Model:
 
         Raises:
             FrameError: an input is missing, or has a wrong type, shape, range or device.
-            ArgumentError: the executor is not "onnx", or `history_out` is `history`.
+            ArgumentError: the executor is not "onnx", `out` has a wrong type, shape or device, or
+                `history_out` is `history`.
         """
         if not isinstance(self._executor, OnnxExecutor):
             want = "'onnx', which takes tensors"
@@ -410,7 +411,7 @@ class Model:
         render_size = render_size_of(given["color"])
         check_ratio(self.info.ratios, render_size, display)
         next_history = self._next_history(history_out, display, render_size)
-        target = None if out is None else ort_value_of(out, "image")
+        target = None if out is None else ort_value_of(out, "out", ArgumentError)
         if target is not None and any(shares_memory(target, value) for value in given.values()):
             raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
         image = self._executor.step_tensors(given, display, history.buffers, next_history.buffers, target)

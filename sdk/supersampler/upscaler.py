@@ -180,6 +180,7 @@ class Upscaler:
             self.model = Model.load(
                 model, providers=providers, threads=threads, executor=executor, precision=precision
             )
+        validate = checked_choice("validate", validate, get_args(Validate))
         self._new_checker = partial(FrameChecker, validate, converges=self.model.info.converges)
         self._camera = CameraState(display_size, self._new_checker())
         self._extrapolator: Extrapolator | None = None
@@ -463,8 +464,10 @@ class Upscaler:
             (1, 3, H, W) linear RGB on the device; `out` if given.
 
         Raises:
-            FrameError: a tensor is missing, or has a wrong type, shape or device. The history is unchanged.
-            ArgumentError: the executor does not accept tensors, or the Upscaler has an `extrapolation`.
+            FrameError: a tensor is missing, or has an unknown name or a wrong type, shape or device. The
+                history is unchanged.
+            ArgumentError: the executor does not accept tensors, the Upscaler has an `extrapolation`, or `out`
+                has a wrong type, shape or device.
         """
         self._check_open()
         tensors, reset = checked_tensors(tensors), checked_reset(reset)
@@ -533,8 +536,8 @@ class Upscaler:
             The image, linear RGB; `out` if given.
 
         Raises:
-            FrameError: an image is missing, or has a wrong format, size, usage or device. The history is
-                unchanged.
+            FrameError: an image is missing, or has an unknown name or a wrong format, size, usage or device.
+                The history is unchanged.
             DeviceError: the device failed. The history is unchanged unless the message says that it is lost.
             ArgumentError: the executor is not "gpu", or `out` or `aovs_out` has a wrong format, size, usage
                 or device.
@@ -662,7 +665,10 @@ class Upscaler:
         self._check_open()
         if not isinstance(state, State):
             raise ArgumentError("state", got=shown(state), want="a State, as `save_state` returns it")
-        history = self._history_of(state)
+        state = self._checked_state(state)
+        history = None
+        if state.history is not None and state.display_size and state.render_size:
+            history = self.model.load_history(state.display_size, state.render_size, state.history)
         shaded = None
         if self._extrapolator is not None and state.shaded is not None:
             shaded = self._extrapolator.load(state.shaded)
@@ -784,25 +790,31 @@ class Upscaler:
         if self._extrapolator is not None:
             raise ArgumentError(call, got="called with extrapolation", want="one of the two", hint=hint)
 
-    def _history_of(self, state: State) -> History | None:
-        """Return the history in a state, or None; raise ArgumentError if the state does not fit."""
+    def _checked_state(self, state: State) -> State:
+        """Return a state with Python's text and numbers, where files may hold numpy's.
+
+        Its arrays are not checked.
+
+        Raises:
+            ArgumentError: it does not fit this Upscaler.
+        """
         version = getattr(state, "version", None)
-        if type(version) is not int or version != STATE_VERSION:
+        if as_index(version) != STATE_VERSION:
             hint = "Load it with the version of supersampler that saved it, or start without a state."
             raise ArgumentError("state", got=f"of version {version!r}", want=f"{STATE_VERSION}", hint=hint)
         method = self.model.info.method
         if state.method != method:
             raise ArgumentError("state", got=f"of {state.method!r}", want=f"of {method!r}")
-        display = state.display_size
-        display = None if display is None else checked_size("state.display_size", display)
+        display, render = (
+            None if size is None else checked_size(f"state.{name}", size)
+            for name, size in (("display_size", state.display_size), ("render_size", state.render_size))
+        )
         if None not in (self.display_size, display) and self.display_size != display:
-            raise ArgumentError("state", got=f"at {state.display_size}", want=f"at {self.display_size}")
-        if state.history is None:
-            return None
-        if display is None or state.render_size is None:
+            raise ArgumentError("state", got=f"at {display}", want=f"at {self.display_size}")
+        if state.history is not None and None in (display, render):
             want = "both with a history"
             raise ArgumentError("state", got="without display_size or render_size", want=want)
-        return self.model.load_history(display, state.render_size, state.history)
+        return replace(state, method=method, display_size=display, render_size=render, version=STATE_VERSION)
 
 
 def _checked_views(

@@ -1,10 +1,12 @@
 """The GPU device: default limits, one compilation, and errors that say what would help."""
 
+import gc
 import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -90,6 +92,16 @@ def test_pipelines_are_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kind, "create_compute_pipeline", lambda *_, **given: compiled.append(given["label"]))
     Model.load("taau", executor="gpu")
     assert compiled == []
+
+
+def test_a_device_of_the_caller_is_freed_with_its_models() -> None:
+    device = devices.default_device().adapter.request_device_sync()
+    upscaler = Upscaler(Model.load("taa", executor="gpu", device=device), display_size=(40, 24))
+    upscaler.step(moving(0))
+    known = ref(device)
+    del device, upscaler
+    gc.collect()
+    assert known() is None
 
 
 def test_without_wgpu_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:

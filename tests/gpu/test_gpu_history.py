@@ -4,6 +4,7 @@ import gc
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -16,7 +17,6 @@ from supersampler.arguments import ExecutorName
 from supersampler.backends.gpu.executor import GpuExecutor
 from supersampler.backends.gpu.memory import TEXELS, write_to
 from supersampler.backends.gpu.passes import MAX_GROUPS
-from supersampler.backends.gpu.program import ARRAYS
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 
@@ -38,6 +38,19 @@ def test_a_state_passes_from_one_backend_to_another(method: str, first: str, sec
     most = 2 * TOLERANCES[method] * (first != second) + 1e-3 * (first == "onnx")
     for index in range(4, 7):
         assert distance(after.step(moving(index)), whole.step(moving(index))) <= most
+
+
+@pytest.mark.parametrize(("render", "display"), [((1, 1), (9, 9)), ((4, 4), (21, 21))])
+def test_a_state_of_tiny_frames_at_the_largest_ratio_passes_between_backends(
+    render: Size, display: Size
+) -> None:
+    ours, theirs = make("taau", display=display), make("taau", "cpu", display)
+    for index in range(3):
+        ours.step(moving(index, render))
+    theirs.load_state(ours.save_state())
+    ours.load_state(theirs.save_state())
+    phases = [(upscaler.save_state().history or {})["history.phases"] for upscaler in (ours, theirs)]
+    np.testing.assert_array_equal(*phases)
 
 
 @pytest.mark.parametrize("method", WITH_SHADERS)
@@ -97,7 +110,28 @@ def test_memory_and_bind_groups_do_not_grow_with_the_number_of_steps(sizes: list
 
     before = run(150)
     assert run(400) - before <= MAX_GROWTH
-    assert all(len(one._groups) <= MAX_GROUPS for one in shared_model("taau", "gpu").gpu.passes(ARRAYS))
+    history = upscaler._camera.history
+    assert history is not None
+    [groups] = history.buffers.groups.values()
+    assert max(map(len, groups.values())) <= MAX_GROUPS
+
+
+@pytest.mark.parametrize("is_closed", [True, False])
+def test_the_memory_of_a_history_is_freed_with_it(is_closed: bool) -> None:
+    upscaler, memory = make("taau"), WeakSet[Any]()
+    for index in range(4):
+        upscaler.step(moving(index))
+        history = upscaler._camera.history
+        assert history is not None
+        memory.update(one.resource for one in history.buffers.memory.values())
+    del history
+    if is_closed:
+        upscaler.close()
+    else:  # frames of another size have other histories
+        for index in range(3):
+            upscaler.step(moving(index, (RENDER[0] + 1, RENDER[1])))
+    gc.collect()
+    assert len(memory) == 0
 
 
 def resident() -> int:

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import pytest
 
 from gpu_steps import DISPLAY, RENDER, aovs_of, device_or_skip, make, moving, with_aovs
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
+from supersampler.backends.gpu.passes import MAX_GROUPS
 from supersampler.errors import DeviceError
 from texture_frames import (
     COPY_DST,
@@ -85,6 +87,15 @@ def test_steps_encoded_into_one_encoder_run_in_order(device: Any, ours: Model) -
     np.testing.assert_allclose(pixels_of(device, last), wanted, rtol=2e-3, atol=1e-6)
 
 
+def test_textures_of_earlier_frames_are_released(device: Any, ours: Model) -> None:
+    upscaler, alive = Upscaler(ours, display_size=DISPLAY), WeakSet[Any]()
+    for _ in range(4 * MAX_GROUPS):
+        images = textures_of(device, moving(0))
+        images["image"] = upscaler.step_textures(images, jitter=(0.0, 0.0))
+        alive.update(images.values())
+    assert len(alive) <= (2 * MAX_GROUPS + 1) * len(images)  # of steps from either history to the other
+
+
 def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model) -> None:
     upscaler, other = Upscaler(ours, display_size=DISPLAY), Upscaler(ours, display_size=DISPLAY)
     first = moving(0)
@@ -112,6 +123,8 @@ def test_wrong_images_are_refused_and_the_history_stays(device: Any, ours: Model
             FrameError, match=rf"frame\.motion is {kind} .*; want a float format of 2 or more"
         ):
             upscaler.step_textures({**good, "motion": encoded}, jitter=(0.0, 0.0))
+    with pytest.raises(FrameError, match=r"frame\.images\['reactve'\] is .* Did you mean 'reactive'\?"):
+        upscaler.step_textures({**good, "reactve": good["depth"]}, jitter=(0.0, 0.0))
     with pytest.raises(FrameError, match=r"frame\.color is"):
         upscaler.step_textures(good, jitter=(0.0, 0.0), render_size=(RENDER[0] + 1, RENDER[1]))
     with pytest.raises(FrameError, match="render_size"):

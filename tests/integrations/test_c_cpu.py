@@ -65,7 +65,7 @@ def test_the_interface_in_c(built: Path) -> None:
 def raw(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first frames of the shipped shot, as raw floats."""
     folder = tmp_path_factory.mktemp("raw")
-    ran(sys.executable, RAW_PLANES, Shot.open("plaza").path, folder, FRAMES)
+    ran(sys.executable, RAW_PLANES, "plaza", folder, FRAMES)
     return folder
 
 

@@ -62,7 +62,7 @@ def plaza_images() -> list[NDArray[np.float32]]:
 def test_the_programs_images_of_the_shipped_shot_are_those_of_upscaler(
     program: Path, plaza_images: list[NDArray[np.float32]], tmp_path: Path, option: list[str]
 ) -> None:
-    ran(sys.executable, EXAMPLE / "raw_planes.py", Shot.open("plaza").path, tmp_path / "raw", FRAMES)
+    ran(sys.executable, EXAMPLE / "raw_planes.py", "plaza", tmp_path / "raw", FRAMES)
     ran(*upscale(program, "classifier", tmp_path, *option))
     for index, expected in enumerate(plaza_images):
         image = image_of(tmp_path / "out", f"{index:04d}", (640, 360))

@@ -80,7 +80,7 @@ def test_images_are_those_of_this_machine(platform: Platform, tmp_path: Path) ->
     shot = Shot.open("plaza")
     raw, out, program = tmp_path / "raw", tmp_path / "out", platform.folder / "upscale.exe"
     out.mkdir()
-    ran(sys.executable, ROOT / "examples/cpp_onnxruntime/raw_planes.py", shot.path, raw, FRAMES)
+    ran(sys.executable, ROOT / "examples/cpp_onnxruntime/raw_planes.py", "plaza", raw, FRAMES)
     compiler = [sys.executable, "-m", "ziglang", "cc", "-target", platform.target, "-O2", "-std=c99"]
     sources = [ROOT / "examples/c_cpu/upscale.c", f"-I{SOURCES / 'include'}", f"-L{platform.folder}"]
     ran(*compiler, *sources, "-lsupersampler", "-lm", "-o", program)

@@ -98,6 +98,10 @@ const list = [1, 2, 3].map((seed) => ({
 const apart = await steps(await load(), list);
 found["steps in one encoder run in order"] = apart === (await steps(await load(), list, { together: true }));
 
+const usage = GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.COPY_SRC;
+const mips = device.createTexture({ size: DISPLAY, format: "rgba16float", usage, mipLevelCount: 2 });
+found["an output may have mips"] = apart === (await steps(await load(), list, { output: mips }));
+
 const again = await load();
 await steps(again, list);
 again.reset();
@@ -252,6 +256,12 @@ found["an output that is not stored"] = await refuses(
   encode(images, image(DISPLAY, "rgba16float", 1)),
   "STORAGE_BINDING",
 );
+const layered = { size: [...RENDER, 2], format: "rgba16float", usage: GPUTextureUsage.TEXTURE_BINDING };
+found["an image of layers"] = await refuses(
+  encode({ ...images, color: device.createTexture(layered) }, image()),
+  "1 sample, 2 layers; want rgba16float",
+);
+found["an output of layers"] = await refuses(encode(images, image([...DISPLAY, 2])), "1 sample, 2 layers; want");
 found["a ratio beyond the method's"] = await refuses(
   encode(frame(1, [5, 3]), image()),
   "5x3 for a display of 40x24",

@@ -76,6 +76,16 @@ def test_a_method_reads_the_buffers_it_declares(model: Model) -> None:
         np.testing.assert_allclose(one.step(frame), expected, rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
+def test_a_buffer_that_a_method_does_not_read_may_have_any_size(executor: str) -> None:
+    frame = noise(1)
+    with_buffer = replace(frame, gbuffer_display={"normal": np.zeros((5, 7, 3), np.float32)})
+    images = [
+        Upscaler("taau", display_size=DISPLAY, executor=executor).step(one) for one in (frame, with_buffer)
+    ]
+    np.testing.assert_array_equal(*images)
+
+
 def test_a_converter_names_a_buffer_as_a_user_does() -> None:
     frame, bad = noise(1), {"normal": np.zeros((2, 2, 3), np.uint8)}
     raw = RawFrame(depth=frame.depth, motion=frame.motion, gbuffer_display=bad)  # type: ignore[arg-type]

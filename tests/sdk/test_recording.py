@@ -93,6 +93,13 @@ def test_recorded_calls_are_read_unchanged(file: Path) -> None:
         assert str(file.parent).encode() not in item.read_bytes()  # no path of the user's
 
 
+def test_texts_of_numpy_are_recorded(file: Path) -> None:
+    text: Any = np.str_
+    with recorded(file, at_rest=text("off"), validate=text("off")) as upscaler:
+        upscaler.step(noise(1), outputs=[text("weight")])
+    assert is_exact(file) == [True]
+
+
 def test_recorded_tensors_are_replayed_as_tensors(file: Path) -> None:
     with recorded(file, shared_model("taau", "onnx"), validate="strict") as upscaler:
         for seed in range(3):

@@ -3,6 +3,7 @@
 import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from still_states import FRAMES, frame, loaded, still_state, upscaler
 from supersampler import ArgumentError, Upscaler
 from supersampler.history import STATE_VERSION, State
+from supersampler.recording import LoadStateCall, open_recording
 
 STILL = ("history.static_mean", "history.static_blocks", "history.signatures", "history.phases")
 CUTS: dict[str, Callable[[Any], Any]] = {
@@ -138,6 +140,24 @@ def test_invalid_pixels_of_a_shaded_history_are_taken_as_those_of_a_frame() -> N
 )
 def test_an_invalid_field_of_a_state_is_refused(changes: dict[str, Any], match: str) -> None:
     assert_refused(replace(still_state(), **changes), match)
+
+
+def test_a_state_with_values_of_numpy_is_loaded_and_recorded(tmp_path: Path) -> None:
+    state = still_state()
+    values: dict[str, Any] = {
+        "method": np.str_(state.method),
+        "version": np.int64(state.version),
+        "display_size": np.array(state.display_size),
+        "render_size": np.array(state.render_size),
+    }
+    with upscaler(record=tmp_path / "recording") as one, upscaler() as other:
+        one.load_state(replace(state, **values))
+        other.load_state(state)
+        assert one.display_size == other.display_size
+        np.testing.assert_array_equal(one.step(frame(FRAMES)), other.step(frame(FRAMES)))
+    loaded_call = next(iter(open_recording(tmp_path / "recording")))
+    assert isinstance(loaded_call, LoadStateCall)
+    assert loaded_call.state.display_size == state.display_size
 
 
 def test_an_array_of_no_known_name_is_refused() -> None:

@@ -49,6 +49,32 @@ def test_an_image_is_written_into_the_given_buffer() -> None:
 
 
 @pytest.mark.parametrize(
+    "out",
+    [
+        torch.zeros(1, 3, 35, 64),
+        torch.zeros(1, 3, 36, 64, dtype=torch.float16),
+        torch.zeros(1, 36, 64, 3).permute(0, 3, 1, 2),
+        7,
+    ],
+)
+def test_a_buffer_that_cannot_hold_the_image_is_refused(out: Any) -> None:
+    with pytest.raises(ArgumentError, match="out is "):
+        upscaler().step_tensors(tensors_of(noise(1)), jitter=(0.0, 0.0), out=out)
+
+
+def test_a_mask_may_be_none_and_a_misspelt_one_is_refused() -> None:
+    one, other, frame = upscaler(), upscaler(), noise(1)
+    mask = torch.full((1, 1, 18, 32), 0.5)
+    with pytest.raises(FrameError, match=r"frame\.tensors\['reactve'\] is .* Did you mean 'reactive'\?"):
+        one.step_tensors({**tensors_of(frame), "reactve": mask}, jitter=frame.jitter)
+    images: list[Any] = [
+        one.step_tensors(tensors_of(frame), jitter=frame.jitter),
+        other.step_tensors({**tensors_of(frame), "reactive": None}, jitter=frame.jitter),
+    ]
+    np.testing.assert_array_equal(*map(np.from_dlpack, images))
+
+
+@pytest.mark.parametrize(
     ("spoilt", "name"),
     [
         ({"color": torch.zeros(1, 3, 18, 31)}, "depth"),  # which is of another size

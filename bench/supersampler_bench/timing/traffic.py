@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from supersampler.backends.gpu.memory import MAX_PHASES
 from supersampler.backends.gpu.program import TEXTURES, GpuProgram, PassSpec
 from supersampler.backends.gpu.shader import Binding, Constants, Shader
 from supersampler.errors import ArgumentError
@@ -71,6 +72,11 @@ def touched_fraction(
         return 0.0
     if frozen and spec.at_rest is not None and binding.name not in spec.at_rest:
         return 0.0
+    if binding.name in (
+        "history_phases",
+        "next_phases",
+    ):  # tables as long as the largest ratio needs
+        return phases / MAX_PHASES
     line = re.search(rf"^@group\(.*\b{binding.name}: .*$", shader.code, re.MULTILINE)
     note = _NOTE.search(line[0]) if line else None
     return int(note[1]) / phases if note else 1.0

@@ -138,8 +138,10 @@ ss_status ss_model_create_from_bytes(const void* bytes, size_t count, const ss_o
     ss_status status = make_model(method, options, &made, error);
     if (status == SS_OK) status = read_constants(*made, arrays, error);
     if (status == SS_OK && method->read_weights) status = method->read_weights(*made, arrays, error);
-    if (status == SS_OK) *model = reinterpret_cast<ss_model*>(made);
-    else if (made) destroy(Allocator(made->arena.allocator()), made);
+    if (status == SS_OK) {
+        made->checksum = arrays.checksum();
+        *model = reinterpret_cast<ss_model*>(made);
+    } else if (made) destroy(Allocator(made->arena.allocator()), made);
     return status;
 }
 

@@ -50,9 +50,8 @@ Arrays::Arrays(const void* bytes, size_t count) : begin_(static_cast<const char*
         message_ = "they do not begin as arrays of this library do";
         return;
     }
-    uint64_t sum;
-    memcpy(&sum, begin_ + count - 8, 8);
-    if (sum != checksum_of(bytes, count - 8)) {
+    memcpy(&checksum_, begin_ + count - 8, 8);
+    if (checksum_ != checksum_of(bytes, count - 8)) {
         message_ = "their checksum differs";
         return;
     }

@@ -27,6 +27,7 @@ class Arrays {
     // Checks all that readers rely on. `message` then says what is damaged, or is null.
     Arrays(const void* bytes, size_t count);
     const char* message() const { return message_; }
+    uint64_t checksum() const { return checksum_; }
 
     // Returns an array of this type and shape (0: any extent); null where there is none.
     const Array* find(const char* name, ArrayType type, uint32_t a, uint32_t b = 1, uint32_t c = 1,
@@ -38,6 +39,7 @@ class Arrays {
     const char* begin_;
     const char* end_;
     const char* message_ = nullptr;
+    uint64_t checksum_ = 0;
 };
 
 constexpr size_t ARRAYS_OVERHEAD = 16;  // bytes around arrays: a magic number, a checksum

@@ -109,9 +109,18 @@ static ss_status check(const ss_ids& v, ss_error* error) {
         return fail(error, SS_BAD_ARGUMENT, "an array is NULL; only previous and previous_distance may be");
     if (!v.previous != !v.previous_distance)
         return fail(error, SS_BAD_ARGUMENT, "only one of previous and previous_distance is set; want both or none");
-    if (v.image == v.previous || v.distance == v.previous_distance)
-        return fail(error, SS_BAD_ARGUMENT, "image or distance is that of the previous frame; want other memory");
+    if (v.image == v.ids || v.distance == v.depth)
+        return fail(error, SS_BAD_ARGUMENT, "image or distance is in the memory of ids or depth; want other memory");
     return check_jitter(v.jitter, error);
+}
+
+// Checks that a view writes to no array that another one reads or writes, nor to its own of the previous frame.
+static ss_status check_apart(const ss_ids& v, const ss_ids& other, ss_error* error) {
+    if (v.image == other.previous || v.distance == other.previous_distance)
+        return fail(error, SS_BAD_ARGUMENT, "image or distance is that of the previous frame; want other memory");
+    if (&v != &other && (v.image == other.image || v.distance == other.distance))
+        return fail(error, SS_BAD_ARGUMENT, "image or distance is that of another view; want other memory");
+    return SS_OK;
 }
 
 }  // namespace ss
@@ -122,7 +131,9 @@ ss_status ss_resample_ids(ss_model* model, const ss_ids* views, int count, ss_er
     if (!views || count < 1) return fail(error, SS_BAD_ARGUMENT, "views is %s", views ? "empty" : "NULL");
     int bands = 0;
     for (int k = 0; k < count; k++) {
-        if (ss_status status = check(views[k], error)) return count == 1 ? status : fail_in_view(k, status, error);
+        ss_status status = check(views[k], error);
+        for (int j = 0; j < count && status == SS_OK; j++) status = check_apart(views[k], views[j], error);
+        if (status != SS_OK) return count == 1 ? status : fail_in_view(k, status, error);
         bands += divided_up(views[k].display_height, BAND_ROWS);
     }
     const auto resample_band = [&](int band, int) {

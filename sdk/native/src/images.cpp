@@ -12,6 +12,12 @@ ss_status ss_camera_motion(const ss_image* depth, int width, int height, const d
         return fail(error, SS_BAD_ARGUMENT, "an argument is NULL");
     if (ss_status status = check_size(width, height, "the frame", error)) return status;
     if (ss_status status = check_input("depth", *depth, {width, height}, 1, true, error)) return status;
+    for (int k = 0; k < 16; k++)
+        if (!(fabs(to_previous[k]) < HUGE_VAL))
+            return fail(error, SS_BAD_ARGUMENT, "to_previous is %g at [%d]; want finite numbers", to_previous[k], k);
+    if (!(fabs(far_depth) < HUGE_VAL && fabsf(jitter[0]) < HUGE_VALF && fabsf(jitter[1]) < HUGE_VALF))
+        return fail(error, SS_BAD_ARGUMENT, "far_depth is %g, jitter %g, %g; want finite numbers", far_depth, jitter[0],
+                    jitter[1]);
     if (motion->type != SS_FLOAT32)
         return fail(error, SS_BAD_ARGUMENT, "motion has the type %d; want SS_FLOAT32", motion->type);
     if (ss_status status = check_output("motion", *motion, {width, height}, 2, error)) return status;

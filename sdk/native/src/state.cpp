@@ -31,8 +31,8 @@ static void* append(char*& to, const Array& array) {
 
 size_t ss_state_bytes(const ss_upscaler* handle) {
     const Upscaler& u = *reinterpret_cast<const Upscaler*>(handle);
-    size_t total =
-        ARRAYS_OVERHEAD + 2 * sizeof(Array) + filled_up(strlen(u.model.method->name) + 1) + sizeof(float) * SIZES;
+    size_t total = ARRAYS_OVERHEAD + 3 * sizeof(Array) + filled_up(strlen(u.model.method->name) + 1) +
+                   sizeof u.model.checksum + sizeof(float) * SIZES;
     int64_t shape[4];
     int axes;
     for (int k = 0; u.history; k++) {
@@ -53,6 +53,8 @@ ss_status ss_state_save(const ss_upscaler* handle, void* bytes, size_t count, ss
     const int64_t name_size[4] = {static_cast<int64_t>(strlen(u.model.method->name)) + 1, 0, 0, 0};
     memcpy(append(to, header("method", ArrayType::TEXT, 1, name_size)), u.model.method->name,
            static_cast<size_t>(name_size[0]));
+    const int64_t checksum_size[4] = {sizeof u.model.checksum, 0, 0, 0};
+    memcpy(append(to, header("model", ArrayType::TEXT, 1, checksum_size)), &u.model.checksum, sizeof u.model.checksum);
     const int64_t of_sizes[4] = {SIZES, 0, 0, 0};
     const Size render = u.history ? u.history->render : Size{0, 0};
     const float sizes[SIZES] = {static_cast<float>(u.display.width), static_cast<float>(u.display.height),
@@ -103,12 +105,16 @@ ss_status ss_state_load(ss_upscaler* handle, const void* bytes, size_t count, ss
     const Arrays arrays(bytes, count);
     if (arrays.message()) return fail(error, SS_BAD_STATE, "the bytes are not a state: %s", arrays.message());
     const Array *method = arrays.find("method", ArrayType::TEXT, 0),
+                *model = arrays.find("model", ArrayType::TEXT, sizeof u.model.checksum),
                 *array = arrays.find("sizes", ArrayType::FLOAT, SIZES);
-    if (!method || !array || !memchr(method->values(), 0, method->bytes()))
+    if (!method || !model || !array || !memchr(method->values(), 0, method->bytes()))
         return fail(error, SS_BAD_STATE, "the bytes are a model, not a state");
     if (strcmp(static_cast<const char*>(method->values()), u.model.method->name) != 0)
         return fail(error, SS_BAD_STATE, "the state is of %.64s; want one of %s",
                     static_cast<const char*>(method->values()), u.model.method->name);
+    if (memcmp(model->values(), &u.model.checksum, sizeof u.model.checksum) != 0)
+        return fail(error, SS_BAD_STATE, "the state is of another model of %s; want one of the upscaler's model",
+                    u.model.method->name);
     const float* sizes = static_cast<const float*>(array->values());
     if (sizes[0] != static_cast<float>(u.display.width) || sizes[1] != static_cast<float>(u.display.height))
         return fail(error, SS_BAD_STATE, "the state is of a display of %g x %g; want %d x %d", sizes[0], sizes[1],

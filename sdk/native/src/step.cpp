@@ -93,19 +93,22 @@ static ss_status check_frame(const Method& method, const ss_frame& f, Size displ
         const ss_image& image;
         Size size;
         int channels;
-        bool needed;
+        bool read;
     } inputs[] = {{"color", f.color, render, 3, true},
                   {"depth", f.depth, render, 1, method.reads_surfaces},
                   {"motion", f.motion, render, 2, method.reads_motion},
-                  {"reactive", f.reactive, render, 1, false},
+                  {"reactive", f.reactive, render, 1, true},
                   {"base_color", f.base_color, render, 3, method.reads_gbuffers},
                   {"normal", f.normal, render, 3, method.reads_gbuffers},
                   {"display_base_color", f.display_base_color, display, 3, method.reads_gbuffers},
                   {"display_normal", f.display_normal, display, 3, method.reads_gbuffers},
                   {"display_depth", f.display_depth, display, 1, method.reads_gbuffers}};
-    for (const auto& input : inputs)
-        if (ss_status status = check_input(input.name, input.image, input.size, input.channels, input.needed, error))
+    for (const auto& input : inputs) {
+        const bool needed = &input.image != &f.reactive;
+        if (!input.read) continue;  // an engine may pass it all the same, of any size
+        if (ss_status status = check_input(input.name, input.image, input.size, input.channels, needed, error))
             return status;
+    }
     if (ss_status status = check_jitter(f.jitter, error)) return status;
     if (!(f.exposure >= 0.0f && is_finite(f.exposure)))
         return fail(error, SS_BAD_FRAME, "exposure is %g; want a number > 0, or 0 to measure it", f.exposure);

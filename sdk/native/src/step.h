@@ -139,6 +139,7 @@ struct Model {
     ThreadPool pool;
     float config[64] = {};
     void* weights = nullptr;
+    uint64_t checksum = 0;                // of its bytes
     int64_t generation = 0;               // the last one assigned
     StepBuffers* free_buffers = nullptr;  // a list without a lock, which a forked child might find held
 

@@ -593,6 +593,19 @@ static void bad_arguments_are_named(void) {
         CHECK(ss_step(upscaler, &frame, &outputs, &error) == SS_BAD_ARGUMENT, "case %d", k);
         CHECK(strstr(error.message, said[k]), "case %d: %s", k, error.message);
     }
+    ss_frame unread = frame_of(&p, 0);
+    const ss_outputs outputs = outputs_of(images[0]);
+    unread.display_normal.row_stride = 4, unread.display_normal.pixel_stride = 4; /* taau reads no G-buffers */
+    CHECK(ss_step(upscaler, &unread, &outputs, &error) == SS_OK, "%s", error.message);
+    double matrix[16] = {1.0, 0.0, 0.0, 0.0, 0.0, NAN};
+    const ss_image depth = {p.depth, SS_FLOAT32, 0, 0, 0}, motion = {p.motion, SS_FLOAT32, 0, 0, 0};
+    CHECK(ss_camera_motion(&depth, W, H, matrix, 0.0, unread.jitter, &motion, &error) == SS_BAD_ARGUMENT &&
+              strstr(error.message, "to_previous is nan at [5]; want finite numbers"),
+          "%s", error.message);
+    matrix[5] = 1.0;
+    CHECK(ss_camera_motion(&depth, W, H, matrix, INFINITY, unread.jitter, &motion, &error) == SS_BAD_ARGUMENT &&
+              strstr(error.message, "far_depth is inf, jitter"),
+          "%s", error.message);
     const ss_scatter scatter = {2, 2, 2, 2, images[0], images[0], images[0], {0.0f, NAN}, {0.0f, 0.0f}};
     CHECK(ss_scatter_motion(&scatter, images[1], images[1] + 8, &error) == SS_BAD_FRAME &&
               strstr(error.message, "jitter"),
@@ -692,6 +705,27 @@ static void states_are_saved_and_loaded(void) {
         ss_upscaler_destroy(other);
         ss_model_destroy(model);
     }
+}
+
+static void states_of_another_model_are_refused(void) {
+    static const char* const names[] = {"classifier", "classifier-small", "taau"};
+    ss_error error;
+    ss_model* models[3];
+    ss_upscaler* upscalers[3];
+    for (int k = 0; k < 3; k++) {
+        CHECK(ss_model_create(names[k], NULL, &models[k], &error) == SS_OK, "%s", error.message);
+        CHECK(ss_upscaler_create(models[k], DW, DH, &upscalers[k], &error) == SS_OK, "%s", error.message);
+    }
+    const size_t count = ss_state_bytes(upscalers[0]);
+    char* bytes = malloc(count);
+    CHECK(ss_state_save(upscalers[0], bytes, count, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_state_load(upscalers[0], bytes, count, &error) == SS_OK, "%s", error.message);
+    CHECK(ss_state_load(upscalers[1], bytes, count, &error) == SS_BAD_STATE, "of the same method");
+    CHECK(strstr(error.message, "the state is of another model of classifier"), "%s", error.message);
+    CHECK(ss_state_load(upscalers[2], bytes, count, &error) == SS_BAD_STATE, "of another method");
+    CHECK(strstr(error.message, "the state is of classifier; want one of taau"), "%s", error.message);
+    free(bytes);
+    for (int k = 0; k < 3; k++) ss_upscaler_destroy(upscalers[k]), ss_model_destroy(models[k]);
 }
 
 static void histories_of_another_model_are_refused(void) {
@@ -854,11 +888,28 @@ static void ids_follow_surfaces_and_are_never_blended(void) {
     CHECK(ss_resample_ids(model, &bad, 1, &error) == SS_BAD_ARGUMENT && strstr(error.message, "0 x 0"), "%s",
           error.message);
     CHECK(ss_resample_ids(model, NULL, 1, &error) == SS_BAD_ARGUMENT, "NULL is a view");
+    for (int k = 0; k < 4; k++) {
+        static const char* const said[] = {"view 0: image or distance is that of another view",
+                                           "view 0: image or distance is that of the previous frame",
+                                           "view 1: image or distance is that of the previous frame",
+                                           "view 1: image or distance is in the memory of ids or depth"};
+        const ss_ids one = {SIDE,         SIDE, BIG,  BIG,  2,   &ids[0][0][0], &depth[0][0], &motion[0][0][0],
+                            {0.0f, 0.0f}, NULL, NULL, NULL, NULL};
+        ss_ids views[] = {one, one};
+        views[0].image = &image[0][0][0][0], views[0].distance = &distance[0][0][0];
+        views[1].image = k == 0 ? views[0].image : k == 3 ? &ids[0][0][0] : &image[1][0][0][0];
+        views[1].distance = &distance[1][0][0];
+        if (k == 1 || k == 2)
+            views[1].previous = views[k - 1].image, views[1].previous_distance = &alone_distance[0][0];
+        CHECK(ss_resample_ids(model, views, 2, &error) == SS_BAD_ARGUMENT, "case %d", k);
+        CHECK(strstr(error.message, said[k]), "case %d: %s", k, error.message);
+    }
     ss_model_destroy(model);
 }
 
 int main(void) {
     states_are_saved_and_loaded();
+    states_of_another_model_are_refused();
     histories_of_another_model_are_refused();
     CHECK(ss_version() == SS_VERSION, "%d", ss_version());
     thread_counts_change_no_bit();

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from supersampler.conventions import RawFrame
-from supersampler.errors import FrameError
+from supersampler.errors import FrameError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array, Frame, Size
 
 IMAGES = ("color", "depth", "motion", "reactive", "aovs", "motion_next", "ids")
@@ -48,6 +48,16 @@ GBUFFERS: Mapping[str, BufferField] = {
     for key, channels in known.items()
 }
 """All G-buffers, by tensor name."""
+_ON_DEVICE = ("color", "depth", "motion", "reactive", *GBUFFERS)
+"""Images of a frame on a device."""
+
+
+def check_image_names(argument: str, names: Iterable[object]) -> None:
+    """Raise FrameError unless all names are those of images: a misspelt mask would be ignored."""
+    for name in names:
+        if name not in _ON_DEVICE:
+            want, hint = f"one of {', '.join(_ON_DEVICE)}", did_you_mean(name, _ON_DEVICE)
+            raise FrameError(f"{argument}[{shown(name)}]", got="not an image's name", want=want, hint=hint)
 
 
 def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, method: str) -> None:

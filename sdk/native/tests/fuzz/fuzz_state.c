@@ -3,7 +3,7 @@
 
 enum { W = 13, H = 9, DW = 23, DH = 17, METHODS = 4 };
 static const char* const methods[METHODS] = {"taau", "classifier-small", "taa", "bilinear"};
-static float values[DW * DH * 3], image[DW * DH * 3];
+static float values[DW * DH * 3], motion[W * H * 2], image[DW * DH * 3];
 
 static void step(ss_upscaler* upscaler) {
     ss_frame frame;
@@ -12,9 +12,10 @@ static void step(ss_upscaler* upscaler) {
     memset(&outputs, 0, sizeof outputs);
     frame.width = W, frame.height = H, frame.adds_samples = 1.0f;
     frame.color.data = frame.depth.data = values;
-    frame.motion.data = image; /* the last image */
+    memcpy(motion, image, sizeof motion); /* the last image */
+    frame.motion.data = motion;
     outputs.image.data = image;
-    ss_step(upscaler, &frame, &outputs, NULL);
+    if (ss_step(upscaler, &frame, &outputs, NULL) != SS_OK) abort();
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

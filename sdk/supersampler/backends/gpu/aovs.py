@@ -84,7 +84,8 @@ class AovPasses:
             spec = aov_pass(parts, number, in_texture=in_textures, has_history=history.aovs is not None)
             if key not in self._passes:
                 self._passes[key] = Pass(self._device, aov_shader(spec, variants), spec.tile, spec.names)
-            self._passes[key].encode(compute, bound, spec.extent.size(render, history.display))
+            size, groups = spec.extent.size(render, history.display), next_history.groups[history]
+            self._passes[key].encode(compute, bound, size, groups)
         compute.end()
         if aovs.targets and not in_textures:
             encoder.copy_buffer_to_buffer(blended, 0, aovs.targets[0], 0, aovs.bytes(history.display))

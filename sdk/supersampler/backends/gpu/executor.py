@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +67,6 @@ class GpuExecutor:
         self._aovs = AovPasses(self.device)
         self._buffers: OrderedDict[tuple[Size, Size], StepBuffers] = OrderedDict()
         self._lock = ForkSafeLock()  # of `_buffers` and of their buffers
-        self._views: WeakKeyDictionary[Any, Resource] = WeakKeyDictionary()  # of textures of the caller
         self.passes(ARRAYS)
         self.weights: dict[str, gpu.Memory] = {}
         for name, words in program.weights.items():
@@ -154,15 +152,11 @@ class GpuExecutor:
         )  # fmt: skip
         with self._lock.lock, raising(self.device, f"encoding a step to {history.display}"):
             buffers = self._buffers_for(frame.size, history.display)
-            inputs = {f"frame_{name}": self._resource(image) for name, image in frame.images.items()}
+            inputs = {f"frame_{name}": image for name, image in frame.images.items()}
             if frame.in_textures and "reactive" not in frame.images:
                 inputs["frame_reactive"] = self._no_mask
-            inputs["image"] = self._resource(image)
-            aovs = frame.aovs
-            if aovs is not None:
-                images, targets = (list(map(self._resource, each)) for each in (aovs.images, aovs.targets))
-                aovs = aovs._replace(images=images, targets=targets)
-            self._encode(encoder, variants, params, history, next_history, inputs, buffers, aovs)
+            inputs["image"] = image
+            self._encode(encoder, variants, params, history, next_history, inputs, buffers, frame.aovs)
 
     def submit(self, encoder: "wgpu.GPUCommandEncoder") -> None:
         """Submit encoded steps to the device's queue."""
@@ -172,20 +166,12 @@ class GpuExecutor:
     @cached_property
     def _no_mask(self) -> Resource:
         """A texture to bind in place of a missing reactive mask; no shader reads it."""
-        return gpu.new_texture(self.device, (1, 1), gpu_frame.IMAGE_FORMAT).create_view()
+        return gpu.new_texture(self.device, (1, 1), gpu_frame.IMAGE_FORMAT)
 
     def new_image(self, display: Size) -> "wgpu.GPUTexture":
         """Allocate a texture for an image."""
         with raising(self.device, f"allocating an image of {display}"):
             return gpu.new_texture(self.device, display, gpu_frame.IMAGE_FORMAT)
-
-    def _resource(self, given: Any) -> Resource:
-        """Return the caller's buffer, or a view of the caller's texture, for a bind group."""
-        if not gpu_frame.is_texture(given):
-            return given
-        if given not in self._views:
-            self._views[given] = given.create_view(mip_level_count=1)
-        return self._views[given]
 
     def _encode(
         self,
@@ -216,9 +202,10 @@ class GpuExecutor:
             source, target = (one.memory[SIGNATURES].resource for one in (history, next_history))
             encoder.copy_buffer_to_buffer(source, 0, target, 0, target.size)
         gpu.encode_write(self.device, encoder, buffers.params, params)
+        groups = next_history.groups.setdefault(history, {})
         compute = encoder.begin_compute_pass()
         for spec, one in zip(self.program.passes, self.passes(variants), strict=True):
-            one.encode(compute, resources, spec.extent.size(render, history.display))
+            one.encode(compute, resources, spec.extent.size(render, history.display), groups)
         compute.end()
         if aovs is not None:
             self._aovs.encode(encoder, aovs, history, next_history, render, variants, resources)

@@ -118,8 +118,8 @@ class GpuExtrapolation:
             gpu.encode_write(self._device, encoder, resources["warp"], self._warp_params(shaded, tensors))
             encoder.clear_buffer(resources["shaded_surfaces"], 0, 4)
             compute = encoder.begin_compute_pass()
-            self._read_shaded.encode(compute, resources, shaded)
-            self._warp.encode(compute, resources, frame.size)
+            self._read_shaded.encode(compute, resources, shaded, {})  # other buffers in each call
+            self._warp.encode(compute, resources, frame.size, {})
             compute.end()
             buffers.image.encode(encoder)
             self._device.queue.submit([encoder.finish()])

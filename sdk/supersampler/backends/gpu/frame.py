@@ -12,7 +12,7 @@ from supersampler.backends.gpu import memory as gpu
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.io.display import usable_exposure
-from supersampler.methods.gbuffers import GBUFFERS, arrays_by_name
+from supersampler.methods.gbuffers import GBUFFERS, arrays_by_name, check_image_names
 
 if TYPE_CHECKING:
     import wgpu
@@ -158,10 +158,12 @@ def checked_images(
     `Upscaler.step_textures` for `render_size`.
 
     Raises:
-        FrameError: an image is missing, of another device, or has a wrong size, format or usage.
+        FrameError: an image is missing, of another device, or has an unknown name or a wrong size, format or
+            usage.
     """
     if not isinstance(images, Mapping):
         raise FrameError("images", got=shown(images), want="textures or buffers by name")
+    check_image_names("images", images)
     given = {name: images.get(name) for name in (*CHANNELS, *GBUFFERS) if name in names}
     if given.get("reactive") is None:
         given.pop("reactive", None)

@@ -4,11 +4,13 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.gpu import memory as gpu
+from supersampler.backends.gpu.passes import BindGroups
 from supersampler.frame import Float32, Size
 from supersampler.io.display import MAX_HALF
 from supersampler.methods import spec as shapes
@@ -173,6 +175,8 @@ class GpuHistory:
         render: (width, height) of the previous frame.
         memory: memory of each plane, and of "state", the values per frame.
         aovs: blended AOVs; None if they were not requested.
+        groups: bind groups of the steps that wrote it, by the history that they read. As they keep its memory
+            alive, they are dropped with either.
         step: identity of the step that wrote it.
         previous: identity of the step before that one.
     """
@@ -183,6 +187,7 @@ class GpuHistory:
     render: Size
     memory: dict[str, gpu.Memory] = field(init=False)
     aovs: BlendedAovs | None = None
+    groups: "WeakKeyDictionary[GpuHistory, BindGroups]" = field(default_factory=WeakKeyDictionary)
     step: object = field(default_factory=object)
     previous: object = None
 

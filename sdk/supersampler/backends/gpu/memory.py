@@ -109,8 +109,8 @@ class Readback:
 
 
 Base = Literal["one", "render", "previous", "display", "large", "signatures", "previous_signatures"]
-MAX_PHASES = PHASES_PER_SAMPLE * 4 * 4 + SPARE_PHASES
-"""Phases of the largest ratio."""
+MAX_PHASES = PHASES_PER_SAMPLE * 9 * 9 + SPARE_PHASES
+"""Phases of the largest ratio: rounded to whole pixels, 4 becomes up to 9 (`check_ratio`)."""
 
 
 class SizeRule(NamedTuple):

@@ -1,23 +1,25 @@
-"""Compiled passes, and the pipelines and bind groups that they keep."""
+"""Compiled passes, and the pipelines and bind groups that are kept for them."""
 
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from threading import Lock
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
+from supersampler.backends.gpu.frame import is_texture
 from supersampler.backends.gpu.shader import Shader
 
 if TYPE_CHECKING:
     import wgpu
 
 Resource = Any
-"""A buffer or a texture view."""
-MAX_GROUPS = 16
-"""Bind groups that a pass caches, the most recently used ones."""
-_pipelines: "WeakKeyDictionary[wgpu.GPUDevice, dict[str, tuple[Any, list[Any]]]]" = WeakKeyDictionary()
-_lock = Lock()
+"""A buffer, a texture view, or a texture of the caller, of which the first mip level is bound."""
+MAX_GROUPS = 4
+"""Bind groups that are kept of a pass and a pair of histories, for textures that the caller takes in turn."""
+BindGroups = dict[Any, OrderedDict[tuple[int, ...], tuple[list[Resource], Any]]]
+"""Bind groups of passes, the most recently used ones. They keep their resources alive."""
+_PIPELINES = "_supersampler_pipelines"
+"""Attribute of a device with the pipelines of all models, by code. As they refer to it, a dictionary of this
+module would keep it alive."""
 
 
 class Pass:
@@ -37,38 +39,52 @@ class Pass:
         self._device, self._names = device, names
         self._pipeline, self._layouts = _pipeline(device, shader)
         self._bindings = [list(group) for _, group in groupby(shader.bindings, key=lambda b: b.group)]
-        self._groups: OrderedDict[tuple[int, ...], tuple[list[Resource], Any]] = OrderedDict()
 
     def encode(
-        self, encoder: "wgpu.GPUComputePassEncoder", resources: Mapping[str, Resource], size: Sequence[int]
+        self,
+        encoder: "wgpu.GPUComputePassEncoder",
+        resources: Mapping[str, Resource],
+        size: Sequence[int],
+        groups: BindGroups,
     ) -> None:
-        """Dispatch workgroups that cover `size`, (width, height), on these resources by name."""
+        """Dispatch workgroups that cover `size`, (width, height), on these resources by name.
+
+        Bind groups are taken from `groups`, or made and kept there.
+        """
         encoder.set_pipeline(self._pipeline)
         for number, bindings in enumerate(self._bindings):
             bound = [resources[self._names.get(b.name, b.name)] for b in bindings]
-            encoder.set_bind_group(number, self._bind_group(number, bindings, bound))
+            kept = groups.setdefault((self, number), OrderedDict())
+            encoder.set_bind_group(number, self._bind_group(number, bindings, bound, kept))
         across, down = (-(-extent // side) for extent, side in zip(size, self.tile, strict=True))
         encoder.dispatch_workgroups(across, down)
 
-    def _bind_group(self, number: int, bindings: Sequence[Any], bound: list[Resource]) -> Any:
-        key = (number, *map(id, bound))
-        if key in self._groups:
-            self._groups.move_to_end(key)
-            return self._groups[key][1]
-        entries = [
-            {"binding": b.index, "resource": resource if b.is_texture else {"buffer": resource}}
-            for b, resource in zip(bindings, bound, strict=True)
-        ]
+    def _bind_group(
+        self,
+        number: int,
+        bindings: Sequence[Any],
+        bound: list[Resource],
+        kept: OrderedDict[tuple[int, ...], tuple[list[Resource], Any]],
+    ) -> Any:
+        key = tuple(map(id, bound))
+        if key in kept:
+            kept.move_to_end(key)
+            return kept[key][1]
+        entries = []
+        for binding, resource in zip(bindings, bound, strict=True):
+            target = resource if binding.is_texture else {"buffer": resource}
+            if is_texture(resource):
+                target = resource.create_view(mip_level_count=1)
+            entries.append({"binding": binding.index, "resource": target})
         group = self._device.create_bind_group(layout=self._layouts[number], entries=entries)
-        self._groups[key] = bound, group  # `bound` keeps the ids from being used again
-        if len(self._groups) > MAX_GROUPS:
-            self._groups.popitem(last=False)
+        kept[key] = bound, group  # `bound` keeps the ids from being used again
+        if len(kept) > MAX_GROUPS:
+            kept.popitem(last=False)
         return group
 
 
 def _pipeline(device: "wgpu.GPUDevice", shader: Shader) -> tuple[Any, list[Any]]:
-    with _lock:
-        known = _pipelines.setdefault(device, {})
+    known: dict[str, tuple[Any, list[Any]]] = vars(device).setdefault(_PIPELINES, {})
     if shader.code not in known:  # threads compile at the same time, at worst the same shader twice
         layouts = [
             device.create_bind_group_layout(entries=[b.layout() for b in group])

@@ -12,7 +12,7 @@ from supersampler.backends.base import ForkSafeLock, StepReport, StepRequest
 from supersampler.backends.onnx import session as sessions
 from supersampler.backends.onnx.runtime import device_of, ort
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
-from supersampler.errors import ModelError
+from supersampler.errors import ArgumentError, ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.aovs.spec import AOVS
 from supersampler.methods.model_info import ModelInfo, TensorInfo
@@ -80,16 +80,18 @@ class OnnxExecutor:
         `given` has all inputs of the graph. The image is (1, 3, H, W); None allocates it.
 
         Raises:
-            FrameError: an input or `image` has a wrong type or shape, or is on another device.
+            FrameError: an input has a wrong type or shape, or is on another device.
+            ArgumentError: `image`, which the caller calls "out", has.
         """
         info = self._info
         render = render_size_of(given["color"])
+        for tensor in (t for t in info.inputs if t.name not in sessions.VECTORS):
+            shape = tensor.shape_for(render=render, display=display)
+            check_tensor(given[tensor.name], tensor, shape, self.device, tensor.name)
+        shape = info.image.shape_for(render=render, display=display)
         if image is None:
-            shape = info.image.shape_for(render=render, display=display)
             image = ort.OrtValue.ortvalue_from_shape_and_type(list(shape), np.float32, self.device, 0)
-        for tensor in (*(t for t in info.inputs if t.name not in sessions.VECTORS), info.image):
-            value = image if tensor is info.image else given[tensor.name]
-            check_tensor(value, tensor, tensor.shape_for(render=render, display=display), self.device)
+        check_tensor(image, info.image, shape, self.device, "out", ArgumentError)
         self._run(given, history, next_history, {info.image.name: image})
         return image
 

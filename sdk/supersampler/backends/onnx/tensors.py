@@ -12,7 +12,7 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import ORT_TYPES, image_of, pixels_of, planes_of
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.gbuffers import GBUFFERS, frame_of, names_of
+from supersampler.methods.gbuffers import GBUFFERS, check_image_names, frame_of, names_of
 from supersampler.methods.model_info import TensorInfo
 
 _IMAGES = ("color", "depth", "motion")
@@ -29,17 +29,25 @@ class Tensor(Protocol):
 
 
 def checked_tensors(tensors: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
-    """Return `tensors`; raise ArgumentError unless it is a mapping."""
+    """Return a frame's tensors, without a mask that is None.
+
+    Raises:
+        ArgumentError: it is not a mapping.
+        FrameError: a name is unknown.
+    """
     if not isinstance(tensors, Mapping):
         raise ArgumentError("tensors", got=shown(tensors), want="a mapping of names to tensors")
-    return tensors
+    check_image_names("tensors", tensors)
+    return {name: tensor for name, tensor in tensors.items() if name != "reactive" or tensor is not None}
 
 
-def ort_value_of(tensor: Tensor, name: str) -> "ort.OrtValue":
+def ort_value_of(
+    tensor: Tensor, name: str, error: type[FrameError] | type[ArgumentError] = FrameError
+) -> "ort.OrtValue":
     """Return a value of ONNX Runtime that shares a tensor's memory.
 
     Raises:
-        FrameError: the tensor cannot be shared.
+        FrameError: the tensor cannot be shared; or another `error`.
         ArgumentError: this version of ONNX Runtime cannot share tensors.
     """
     if not hasattr(ort.OrtValue, "from_dlpack"):
@@ -47,10 +55,10 @@ def ort_value_of(tensor: Tensor, name: str) -> "ort.OrtValue":
         raise ArgumentError("onnxruntime", got=ort.__version__, want=want, hint="Install a newer one.")
     try:
         return ort.OrtValue.from_dlpack(tensor)
-    except Exception as error:  # each library raises its own types
+    except Exception as problem:  # each library raises its own types
         want = "a contiguous tensor with DLPack (torch: detached)"
-        got = f"{type(tensor).__name__} ({' '.join(str(error).split())})"
-        raise FrameError(name, got=got, want=want) from error
+        got = f"{type(tensor).__name__} ({' '.join(str(problem).split())})"
+        raise error(name, got=got, want=want) from problem
 
 
 def shares_memory(one: "ort.OrtValue", other: "ort.OrtValue") -> bool:
@@ -113,13 +121,20 @@ def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
     return render_size_of(ort_value_of(tensors["color"], "color"))
 
 
-def check_tensor(value: "ort.OrtValue", info: TensorInfo, shape: tuple[int, ...], device: str) -> None:
-    """Raise FrameError unless a value has the type, shape and device that the graph needs."""
+def check_tensor(
+    value: "ort.OrtValue",
+    info: TensorInfo,
+    shape: tuple[int, ...],
+    device: str,
+    name: str,
+    error: type[FrameError] | type[ArgumentError] = FrameError,
+) -> None:
+    """Raise `error` unless the value `name` has the type, shape and device that the graph needs."""
     got = value.data_type(), tuple(value.shape()), value.device_name().lower()
     wanted = ORT_TYPES[info.type], shape, device
     if got != wanted:
         texts = [f"{kind} {extents} on {place}" for kind, extents, place in (got, wanted)]
-        raise FrameError(info.name, got=texts[0], want=texts[1])
+        raise error(name, got=texts[0], want=texts[1])
 
 
 def frame_of_tensors(tensors: Mapping[str, Tensor], inputs: Collection[str], **values: Any) -> Frame:
