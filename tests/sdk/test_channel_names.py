@@ -110,11 +110,14 @@ def test_channels_are_read_to_their_values_with_the_conventions_given(tmp_path: 
 def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_path: Path) -> None:
     color = ["beauty.R", "beauty.G", "beauty.B"]
     blended = ["beauty.A", "diffuse.R", "diffuse.G", "diffuse.B", "fog", "grid", "composition.R"]
-    blended += ["ProxyMasked.R"]
+    blended += ["ProxyMasked.R", "refraction_index", "AA_inv_density", "GlossyMotif.R"]
     data = [
         "P.X", "P.Y", "P.Z", "motion.Z", "uv.U", "worldPosition.R", "position.R", "objectId", "RenderID.Y",
         "id2", "primid", "object_id", "IndexOB.X", "crypto_object00.R", "VRayCryptomatte00.R", "ProxyMask.R",
-        "ProxyMask00.R", "ProxyMask01.A",
+        "ProxyMask00.R", "ProxyMask01.A", "prim_index", "shape_index.Y", "rawid", "sampleprimid",
+        "__Pworld.x", "ObjectSpacePositions.R", "UV coordinates.R", "volume_Z", "zback",
+        "Shading normal.R", "BumpNormals.G", "__Nworld.x", "motionFore.x", "camera_motion.x",
+        "dPcameradtime.X",
     ]  # fmt: skip
     places = [*data, *blended, *color, *DEPTH, *MOTION]
     write_one(tmp_path / "in", *places, metadata={"cryptomatte/abc/name": "ProxyMask"})

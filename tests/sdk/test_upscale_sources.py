@@ -116,13 +116,15 @@ def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path
     assert found["colorInteropID"] == "lin_ap1_scene"
 
 
-def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path) -> None:
-    renders = write_renders(tmp_path / "in", {1: "f.0001"})
+@pytest.mark.parametrize("header", [None, "lin_rec2020"])
+def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path, header: str | None) -> None:
+    renders = write_renders(tmp_path / "in", {1: "f.0001"}, color_space=header)
     plain, stated = (tmp_path / name / "f.0001.exr" for name in ("plain", "stated"))
     upscale(renders, plain.parent, *OURS)
     upscale(renders, stated.parent, "--color-space", "ACEScg", *OURS)
-    found = ImageBuf(str(stated)).spec().getattribute("chromaticities")
-    np.testing.assert_allclose(found, ACESCG, rtol=1e-6)
+    found = ImageBuf(str(stated)).spec()
+    np.testing.assert_allclose(found.getattribute("chromaticities"), ACESCG, rtol=1e-6)
+    assert found["colorInteropID"] == "lin_ap1_scene"
     np.testing.assert_array_equal(pixels(stated), pixels(plain))
 
 

@@ -94,8 +94,12 @@ def denoise(
     for part, opened, note in parts_of(numbers, open_frames, passes):
         images = image_options(opened, given)
         copied = copied_ids(opened) if "exr" in images.formats else []
-        notes = *source_notes(opened, copied), *unused_options(given, images.formats)
-        for line in (*filter(None, [note]), *notes):
+        notes = [note, *source_notes(opened, copied), *unused_options(given, images.formats)]
+        if (used := images.compression_with(copied)) != compression:
+            notes.append(
+                f"The compression of EXR files is {used}: {compression} would change the copied ids."
+            )
+        for line in filter(None, notes):
             console.print(line, soft_wrap=True)
         job = DenoiseJob(
             shot=opened, source=source_of(given), images=images, numbers=part,

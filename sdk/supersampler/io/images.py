@@ -177,9 +177,14 @@ def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[st
     if len({*layers}) < len(layers):
         layers = [part for part, _ in parts]
     return [
-        [name if not layer or name.startswith(f"{layer}.") else f"{layer}.{name}" for name in names]
+        [name if not layer or _is_in_layer(name, layer) else f"{layer}.{name}" for name in names]
         for layer, (_, names) in zip(layers, parts, strict=True)
     ]
+
+
+def _is_in_layer(channel: str, layer: str) -> bool:
+    """Return whether a channel's name begins with a layer, or one of its ranks: `crypto00.R` of `crypto`."""
+    return re.match(rf"{re.escape(layer)}\d*\.", channel) is not None
 
 
 def _read_part(
@@ -284,6 +289,7 @@ _PRIMARIES = {
 }
 """x and y of red, green, blue and white, by the space's name in the OpenColorIO configs of ACES."""
 _TOLERANCE = 2e-3  # maximum difference of a coordinate; files round to three digits
+_INTEROP_ID = "colorInteropID"
 _INTEROP_IDS = {
     "lin_rec709_scene": "lin_rec709", "lin_ap1_scene": "ACEScg", "lin_ap0_scene": "ACES2065-1",
     "lin_rec2020_scene": "lin_rec2020", "lin_p3d65_scene": "lin_p3d65",
@@ -393,7 +399,7 @@ def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
 
 
 def _color_space(spec: ImageSpec) -> str:
-    stated = spec.get_string_attribute("colorInteropID")
+    stated = spec.get_string_attribute(_INTEROP_ID)
     primaries = spec.getattribute("chromaticities")
     if stated in _INTEROP_IDS:
         return _INTEROP_IDS[stated]
@@ -500,12 +506,19 @@ def write_exr(
             spec.attribute(name, value)
     if color_space is not None:  # as OpenImageIO (`colorInteropID`) and Nuke (primaries) read it
         config = ColorConfig(STUDIO_CONFIG)
-        spec.attribute("oiio:ColorSpace", config.get_color_interop_id(color_space) or color_space)
+        if interop_id := config.get_color_interop_id(color_space):
+            spec.erase_attribute(_INTEROP_ID)  # of the metadata: OpenImageIO would keep it
+        spec.attribute("oiio:ColorSpace", interop_id or color_space)
         if primaries := config.get_chromaticities(color_space):
             spec.attribute("chromaticities", TypeDesc("float[8]"), primaries)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image  # mixed types: float32
     _write(path, spec, np.ascontiguousarray(pixels))
+
+
+def is_lossy_in_dwa(channel: str) -> bool:
+    """Return whether OpenEXR's compressions dwaa and dwab change the values of a channel, by its name."""
+    return channel.rpartition(".")[2] in ("R", "G", "B", "Y", "RY", "BY")
 
 
 def half_pixels(images: Sequence[Array]) -> NDArray[np.float16]:

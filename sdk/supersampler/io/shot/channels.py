@@ -47,6 +47,14 @@ class Packing:
     low: float
     high: float
 
+    def encoded(self, number: float) -> list[float]:
+        """Return the values of a number's channels; bytes hold no number outside of the range."""
+        fraction = (number - self.low) / (self.high - self.low)
+        if self.bytes_each == 0:
+            return [fraction]
+        code = round(min(max(fraction, 0.0), 1.0) * (256**self.bytes_each - 1))
+        return [byte / 255.0 for byte in code.to_bytes(self.bytes_each, "big")]
+
     def decoded(self, channels: Array) -> Float32:
         """Return the numbers, (h, w) for one number per pixel, (h, w, n) for n.
 
@@ -304,6 +312,11 @@ class _Source:
         stored = take(path, channels, self.channels)
         return stored if self.packing is None else self.packing.decoded(stored)
 
+    def outside(self, value: float) -> dict[str, float]:
+        """Return the values of the channels outside of a file's data window; `value` is the array's."""
+        stored = [value] if self.packing is None else self.packing.encoded(value)
+        return {name: stored[index % len(stored)] for index, name in enumerate(self.channels)}
+
 
 class _MappedFiles:
     """Files of a sequence, and the arrays to read from them."""
@@ -388,7 +401,9 @@ class _MappedFiles:
             if not sources:
                 continue
             path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]
-            outside = dict.fromkeys(self.sources["depth"].channels if "depth" in sources else (), self._sky)
+            outside: dict[str, float] = {}
+            for name, source in sources.items():
+                outside |= source.outside(self._sky if name == "depth" else 0.0)
             channels = read_image(path, only=names, outside=outside)
             if self._conventions.motion_resolution == "render" or not set(sources) <= _MOTIONS:
                 check_size(path, channels, render_size)

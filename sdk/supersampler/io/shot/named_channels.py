@@ -39,17 +39,22 @@ _LUMINANCE, _CHROMA = "Y", {"RY", "BY"}
 """Channels of EXR files without colours: one for grey images, all for luminance with chroma."""
 _ALONE = ("depth", "roughness", "metallic", "specular")
 _ID = re.compile(
-    r"""index.*|(object|material)[ ]index                         # Blender
+    r"""index.*|(object|material|prim|shape|face|mesh|instance)[ _]?index  # Blender, Mitsuba
     |(.*[_ -])?(id|ID|Id)s?\d*|.*[a-z0-9]I[Dd]s?\d*          # id2, object_id, RenderID
-    |(object|material|instance|render|node|prim|primitive|mesh|face|group|particle|shader)ids?\d*""",
+    |(object|material|instance|render|node|prim|primitive|mesh|face|group|particle|shader)ids?\d*
+    |(raw|primvar|sampleprim)id                               # RenderMan, Karma""",
     re.VERBOSE,
 )
 """Names of ids other than Cryptomatte's. `grid` is none."""
 _DATA = re.compile(
-    r"((world|object|local|camera|view|ref|rest)[_ ]?)?pos(ition)?|p|pref|pworld|uv|st"
-    "|(denoising|noisy|debug) .*"
+    r"""((world|object|local|camera|view|ref|rest|point)[_ ]?(space[_ ]?)?)?pos(ition)?s?
+    |p|pref|[pn]world|uv([ ]coordinates)?|st
+    |(.*[_ -])(z|depth)|zback|(hit)?pz                        # Arnold: volume_Z; RenderMan, Karma
+    |.*normals?|nn|(.*[_ -])motion|motion(back|fore)|dp(camera)?dtime
+    |(denoising|noisy|debug)[ ].*""",
+    re.VERBOSE,
 )
-"""Names of other data that cannot be blended, in lower case: positions, other vectors."""
+"""Names of other data that cannot be blended, in lower case: positions, depth, normals, other vectors."""
 
 
 def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] | None:
@@ -140,7 +145,7 @@ def _base(channel: str) -> str:
 
 def _is_data(channel: str) -> bool:
     """Return whether a channel's name is a name of positions, depth, motion or normals."""
-    base = _base(channel).lower()
+    base = _base(channel).lower().lstrip("_")  # RenderMan: __Pworld
     vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
     return _joined(base) in vectors or _DATA.fullmatch(base) is not None
 

@@ -127,15 +127,21 @@ def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> d
     if not chosen:
         problem = f"has no frame from {low} to {high}"
         raise ShotError(folder, problem, f"Its frames are {min(files)} to {max(files)}.")
+    gaps: dict[tuple[int, int], str] = {}
     for before, after in pairwise(files):
-        first, last = max(before + 1, low), min(after - 1, high)
-        if first <= last:
-            missing = f"frame {first}" + (f" to {last}" if last > first else "")
-            problem = f"{missing} between {files[before].name} and {files[after].name} is missing"
+        if after - before > 1:
+            gaps[before + 1, after - 1] = f"between {files[before].name} and {files[after].name} is missing"
+    for (first, last), place in gaps.items():
+        if first <= high and low <= last:
+            problem = f"{frames_text(max(first, low), min(last, high))} {place}"
             hint = "Render it; motion leads from each frame to the one before it."
-            present = min(files), max(files)
-            raise MissingFramesError(folder, problem, hint, missing=(first, last), present=present)
+            raise MissingFramesError(folder, problem, hint, gaps=gaps, present=(min(files), max(files)))
     return chosen
+
+
+def frames_text(first: int, last: int) -> str:
+    """Return the numbers of frames as text: "frame 7", "frame 7 to 9"."""
+    return f"frame {first}" + (f" to {last}" if last > first else "")
 
 
 def file_names(path: Path, pattern: str) -> str:

@@ -258,7 +258,8 @@ class Shot:
             return self
 
         def noisy(path: Path, raw: RawFrame) -> RawFrame:
-            return replace(raw, color=shot_format.take(path, read_exr(path, only=names), names))
+            channels = read_exr(path, only=names, outside={})
+            return replace(raw, color=shot_format.take(path, channels, names))
 
         shot = self.with_conversion(noisy)
         shot.is_denoised, shot.noisy_channels = False, ()
@@ -418,7 +419,7 @@ class Shot:
     def read_channels(self, index: int, names: Collection[str]) -> dict[str, Channel]:
         """Read channels of a frame's EXR file unchanged, (h, w) each."""
         path = self._complete_file(index)
-        channels = read_exr(path, only=names)
+        channels = read_exr(path, only=names, outside={})
         shot_format.check_size(path, channels, self._entries[index].render_size or self.render_size)
         return channels
 
