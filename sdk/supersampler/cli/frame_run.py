@@ -30,7 +30,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, Legend, compare_page, versions_text
 from supersampler.io.display import ExposureMeter, usable_exposure
-from supersampler.io.files import check_apart
+from supersampler.io.files import FolderLock, check_apart
 from supersampler.io.images import Bytes, Channel, Metadata, pixel_aspect, result_metadata
 from supersampler.io.shot import Shot
 from supersampler.io.shot.numbered import FrameRange
@@ -224,11 +224,25 @@ def run_frames(
         SupersamplerError: a frame or a file is not usable; or the output lies in the shot, or would replace
             files of another program.
     """
-    results, count = Results(job.output, job.images), len(plan.numbers)
     if not job.holds_shot:
         check_apart(job.output, job.shot.source)
+    with FolderLock(job.output, is_shared=job.numbers is not None) as lock:  # ranges have their own files
+        return _run_locked(job, plan, settings, begin, lock, all_frames=all_frames)
+
+
+def _run_locked(
+    job: FrameJob,
+    plan: FramePlan,
+    settings: Mapping[str, object],
+    begin: Callable[[Results, int], "FrameRun[Any]"],
+    lock: FolderLock,
+    *,
+    all_frames: bool,
+) -> Results:
+    results, count = Results(job.output, job.images), len(plan.numbers)
     kept = partial(job.kept, plan)
     first = results.begin(settings, count, kept, overwrite=job.overwrite, page=job.compare)
+    lock.take()  # of a new folder
     for note in _changes(job, plan, results, first):
         job.console.print(note, soft_wrap=True)
     page = job.compare and not (first == count and results.is_newest(results.record.page))
