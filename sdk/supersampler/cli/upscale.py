@@ -77,6 +77,7 @@ def upscale(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
+    follow_links: arguments.FollowLinksOption = False,
     providers: Annotated[
         str,
         typer.Option(

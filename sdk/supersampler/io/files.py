@@ -257,8 +257,11 @@ def check_apart(output: Path, source: Path) -> None:
         raise ShotError(output, f"holds the input, {source}", hint)
 
 
-def check_inside(folder: Path, paths: Iterable[Path]) -> None:
-    """Raise ShotError if a path leads out of `folder`, by a link or by `..`; `folder` may be a link."""
+def check_inside(folder: Path, paths: Iterable[Path], remedy: str = "") -> None:
+    """Raise ShotError if a path leads out of `folder`, by a link or by `..`; `folder` may be a link.
+
+    `remedy` is another one than to copy the file.
+    """
     root, real_folders = os.path.realpath(folder), dict[Path, str]()
     for path in paths:
         if path.parent not in real_folders:
@@ -266,7 +269,7 @@ def check_inside(folder: Path, paths: Iterable[Path]) -> None:
         real = os.path.realpath(path) if os.path.islink(path) else real_folders[path.parent]  # noqa: PTH114
         if not Path(real).is_relative_to(root):
             hint = "Copy the file into the folder; links and names that leave it are not followed."
-            raise ShotError(path, f"leads out of {folder}", hint)
+            raise ShotError(path, f"leads out of {folder}", f"{hint} {remedy}".rstrip())
 
 
 def _first_bytes(path: Path, count: int) -> bytes:

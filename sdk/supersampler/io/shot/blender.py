@@ -206,7 +206,8 @@ def import_blender(
     if conventions.motion_jittered:  # Eevee: motion to the next frame contains that frame's jitter
         channel_map.pop("motion_next", None)
     if reference is not None:
-        image = next(iter(numbered_files(folder, reference).values()))
+        follow_links = options.get("follow_links", False)
+        image = next(iter(numbered_files(folder, reference, follow_links=follow_links).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
     names = aov_names(channel_map.get("aovs", ()), layer)
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)

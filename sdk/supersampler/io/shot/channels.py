@@ -144,6 +144,7 @@ class SequenceOptions(TypedDict, total=False):
     cuts: Sequence[int]
     name: str | None
     color_space: str | None
+    follow_links: bool
 
 
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str] | Mapping[str, Any]]
@@ -171,6 +172,7 @@ def import_channels(
     name: str | None = None,
     aov_names: Sequence[str] = (),
     color_space: str | None = None,
+    follow_links: bool = False,
 ) -> Shot:
     """Open a folder of EXR, PNG or TIFF frames with other channel names and conventions as a Shot.
 
@@ -203,15 +205,18 @@ def import_channels(
         aov_names: names of the AOVs in output files; by default they are numbered.
         color_space: colour space of the pixels, see `ShotInfo`; by default the space that the first file
             states, see `supersampler.io.images.ImageHeader`.
+        follow_links: whether the files and the folders of patterns may be links that lead out of the folder.
 
     Raises:
-        ShotError: files or channels are missing, or differ in number or size.
+        ShotError: files or channels are missing, or differ in number or size; or a link leads out of the
+            folder.
         ArgumentError: the map has an unknown name or a wrong number of channels; or the frame rate is out of
             range.
     """
     if not isinstance(channel_map, Mapping):
         raise ArgumentError("channel_map", got=shown(channel_map), want="a mapping of our names to channels")
-    found = _MappedFiles(Path(folder), channel_map, checked_conventions(conventions), files, frames)
+    conventions = checked_conventions(conventions)
+    found = _MappedFiles(Path(folder), channel_map, conventions, files, frames, follow_links=follow_links)
     indices = [as_index(cut) for cut in cuts] if is_row(cuts) else [None]
     if not all(index is not None and 0 <= index <= found.last_index for index in indices):
         raise ArgumentError("cuts", got=shown(cuts), want=f"indices of frames, 0 to {found.last_index}")
@@ -255,7 +260,8 @@ def import_channels(
 
 def first_file(folder: Path, options: SequenceOptions) -> Path:
     """Return the file of the first frame that these options choose."""
-    numbered = numbered_files(folder, options.get("files", "*.exr"))
+    follow_links = options.get("follow_links", False)
+    numbered = numbered_files(folder, options.get("files", "*.exr"), follow_links=follow_links)
     return next(iter(of_range(folder, numbered, options.get("frames")).values()))
 
 
@@ -328,21 +334,25 @@ class _MappedFiles:
         conventions: Conventions,
         files: str,
         frames: Range | None,
+        *,
+        follow_links: bool,
     ) -> None:
         self.folder, self._conventions = folder, conventions
         self._sky = sky_depth(conventions)
         self.every_source = _parsed(channel_map, files)
         self.sources = {name: each for name, each in self.every_source.items() if name != "reference"}
         patterns = dict.fromkeys(source.pattern for source in self.sources.values())
-        every = {pattern: numbered_files(folder, pattern) for pattern in patterns}
+        every = {each: numbered_files(folder, each, follow_links=follow_links) for each in patterns}
         self.files = {pattern: of_range(folder, found, frames) for pattern, found in every.items()}
         self.numbers = _common_numbers(folder, self.files)
         numbers = next(iter(every.values()))
         self.indices = [number - min(numbers) for number in self.numbers]  # from the first file
         self.frame_pattern = (self.sources.get("color") or self.sources["depth"]).pattern
         self.last_index = max(numbers) - min(numbers)
-        reference = self.every_source.get("reference")
-        self.references = {} if reference is None else _references(folder, reference.pattern, self.numbers)
+        self.references: dict[int, Path] = {}
+        if reference := self.every_source.get("reference"):
+            files_of_all = numbered_files(folder, reference.pattern, follow_links=follow_links)
+            self.references = _references(folder, reference.pattern, files_of_all, self.numbers)
 
     def frame_file(self, index: int) -> Path:
         """Return the file of a frame's colour, or of its depth if it has no colour."""
@@ -511,9 +521,10 @@ def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[
     return list(leader)
 
 
-def _references(folder: Path, pattern: str, numbers: Sequence[int]) -> dict[int, Path]:
+def _references(
+    folder: Path, pattern: str, files: Mapping[int, Path], numbers: Sequence[int]
+) -> dict[int, Path]:
     """Return the references of the frames that have one, by number."""
-    files = numbered_files(folder, pattern)
     found = {number: files[number] for number in numbers if number in files}
     if not found:
         problem = f"no reference {pattern} has the number of a frame, {numbers[0]} to {numbers[-1]}"

@@ -239,7 +239,7 @@ def import_named_channels(
     if aovs:
         channel_map["aovs"] = aovs
     if reference is not None:
-        numbered_files(folder, reference)  # raises if nothing matches
+        numbered_files(folder, reference, follow_links=options.get("follow_links", False))  # raises for none
         channel_map["reference"] = [f"{reference}:{axis}" for axis in "RGB"]
     names = [_output_name(name, channel_map.get("color", ["R"])[0]) for name in aovs]
     if len({*names, *"RGB"}) != len(names) + 3:

@@ -37,7 +37,7 @@ def is_pattern(path: Path) -> bool:
     return not os.path.lexists(path) and bool(_FIELD.search(path.name) or _has_wildcard(path.name))
 
 
-def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
+def numbered_files(folder: Path, pattern: str, *, follow_links: bool = False) -> dict[int, Path]:
     """Return the files of a pattern by frame number, in order.
 
     A hyphen after a dot, after an underscore or at the start is the number's sign: `beauty.-0012.exr` is
@@ -50,10 +50,11 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
             or more, and negative numbers with any number of digits; `beauty.%d.exr` any. Or with `*` or `?`,
             such as `beauty_*.exr`: then the last number in the name counts. Folders have no wildcards. The
             extension may be in any case.
+        follow_links: whether files and folders may be links that lead out of the folder.
 
     Raises:
         ShotError: no file matches, a name has no number, two have the same, names differ in more than the
-            number, a hyphen is ambiguous, or a file lies outside of the folder.
+            number, a hyphen is ambiguous, or a link leads out of the folder.
     """
     if not is_folder(folder):
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
@@ -87,7 +88,9 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
         raise ShotError(folder, f"has files of several sequences {pattern}", choose())
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
-    check_inside(folder, files.values())
+    if not follow_links:
+        remedy = "--follow-links (follow_links=True in Python) reads them, if you trust who made the links."
+        check_inside(folder, files.values(), remedy)
     return dict(sorted(files.items()))
 
 
