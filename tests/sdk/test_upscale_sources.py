@@ -128,6 +128,26 @@ def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path,
     np.testing.assert_array_equal(pixels(stated), pixels(plain))
 
 
+SHOW = """
+ocio_profile_version: 2
+roles: {scene_linear: linear, default: linear}
+file_rules: [!<Rule> {name: Default, colorspace: default}]
+displays: {sRGB: [!<View> {name: Film, colorspace: linear}]}
+colorspaces: [!<ColorSpace> {name: linear}]
+"""
+
+
+@pytest.mark.parametrize(("config", "stated"), [("show.ocio", None), ("ocio://default", "lin_ap1_scene")])
+def test_a_role_is_that_of_the_configuration(tmp_path: Path, config: str, stated: str | None) -> None:
+    (tmp_path / "show.ocio").write_text(SHOW)
+    renders = write_renders(tmp_path / "in", {1: "f.0001"})
+    path = str(tmp_path / config) if config == "show.ocio" else config
+    options = "--color-space", "scene_linear", "--ocio", path, "--format", "png", "--format", "exr"
+    upscale(renders, tmp_path / "out", *options, *OURS)
+    found = ImageBuf(str(tmp_path / "out" / "exr" / "f.0001.exr")).spec()
+    assert found.getattribute("colorInteropID") == stated
+
+
 def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_path: Path) -> None:
     renders = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in (1, 2, 3)})
     spec, values = spec_of(width=20), frame_channels()[:, :20]

@@ -421,6 +421,15 @@ def scene_linear_space(config: str) -> str:
     return _INTEROP_IDS.get(ColorConfig(config).get_color_interop_id("scene_linear"), UNKNOWN_COLOR_SPACE)
 
 
+def space_of_role(config: str, name: str) -> str | None:
+    """Return the space of a role in an OpenColorIO configuration, as `scene_linear_space`; None if unknown.
+
+    A role means another space in another configuration. Other names are returned as they are.
+    """
+    opened = ColorConfig(config)
+    return _INTEROP_IDS.get(opened.get_color_interop_id(name)) if name in opened.getRoles() else name
+
+
 _TIME_CODE = "smpte:TimeCode"  # counts frames within a second
 _ROUNDED = 0.02  # maximum relative difference of the two axes' ratios due to whole pixels
 
