@@ -131,10 +131,10 @@ def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path,
 
 SHOW = """
 ocio_profile_version: 2
-roles: {scene_linear: linear, default: linear}
+roles: {scene_linear: light, default: light}
 file_rules: [!<Rule> {name: Default, colorspace: default}]
-displays: {sRGB: [!<View> {name: Film, colorspace: linear}]}
-colorspaces: [!<ColorSpace> {name: linear}]
+displays: {sRGB: [!<View> {name: Film, colorspace: light}]}
+colorspaces: [!<ColorSpace> {name: light}]
 """
 
 
