@@ -105,6 +105,7 @@ def test_a_wrong_pattern_is_answered_with_right_ones(tmp_path: Path, pattern: st
     [
         ("shots/ref/*.exr", r"has no file shots/ref/\*\.exr\. The pattern is relative to .*in\."),
         ("ref/#.exr", r"has no file ref/#\.exr\. Did you mean ref/a\.####\.exr \(10-10\)\?"),
+        (r"ref\*.exr", r"has no file ref.\*\.exr\. Patterns have forward slashes: ref/\*\.exr\."),
         ("ref", r"in/ref: has no field for the frame number\. Name its files: ref/\*\.exr\."),
     ],
 )

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path, PurePath, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 from typing import TypeAlias
 
 from supersampler.arguments import as_index, checked_path, is_row
@@ -83,6 +83,8 @@ def numbered_files(folder: Path, pattern: str, *, follow_links: bool = False) ->
     if not files:
         below = "/".join(parts[:-1])
         hint = suggestion(place, below) if is_folder(place) else f"The pattern is relative to {folder}."
+        if "\\" in pattern:
+            hint = f"Patterns have forward slashes: {PureWindowsPath(pattern).as_posix()}."
         raise ShotError(folder, f"has no file {pattern}", hint)
     if len({*rests.values()}) > 1:
         raise ShotError(folder, f"has files of several sequences {pattern}", choose())
