@@ -97,7 +97,7 @@ def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path
     for name, kind, value in (
         ("camera", "string", "cam1"), ("focal", "float", 35.0), ("take", "int", 4),
         ("smpte:TimeCode", "timecode", (123456, 7)), ("chromaticities", "float[8]", ACESCG),
-        ("worldToCamera", "matrix", tuple(map(float, range(16)))),
+        ("worldToCamera", "matrix", tuple(map(float, range(16)))), ("crop", "box2i", (0, 1, 8, 9)),
     ):  # fmt: skip
         spec.attribute(name, TypeDesc(kind), value)
     extra = np.full((*frame_channels().shape[:2], 3), (1.0, 0.25, 17.0), np.float32)
@@ -112,6 +112,7 @@ def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path
     assert "cannot be blended: id" in done.stderr
     assert (found["camera"], found["take"], found["focal"]) == ("cam1", 4, 35.0)
     assert found.getattribute("smpte:TimeCode") == (123456, 7)
+    assert found.getattribute("crop") == (0, 1, 8, 9)
     assert found.getattribute("worldToCamera") == tuple(range(16))
     np.testing.assert_allclose(found.getattribute("chromaticities"), ACESCG, rtol=1e-6)
     assert found["colorInteropID"] == "lin_ap1_scene"

@@ -14,7 +14,16 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenImageIO import ColorConfig, ImageInput, ImageOutput, ImageSpec, TypeDesc, geterror
+from OpenImageIO import (
+    ColorConfig,
+    ImageInput,
+    ImageOutput,
+    ImageSpec,
+    TypeDesc,
+    TypeVector2i,
+    TypeVector3i,
+    geterror,
+)
 
 from supersampler.arguments import as_number
 from supersampler.errors import ArgumentError, ShotError, shown
@@ -469,6 +478,7 @@ def pixel_aspect(metadata: Metadata) -> float:
     return float(value) if isinstance(value, int | float) and 0.01 <= value <= 100.0 else 1.0
 
 
+_INTEGER_VECTORS = {"vector2i": TypeVector2i, "vector3i": TypeVector3i}
 _PAETH = 128  # libpng's PNG_FILTER_PAETH; trying all filters for each row costs more than it saves
 Bytes: TypeAlias = NDArray[np.uint8]
 Levels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
@@ -510,7 +520,7 @@ def write_exr(
     spec.attribute("compression", compression)
     for name, value in (metadata or {}).items():
         if isinstance(value, TypedValues):
-            spec.attribute(name, TypeDesc(value.type), value.values)
+            spec.attribute(name, _parsed_type(value.type), value.values)
         else:
             spec.attribute(name, value)
     if color_space is not None:  # as OpenImageIO (`colorInteropID`) and Nuke (primaries) read it
@@ -523,6 +533,16 @@ def write_exr(
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image  # mixed types: float32
     _write(path, spec, np.ascontiguousarray(pixels))
+
+
+def _parsed_type(text: str) -> TypeDesc:
+    """Return a type by its name; OpenImageIO's own parser does not know vectors of integers."""
+    base, _, length = text.partition("[")
+    if base not in _INTEGER_VECTORS:
+        return TypeDesc(text)
+    parsed = TypeDesc(_INTEGER_VECTORS[base])
+    parsed.arraylen = int(length.rstrip("]") or 0)
+    return parsed
 
 
 def is_lossy_in_dwa(channel: str) -> bool:
