@@ -130,6 +130,16 @@ def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path,
     np.testing.assert_array_equal(pixels(stated), pixels(plain))
 
 
+def test_a_frame_of_another_colour_space_is_named_unless_one_is_stated_for_all(tmp_path: Path) -> None:
+    renders = write_renders(tmp_path / "in", {1: "f.0001", 2: "f.0002"})
+    write_renders(renders, {3: "f.0003"}, color_space="ACEScg")
+    message = refusal("upscale", renders, "-o", tmp_path / "out", *BILINEAR, *OURS)
+    assert "f.0003.exr: is in ACEScg by its header; frame 1 is in lin_rec709" in message
+    assert [*images(tmp_path / "out")] == ["f.0001.exr", "f.0002.exr"]
+    upscale(renders, tmp_path / "all", "--color-space", "ACEScg", *OURS)
+    assert [*images(tmp_path / "all")] == ["f.0001.exr", "f.0002.exr", "f.0003.exr"]
+
+
 SHOW = """
 ocio_profile_version: 2
 roles: {scene_linear: light, default: light}

@@ -229,6 +229,8 @@ def import_channels(
     if display_size is not None:
         display_size = checked_size("display_size", display_size)
     header = read_header(found.frame_file(0))
+    if color_space is None:
+        found.color_space = header.color_space
     if frame_rate is None:
         frame_rate = header.frame_rate or _FRAME_RATE
     exact_rate(frame_rate)  # raises if it is out of range
@@ -325,7 +327,12 @@ class _Source:
 
 
 class _MappedFiles:
-    """Files of a sequence, and the arrays to read from them."""
+    """Files of a sequence, and the arrays to read from them.
+
+    `color_space` is the space that every file of the colour must state; None: what they state does not count.
+    """
+
+    color_space: str | None = None
 
     def __init__(
         self,
@@ -415,6 +422,8 @@ class _MappedFiles:
             for name, source in sources.items():
                 outside |= source.outside(self._sky if name == "depth" else 0.0)
             channels = read_image(path, only=names, outside=outside)
+            if pattern == self.frame_pattern:
+                self._check_color_space(path)
             if self._conventions.motion_resolution == "render" or not set(sources) <= _MOTIONS:
                 check_size(path, channels, render_size)
             arrays |= {name: source.taken(path, channels) for name, source in sources.items()}
@@ -431,6 +440,13 @@ class _MappedFiles:
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
             aovs=aovs[..., None] if aovs is not None and aovs.ndim == 2 else aovs,
         )
+
+    def _check_color_space(self, path: Path) -> None:
+        """Raise ShotError if the file of a frame states another colour space than the first frame."""
+        if self.color_space is None or (stated := read_header(path).color_space) == self.color_space:
+            return
+        problem = f"is in {stated} by its header; frame {self.numbers[0]} is in {self.color_space}"
+        raise ShotError(path, problem, "Render it again, or state the space of all frames: --color-space.")
 
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
         path, channels = self.references[self.numbers[index]], self.every_source["reference"].channels
