@@ -227,3 +227,18 @@ def test_a_frame_that_was_rendered_again_after_its_image_is_named(tmp_path: Path
     write_renders(shot, {1: "f.0001"})
     assert "Frame 1 has changed since its image was written. --overwrite" in upscale(shot, out, *OURS).stderr
     assert "has changed" not in upscale(shot, out, *OURS, "--overwrite").stderr
+
+
+def test_a_pass_of_its_own_files_that_was_rendered_again_is_named(tmp_path: Path) -> None:
+    shot, out = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in range(3)}), tmp_path / "out"
+    write_renders(shot / "mv", {n: f"f.{n:04d}" for n in range(3)})
+    channels = {
+        "color": ["R", "G", "B"],
+        "depth": "depth.Z",
+        "motion": ["mv/*.exr:motion.X", "mv/*.exr:motion.Y"],
+    }
+    (shot / "channels.json").write_text(json.dumps({"channels": channels, "conventions": {}}))
+    upscale(shot, out)
+    assert "has changed" not in upscale(shot, out).stderr
+    write_renders(shot / "mv", {2: "f.0002"})
+    assert "Frame 2 has changed since its image was written" in upscale(shot, out).stderr

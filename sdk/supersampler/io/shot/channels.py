@@ -257,7 +257,10 @@ def import_channels(
         return found.read_reference(index, info.display_size)
 
     color = found.sources["color"].channels[0] if "color" in found.sources else "R"
-    return Shot(found.folder, info, entries, arrays, reference, color_channel=color, channel_map=channel_map)
+    return Shot(
+        found.folder, info, entries, arrays, reference, color_channel=color, channel_map=channel_map,
+        frame_files=found.frame_files,
+    )  # fmt: skip
 
 
 def first_file(folder: Path, options: SequenceOptions) -> Path:
@@ -364,6 +367,10 @@ class _MappedFiles:
     def frame_file(self, index: int) -> Path:
         """Return the file of a frame's colour, or of its depth if it has no colour."""
         return self.files[self.frame_pattern][self.numbers[index]]
+
+    def frame_files(self, index: int) -> list[Path]:
+        """Return the files of a frame, one for each pattern."""
+        return [files[self.numbers[index]] for files in self.files.values()]
 
     def entry(self, index: int, jitter: tuple[float, float], *, reset: bool) -> FrameEntry:
         reference = self.references.get(self.numbers[index])

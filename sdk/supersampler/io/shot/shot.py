@@ -122,6 +122,7 @@ class Shot:
         color_channel: str = "R",
         channel_map: Mapping[str, Any] | None = None,
         own_format: bool = False,
+        frame_files: Callable[[int], Collection[Path]] | None = None,
     ) -> None:
         self.path, self.info = path, info
         self._offset = 0  # index of the first frame in the uncropped shot, for the callables
@@ -136,6 +137,7 @@ class Shot:
         self.samples: int | None = None
         self._color_channel, self.own_format = color_channel, own_format
         self._channel_map = channel_map  # of `import_channels`
+        self._frame_files = frame_files  # of frames with a file for each pass
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
@@ -330,10 +332,14 @@ class Shot:
         return self._entries[index].exposure
 
     def changed_at(self, index: int) -> int:
-        """Return the time at which a frame's file has changed last, in ns; 0 if there is none."""
-        folder = self.source if self.source.is_dir() else self.source.parent
-        path = folder / self._entries[index].file
-        return path.stat().st_mtime_ns if is_file(path) else 0
+        """Return the time at which a file of a frame has changed last, in ns; 0 if there is none."""
+        if self._frame_files is not None:
+            paths = self._frame_files(self._offset + index)
+        else:
+            folder = self.source if self.source.is_dir() else self.source.parent
+            entry = self._entries[index]
+            paths = [folder / name for name in (entry.file, entry.display_file) if name is not None]
+        return max((path.stat().st_mtime_ns for path in paths if is_file(path)), default=0)
 
     def hashes(self, count: int) -> dict[str, str]:
         """Return hashes of what is stated about the first `count` frames, by kind; none of their pixels."""
