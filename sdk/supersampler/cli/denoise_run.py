@@ -23,7 +23,7 @@ from supersampler.history import StepResult
 from supersampler.io.compare import compare_layers
 from supersampler.io.images import Bytes, Channel, Metadata
 from supersampler.io.shot import Shot
-from supersampler.io.shot.named_channels import is_id
+from supersampler.io.shot.id_channels import is_id
 from supersampler.io.shot.numbered import FrameRange, frames_text
 from supersampler.validation import FrameChecker
 from supersampler.validation.mistakes import MOTION_ZERO

@@ -5,6 +5,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias, TypedDict, Unpack
 
@@ -27,6 +28,7 @@ from supersampler.io.shot.format import (
     sky_depth,
     take,
 )
+from supersampler.io.shot.id_channels import is_id
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
 
@@ -257,10 +259,12 @@ def import_channels(
         return found.read_reference(index, info.display_size)
 
     color = found.sources["color"].channels[0] if "color" in found.sources else "R"
-    return Shot(
+    shot = Shot(
         found.folder, info, entries, arrays, reference, color_channel=color, channel_map=channel_map,
         frame_files=found.frame_files,
     )  # fmt: skip
+    shot.ignored_channels[:] = found.unmapped_ids(header)
+    return shot
 
 
 def first_file(folder: Path, options: SequenceOptions) -> Path:
@@ -387,14 +391,19 @@ class _MappedFiles:
 
         Raises:
             ShotError: a packed array does not have 8 bits, or another array holds integers. Only sRGB
-                colour, references and AOVs, such as alpha, may hold integers.
+                colour, references and AOVs, such as alpha, may hold integers. Or an AOV holds ids.
             ArgumentError: colour holds integers, and the conventions do not state that it is sRGB-encoded.
         """
         for name, source in self.every_source.items():
             path = next(
                 iter((self.references if name == "reference" else self.files[source.pattern]).values())
             )
-            types = read_header(path).types
+            header = read_header(path)
+            types = header.types
+            ids = [channel for channel in source.channels if is_id(channel, header.cryptomattes)]
+            if name == "aovs" and ids:
+                hint = "Leave them out of the map, or rename them if they hold none; `denoise` copies ids."
+                raise ShotError(path, f"holds ids in {', '.join(ids)}; AOVs are blended", hint)
             kinds = {types[channel] for channel in source.channels if channel in types}
             if source.packing is not None and source.packing.bytes_each:
                 if others := sorted(kinds - {"uint8"}):
@@ -410,6 +419,12 @@ class _MappedFiles:
                 hint = "Linear light in 8 or 16 bits shows bands; write it as half."
                 got = f"without srgb=True, and {path.name} holds {min(kinds)}"
                 raise ArgumentError("conventions", got=got, want="srgb=True for integers", hint=hint)
+
+    def unmapped_ids(self, header: ImageHeader) -> list[str]:
+        """Return the channels of ids in the files of the colour, of the first view, that are not mapped."""
+        own = [source.channels for source in self.sources.values() if source.pattern == self.frame_pattern]
+        known = {*chain.from_iterable(own), *header.other_views}
+        return [name for name in header.types if name not in known and is_id(name, header.cryptomattes)]
 
     def read_arrays(
         self, index: int, render_size: Size | None = None, gbuffers: Collection[str] | None = None
