@@ -75,7 +75,8 @@ def open_source(
         raise ArgumentError("path", got="a pattern", want=f"a folder or file, as the layout is {layout!r}")
     for name in options:
         if name not in parameters:
-            hint = f"Change {FILE_NAME} instead." if layout == "shot" else ""
+            is_stated = layout == "shot" and name != "follow_links"
+            hint = f"Change {FILE_NAME} instead." if is_stated else ""
             want = f"left out: the layout {layout!r} does not use it"
             raise ArgumentError(name, got="given", want=want, hint=hint)
     if "frames" in parameters:
