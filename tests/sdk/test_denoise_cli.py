@@ -180,6 +180,7 @@ def test_ids_are_copied_as_they_are_with_their_names(tmp_path: Path, compression
     entries = {
         "CryptoObject00": {"cryptomatte/1/name": "CryptoObject", "cryptomatte/1/manifest": manifest},
         "ProxyMask": {"cryptomatte/2/name": "ProxyMask"},
+        "depth": {"cryptomatte/3/name": "Other.CryptoObject"},  # of another view layer
     }
     for index in range(3):
         frame, parts = noisy(index), []

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -21,9 +21,9 @@ from supersampler.errors import FrameError, MissingFramesError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.compare import compare_layers
-from supersampler.io.images import Bytes, Channel, Metadata
+from supersampler.io.images import Bytes, Channel, ImageHeader, Metadata
 from supersampler.io.shot import Shot
-from supersampler.io.shot.id_channels import is_id
+from supersampler.io.shot.id_channels import is_id, is_of_cryptomatte
 from supersampler.io.shot.numbered import FrameRange, frames_text
 from supersampler.validation import FrameChecker
 from supersampler.validation.mistakes import MOTION_ZERO
@@ -149,6 +149,13 @@ def _parts_between(
         begin, note = last + 1, f"{frames_text(max(first, low), last)} {place}: a cut"
 
 
+def _cryptomatte_of(header: ImageHeader, ids: Collection[str]) -> dict[str, str]:
+    """Return Cryptomatte's entries, `cryptomatte/ID/...`, without layers that have none of these channels."""
+    names = {key.split("/")[1]: name for key, name in header.cryptomatte.items() if key.endswith("/name")}
+    absent = {key for key, name in names.items() if not any(is_of_cryptomatte(each, [name]) for each in ids)}
+    return {key: value for key, value in header.cryptomatte.items() if key.split("/")[1] not in absent}
+
+
 class _DenoiseRun(FrameRun[DenoiseJob]):
     activity, reach = "denoising", REACH
 
@@ -223,7 +230,7 @@ class _DenoiseRun(FrameRun[DenoiseJob]):
     def _metadata(self, index: int) -> Metadata:
         metadata = super()._metadata(index)
         if self._kept_ids():
-            metadata |= self._shot.read_header(index).cryptomatte
+            metadata |= _cryptomatte_of(self._shot.read_header(index), self._kept_ids())
         return metadata
 
     def _kept_ids(self) -> list[str]:

@@ -66,8 +66,10 @@ def info(
         rows = import_module("supersampler_model.data.dataset.overview").rows(Path(name))
     else:
         try:
-            given = {"layout": "auto", "layer": layer, "channels": channels, "conventions": conventions}
-            given["follow_links"] = follow_links
+            given = {
+                "layout": "auto", "layer": layer, "channels": channels, "conventions": conventions,
+                "follow_links": follow_links,
+            }  # fmt: skip
             rows = _shot_rows(open_with(name, {**dict.fromkeys(arguments.SOURCE_OPTIONS), **given}))
         except ShotError as error:
             hint = did_you_mean(name, methods())

@@ -15,9 +15,15 @@ _ID = re.compile(
 
 def is_id(channel: str, cryptomattes: Collection[str] = ()) -> bool:
     """Return whether a channel holds ids, by its name, or of one of these Cryptomatte layers."""
-    base, layer = base_name(channel), channel.rpartition(".")[0]
+    base = base_name(channel)
     if "crypto" in channel.lower() or _ID.fullmatch(base) or _ID.fullmatch(base.lower()):
         return True
+    return is_of_cryptomatte(channel, cryptomattes)
+
+
+def is_of_cryptomatte(channel: str, cryptomattes: Collection[str]) -> bool:
+    """Return whether a channel is of one of these Cryptomatte layers: `NAME00.R`, also after others."""
+    layer = channel.rpartition(".")[0]
     ends = range(len(layer.rstrip("0123456789")), len(layer) + 1)
     begins = [0, *(found.end() for found in re.finditer(r"\.", layer))]
     return not {layer[begin:end] for begin in begins for end in ends}.isdisjoint(cryptomattes)
