@@ -143,7 +143,7 @@ def test_outside_of_a_data_window_packed_depth_is_sky_and_motion_is_0(
     depth, motion = (20.0 - ends[0]) / (ends[1] - ends[0]), 0.625
     write_parts(tmp_path / "f.0001.exr", (spec, np.full((6, 4, 3), (depth, motion, motion), np.float32)))
     write_exr(tmp_path / "color.0001.exr", np.zeros((6, 8, 3), np.float32))
-    described = {
+    described: dict[str, Any] = {
         "color": [f"color.*.exr:{axis}" for axis in "RGB"],
         "depth": {"channels": ["f.*.exr:D"], "range": ends},
         "motion": {"channels": ["f.*.exr:U", "f.*.exr:V"], "range": [-4, 4]},

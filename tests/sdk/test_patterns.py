@@ -370,10 +370,12 @@ def test_links_out_of_the_folder_are_read_only_if_the_user_says_so(tmp_path: Pat
     described = {"channels": MAP, "conventions": CONVENTIONS.to_json(), "cuts": [CUT]}
     if layout == "map":
         (folder / "channels.json").write_text(json.dumps(described))
-    options: dict[str, Any] = {
+    by_layout: dict[str, dict[str, Any]] = {
         "pattern": {"channel_map": MAP, "conventions": CONVENTIONS, "layout": "channels"},
         "blender": {"reference": "reference/*.exr"},
-    }.get(layout, {})
+        "map": {},
+    }
+    options = by_layout[layout]
     path = folder / "####.exr" if layout == "pattern" else folder
     jitter = UNREAL_JITTER if layout != "blender" else [JITTER]
     with pytest.raises(ShotError, match=r"leads out of .* --follow-links .* reads them"):
