@@ -19,7 +19,7 @@ import difflib
 import inspect
 import os
 import warnings
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -84,15 +84,22 @@ class MissingFramesError(ShotError):
     """Frames are missing between others.
 
     Attributes:
-        missing: numbers of the first and the last missing frame.
+        gaps: numbers of the first and last missing frame of each gap of the sequence, with the rest of a
+            sentence: "between a.0012.exr and a.0020.exr is missing".
         present: numbers of the first and the last present frame.
     """
 
     def __init__(
-        self, path: Path, problem: str, hint: str, *, missing: tuple[int, int], present: tuple[int, int]
+        self,
+        path: Path,
+        problem: str,
+        hint: str,
+        *,
+        gaps: Mapping[tuple[int, int], str],
+        present: tuple[int, int],
     ) -> None:
         super().__init__(path, problem, hint)
-        self.missing, self.present = missing, present
+        self.gaps, self.present = gaps, present
 
 
 class RecordingError(_FileError):

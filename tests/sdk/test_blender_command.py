@@ -21,6 +21,7 @@ from supersampler import ArgumentError, ShotError
 from supersampler.cli import denoise_run
 from supersampler.conventions import jittered_projection
 from supersampler.integrations.blender.render import find_blender
+from supersampler.io.files import FolderLock
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, open_source
 from supersampler.io.shot.blender import RenderedCamera, read_render_record
@@ -205,6 +206,17 @@ def test_frames_of_another_request_are_refused_until_overwritten(tmp_path: Path)
     succeeded(blender(tmp_path, "--frames", "6-8", "--overwrite"))
     assert list(images(tmp_path)) == IMAGES[1:]
     assert sorted(path.name for path in (tmp_path / "out" / "render").glob("*.exr")) == IMAGES[1:]
+
+
+@pytest.mark.parametrize("options", [(), ("--overwrite",)])
+def test_two_renders_into_one_folder_at_once_are_refused(tmp_path: Path, options: tuple[str, ...]) -> None:
+    blender(tmp_path, "--frames", "5-6")
+    render = tmp_path / "out" / "render"
+    before = {path.name: path.read_bytes() for path in render.iterdir()}
+    with FolderLock(render):
+        assert "render: another run writes to it" in one_line(blender(tmp_path, "--frames", "5-8", *options))
+    assert {path.name: path.read_bytes() for path in render.iterdir()} == before
+    succeeded(blender(tmp_path, "--frames", "5-8", *options))
 
 
 def test_a_program_that_is_not_blender_is_named(tmp_path: Path) -> None:

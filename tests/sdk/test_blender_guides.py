@@ -38,8 +38,13 @@ def denoising_passes(normal: np.ndarray, layer: str, axes: np.ndarray = ROTATION
     }
 
 
-def denoised_frames(folder: Path, *, surface: bool = True) -> tuple[Path, np.ndarray]:
-    """Write frames of Cycles with Denoising Data; also return the guides' normals, in world space."""
+def denoised_frames(
+    folder: Path, *, surface: bool = True, bad: float | None = None
+) -> tuple[Path, np.ndarray]:
+    """Write frames of Cycles with Denoising Data; also return the guides' normals, in world space.
+
+    `bad` is a value of one pixel of the pass Normal.
+    """
     write_blender(folder, "V")
     normal = unit_normals(36, 64)
     guide = normal.copy()
@@ -47,7 +52,9 @@ def denoised_frames(folder: Path, *, surface: bool = True) -> tuple[Path, np.nda
     for path in folder.glob("*.exr"):
         channels = {n: a for n, a in read_exr(path).items() if not n.startswith("V.Normal")}
         if surface:
-            channels |= {f"V.Normal.{axis}": normal[..., i] for i, axis in enumerate("XYZ")}
+            channels |= {f"V.Normal.{axis}": normal[..., i].copy() for i, axis in enumerate("XYZ")}
+        if bad is not None:
+            channels["V.Normal.Y"][20, 30] = bad
         channels["V.GlossDir.R"] = plane(0.5)
         write_exr(path, channels | denoising_passes(guide, "V"))
     return folder, guide
@@ -57,8 +64,9 @@ def gbuffer(shot: Shot, index: int = 0) -> Any:
     return shot.read(index).frame.gbuffer
 
 
-def test_guides_of_the_denoiser_replace_those_of_the_surface(tmp_path: Path) -> None:
-    folder, guide = denoised_frames(tmp_path)
+@pytest.mark.parametrize("bad", [None, np.nan, np.inf])
+def test_guides_of_the_denoiser_replace_those_of_the_surface(tmp_path: Path, bad: float | None) -> None:
+    folder, guide = denoised_frames(tmp_path, bad=bad)
     shot = import_blender(folder, guides="denoising")
     found = gbuffer(shot.cropped(9, 10), 1)
     np.testing.assert_array_equal(found["base_color"][3, 3], (0.5, 0.25, 1.0))

@@ -9,7 +9,7 @@ import pytest
 from supersampler import ArgumentError, Conventions, ShotError
 from supersampler.cli.arguments import source_notes
 from supersampler.io.images import Metadata, TypedValues, read_exr, write_exr
-from supersampler.io.shot import Shot, copy_shot, import_named_channels, open_source
+from supersampler.io.shot import Shot, copy_shot, import_channels, import_named_channels, open_source
 from supersampler.io.shot.named_channels import _NAMES, recognised_map
 from supersampler.io.shot.sources import Layout
 from upscale_runs import run
@@ -110,11 +110,14 @@ def test_channels_are_read_to_their_values_with_the_conventions_given(tmp_path: 
 def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_path: Path) -> None:
     color = ["beauty.R", "beauty.G", "beauty.B"]
     blended = ["beauty.A", "diffuse.R", "diffuse.G", "diffuse.B", "fog", "grid", "composition.R"]
-    blended += ["ProxyMasked.R"]
+    blended += ["ProxyMasked.R", "refraction_index", "AA_inv_density", "GlossyMotif.R"]
     data = [
         "P.X", "P.Y", "P.Z", "motion.Z", "uv.U", "worldPosition.R", "position.R", "objectId", "RenderID.Y",
         "id2", "primid", "object_id", "IndexOB.X", "crypto_object00.R", "VRayCryptomatte00.R", "ProxyMask.R",
-        "ProxyMask00.R", "ProxyMask01.A",
+        "ProxyMask00.R", "ProxyMask01.A", "prim_index", "shape_index.Y", "rawid", "sampleprimid",
+        "__Pworld.x", "ObjectSpacePositions.R", "UV coordinates.R", "volume_Z", "zback",
+        "Shading normal.R", "BumpNormals.G", "__Nworld.x", "motionFore.x", "camera_motion.x",
+        "dPcameradtime.X",
     ]  # fmt: skip
     places = [*data, *blended, *color, *DEPTH, *MOTION]
     write_one(tmp_path / "in", *places, metadata={"cryptomatte/abc/name": "ProxyMask"})
@@ -123,6 +126,18 @@ def test_other_channels_are_aovs_by_their_names_and_data_is_ignored_by_name(tmp_
     assert values == {name.removeprefix("beauty."): places.index(name) for name in blended}
     assert set(shot.ignored_channels) == set(data)
     assert copy_shot(shot, tmp_path / "out").info.aov_names == shot.info.aov_names
+
+
+def test_ids_beside_a_map_are_said_to_be_ignored_and_are_no_aovs(tmp_path: Path) -> None:
+    ids = ["Proxy00.R", "id2", "crypto00.r"]
+    folder = write_one(
+        tmp_path, *COLOR, *DEPTH, *MOTION, "fog", *ids, metadata={"cryptomatte/1/name": "Proxy"}
+    )
+    described: dict[str, Any] = {"color": COLOR, "depth": DEPTH, "motion": MOTION, "aovs": ["fog"]}
+    assert {*import_channels(folder, described, conventions=OURS).ignored_channels} == {*ids}
+    for name in ids:
+        with pytest.raises(ShotError, match=rf"holds ids in {name}; AOVs are blended\. Leave them out"):
+            import_channels(folder, {**described, "aovs": ["fog", name]}, conventions=OURS)
 
 
 @pytest.mark.parametrize(

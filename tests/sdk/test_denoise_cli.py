@@ -14,11 +14,13 @@ from typer.testing import Result
 
 from exr_parts import write_parts
 from noisy_frames import decibels, noisy, truth
+from supersampler import Conventions
 from supersampler.cli import denoise_run
 from supersampler.denoising.sequence import PerFrame
 from supersampler.frame import Float32
 from supersampler.io.images import read_exr, read_header, write_exr
-from supersampler.io.shot import Shot, ShotWriter
+from supersampler.io.shot import Shot, ShotWriter, open_source
+from supersampler.io.shot.numbered import FrameRange
 from upscale_runs import interrupt_at, pixels, run, said, succeeded
 
 COUNT = 12
@@ -127,16 +129,18 @@ def test_noise_is_denoised_where_the_frames_have_it_and_oidn_is_installed(
     assert denoise_run.DenoiseRun(shot=shot, output=tmp_path, per_frame=per_frame).denoiser == denoiser
 
 
-def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
-    channels = tmp_path / "channels.json"
-    channels.write_text('{"color": ["R", "G", "B"], "depth": ["Z"], "motion": ["u", "v"]}')
-    options = "--channels", str(channels), "--conventions", "supersampler"
-    (tmp_path / "frames").mkdir()
-    for index in (*range(5), *range(7, 12)):
-        frame = noisy(index)
+def write_frames(folder: Path, numbers: Iterable[int]) -> Path:
+    for number in numbers:
+        frame = noisy(number)
         arrays = [np.asarray(frame.color), frame.depth[..., None], np.asarray(frame.motion)]
         pixels = np.concatenate(arrays, axis=2).astype(np.float32)
-        write_exr(tmp_path / f"frames/{index:04d}.exr", pixels, [*"RGBZ", "u", "v"])
+        write_exr(folder / f"{number:04d}.exr", pixels, [*"RGBZ", "vector.x", "vector.y"])
+    return folder
+
+
+def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
+    options = "--conventions", "supersampler"
+    write_frames(tmp_path / "frames", (*range(5), *range(7, 12)))
     result = succeeded(denoise(tmp_path / "frames", tmp_path / "out", *options))
     assert "frame 5 to 6 between 0004.exr and 0007.exr is missing: a cut" in result.output
     there = sorted(path.name for path in (tmp_path / "out").glob("*.exr"))
@@ -146,38 +150,67 @@ def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
     none = denoise(tmp_path / "frames", tmp_path / "none", *options, "--frames", "5-6")
     assert "frame 5 to 6 between 0004.exr and 0007.exr is missing. Render it" in none.stderr
     assert (none.exit_code, (tmp_path / "none").exists()) == (1, False)
+    beyond = denoise(tmp_path / "frames", tmp_path / "none", *options, "--frames", "3-12")
+    assert "has no frame from 12 to 12. Its frames are 0 to 11." in beyond.stderr
+    assert not (tmp_path / "none").exists()
 
 
-def test_ids_are_copied_as_they_are_with_their_names(tmp_path: Path) -> None:
+def test_a_sequence_with_thousands_of_gaps_is_split_into_its_parts(tmp_path: Path) -> None:
+    first = write_frames(tmp_path / "frames", [0]) / "0000.exr"
+    for number in range(2, 4000, 2):
+        (tmp_path / f"frames/{number:04d}.exr").hardlink_to(first)
+    shot = open_source(tmp_path / "frames", frames=(0, 0), conventions=Conventions())
+    opened: list[tuple[int, int]] = []
+
+    def open_frames(frames: tuple[int, int] | None = None) -> Shot:
+        if frames is None:
+            return open_source(tmp_path / "frames", conventions=Conventions())
+        opened.append(frames)
+        return shot  # quickly
+
+    parts = [part for part, _, _ in denoise_run.parts_of(None, open_frames, passes=2)]
+    assert parts == [FrameRange(number, number) for number in range(0, 4000, 2)]
+    assert opened == [(number, number) for number in range(0, 4000, 2)]
+
+
+@pytest.mark.parametrize(("compression", "border"), [("zip", 0), ("dwaa", 3)])
+def test_ids_are_copied_as_they_are_with_their_names(tmp_path: Path, compression: str, border: int) -> None:
     ids = np.random.default_rng(0).random((30, 48), np.float32) * 1e6
     manifest = '{"a": "' + "0" * 9000 + '"}'
     entries = {
         "CryptoObject00": {"cryptomatte/1/name": "CryptoObject", "cryptomatte/1/manifest": manifest},
-        "ProxyMask00": {"cryptomatte/2/name": "ProxyMask"},
+        "ProxyMask": {"cryptomatte/2/name": "ProxyMask"},
+        "depth": {"cryptomatte/3/name": "Other.CryptoObject"},  # of another view layer
     }
     for index in range(3):
         frame, parts = noisy(index), []
         for name, letters, values in (
             ("rgba", "RGB", frame.color), ("depth", "Z", frame.depth), ("vector", "xy", frame.motion),
-            ("CryptoObject00", "r", ids + index), ("ProxyMask00", "R", ids - index), ("MeshID", "Y", ids),
+            ("CryptoObject00", "r", ids + index), ("ProxyMask", ["ProxyMask00.R"], ids - index),
+            ("MeshID", "Y", ids),
         ):  # fmt: skip
             pixels = np.asarray(values, np.uint32 if name == "MeshID" else np.float32).reshape(30, 48, -1)
-            spec = ImageSpec(48, 30, len(letters), "uint" if name == "MeshID" else "float")
+            pixels = pixels[:, border:]
+            spec = ImageSpec(48 - border, 30, len(letters), "uint" if name == "MeshID" else "float")
+            spec.x, spec.full_width, spec.full_height = border, 48, 30
             spec.channelnames = tuple(letters)
             spec.attribute("oiio:subimagename", name)
             for key, text in entries.get(name, {}).items():
                 spec.attribute(key, text)
             parts.append((spec, pixels))
         write_parts(tmp_path / f"frames/{index:04d}.exr", *parts)
-    result = succeeded(denoise(tmp_path / "frames", tmp_path / "out", "--conventions", "supersampler"))
+    options = "--conventions", "supersampler", "--compression", compression
+    result = succeeded(denoise(tmp_path / "frames", tmp_path / "out", *options))
     channels = read_exr(tmp_path / "out/0001.exr")
-    np.testing.assert_array_equal(channels["CryptoObject00.r"], ids + 1)
-    np.testing.assert_array_equal(channels["ProxyMask00.R"], ids - 1)
+    for name, stored in (("CryptoObject00.r", ids + 1), ("ProxyMask00.R", ids - 1)):
+        np.testing.assert_array_equal(channels[name][:, border:], stored[:, border:])
+        assert (channels[name][:, :border] == 0).all()
     assert channels["R"].dtype == np.float16
     assert "Copied, because they cannot be blended: CryptoObject00.r, ProxyMask00.R" in result.output
     assert "Not read, because they cannot be blended: MeshID.Y" in result.output
     stated = read_header(tmp_path / "out/0001.exr").cryptomatte
-    assert stated == entries["CryptoObject00"] | entries["ProxyMask00"]
+    assert stated == entries["CryptoObject00"] | entries["ProxyMask"]
+    assert ("is zip: dwaa would change the copied ids" in result.output) == (compression == "dwaa")
 
 
 def test_missing_guides_and_missing_motion_are_said_once(tmp_path: Path) -> None:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from OpenImageIO import ImageSpec
 
+from exr_parts import write_parts
 from supersampler import ArgumentError, Conventions, ShotError
 from supersampler.io.images import write_exr, write_png
 from supersampler.io.shot import Shot, import_channels
@@ -130,6 +132,28 @@ def test_floats_around_a_half_come_out_by_their_range(tmp_path: Path) -> None:
     write_exr(tmp_path / "mv.0001.exr", stored.astype(np.float32), ["U", "V"])
     motion = {"channels": ["*.exr:U", "*.exr:V"], "range": [-1, 1]}
     assert_is_the_capture(opened(tmp_path, {"motion": motion}), scene)
+
+
+@pytest.mark.parametrize("ends", [(0, 50), (50, 0), (-25, 25)])
+def test_outside_of_a_data_window_packed_depth_is_sky_and_motion_is_0(
+    tmp_path: Path, ends: tuple[int, int]
+) -> None:
+    spec = ImageSpec(4, 6, 3, "float")
+    spec.channelnames, spec.x, spec.full_width, spec.full_height = ("D", "U", "V"), 2, 8, 6
+    depth, motion = (20.0 - ends[0]) / (ends[1] - ends[0]), 0.625
+    write_parts(tmp_path / "f.0001.exr", (spec, np.full((6, 4, 3), (depth, motion, motion), np.float32)))
+    write_exr(tmp_path / "color.0001.exr", np.zeros((6, 8, 3), np.float32))
+    described: dict[str, Any] = {
+        "color": [f"color.*.exr:{axis}" for axis in "RGB"],
+        "depth": {"channels": ["f.*.exr:D"], "range": ends},
+        "motion": {"channels": ["f.*.exr:U", "f.*.exr:V"], "range": [-4, 4]},
+    }
+    conventions = Conventions(depth="linear", near=1.0)
+    frame = import_channels(tmp_path, described, conventions=conventions).read(0).frame
+    np.testing.assert_array_equal(frame.depth[:, :2], 0.0)
+    np.testing.assert_allclose(frame.depth[:, 2:6], 1 / 20.0)
+    np.testing.assert_array_equal(frame.motion[:, :2], 0.0)
+    np.testing.assert_array_equal(frame.motion[:, 2:6], 1.0)
 
 
 def test_depth_of_8_bits_comes_out_within_half_a_step(tmp_path: Path) -> None:

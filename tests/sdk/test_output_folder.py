@@ -12,7 +12,7 @@ import pytest
 from noise import noise
 from supersampler import ShotError
 from supersampler.cli.results import read_run_record
-from supersampler.io.files import check_apart, check_inside, is_regular, remove_partial_files
+from supersampler.io.files import FolderLock, check_apart, check_inside, is_regular, remove_partial_files
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
 from upscale_runs import refusal, run, upscale, write_shot
@@ -49,6 +49,22 @@ def test_an_output_that_overlaps_the_shot_is_refused(
     for source in (shot, shot / "shot.json"):
         assert "the input" in refused(source, shot.parent / where, *options)
     assert content(shot.parent) == before
+
+
+@pytest.mark.parametrize("is_range", [False, True])
+@pytest.mark.parametrize("options", [("--overwrite",), ("--frames", "1-2")])
+def test_runs_write_into_one_folder_at_once_only_if_they_have_ranges(
+    shot: Path, tmp_path: Path, is_range: bool, options: tuple[str, ...]
+) -> None:
+    upscale(shot, tmp_path / "out")
+    before = content(tmp_path / "out")
+    with FolderLock(tmp_path / "out", is_shared=is_range):
+        if is_range and "--frames" in options:
+            upscale(shot, tmp_path / "out", *options, "--preroll", "4", "--at-rest", "converge")
+        else:
+            assert "out: another run writes to it. Wait for it" in refused(shot, tmp_path / "out", *options)
+            assert content(tmp_path / "out") == before
+    upscale(shot, tmp_path / "out")
 
 
 def test_overwrite_removes_what_the_record_lists_and_nothing_else(shot: Path, tmp_path: Path) -> None:

@@ -105,6 +105,7 @@ def test_a_wrong_pattern_is_answered_with_right_ones(tmp_path: Path, pattern: st
     [
         ("shots/ref/*.exr", r"has no file shots/ref/\*\.exr\. The pattern is relative to .*in\."),
         ("ref/#.exr", r"has no file ref/#\.exr\. Did you mean ref/a\.####\.exr \(10-10\)\?"),
+        (r"ref\*.exr", r"has no file ref.\*\.exr\. Patterns have forward slashes: ref/\*\.exr\."),
         ("ref", r"in/ref: has no field for the frame number\. Name its files: ref/\*\.exr\."),
     ],
 )
@@ -354,3 +355,49 @@ def test_no_pattern_takes_long(tmp_path: Path) -> None:
         with pytest.raises(ShotError, match="has no file"):
             numbered_files(tmp_path, pattern)
     assert [*numbered_files(tmp_path, f"{many}*.####.exr")] == [1]
+
+
+@pytest.mark.parametrize("layout", ["pattern", "map", "blender"])
+def test_links_out_of_the_folder_are_read_only_if_the_user_says_so(tmp_path: Path, layout: str) -> None:
+    store, folder = tmp_path / "store", tmp_path / "published"
+    (write_blender(store, "V") if layout == "blender" else write_channels(store))
+    folder.mkdir()
+    for path in store.glob("*.exr"):
+        (folder / path.name.replace("_", ".")).symlink_to(path)
+    others = "motion", "reference", "jitter.json"
+    for name in (each for each in others if (store / each).exists()):
+        (folder / name).symlink_to(store / name)
+    described = {"channels": MAP, "conventions": CONVENTIONS.to_json(), "cuts": [CUT]}
+    if layout == "map":
+        (folder / "channels.json").write_text(json.dumps(described))
+    by_layout: dict[str, dict[str, Any]] = {
+        "pattern": {"channel_map": MAP, "conventions": CONVENTIONS, "layout": "channels"},
+        "blender": {"reference": "reference/*.exr"},
+        "map": {},
+    }
+    options = by_layout[layout]
+    path = folder / "####.exr" if layout == "pattern" else folder
+    jitter = UNREAL_JITTER if layout != "blender" else [JITTER]
+    with pytest.raises(ShotError, match=r"leads out of .* --follow-links .* reads them"):
+        open_source(path, jitter=jitter, **options)
+    shot = open_source(path, jitter=jitter, cuts=[CUT], follow_links=True, **options)
+    assert_is_the_scene(shot)
+    assert shot.source == folder
+    if layout == "map":
+        result = succeeded(run("info", folder, "--follow-links"))
+        assert "frames        3" in result.output
+        (folder / "channels.json").write_text(json.dumps({**described, "follow_links": True}))
+        with pytest.raises(ShotError, match="unknown field `follow_links`"):
+            open_source(folder)
+
+
+def test_a_link_to_another_file_than_an_image_is_refused_even_where_links_are_followed(
+    tmp_path: Path,
+) -> None:
+    write_frames(tmp_path / "in", "a.0001.exr")
+    (tmp_path / "key").write_text("-----BEGIN PRIVATE KEY-----")
+    (tmp_path / "in/a.0002.exr").symlink_to(tmp_path / "key")
+    shot = open_source(tmp_path / "in", conventions=CONVENTIONS, follow_links=True)
+    with pytest.raises(ShotError, match=r"a\.0002\.exr: is not an EXR") as caught:
+        shot.read(1)
+    assert "PRIVATE" not in str(caught.value)

@@ -10,6 +10,7 @@ import pytest
 from OpenImageIO import ImageBuf, ImageSpec, TypeDesc
 
 from exr_parts import write_parts
+from supersampler.io.images import read_header
 from upscale_runs import (
     DISPLAY_SIZE,
     OURS,
@@ -96,7 +97,7 @@ def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path
     for name, kind, value in (
         ("camera", "string", "cam1"), ("focal", "float", 35.0), ("take", "int", 4),
         ("smpte:TimeCode", "timecode", (123456, 7)), ("chromaticities", "float[8]", ACESCG),
-        ("worldToCamera", "matrix", tuple(map(float, range(16)))),
+        ("worldToCamera", "matrix", tuple(map(float, range(16)))), ("crop", "box2i", (0, 1, 8, 9)),
     ):  # fmt: skip
         spec.attribute(name, TypeDesc(kind), value)
     extra = np.full((*frame_channels().shape[:2], 3), (1.0, 0.25, 17.0), np.float32)
@@ -111,19 +112,51 @@ def test_metadata_primaries_and_channels_that_are_no_input_arrive(tmp_path: Path
     assert "cannot be blended: id" in done.stderr
     assert (found["camera"], found["take"], found["focal"]) == ("cam1", 4, 35.0)
     assert found.getattribute("smpte:TimeCode") == (123456, 7)
+    assert found.getattribute("crop") == (0, 1, 8, 9)
     assert found.getattribute("worldToCamera") == tuple(range(16))
     np.testing.assert_allclose(found.getattribute("chromaticities"), ACESCG, rtol=1e-6)
     assert found["colorInteropID"] == "lin_ap1_scene"
 
 
-def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path) -> None:
-    renders = write_renders(tmp_path / "in", {1: "f.0001"})
+@pytest.mark.parametrize("header", [None, "lin_rec2020"])
+def test_a_stated_colour_space_is_kept_and_no_pixel_is_converted(tmp_path: Path, header: str | None) -> None:
+    renders = write_renders(tmp_path / "in", {1: "f.0001"}, color_space=header)
     plain, stated = (tmp_path / name / "f.0001.exr" for name in ("plain", "stated"))
     upscale(renders, plain.parent, *OURS)
     upscale(renders, stated.parent, "--color-space", "ACEScg", *OURS)
-    found = ImageBuf(str(stated)).spec().getattribute("chromaticities")
-    np.testing.assert_allclose(found, ACESCG, rtol=1e-6)
+    found = ImageBuf(str(stated)).spec()
+    np.testing.assert_allclose(found.getattribute("chromaticities"), ACESCG, rtol=1e-6)
+    assert found["colorInteropID"] == "lin_ap1_scene"
     np.testing.assert_array_equal(pixels(stated), pixels(plain))
+
+
+def test_a_frame_of_another_colour_space_is_named_unless_one_is_stated_for_all(tmp_path: Path) -> None:
+    renders = write_renders(tmp_path / "in", {1: "f.0001", 2: "f.0002"})
+    write_renders(renders, {3: "f.0003"}, color_space="ACEScg")
+    message = refusal("upscale", renders, "-o", tmp_path / "out", *BILINEAR, *OURS)
+    assert "f.0003.exr: is in ACEScg by its header; frame 1 is in lin_rec709" in message
+    assert [*images(tmp_path / "out")] == ["f.0001.exr", "f.0002.exr"]
+    upscale(renders, tmp_path / "all", "--color-space", "ACEScg", *OURS)
+    assert [*images(tmp_path / "all")] == ["f.0001.exr", "f.0002.exr", "f.0003.exr"]
+
+
+SHOW = """
+ocio_profile_version: 2
+roles: {scene_linear: light, default: light}
+file_rules: [!<Rule> {name: Default, colorspace: default}]
+displays: {sRGB: [!<View> {name: Film, colorspace: light}]}
+colorspaces: [!<ColorSpace> {name: light}]
+"""
+
+
+@pytest.mark.parametrize(("config", "stated"), [("show.ocio", None), ("ocio://default", "lin_ap1_scene")])
+def test_a_role_is_that_of_the_configuration(tmp_path: Path, config: str, stated: str | None) -> None:
+    (tmp_path / "show.ocio").write_text(SHOW)
+    renders = write_renders(tmp_path / "in", {1: "f.0001"})
+    path = str(tmp_path / config) if config == "show.ocio" else config
+    options = "--color-space", "scene_linear", "--ocio", path, "--format", "png", "--format", "exr"
+    upscale(renders, tmp_path / "out", *options, *OURS)
+    assert read_header(tmp_path / "out/exr/f.0001.exr").metadata.get("colorInteropID") == stated
 
 
 def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_path: Path) -> None:
@@ -194,3 +227,18 @@ def test_a_frame_that_was_rendered_again_after_its_image_is_named(tmp_path: Path
     write_renders(shot, {1: "f.0001"})
     assert "Frame 1 has changed since its image was written. --overwrite" in upscale(shot, out, *OURS).stderr
     assert "has changed" not in upscale(shot, out, *OURS, "--overwrite").stderr
+
+
+def test_a_pass_of_its_own_files_that_was_rendered_again_is_named(tmp_path: Path) -> None:
+    shot, out = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in range(3)}), tmp_path / "out"
+    write_renders(shot / "mv", {n: f"f.{n:04d}" for n in range(3)})
+    channels = {
+        "color": ["R", "G", "B"],
+        "depth": "depth.Z",
+        "motion": ["mv/*.exr:motion.X", "mv/*.exr:motion.Y"],
+    }
+    (shot / "channels.json").write_text(json.dumps({"channels": channels, "conventions": {}}))
+    upscale(shot, out)
+    assert "has changed" not in upscale(shot, out).stderr
+    write_renders(shot / "mv", {2: "f.0002"})
+    assert "Frame 2 has changed since its image was written" in upscale(shot, out).stderr

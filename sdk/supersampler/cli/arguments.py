@@ -66,8 +66,15 @@ ViewLayerOption = Annotated[
         "--layer", metavar="NAME", help="View layer of Blender's frames, where several are complete."
     ),
 ]
+FollowLinksOption = Annotated[
+    bool,
+    typer.Option(
+        "--follow-links", help="Also read frames that are links to files outside of the folder of SHOT."
+    ),
+]
 SOURCE_OPTIONS = (
     "layout", "layer", "jitter", "channels", "conventions", "frame_rate", "cuts", "reference", "color_space",
+    "follow_links",
 )  # fmt: skip
 """Parameters of the options above; see `open_with`."""
 
@@ -161,13 +168,14 @@ def open_with(
         layout, given["channel_map"] = "channels", _json_object(str(channels), "--channels")
     for name, parse in (("conventions", _conventions), ("cuts", _indices)):
         given[name] = None if given[name] is None else parse(given[name])
-    arguments = {name: value for name, value in given.items() if value is not None}
+    arguments = {name: value for name, value in given.items() if value is not None and value is not False}
     return open_source(source, layout=layout, frames=frames, guides=guides, **arguments)
 
 
 def source_of(options: dict[str, Any]) -> dict[str, str]:
     """Return the given SOURCE_OPTIONS as text, for the settings of a run."""
-    return {key: str(options[key]) for key in SOURCE_OPTIONS if options[key] is not None}
+    given = {key: options[key] for key in SOURCE_OPTIONS}
+    return {key: str(value) for key, value in given.items() if value is not None and value is not False}
 
 
 def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:

@@ -66,6 +66,7 @@ def denoise(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
+    follow_links: arguments.FollowLinksOption = False,
     threads: arguments.ThreadsOption = 0,
     overwrite: arguments.OverwriteOption = False,
     json: arguments.JsonOption = False,
@@ -94,8 +95,12 @@ def denoise(
     for part, opened, note in parts_of(numbers, open_frames, passes):
         images = image_options(opened, given)
         copied = copied_ids(opened) if "exr" in images.formats else []
-        notes = *source_notes(opened, copied), *unused_options(given, images.formats)
-        for line in (*filter(None, [note]), *notes):
+        notes = [note, *source_notes(opened, copied), *unused_options(given, images.formats)]
+        if (used := images.compression_with(copied)) != compression:
+            notes.append(
+                f"The compression of EXR files is {used}: {compression} would change the copied ids."
+            )
+        for line in filter(None, notes):
             console.print(line, soft_wrap=True)
         run = DenoiseRun(
             shot=opened, source=source_of(given), images=images, numbers=part,

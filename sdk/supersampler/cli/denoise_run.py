@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -19,10 +19,10 @@ from supersampler.errors import FrameError, MissingFramesError, ShotError
 from supersampler.frame import Frame
 from supersampler.history import StepResult
 from supersampler.io.compare import compare_layers
-from supersampler.io.images import Bytes, Channel, Metadata
+from supersampler.io.images import Bytes, Channel, ImageHeader, Metadata
 from supersampler.io.shot import Shot
-from supersampler.io.shot.named_channels import is_id
-from supersampler.io.shot.numbered import FrameRange
+from supersampler.io.shot.id_channels import is_id, is_of_cryptomatte
+from supersampler.io.shot.numbered import FrameRange, frames_text
 from supersampler.validation import FrameChecker
 from supersampler.validation.mistakes import MOTION_ZERO
 
@@ -52,40 +52,51 @@ def parts_of(
     Raises:
         ShotError: there are no such frames, or they cannot be opened.
     """
+    before, after = REACH + EXPOSURE_FRAMES, REACH if passes == 2 else 0  # that images depend on
     try:
-        shot = open_frames() if numbers is None else _opened(numbers, open_frames, passes)
-    except MissingFramesError as gap:
-        low, high = gap.present if numbers is None else (numbers.first, numbers.last)
-        (first, last), problem = gap.missing, gap.problem
-        if first <= low and high <= last:
-            raise
+        wanted = () if numbers is None else ((numbers.first - before, numbers.last + after),)
+        shot = open_frames(*wanted)
+    except MissingFramesError as error:
+        missing = error
+    except ShotError:
+        if numbers is not None:
+            open_frames((numbers.first, numbers.last))  # an error about the range itself names its numbers
+        raise
     else:
         yield numbers, shot, ""
         return
-    if low < first:
-        yield from parts_of(FrameRange(low, first - 1), open_frames, passes)
-    if last < high:
-        for part, shot, note in parts_of(FrameRange(last + 1, high), open_frames, passes):
-            yield part, shot, f"{problem}: a cut" if part is not None and part.first == last + 1 else note
+    low, high = missing.present if numbers is None else (numbers.first, numbers.last)
+    for number in (low, high):
+        if not missing.present[0] <= number <= missing.present[1]:
+            open_frames((number, number))  # raises
+    parts = list(_parts_between(missing, low, high))
+    if not parts:
+        raise missing
+    for (begin, end), part, note in parts:
+        around = max(begin, part.first - before), min(end, part.last + after)
+        yield part, open_frames(around), note
 
 
-def _opened(numbers: FrameRange, open_frames: Callable[..., Shot], passes: int) -> Shot:
-    """Open a range of frames, and the frames around it that its images depend on, up to the next gap."""
-    first = numbers.first - REACH - EXPOSURE_FRAMES
-    last = numbers.last + (REACH if passes == 2 else 0)
-    while True:
-        try:
-            return open_frames((first, last))
-        except MissingFramesError as gap:
-            if gap.missing[1] < numbers.first:
-                first = gap.missing[1] + 1
-            elif gap.missing[0] > numbers.last:
-                last = gap.missing[0] - 1
-            else:
-                raise
-        except ShotError:
-            open_frames((numbers.first, numbers.last))  # an error about the range itself names its numbers
-            raise
+def _parts_between(
+    missing: MissingFramesError, low: int, high: int
+) -> Iterator[tuple[tuple[int, int], FrameRange, str]]:
+    """Yield the frames between two gaps: their first and last number, those of a range, and a note.
+
+    `low` and `high` are the numbers of the range.
+    """
+    begin, note = missing.present[0], ""
+    for (first, last), place in [*missing.gaps.items(), ((missing.present[1] + 1, high), "")]:
+        if begin <= high and low <= first - 1:
+            part = FrameRange(max(begin, low), min(first - 1, high))
+            yield (begin, first - 1), part, note if begin > low else ""
+        begin, note = last + 1, f"{frames_text(max(first, low), last)} {place}: a cut"
+
+
+def _cryptomatte_of(header: ImageHeader, ids: Collection[str]) -> dict[str, str]:
+    """Return Cryptomatte's entries, `cryptomatte/ID/...`, without layers that have none of these channels."""
+    names = {key.split("/")[1]: name for key, name in header.cryptomatte.items() if key.endswith("/name")}
+    absent = {key for key, name in names.items() if not any(is_of_cryptomatte(each, [name]) for each in ids)}
+    return {key: value for key, value in header.cryptomatte.items() if key.split("/")[1] not in absent}
 
 
 @dataclass(kw_only=True, eq=False)
@@ -209,7 +220,7 @@ class DenoiseRun(FrameRun):
     def _metadata(self, index: int) -> Metadata:
         metadata = super()._metadata(index)
         if self._kept_ids():
-            metadata |= self.shot.read_header(index).cryptomatte
+            metadata |= _cryptomatte_of(self.shot.read_header(index), self._kept_ids())
         return metadata
 
     def _kept_ids(self) -> list[str]:

@@ -30,7 +30,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, Legend, compare_page, versions_text
 from supersampler.io.display import ExposureMeter, usable_exposure
-from supersampler.io.files import check_apart
+from supersampler.io.files import FolderLock, check_apart
 from supersampler.io.images import Bytes, Channel, Metadata, pixel_aspect, result_metadata
 from supersampler.io.shot import Shot
 from supersampler.io.shot.numbered import FrameRange
@@ -235,13 +235,21 @@ class FrameRun:
             SupersamplerError: a frame or a file is not usable; or the output lies in the shot, or would
                 replace files of another program.
         """
-        self._plan, self._image_size, count = plan, image_size, len(plan.numbers)
-        self._results = results = Results(self.output, self.images)
+        self._plan, self._image_size = plan, image_size
         if not self.holds_shot:
             check_apart(self.output, self.shot.source)
+        with FolderLock(
+            self.output, is_shared=self.numbers is not None
+        ) as lock:  # ranges have their own files
+            return self._write_locked(settings, lock, all_frames=all_frames)
+
+    def _write_locked(self, settings: Mapping[str, object], lock: FolderLock, *, all_frames: bool) -> Results:
+        self._results, count = Results(self.output, self.images), len(self._plan.numbers)
+        results = self._results
         self._first = first = results.begin(
             settings, count, self._kept, overwrite=self.overwrite, page=self.compare
         )
+        lock.take()  # of a new folder
         for note in self._changes():
             self.console.print(note, soft_wrap=True)
         page = self.compare and not (first == count and results.is_newest(results.record.page))

@@ -134,6 +134,11 @@ class ImageOptions:
         formats = self.image_formats
         return [f"{name}/" * (len(formats) > 1) + f"{self.name}.{name}" for name in formats]
 
+    def compression_with(self, copied: Collection[str]) -> str:
+        """Return the compression of EXR files that have these channels, too: lossless if it changes them."""
+        is_lossy = self.compression == "dwaa" and any(map(images.is_lossy_in_dwa, copied))
+        return "zip" if is_lossy else self.compression
+
     def to_json(self) -> dict[str, object]:
         """Return the options that change the files' content, as JSON."""
         return {
@@ -173,7 +178,8 @@ class ImageOptions:
                 image = images.half_pixels(arrays)
                 channels = {name: image[..., at] for at, name in enumerate(names)} | dict(output.copied)
                 images.write_exr(
-                    path, channels if output.copied else image, names, compression=self.compression,
+                    path, channels if output.copied else image, names,
+                    compression=self.compression_with(output.copied),
                     metadata=output.metadata, color_space=self.color_space,
                 )  # fmt: skip
         if not self.video:

@@ -29,6 +29,7 @@ def info(
     layer: arguments.ViewLayerOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,
+    follow_links: arguments.FollowLinksOption = False,
 ) -> None:
     """Print a method's inputs and outputs, or a shot's properties; without argument, all names and the GPU.
 
@@ -65,7 +66,10 @@ def info(
         rows = import_module("supersampler_model.data.dataset.overview").rows(Path(name))
     else:
         try:
-            given = {"layout": "auto", "layer": layer, "channels": channels, "conventions": conventions}
+            given = {
+                "layout": "auto", "layer": layer, "channels": channels, "conventions": conventions,
+                "follow_links": follow_links,
+            }  # fmt: skip
             rows = _shot_rows(open_with(name, {**dict.fromkeys(arguments.SOURCE_OPTIONS), **given}))
         except ShotError as error:
             hint = did_you_mean(name, methods())
@@ -87,6 +91,7 @@ def check(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
+    follow_links: arguments.FollowLinksOption = False,
     frames: Annotated[int, typer.Option(min=2, help="Number of frames to read from the middle.")] = 6,
 ) -> None:
     """Detect the conventions of SHOT: motion, jitter and depth.
@@ -135,6 +140,7 @@ def import_shot(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
+    follow_links: arguments.FollowLinksOption = False,
 ) -> None:
     """Copy frames of other programs into a shot of this package's format.
 

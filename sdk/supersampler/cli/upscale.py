@@ -78,6 +78,7 @@ def upscale(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
+    follow_links: arguments.FollowLinksOption = False,
     providers: Annotated[
         str,
         typer.Option(
@@ -195,13 +196,17 @@ def image_options(shot: "Shot", options: dict[str, Any]) -> "ImageOptions":
     """Return the options of a shot's images; by default, sRGB-encoded frames keep their format and bits."""
     from supersampler.cli.results import ImageOptions, name_pattern
     from supersampler.io.display_transforms import REC709
+    from supersampler.io.images import space_of_role
 
     stored, srgb, space = shot.stored_as, shot.conventions.srgb, shot.info.known_color_space
     same = srgb and stored.format in ("png", "tif")
+    transform = display_transform_of(REC709 if space is None else space, srgb=srgb, options=options)
+    if space is not None and transform.ocio is not None:
+        space = space_of_role(transform.ocio.config, space)
     return ImageOptions(
         formats=[str(item) for item in options["format"] or [stored.format if same else "exr"]],
         name=shot.info.file_names if options["name"] is None else name_pattern(options["name"]),
-        transform=display_transform_of(REC709 if space is None else space, srgb=srgb, options=options),
+        transform=transform,
         compression=options["compression"],
         bits=16 if same and stored.type == "uint16" else 8,
         color_space=space,

@@ -12,10 +12,15 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 from supersampler.arguments import MAX_SIDE
 from supersampler.errors import ShotError, printable
+
+try:
+    import fcntl
+except ImportError:  # on Windows
+    fcntl = None  # type: ignore[assignment]
 
 IMAGE_PIXELS: Final = 1 << 27
 """Maximum width times height: 16384 x 8192."""
@@ -98,6 +103,43 @@ def rename_partial(partial: Path, path: Path) -> None:
         raise ShotError(path, "was not written: its temporary file is missing, or a link", NO_ROOM)
     with os_errors_as_shot_error(path, "written", NO_ROOM):
         partial.replace(path)
+
+
+class FolderLock:
+    """Lock of a folder that a run writes to, for a block; it ends with the process.
+
+    `is_shared` locks may be held together, by runs that write different files. Nothing is locked on Windows,
+    where the file system has no such locks, and until the folder exists.
+
+    Raises:
+        ShotError: another run holds the folder.
+    """
+
+    def __init__(self, folder: Path, *, is_shared: bool = False) -> None:
+        self._folder, self._is_shared = folder, is_shared
+        self._held: int | None = None
+
+    def __enter__(self) -> Self:
+        self.take()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._held is not None:
+            os.close(self._held)
+
+    def take(self) -> None:
+        """Lock the folder, if it exists by now."""
+        if fcntl is None or self._held is not None or not is_folder(self._folder):
+            return
+        with os_errors_as_shot_error(self._folder):
+            self._held = os.open(self._folder, os.O_RDONLY)
+        try:
+            fcntl.flock(self._held, fcntl.LOCK_NB | (fcntl.LOCK_SH if self._is_shared else fcntl.LOCK_EX))
+        except BlockingIOError:
+            hint = "Wait for it, stop it, or choose another folder."
+            raise ShotError(self._folder, "another run writes to it", hint) from None
+        except OSError:  # of a network drive
+            return
 
 
 class LogFile:
@@ -215,8 +257,11 @@ def check_apart(output: Path, source: Path) -> None:
         raise ShotError(output, f"holds the input, {source}", hint)
 
 
-def check_inside(folder: Path, paths: Iterable[Path]) -> None:
-    """Raise ShotError if a path leads out of `folder`, by a link or by `..`; `folder` may be a link."""
+def check_inside(folder: Path, paths: Iterable[Path], remedy: str = "") -> None:
+    """Raise ShotError if a path leads out of `folder`, by a link or by `..`; `folder` may be a link.
+
+    `remedy` is another one than to copy the file.
+    """
     root, real_folders = os.path.realpath(folder), dict[Path, str]()
     for path in paths:
         if path.parent not in real_folders:
@@ -224,7 +269,7 @@ def check_inside(folder: Path, paths: Iterable[Path]) -> None:
         real = os.path.realpath(path) if os.path.islink(path) else real_folders[path.parent]  # noqa: PTH114
         if not Path(real).is_relative_to(root):
             hint = "Copy the file into the folder; links and names that leave it are not followed."
-            raise ShotError(path, f"leads out of {folder}", hint)
+            raise ShotError(path, f"leads out of {folder}", f"{hint} {remedy}".rstrip())
 
 
 def _first_bytes(path: Path, count: int) -> bytes:

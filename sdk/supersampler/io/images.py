@@ -14,7 +14,16 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from OpenImageIO import ColorConfig, ImageInput, ImageOutput, ImageSpec, TypeDesc, geterror
+from OpenImageIO import (
+    ColorConfig,
+    ImageInput,
+    ImageOutput,
+    ImageSpec,
+    TypeDesc,
+    TypeVector2i,
+    TypeVector3i,
+    geterror,
+)
 
 from supersampler.arguments import as_number
 from supersampler.errors import ArgumentError, ShotError, shown
@@ -177,9 +186,14 @@ def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[st
     if len({*layers}) < len(layers):
         layers = [part for part, _ in parts]
     return [
-        [name if not layer or name.startswith(f"{layer}.") else f"{layer}.{name}" for name in names]
+        [name if not layer or _is_in_layer(name, layer) else f"{layer}.{name}" for name in names]
         for layer, (_, names) in zip(layers, parts, strict=True)
     ]
+
+
+def _is_in_layer(channel: str, layer: str) -> bool:
+    """Return whether a channel's name begins with a layer, or one of its ranks: `crypto00.R` of `crypto`."""
+    return re.match(rf"{re.escape(layer)}\d*\.", channel) is not None
 
 
 def _read_part(
@@ -284,6 +298,7 @@ _PRIMARIES = {
 }
 """x and y of red, green, blue and white, by the space's name in the OpenColorIO configs of ACES."""
 _TOLERANCE = 2e-3  # maximum difference of a coordinate; files round to three digits
+_INTEROP_ID = "colorInteropID"
 _INTEROP_IDS = {
     "lin_rec709_scene": "lin_rec709", "lin_ap1_scene": "ACEScg", "lin_ap0_scene": "ACES2065-1",
     "lin_rec2020_scene": "lin_rec2020", "lin_p3d65_scene": "lin_p3d65",
@@ -393,7 +408,7 @@ def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
 
 
 def _color_space(spec: ImageSpec) -> str:
-    stated = spec.get_string_attribute("colorInteropID")
+    stated = spec.get_string_attribute(_INTEROP_ID)
     primaries = spec.getattribute("chromaticities")
     if stated in _INTEROP_IDS:
         return _INTEROP_IDS[stated]
@@ -413,6 +428,15 @@ def scene_linear_space(config: str) -> str:
     if not (config.startswith("ocio://") or files.is_file(Path(config))):
         return REC709
     return _INTEROP_IDS.get(ColorConfig(config).get_color_interop_id("scene_linear"), UNKNOWN_COLOR_SPACE)
+
+
+def space_of_role(config: str, name: str) -> str | None:
+    """Return the space of a role in an OpenColorIO configuration, as `scene_linear_space`; None if unknown.
+
+    A role means another space in another configuration. Other names are returned as they are.
+    """
+    opened = ColorConfig(config)
+    return _INTEROP_IDS.get(opened.get_color_interop_id(name)) if name in opened.getRoles() else name
 
 
 _TIME_CODE = "smpte:TimeCode"  # counts frames within a second
@@ -454,6 +478,7 @@ def pixel_aspect(metadata: Metadata) -> float:
     return float(value) if isinstance(value, int | float) and 0.01 <= value <= 100.0 else 1.0
 
 
+_INTEGER_VECTORS = {"vector2i": TypeVector2i, "vector3i": TypeVector3i}
 _PAETH = 128  # libpng's PNG_FILTER_PAETH; trying all filters for each row costs more than it saves
 Bytes: TypeAlias = NDArray[np.uint8]
 Levels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
@@ -495,17 +520,34 @@ def write_exr(
     spec.attribute("compression", compression)
     for name, value in (metadata or {}).items():
         if isinstance(value, TypedValues):
-            spec.attribute(name, TypeDesc(value.type), value.values)
+            spec.attribute(name, _parsed_type(value.type), value.values)
         else:
             spec.attribute(name, value)
     if color_space is not None:  # as OpenImageIO (`colorInteropID`) and Nuke (primaries) read it
         config = ColorConfig(STUDIO_CONFIG)
-        spec.attribute("oiio:ColorSpace", config.get_color_interop_id(color_space) or color_space)
+        if interop_id := config.get_color_interop_id(color_space):
+            spec.erase_attribute(_INTEROP_ID)  # of the metadata: OpenImageIO would keep it
+        spec.attribute("oiio:ColorSpace", interop_id or color_space)
         if primaries := config.get_chromaticities(color_space):
             spec.attribute("chromaticities", TypeDesc("float[8]"), primaries)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image  # mixed types: float32
     _write(path, spec, np.ascontiguousarray(pixels))
+
+
+def _parsed_type(text: str) -> TypeDesc:
+    """Return a type by its name; OpenImageIO's own parser does not know vectors of integers."""
+    base, _, length = text.partition("[")
+    if base not in _INTEGER_VECTORS:
+        return TypeDesc(text)
+    parsed = TypeDesc(_INTEGER_VECTORS[base])
+    parsed.arraylen = int(length.rstrip("]") or 0)
+    return parsed
+
+
+def is_lossy_in_dwa(channel: str) -> bool:
+    """Return whether OpenEXR's compressions dwaa and dwab change the values of a channel, by its name."""
+    return channel.rpartition(".")[2] in ("R", "G", "B", "Y", "RY", "BY")
 
 
 def half_pixels(images: Sequence[Array]) -> NDArray[np.float16]:

@@ -12,7 +12,8 @@ from safetensors.numpy import load_file
 
 from gl_scenes import Yard
 from gltf_files import cube, strip
-from supersampler import ArgumentError, halton_jitter
+from supersampler import ArgumentError, ShotError, halton_jitter
+from supersampler.io.files import FolderLock
 from supersampler_model.data.dataset import rendering
 from supersampler_model.data.dataset.overview import frequencies, rows
 from supersampler_model.data.dataset.rendering import RenderPlan, plan_sequences, render_sequence
@@ -156,6 +157,12 @@ def test_a_stopped_run_goes_on_with_the_same_images(tmp_path: Path, small_render
     times = [path.stat().st_mtime_ns for path in paths]
     render_sequence(again, entry, small_renderer)
     assert [path.stat().st_mtime_ns for path in paths] == times  # a complete sequence is left alone
+
+
+def test_two_runs_do_not_render_into_one_set_at_once(tmp_path: Path) -> None:
+    dataset = create_dataset(tmp_path, description())
+    with FolderLock(tmp_path), pytest.raises(ShotError, match="another run writes to it"):
+        rendering.render_dataset(dataset)
 
 
 def test_a_full_disk_leaves_whole_frames_only(

@@ -11,7 +11,7 @@ import numpy as np
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.io.files import remove_partial_files
+from supersampler.io.files import FolderLock, remove_partial_files
 from supersampler_model.data.dataset import storage
 from supersampler_model.data.dataset.storage import Dataset, Description, SequenceEntry, Split, open_dataset
 from supersampler_model.data.errors import DatasetError
@@ -191,13 +191,15 @@ def render_dataset(
     Raises:
         DataError: a worker failed (a full disk, no OpenGL, a changed file); complete frames stay, and the
             next run resumes.
+        ShotError: another run renders into the folder.
     """
     folders = [entry.folder for entry in dataset.entries()]
-    remove_partial_files(dataset.folder, _FRAME_FILE.fullmatch, folders)
-    at = dataset.at(ratio) if ratio else dataset
-    todo = [index for index, entry in enumerate(at.entries()) if at.complete(entry) < entry.spec.frames]
-    indices = [todo[k::workers] for k in range(min(workers, len(todo)))]
-    run_parts([partial(_render, dataset.folder, ratio, part) for part in indices], on_frame=on_frame)
+    with FolderLock(dataset.folder):
+        remove_partial_files(dataset.folder, _FRAME_FILE.fullmatch, folders)
+        at = dataset.at(ratio) if ratio else dataset
+        todo = [index for index, entry in enumerate(at.entries()) if at.complete(entry) < entry.spec.frames]
+        indices = [todo[k::workers] for k in range(min(workers, len(todo)))]
+        run_parts([partial(_render, dataset.folder, ratio, part) for part in indices], on_frame=on_frame)
 
 
 def _render(folder: Path, ratio: float | None, indices: Sequence[int], on_frame: OnFrame) -> None:

@@ -29,6 +29,7 @@ from supersampler.frame import Size
 from supersampler.io.child_process import GRACE, ChildProcess, end_text
 from supersampler.io.files import (
     NO_ROOM,
+    FolderLock,
     LogFile,
     check_apart,
     check_is_file,
@@ -168,12 +169,20 @@ def rendering(
     check_is_file(request.blend)
     check_apart(folder, request.blend)
     rendered = _RenderFolder(folder, request, note)
-    rendered.begin(overwrite=overwrite)
-    if rendered.is_complete():
-        yield rendered.rendering(lambda _: None, lambda: None)
-        return
-    program = find_blender(request.program)
-    log = rendered.prepare()
+    with FolderLock(folder) as lock:
+        rendered.begin(overwrite=overwrite)
+        if rendered.is_complete():
+            yield rendered.rendering(lambda _: None, lambda: None)
+            return
+        program = find_blender(request.program)
+        log = rendered.prepare()
+        lock.take()  # of a new folder
+        yield from _rendered(rendered, program, log)
+
+
+def _rendered(rendered: "_RenderFolder", program: str, log: LogFile) -> Iterator[Rendering]:
+    """Yield a scene and its frames, which Blender renders in the background."""
+    request, folder = rendered.request, rendered.path
     complete = len(rendered.record.frames)
     script = {
         **rendered.record.settings,

@@ -206,7 +206,8 @@ def import_blender(
     if conventions.motion_jittered:  # Eevee: motion to the next frame contains that frame's jitter
         channel_map.pop("motion_next", None)
     if reference is not None:
-        image = next(iter(numbered_files(folder, reference).values()))
+        follow_links = options.get("follow_links", False)
+        image = next(iter(numbered_files(folder, reference, follow_links=follow_links).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
     names = aov_names(channel_map.get("aovs", ()), layer)
     shot = import_channels(folder, channel_map, conventions=conventions, aov_names=names, **options)
@@ -238,9 +239,12 @@ def _to_world_normals(surface: Sequence[str], path: Path, raw: RawFrame) -> RawF
     """
     if raw.gbuffer is None or "normal" not in raw.gbuffer:
         return raw
-    world = take(path, read_exr(path, only=surface), surface).reshape(-1, 3).astype(np.float64)
+    stored = take(path, read_exr(path, only=surface, outside={}), surface)
     normal = raw.gbuffer["normal"]
-    camera = normal.reshape(-1, 3).astype(np.float64)
+    world, camera = (
+        np.nan_to_num(each, nan=0.0, posinf=0.0, neginf=0.0).reshape(-1, 3).astype(np.float64)
+        for each in (stored, normal)
+    )
     weight = np.ones((len(camera), 1))
     for _ in range(3):  # with less weight of pixels that do not fit: mirrors, glass
         u, _, v = np.linalg.svd(world.T @ (weight * camera))

@@ -5,6 +5,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias, TypedDict, Unpack
 
@@ -27,6 +28,7 @@ from supersampler.io.shot.format import (
     sky_depth,
     take,
 )
+from supersampler.io.shot.id_channels import is_id
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
 
@@ -46,6 +48,14 @@ class Packing:
     bytes_each: int
     low: float
     high: float
+
+    def encoded(self, number: float) -> list[float]:
+        """Return the values of a number's channels; bytes hold no number outside of the range."""
+        fraction = (number - self.low) / (self.high - self.low)
+        if self.bytes_each == 0:
+            return [fraction]
+        code = round(min(max(fraction, 0.0), 1.0) * (256**self.bytes_each - 1))
+        return [byte / 255.0 for byte in code.to_bytes(self.bytes_each, "big")]
 
     def decoded(self, channels: Array) -> Float32:
         """Return the numbers, (h, w) for one number per pixel, (h, w, n) for n.
@@ -136,6 +146,7 @@ class SequenceOptions(TypedDict, total=False):
     cuts: Sequence[int]
     name: str | None
     color_space: str | None
+    follow_links: bool
 
 
 ChannelMap: TypeAlias = Mapping[str, str | Sequence[str] | Mapping[str, Any]]
@@ -163,6 +174,7 @@ def import_channels(
     name: str | None = None,
     aov_names: Sequence[str] = (),
     color_space: str | None = None,
+    follow_links: bool = False,
 ) -> Shot:
     """Open a folder of EXR, PNG or TIFF frames with other channel names and conventions as a Shot.
 
@@ -195,15 +207,18 @@ def import_channels(
         aov_names: names of the AOVs in output files; by default they are numbered.
         color_space: colour space of the pixels, see `ShotInfo`; by default the space that the first file
             states, see `supersampler.io.images.ImageHeader`.
+        follow_links: whether the files and the folders of patterns may be links that lead out of the folder.
 
     Raises:
-        ShotError: files or channels are missing, or differ in number or size.
+        ShotError: files or channels are missing, or differ in number or size; or a link leads out of the
+            folder.
         ArgumentError: the map has an unknown name or a wrong number of channels; or the frame rate is out of
             range.
     """
     if not isinstance(channel_map, Mapping):
         raise ArgumentError("channel_map", got=shown(channel_map), want="a mapping of our names to channels")
-    found = _MappedFiles(Path(folder), channel_map, checked_conventions(conventions), files, frames)
+    conventions = checked_conventions(conventions)
+    found = _MappedFiles(Path(folder), channel_map, conventions, files, frames, follow_links=follow_links)
     indices = [as_index(cut) for cut in cuts] if is_row(cuts) else [None]
     if not all(index is not None and 0 <= index <= found.last_index for index in indices):
         raise ArgumentError("cuts", got=shown(cuts), want=f"indices of frames, 0 to {found.last_index}")
@@ -216,6 +231,8 @@ def import_channels(
     if display_size is not None:
         display_size = checked_size("display_size", display_size)
     header = read_header(found.frame_file(0))
+    if color_space is None:
+        found.color_space = header.color_space
     if frame_rate is None:
         frame_rate = header.frame_rate or _FRAME_RATE
     exact_rate(frame_rate)  # raises if it is out of range
@@ -242,12 +259,18 @@ def import_channels(
         return found.read_reference(index, info.display_size)
 
     color = found.sources["color"].channels[0] if "color" in found.sources else "R"
-    return Shot(found.folder, info, entries, arrays, reference, color_channel=color, channel_map=channel_map)
+    shot = Shot(
+        found.folder, info, entries, arrays, reference, color_channel=color, channel_map=channel_map,
+        frame_files=found.frame_files,
+    )  # fmt: skip
+    shot.ignored_channels[:] = found.unmapped_ids(header)
+    return shot
 
 
 def first_file(folder: Path, options: SequenceOptions) -> Path:
     """Return the file of the first frame that these options choose."""
-    numbered = numbered_files(folder, options.get("files", "*.exr"))
+    follow_links = options.get("follow_links", False)
+    numbered = numbered_files(folder, options.get("files", "*.exr"), follow_links=follow_links)
     return next(iter(of_range(folder, numbered, options.get("frames")).values()))
 
 
@@ -304,9 +327,19 @@ class _Source:
         stored = take(path, channels, self.channels)
         return stored if self.packing is None else self.packing.decoded(stored)
 
+    def outside(self, value: float) -> dict[str, float]:
+        """Return the values of the channels outside of a file's data window; `value` is the array's."""
+        stored = [value] if self.packing is None else self.packing.encoded(value)
+        return {name: stored[index % len(stored)] for index, name in enumerate(self.channels)}
+
 
 class _MappedFiles:
-    """Files of a sequence, and the arrays to read from them."""
+    """Files of a sequence, and the arrays to read from them.
+
+    `color_space` is the space that every file of the colour must state; None: what they state does not count.
+    """
+
+    color_space: str | None = None
 
     def __init__(
         self,
@@ -315,25 +348,33 @@ class _MappedFiles:
         conventions: Conventions,
         files: str,
         frames: Range | None,
+        *,
+        follow_links: bool,
     ) -> None:
         self.folder, self._conventions = folder, conventions
         self._sky = sky_depth(conventions)
         self.every_source = _parsed(channel_map, files)
         self.sources = {name: each for name, each in self.every_source.items() if name != "reference"}
         patterns = dict.fromkeys(source.pattern for source in self.sources.values())
-        every = {pattern: numbered_files(folder, pattern) for pattern in patterns}
+        every = {each: numbered_files(folder, each, follow_links=follow_links) for each in patterns}
         self.files = {pattern: of_range(folder, found, frames) for pattern, found in every.items()}
         self.numbers = _common_numbers(folder, self.files)
         numbers = next(iter(every.values()))
         self.indices = [number - min(numbers) for number in self.numbers]  # from the first file
         self.frame_pattern = (self.sources.get("color") or self.sources["depth"]).pattern
         self.last_index = max(numbers) - min(numbers)
-        reference = self.every_source.get("reference")
-        self.references = {} if reference is None else _references(folder, reference.pattern, self.numbers)
+        self.references: dict[int, Path] = {}
+        if reference := self.every_source.get("reference"):
+            files_of_all = numbered_files(folder, reference.pattern, follow_links=follow_links)
+            self.references = _references(folder, reference.pattern, files_of_all, self.numbers)
 
     def frame_file(self, index: int) -> Path:
         """Return the file of a frame's colour, or of its depth if it has no colour."""
         return self.files[self.frame_pattern][self.numbers[index]]
+
+    def frame_files(self, index: int) -> list[Path]:
+        """Return the files of a frame, one for each pattern."""
+        return [files[self.numbers[index]] for files in self.files.values()]
 
     def entry(self, index: int, jitter: tuple[float, float], *, reset: bool) -> FrameEntry:
         reference = self.references.get(self.numbers[index])
@@ -350,14 +391,19 @@ class _MappedFiles:
 
         Raises:
             ShotError: a packed array does not have 8 bits, or another array holds integers. Only sRGB
-                colour, references and AOVs, such as alpha, may hold integers.
+                colour, references and AOVs, such as alpha, may hold integers. Or an AOV holds ids.
             ArgumentError: colour holds integers, and the conventions do not state that it is sRGB-encoded.
         """
         for name, source in self.every_source.items():
             path = next(
                 iter((self.references if name == "reference" else self.files[source.pattern]).values())
             )
-            types = read_header(path).types
+            header = read_header(path)
+            types = header.types
+            ids = [channel for channel in source.channels if is_id(channel, header.cryptomattes)]
+            if name == "aovs" and ids:
+                hint = "Leave them out of the map, or rename them if they hold none; `denoise` copies ids."
+                raise ShotError(path, f"holds ids in {', '.join(ids)}; AOVs are blended", hint)
             kinds = {types[channel] for channel in source.channels if channel in types}
             if source.packing is not None and source.packing.bytes_each:
                 if others := sorted(kinds - {"uint8"}):
@@ -374,6 +420,12 @@ class _MappedFiles:
                 got = f"without srgb=True, and {path.name} holds {min(kinds)}"
                 raise ArgumentError("conventions", got=got, want="srgb=True for integers", hint=hint)
 
+    def unmapped_ids(self, header: ImageHeader) -> list[str]:
+        """Return the channels of ids in the files of the colour, of the first view, that are not mapped."""
+        own = [source.channels for source in self.sources.values() if source.pattern == self.frame_pattern]
+        known = {*chain.from_iterable(own), *header.other_views}
+        return [name for name in header.types if name not in known and is_id(name, header.cryptomattes)]
+
     def read_arrays(
         self, index: int, render_size: Size | None = None, gbuffers: Collection[str] | None = None
     ) -> RawFrame:
@@ -388,8 +440,12 @@ class _MappedFiles:
             if not sources:
                 continue
             path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]
-            outside = dict.fromkeys(self.sources["depth"].channels if "depth" in sources else (), self._sky)
+            outside: dict[str, float] = {}
+            for name, source in sources.items():
+                outside |= source.outside(self._sky if name == "depth" else 0.0)
             channels = read_image(path, only=names, outside=outside)
+            if pattern == self.frame_pattern:
+                self._check_color_space(path)
             if self._conventions.motion_resolution == "render" or not set(sources) <= _MOTIONS:
                 check_size(path, channels, render_size)
             arrays |= {name: source.taken(path, channels) for name, source in sources.items()}
@@ -406,6 +462,13 @@ class _MappedFiles:
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
             aovs=aovs[..., None] if aovs is not None and aovs.ndim == 2 else aovs,
         )
+
+    def _check_color_space(self, path: Path) -> None:
+        """Raise ShotError if the file of a frame states another colour space than the first frame."""
+        if self.color_space is None or (stated := read_header(path).color_space) == self.color_space:
+            return
+        problem = f"is in {stated} by its header; frame {self.numbers[0]} is in {self.color_space}"
+        raise ShotError(path, problem, "Render it again, or state the space of all frames: --color-space.")
 
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
         path, channels = self.references[self.numbers[index]], self.every_source["reference"].channels
@@ -496,9 +559,10 @@ def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[
     return list(leader)
 
 
-def _references(folder: Path, pattern: str, numbers: Sequence[int]) -> dict[int, Path]:
+def _references(
+    folder: Path, pattern: str, files: Mapping[int, Path], numbers: Sequence[int]
+) -> dict[int, Path]:
     """Return the references of the frames that have one, by number."""
-    files = numbered_files(folder, pattern)
     found = {number: files[number] for number in numbers if number in files}
     if not found:
         problem = f"no reference {pattern} has the number of a frame, {numbers[0]} to {numbers[-1]}"

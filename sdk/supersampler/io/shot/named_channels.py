@@ -11,6 +11,7 @@ from supersampler.conventions.conventions import checked_conventions
 from supersampler.errors import ShotError
 from supersampler.io.images import ImageHeader, luminance_chroma_error, read_header
 from supersampler.io.shot.channels import SequenceOptions, first_file, import_channels
+from supersampler.io.shot.id_channels import base_name, is_id
 from supersampler.io.shot.numbered import numbered_files
 from supersampler.io.shot.shot import Shot
 
@@ -38,18 +39,15 @@ _ALPHA = ("a", "alpha")
 _LUMINANCE, _CHROMA = "Y", {"RY", "BY"}
 """Channels of EXR files without colours: one for grey images, all for luminance with chroma."""
 _ALONE = ("depth", "roughness", "metallic", "specular")
-_ID = re.compile(
-    r"""index.*|(object|material)[ ]index                         # Blender
-    |(.*[_ -])?(id|ID|Id)s?\d*|.*[a-z0-9]I[Dd]s?\d*          # id2, object_id, RenderID
-    |(object|material|instance|render|node|prim|primitive|mesh|face|group|particle|shader)ids?\d*""",
+_DATA = re.compile(
+    r"""((world|object|local|camera|view|ref|rest|point)[_ ]?(space[_ ]?)?)?pos(ition)?s?
+    |p|pref|[pn]world|uv([ ]coordinates)?|st
+    |(.*[_ -])(z|depth)|zback|(hit)?pz                        # Arnold: volume_Z; RenderMan, Karma
+    |.*normals?|nn|(.*[_ -])motion|motion(back|fore)|dp(camera)?dtime
+    |(denoising|noisy|debug)[ ].*""",
     re.VERBOSE,
 )
-"""Names of ids other than Cryptomatte's. `grid` is none."""
-_DATA = re.compile(
-    r"((world|object|local|camera|view|ref|rest)[_ ]?)?pos(ition)?|p|pref|pworld|uv|st"
-    "|(denoising|noisy|debug) .*"
-)
-"""Names of other data that cannot be blended, in lower case: positions, other vectors."""
+"""Names of other data that cannot be blended, in lower case: positions, depth, normals, other vectors."""
 
 
 def recognised_map(path: Path, channels: Iterable[str]) -> dict[str, list[str]] | None:
@@ -123,24 +121,9 @@ def late_channels(shot: Shot, first: ImageHeader) -> tuple[str, ...]:
     return tuple(name for name in last.types if name not in first.types)
 
 
-def is_id(channel: str, cryptomattes: Collection[str] = ()) -> bool:
-    """Return whether a channel holds ids, by its name, or of one of these Cryptomatte layers."""
-    base, layer = _base(channel), channel.rpartition(".")[0]
-    if "crypto" in channel.lower() or _ID.fullmatch(base) or _ID.fullmatch(base.lower()):
-        return True
-    ends = range(len(layer.rstrip("0123456789")), len(layer) + 1)
-    begins = [0, *(found.end() for found in re.finditer(r"\.", layer))]
-    return not {layer[begin:end] for begin in begins for end in ends}.isdisjoint(cryptomattes)
-
-
-def _base(channel: str) -> str:
-    *before, last = channel.split(".")
-    return before[-1] if before else last
-
-
 def _is_data(channel: str) -> bool:
     """Return whether a channel's name is a name of positions, depth, motion or normals."""
-    base = _base(channel).lower()
+    base = base_name(channel).lower().lstrip("_")  # RenderMan: __Pworld
     vectors = {name for ours in ("depth", "motion", "motion_next", "normal") for name in _NAMES[ours][0]}
     return _joined(base) in vectors or _DATA.fullmatch(base) is not None
 
@@ -234,7 +217,7 @@ def import_named_channels(
     if aovs:
         channel_map["aovs"] = aovs
     if reference is not None:
-        numbered_files(folder, reference)  # raises if nothing matches
+        numbered_files(folder, reference, follow_links=options.get("follow_links", False))  # raises for none
         channel_map["reference"] = [f"{reference}:{axis}" for axis in "RGB"]
     names = [_output_name(name, channel_map.get("color", ["R"])[0]) for name in aovs]
     if len({*names, *"RGB"}) != len(names) + 3:

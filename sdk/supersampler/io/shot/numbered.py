@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path, PurePath, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 from typing import TypeAlias
 
 from supersampler.arguments import as_index, checked_path, is_row
@@ -37,7 +37,7 @@ def is_pattern(path: Path) -> bool:
     return not os.path.lexists(path) and bool(_FIELD.search(path.name) or _has_wildcard(path.name))
 
 
-def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
+def numbered_files(folder: Path, pattern: str, *, follow_links: bool = False) -> dict[int, Path]:
     """Return the files of a pattern by frame number, in order.
 
     A hyphen after a dot, after an underscore or at the start is the number's sign: `beauty.-0012.exr` is
@@ -50,10 +50,11 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
             or more, and negative numbers with any number of digits; `beauty.%d.exr` any. Or with `*` or `?`,
             such as `beauty_*.exr`: then the last number in the name counts. Folders have no wildcards. The
             extension may be in any case.
+        follow_links: whether files and folders may be links that lead out of the folder.
 
     Raises:
         ShotError: no file matches, a name has no number, two have the same, names differ in more than the
-            number, a hyphen is ambiguous, or a file lies outside of the folder.
+            number, a hyphen is ambiguous, or a link leads out of the folder.
     """
     if not is_folder(folder):
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
@@ -82,12 +83,16 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     if not files:
         below = "/".join(parts[:-1])
         hint = suggestion(place, below) if is_folder(place) else f"The pattern is relative to {folder}."
+        if "\\" in pattern:
+            hint = f"Patterns have forward slashes: {PureWindowsPath(pattern).as_posix()}."
         raise ShotError(folder, f"has no file {pattern}", hint)
     if len({*rests.values()}) > 1:
         raise ShotError(folder, f"has files of several sequences {pattern}", choose())
     if len(files) > SHOT_FRAMES:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
-    check_inside(folder, files.values())
+    if not follow_links:
+        remedy = "--follow-links (follow_links=True in Python) reads them, if you trust who made the links."
+        check_inside(folder, files.values(), remedy)
     return dict(sorted(files.items()))
 
 
@@ -127,15 +132,21 @@ def of_range(folder: Path, files: Mapping[int, Path], frames: Range | None) -> d
     if not chosen:
         problem = f"has no frame from {low} to {high}"
         raise ShotError(folder, problem, f"Its frames are {min(files)} to {max(files)}.")
+    gaps: dict[tuple[int, int], str] = {}
     for before, after in pairwise(files):
-        first, last = max(before + 1, low), min(after - 1, high)
-        if first <= last:
-            missing = f"frame {first}" + (f" to {last}" if last > first else "")
-            problem = f"{missing} between {files[before].name} and {files[after].name} is missing"
+        if after - before > 1:
+            gaps[before + 1, after - 1] = f"between {files[before].name} and {files[after].name} is missing"
+    for (first, last), place in gaps.items():
+        if first <= high and low <= last:
+            problem = f"{frames_text(max(first, low), min(last, high))} {place}"
             hint = "Render it; motion leads from each frame to the one before it."
-            present = min(files), max(files)
-            raise MissingFramesError(folder, problem, hint, missing=(first, last), present=present)
+            raise MissingFramesError(folder, problem, hint, gaps=gaps, present=(min(files), max(files)))
     return chosen
+
+
+def frames_text(first: int, last: int) -> str:
+    """Return the numbers of frames as text: "frame 7", "frame 7 to 9"."""
+    return f"frame {first}" + (f" to {last}" if last > first else "")
 
 
 def file_names(path: Path, pattern: str) -> str:

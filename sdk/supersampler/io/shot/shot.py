@@ -122,6 +122,7 @@ class Shot:
         color_channel: str = "R",
         channel_map: Mapping[str, Any] | None = None,
         own_format: bool = False,
+        frame_files: Callable[[int], Collection[Path]] | None = None,
     ) -> None:
         self.path, self.info = path, info
         self._offset = 0  # index of the first frame in the uncropped shot, for the callables
@@ -136,6 +137,7 @@ class Shot:
         self.samples: int | None = None
         self._color_channel, self.own_format = color_channel, own_format
         self._channel_map = channel_map  # of `import_channels`
+        self._frame_files = frame_files  # of frames with a file for each pass
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
@@ -258,7 +260,8 @@ class Shot:
             return self
 
         def noisy(path: Path, raw: RawFrame) -> RawFrame:
-            return replace(raw, color=shot_format.take(path, read_exr(path, only=names), names))
+            channels = read_exr(path, only=names, outside={})
+            return replace(raw, color=shot_format.take(path, channels, names))
 
         shot = self.with_conversion(noisy)
         shot.is_denoised, shot.noisy_channels = False, ()
@@ -329,10 +332,14 @@ class Shot:
         return self._entries[index].exposure
 
     def changed_at(self, index: int) -> int:
-        """Return the time at which a frame's file has changed last, in ns; 0 if there is none."""
-        folder = self.source if self.source.is_dir() else self.source.parent
-        path = folder / self._entries[index].file
-        return path.stat().st_mtime_ns if is_file(path) else 0
+        """Return the time at which a file of a frame has changed last, in ns; 0 if there is none."""
+        if self._frame_files is not None:
+            paths = self._frame_files(self._offset + index)
+        else:
+            folder = self.source if self.source.is_dir() else self.source.parent
+            entry = self._entries[index]
+            paths = [folder / name for name in (entry.file, entry.display_file) if name is not None]
+        return max((path.stat().st_mtime_ns for path in paths if is_file(path)), default=0)
 
     def hashes(self, count: int) -> dict[str, str]:
         """Return hashes of what is stated about the first `count` frames, by kind; none of their pixels."""
@@ -418,7 +425,7 @@ class Shot:
     def read_channels(self, index: int, names: Collection[str]) -> dict[str, Channel]:
         """Read channels of a frame's EXR file unchanged, (h, w) each."""
         path = self._complete_file(index)
-        channels = read_exr(path, only=names)
+        channels = read_exr(path, only=names, outside={})
         shot_format.check_size(path, channels, self._entries[index].render_size or self.render_size)
         return channels
 

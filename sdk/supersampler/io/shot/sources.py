@@ -64,7 +64,7 @@ def open_source(
     pattern: Any = options.get("files")
     files = None if "files" not in options else str(checked_path("files", pattern))
     if layout == "auto":
-        layout = guess_layout(path, files)
+        layout = guess_layout(path, files, follow_links=options.get("follow_links") is True)
     opener = _opener(layout, path, options)
     parameters = {*signature(opener).parameters}
     if "options" in parameters:
@@ -75,7 +75,8 @@ def open_source(
         raise ArgumentError("path", got="a pattern", want=f"a folder or file, as the layout is {layout!r}")
     for name in options:
         if name not in parameters:
-            hint = f"Change {FILE_NAME} instead." if layout == "shot" else ""
+            is_stated = layout == "shot" and name != "follow_links"
+            hint = f"Change {FILE_NAME} instead." if is_stated else ""
             want = f"left out: the layout {layout!r} does not use it"
             raise ArgumentError(name, got="given", want=want, hint=hint)
     if "frames" in parameters:
@@ -98,11 +99,12 @@ def _opener(layout: str, path: Path, options: Mapping[str, object]) -> Callable[
 
 
 def guess_layout(
-    path: Path, files: str | None = None
+    path: Path, files: str | None = None, *, follow_links: bool = False
 ) -> Literal["shot", "render", "blender", "channels", "arm"]:
     """Return the layout by file and channel names; ShotError, which states them, if it is not supported.
 
-    `files` is the pattern of the frames' files in the folder; None accepts all EXR files.
+    `files` is the pattern of the frames' files in the folder; None accepts all EXR files. For `follow_links`
+    see `import_channels`.
     """
     with os_errors_as_shot_error(path, hint=_KNOWN):
         if path.is_file() and path.suffix in (".safetensors", ".json"):
@@ -124,7 +126,7 @@ def guess_layout(
         names = sorted(item.name for item in path.iterdir())
     frames = [path / name for name in names if name.lower().endswith(".exr") and not name.startswith(".")]
     if files is not None:
-        frames = list(numbered_files(path, files).values())
+        frames = list(numbered_files(path, files, follow_links=follow_links).values())
     if not frames:
         raise ShotError(path, f"holds {_listed(names) or 'nothing'}", _KNOWN)
     header = read_header(frames[0])
