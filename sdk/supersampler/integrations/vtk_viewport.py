@@ -85,8 +85,8 @@ class ViewportHistory:
 
     @property
     def has_pixels(self) -> bool:
-        """Whether the viewport is not empty."""
-        return bool(min(self._renderer.GetSize()) > 0)
+        """Whether the renderer draws, and its viewport is not empty."""
+        return bool(self._renderer.GetDraw() and min(self._renderer.GetSize()) > 0)
 
     @property
     def has_surfaces(self) -> bool:
