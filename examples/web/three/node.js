@@ -63,7 +63,8 @@ export class SupersamplerNode extends Node {
     this._isReset = true;
     this._frame = 0;
     this._jitter = null; // of this frame; null before the upscaler is ready
-    this._renderSize = [1, 1]; // of the view offset of this frame
+    this._renderSize = [1, 1]; // that this frame is jittered for
+    this._view = null; // the camera's own view offset
     this._projection = new Matrix4(); // without jitter
     this._clip = new Matrix4(); // world to clip coordinates, of this frame and the previous one
     this._previousClip = new Matrix4();
@@ -71,6 +72,7 @@ export class SupersamplerNode extends Node {
       planes: uniform(new Vector3()), jitter: uniform(new Vector2()), size: uniform(new Vector2()), toPrevious: uniform(new Matrix4()),
       detail: uniform(1), // render size / display size
     };
+    this._sharpTextures = sharpTextures(this._uniforms.detail);
     this._inputs = inputsTarget();
     this._material = Object.assign(new NodeMaterial(), { name: "supersampler inputs", blending: NoBlending });
     this._quad = new QuadMesh(this._material);
@@ -89,9 +91,10 @@ export class SupersamplerNode extends Node {
     this._isReset = true;
   }
 
-  /** Frees the memory. */
+  /** Frees the memory, and lets the pass sample its textures as before. */
   dispose() {
     super.dispose();
+    if (this._pass?.contextNode === this._sharpTextures) this._pass.contextNode = null;
     for (const resource of [this._fallback, this._inputs, this._material, this._output]) resource?.dispose();
     this._upscaler?.destroy();
     this._upscaler = null;
@@ -111,7 +114,7 @@ export class SupersamplerNode extends Node {
       OnAfterRenderPipeline(() => this._clearView());
     }
     if (state && state.viewOffsetOwner !== this) throw new UpscalerError("the render pipeline", "jittered by another node", "one such node", PIPELINES);
-    if (this._pass) this._pass.contextNode ??= sharpTextures(this._uniforms.detail);
+    if (this._pass) this._pass.contextNode ??= this._sharpTextures;
     this._renderPipeline = renderPipeline;
     this._material.contextNode = context(builder.getSharedContext());
     this._material.fragmentNode = this._inputNodes(renderer);
@@ -183,16 +186,22 @@ export class SupersamplerNode extends Node {
     if (!this._upscaler || !Math.min(...display, width, height)) return;
     this._renderSize = [width, height];
     this._uniforms.detail.value = width / display[0];
-    this._jitter = haltonJitter(this._frame++, display[0] / width);
-    this.camera.updateProjectionMatrix();
-    this._projection.copy(this.camera.projectionMatrix);
+    const [x, y] = this._jitter = haltonJitter(this._frame++, display[0] / width), { camera } = this;
+    camera.updateProjectionMatrix();
+    this._projection.copy(camera.projectionMatrix);
     velocity.setProjectionMatrix(this._projection);
-    this.camera.setViewOffset(width, height, ...this._jitter, width, height); // a pixel shows its centre + jitter
+    this._view = camera.view;
+    const whole = { enabled: true, fullWidth: width, fullHeight: height, offsetX: 0, offsetY: 0, width, height };
+    const view = camera.view?.enabled ? camera.view : whole;
+    // A pixel shows its centre + jitter. `setViewOffset` would change the camera's aspect, too.
+    camera.view = { ...view, offsetX: view.offsetX + x * view.width / width, offsetY: view.offsetY + y * view.height / height };
+    camera.updateProjectionMatrix();
   }
 
   _clearView() {
     if (!this._jitter) return;
-    this.camera.clearViewOffset();
+    this.camera.view = this._view;
+    this.camera.updateProjectionMatrix();
     velocity.setProjectionMatrix(null);
     this._jitter = null;
   }

@@ -47,6 +47,7 @@ class SceneView:
         near: distance of the near plane; of the far plane `far`.
         parallel: whether the projection is parallel.
         matrices: matrices of the visible actors and volumes, from their own space to the world's.
+        upscaled: the visible props that are upscaled.
         aspect: width / height that the camera projects to.
         sky: `view_projection` without the camera's position; None without a skybox.
     """
@@ -58,11 +59,12 @@ class SceneView:
     far: float
     parallel: bool
     matrices: dict[vtkProp3D, Matrix]
+    upscaled: frozenset[vtkProp3D]
     aspect: float
     sky: Matrix | None
 
     @classmethod
-    def of(cls, renderer: Any) -> Self:
+    def of(cls, renderer: Any, upscaled: frozenset[vtkProp3D]) -> Self:
         """Read the view of a renderer, before the camera is jittered."""
         camera, aspect = renderer.GetActiveCamera(), renderer.GetTiledAspectRatio()
         matrix = _array(camera.GetCompositeProjectionTransformMatrix(aspect, -1, 1))
@@ -76,7 +78,8 @@ class SceneView:
             sky = _array(camera.GetProjectionTransformMatrix(aspect, -1, 1)) @ sky
         return cls(
             size=tuple(renderer.GetSize()), jitter=(0.0, 0.0), view_projection=matrix, near=near, far=far,
-            parallel=bool(camera.GetParallelProjection()), matrices=matrices, aspect=aspect, sky=sky,
+            parallel=bool(camera.GetParallelProjection()), matrices=matrices, upscaled=upscaled,
+            aspect=aspect, sky=sky,
         )  # fmt: skip
 
     def is_same(self, other: "SceneView") -> bool:
@@ -116,8 +119,8 @@ class SceneView:
     ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
         """Yield upscaled props that move together, and the motion of pixels that show them."""
         moves: dict[bytes, list[vtkProp3D]] = {}
-        for prop, matrix in self.matrices.items():
-            before = previous.matrices.get(prop) if is_upscaled(prop) else None
+        for prop in self.upscaled:
+            before, matrix = previous.matrices.get(prop), self.matrices[prop]
             if before is not None and not _is_equal(before, matrix):
                 move = before @ np.linalg.inv(matrix)
                 moves.setdefault(move.round(12).tobytes(), []).append(prop)
@@ -147,13 +150,12 @@ class SceneView:
             (h, w) 0.3 where only volumes may be, else 0; see `Frame.reactive`.
         """
         mask = np.zeros(buffer.shape, np.float32)
-        for prop in self.matrices:
-            if is_upscaled(prop) and _is_translucent(prop):
-                columns, rows, depth = self._enclosing(prop.GetBounds())
-                part = buffer[rows, columns]
-                if isinstance(prop, vtkVolume):
-                    mask[rows, columns][part == 1.0] = _REACTIVE
-                part[part == 1.0] = min(depth, _FARTHEST)
+        for prop in filter(_is_translucent, self.upscaled):
+            columns, rows, depth = self._enclosing(prop.GetBounds())
+            part = buffer[rows, columns]
+            if isinstance(prop, vtkVolume):
+                mask[rows, columns][part == 1.0] = _REACTIVE
+            part[part == 1.0] = min(depth, _FARTHEST)
         return mask
 
     def translucent_pixels(self, props: Collection[vtkProp3D]) -> NDArray[np.bool_]:
@@ -365,4 +367,4 @@ def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
 
 
 def _array(matrix: Any) -> Matrix:
-    return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
+    return np.array(matrix.GetData()).reshape(4, 4)
