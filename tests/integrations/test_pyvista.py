@@ -29,6 +29,7 @@ from vtkmodules.vtkRenderingCore import (
     vtkActor,
     vtkAssembly,
     vtkBillboardTextActor3D,
+    vtkDataSetMapper,
     vtkFollower,
     vtkGlyph3DMapper,
     vtkHardwareSelector,
@@ -502,6 +503,45 @@ def test_a_line_that_moves_alone_shows_at_once(plotter: Any) -> None:
     assert (is_red & was_red).sum() > 0.97 * max(is_red.sum(), was_red.sum())
 
 
+def silhouette(plotter: Any) -> Callable[[], None]:
+    """Its points follow the camera."""
+    ball = pv.Sphere(radius=0.6, center=(0, 0, 0.7))
+    plotter.add_mesh(ball, lighting=False, silhouette={"color": "black", "line_width": 4})
+    return lambda: None
+
+
+def trail(plotter: Any) -> Callable[[], None]:
+    line = pv.Line((-1, -1, 0.5), (1, 1, 0.5))
+    plotter.add_mesh(line, color="black", line_width=5, lighting=False)
+
+    def change() -> None:
+        line.points[1] -= (0.1, 0.0, 0.0)
+        line.Modified()
+
+    return change
+
+
+@pytest.mark.parametrize("add", [silhouette, trail])
+def test_lines_that_change_while_the_view_moves_are_those_of_plain_pyvista(
+    plotter: Any, add: Callable[[Any], Callable[[], None]]
+) -> None:
+    plotter.remove_actor("floor", render=False)
+    change = add(plotter)
+    plotter.add_mesh(pv.Cube(x_length=0.5), color="white", lighting=False)
+    window = supersampled(plotter)
+    plotter.render()
+    for _ in range(4):
+        change()
+        turn(plotter, 2.0)
+        plotter.render()
+    ours = seen(plotter)
+    upscaler = window.viewports[0].upscaler
+    assert upscaler is not None
+    assert upscaler.stats.frames == 4
+    expected = without(window, plotter)
+    assert np.abs(ours - expected).mean() < 0.1 * (1 - expected).mean()
+
+
 def test_depth_is_interpolated_exactly_on_planes_and_not_across_outlines() -> None:
     row, column = np.mgrid[:20, :30].astype(np.float32)
     plane = 0.3 + 0.001 * column + 0.002 * row
@@ -512,6 +552,24 @@ def test_depth_is_interpolated_exactly_on_planes_and_not_across_outlines() -> No
     step = 0.5 * (0.001 + 0.002)  # lines on surfaces are in front by half a sample's step
     np.testing.assert_allclose(larger[4:36, 4:38], expected[4:36, 4:38] + step, atol=1e-5)
     assert set(np.unique(larger[:, 42:])) == {1.0}
+
+
+def test_an_actors_mesh_is_examined_once_while_only_the_view_moves(
+    plotter: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = supersampled(plotter)
+    plotter.render()
+    examined: list[Any] = []
+    get = vtkDataSetMapper.GetPolyDataMapper
+    monkeypatch.setattr(
+        pv.DataSetMapper, "GetPolyDataMapper", lambda one: examined.append(one) or get(one), raising=False
+    )
+    moving(plotter)
+    assert not examined
+    change_scalars(plotter)
+    plotter.render()
+    assert len(examined) <= 2  # before and after the render
+    assert window.viewports[0].upscaler is not None
 
 
 def test_each_viewport_has_its_own_history() -> None:

@@ -112,7 +112,8 @@ class SupersampledWindow:
       top, against the depth of the small render. Motion comes from the camera and the matrices of the props.
     - Nothing has changed: the image is the mean of 16 full-size jittered renders; the first one is plain.
     - Anything else (the first frame, data, colours, lights, the size, a jump of the camera): the frame is
-      plain, as without supersampling, with multi-sampling.
+      plain, as without supersampling, with multi-sampling. While the view moves, lines, points and 3D text
+      may change.
 
     2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
     Colours are display values, as VTK blends and resolves them.

@@ -63,7 +63,8 @@ class ViewportHistory:
         self._part = self._small_part = Rectangle(0, 0, 1, 1)
         self._view: SceneView | None = None  # of the last frame; None makes the next one plain
         self._looks: tuple[Any, ...] = ()  # `appearance` after the last frame
-        self._upscaled_props: frozenset[Any] = frozenset()  # in it
+        self._upscaled_looks: tuple[Any, ...] = ()  # the same without props that are not upscaled
+        self._upscaled_props: frozenset[Any] = frozenset()
         self._small: SceneView | None = None  # of this frame, if it moves
         self._upscaled: SceneView | None = None  # of the upscaler's last frame; None resets it
         self._sum: Float32 | None = None  # of renders at rest, RGBA in 0 to 255; None while the view moves
@@ -138,27 +139,35 @@ class ViewportHistory:
         """Return how this frame is to be rendered, from what has changed since the last one."""
         if not self._renderer.IsActiveCameraCreated():
             self._renderer.ResetCamera()  # as VTK does before it renders without a camera
-        is_other = self._looks_other()
+        is_other, is_other_upscaled = self._note_looks()
         view = SceneView.of(self._renderer, self._upscaled_props)
         left, bottom = self._renderer.GetOrigin()
         self._part = Rectangle(left, bottom, *view.size)
         before, self._view = self._view, view
-        if before is None or is_other or before.size != view.size or not view.knows_motion(before):
+        is_new = before is None or before.size != view.size or not view.knows_motion(before)
+        is_still = not is_new and view.is_same(before)
+        if is_new or is_other_upscaled or (is_other and is_still):
             self._upscaled = self._sum = None
             return "changed"
-        if not view.is_same(before):
+        if not is_still:
             self._sum = None
             return "moved"
         return "first" if self._sum is None else "still"
 
-    def _looks_other(self) -> bool:
-        """Note what the scene looks like now; return whether that is something else than before."""
+    def _note_looks(self) -> tuple[bool, bool]:
+        """Note what the scene looks like now.
+
+        Returns:
+            Whether that has changed since the last call; whether that of what is upscaled has.
+        """
         looks = appearance(self._renderer)
         if looks == self._looks:
-            return False
-        self._looks = looks
+            return False, False
+        self._looks, before = looks, self._upscaled_looks
         self._upscaled_props = frozenset(filter(is_upscaled, visible(self._renderer)))
-        return True
+        *surroundings, props = looks
+        self._upscaled_looks = (*surroundings, [one for one in props if one[0] in self._upscaled_props])
+        return True, self._upscaled_looks != before
 
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
         """Prepare the renderer for a frame; `stack` restores it."""
@@ -264,7 +273,7 @@ class ViewportHistory:
 
     def finish(self) -> None:
         """Note what the scene looks like now, as rendering may modify it."""
-        self._looks_other()
+        self._note_looks()
 
     def _motion(self, view: SceneView, buffer: Float32, placed: Float32, previous: SceneView) -> Float32:
         motion = view.motion(placed, previous)
