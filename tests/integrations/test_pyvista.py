@@ -490,6 +490,26 @@ def test_lines_points_and_text_are_those_of_plain_pyvista_while_the_view_moves(
     assert np.abs(ours - expected).mean() < 0.1 * ink
 
 
+@pytest.mark.parametrize("is_in_view", [True, False], ids=["in view", "out of view"])
+def test_lines_that_were_never_rendered_are_those_of_plain_pyvista(is_in_view: bool) -> None:
+    """VTK's mappers tell what they draw only when they have been rendered."""
+    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    plotter.set_background("white")
+    plotter.add_mesh(pv.Cube().outline(), color="black", line_width=3)
+    plotter.add_mesh(pv.Sphere(radius=0.3), color="white", lighting=False)
+    window = supersampled(plotter)
+    plotter.camera_position = [(0.0, -4.0, 2.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+    plotter.camera.Yaw(0.0 if is_in_view else 120.0)
+    plotter.show(auto_close=False)
+    plotter.camera.Yaw(0.0 if is_in_view else -120.0)
+    moving(plotter)
+    moving(plotter)
+    ours = seen(plotter)
+    expected = without(window, plotter)
+    assert np.abs(ours - expected).mean() < 0.1 * (1 - expected).mean()
+    plotter.close()
+
+
 def test_a_line_that_moves_alone_shows_at_once(plotter: Any) -> None:
     line = plotter.add_mesh(pv.Line((-1, 0, 0.5), (1, 0, 0.5)), color="red", line_width=5, lighting=False)
     window = supersampled(plotter)
@@ -560,9 +580,9 @@ def test_an_actors_mesh_is_examined_once_while_only_the_view_moves(
     window = supersampled(plotter)
     plotter.render()
     examined: list[Any] = []
-    get = vtkDataSetMapper.GetPolyDataMapper
+    update = vtkDataSetMapper.Update
     monkeypatch.setattr(
-        pv.DataSetMapper, "GetPolyDataMapper", lambda one: examined.append(one) or get(one), raising=False
+        pv.DataSetMapper, "Update", lambda one: examined.append(one) or update(one), raising=False
     )
     moving(plotter)
     assert not examined

@@ -289,6 +289,8 @@ def _state(prop: Any) -> tuple[Any, ...]:
         textures += [prop.GetProperty().GetTexture(name) for name in _SURFACE_TEXTURES]
     if (mapper := _value(prop, "Mapper")) is not None:
         parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper)]
+        inner = _value(mapper, "PolyDataMapper")  # of a `vtkDataSetMapper`, made when it is first in view
+        parts += [] if inner is None else [inner.GetInput()]
     for part in _value(prop, "Parts") or ():  # of an assembly
         matrix = _value(part, "Matrix")
         state += [part, None if matrix is None else _array(matrix).tobytes(), _state(part)]

@@ -139,14 +139,14 @@ class ViewportHistory:
         """Return how this frame is to be rendered, from what has changed since the last one."""
         if not self._renderer.IsActiveCameraCreated():
             self._renderer.ResetCamera()  # as VTK does before it renders without a camera
-        is_other, is_other_upscaled = self._note_looks()
+        looks, upscaled_looks = self._read_looks()
         view = SceneView.of(self._renderer, self._upscaled_props)
         left, bottom = self._renderer.GetOrigin()
         self._part = Rectangle(left, bottom, *view.size)
         before, self._view = self._view, view
         is_new = before is None or before.size != view.size or not view.knows_motion(before)
         is_still = not is_new and view.is_same(before)
-        if is_new or is_other_upscaled or (is_other and is_still):
+        if is_new or upscaled_looks != self._upscaled_looks or (is_still and looks != self._looks):
             self._upscaled = self._sum = None
             return "changed"
         if not is_still:
@@ -154,20 +154,13 @@ class ViewportHistory:
             return "moved"
         return "first" if self._sum is None else "still"
 
-    def _note_looks(self) -> tuple[bool, bool]:
-        """Note what the scene looks like now.
-
-        Returns:
-            Whether that has changed since the last call; whether that of what is upscaled has.
-        """
+    def _read_looks(self) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Return what the scene looks like now, and the same without props that are not upscaled."""
         looks = appearance(self._renderer)
-        if looks == self._looks:
-            return False, False
-        self._looks, before = looks, self._upscaled_looks
-        self._upscaled_props = frozenset(filter(is_upscaled, visible(self._renderer)))
+        if looks != self._looks:
+            self._upscaled_props = frozenset(filter(is_upscaled, visible(self._renderer)))
         *surroundings, props = looks
-        self._upscaled_looks = (*surroundings, [one for one in props if one[0] in self._upscaled_props])
-        return True, self._upscaled_looks != before
+        return looks, (*surroundings, [one for one in props if one[0] in self._upscaled_props])
 
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
         """Prepare the renderer for a frame; `stack` restores it."""
@@ -272,8 +265,11 @@ class ViewportHistory:
         )
 
     def finish(self) -> None:
-        """Note what the scene looks like now, as rendering may modify it."""
-        self._note_looks()
+        """Note what the scene looks like now: rendering modifies it, and tells what mappers draw."""
+        before = self._upscaled_props
+        self._looks, self._upscaled_looks = self._read_looks()
+        if self._upscaled_props != before:
+            self._upscaled = None
 
     def _motion(self, view: SceneView, buffer: Float32, placed: Float32, previous: SceneView) -> Float32:
         motion = view.motion(placed, previous)
