@@ -592,6 +592,28 @@ def test_an_actors_mesh_is_examined_once_while_only_the_view_moves(
     assert window.viewports[0].upscaler is not None
 
 
+@pytest.mark.parametrize(("glyph", "frames"), [(pv.Sphere(radius=0.2), 4), (pv.Line(), 0)])
+def test_glyphs_are_upscaled_if_they_are_surfaces(plotter: Any, glyph: Any, frames: int) -> None:
+    plotter.remove_actor("floor", render=False)
+    mapper, actor = vtkGlyph3DMapper(), vtkActor()
+    mapper.SetInputData(pv.PolyData(np.array([(0, 0, 0.5), (1, 0, 0.5)], np.float32)))  # with vertices
+    mapper.SetSourceData(glyph)
+    mapper.ScalarVisibilityOff()
+    actor.SetMapper(mapper)
+    actor.GetProperty().SetColor(0.0, 0.0, 0.0)
+    actor.GetProperty().SetLineWidth(5)
+    plotter.renderer.AddActor(actor)
+    window = supersampled(plotter)
+    plotter.render()
+    moving(plotter)
+    upscaler = window.viewports[0].upscaler
+    assert (0 if upscaler is None else upscaler.stats.frames) == frames
+    ours = seen(plotter)
+    expected = without(window, plotter)
+    assert (1 - expected).mean() > 0.001
+    assert np.abs(ours - expected).mean() < 0.1 * (1 - expected).mean()
+
+
 def test_each_viewport_has_its_own_history() -> None:
     plotter = side_by_side()
     window = supersampled(plotter)

@@ -308,17 +308,17 @@ def _texture(texture: Any) -> tuple[Any, ...]:
     return (*_modified(texture), *map(_modified, _inputs(texture)))
 
 
-def _inputs(algorithm: Any) -> Iterator[Any]:
+def _inputs(algorithm: Any, first_port: int = 0) -> Iterator[Any]:
     """Yield the data of all inputs of a mapper or a texture, as of now."""
-    for port in range(algorithm.GetNumberOfInputPorts()):
+    for port in range(first_port, algorithm.GetNumberOfInputPorts()):
         for index in range(algorithm.GetNumberOfInputConnections(port)):
             algorithm.GetInputAlgorithm(port, index).Update()
             yield algorithm.GetInputDataObject(port, index)
 
 
-def _data(mapper: Any) -> Iterator[Any]:
+def _data(mapper: Any, first_port: int = 0) -> Iterator[Any]:
     """Yield the data sets of a mapper, each block on its own."""
-    for data in _inputs(mapper):
+    for data in _inputs(mapper, first_port):
         if data is None or not data.IsA("vtkCompositeDataSet"):
             yield data
             continue
@@ -336,7 +336,8 @@ def _meshes(mapper: Any) -> Iterator[Any]:
         inner = mapper.GetPolyDataMapper()
         yield from () if inner is None else _meshes(inner)
         return
-    for data in _data(mapper):
+    is_glyphs = mapper.IsA("vtkGlyph3DMapper")  # its first input only tells where they are
+    for data in _data(mapper, first_port=1 if is_glyphs else 0):
         if data is not None and data.IsA("vtkPolyData"):
             yield data
 
