@@ -408,6 +408,27 @@ def test_a_second_node_that_jitters_is_refused(any_page: "Page", three: str) -> 
     assert any("the render pipeline is jittered by another node" in text for text in said)
 
 
+def test_arguments_of_the_node_that_are_something_else_are_named(any_page: "Page", three: str) -> None:
+    said: list[str] = []
+    three_page(any_page, three)
+    any_page.on("console", lambda message: said.append(message.text))
+    nodes = "const { beautyNode: a, depthNode: b, velocityNode: c } = threeDemo.upscaled;"
+    for call, message in (
+        ("(undefined, b, c, threeDemo.camera)", "beauty is undefined; want a node"),
+        ("(a, b, undefined, threeDemo.camera)", "velocity is undefined; want a node"),
+        ("(a, b, c)", "camera is undefined; want the camera of the pass"),
+    ):
+        script = f'import("./three/node.js").then((three) => {{ {nodes} three.supersampler{call}; }})'
+        assert message in any_page.evaluate(f"{script}.catch((error) => error.message)")
+    any_page.evaluate(
+        'import("three/tsl").then((tsl) => { window.noVelocity = tsl.mrt({ output: tsl.output }); })'
+    )
+    any_page.evaluate("threeDemo.upscaled.depthNode.passNode.setMRT(noVelocity)")
+    with_node(any_page)
+    any_page.evaluate("threeDemo.step()")
+    assert any("velocity is not drawn by the pass" in text for text in said)
+
+
 @pytest.mark.parametrize(
     ("script", "query", "reason"),
     [

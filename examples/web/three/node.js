@@ -22,9 +22,11 @@ import { taau } from "three/addons/tsl/display/TAAUNode.js";
 import { haltonJitter } from "../jitter.js";
 import models from "../models/index.js";
 import { Upscaler, UpscalerError } from "../supersampler.js";
+import { shown } from "../supersampler_folder.js";
 
 const ANTIALIAS = "Make the renderer with antialias: false, and the pass without samples.";
 const PIPELINES = "Make a render pipeline for each view.";
+const VELOCITY = "Draw it: pass(scene, camera).setMRT(mrt({ output, velocity })).";
 
 /**
  * Makes textures of a pass as sharp as at display size: their gradients are those of display pixels.
@@ -107,6 +109,8 @@ export class SupersamplerNode extends Node {
     for (const node of [this.depthNode, this.velocityNode, this.beautyNode]) node.build(builder);
     const samples = this.depthNode.value.renderTarget?.samples;
     if (samples > 1) throw new UpscalerError("the pass", `rendered with ${samples} samples a pixel`, "one sample", ANTIALIAS);
+    const { passNode, textureName } = this.velocityNode;
+    if (passNode?.isPassNode && !passNode.getMRT()?.has(textureName)) throw new UpscalerError("velocity", "not drawn by the pass", "an output of it", VELOCITY);
     const state = builder.context.renderPipelineState;
     if (renderPipeline && !state.viewOffsetOwner) {
       state.viewOffsetOwner = this;
@@ -279,7 +283,11 @@ function inputsTarget() {
  * @param {import("three/webgpu").Camera} camera of the pass
  * @param {{ method?: string }} [options] method: "classifier" if not given, or "taau", which is faster
  * @returns {SupersamplerNode}
- * @throws {UpscalerError} there is no such method
+ * @throws {UpscalerError} there is no such method, or an argument is something else
  */
-export const supersampler = (beauty, depth, velocity, camera, options) =>
-  new SupersamplerNode(convertToTexture(beauty), depth, velocity, camera, options);
+export function supersampler(beauty, depth, velocity, camera, options) {
+  for (const [name, node] of Object.entries({ beauty, depth, velocity }))
+    if (!node?.isNode) throw new UpscalerError(name, shown(node), "a node", "`getTextureNode(name)` of a pass returns one.");
+  if (!camera?.isCamera) throw new UpscalerError("camera", shown(camera), "the camera of the pass");
+  return new SupersamplerNode(convertToTexture(beauty), depth, velocity, camera, options);
+}
