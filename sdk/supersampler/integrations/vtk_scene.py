@@ -119,8 +119,8 @@ class SceneView:
     ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
         """Yield upscaled props that move together, and the motion of pixels that show them."""
         moves: dict[bytes, list[vtkProp3D]] = {}
-        for prop in self.upscaled:
-            before, matrix = previous.matrices.get(prop), self.matrices[prop]
+        for prop, matrix in self.matrices.items():
+            before = previous.matrices.get(prop) if prop in self.upscaled else None
             if before is not None and not _is_equal(before, matrix):
                 move = before @ np.linalg.inv(matrix)
                 moves.setdefault(move.round(12).tobytes(), []).append(prop)
@@ -150,12 +150,13 @@ class SceneView:
             (h, w) 0.3 where only volumes may be, else 0; see `Frame.reactive`.
         """
         mask = np.zeros(buffer.shape, np.float32)
-        for prop in filter(_is_translucent, self.upscaled):
-            columns, rows, depth = self._enclosing(prop.GetBounds())
-            part = buffer[rows, columns]
-            if isinstance(prop, vtkVolume):
-                mask[rows, columns][part == 1.0] = _REACTIVE
-            part[part == 1.0] = min(depth, _FARTHEST)
+        for prop in self.matrices:
+            if prop in self.upscaled and _is_translucent(prop):
+                columns, rows, depth = self._enclosing(prop.GetBounds())
+                part = buffer[rows, columns]
+                if isinstance(prop, vtkVolume):
+                    mask[rows, columns][part == 1.0] = _REACTIVE
+                part[part == 1.0] = min(depth, _FARTHEST)
         return mask
 
     def translucent_pixels(self, props: Collection[vtkProp3D]) -> NDArray[np.bool_]:
