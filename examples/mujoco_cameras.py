@@ -99,15 +99,29 @@ class Camera(NamedTuple):
         return np.stack([right * scale, down * scale], -1) + (0.5 * size - 0.5)
 
 
-def poses(scene: Any, data: Any) -> dict[int, Array]:
-    """Return rotation and position, (3, 4), of each object that is drawn, by `KEY` @ its ids."""
-    found = {}
+def poses(scene: Any, data: Any) -> dict[int, list[Array]]:
+    """Return the shapes of each object that is drawn, by `KEY` @ its ids; a tendon has several.
+
+    A shape is (3, 5): rotation, position, half of its size along its own axes.
+    """
+    found: dict[int, list[Array]] = {}
     for shape in scene.geoms[: scene.ngeom]:  # sites, tendons and deformables, too
-        found[int(KEY @ (shape.objid, shape.objtype))] = np.column_stack([shape.mat, shape.pos])
-    geoms = zip(data.geom_xmat.reshape(-1, 3, 3), data.geom_xpos, strict=True)
+        if shape.objtype != mujoco.mjtObj.mjOBJ_UNKNOWN:  # contacts have other numbers in each frame
+            pose = np.column_stack([shape.mat, shape.pos, shape.size])
+            found.setdefault(int(KEY @ (shape.objid, shape.objtype)), []).append(pose)
+    geoms = zip(data.geom_xmat.reshape(-1, 3, 3), data.geom_xpos, np.ones_like(data.geom_xpos), strict=True)
     for index, pose in enumerate(geoms):  # in `scene`, infinite planes follow the camera
-        found[int(KEY @ (index, mujoco.mjtObj.mjOBJ_GEOM))] = np.column_stack(pose)
+        found[int(KEY @ (index, mujoco.mjtObj.mjOBJ_GEOM))] = [np.column_stack(pose)]
     return found
+
+
+def closest(shapes: list[Array], points: Array) -> Array:
+    """Return which one of some shapes each point (n, 3) is on."""
+    if len(shapes) == 1:
+        return np.zeros(len(points), int)
+    each = np.stack(shapes)
+    own = np.einsum("kji,nkj->nki", each[..., :3], points[:, None] - each[..., 3])
+    return np.asarray(np.abs(own / np.maximum(each[..., 4], 1e-9)).max(axis=2).argmin(axis=1))
 
 
 class View:
@@ -115,7 +129,7 @@ class View:
 
     def __init__(self, index: int, count: int) -> None:
         self._index, self._count = index, count
-        self._before: tuple[Camera, dict[int, Array]] | None = None
+        self._before: tuple[Camera, dict[int, list[Array]]] | None = None
 
     def aim(self, renderer: Any, data: Any, time: float, jitter: tuple[float, float]) -> Camera:
         """Update the renderer's scene; samples are taken at pixel centre + jitter."""
@@ -143,16 +157,22 @@ class View:
         there = poses(renderer.scene, data)
         before_camera, before_poses = self._before or (camera, there)
         seen = ids[..., 0] >= 0
-        names, index = np.unique(ids @ KEY, return_inverse=True)
-        still = np.eye(3, 4)  # of the sky, and of objects that are new
-        of_now = [there.get(name, still) for name in names.tolist()]
-        of_before = [before_poses.get(name, pose) for name, pose in zip(names.tolist(), of_now, strict=True)]
-        now, then = (np.stack(of)[index.reshape(size, size)] for of in (of_now, of_before))
         y, x = np.mgrid[:size, :size].astype(float)
         here = np.stack([x + jitter[0], y + jitter[1]], -1)  # positions of the samples
         slopes = (here - (0.5 * size - 0.5)) * (2.0 * camera.tangent / size)
         rays = np.concatenate([slopes, np.ones((size, size, 1))], -1) @ camera.axes
         points = camera.position + rays * distance[..., None]
+        keys = ids @ KEY
+        of_now: list[Array] = []
+        of_before: list[Array] = []
+        shape_of = np.zeros((size, size), int)  # of each sample, in these lists
+        for key in np.unique(keys).tolist():
+            shapes = there.get(key, [np.eye(3, 5)])  # of the sky
+            earlier = before_poses.get(key, shapes)  # what is new has not moved
+            shape_of[keys == key] = len(of_now) + closest(shapes, points[keys == key])
+            of_now += shapes
+            of_before += earlier if len(earlier) == len(shapes) else shapes
+        now, then = (np.stack(of)[shape_of] for of in (of_now, of_before))
         own = np.einsum("...ji,...j->...i", now[..., :3], points - now[..., 3])
         moved = np.einsum("...ij,...j->...i", then[..., :3], own) + then[..., 3]
         # the sky is infinitely far away

@@ -99,6 +99,35 @@ def test_a_site_moves_with_its_body(example: ModuleType, monkeypatch: pytest.Mon
     np.testing.assert_allclose(motion.mean(axis=0), centers[0] - centers[1], rtol=0.2, atol=0.1)
 
 
+def test_each_part_of_a_tendon_has_its_own_motion(
+    example: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two parts hang between walls, a falling body between them: at the walls they do not move."""
+    ends = '<site name="left" pos="0 -.4 .95"/><site name="right" pos="0 .4 .95"/>'
+    ball = (
+        '<joint type="slide" axis="0 0 1"/><geom size=".02" contype="0" conaffinity="0"/><site name="ball"/>'
+    )
+    scene = f"{ends}<body pos='0 0 .9'>{ball}</body></worldbody><tendon><spatial width='.05'>"
+    path = "".join(f'<site site="{name}"/>' for name in ("left", "ball", "right"))
+    rest = "</spatial></tendon><worldbody>"
+    monkeypatch.setattr(example, "BODIES", f"{scene}{path}{rest}")
+    renderer, view = example.make_renderer(96, samples=0), example.View(0, 4)
+    data = mujoco.MjData(renderer.model)
+    for index in range(2):
+        data.qpos[2], data.time = -0.1 * index, 0.0
+        mujoco.mj_forward(renderer.model, data)
+        frame = view.frame(renderer, data, 0.0, halton_jitter(index, 2.0))
+    camera = view.aim(renderer, data, 0.0, (0.0, 0.0))
+    is_tendon = frame.ids[..., 1] == mujoco.mjtObj.mjOBJ_TENDON
+    rows, columns = is_tendon.nonzero()
+    for name, moves in (("left", False), ("right", False), ("ball", True)):
+        place = camera.pixels(data.site(name).xpos - camera.position, 96)
+        near = np.hypot(columns - place[0], rows - place[1]) < 5
+        assert near.any()
+        length = np.linalg.norm(frame.motion[rows[near], columns[near]], axis=1).mean()
+        assert length > 3.0 if moves else length < 1.5, (name, length)
+
+
 def part_of_other_ids(before: Frame, frame: Frame, motion: Float32) -> float:
     """Return the part of samples of moving bodies that have other ids where this motion leads."""
     assert before.ids is not None

@@ -350,6 +350,36 @@ def test_the_pass_can_be_shown_beside_the_node(page: "Page", three: str) -> None
     assert three_image(page, "step()").mean() > 1e-3, "shown by one texture, they would not differ"
 
 
+def test_the_camera_keeps_its_view_offset_and_its_aspect(page: "Page", three: str) -> None:
+    three_page(page, three)
+    page.evaluate("threeDemo.camera.setViewOffset(640, 360, 200, 90, 320, 180)")
+    page.evaluate("threeDemo.camera.aspect = 1.6")
+    for _ in range(8):
+        image = three_image(page, "step()")
+    view = page.evaluate("threeDemo.camera.view")
+    assert [view[key] for key in ("enabled", "fullWidth", "offsetX", "width")] == [True, 640, 200, 320]
+    assert page.evaluate("threeDemo.camera.aspect") == 1.6
+    # `reference` sets an offset itself: this is the same view by a projection of its own
+    page.evaluate("threeDemo.camera.setViewOffset = () => {}")
+    page.evaluate("threeDemo.camera.clearViewOffset = () => {}")
+    assert psnr(image, three_image(page, "reference(1)")) > 20.0
+
+
+def test_a_pass_samples_textures_as_before_once_the_node_is_disposed(page: "Page", three: str) -> None:
+    three_page(page, three)
+    page.evaluate("threeDemo.step()")
+    node = "threeDemo.upscaled.depthNode.passNode.contextNode"
+    assert page.evaluate(f"{node} !== null")
+    page.evaluate("threeDemo.upscaled.dispose()")
+    assert page.evaluate(f"{node} === null")
+    with_node(page)  # as after a hot reload
+    page.evaluate("threeDemo.ready()")
+    images = [three_image(page, "step()") for _ in range(8)]
+    assert psnr(images[-1], three_image(page, "reference(32)")) > 20.0
+    assert page.evaluate("threeDemo.upscaled._uniforms.detail.value") == 0.5
+    assert page.evaluate(f"{node} === threeDemo.upscaled._sharpTextures")
+
+
 @pytest.mark.parametrize("near", [0, -50])
 def test_planes_of_an_orthographic_camera_may_lie_behind_it(page: "Page", three: str, near: int) -> None:
     three_page(page, three)
@@ -376,6 +406,27 @@ def test_a_second_node_that_jitters_is_refused(any_page: "Page", three: str) -> 
     with_node(three_page(any_page, three), "threeDemo.upscaled")
     any_page.evaluate("threeDemo.step()")
     assert any("the render pipeline is jittered by another node" in text for text in said)
+
+
+def test_arguments_of_the_node_that_are_something_else_are_named(any_page: "Page", three: str) -> None:
+    said: list[str] = []
+    three_page(any_page, three)
+    any_page.on("console", lambda message: said.append(message.text))
+    nodes = "const { beautyNode: a, depthNode: b, velocityNode: c } = threeDemo.upscaled;"
+    for call, message in (
+        ("(undefined, b, c, threeDemo.camera)", "beauty is undefined; want a node"),
+        ("(a, b, undefined, threeDemo.camera)", "velocity is undefined; want a node"),
+        ("(a, b, c)", "camera is undefined; want the camera of the pass"),
+    ):
+        script = f'import("./three/node.js").then((three) => {{ {nodes} three.supersampler{call}; }})'
+        assert message in any_page.evaluate(f"{script}.catch((error) => error.message)")
+    any_page.evaluate(
+        'import("three/tsl").then((tsl) => { window.noVelocity = tsl.mrt({ output: tsl.output }); })'
+    )
+    any_page.evaluate("threeDemo.upscaled.depthNode.passNode.setMRT(noVelocity)")
+    with_node(any_page)
+    any_page.evaluate("threeDemo.step()")
+    assert any("velocity is not drawn by the pass" in text for text in said)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ export class SupersamplerNode extends Node<"vec4"> {
   reset(): void;
 }
 
-/** Upscale a pass, in place of three.js' `taau`. Throws an `UpscalerError` where there is no such method. */
+/** Upscale a pass, in place of three.js' `taau`. Throws an `UpscalerError` where there is no such method, or where an argument is something else. */
 export function supersampler(
   beauty: Node,
   depth: TextureNode,

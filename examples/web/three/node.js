@@ -22,9 +22,11 @@ import { taau } from "three/addons/tsl/display/TAAUNode.js";
 import { haltonJitter } from "../jitter.js";
 import models from "../models/index.js";
 import { Upscaler, UpscalerError } from "../supersampler.js";
+import { shown } from "../supersampler_folder.js";
 
 const ANTIALIAS = "Make the renderer with antialias: false, and the pass without samples.";
 const PIPELINES = "Make a render pipeline for each view.";
+const VELOCITY = "Draw it: pass(scene, camera).setMRT(mrt({ output, velocity })).";
 
 /**
  * Makes textures of a pass as sharp as at display size: their gradients are those of display pixels.
@@ -63,7 +65,8 @@ export class SupersamplerNode extends Node {
     this._isReset = true;
     this._frame = 0;
     this._jitter = null; // of this frame; null before the upscaler is ready
-    this._renderSize = [1, 1]; // of the view offset of this frame
+    this._renderSize = [1, 1]; // that this frame is jittered for
+    this._view = null; // the camera's own view offset
     this._projection = new Matrix4(); // without jitter
     this._clip = new Matrix4(); // world to clip coordinates, of this frame and the previous one
     this._previousClip = new Matrix4();
@@ -71,6 +74,7 @@ export class SupersamplerNode extends Node {
       planes: uniform(new Vector3()), jitter: uniform(new Vector2()), size: uniform(new Vector2()), toPrevious: uniform(new Matrix4()),
       detail: uniform(1), // render size / display size
     };
+    this._sharpTextures = sharpTextures(this._uniforms.detail);
     this._inputs = inputsTarget();
     this._material = Object.assign(new NodeMaterial(), { name: "supersampler inputs", blending: NoBlending });
     this._quad = new QuadMesh(this._material);
@@ -89,9 +93,10 @@ export class SupersamplerNode extends Node {
     this._isReset = true;
   }
 
-  /** Frees the memory. */
+  /** Frees the memory, and lets the pass sample its textures as before. */
   dispose() {
     super.dispose();
+    if (this._pass?.contextNode === this._sharpTextures) this._pass.contextNode = null;
     for (const resource of [this._fallback, this._inputs, this._material, this._output]) resource?.dispose();
     this._upscaler?.destroy();
     this._upscaler = null;
@@ -104,6 +109,8 @@ export class SupersamplerNode extends Node {
     for (const node of [this.depthNode, this.velocityNode, this.beautyNode]) node.build(builder);
     const samples = this.depthNode.value.renderTarget?.samples;
     if (samples > 1) throw new UpscalerError("the pass", `rendered with ${samples} samples a pixel`, "one sample", ANTIALIAS);
+    const { passNode, textureName } = this.velocityNode;
+    if (passNode?.isPassNode && !passNode.getMRT()?.has(textureName)) throw new UpscalerError("velocity", "not drawn by the pass", "an output of it", VELOCITY);
     const state = builder.context.renderPipelineState;
     if (renderPipeline && !state.viewOffsetOwner) {
       state.viewOffsetOwner = this;
@@ -111,7 +118,7 @@ export class SupersamplerNode extends Node {
       OnAfterRenderPipeline(() => this._clearView());
     }
     if (state && state.viewOffsetOwner !== this) throw new UpscalerError("the render pipeline", "jittered by another node", "one such node", PIPELINES);
-    if (this._pass) this._pass.contextNode ??= sharpTextures(this._uniforms.detail);
+    if (this._pass) this._pass.contextNode ??= this._sharpTextures;
     this._renderPipeline = renderPipeline;
     this._material.contextNode = context(builder.getSharedContext());
     this._material.fragmentNode = this._inputNodes(renderer);
@@ -183,16 +190,22 @@ export class SupersamplerNode extends Node {
     if (!this._upscaler || !Math.min(...display, width, height)) return;
     this._renderSize = [width, height];
     this._uniforms.detail.value = width / display[0];
-    this._jitter = haltonJitter(this._frame++, display[0] / width);
-    this.camera.updateProjectionMatrix();
-    this._projection.copy(this.camera.projectionMatrix);
+    const [x, y] = this._jitter = haltonJitter(this._frame++, display[0] / width), { camera } = this;
+    camera.updateProjectionMatrix();
+    this._projection.copy(camera.projectionMatrix);
     velocity.setProjectionMatrix(this._projection);
-    this.camera.setViewOffset(width, height, ...this._jitter, width, height); // a pixel shows its centre + jitter
+    this._view = camera.view;
+    const whole = { enabled: true, fullWidth: width, fullHeight: height, offsetX: 0, offsetY: 0, width, height };
+    const view = camera.view?.enabled ? camera.view : whole;
+    // A pixel shows its centre + jitter. `setViewOffset` would change the camera's aspect, too.
+    camera.view = { ...view, offsetX: view.offsetX + x * view.width / width, offsetY: view.offsetY + y * view.height / height };
+    camera.updateProjectionMatrix();
   }
 
   _clearView() {
     if (!this._jitter) return;
-    this.camera.clearViewOffset();
+    this.camera.view = this._view;
+    this.camera.updateProjectionMatrix();
     velocity.setProjectionMatrix(null);
     this._jitter = null;
   }
@@ -270,7 +283,11 @@ function inputsTarget() {
  * @param {import("three/webgpu").Camera} camera of the pass
  * @param {{ method?: string }} [options] method: "classifier" if not given, or "taau", which is faster
  * @returns {SupersamplerNode}
- * @throws {UpscalerError} there is no such method
+ * @throws {UpscalerError} there is no such method, or an argument is something else
  */
-export const supersampler = (beauty, depth, velocity, camera, options) =>
-  new SupersamplerNode(convertToTexture(beauty), depth, velocity, camera, options);
+export function supersampler(beauty, depth, velocity, camera, options) {
+  for (const [name, node] of Object.entries({ beauty, depth, velocity }))
+    if (!node?.isNode) throw new UpscalerError(name, shown(node), "a node", "`getTextureNode(name)` of a pass returns one.");
+  if (!camera?.isCamera) throw new UpscalerError("camera", shown(camera), "the camera of the pass");
+  return new SupersamplerNode(convertToTexture(beauty), depth, velocity, camera, options);
+}

@@ -29,8 +29,8 @@ def enable_supersampling(
 
     This holds for all output of the plotter: `show`, `screenshot`, interaction, movies, and the server side
     of Trame and Jupyter. `SupersampledWindow` documents what is rendered how. The plotter's own
-    anti-aliasing is replaced: plain frames have multi-sampling. Show the plotter before you call `converge`:
-    PyVista places the camera then.
+    anti-aliasing is replaced until `disable`: plain frames have multi-sampling. Show the plotter before you
+    call `converge`: PyVista places the camera then.
 
     Args:
         plotter: a `pyvista.Plotter`, with subplots or without.
@@ -47,14 +47,38 @@ def enable_supersampling(
     if window is None or renderers is None:
         got = "closed" if renderers is not None else shown(plotter)
         raise ArgumentError("plotter", got=got, want="an open pyvista.Plotter")
-    served = _ServedPlotter(plotter)
-    supersampled = SupersampledWindow(
-        window, renderers, scale=scale, model=model, threads=threads, force=force, wake=served.render_later
-    )
-    samples = window.GetMultiSamples()
-    plotter.disable_anti_aliasing(all_renderers=True)  # it also sets the number of samples
-    window.SetMultiSamples(samples)
-    return supersampled
+    return _SupersampledPlotter(plotter, scale=scale, model=model, threads=threads, force=force)
+
+
+class _SupersampledPlotter(SupersampledWindow):
+    """The window of a plotter, whose own anti-aliasing is off until this is disabled."""
+
+    def __init__(self, plotter: Any, **options: Any) -> None:
+        served = _ServedPlotter(plotter)
+        super().__init__(plotter.render_window, plotter.renderers, wake=served.render_later, **options)
+        samples = plotter.render_window.GetMultiSamples()
+        self._plotter = plotter
+        self._anti_aliasing = {renderer: _anti_aliasing(renderer) for renderer in plotter.renderers}
+        plotter.disable_anti_aliasing(all_renderers=True)  # it also sets the number of samples
+        plotter.render_window.SetMultiSamples(samples)
+
+    def disable(self) -> None:
+        """Restore the plotter's own rendering."""
+        super().disable()
+        while self._anti_aliasing and self._plotter.render_window is not None:  # else it was closed
+            renderer, kind = self._anti_aliasing.popitem()
+            if kind is not None:
+                renderer.enable_anti_aliasing(kind)
+
+
+def _anti_aliasing(renderer: Any) -> str | None:
+    """Return the anti-aliasing of a renderer, as `Renderer.enable_anti_aliasing` takes it."""
+    if renderer.GetUseFXAA():
+        return "fxaa"
+    one = renderer.GetPass()
+    while one is not None and not one.IsA("vtkSSAAPass"):
+        one = one.GetDelegatePass() if hasattr(one, "GetDelegatePass") else None
+    return None if one is None else "ssaa"
 
 
 class _ServedPlotter:

@@ -17,7 +17,7 @@ from vtkmodules.vtkRenderingOpenGL2 import vtkOpenGLRenderWindow
 from supersampler.arguments import checked_scale, ieee_arithmetic
 from supersampler.errors import ArgumentError, shown, warn
 from supersampler.frame import Frame
-from supersampler.integrations.vtk_pixels import WindowPixels
+from supersampler.integrations.vtk_pixels import Rectangle, WindowPixels
 from supersampler.integrations.vtk_scene import is_composed, visible
 from supersampler.integrations.vtk_viewport import STILL_RENDERS, Mode, ViewportHistory, changed
 from supersampler.methods.model_info import ModelInfo
@@ -112,13 +112,15 @@ class SupersampledWindow:
       top, against the depth of the small render. Motion comes from the camera and the matrices of the props.
     - Nothing has changed: the image is the mean of 16 full-size jittered renders; the first one is plain.
     - Anything else (the first frame, data, colours, lights, the size, a jump of the camera): the frame is
-      plain, as without supersampling, with multi-sampling.
+      plain, as without supersampling, with multi-sampling. While the view moves, lines, points and 3D text
+      may change.
 
     2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
     Colours are display values, as VTK blends and resolves them.
 
-    Frames are plain, too, where a renderer has a render pass, FXAA, SSAO, shadows, or a projection matrix of
-    the program, where it preserves its colour or depth buffer or is not in layer 0, and for stereo and tiles.
+    Frames are plain, too, where a renderer has a render pass, FXAA, SSAO, shadows, an off-axis projection or
+    a projection matrix of the program, where it preserves its colour or depth buffer, is not in layer 0 or
+    is drawn over another renderer, and for stereo and tiles.
     Where upscaling is measured not to pay, frames that move are plain; a warning says so. An exception while
     a frame is upscaled leaves a plain image, too.
 
@@ -129,7 +131,7 @@ class SupersampledWindow:
 
     Args:
         window: a `vtkRenderWindow` with OpenGL. This object replaces another one that supersamples it.
-        renderers: the renderers of the scene; their viewports do not overlap.
+        renderers: the renderers of the scene.
         scale: window size / render size of frames that move, >= 1; None chooses it by times: see `Pace`.
         model: see `Upscaler`.
         threads: see `Upscaler`.
@@ -167,9 +169,9 @@ class SupersampledWindow:
         self._modes: tuple[tuple[ViewportHistory, Mode], ...] = ()  # while a frame is rendered
         self._stack = ExitStack()  # restores what was changed for the frame
         self._began = self._ended = 0.0  # times of the last frame
-        self._timed: Any = None  # interactor whose timer renders on at rest
+        self._timed: tuple[Any, int] | None = None  # interactor whose timer renders on at rest, and observer
         self._due: float | None = None  # time at which the timer that is running ends; None: none is
-        self._given_samples = int(window.GetMultiSamples())
+        self._given_samples = self._set_samples = int(window.GetMultiSamples())  # by the program; by us
         _enabled[window] = ref(self)
         self._observers = [
             self._observe("StartEvent", self._before_render), self._observe("EndEvent", self._after_render)
@@ -215,7 +217,20 @@ class SupersampledWindow:
             self._window.RemoveObserver(self._observers.pop())
         for viewport in self.viewports:
             viewport.disable()
-        self._window.SetMultiSamples(self._given_samples)
+        self._time_by(None)
+        self._note_samples()
+        self._multi_sample(self._given_samples)
+
+    def _multi_sample(self, samples: int) -> None:
+        """Set the number of multi-samples of the next renders."""
+        self._window.SetMultiSamples(samples)
+        self._set_samples = int(self._window.GetMultiSamples())
+
+    def _note_samples(self) -> None:
+        """Take over the number of multi-samples if the program has set it."""
+        samples = int(self._window.GetMultiSamples())
+        if samples != self._set_samples:
+            self._given_samples = samples
 
     @property
     def _samples(self) -> int:
@@ -233,7 +248,8 @@ class SupersampledWindow:
         self._began = perf_counter()
         self._stack.close()
         self._modes = ()
-        self._window.SetMultiSamples(self._samples)
+        self._note_samples()
+        self._multi_sample(self._samples)
         if self._is_special():
             self.reset()
             return
@@ -250,7 +266,7 @@ class SupersampledWindow:
     def _begin(self, modes: tuple[tuple[ViewportHistory, Mode], ...]) -> None:
         """Prepare window and renderers for all that lies below 2D props and other renderers."""
         self._modes = modes
-        self._window.SetMultiSamples(self._samples if self._shows("first") else 0)
+        self._multi_sample(self._samples if self._shows("first") else 0)
         with ExitStack() as stack:
             stack.enter_context(changed(self._window, "SwapBuffers", 0))
             for renderer in self._others():
@@ -294,7 +310,7 @@ class SupersampledWindow:
     def _render_plain(self) -> None:
         """Render as without supersampling, in place of what was rendered for this frame."""
         self._modes = ()
-        self._window.SetMultiSamples(self._samples)
+        self._multi_sample(self._samples)
         self._window.Render()
 
     def _show(self, frames: Mapping[ViewportHistory, Frame | None]) -> None:
@@ -306,7 +322,7 @@ class SupersampledWindow:
         if not self._shows("first"):
             lines = any(viewport.has_lines_on_top(mode) for viewport, mode in self._modes)
             lines = lines or any(renderer.GetDraw() and visible(renderer) for renderer in self._others())
-            self._window.SetMultiSamples(self._samples if lines else 0)
+            self._multi_sample(self._samples if lines else 0)
             self._window.Start()  # makes the buffers of this number of samples
             for viewport, mode in self._modes:
                 viewport.paint(mode)
@@ -325,7 +341,20 @@ class SupersampledWindow:
             or window.GetTileScale() != (1, 1)
             or any(map(is_composed, renderers))
             or any(camera.GetUseExplicitProjectionTransformMatrix() for camera in cameras)
+            or any(camera.GetUseOffAxisProjection() for camera in cameras)  # it ignores the jitter
+            or self._is_over_others()
         )
+
+    def _is_over_others(self) -> bool:
+        """Return whether a renderer of the scene is drawn over pixels of another renderer."""
+        below: list[Rectangle] = []
+        for renderer in self._window.GetRenderers():
+            if renderer.GetDraw() and renderer.GetLayer() == 0:
+                part = Rectangle(*renderer.GetOrigin(), *renderer.GetSize())
+                if renderer in self._renderers and any(map(part.overlaps, below)):
+                    return True
+                below.append(part)
+        return False
 
     def _wake(self) -> None:
         """Have the event loop render the next frame of a view at rest, until it has converged."""
@@ -335,12 +364,21 @@ class SupersampledWindow:
         if self._window.GetOffScreenRendering():
             if self._wake_up is not None:
                 self._wake_up(self._pause)
-        elif self._due is None and interactor is not None and interactor.GetInitialized():
-            if self._timed is not interactor:
-                self._timed = interactor
-                interactor.AddObserver("TimerEvent", lambda *_: self._on_timer())
-            interactor.CreateOneShotTimer(self._pause)
-            self._due = perf_counter() + _EARLY * self._pause
+        elif interactor is not None and interactor.GetInitialized():
+            if self._timed is None or self._timed[0] is not interactor:
+                self._time_by(interactor)
+            if self._due is None:
+                interactor.CreateOneShotTimer(self._pause)
+                self._due = perf_counter() + _EARLY * self._pause
+
+    def _time_by(self, interactor: Any) -> None:
+        """Render on by timers of an interactor; None ends this."""
+        if self._timed is not None:
+            before, tag = self._timed
+            before.RemoveObserver(tag)
+        self._timed = self._due = None
+        if interactor is not None:
+            self._timed = interactor, interactor.AddObserver("TimerEvent", lambda *_: self._on_timer())
 
     @property
     def _pause(self) -> int:
@@ -349,7 +387,7 @@ class SupersampledWindow:
 
     def _on_timer(self) -> None:
         now = perf_counter()
-        if self._due is None or now < self._due or not self._observers:
+        if self._due is None or now < self._due:
             return  # it was another timer of the program
         self._due = None
         if now - self._ended >= _EARLY * self._pause:

@@ -31,6 +31,12 @@ class Rectangle(NamedTuple):
         """Left, bottom, and the last column and row, as VTK wants them."""
         return self.left, self.bottom, self.left + self.width - 1, self.bottom + self.height - 1
 
+    def overlaps(self, other: "Rectangle") -> bool:
+        """Return whether two rectangles have pixels in common."""
+        return (max(self.left, other.left) < min(self.left + self.width, other.left + other.width)) and (
+            max(self.bottom, other.bottom) < min(self.bottom + self.height, other.bottom + other.height)
+        )
+
 
 class WindowPixels:
     """Reads and writes parts of a window's image and depth buffer. Row 0 of arrays is on top.

@@ -47,6 +47,7 @@ class SceneView:
         near, far: distances of the near plane and the far plane.
         parallel: whether the projection is parallel.
         matrices: matrices of the visible actors and volumes, from their own space to the world's.
+        upscaled: the visible props that are upscaled.
         aspect: width / height that the camera projects to.
         sky: `view_projection` without the camera's position; None without a skybox.
     """
@@ -58,11 +59,12 @@ class SceneView:
     far: float
     parallel: bool
     matrices: dict[vtkProp3D, Matrix]
+    upscaled: frozenset[vtkProp3D]
     aspect: float
     sky: Matrix | None
 
     @classmethod
-    def of(cls, renderer: Any) -> Self:
+    def of(cls, renderer: Any, upscaled: frozenset[vtkProp3D]) -> Self:
         """Read the view of a renderer, before the camera is jittered."""
         camera, aspect = renderer.GetActiveCamera(), renderer.GetTiledAspectRatio()
         matrix = _array(camera.GetCompositeProjectionTransformMatrix(aspect, -1, 1))
@@ -76,7 +78,8 @@ class SceneView:
             sky = _array(camera.GetProjectionTransformMatrix(aspect, -1, 1)) @ sky
         return cls(
             size=tuple(renderer.GetSize()), jitter=(0.0, 0.0), view_projection=matrix, near=near, far=far,
-            parallel=bool(camera.GetParallelProjection()), matrices=matrices, aspect=aspect, sky=sky,
+            parallel=bool(camera.GetParallelProjection()), matrices=matrices, upscaled=upscaled,
+            aspect=aspect, sky=sky,
         )  # fmt: skip
 
     def is_same(self, other: "SceneView") -> bool:
@@ -117,7 +120,7 @@ class SceneView:
         """Yield upscaled props that move together, and the motion of pixels that show them."""
         moves: dict[bytes, list[vtkProp3D]] = {}
         for prop, matrix in self.matrices.items():
-            before = previous.matrices.get(prop) if is_upscaled(prop) else None
+            before = previous.matrices.get(prop) if prop in self.upscaled else None
             if before is not None and not _is_equal(before, matrix):
                 move = before @ np.linalg.inv(matrix)
                 moves.setdefault(move.round(12).tobytes(), []).append(prop)
@@ -148,7 +151,7 @@ class SceneView:
         """
         mask = np.zeros(buffer.shape, np.float32)
         for prop in self.matrices:
-            if is_upscaled(prop) and _is_translucent(prop):
+            if prop in self.upscaled and _is_translucent(prop):
                 columns, rows, depth = self._enclosing(prop.GetBounds())
                 part = buffer[rows, columns]
                 if isinstance(prop, vtkVolume):
@@ -287,6 +290,8 @@ def _state(prop: Any) -> tuple[Any, ...]:
         textures += [prop.GetProperty().GetTexture(name) for name in _SURFACE_TEXTURES]
     if (mapper := _value(prop, "Mapper")) is not None:
         parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper)]
+        inner = _value(mapper, "PolyDataMapper")  # of a `vtkDataSetMapper`, made when it is first in view
+        parts += [] if inner is None else [inner.GetInput()]
     for part in _value(prop, "Parts") or ():  # of an assembly
         matrix = _value(part, "Matrix")
         state += [part, None if matrix is None else _array(matrix).tobytes(), _state(part)]
@@ -304,17 +309,17 @@ def _texture(texture: Any) -> tuple[Any, ...]:
     return (*_modified(texture), *map(_modified, _inputs(texture)))
 
 
-def _inputs(algorithm: Any) -> Iterator[Any]:
+def _inputs(algorithm: Any, first_port: int = 0) -> Iterator[Any]:
     """Yield the data of all inputs of a mapper or a texture, brought up to date."""
-    for port in range(algorithm.GetNumberOfInputPorts()):
+    for port in range(first_port, algorithm.GetNumberOfInputPorts()):
         for index in range(algorithm.GetNumberOfInputConnections(port)):
             algorithm.GetInputAlgorithm(port, index).Update()
             yield algorithm.GetInputDataObject(port, index)
 
 
-def _data(mapper: Any) -> Iterator[Any]:
+def _data(mapper: Any, first_port: int = 0) -> Iterator[Any]:
     """Yield the data sets of a mapper, each block on its own."""
-    for data in _inputs(mapper):
+    for data in _inputs(mapper, first_port):
         if data is None or not data.IsA("vtkCompositeDataSet"):
             yield data
             continue
@@ -332,7 +337,8 @@ def _meshes(mapper: Any) -> Iterator[Any]:
         inner = mapper.GetPolyDataMapper()
         yield from () if inner is None else _meshes(inner)
         return
-    for data in _data(mapper):
+    is_glyphs = mapper.IsA("vtkGlyph3DMapper")  # its first input only tells where they are
+    for data in _data(mapper, first_port=1 if is_glyphs else 0):
         if data is not None and data.IsA("vtkPolyData"):
             yield data
 
@@ -365,4 +371,4 @@ def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
 
 
 def _array(matrix: Any) -> Matrix:
-    return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
+    return np.array(matrix.GetData()).reshape(4, 4)

@@ -63,6 +63,8 @@ class ViewportHistory:
         self._part = self._small_part = Rectangle(0, 0, 1, 1)
         self._view: SceneView | None = None  # of the last frame; None makes the next one plain
         self._looks: tuple[Any, ...] = ()  # `appearance` after the last frame
+        self._upscaled_looks: tuple[Any, ...] = ()  # the same without props that are not upscaled
+        self._upscaled_props: frozenset[Any] = frozenset()
         self._small: SceneView | None = None  # of this frame, if it moves
         self._upscaled: SceneView | None = None  # of the upscaler's last frame; None resets it
         self._sum: Float32 | None = None  # of renders at rest, RGBA in 0 to 255; None while the view moves
@@ -85,18 +87,18 @@ class ViewportHistory:
 
     @property
     def has_pixels(self) -> bool:
-        """Whether the viewport is not empty."""
-        return bool(min(self._renderer.GetSize()) > 0)
+        """Whether the renderer draws, and its viewport is not empty."""
+        return bool(self._renderer.GetDraw() and min(self._renderer.GetSize()) > 0)
 
     @property
     def has_surfaces(self) -> bool:
         """Whether there is something to upscale."""
-        return any(is_upscaled(prop) for prop in visible(self._renderer))
+        return bool(self._upscaled_props)
 
     @property
     def has_layers(self) -> bool:
         """Whether lines, points or 3D text are rendered on top of images that move."""
-        return any(not is_upscaled(prop) and not is_on_top(prop) for prop in visible(self._renderer))
+        return not all(p in self._upscaled_props or is_on_top(p) for p in visible(self._renderer))
 
     def has_lines_on_top(self, mode: Mode) -> bool:
         """Whether what is rendered on top has edges that need multi-sampling."""
@@ -137,18 +139,28 @@ class ViewportHistory:
         """Return how this frame is to be rendered, from what has changed since the last one."""
         if not self._renderer.IsActiveCameraCreated():
             self._renderer.ResetCamera()  # as VTK does before it renders without a camera
-        view = SceneView.of(self._renderer)
+        looks, upscaled_looks = self._read_looks()
+        view = SceneView.of(self._renderer, self._upscaled_props)
         left, bottom = self._renderer.GetOrigin()
         self._part = Rectangle(left, bottom, *view.size)
         before, self._view = self._view, view
-        is_other = before is None or before.size != view.size or self._looks != appearance(self._renderer)
-        if before is None or is_other or not view.knows_motion(before):
+        is_new = before is None or before.size != view.size or not view.knows_motion(before)
+        is_still = not is_new and view.is_same(before)
+        if is_new or upscaled_looks != self._upscaled_looks or (is_still and looks != self._looks):
             self._upscaled = self._sum = None
             return "changed"
-        if not view.is_same(before):
+        if not is_still:
             self._sum = None
             return "moved"
         return "first" if self._sum is None else "still"
+
+    def _read_looks(self) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """Return what the scene looks like now, and the same without props that are not upscaled."""
+        looks = appearance(self._renderer)
+        if looks != self._looks:
+            self._upscaled_props = frozenset(filter(is_upscaled, visible(self._renderer)))
+        *surroundings, props = looks
+        return looks, (*surroundings, [one for one in props if one[0] in self._upscaled_props])
 
     def begin(self, mode: Mode, scale: float, stack: ExitStack) -> None:
         """Prepare the renderer for a frame; `stack` restores it."""
@@ -162,7 +174,9 @@ class ViewportHistory:
             stack.enter_context(changed(self._renderer, "Viewport", left, bottom, *small))
             size, jitter = tuple(self._renderer.GetSize()), halton_jitter(self._frames, scale)
             self._small = replace(self._view, size=size, jitter=jitter)
-            self.configure(_RenderSettings(is_upscaled, jitter, size, self._view.aspect))
+            self.configure(
+                _RenderSettings(self._upscaled_props.__contains__, jitter, size, self._view.aspect)
+            )
         elif mode == "still":
             x, y = halton_jitter(self.renders // 2, _STILL_SCALE)
             jitter = (x, y) if self.renders % 2 else (-x, -y)  # pairs whose mean is the pixel's centre
@@ -245,12 +259,17 @@ class ViewportHistory:
             stack.enter_context(changed(self._renderer, name, 1))
         stack.callback(self.configure, None)
         self.configure(
-            _RenderSettings(lambda prop: not is_upscaled(prop) if mode == "moved" else is_on_top(prop))
+            _RenderSettings(
+                lambda prop: prop not in self._upscaled_props if mode == "moved" else is_on_top(prop)
+            )
         )
 
     def finish(self) -> None:
-        """Note what the scene looks like now, as rendering may modify it."""
-        self._looks = appearance(self._renderer)
+        """Note what the scene looks like now: rendering modifies it, and tells what mappers draw."""
+        before = self._upscaled_props
+        self._looks, self._upscaled_looks = self._read_looks()
+        if self._upscaled_props != before:
+            self._upscaled = None
 
     def _motion(self, view: SceneView, buffer: Float32, placed: Float32, previous: SceneView) -> Float32:
         motion = view.motion(placed, previous)
