@@ -215,7 +215,7 @@ def _ways(
                 return both.extrapolate(replace(item.frame, color=None))
             return both.step(item.frame)
 
-        return way(_info(model).method, step, both.gbuffers)
+        return way(model, step, both.gbuffers)
 
     def both_ways(model: str | None) -> measure.Stepper:
         forward = measure.upscaler_of(upscaler, display)
@@ -228,8 +228,7 @@ def _ways(
                 yield replace(item.frame, color=None) if unshaded else item.frame
 
         images = measure.both_ways_images(frames(), forward, interpolator=interpolator)
-        name = "shaded" if model is None else _info(model).method
-        return measure.Stepper(f"{upscaler}, {name} x2", lambda _: next(images), gbuffers)
+        return measure.Stepper(f"{upscaler}, {model or 'shaded'} x2", lambda _: next(images), gbuffers)
 
     shaded = measure.upscaler_of(upscaler, display)
     yield way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers)

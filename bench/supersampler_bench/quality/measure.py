@@ -14,7 +14,7 @@ import numpy as np
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
-from supersampler.io.display import auto_exposure, display_transform, usable_exposure
+from supersampler.io.display import auto_exposure, display_transform, missing_pixels, usable_exposure
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
 from supersampler.sequence.both_ways import BothWays, buffers_of, frames_of
@@ -264,8 +264,15 @@ class _Truths:
         self._paired = False  # whether the last frame ended a pair of STRRED; pairs do not overlap
 
     def next(self, item: ShotFrame) -> _Truth | None:
-        """Return the truth of the next frame; None if it has no reference."""
+        """Return the truth of the next frame; None if it has no reference.
+
+        Raises:
+            ShotError: the reference has a NaN.
+        """
         reference = None if item.reference is None else item.reference / np.float32(item.frame.pre_exposure)
+        if reference is not None and (missing := int(missing_pixels(reference).sum())):
+            problem = f"the reference of frame {item.index} has {missing} pixels of NaN"
+            raise ShotError(self._shot.path, problem, "Render it again, or remove it from shot.json.")
         truth = None if reference is None else self._truth(item, reference)
         self._paired = truth is not None and truth.bands is not None
         self._frame, self._reference = item.frame, reference
