@@ -73,10 +73,13 @@ def motion_over_two_frames(frame: Frame, since: Array | None, jitter: tuple[floa
     """Return motion (h, w, 2) from a frame, over the previous one, to the frame that `since` leads to.
 
     `since` is the motion (h, w, 2) of the previous frame to an earlier one; with None, the result is the
-    frame's own motion. `jitter` is that of the previous frame.
+    frame's own motion. `jitter` is that of the previous frame, whose size may differ.
     """
     if since is None:
         return frame.motion
+    if since.shape != frame.motion.shape:  # resampled at the pixel centres of this frame
+        ratio = np.divide(frame.size, since.shape[1::-1])
+        since, jitter = masks.to_display(since, jitter, frame.size) * ratio, (0.0, 0.0)
     to_sample = frame.motion + np.subtract(frame.jitter, jitter)
     further, inside = metrics.warp(since, to_sample)
     total = np.where(inside[..., None], frame.motion + further, frame.motion)  # off screen: does not matter

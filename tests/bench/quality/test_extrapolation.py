@@ -136,6 +136,9 @@ def test_motion_spans_unshaded_frames_back_to_a_shaded_sample() -> None:
     expected = np.broadcast_to(-1.5 + 0.1 * places, (27, 48, 1))[..., 0]
     np.testing.assert_allclose(total[3:, 3:, 0], expected[3:, 3:], atol=1e-5)
     np.testing.assert_array_equal(total[:, 0], frame.motion[:, 0])  # off screen
+    coarse = np.broadcast_to(np.array([1.0, -0.5], np.float32), (9, 12, 2))  # a quarter of the width, a third
+    total = motion_over_two_frames(frame, coarse, (-0.2, 0.4))
+    np.testing.assert_allclose(total[3:, 3:], np.broadcast_to([-1.5 + 4.0, -1.5 - 1.5], (24, 45, 2)))
 
 
 class Taker:
