@@ -18,6 +18,7 @@ import numpy as np
 
 from supersampler import ArgumentError, ShotError, Upscaler
 from supersampler.frame import Array, Float32, Frame, Size
+from supersampler.history import StepResult
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import lacking, listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
@@ -208,7 +209,7 @@ def _ways(
     shot: Shot, upscaler: str, models: Sequence[str], display: Size, alternation: Alternation
 ) -> Iterator[measure.Stepper]:
     def way(name: str, step: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> measure.Stepper:
-        return measure.Stepper(f"{upscaler}, {name}", lambda item: measure.StepImage(step(item)), gbuffers)
+        return measure.Stepper(f"{upscaler}, {name}", lambda item: StepResult(step(item)), gbuffers)
 
     def extrapolating(model: str) -> measure.Stepper:
         both = measure.upscaler_of(upscaler, display, extrapolation=model)

@@ -57,20 +57,11 @@ Bands = tuple[strred.Plane, strred.Plane]
 """STRRED bands of the previous image and of this one."""
 
 
-@dataclass(frozen=True)
-class StepImage:
-    """The image (H, W, 3) of a step, linear RGB, its `StepResult.class_map`, and blended AOVs (H, W, k)."""
-
-    image: Float32
-    class_map: Float32 | None = None
-    aovs: Float32 | None = None
-
-
 class Stepper(NamedTuple):
     """Computes the images of a shot's frames, in order, from the frames' colour and these G-buffers."""
 
     name: str
-    step: Callable[[ShotFrame], StepImage]
+    step: Callable[[ShotFrame], StepResult]
     gbuffers: Collection[str] = ()
 
 
@@ -145,15 +136,10 @@ def stepper_of(method: str, shot: Shot) -> Stepper:
     """
     if method == FSR2_LIKE:
         fsr2 = Fsr2Like(reference_size(shot), 1.0 / (shot.frame_rate or 60.0))
-        return Stepper(method, lambda item: StepImage(fsr2.step(item.frame)))
+        return Stepper(method, lambda item: StepResult(fsr2.step(item.frame)))
     if method in (EASU, EASU_RCAS):
         fsr1 = Fsr1(reference_size(shot), sharpens=method == EASU_RCAS)
-
-        def upsample(item: ShotFrame) -> StepImage:
-            image, aovs = fsr1.step(item.frame)
-            return StepImage(image, aovs=aovs)
-
-        return Stepper(method, upsample)
+        return Stepper(method, lambda item: StepResult(*fsr1.step(item.frame)))
     if method.endswith(NATIVE):
         native = _native(shot)
         stepper = stepper_of(method.removesuffix(NATIVE), native)
@@ -166,11 +152,9 @@ def stepper_of(method: str, shot: Shot) -> Stepper:
         images = both_ways_images(frames_of(shot, buffers_of(upscaler)), upscaler, outputs=outputs)
         return Stepper(method, lambda _: next(images), gbuffers)
 
-    def step(item: ShotFrame) -> StepImage:
+    def step(item: ShotFrame) -> StepResult:
         result = upscaler.step(item.frame, outputs=outputs)
-        if isinstance(result, StepResult):
-            return StepImage(result.image, result.class_map, result.aovs)
-        return StepImage(result)
+        return result if isinstance(result, StepResult) else StepResult(result)
 
     return Stepper(method, step, gbuffers)
 
@@ -191,14 +175,13 @@ def both_ways_images(
     *,
     outputs: Sequence[str] = (),
     interpolator: Interpolator | None = None,
-) -> Iterator[StepImage]:
-    """Yield the images of frames in two passes, with the settings of an Upscaler for the forward one."""
+) -> Iterator[StepResult]:
+    """Yield the outputs of frames in two passes, with the settings of an Upscaler for the forward one."""
     backward = Upscaler(
         forward.model, display_size=forward.display_size, at_rest=forward.at_rest, validate="off"
     )
     runs = BothWays(forward, backward, outputs=tuple(outputs), interpolator=interpolator)
-    for _, result in runs.run(frames):
-        yield StepImage(result.image, result.class_map, result.aovs)
+    return (result for _, result in runs.run(frames))
 
 
 def upscaler_of(
@@ -320,7 +303,7 @@ def _bands(previous: Float32, shown: Float32) -> Bands:
     return strred.band(strred.luma255(previous)), strred.band(strred.luma255(shown))
 
 
-def _score(shown: Float32, stepped: StepImage, before: Float32 | None, truth: _Truth) -> FrameScores:
+def _score(shown: Float32, stepped: StepResult, before: Float32 | None, truth: _Truth) -> FrameScores:
     flip = metrics.flip_map(shown, truth.shown)
     previous = None if before is None else display_transform(before, truth.exposure)
     bands = None if truth.bands is None or previous is None else _bands(previous, shown)
