@@ -106,6 +106,12 @@ def train(
         _CONSOLE.print(
             "--init is ignored: the run in this folder has begun with other weights.", soft_wrap=True
         )
+    if trainer.frames_before != trainer.frames:
+        _CONSOLE.print(
+            f"The training set had {trainer.frames_before} frames when the run stopped, and has "
+            f"{trainer.frames} now: crops, and thus weights, are not those of an uninterrupted run.",
+            soft_wrap=True,
+        )
     entries = validation_entries(trainer.datasets, task.ratios)
     if not trainer.done:
         trainer.save()  # the folder is then this run's, and the disk takes a checkpoint

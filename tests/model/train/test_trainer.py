@@ -353,6 +353,8 @@ def test_train_says_which_of_its_arguments_have_no_effect(dataset: Dataset, tmp_
     assert "only 11 of 12 training frames are rendered" in done.stderr
     done = run(*command, "--init", "shipped")
     assert (done.exit_code, "--init is ignored" in done.stderr) == (0, True)
+    write_training_frame(both.path(entry, 11), dataset.read(entry, 11))
+    assert "The training set had 11 frames when the run stopped, and has 12 now" in run(*command).stderr
     unknown = [*command, "--init", "shipped"]
     unknown[1] = "classifier-paper"
     assert "--init is 'shipped'; want a file, as no weights ship" in run(*unknown).stderr
