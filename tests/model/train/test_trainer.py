@@ -265,8 +265,10 @@ def test_a_run_is_not_resumed_with_another_plan_or_loss(dataset: Dataset, tmp_pa
     trainer(dataset, tmp_path).save()
     with pytest.raises(ArgumentError, match=r"of another plan \(batch 2\); want the run's own plan"):
         trainer(dataset, tmp_path, dataclasses.replace(PLAN, batch=4))
+    task = ClassifierTask(Classifier())
+    task.losses = ClassifierWeights(ghost=1.0)
     with pytest.raises(ArgumentError, match="losses"):
-        Trainer(ClassifierTask(Classifier(), ClassifierWeights(ghost=1.0)), [dataset], PLAN, tmp_path)
+        Trainer(task, [dataset], PLAN, tmp_path)
 
 
 @pytest.mark.parametrize(
