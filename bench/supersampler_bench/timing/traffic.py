@@ -173,14 +173,12 @@ def cost_of(name_or_path: str) -> Cost:
     """
     import onnx  # a measuring kit lacks it, and counts traffic alone
 
-    folder = find_model(name_or_path)
-    path = folder / "network.onnx"
-    if not path.is_file():
+    info = read_model_info(find_model(name_or_path))
+    if "network.onnx" not in info.files:
         raise ArgumentError("--methods", got=name_or_path, want="methods with a network")
-    graph = onnx.load(path).graph
+    graph = onnx.load(info.folder / "network.onnx").graph
     parameters = sum(math.prod(tensor.dims) for tensor in graph.initializer)
-    counted = read_model_info(folder).multiply_adds
-    return Cost(name_or_path, counted, parameters, len(graph.node))
+    return Cost(name_or_path, info.multiply_adds, parameters, len(graph.node))
 
 
 @dataclass(frozen=True)
