@@ -204,8 +204,9 @@ class Trainer:
             if (before := content.get(name)) != value:
                 fields = before.items() if isinstance(before, dict) and isinstance(value, dict) else ()
                 other = ", ".join(f"{key} {old}" for key, old in fields if value.get(key) != old)
-                got = f"{path}, of another {name}{f' ({other})' if other else ''}"
-                raise ArgumentError("checkpoint", got=got, want=f"the run's own {name}, or a new folder")
+                kind, other = ("method", before) if name == "name" else (name, other)
+                got = f"{path}, of another {kind}{f' ({other})' if other else ''}"
+                raise ArgumentError("checkpoint", got=got, want=f"the run's own {kind}, or a new folder")
         self.done = content["done"]
         self.initial = content.get("initial", self.initial)  # older checkpoints lack these three
         self.attributions = self.attributions or content.get("attributions", [])

@@ -35,7 +35,7 @@ from supersampler_model.data.dataset.storage import (
 from supersampler_model.data.errors import DataError, DatasetError
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.methods.base import load_trained
-from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier import Classifier, SmallClassifier
 from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.cli import update_and_save
 from supersampler_model.training.datasets import UNKNOWN, data_hash, dataset_of_shots, sequences_of
@@ -269,6 +269,8 @@ def test_a_run_is_not_resumed_with_another_plan_or_loss(dataset: Dataset, tmp_pa
     task.losses = ClassifierWeights(ghost=1.0)
     with pytest.raises(ArgumentError, match="losses"):
         Trainer(task, [dataset], PLAN, tmp_path)
+    with pytest.raises(ArgumentError, match=r"another method \(classifier\); want the run's own method"):
+        Trainer(ClassifierTask(SmallClassifier()), [dataset], PLAN, tmp_path)
 
 
 @pytest.mark.parametrize(
