@@ -204,7 +204,7 @@ class Trainer:
             if (before := content.get(name)) != value:
                 fields = before.items() if isinstance(before, dict) and isinstance(value, dict) else ()
                 other = ", ".join(f"{key} {old}" for key, old in fields if value.get(key) != old)
-                kind, other = ("method", before) if name == "name" else (name, other)
+                kind, other = ("method", str(before)) if name == "name" else (name, other)
                 got = f"{path}, of another {kind}{f' ({other})' if other else ''}"
                 raise ArgumentError("checkpoint", got=got, want=f"the run's own {kind}, or a new folder")
         self.done = content["done"]
