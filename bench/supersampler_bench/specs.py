@@ -47,10 +47,14 @@ def parse_spec(text: str, *, two_passes: bool = False) -> Spec:
     Suffixes follow colons. A path may contain colons, too: other text after a colon belongs to the model.
 
     Raises:
-        ArgumentError: "x2" without `two_passes`, because the caller steps frame by frame.
+        ArgumentError: two suffixes set the same; or "x2" without `two_passes`, because the caller steps frame
+            by frame.
     """
     model, given = text, dict[str, Any]()
     while (suffix := model.rpartition(":")[2]) in _SUFFIXES and suffix != model:
+        if twice := given.keys() & _SUFFIXES[suffix]:
+            want = f"one setting of its {' and '.join(twice)}"
+            raise ArgumentError("method", got=shown(text), want=want)
         given |= _SUFFIXES[suffix]
         model = model.removesuffix(f":{suffix}")
     spec = Spec(model, **given)

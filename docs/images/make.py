@@ -32,7 +32,7 @@ from supersampler_model.data import sequences
 from supersampler_model.data.dataset.overview import overlay
 from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.shots import variant_name
+from supersampler_model.data.shots import render_frame, variant_name
 
 Pixels = NDArray[np.uint8]
 GAP = 8
@@ -107,10 +107,7 @@ def families() -> Pixels:
     renderer, tiles = Renderer(size), []
     for family in (*sequences.TRAIN_FAMILIES, *sequences.TEST_FAMILIES, *sequences.APART_FAMILIES):
         sequence = sequences.make_sequence(sequences.SequenceSpec(family=family, seed=6, frames=24))
-        before, now = (
-            renderer.render(sequence.scene(i), size, jitter=(0.0, 0.0), reset=sequence.cut(i))
-            for i in (index - 1, index)
-        )
+        before, now = (render_frame(sequence, renderer, i, 1.0) for i in (index - 1, index))
         image = to_uint8(display_transform(now.reference.color, now.exposure))
         labels = labels_of(now, before)
         tiles.append(np.concatenate([image, overlay(labels, image)], axis=1))

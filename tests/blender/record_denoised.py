@@ -14,7 +14,8 @@ from supersampler.denoising.oidn import Oidn
 from supersampler.denoising.sequence import guides_of
 from supersampler.frame import Array, Float32
 from supersampler.io.shot import ShotWriter, import_blender
-from supersampler_bench.quality.denoise_references import DEFAULT_PATTERN, find_references, read_reference
+from supersampler_bench.cli.options import REFERENCES
+from supersampler_bench.quality.denoise_references import find_references, read_reference
 
 FOLDER = Path(__file__).with_name("denoised")
 NUMBERS = range(11, 16)  # a reference with two frames to either side, and two more references
@@ -24,7 +25,7 @@ PART = slice(136, 200), slice(290, 386)  # rows and columns: spokes before brick
 def main(renders: Path) -> None:
     render = renders / "courtyard-4"
     shot = import_blender(render, guides="denoising")
-    references = find_references(render, "courtyard", DEFAULT_PATTERN)
+    references = find_references(render, "courtyard", REFERENCES)
     height, width = (part.stop - part.start for part in PART)
     writer = ShotWriter(
         FOLDER, name="denoised", display_size=(width, height), frame_rate=24,

@@ -26,10 +26,11 @@ from supersampler.io.images import read_exr, read_header
 from supersampler.io.shot import Shot, import_blender, open_source
 from supersampler.io.shot.blender import RenderRecord, read_render_record
 from supersampler.validation import detect_conventions
+from supersampler_bench.cli.options import REFERENCES
 from supersampler_bench.quality import denoise_record
 from supersampler_bench.quality.denoise import measure_render
 from supersampler_bench.quality.denoise_record import FRAME, MEDIAN
-from supersampler_bench.quality.denoise_references import DEFAULT_PATTERN, find_references
+from supersampler_bench.quality.denoise_references import find_references
 from upscale_runs import run, succeeded
 
 PROGRAM = os.environ.get("SUPERSAMPLER_BLENDER") or shutil.which("blender")
@@ -441,7 +442,7 @@ def test_the_scenes_of_the_denoising_bench_render_resume_and_are_measured(tmp_pa
     assert times == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.exr")}
     shot = import_blender(tmp_path / "lamps-1", guides="denoising")
     assert np.abs(shot.read(1).frame.motion).max() > 0.3
-    references = find_references(tmp_path / "lamps-1", "lamps", DEFAULT_PATTERN)
+    references = find_references(tmp_path / "lamps-1", "lamps", REFERENCES)
     row: Any = measure_render(tmp_path / "lamps-1", shot, references, None)
     assert row.reference_frames == [12, 13, 14]
     noisy, median = (row.scores(method).psnr or 0.0 for method in (FRAME, MEDIAN))

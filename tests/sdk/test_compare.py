@@ -94,6 +94,11 @@ def test_error_and_psnr_are_those_of_the_shown_images() -> None:
     np.testing.assert_array_equal(layers["error"], false_color(np.full((6, 8), shown / ERROR_SCALE)))
     layers, numbers = compare_layers(frame(None), black, None, 1.0)
     assert (list(layers), numbers) == (["output"], {})
+    white[:, 3:], black[:, :2] = np.nan, 1.0  # two columns are exact, one is not, the others are unknown
+    layers, numbers = compare_layers(frame(None), black, white, 1.0)
+    assert numbers[PSNR] == pytest.approx(-20 * np.log10(shown) + 10 * np.log10(3), abs=1e-4)
+    assert (layers["error"][:, 3:] == false_color(np.zeros((1, 1)))).all()
+    assert compare_layers(frame(None), black, np.full_like(white, np.nan), 1.0)[1] == {}
 
 
 def test_bicubic_stands_between_input_and_output_as_the_transform_shows_it() -> None:

@@ -20,6 +20,8 @@ from supersampler_bench.shots import public_shots
 
 ERRORS = terminal.Terminal(stderr=True)
 counted = partial(terminal.counted, ERRORS)
+REFERENCES = "{scene}-reference*/*.exr"
+"""Default pattern of the references of `bench denoise`."""
 T = TypeVar("T")
 
 

@@ -120,7 +120,7 @@ def denoise(
             help="EXR files of the references, relative to the folder that holds RENDER; {scene} is its "
             "scene. Files of one frame are averaged.",
         ),
-    ] = "{scene}-reference*/*.exr",
+    ] = options.REFERENCES,
     per_frame: Annotated[
         Literal["auto", "oidn", "none"],
         typer.Option(help="Denoiser of single frames, as in `supersampler denoise`."),

@@ -15,7 +15,6 @@ from supersampler_bench.quality.masks import dilated
 from supersampler_bench.quality.metrics import Bool
 from supersampler_bench.quality.scores import BORDER
 
-DEFAULT_PATTERN = "{scene}-reference*/*.exr"
 _LAST_NUMBER = re.compile(r".*?(\d+)\D*", re.DOTALL)
 
 

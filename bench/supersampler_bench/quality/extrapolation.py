@@ -18,6 +18,7 @@ import numpy as np
 
 from supersampler import ArgumentError, ShotError, Upscaler
 from supersampler.frame import Array, Float32, Frame, Size
+from supersampler.history import StepResult
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import lacking, listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
@@ -72,10 +73,13 @@ def motion_over_two_frames(frame: Frame, since: Array | None, jitter: tuple[floa
     """Return motion (h, w, 2) from a frame, over the previous one, to the frame that `since` leads to.
 
     `since` is the motion (h, w, 2) of the previous frame to an earlier one; with None, the result is the
-    frame's own motion. `jitter` is that of the previous frame.
+    frame's own motion. `jitter` is that of the previous frame, whose size may differ.
     """
     if since is None:
         return frame.motion
+    if since.shape != frame.motion.shape:  # resampled at the pixel centres of this frame
+        ratio = np.divide(frame.size, since.shape[1::-1])
+        since, jitter = masks.to_display(since, jitter, frame.size) * ratio, (0.0, 0.0)
     to_sample = frame.motion + np.subtract(frame.jitter, jitter)
     further, inside = metrics.warp(since, to_sample)
     total = np.where(inside[..., None], frame.motion + further, frame.motion)  # off screen: does not matter
@@ -204,7 +208,7 @@ def _ways(
     shot: Shot, upscaler: str, models: Sequence[str], display: Size, alternation: Alternation
 ) -> Iterator[measure.Stepper]:
     def way(name: str, step: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> measure.Stepper:
-        return measure.Stepper(f"{upscaler}, {name}", lambda item: measure.StepImage(step(item)), gbuffers)
+        return measure.Stepper(f"{upscaler}, {name}", lambda item: StepResult(step(item)), gbuffers)
 
     def extrapolating(model: str) -> measure.Stepper:
         both = measure.upscaler_of(upscaler, display, extrapolation=model)
@@ -214,7 +218,7 @@ def _ways(
                 return both.extrapolate(replace(item.frame, color=None))
             return both.step(item.frame)
 
-        return way(_info(model).method, step, both.gbuffers)
+        return way(model, step, both.gbuffers)
 
     def both_ways(model: str | None) -> measure.Stepper:
         runs = BothWays(measure.upscaler_of(upscaler, display), extrapolation=model)
@@ -225,8 +229,7 @@ def _ways(
                 yield replace(item.frame, color=None) if unshaded else item.frame
 
         images = measure.both_ways_images(frames(), runs)
-        name = "shaded" if model is None else _info(model).method
-        return measure.Stepper(f"{upscaler}, {name} x2", lambda _: next(images), runs.buffers)
+        return measure.Stepper(f"{upscaler}, {model or 'shaded'} x2", lambda _: next(images), runs.buffers)
 
     shaded = measure.upscaler_of(upscaler, display)
     yield way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers)

@@ -27,22 +27,21 @@ def disoccluded(frame: Frame, previous: Frame | None, *, in_part: bool = False) 
     """Return (h, w), True where the visible surface was occluded or off screen in the previous frame.
 
     A surface counts as occluded where all four samples around its previous position were closer by more than
-    `DEPTH_RATIO`, or with `in_part`, one of them. All pixels are True on the first frame, after a cut, and
-    after a change of the render size.
+    `DEPTH_RATIO`, or with `in_part`, one of them. All pixels are True on the first frame and after a cut.
     """
-    if previous is None or frame.reset or previous.size != frame.size:
+    if previous is None or frame.reset:
         return np.ones(frame.depth.shape, bool)
-    height, width = frame.depth.shape
+    (width, height), (w, h) = frame.size, previous.size
     rows, columns = np.indices((height, width))
     motion = frame.motion.astype(np.float64)
     # previous position on screen, whose corner is (0, 0); a sample lies at centre + jitter
     x = columns + 0.5 + frame.jitter[0] + motion[..., 0]
     y = rows + 0.5 + frame.jitter[1] + motion[..., 1]
     inside = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
-    x, y = x - 0.5 - previous.jitter[0], y - 0.5 - previous.jitter[1]  # relative to the previous samples
+    x, y = x * (w / width) - 0.5 - previous.jitter[0], y * (h / height) - 0.5 - previous.jitter[1]
     left, top = (np.floor(np.where(inside, v, 0)).astype(np.intp) for v in (x, y))
     taps = [
-        previous.depth[np.clip(top + dy, 0, height - 1), np.clip(left + dx, 0, width - 1)]
+        previous.depth[np.clip(top + dy, 0, h - 1), np.clip(left + dx, 0, w - 1)]
         for dy in (0, 1)
         for dx in (0, 1)
     ]

@@ -14,7 +14,7 @@ import numpy as np
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
-from supersampler.io.display import auto_exposure, display_transform, usable_exposure
+from supersampler.io.display import auto_exposure, display_transform, missing_pixels, usable_exposure
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
 from supersampler.sequence.both_ways import BothWays, frames_of
@@ -56,20 +56,11 @@ Bands = tuple[strred.Plane, strred.Plane]
 """STRRED bands of the previous image and of this one."""
 
 
-@dataclass(frozen=True)
-class StepImage:
-    """The image (H, W, 3) of a step, linear RGB, its `StepResult.class_map`, and blended AOVs (H, W, k)."""
-
-    image: Float32
-    class_map: Float32 | None = None
-    aovs: Float32 | None = None
-
-
 class Stepper(NamedTuple):
     """Computes the images of a shot's frames, in order, from the frames' colour and these G-buffers."""
 
     name: str
-    step: Callable[[ShotFrame], StepImage]
+    step: Callable[[ShotFrame], StepResult]
     gbuffers: Collection[str] = ()
 
 
@@ -144,15 +135,10 @@ def stepper_of(method: str, shot: Shot) -> Stepper:
     """
     if method == FSR2_LIKE:
         fsr2 = Fsr2Like(reference_size(shot), 1.0 / (shot.frame_rate or 60.0))
-        return Stepper(method, lambda item: StepImage(fsr2.step(item.frame)))
+        return Stepper(method, lambda item: StepResult(fsr2.step(item.frame)))
     if method in (EASU, EASU_RCAS):
         fsr1 = Fsr1(reference_size(shot), sharpens=method == EASU_RCAS)
-
-        def upsample(item: ShotFrame) -> StepImage:
-            image, aovs = fsr1.step(item.frame)
-            return StepImage(image, aovs=aovs)
-
-        return Stepper(method, upsample)
+        return Stepper(method, lambda item: StepResult(*fsr1.step(item.frame)))
     if method.endswith(NATIVE):
         native = _native(shot)
         stepper = stepper_of(method.removesuffix(NATIVE), native)
@@ -166,11 +152,9 @@ def stepper_of(method: str, shot: Shot) -> Stepper:
         images = both_ways_images(frames_of(shot, runs.buffers), runs)
         return Stepper(method, lambda _: next(images), gbuffers)
 
-    def step(item: ShotFrame) -> StepImage:
+    def step(item: ShotFrame) -> StepResult:
         result = upscaler.step(item.frame, outputs=outputs)
-        if isinstance(result, StepResult):
-            return StepImage(result.image, result.class_map, result.aovs)
-        return StepImage(result)
+        return result if isinstance(result, StepResult) else StepResult(result)
 
     return Stepper(method, step, gbuffers)
 
@@ -185,10 +169,9 @@ def _native(shot: Shot) -> Shot:
     return Shot.open(path)
 
 
-def both_ways_images(frames: Iterable[Frame], runs: BothWays) -> Iterator[StepImage]:
-    """Yield the images of frames in two passes."""
-    for _, result in runs.run(frames):
-        yield StepImage(result.image, result.class_map, result.aovs)
+def both_ways_images(frames: Iterable[Frame], runs: BothWays) -> Iterator[StepResult]:
+    """Yield the outputs of frames in two passes."""
+    return (result for _, result in runs.run(frames))
 
 
 def upscaler_of(
@@ -254,8 +237,15 @@ class _Truths:
         self._paired = False  # whether the last frame ended a pair of STRRED; pairs do not overlap
 
     def next(self, item: ShotFrame) -> _Truth | None:
-        """Return the truth of the next frame; None if it has no reference."""
+        """Return the truth of the next frame; None if it has no reference.
+
+        Raises:
+            ShotError: the reference has a NaN.
+        """
         reference = None if item.reference is None else item.reference / np.float32(item.frame.pre_exposure)
+        if reference is not None and (missing := int(missing_pixels(reference).sum())):
+            problem = f"the reference of frame {item.index} has {missing} pixels of NaN"
+            raise ShotError(self._shot.path, problem, "Render it again, or remove it from shot.json.")
         truth = None if reference is None else self._truth(item, reference)
         self._paired = truth is not None and truth.bands is not None
         self._frame, self._reference = item.frame, reference
@@ -303,7 +293,7 @@ def _bands(previous: Float32, shown: Float32) -> Bands:
     return strred.band(strred.luma255(previous)), strred.band(strred.luma255(shown))
 
 
-def _score(shown: Float32, stepped: StepImage, before: Float32 | None, truth: _Truth) -> FrameScores:
+def _score(shown: Float32, stepped: StepResult, before: Float32 | None, truth: _Truth) -> FrameScores:
     flip = metrics.flip_map(shown, truth.shown)
     previous = None if before is None else display_transform(before, truth.exposure)
     bands = None if truth.bands is None or previous is None else _bands(previous, shown)

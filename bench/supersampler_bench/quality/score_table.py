@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
 
 from rich.table import Column as TableColumn
 from rich.table import Table
@@ -30,6 +30,7 @@ Titled: TypeAlias = tuple[str, Sequence[MethodRow]]
 """Caption and rows of a table."""
 NO_KINDS = "The shots have no planes of truth, which tell kinds of pixels apart."
 NO_CLASSES = "No method predicts classes, or the shots have no true classes."
+_MAX_METHODS = 4  # across a table of the terminal
 
 
 @dataclass(frozen=True)
@@ -103,28 +104,38 @@ def markdown_table(
 def terminal_tables(title: str, rows: Sequence[MethodRow]) -> Iterator[Table]:
     """Yield the scores, then the error by kind of pixel and the overlap of classes if they are known.
 
-    Each table has a column per method, to fit into 80 characters.
+    Tables have a column per method. More than _MAX_METHODS do not fit into 80 characters; they continue in
+    another table.
     """
-    shown = _terminal_table("", (row.method for row in rows), title)
-    for column in _shown_columns(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS, *CORNER_COLUMNS)), rows):
-        shown.add_row(column.heading, *(Text(f, "bold" if best else "") for f, best in _cells(column, rows)))
-    yield shown
-    if kinds := list(_kind_rows(rows)):
-        shown = _terminal_table("fraction of the error, PSNR", (name for name, *_ in kinds), title)
-        for kind, *cells in zip(KINDS, *(cells for _, *cells in kinds), strict=True):
-            shown.add_row(kind, *cells)
-        yield shown
-    if confusions := confusions_of(rows):
-        shown = _terminal_table("intersection over union", (method for method, _ in confusions), title)
-        for index, (group, names) in enumerate(CLASSES.items()):
-            found = [overlap(counts[index]) for _, counts in confusions]
-            for number, name in enumerate(names):
-                shown.add_row(f"{group}: {name}", *(figure(of[number], 3) for of in found))
-        yield shown
+    shown = _shown_columns(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS, *CORNER_COLUMNS)), rows)
+    scores = [
+        (column.heading, [Text(text, "bold" if best else "") for text, best in _cells(column, rows)])
+        for column in shown
+    ]
+    yield from _terminal_tables("", [row.method for row in rows], scores, title)
+    kinds = list(_kind_rows(rows))
+    figures = [(kind, [row[place] for row in kinds]) for place, kind in enumerate(KINDS, start=1)]
+    yield from _terminal_tables("fraction of the error, PSNR", [name for name, *_ in kinds], figures, title)
+    confusions = confusions_of(rows)
+    overlaps = [
+        (f"{group}: {name}", [figure(overlap(counts[index])[number], 3) for _, counts in confusions])
+        for index, (group, names) in enumerate(CLASSES.items())
+        for number, name in enumerate(names)
+    ]
+    yield from _terminal_tables("intersection over union", [name for name, _ in confusions], overlaps, title)
 
 
-def _terminal_table(corner: str, names: Iterable[str], title: str) -> Table:
-    return Table(corner, *(TableColumn(name, justify="right") for name in names), caption=title)
+def _terminal_tables(
+    corner: str, methods: Sequence[str], figures: Iterable[tuple[str, Sequence[Any]]], title: str
+) -> Iterator[Table]:
+    """Yield tables of figures, each with the heading of its row and a value per method."""
+    for first in range(0, len(methods), _MAX_METHODS):
+        part = slice(first, first + _MAX_METHODS)
+        columns = (TableColumn(name, justify="right", overflow="fold") for name in methods[part])
+        shown = Table(corner, *columns, caption=title)
+        for heading, values in figures:
+            shown.add_row(heading, *values[part])
+        yield shown
 
 
 def _shown_columns(

@@ -133,7 +133,7 @@ class _GpuRunner:
         self, device: "wgpu.GPUDevice", method: str, display: Size, placed: Sequence[Textures]
     ) -> None:
         began = time.perf_counter()
-        self._device, self._display = device, display
+        self._device, self._method, self._display = device, method, display
         self._model = Model.load(method, executor="gpu", device=device)
         self._upscaler = Upscaler(self._model, display_size=display, validate="off")
         self._placed, self._frames = placed, itertools.cycle(placed)
@@ -172,7 +172,7 @@ class _GpuRunner:
             GpuPass(cost.name, *quantiles(times)[:2], cost.moved, cost.multiply_adds)
             for cost, times in zip(costs, np.concatenate(self._passes).T.tolist(), strict=True)
         )
-        setting = model.info.method, render, self._display, model.precision, BURST * len(self._steps)
+        setting = self._method, render, self._display, model.precision, BURST * len(self._steps)
         return GpuStep(
             *setting,
             *quantiles(np.concatenate(self._steps).tolist()),

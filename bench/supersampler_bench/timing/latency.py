@@ -241,18 +241,19 @@ class LatencyRecord(BenchRecord):
     def summary_table(self) -> str:
         """Return the table of the largest size and number of threads, which README shows."""
         largest = max((r.setting.display, r.setting.threads) for r in self.timed)
+        shown = [r for r in self.timed if (r.setting.display, r.setting.threads) == largest]
+        executors = {r.executor for r in shown}
         rows = [
             [
-                r.setting.method,
+                r.setting.method if len(executors) == 1 else f"{r.setting.method}, {r.executor}",
                 *(f"{time:.1f}" for time in (r.median, r.p95, r.p99, r.processor, r.multiple)),
                 f"{r.first:.0f}",
             ]
-            for r in self.timed
-            if (r.setting.display, r.setting.threads) == largest
+            for r in shown
         ]
         headings = ["method", "ms:", "p95:", "p99:", "ms of all cores:", "of taa:", "first image, ms:"]
-        executor = self.timed[0].setting.executor
-        caption = f"{self.machine_name}, {executor} backend. Of taa: ms, divided by those of `taa`."
+        backend = f", {executors.pop()} backend" if len(executors) == 1 else ""
+        caption = f"{self.machine_name}{backend}. Of taa: ms, divided by those of `taa`."
         return table(headings, rows, caption)
 
 

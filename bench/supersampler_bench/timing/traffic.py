@@ -12,7 +12,6 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 from supersampler.backends.gpu.memory import MAX_PHASES
@@ -122,8 +121,7 @@ def traffic_of(
     """
     found = []
     for method in methods:
-        info = read_model_info(find_model(method))
-        program = gpu_program(info)
+        program = gpu_program(read_model_info(find_model(method)))
         if program is None:
             raise ArgumentError("--methods", got=method, want="methods with shaders")
         for ratio in ratios:
@@ -133,7 +131,7 @@ def traffic_of(
             costs = pass_costs(program, render, display)
             moved, products = sum(one.moved for one in costs), sum(one.multiply_adds for one in costs)
             at_rest = sum(one.moved for one in pass_costs(program, render, display, frozen=True))
-            found.append(Traffic(info.method, render, display, len(costs), moved, products, at_rest))
+            found.append(Traffic(method, render, display, len(costs), moved, products, at_rest))
     return found
 
 
@@ -181,14 +179,12 @@ def cost_of(name_or_path: str) -> Cost:
     """
     import onnx  # a measuring kit lacks it, and counts traffic alone
 
-    folder = find_model(name_or_path)
-    path = folder / "network.onnx"
-    if not path.is_file():
+    info = read_model_info(find_model(name_or_path))
+    if "network.onnx" not in info.files:
         raise ArgumentError("--methods", got=name_or_path, want="methods with a network")
-    graph = onnx.load(path).graph
+    graph = onnx.load(info.folder / "network.onnx").graph
     parameters = sum(math.prod(tensor.dims) for tensor in graph.initializer)
-    counted = read_model_info(folder).multiply_adds
-    return Cost(Path(name_or_path).name, counted, parameters, len(graph.node))
+    return Cost(name_or_path, info.multiply_adds, parameters, len(graph.node))
 
 
 @dataclass(frozen=True)

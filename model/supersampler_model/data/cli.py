@@ -13,6 +13,7 @@ from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRA
 app = typer.Typer(
     help="Render a training set with exact truth and labels.", add_completion=False, rich_markup_mode=None
 )
+GLTF_FRACTION = 0.3
 _FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES, *APART_FAMILIES)
 
 
@@ -38,7 +39,7 @@ def render(
     ] = None,
     gltf_fraction: Annotated[
         float, typer.Option(help="Fraction of the sequences that are composed of the files in --gltf.")
-    ] = 0.3,
+    ] = GLTF_FRACTION,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same set.")] = 0,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     show_labels: Annotated[
@@ -64,6 +65,8 @@ def render(
     from supersampler_model.data.dataset.overview import write_class_maps
     from supersampler_model.data.dataset.storage import create_dataset
 
+    if gltf is None and gltf_fraction != GLTF_FRACTION:
+        raise ArgumentError("--gltf-fraction", got=gltf_fraction, want="none without --gltf")
     groups = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}
     plan = rendering.RenderPlan(
         families=groups.get(families, tuple(name.strip() for name in families.split(","))),

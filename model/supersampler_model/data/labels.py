@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32
 from supersampler.io.display import MAX_HALF
+from supersampler.io.shot import ClassMaps
 
 Values = NDArray[np.floating[Any]]
 
@@ -68,7 +69,6 @@ def toned(color: Values, exposure: float = 1.0) -> Values:
 
 
 Mask = NDArray[np.bool_]
-ClassMap = NDArray[np.uint8]
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
@@ -110,16 +110,8 @@ class LabelThresholds:
 DEFAULTS = LabelThresholds()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Labels:
-    """The two class maps of one frame, (H, W) uint8 each: values of `Ghost` and of `Alias`."""
-
-    ghost: ClassMap
-    alias: ClassMap
-
-
-def label(now: LabelInputs, before: LabelInputs | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
-    """Label one frame.
+def label(now: LabelInputs, before: LabelInputs | None, thresholds: LabelThresholds = DEFAULTS) -> ClassMaps:
+    """Return the classes of one frame's pixels, values of `Ghost` and `Alias`.
 
     The previous frame has the same size and is toned at the same exposure; it is None after a cut.
     """
@@ -132,7 +124,7 @@ def label(now: LabelInputs, before: LabelInputs | None, thresholds: LabelThresho
     # The paper's "shading ghosting label correction": occluded and aliased pixels are not relit.
     ghost = np.where(occluded, Ghost.VISIBILITY, np.where(relit, Ghost.SHADING, Ghost.NONE))
     alias = np.where(geometry, Alias.GEOMETRY, np.where(aliased, Alias.TEXTURE, Alias.NONE))
-    return Labels(ghost.astype(np.uint8), alias.astype(np.uint8))
+    return ClassMaps(ghost.astype(np.uint8), alias.astype(np.uint8))
 
 
 def _visibility_ghosting(now: LabelInputs, before: LabelInputs, thresholds: LabelThresholds) -> Mask:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler_model.data.labels import LabelInputs, Labels, PixelStatistics, label
+from supersampler.io.shot import ClassMaps
+from supersampler_model.data.labels import LabelInputs, PixelStatistics, label
 
 UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
 """G-buffers in [0, 1]; they are stored with eight bits, as in engines."""
@@ -86,7 +87,7 @@ class Rendered:
         )  # fmt: skip
 
 
-def labels_of(now: Rendered, before: Rendered | None) -> Labels:
+def labels_of(now: Rendered, before: Rendered | None) -> ClassMaps:
     """Return a frame's labels. Both frames are compared at its exposure: a new exposure is not new light."""
     previous = None if before is None else before.label_inputs(now.exposure)
     return label(now.label_inputs(now.exposure), previous)

@@ -123,9 +123,8 @@ def render_shot(
 
 
 def _classes(now: Rendered, before: Rendered | None, form: ShotForm) -> ClassMaps:
-    labels = labels_of(now, before)
-    thin_pixels = thin(now.label_inputs().pixels).astype(np.uint8) if form.thin else None
-    return ClassMaps(labels.ghost, labels.alias, thin_pixels)
+    classes = labels_of(now, before)
+    return replace(classes, thin=thin(now.label_inputs().pixels).astype(np.uint8)) if form.thin else classes
 
 
 def _stored(rendered: Rendered, exposure: float | None, form: ShotForm) -> RawFrame:

@@ -13,12 +13,10 @@ import torch
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
-from supersampler.methods.registry import methods
 from supersampler.methods.spec import large_size
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods import load_method
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_inputs import Gathered, History
@@ -38,11 +36,9 @@ EXTRAPOLATED = 3  # crops with unshaded frames per crop of the set's own frames,
 class ClassifierTask(Task):
     """Image and classification losses; states are in the order of `Classifier.history`, without a mean."""
 
+    method: Classifier
+    losses = ClassifierWeights()
     gbuffers: ClassVar[GBufferSizes] = "none"
-
-    def __init__(self, method: Classifier, losses: ClassifierWeights | None = None) -> None:
-        self.method: Classifier = method
-        self.losses: ClassifierWeights = losses or ClassifierWeights()
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
         """Stream crops at any position and ratio."""
@@ -221,19 +217,16 @@ class AlternatingCrop(NamedTuple):
 class ExtrapolateTask(ClassifierTask):
     """Image, classification and feature losses on shaded and unshaded frames.
 
-    States are in the order of `Classifier.history`, followed by the history of the extrapolator, if any. The
-    extrapolator is a method, with its released weights, that extrapolates unshaded frames.
+    States are in the order of `Classifier.history`, followed by the history of `guided-warp`, if any, which
+    extrapolates unshaded frames.
     """
 
     method: Extrapolate
-    losses: ExtrapolateWeights
+    losses = ExtrapolateWeights()
 
-    def __init__(self, method: Extrapolate, extrapolator: str = GuidedWarp.name) -> None:
-        super().__init__(method, ExtrapolateWeights())
-        known = [name for name, spec in methods().items() if spec.extrapolates]
-        if extrapolator not in known:
-            raise ArgumentError("extrapolator", got=extrapolator, want=f"one of {', '.join(known)}")
-        self._extrapolator = load_method(extrapolator)
+    def __init__(self, method: Extrapolate) -> None:
+        super().__init__(method)
+        self._extrapolator = GuidedWarp().eval()
 
     def data(self, dataset: Dataset) -> Dataset:
         """Return an `unshaded_set`."""

@@ -106,11 +106,17 @@ def train(
         _CONSOLE.print(
             "--init is ignored: the run in this folder has begun with other weights.", soft_wrap=True
         )
+    if trainer.frames_before != trainer.frames:
+        _CONSOLE.print(
+            f"The training set had {trainer.frames_before} frames when the run stopped, and has "
+            f"{trainer.frames} now: crops, and thus weights, are not those of an uninterrupted run.",
+            soft_wrap=True,
+        )
     entries = validation_entries(trainer.datasets, task.ratios)
-    _warn_without_scores(trainer, [entry.spec.frames for _, entry in entries])
     if not trainer.done:
         trainer.save()  # the folder is then this run's, and the disk takes a checkpoint
     baseline = validate(task.baseline.eval(), entries, task.runner) if entries else None
+    _warn_without_scores(trainer, baseline)
     updates: list[Update] = []
     # a run that was stopped in its last validation has all updates, but not their weights
     while trainer.done < plan.steps or trainer.done > _steps_of_weights(output):
@@ -195,14 +201,14 @@ def _check_free(output: Path) -> None:
             check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
 
 
-def _warn_without_scores(trainer: Trainer, lengths: list[int]) -> None:
-    """Warn that there are no validation scores if no validation sequence is usable."""
+def _warn_without_scores(trainer: Trainer, baseline: Validated | None) -> None:
+    """Warn that there are no validation scores if validation sequences are given, and none has a score."""
     from supersampler_model.training.validation import WARM_UP
 
     low, high = trainer.task.ratios
     given = any(dataset.entries("validation") for dataset in trainer.datasets)
-    if given and max(lengths, default=0) <= WARM_UP:
-        why = f"more than the {WARM_UP} frames that validation excludes, at a ratio from {low:g} to {high:g}"
+    if given and not (baseline and baseline.scores):
+        why = f"a reference after the first {WARM_UP} frames, and a ratio from {low:g} to {high:g}"
         text = f"There are no validation scores: no complete validation sequence has {why}."
         _CONSOLE.print(text, soft_wrap=True)
 

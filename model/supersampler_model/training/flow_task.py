@@ -189,9 +189,11 @@ class FlowWeights(ImageWeights):
 class FlowTask(Task):
     """Single unshaded frames without state."""
 
+    method: GuidedFlow
+    losses = FlowWeights()
+
     def __init__(self, method: GuidedFlow) -> None:
-        self.method: GuidedFlow = method
-        self.losses: FlowWeights = FlowWeights()
+        super().__init__(method)
         self._lights = LightCache(method)
 
     @property

@@ -32,9 +32,8 @@ class GBufferWeights(ImageWeights):
 class GBufferTask(Task):
     """Image loss only; states are in the order of `GBuffer.history`."""
 
-    def __init__(self, method: GBuffer, losses: GBufferWeights | None = None) -> None:
-        self.method: GBuffer = method
-        self.losses: GBufferWeights = losses or GBufferWeights()
+    method: GBuffer
+    losses = GBufferWeights()
 
     def data(self, dataset: Dataset) -> Dataset:
         """Return a `gbuffer_set`."""

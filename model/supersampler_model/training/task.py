@@ -47,6 +47,9 @@ class Task(ABC):
     method: Method  # to train
     losses: ImageWeights  # weights of the loss terms
 
+    def __init__(self, method: Method) -> None:
+        self.method = method
+
     @property
     def config(self) -> dict[str, Any]:
         """Config of the method, plain data."""

@@ -80,6 +80,8 @@ class Trainer:
 
     Attributes:
         initial: provenance of the weights that the run has started with, {} for random ones.
+        frames: number of training frames that are rendered.
+        frames_before: the same when the checkpoint was written.
         attributions: attributions that the data requires; by default those of the start of the run.
 
     Args:
@@ -110,6 +112,8 @@ class Trainer:
         self.average = cast(Method, self._averaged.module)  # validated on the CPU
         self.method = task.method.to(self.device)
         self.datasets = [task.data(dataset) for dataset in datasets]
+        self.frames = sum(d.complete(entry) for d in self.datasets for entry in d.entries("train"))
+        self.frames_before = self.frames
         self.optimizer = Muon(self.method.parameters(), rate=plan.rate, decay=plan.decay)
         self.done = 0
         seeds = [[plan.seed, number] for number in range(plan.batch)]
@@ -162,6 +166,7 @@ class Trainer:
             "commit": source_commit(),
             "initial": self.initial,
             "attributions": self.attributions,
+            "frames": self.frames,
             **self._settings(),
         }
         data = io.BytesIO()
@@ -199,11 +204,13 @@ class Trainer:
             if (before := content.get(name)) != value:
                 fields = before.items() if isinstance(before, dict) and isinstance(value, dict) else ()
                 other = ", ".join(f"{key} {old}" for key, old in fields if value.get(key) != old)
-                got = f"{path}, of another {name}{f' ({other})' if other else ''}"
-                raise ArgumentError("checkpoint", got=got, want=f"the run's own {name}, or a new folder")
+                kind, other = ("method", str(before)) if name == "name" else (name, other)
+                got = f"{path}, of another {kind}{f' ({other})' if other else ''}"
+                raise ArgumentError("checkpoint", got=got, want=f"the run's own {kind}, or a new folder")
         self.done = content["done"]
-        self.initial = content.get("initial", self.initial)  # older checkpoints lack these two
+        self.initial = content.get("initial", self.initial)  # older checkpoints lack these three
         self.attributions = self.attributions or content.get("attributions", [])
+        self.frames_before = content.get("frames", self.frames)
         self.method.load_state_dict(content["method"])
         self._averaged.load_state_dict(content["average"])
         self.optimizer.load_state_dict(content["optimizer"])

@@ -158,10 +158,11 @@ def _sequence(
         stepped = runner.step(frame)
         if stepped is None:
             continue
+        linear = runner.truth(frame).astype(np.float32)
         shown = display_transform(stepped[0].permute(1, 2, 0).numpy(), frame.exposure)
-        truth = display_transform(runner.truth(frame).astype(np.float32), frame.exposure)
-        error = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
-        if np.isnan(error).any():  # the frame has no reference
+        truth = display_transform(linear, frame.exposure)
+        error = np.where(np.isnan(linear), np.float32(np.nan), shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
+        if np.isnan(error).all():  # the frame has no reference
             continue
         if index >= WARM_UP:
             squared[runner.unshaded].append(_psnr(error))
@@ -171,7 +172,7 @@ def _sequence(
                 _count(runner.history[list(method.history).index("classes")], frame, counts)
         before, error_before, image = index, error, np.concatenate([shown, truth])
     of = ([*squared[0], *squared[1]], changed, *squared)
-    return tuple(float(np.mean(values)) if values else float("nan") for values in of), image
+    return tuple(_mean(values) for values in of), image
 
 
 def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
@@ -192,4 +193,6 @@ def _mean(values: list[float]) -> float:
 
 
 def _psnr(error: Float32) -> float:
-    return decibels(float(np.square(error, dtype=np.float64).mean()))
+    """Return the PSNR of the known values; NaN if none is known."""
+    known = error[~np.isnan(error)]
+    return decibels(float(np.square(known, dtype=np.float64).mean())) if known.size else float("nan")

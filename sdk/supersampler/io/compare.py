@@ -24,7 +24,7 @@ import numpy as np
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Array, Float32, Frame, Size
-from supersampler.io.display import decibels, to_uint8
+from supersampler.io.display import decibels, missing_pixels, to_uint8
 from supersampler.io.display_transforms import DEFAULT_TRANSFORM, DisplayTransform
 from supersampler.io.files import replacing
 from supersampler.io.images import Bytes, encode_jpeg, encode_png
@@ -196,7 +196,7 @@ def compare_layers(
 
     Returns:
         The layers input, bicubic, output, reference, error as uint8, and the PSNR over the whole frame. Error
-        and PSNR need a reference of the image's size.
+        and PSNR need a reference of the image's size, and leave out its pixels with NaN.
     """
     shown = transform.show(image, exposure)
     before = {"input": frame.color, "bicubic": bicubic}
@@ -210,9 +210,12 @@ def compare_layers(
     layers["reference"] = to_uint8(truth)
     if truth.shape != shown.shape:
         return layers, {}
-    layers["error"] = false_color(np.abs(shown - truth).mean(axis=-1) / ERROR_SCALE)
-    mean_squared = float(np.square(shown - truth, dtype=np.float64).mean())
-    return layers, {PSNR: decibels(mean_squared)}
+    known = ~missing_pixels(reference)
+    error = np.where(known[..., None], shown - truth, 0.0)
+    layers["error"] = false_color(np.abs(error).mean(axis=-1) / ERROR_SCALE)
+    if not known.any():
+        return layers, {}
+    return layers, {PSNR: decibels(float(np.square(error[known], dtype=np.float64).mean()))}
 
 
 def false_color(values: Array) -> Bytes:

@@ -14,6 +14,7 @@ from supersampler.denoising.oidn import Guides
 from supersampler.frame import Float32
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter
+from supersampler_bench.cli.options import REFERENCES
 from supersampler_bench.quality.denoise import measure_render, median_of_three, render_cost
 from supersampler_bench.quality.denoise_record import (
     FRAME,
@@ -24,7 +25,6 @@ from supersampler_bench.quality.denoise_record import (
     RenderRow,
 )
 from supersampler_bench.quality.denoise_references import (
-    DEFAULT_PATTERN,
     bounding_box,
     find_references,
     read_reference,
@@ -62,7 +62,7 @@ class HalfDenoiser:
 
 
 def measured(render: Path, **options: Any) -> RenderRow:
-    files = find_references(render, "wall", DEFAULT_PATTERN)
+    files = find_references(render, "wall", REFERENCES)
     return measure_render(render, Shot.open(render), files, options.pop("denoiser", None), **options)
 
 
@@ -114,7 +114,7 @@ def test_the_median_ignores_one_outlier_of_three() -> None:
 def test_several_references_of_a_frame_are_averaged(tmp_path: Path) -> None:
     for folder, value in (("a-reference1", 0.25), ("a-reference2", 0.75), ("b-reference1", 9.0)):
         write_exr(tmp_path / folder / "shot_0016.exr", np.full((40, 40, 3), value, np.float32))
-    found = find_references(tmp_path / "a-1", "a", DEFAULT_PATTERN)
+    found = find_references(tmp_path / "a-1", "a", REFERENCES)
     assert [path.parent.name for path in found[16]] == ["a-reference1", "a-reference2"]
     reference = read_reference(found[16], None)
     np.testing.assert_allclose(reference.color, 0.5)
@@ -192,7 +192,7 @@ def test_a_record_is_outdated_if_the_constants_of_the_filter_have_changed(render
 @pytest.mark.parametrize(
     ("name", "reference", "message"),
     [
-        ("wall", DEFAULT_PATTERN, "SCENE-SAMPLES"),
+        ("wall", REFERENCES, "SCENE-SAMPLES"),
         ("wall-4", "nothing/*.exr", "--reference"),
         ("wall-4", "late/*.exr", "frames 0 to 11"),
     ],

@@ -1,5 +1,6 @@
 """`bench extrapolation`: which frames are unshaded, their images, and which frames each score counts."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from lit_scene import LitScene, even
 from supersampler import ArgumentError, Frame, Shot, ShotError, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.shot import ShotFrame, ShotWriter
+from supersampler.methods.model_file import shipped_model
 from supersampler_bench.quality.extrapolation import (
     PSNR_SHADED,
     TEMPORAL_METRICS,
@@ -134,6 +136,9 @@ def test_motion_spans_unshaded_frames_back_to_a_shaded_sample() -> None:
     expected = np.broadcast_to(-1.5 + 0.1 * places, (27, 48, 1))[..., 0]
     np.testing.assert_allclose(total[3:, 3:, 0], expected[3:, 3:], atol=1e-5)
     np.testing.assert_array_equal(total[:, 0], frame.motion[:, 0])  # off screen
+    coarse = np.broadcast_to(np.array([1.0, -0.5], np.float32), (9, 12, 2))  # a quarter of the width, a third
+    total = motion_over_two_frames(frame, coarse, (-0.2, 0.4))
+    np.testing.assert_allclose(total[3:, 3:], np.broadcast_to([-1.5 + 4.0, -1.5 - 1.5], (24, 45, 2)))
 
 
 class Taker:
@@ -185,6 +190,14 @@ def test_two_passes_have_rows_of_their_own_and_are_better(folder: Path) -> None:
     one, shaded, two = list(by_way.values())[-3:]
     assert two["psnr"] > one["psnr"] + 0.3
     assert shaded["psnr"] > two["psnr"]
+
+
+def test_models_of_one_method_have_rows_of_their_own_names(folder: Path, tmp_path: Path) -> None:
+    mine = str(shutil.copytree(shipped_model("guided-warp"), tmp_path / "mine"))
+    models = ["guided-warp", mine, "guided-warp:x2", f"{mine}:x2"]
+    found = measure_extrapolation(Shot.open(folder), ["bilinear"], models, ["1:1"])
+    ways = [scores.method.removeprefix("bilinear, ") for scores in found["1:1"][3:]]
+    assert ways == ["guided-warp", mine, "shaded x2", "guided-warp x2", f"{mine} x2"]
 
 
 def test_the_command_prints_a_table_and_writes_its_record(folder: Path, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from supersampler import Frame
@@ -60,10 +59,19 @@ def test_jitter_alone_disoccludes_nothing() -> None:
     assert not masks.disoccluded(now, frame(wall(slice(4, 7)), jitter=(-0.5, 0.5))).any()
 
 
-@pytest.mark.parametrize("previous", [None, frame(np.ones((2, 5), np.float32))])
-def test_without_a_history_everything_is_disoccluded(previous: Frame | None) -> None:
-    assert masks.disoccluded(frame(wall(slice(0))), previous).all()
+def test_without_a_history_everything_is_disoccluded() -> None:
+    assert masks.disoccluded(frame(wall(slice(0))), None).all()
     assert masks.disoccluded(frame(wall(slice(0)), reset=True), frame(wall(slice(0)))).all()
+
+
+def test_a_change_of_the_render_size_disoccludes_nothing_by_itself() -> None:
+    motion = np.zeros((4, 10, 2), np.float32)
+    motion[:, 6:10, 0] = -4  # the near columns were four pixels to the left, at half of this size
+    now = dataclasses.replace(frame(wall(slice(6, 10))), motion=motion)
+    before = np.full((2, 5), 0.01, np.float32)
+    before[:, 1:3] = 0.1
+    found = masks.disoccluded(now, frame(before))
+    assert np.unique(np.nonzero(found)[1]).tolist() == [3, 4]
 
 
 def test_display_pixels_take_the_nearest_sample() -> None:

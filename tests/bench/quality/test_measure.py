@@ -248,6 +248,15 @@ def test_a_shot_without_references_is_refused(tmp_path: Path) -> None:
         measure_quality(write_shot(tmp_path, references=[]), ["bilinear"])
 
 
+def test_a_reference_with_missing_pixels_is_refused(tmp_path: Path) -> None:
+    with ShotWriter(tmp_path, name="disc", display_size=DISPLAY, frame_rate=30) as writer:
+        reference = truth(0)
+        reference[5, 7:9, 1] = np.nan
+        writer.write(SCENE.frame(0, RENDER, (0.0, 0.0)), reference=reference)
+    with pytest.raises(ShotError, match="the reference of frame 0 has 2 pixels of NaN"):
+        measure_quality(Shot.open(tmp_path), ["bilinear"])
+
+
 def scores_of(frame: int, psnr: float, pixels: float) -> FrameScores:
     scores = dict.fromkeys(FRAME_METRICS, float("nan"))
     scores |= {"psnr": psnr, "psnr_moving": psnr if pixels else float("nan"), "pixels_moving": pixels}

@@ -1,5 +1,6 @@
 """Output of a measurement: JSON record, table on the terminal, block of a Markdown file."""
 
+import io
 import json
 import re
 from dataclasses import asdict, replace
@@ -8,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from checker_shot import write_checker_shot
 from supersampler import ArgumentError, __version__
@@ -19,6 +21,7 @@ from supersampler_bench.quality.score_table import (
     QualityRecord,
     caption,
     markdown_table,
+    terminal_tables,
 )
 from supersampler_bench.quality.scores import (
     FRAME_METRICS,
@@ -56,6 +59,20 @@ def test_the_best_figure_of_a_column_is_bold_whichever_side_is_better() -> None:
     _, _, *either = markdown_table("title", rows, CORNER_COLUMNS).split("\n")
     assert "| **-0.002** |" in either[0]
     assert "| **0.002** |" in either[1]
+
+
+def test_tables_of_many_methods_fit_into_80_characters_with_all_names_and_figures() -> None:
+    names = [f"classifier-small:{setting}" for setting in ("fp32", "fp16", "gpu", "off", "x2", "int8")]
+    rows = [MethodRow.of(result(f"{name}:off", 21.0 + i, 0.1)) for i, name in enumerate(names)]
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(*terminal_tables("title", rows))
+    text = console.export_text()
+    headings: list[str] = []
+    for table in text.split("┏")[1:]:
+        lines = [line.split("┃")[2:-1] for line in table.splitlines() if line.startswith("┃")]
+        headings += ["".join(map(str.strip, cells)) for cells in zip(*lines, strict=True)]
+    assert headings == [row.method for row in rows]
+    assert all(f" {21.0 + i:.2f} " in text for i in range(len(names)))
 
 
 def test_thin_pixels_have_a_column_after_aliased_ones_if_any_method_has_them() -> None:

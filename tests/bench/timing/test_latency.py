@@ -1,6 +1,7 @@
 """`bench latency` times settings in turns beside `taa`, and lists only those that a method has."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,10 @@ from supersampler import ArgumentError
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.record import read_record
 from supersampler_bench.timing import latency
-from supersampler_bench.timing.latency import measure_latency, plaza_frames
+from supersampler_bench.timing.latency import LatencyRecord, measure_latency, plaza_frames
 from supersampler_bench.timing.skip import MOVES, SkipRecord, frame_count, measure_skipping
 from supersampler_bench.timing.startup import FirstFrame, StartupRecord, measure_startup
-from supersampler_bench.timing.traffic import CostRecord, cost_of
+from supersampler_bench.timing.traffic import CostRecord, cost_of, traffic_of
 from supersampler_bench.timing.views import ViewsRecord, measure_views
 from upscale_runs import refusal, run, succeeded
 
@@ -29,6 +30,14 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
         assert 0.0 < result.median <= result.p95 <= result.p99
         assert result.processor > 0.0
         assert result.first > 0.0
+    summary = LatencyRecord(2.0, results).summary_table()
+    assert [line.split(" | ")[0] for line in summary.splitlines()[2:7]] == [
+        "| taa, cpu", "| taau, cpu", "| taau, onnx", "| bilinear, cpu", "| bilinear, onnx",
+    ]  # fmt: skip
+    assert " backend" not in summary
+    of_one = LatencyRecord(2.0, [r for r in results if r.executor == "cpu"]).summary_table()
+    assert "| taau | " in of_one
+    assert ", cpu backend. " in of_one
 
 
 def test_a_setting_that_a_method_lacks_is_named() -> None:
@@ -153,9 +162,12 @@ def test_the_table_has_a_row_for_each_method() -> None:
 
 
 def test_the_cost_of_a_folder_is_that_of_its_network(tmp_path: Path) -> None:
-    cost = cost_of(str(shutil.copytree(find_model("classifier-small"), tmp_path / "small")))
+    folder = str(shutil.copytree(find_model("classifier-small"), tmp_path / "small"))
+    cost = cost_of(folder)
     assert cost.multiply_adds == read_model_info(find_model("classifier-small")).multiply_adds
-    assert cost.method == "small"
+    assert cost.method == folder
+    own, shipped = traffic_of([folder, "classifier-small"], (640, 360), [2.0])
+    assert (own.method, replace(own, method=shipped.method)) == (folder, shipped)
     assert f"{cost.multiply_adds:,.0f}" in CostRecord([cost]).table()
 
 

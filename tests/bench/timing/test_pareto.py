@@ -106,6 +106,15 @@ def test_two_passes_are_refused_where_frames_are_stepped_one_by_one() -> None:
         parse_spec("taau:x2")
 
 
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [("classifier:fp32:int8", "precision"), ("taau:off:accumulate", "at_rest"), ("taau:x2:x2", "passes")],
+)
+def test_two_settings_of_one_kind_are_refused(text: str, field: str) -> None:
+    with pytest.raises(ArgumentError, match=f"method is '{text}'; want one setting of its {field}"):
+        parse_spec(text, two_passes=True)
+
+
 def row(method: str, psnr: float, ratio: float | None = None) -> MethodRow:
     scores = {"psnr": psnr, "ssim": 0.9, "flip": 0.1, "tpsnr": 27.0, "strred": None}
     return MethodRow(method, {"warm_cropped": scores}, {}, ratio=ratio)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from supersampler.aux_outputs import CLASS_COLORS, NO_CLASS
+from supersampler.io.shot import ClassMaps
 from supersampler_model.data.dataset.overview import overlay
-from supersampler_model.data.labels import Labels
 
 NAMES = [
     ["nothing", "geometry", "texture"],
@@ -13,9 +13,9 @@ NAMES = [
 ]
 
 
-def labels() -> Labels:
+def labels() -> ClassMaps:
     """Return all combinations: ghosting classes by row, aliasing classes by column."""
-    return Labels(*np.indices((3, 3)).astype(np.uint8))
+    return ClassMaps(*np.indices((3, 3)).astype(np.uint8))
 
 
 def test_each_class_has_a_color_of_its_own() -> None:

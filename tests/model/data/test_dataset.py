@@ -3,7 +3,7 @@
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import msgspec
 import numpy as np
@@ -31,6 +31,7 @@ from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Camera, Scene
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
+from supersampler_model.data.shots import render_frame
 
 DISPLAY = (96, 54)
 FRAMES = 3
@@ -81,7 +82,7 @@ def test_rendered_frames_are_read_back(tmp_path: Path, small_renderer: Renderer)
     frames = list(dataset.frames(entry))
     assert [f.reset for f in frames] == [True, False, True]
     assert [f.exposure for f in frames] == [1.0, 1.5, 2.0]
-    again = small_renderer.render(YardSequence(entry.spec).scene(1), (48, 27), jitter=frames[1].jitter)
+    again = render_frame(cast(Any, YardSequence(entry.spec)), small_renderer, 1, 2.0)
     np.testing.assert_array_equal(frames[1].color, again.color)
     np.testing.assert_array_equal(load_file(dataset.path(entry, 1))["color"], again.color)
     np.testing.assert_array_equal(frames[1].depth, again.render.depth)
@@ -100,7 +101,7 @@ def test_sequences_rendered_at_another_ratio_share_what_is_of_display_size(
     assert (at.complete(fourth), dataset.complete(entry)) == (FRAMES, FRAMES)
     frame, own = at.read(fourth, 1), dataset.read(entry, 1)
     np.testing.assert_array_equal(frame.reference, own.reference)
-    again = small_renderer.render(YardSequence(entry.spec).scene(1), (24, 14), jitter=frame.jitter)
+    again = render_frame(cast(Any, YardSequence(entry.spec)), small_renderer, 1, 4.0)
     np.testing.assert_array_equal(frame.color, again.color)
     assert frame.jitter == halton_jitter(1, 4.0)
     assert own.gbuffer is None

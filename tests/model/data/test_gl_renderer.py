@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from gl_scenes import Yard, box, fence_texture, moved, plane, unlit
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.rendered import SurfaceBuffers
 from supersampler_model.data.renderer import renderer as module
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.procedural import shapes
@@ -182,7 +181,7 @@ def test_particles_are_in_the_colour_and_nowhere_else(renderer: Renderer) -> Non
     with_puff = replace(bare, particles=(puff,))
     hidden = replace(with_puff, particles=(replace(puff, centers=puff.centers * np.float32(-1.0)),))
     (without, a), (there, b) = (renderer.frame(s, (80, 45), jitter=(0.0, 0.0)) for s in (bare, with_puff))
-    assert_same_surfaces(a, b)
+    assert_same_buffers(a, b)
     np.testing.assert_allclose(there[22, 40], 0.5 * without[22, 40] + (3.0, 0.0, 0.0), rtol=0.02)
     np.testing.assert_array_equal(renderer.frame(hidden, (80, 45), jitter=(0.0, 0.0))[0], without)
     np.testing.assert_array_equal(renderer.reference(with_puff).depth_min, renderer.reference(bare).depth_min)
@@ -284,20 +283,23 @@ def test_a_reference_rendered_in_parts_is_the_same(
 
 
 def test_the_same_scene_gives_the_same_bytes(renderer: Renderer) -> None:
-    size, jitter = (107, 60), (0.2, -0.4)
     renderer.reference(Yard(seed=4).scene(1))  # whatever was drawn before
-    one = renderer.render(Yard(seed=3).scene(5), size, jitter=jitter)
-    two = Renderer(renderer.display_size).render(Yard(seed=3).scene(5), size, jitter=jitter)
-    assert one.color.tobytes() == two.color.tobytes()
-    assert_same_surfaces(one.render, two.render)
-    assert_same_surfaces(one.display, two.display)
-    for name in type(one.reference).__slots__:
-        assert getattr(one.reference, name).tobytes() == getattr(two.reference, name).tobytes()
+    (one, *others), (two, *again) = map(everything, (renderer, Renderer(renderer.display_size)))
+    assert one.tobytes() == two.tobytes()
+    for a, b in zip(others, again, strict=True):
+        assert_same_buffers(a, b)
 
 
-def assert_same_surfaces(a: SurfaceBuffers, b: SurfaceBuffers) -> None:
+def assert_same_buffers(a: Any, b: Any) -> None:
     for name in type(a).__slots__:
         assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
+
+
+def everything(renderer: Renderer) -> tuple[Any, ...]:
+    """Return the colour, the surfaces of both sizes and the reference of a scene."""
+    scene = Yard(seed=3).scene(5)
+    color, surfaces = renderer.frame(scene, (107, 60), jitter=(0.2, -0.4))
+    return color, surfaces, renderer.display(scene), renderer.reference(scene)
 
 
 # --- the environment's two other forms ---

@@ -8,7 +8,8 @@ import pytest
 
 from label_samples import label_inputs
 from more_scenes import Floor, ShadingStep, dots, near, ripples, thin_lines
-from supersampler_model.data.labels import Alias, Ghost, Labels, LabelThresholds, label
+from supersampler.io.shot import ClassMaps
+from supersampler_model.data.labels import Alias, Ghost, LabelThresholds, label
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,
@@ -27,7 +28,9 @@ SIZE = (128, 72)
 PAPER = LabelThresholds(slope_aware=False)
 
 
-def labelled(scene: AnalyticScene, index: int = 3, size: tuple[int, int] = SIZE, **thresholds: Any) -> Labels:
+def labelled(
+    scene: AnalyticScene, index: int = 3, size: tuple[int, int] = SIZE, **thresholds: Any
+) -> ClassMaps:
     now, before = label_inputs(scene, index, size), label_inputs(scene, index - 1, size)
     return label(now, before, LabelThresholds(**thresholds))
 

@@ -120,7 +120,7 @@ def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path
         (("--samples", str(1 << 40)), "error: --samples is 1099511627776; want a square number"),
         (("--ratio", "0.5"), "error: --ratio is [0.5]; want some from 1.0 to "),
         (("--gltf", "nowhere"), "error: --gltf is nowhere, which is not a folder; want a folder"),
-        (("--gltf-fraction", "1.5"), "error: --gltf-fraction is 1.5; want a fraction"),
+        (("--gltf-fraction", "0.5"), "error: --gltf-fraction is 0.5; want none without --gltf"),
         (("--ratio", "2;3"), "error: --ratio is '2;3'; want comma-separated numbers"),
         (("--ratio", "nan"), "error: "),
         (("--also", "nan"), "error: "),

@@ -23,11 +23,6 @@ def test_lights_beyond_the_limit_are_refused() -> None:
         replace(SCENE, points=(LIGHT,) * (scene.MAX_POINTS + 1))
 
 
-def test_cameras_of_two_frames_with_different_near_planes_are_refused() -> None:
-    with pytest.raises(SceneError, match=r"camera_before\.near"):
-        replace(SCENE, camera_before=replace(CAMERA, near=2.0 * CAMERA.near))
-
-
 @pytest.mark.parametrize("joints", [0, 1, scene.MAX_JOINTS + 1])
 def test_a_pose_without_a_matrix_for_each_joint_is_refused(joints: int) -> None:
     palette = np.tile(np.eye(4), (joints, 1, 1)) if joints else None

@@ -12,7 +12,7 @@ from supersampler_model.data.rendered import labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.scene import Camera, Scene
 from supersampler_model.data.sequences import Sequence, SequenceSpec
-from supersampler_model.data.shots import ShotForm, render_shot, variant_name
+from supersampler_model.data.shots import ShotForm, render_frame, render_shot, variant_name
 
 DISPLAY = (96, 54)
 RATIOS = (1.5, 2.0)
@@ -85,8 +85,7 @@ def test_stored_frames_are_the_rendered_frames(folder: Path, small_renderer: Ren
 def test_references_carry_the_labels_of_their_frame(folder: Path, small_renderer: Renderer) -> None:
     before = None
     for index in range(3):
-        scene, reset = Yard(1).scene(index), index in (0, 2)
-        now = small_renderer.render(scene, (48, 27), jitter=(0, 0), reset=reset)
+        now = render_frame(YardSequence(), small_renderer, index, 2.0)
         expected, found = labels_of(now, before), shots(folder)[1.5].read_classes(index)
         assert found is not None
         np.testing.assert_array_equal(found.ghost, expected.ghost)

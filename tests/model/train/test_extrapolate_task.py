@@ -147,12 +147,6 @@ def test_a_run_starts_from_a_classifier_or_continues_its_own_weights() -> None:
     assert start_task("extrapolate").method.provenance == {}
 
 
-@pytest.mark.parametrize("name", ["taau", "nothing"])
-def test_frames_are_extrapolated_by_the_extrapolation_model(name: str) -> None:
-    with pytest.raises(ArgumentError, match=r"extrapolator is '?(taau|nothing)'?; want one of guided-warp"):
-        ExtrapolateTask(Extrapolate(SMALL), extrapolator=name)
-
-
 def test_the_command_starts_from_classifier_weights_and_reports_both_kinds(
     data: Dataset, tmp_path: Path
 ) -> None:

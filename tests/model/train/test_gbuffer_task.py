@@ -71,7 +71,8 @@ def test_each_weight_changes_its_own_term(task: GBufferTask) -> None:
     frame = sample(half_metal())
 
     def stepped(**weights: float) -> tuple[float, float]:
-        other = GBufferTask(task.method, GBufferWeights(**weights))
+        other = GBufferTask(task.method)
+        other.losses = GBufferWeights(**weights)
         with torch.no_grad():
             done = other.step([frame], [task.first_state(frame)])
         assert isinstance(done.weight, Tensor)

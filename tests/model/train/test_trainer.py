@@ -23,6 +23,7 @@ import typer
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
+from supersampler.io.display import decibels, display_transform
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import (
@@ -34,7 +35,7 @@ from supersampler_model.data.dataset.storage import (
 from supersampler_model.data.errors import DataError, DatasetError
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.methods.base import load_trained
-from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier import Classifier, SmallClassifier
 from supersampler_model.training.classifier_tasks import ClassifierTask
 from supersampler_model.training.cli import update_and_save
 from supersampler_model.training.datasets import UNKNOWN, data_hash, dataset_of_shots, sequences_of
@@ -49,7 +50,14 @@ from supersampler_model.training.trainer import (
     Update,
     load_checkpoint,
 )
-from supersampler_model.training.validation import BORDER, CLASS_NAMES, WARM_UP, SequenceRunner, validate
+from supersampler_model.training.validation import (
+    BORDER,
+    CLASS_NAMES,
+    WARM_UP,
+    SequenceRunner,
+    Validated,
+    validate,
+)
 from upscale_runs import run
 
 DISPLAY, RENDER = (64, 48), (32, 24)
@@ -183,22 +191,47 @@ Relabel = Callable[[int, TrainingFrame], TrainingFrame]
 
 
 @pytest.fixture
-def overlap(dataset: Dataset, tmp_path: Path) -> Callable[[Relabel], dict[str, float]]:
-    """Return a function that returns the validation's overlap of the classes after relabelling frames."""
+def validated(dataset: Dataset, tmp_path: Path) -> Callable[[Relabel], Validated]:
+    """Return a function that validates an untrained network after changing the frames' truth."""
     [entry] = dataset.entries("train")
 
-    def measured(relabel: Relabel) -> dict[str, float]:
+    def measured(relabel: Relabel) -> Validated:
         other = create_dataset(tmp_path / "set", dataset.description)
         for index in range(entry.spec.frames):
             write_training_frame(other.path(entry, index), relabel(index, dataset.read(entry, index)))
         torch.manual_seed(0)
-        return validate(Classifier().eval(), [(other, entry)]).overlap
+        return validate(Classifier().eval(), [(other, entry)])
 
     return measured
 
 
+def test_pixels_without_a_reference_do_not_count_in_validation(
+    dataset: Dataset, validated: Callable[[Relabel], Validated]
+) -> None:
+    """The last frame has no reference, the one before only half of one."""
+    half, last = DISPLAY[0] // 2, dataset.entries("train")[0].spec.frames - 1
+    torch.manual_seed(0)
+    runner, expected = SequenceRunner(Classifier().eval(), ops.Size(*DISPLAY)), []
+    for index, frame in enumerate(dataset.frames(dataset.entries("train")[0])):
+        image = runner.step(frame)
+        assert image is not None
+        shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
+        truth = display_transform(frame.reference.astype(np.float32), frame.exposure)
+        if WARM_UP <= index < last:
+            known = slice(BORDER, half if index == last - 1 else -BORDER)
+            rows = slice(BORDER, -BORDER)
+            expected.append(decibels(float(np.square(shown - truth, dtype=np.float64)[rows, known].mean())))
+
+    def relabelled(index: int, frame: TrainingFrame) -> TrainingFrame:
+        reference = np.array(frame.reference)
+        reference[:, {last - 1: half, last: 0}.get(index, DISPLAY[0]) :] = np.nan
+        return dataclasses.replace(frame, reference=reference)
+
+    assert validated(relabelled).psnr == pytest.approx(np.mean(expected))
+
+
 def test_classes_of_the_first_frames_and_of_the_border_do_not_count_in_validation(
-    overlap: Callable[[Relabel], dict[str, float]],
+    validated: Callable[[Relabel], Validated],
 ) -> None:
     def relabelled(index: int, frame: TrainingFrame) -> TrainingFrame:
         ghost = 1 - frame.ghost
@@ -206,11 +239,11 @@ def test_classes_of_the_first_frames_and_of_the_border_do_not_count_in_validatio
             ghost[BORDER:-BORDER, BORDER:-BORDER] = frame.ghost[BORDER:-BORDER, BORDER:-BORDER]
         return dataclasses.replace(frame, ghost=ghost)
 
-    assert overlap(relabelled) == overlap(lambda _, frame: frame) != {}
+    assert validated(relabelled).overlap == validated(lambda _, frame: frame).overlap != {}
 
 
 def test_unknown_classes_do_not_count_in_validation(
-    dataset: Dataset, overlap: Callable[[Relabel], dict[str, float]]
+    dataset: Dataset, validated: Callable[[Relabel], Validated]
 ) -> None:
     torch.manual_seed(0)
     [entry], method = dataset.entries("train"), Classifier().eval()
@@ -221,18 +254,23 @@ def test_unknown_classes_do_not_count_in_validation(
     inferred = ops.resize_nearest(classes[:, :3], ops.Size(*DISPLAY)).argmax(dim=1)[0].numpy()
     ghost, unknown = inferred.astype(np.uint8), np.full(DISPLAY[::-1], UNKNOWN, np.uint8)
     ghost[:, : DISPLAY[0] // 2] = UNKNOWN
-    half_known = overlap(lambda _, frame: dataclasses.replace(frame, ghost=ghost, alias=unknown))
+    half_known = validated(lambda _, frame: dataclasses.replace(frame, ghost=ghost, alias=unknown)).overlap
     assert set(half_known.values()) == {1.0}
     assert set(half_known) <= set(CLASS_NAMES[:3])
-    assert overlap(lambda _, frame: dataclasses.replace(frame, ghost=unknown, alias=unknown)) == {}
+    none = validated(lambda _, frame: dataclasses.replace(frame, ghost=unknown, alias=unknown))
+    assert none.overlap == {}
 
 
 def test_a_run_is_not_resumed_with_another_plan_or_loss(dataset: Dataset, tmp_path: Path) -> None:
     trainer(dataset, tmp_path).save()
     with pytest.raises(ArgumentError, match=r"of another plan \(batch 2\); want the run's own plan"):
         trainer(dataset, tmp_path, dataclasses.replace(PLAN, batch=4))
+    task = ClassifierTask(Classifier())
+    task.losses = ClassifierWeights(ghost=1.0)
     with pytest.raises(ArgumentError, match="losses"):
-        Trainer(ClassifierTask(Classifier(), ClassifierWeights(ghost=1.0)), [dataset], PLAN, tmp_path)
+        Trainer(task, [dataset], PLAN, tmp_path)
+    with pytest.raises(ArgumentError, match=r"another method \(classifier\); want the run's own method"):
+        Trainer(ClassifierTask(SmallClassifier()), [dataset], PLAN, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -313,12 +351,14 @@ def test_train_says_which_of_its_arguments_have_no_effect(dataset: Dataset, tmp_
     options = ["--steps", "1", "--size", "17", "--batch", "1", "--frames", "1", "-o", str(tmp_path / "run")]
     command = ["train", "classifier-small", "--data", str(both.folder), *options]
     done = run(*command)
-    assert (
-        "There are no validation scores: no complete validation sequence has more than the 8" in done.stderr
+    assert "There are no validation scores: no complete validation sequence has a reference after the" in (
+        done.stderr
     )
     assert "only 11 of 12 training frames are rendered" in done.stderr
     done = run(*command, "--init", "shipped")
     assert (done.exit_code, "--init is ignored" in done.stderr) == (0, True)
+    write_training_frame(both.path(entry, 11), dataset.read(entry, 11))
+    assert "The training set had 11 frames when the run stopped, and has 12 now" in run(*command).stderr
     unknown = [*command, "--init", "shipped"]
     unknown[1] = "classifier-paper"
     assert "--init is 'shipped'; want a file, as no weights ship" in run(*unknown).stderr

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from supersampler.aux_outputs import class_colors
 from supersampler.io.display import BT709_WEIGHTS, display_transform, to_uint8
 from supersampler.io.images import write_png
+from supersampler.io.shot import ClassMaps
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, Split, open_dataset
-from supersampler_model.data.labels import Alias, Ghost, Labels
+from supersampler_model.data.labels import Alias, Ghost
 
 Image = NDArray[np.uint8]
 
@@ -23,7 +24,7 @@ OPACITY = 0.6
 _SPLITS: tuple[Split, ...] = ("train", "validation", "test")
 
 
-def overlay(labels: Labels, image: NDArray[Any]) -> Image:
+def overlay(labels: ClassMaps, image: NDArray[Any]) -> Image:
     """Return the colours of the classes over a grey tone-mapped image, both (H, W, 3) uint8 sRGB."""
     grey = np.repeat((image.astype(np.float32) @ np.array(BT709_WEIGHTS))[..., None], 3, axis=-1)
     one = np.eye(3, dtype=np.float32)
@@ -39,8 +40,10 @@ def write_class_maps(dataset: Dataset, folder: Path) -> None:
         complete = dataset.complete(entry)
         if complete:
             frame = dataset.read(entry, complete // 2)
-            labels = Labels(ghost=np.array(frame.ghost), alias=np.array(frame.alias))
-            image = overlay(labels, to_uint8(display_transform(frame.reference, frame.exposure)))
+            image = overlay(
+                ClassMaps(frame.ghost, frame.alias),
+                to_uint8(display_transform(frame.reference, frame.exposure)),
+            )
             write_png(folder / f"{entry.spec.family}-{entry.spec.seed}.png", image)
 
 

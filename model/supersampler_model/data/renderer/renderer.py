@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from supersampler.conventions import mip_bias
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.labels import PixelStatistics
-from supersampler_model.data.rendered import Float16, Float32, PixelTruth, Rendered, SurfaceBuffers
+from supersampler_model.data.rendered import Float16, Float32, PixelTruth, SurfaceBuffers
 from supersampler_model.data.renderer import uploads
 from supersampler_model.data.renderer.context import VERSION, Graphics, open_graphics
 from supersampler_model.data.scenes.scene import MAX_JOINTS, MAX_POINTS, Instance, Particles, Scene
@@ -166,7 +166,7 @@ class Renderer:
     """Renders scenes; use it from the thread that created it.
 
     >>> renderer = Renderer((640, 360))
-    >>> rendered = renderer.render(scene, (320, 180), jitter=(0.25, -0.1))
+    >>> color, surfaces = renderer.frame(scene, (320, 180), jitter=(0.25, -0.1))
     """
 
     def __init__(self, display_size: Size, *, samples: int = 64, graphics: Graphics | None = None) -> None:
@@ -202,16 +202,6 @@ class Renderer:
             self._sun_map = ShadowMap(self._graphics, uploads.SHADOW_SIZE)
             self._spot_map = ShadowMap(self._graphics, uploads.SHADOW_SIZE // 2)
             self._view = self._gl.buffer(reserve=3 * 64 + 5 * 16, dynamic=True)
-
-    def render(
-        self, scene: Scene, render_size: Size, *, jitter: tuple[float, float], reset: bool = False
-    ) -> Rendered:
-        """Render one frame with its display-size surfaces and reference."""
-        color, surfaces = self.frame(scene, render_size, jitter=jitter)
-        return Rendered(
-            color=color, render=surfaces, display=self.display(scene), reference=self.reference(scene),
-            jitter=jitter, reset=reset, exposure=scene.camera.exposure,
-        )  # fmt: skip
 
     def frame(
         self, scene: Scene, render_size: Size, *, jitter: tuple[float, float]

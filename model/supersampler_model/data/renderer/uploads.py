@@ -174,7 +174,7 @@ def view_block(scene: scenes.Scene, aspect: float, raster: Raster) -> bytes:
     rays = np.zeros((4, 4))
     rays[:3, :3] = view[:3, :3].T @ np.diag([1.0 / projection[0, 0], 1.0 / projection[1, 1], -1.0])
     vectors = rows(
-        raster.window(), (*camera.position, camera.near), view[0, :3], view[1, :3],
+        raster.window(), (*camera.position, scenes.NEAR), view[0, :3], view[1, :3],
         (*raster.pixels, raster.filter_width),
     )  # fmt: skip
     return columns(projection @ view, before, rays) + vectors

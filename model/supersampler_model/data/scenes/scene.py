@@ -30,6 +30,10 @@ Joints: TypeAlias = NDArray[np.uint16]
 Pixels: TypeAlias = NDArray[np.uint8]
 
 
+NEAR = 0.1
+"""Distance of the near plane, metres; depth is NEAR / view distance."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Camera:
     """A pinhole camera."""
@@ -38,7 +42,6 @@ class Camera:
     target: Vector
     up: Vector = (0.0, 1.0, 0.0)
     fov_y: float = 60.0  # vertical field of view, degrees
-    near: float = 0.1  # metres; depth is near / view distance
     exposure: float = 1.0  # factor of the colour before the tone curve; the colour is stored without it
 
     def view(self) -> Matrix:
@@ -48,7 +51,7 @@ class Camera:
     def projection(self, aspect: float) -> Matrix:
         """Return view to clip for width / height: reversed depth in [0, 1], infinite far, y downwards."""
         f = 1.0 / np.tan(np.radians(self.fov_y) / 2.0)
-        rows = [[f / aspect, 0, 0, 0], [0, -f, 0, 0], [0, 0, 0, self.near], [0, 0, -1, 0]]
+        rows = [[f / aspect, 0, 0, 0], [0, -f, 0, 0], [0, 0, 0, NEAR], [0, 0, -1, 0]]
         return np.array(rows, np.float64)
 
 
@@ -360,7 +363,7 @@ class Scene:
     """The scene of one frame."""
 
     camera: Camera
-    camera_before: Camera  # of the previous frame, with the same `near`; after a cut, `camera` itself
+    camera_before: Camera  # of the previous frame; after a cut, `camera` itself
     environment: Environment
     instances: tuple[Instance, ...]
     sun: Sun | None = None
@@ -373,10 +376,6 @@ class Scene:
             hint = "Drop those with the shortest reach, per frame if necessary."
             want = f"at most {MAX_POINTS}"
             raise SceneError("scene.points", got=f"{len(self.points)} lights", want=want, hint=hint)
-        if self.camera.near != self.camera_before.near:
-            hint = "Depth is near / distance and is compared between frames."
-            near = self.camera_before.near
-            raise SceneError("scene.camera_before.near", got=near, want=self.camera.near, hint=hint)
 
 
 def _check_finite(name: str, values: Points | Values) -> None:
