@@ -66,7 +66,7 @@ def main(options: Namespace) -> None:
         upscaling.append(perf_counter() - rendered)
         rendering.append(rendered - began)
 
-        exposure = meter.read(color, given=frame.exposure, reset=frame.reset)
+        exposure = meter.read_frame(frame)
         pixels = side_by_side(color, image, exposure, options.zoom)
         write_png(options.output / f"{index:04d}.png", pixels)
         if show and not show(pixels):
