@@ -49,8 +49,8 @@ def test_a_state_of_tiny_frames_at_the_largest_ratio_passes_between_backends(
         ours.step(moving(index, render))
     theirs.load_state(ours.save_state())
     ours.load_state(theirs.save_state())
-    phases = [(upscaler.save_state().history or {})["history.phases"] for upscaler in (ours, theirs)]
-    np.testing.assert_array_equal(*phases)
+    one, other = (upscaler.save_state().history or {} for upscaler in (ours, theirs))
+    np.testing.assert_array_equal(one["history.phases"], other["history.phases"])
 
 
 @pytest.mark.parametrize("method", WITH_SHADERS)
