@@ -110,8 +110,8 @@ def poses(scene: Any, data: Any) -> dict[int, list[Array]]:
             pose = np.column_stack([shape.mat, shape.pos, shape.size])
             found.setdefault(int(KEY @ (shape.objid, shape.objtype)), []).append(pose)
     geoms = zip(data.geom_xmat.reshape(-1, 3, 3), data.geom_xpos, np.ones_like(data.geom_xpos), strict=True)
-    for index, pose in enumerate(geoms):  # in `scene`, infinite planes follow the camera
-        found[int(KEY @ (index, mujoco.mjtObj.mjOBJ_GEOM))] = [np.column_stack(pose)]
+    for index, columns in enumerate(geoms):  # in `scene`, infinite planes follow the camera
+        found[int(KEY @ (index, mujoco.mjtObj.mjOBJ_GEOM))] = [np.column_stack(columns)]
     return found
 
 

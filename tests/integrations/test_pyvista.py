@@ -581,9 +581,12 @@ def test_an_actors_mesh_is_examined_once_while_only_the_view_moves(
     plotter.render()
     examined: list[Any] = []
     update = vtkDataSetMapper.Update
-    monkeypatch.setattr(
-        pv.DataSetMapper, "Update", lambda one: examined.append(one) or update(one), raising=False
-    )
+
+    def counted(mapper: Any) -> None:
+        examined.append(mapper)
+        update(mapper)
+
+    monkeypatch.setattr(pv.DataSetMapper, "Update", counted, raising=False)
     moving(plotter)
     assert not examined
     change_scalars(plotter)

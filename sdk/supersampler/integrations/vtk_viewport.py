@@ -145,7 +145,7 @@ class ViewportHistory:
         self._part = Rectangle(left, bottom, *view.size)
         before, self._view = self._view, view
         is_new = before is None or before.size != view.size or not view.knows_motion(before)
-        is_still = not is_new and view.is_same(before)
+        is_still = before is not None and view.is_same(before)
         if is_new or upscaled_looks != self._upscaled_looks or (is_still and looks != self._looks):
             self._upscaled = self._sum = None
             return "changed"
