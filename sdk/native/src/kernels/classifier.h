@@ -17,12 +17,9 @@ enum Rest { FRAME, SAMPLE = 3, CONFIDENCE = 6, DETAIL, SURFACE = 10, COUNT, MIN_
 enum OfFilter { BY_SAMPLE, BY_CUBIC, BY_MEAN, BY_DISTANCE };
 
 // A kernel of each variant, in the order of `kernel_of` in methods/classifier.cpp.
-#define SS_VARIANTS(kernel)                                                          \
-    {                                                                                \
-        kernel<Variant{false, false, false}>, kernel<Variant{false, true, false}>,   \
-            kernel<Variant{true, false, false}>, kernel<Variant{true, true, false}>, \
-            kernel<Variant{false, true, true}>, kernel<Variant{true, true, true}>    \
-    }
+#define SS_VARIANTS(kernel)                                                                                          \
+    {kernel<Variant{false, false, false}>, kernel<Variant{false, true, false}>, kernel<Variant{true, false, false}>, \
+     kernel<Variant{true, true, false}>,   kernel<Variant{false, true, true}>,  kernel<Variant{true, true, true}>}
 
 // Words of a record of network inputs, by the names of `pixel_inputs`. `guided` has RELIT_TO_FRAME and AGREEMENT in
 // the places of MIN_LUMA and MAX_LUMA.

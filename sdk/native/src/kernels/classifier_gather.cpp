@@ -341,9 +341,8 @@ SS_INLINE void store_inputs(const GatherRow& row, int width, int x, const Surfac
     const F luma = luminance(color), frame_luma = luminance(frame);
     store(row.luma + x, luma);
     store(row.differences + x, luma - frame_luma);
-    auto input = [&](InputWord word, F value) __attribute__((always_inline)) {
-        store_input(row.inputs + word * width + x, value);
-    };
+    auto input = [&](InputWord word, F value)
+                     __attribute__((always_inline)) { store_input(row.inputs + word * width + x, value); };
     input(IN_FRAME, frame_luma);
     input(IN_SAMPLE, luminance(sample));
     store(row.samples + x, load(row.inputs + IN_SAMPLE * width + x));

@@ -43,9 +43,8 @@ SS_INLINE void prepare_warp(F px, F py, Size display, int pitch, float sharpness
 
 // Resamples four values of pixel `i` with the cubic.
 SS_INLINE F4 cubic4(const float* h, const WarpScratch& s, int i) {
-    auto at = [&](int row, int column) __attribute__((always_inline)) {
-        return load4(h + s.offsets[4 + row][i] + s.offsets[column][i]);
-    };
+    auto at = [&](int row, int column)
+                  __attribute__((always_inline)) { return load4(h + s.offsets[4 + row][i] + s.offsets[column][i]); };
     float x0 = s.weights[0][i], x1 = s.weights[1][i], x2 = s.weights[2][i], x3 = s.weights[3][i];
     F4 top = at(0, 1) * x1 + at(0, 2) * x2;
     F4 upper = at(1, 0) * x0 + at(1, 1) * x1 + at(1, 2) * x2 + at(1, 3) * x3;
