@@ -54,7 +54,8 @@ _LISTED = "listed by a model.json next to it"
 def write_model_folder(method: Method, folder: Path) -> None:
     """Export `method`, check it against torch, and write the folder, model.json last.
 
-    A separate method for extrapolated frames goes to a subfolder.
+    A separate method for extrapolated frames goes to a subfolder. Files that an earlier export wrote, and
+    this one does not, are deleted.
 
     Raises:
         ExportError: opset, operators or parity fail; nothing is written.
@@ -67,8 +68,11 @@ def write_model_folder(method: Method, folder: Path) -> None:
     content = {**inner, **_folder_files(method, inner)}
     for name in content:
         check_ours(folder / name, _is_listed, _LISTED)
+    outdated = [folder / name for name in _FILES if name not in content and _is_listed(folder / name)]
     for name, made in content.items():
         write_bytes(folder / name, made)
+    for path in outdated:
+        path.unlink(missing_ok=True)
 
 
 def _is_listed(path: Path) -> bool:

@@ -198,9 +198,14 @@ def test_foreign_files_are_kept_and_those_of_an_earlier_export_replaced(
         write_model_folder(Bilinear(), tmp_path)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, '{"mine": 1}')]
     (tmp_path / name).unlink()
+    earlier = {"contract": 1, "files": {"step.onnx": "", "network.onnx": ""}}
+    mine = {"network.npz": b"not listed"}
+    for file, content in {**made, **mine, "network.onnx": b"of another method"}.items():
+        (tmp_path / file).write_bytes(content)
+    (tmp_path / "model.json").write_text(json.dumps(earlier))
     for _ in range(2):
         write_model_folder(Bilinear(), tmp_path)
-    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made | mine
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_the_trace(tmp_path: Path) -> None:
