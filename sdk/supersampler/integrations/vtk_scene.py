@@ -371,4 +371,4 @@ def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
 
 
 def _array(matrix: Any) -> Matrix:
-    return np.array(matrix.GetData()).reshape(4, 4)
+    return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
