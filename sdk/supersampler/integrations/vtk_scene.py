@@ -371,4 +371,5 @@ def move_background(vectors: NDArray[np.uint64], buffer: Float32) -> None:
 
 
 def _array(matrix: Any) -> Matrix:
+    # `GetData` is a pointer in VTK 9.2
     return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
