@@ -36,7 +36,7 @@ def made(kind: type[SupersamplerError]) -> SupersamplerError:
     attempts: tuple[Callable[[], SupersamplerError], ...] = (
         lambda: kind("name", got=(3, 4), want="(4, 3)", hint="Turn it."),  # type: ignore[call-arg]
         lambda: kind(Path("a/b.exr"), "is damaged", "Copy it."),
-        lambda: kind(Path("a"), "lacks 2", "Render it.", missing=(2, 2), present=(1, 3)),  # type: ignore[call-arg]
+        lambda: kind(Path("a"), "lacks 2", "Render it.", gaps={(2, 2): "is missing"}, present=(1, 3)),  # type: ignore[call-arg]
         lambda: kind("a message"),
     )
     for attempt in attempts:
