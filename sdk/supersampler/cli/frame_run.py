@@ -238,9 +238,8 @@ class FrameRun:
         self._plan, self._image_size = plan, image_size
         if not self.holds_shot:
             check_apart(self.output, self.shot.source)
-        with FolderLock(
-            self.output, is_shared=self.numbers is not None
-        ) as lock:  # ranges have their own files
+        is_range = self.numbers is not None  # which has its own files
+        with FolderLock(self.output, is_shared=is_range) as lock:
             return self._write_locked(settings, lock, all_frames=all_frames)
 
     def _write_locked(self, settings: Mapping[str, object], lock: FolderLock, *, all_frames: bool) -> Results:

@@ -126,6 +126,7 @@ class FolderLock:
     def __exit__(self, *_: object) -> None:
         if self._held is not None:
             os.close(self._held)
+            self._held = None
 
     def take(self) -> None:
         """Lock the folder, if it exists by now."""
@@ -136,6 +137,7 @@ class FolderLock:
         try:
             fcntl.flock(self._held, fcntl.LOCK_NB | (fcntl.LOCK_SH if self._is_shared else fcntl.LOCK_EX))
         except BlockingIOError:
+            self.__exit__()
             hint = "Wait for it, stop it, or choose another folder."
             raise ShotError(self._folder, "another run writes to it", hint) from None
         except OSError:  # of a network drive
