@@ -100,7 +100,7 @@ class Camera(NamedTuple):
 
 
 def poses(scene: Any, data: Any) -> dict[int, list[Array]]:
-    """Return the shapes of each object that is drawn, by `KEY` @ its ids; a tendon has several.
+    """Return the shapes of each rendered object, by `KEY` @ its ids; a tendon has several.
 
     A shape is (3, 5): rotation, position, half of its size along its own axes.
     """

@@ -426,7 +426,7 @@ def test_arguments_of_the_node_that_are_something_else_are_named(any_page: "Page
     any_page.evaluate("threeDemo.upscaled.depthNode.passNode.setMRT(noVelocity)")
     with_node(any_page)
     any_page.evaluate("threeDemo.step()")
-    assert any("velocity is not drawn by the pass" in text for text in said)
+    assert any("velocity is not rendered by the pass" in text for text in said)
 
 
 @pytest.mark.parametrize(

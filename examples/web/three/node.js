@@ -110,7 +110,7 @@ export class SupersamplerNode extends Node {
     const samples = this.depthNode.value.renderTarget?.samples;
     if (samples > 1) throw new UpscalerError("the pass", `rendered with ${samples} samples a pixel`, "one sample", ANTIALIAS);
     const { passNode, textureName } = this.velocityNode;
-    if (passNode?.isPassNode && !passNode.getMRT()?.has(textureName)) throw new UpscalerError("velocity", "not drawn by the pass", "an output of it", VELOCITY);
+    if (passNode?.isPassNode && !passNode.getMRT()?.has(textureName)) throw new UpscalerError("velocity", "not rendered by the pass", "an output of it", VELOCITY);
     const state = builder.context.renderPipelineState;
     if (renderPipeline && !state.viewOffsetOwner) {
       state.viewOffsetOwner = this;

@@ -54,8 +54,8 @@ def parts_of(
     """
     before, after = REACH + EXPOSURE_FRAMES, REACH if passes == 2 else 0  # that images depend on
     try:
-        wanted = () if numbers is None else ((numbers.first - before, numbers.last + after),)
-        shot = open_frames(*wanted)
+        to_open = () if numbers is None else ((numbers.first - before, numbers.last + after),)
+        shot = open_frames(*to_open)
     except MissingFramesError as error:
         missing = error
     except ShotError:

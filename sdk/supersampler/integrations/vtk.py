@@ -120,7 +120,7 @@ class SupersampledWindow:
 
     Frames are plain, too, where a renderer has a render pass, FXAA, SSAO, shadows, an off-axis projection or
     a projection matrix of the program, where it preserves its colour or depth buffer, is not in layer 0 or
-    is drawn over another renderer, and for stereo and tiles.
+    is on top of another renderer, and for stereo and tiles.
     Where upscaling is measured not to pay, frames that move are plain; a warning says so. An exception while
     a frame is upscaled leaves a plain image, too.
 
@@ -346,7 +346,7 @@ class SupersampledWindow:
         )
 
     def _is_over_others(self) -> bool:
-        """Return whether a renderer of the scene is drawn over pixels of another renderer."""
+        """Return whether a renderer of the scene is on top of another renderer: their viewports overlap."""
         below: list[Rectangle] = []
         for renderer in self._window.GetRenderers():
             if renderer.GetDraw() and renderer.GetLayer() == 0:

@@ -87,7 +87,7 @@ class ViewportHistory:
 
     @property
     def has_pixels(self) -> bool:
-        """Whether the renderer draws, and its viewport is not empty."""
+        """Whether the renderer renders (VTK: `Draw`), and its viewport is not empty."""
         return bool(self._renderer.GetDraw() and min(self._renderer.GetSize()) > 0)
 
     @property

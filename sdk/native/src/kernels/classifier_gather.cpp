@@ -239,8 +239,7 @@ template <Variant variant>
 SS_INLINE Surfaces surfaces_at(const ClassifierWork& w, const GatherRow& row, int x, WarpScratch& warps) {
     const Axis& ax = w.tables.x;
     F dilated[4], own[4];
-    store(warps.offsets[0], clamped(load(ax.start + x), 0, w.samples.width - 1));
-    gather4(row.dilated, warps.offsets[0], 4, dilated);
+    load_dilated(row.dilated, ax, w.samples.width, x, warps, dilated);
     gather4(row.nearest, ax.nearest + x, 4, own);
     Surfaces s = {};
     s.depth = dilated[0], s.edge = own[2], s.glare = own[3];

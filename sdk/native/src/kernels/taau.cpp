@@ -255,8 +255,7 @@ static TaauRow row_of(const TaauWork& w, Span span, int y, int thread) {
 SS_INLINE Surface surface_at(const TaauWork& w, const TaauRow& row, int x, WarpScratch& scratch) {
     const Axis& ax = w.tables.x;
     F dilated[4], around[4];
-    store(scratch.offsets[0], clamped(load(ax.start + x), 0, w.samples.width - 1));
-    gather4(row.dilated, scratch.offsets[0], 4, dilated);
+    load_dilated(row.dilated, ax, w.samples.width, x, scratch, dilated);
     gather4(row.surfaces, ax.nearest + x, 4, around);
     const F glare = select(around[3] > 1.5f, 1.0f, F{});
     return {

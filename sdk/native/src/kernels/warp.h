@@ -134,4 +134,10 @@ SS_INLINE void gather4(const float* from, const int32_t* places, int scale, F (&
     transpose_fours(v);
 }
 
+// Loads depth and motion, render pixels, of the closest surface near W pixels, from a row that `dilate` wrote.
+SS_INLINE void load_dilated(const float* row, const Axis& ax, int width, int x, WarpScratch& scratch, F (&v)[4]) {
+    store(scratch.offsets[0], clamped(load(ax.start + x), 0, width - 1));
+    gather4(row, scratch.offsets[0], 4, v);
+}
+
 }  // namespace ss::SS_ISA
