@@ -116,7 +116,7 @@ def poses(scene: Any, data: Any) -> dict[int, list[Array]]:
 
 
 def closest(shapes: list[Array], points: Array) -> Array:
-    """Return which one of some shapes each point (n, 3) is on."""
+    """Return the index of the shape that each point (n, 3) is on."""
     if len(shapes) == 1:
         return np.zeros(len(points), int)
     each = np.stack(shapes)

@@ -372,7 +372,7 @@ class SupersampledWindow:
                 self._due = perf_counter() + _EARLY * self._pause
 
     def _time_by(self, interactor: Any) -> None:
-        """Render on by timers of an interactor; None ends this."""
+        """Keep rendering by the timers of an interactor; None stops this."""
         if self._timed is not None:
             before, tag = self._timed
             before.RemoveObserver(tag)
