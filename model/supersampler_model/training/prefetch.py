@@ -16,6 +16,7 @@ from torch.utils import _pytree as pytree
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from supersampler.errors import SupersamplerError
+from supersampler_model.data.errors import DataError
 from supersampler_model.training.crops import CropStream, StreamPosition
 
 ALIGNMENT = 64  # bytes
@@ -104,6 +105,7 @@ def frames_of(
 
     Raises:
         SupersamplerError: of a stream, such as a damaged frame, from any process.
+        DataError: a worker process has ended.
     """
     workers = min(workers, len(streams))
     loader: DataLoader[PackedCrops | SupersamplerError] = DataLoader(
@@ -123,7 +125,7 @@ def frames_of(
         while True:
             frame: list[Any] = [None] * len(streams)
             for turn in range(turns):
-                packed: PackedCrops | SupersamplerError = next(parts)
+                packed = _next_of(parts)
                 if isinstance(packed, SupersamplerError):
                     raise packed
                 frame[turn::turns] = zip(packed.on(device), packed.positions, strict=True)
@@ -131,6 +133,24 @@ def frames_of(
     finally:
         atexit.unregister(end)
         end()
+
+
+def _next_of(parts: Iterator[PackedCrops | SupersamplerError]) -> PackedCrops | SupersamplerError:
+    try:
+        return next(parts)
+    except (ConnectionError, EOFError) as error:  # it ended while it passed a buffer on
+        raise _worker_ended(str(error)) from error
+    except RuntimeError as error:
+        if not str(error).startswith("DataLoader worker"):
+            raise
+        raise _worker_ended(str(error)) from error
+
+
+def _worker_ended(reason: str) -> DataError:
+    return DataError(
+        f"A worker process that cuts training crops has ended: {reason.rstrip('. ')}. "
+        "Was there not enough memory? Run again to resume."
+    )
 
 
 def _as_is(crops: Any) -> Any:

@@ -25,7 +25,6 @@ from supersampler.io.child_process import run
 from supersampler.io.files import write_bytes
 from supersampler_model import ops
 from supersampler_model.data.dataset.storage import Dataset
-from supersampler_model.data.errors import DataError
 from supersampler_model.methods.base import Method, Trained
 from supersampler_model.training.crops import StreamPosition
 from supersampler_model.training.datasets import assets, data_hash
@@ -143,12 +142,7 @@ class Trainer:
         target = self.plan.steps if until is None else min(until, self.plan.steps)
         while self.done < target and not stops():
             started = time.perf_counter()
-            try:
-                losses = self._update()
-            except RuntimeError as error:
-                if not str(error).startswith("DataLoader worker"):
-                    raise
-                raise DataError(f"{error} Was there not enough memory? Run again to resume.") from error
+            losses = self._update()
             self.done += 1
             on_update(Update(losses, time.perf_counter() - started))
 

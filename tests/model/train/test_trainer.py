@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import errno
 import multiprocessing
 import os
 import re
@@ -126,9 +127,20 @@ def test_the_end_of_a_worker_is_one_line(dataset: Dataset, tmp_path: Path) -> No
     run.run(until=1)
     for worker in multiprocessing.active_children():
         worker.kill()
-    with pytest.raises(DataError, match=r"DataLoader worker .* Run again to resume") as caught:
+    with pytest.raises(DataError, match=r"worker process .* ended.* Run again to resume") as caught:
         run.run(until=500)
     assert "\n" not in str(caught.value)
+
+
+def test_a_worker_that_ends_while_it_passes_a_buffer_is_one_line(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(_loader: object) -> None:
+        raise ConnectionResetError(errno.ECONNRESET, "Connection reset by peer")
+
+    monkeypatch.setattr("torch.utils.data.dataloader._MultiProcessingDataLoaderIter.__next__", refused)
+    with pytest.raises(DataError, match=r"worker process .* ended: .*reset by peer\. .* Run again to resume"):
+        trainer(dataset, tmp_path, workers=1).run(until=1)
 
 
 class Interrupting(list[Update]):
