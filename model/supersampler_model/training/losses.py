@@ -113,8 +113,7 @@ def class_fractions(classes: Tensor) -> Tensor:
 
 
 def _entropy(logits: Tensor, fractions: Tensor, rarest: float) -> Tensor:
-    frequency = fractions.mean(dim=(0, 2, 3)).clamp(min=1e-6)
-    balance = (1.0 / frequency).sqrt().clamp(max=rarest)
+    balance = (1.0 / fractions.mean(dim=(0, 2, 3))).sqrt().clamp(max=rarest)
     weighted = fractions * balance[:, None, None]
     total = weighted.sum().clamp(min=1e-6)
     return -(weighted * logits.log_softmax(dim=1)).sum() / total

@@ -149,6 +149,16 @@ def test_a_window_is_even_about_its_pixel_and_eleven_wide() -> None:
     assert dissimilarity(border, image)[..., 0, 0] > found[..., 12, 12], "what is outside has no weight"
 
 
+def test_dissimilarity_is_of_means_and_of_contrast_by_the_constants_of_ssim() -> None:
+    dim, half = torch.full((1, 3, 32, 32), 0.1), torch.full((1, 3, 32, 32), 0.5)
+    checks = half + 0.02 * (-1.0) ** (torch.arange(32)[:, None] + torch.arange(32))
+    of_means = 1.0 - (2.0 * 0.1 * 0.2 + 0.01**2) / (0.1**2 + 0.2**2 + 0.01**2)
+    of_contrast = 1.0 - 0.03**2 / (0.02**2 + 0.03**2)
+    for image, truth, expected in ((2.0 * dim, dim, of_means), (checks, half, of_contrast)):
+        found = dissimilarity(image, truth)[0, 0, 16, 16]
+        assert float(found) == pytest.approx(expected, rel=1e-2)
+
+
 def test_fractions_of_odd_sizes_are_of_the_pixels_that_are_there() -> None:
     fractions = class_fractions(torch.tensor([[[0, 1, 1], [1, 1, 0], [2, 1, 2]]]))
     assert fractions.shape == (1, 3, 2, 2)
