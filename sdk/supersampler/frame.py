@@ -93,6 +93,12 @@ class Frame:
             value = getattr(self, name)
             if value is not None or name in ("depth", "motion"):
                 object.__setattr__(self, name, as_array(name, value))
+        for name in _GROUPS:
+            buffers = getattr(self, name)
+            if buffers is not None:
+                known = checked_buffers(name, buffers).items()
+                arrays = {key: as_array(f"{name}[{key!r}]", value) for key, value in known}
+                object.__setattr__(self, name, arrays)
         self.check_shapes()
         if self.reactive is not None:
             _check_reactive(self.reactive)
@@ -100,11 +106,6 @@ class Frame:
         object.__setattr__(self, "exposure", checked_exposure(self.exposure))
         object.__setattr__(self, "pre_exposure", checked_pre_exposure(self.pre_exposure))
         object.__setattr__(self, "reset", checked_reset(self.reset))
-        for name in _GROUPS:
-            buffers = getattr(self, name)
-            if buffers is not None:
-                size = self.size if name == "gbuffer" else None
-                object.__setattr__(self, name, _checked_gbuffer(name, buffers, size))
 
     @property
     def size(self) -> Size:
@@ -115,7 +116,7 @@ class Frame:
     def check_shapes(self) -> None:
         """Raise FrameError unless the arrays have the shapes and types above.
 
-        Steps check again, because the caller may have set another shape meanwhile.
+        Steps check again, because the caller may have set another shape, type or G-buffer meanwhile.
         """
         leader = self.depth if self.color is None else self.color  # the other arrays must match its size
         if leader.ndim < 2 or 0 in leader.shape:
@@ -133,6 +134,8 @@ class Frame:
                 count = array.shape[-1] if array.shape[:2] == (h, w) and array.ndim == 3 else 0
                 wanted = (h, w, count if 1 <= count <= MAX_AOVS else "k")
                 _check(name, array, wanted, _INTEGERS if name == "ids" else _HALF_OR_SINGLE)
+        _check_gbuffers("gbuffer", self.gbuffer, (w, h))
+        _check_gbuffers("gbuffer_display", self.gbuffer_display, None)
 
 
 def checked_frame(frame: Frame) -> Frame:
@@ -304,15 +307,15 @@ def _check_reactive(mask: Array) -> None:
         raise FrameError("reactive", got=f"from {low:g} to {high:g}", want="values in [0, 1]", hint=hint)
 
 
-def _checked_gbuffer(name: str, buffers: Mapping[str, Array], size: Size | None) -> dict[str, Array]:
-    arrays: dict[str, Array] = {}
-    for key, value in checked_buffers(name, buffers).items():
-        array = as_array(f"{name}[{key!r}]", value)
+def _check_gbuffers(group: str, buffers: Mapping[str, Array] | None, size: Size | None) -> None:
+    """Raise FrameError unless all are arrays of this (width, height); None: of one size."""
+    for key, array in checked_buffers(group, buffers or {}).items():
+        name, channels = f"{group}[{key!r}]", _GROUPS[group][key]
+        if not isinstance(array, np.ndarray):
+            hint = "Make a new Frame, which converts it."
+            raise FrameError(name, got=type(array).__name__, want="a numpy array", hint=hint)
         if size is None and array.ndim >= 2:
             size = (array.shape[1], array.shape[0])
         w, h = size or (0, 0)
-        channels = _GROUPS[name][key]
         shape = (h, w) if channels == 1 else (h, w, channels)
-        _check(f"{name}[{key!r}]", array, shape, _HALF_OR_SINGLE)
-        arrays[key] = array
-    return arrays
+        _check(name, array, shape, _HALF_OR_SINGLE)

@@ -143,9 +143,9 @@ class Model:
             executor: "onnx" runs the model's graph in ONNX Runtime; "cpu" runs compiled kernels, which is
                 several times as fast; "auto" uses "cpu" if the provider is the CPU and the model has kernels;
                 "gpu" runs shaders on any GPU (`pip install "supersampler[gpu]"`).
-            precision: precision of the network: "int8", which the CPU backend always uses; "fp32" or "fp16"
-                with the ONNX backend. With "fp16", colours within a frame are half floats, too, but not the
-                history.
+            precision: precision of the network: "int8", which the CPU and the GPU backend always use; "fp32"
+                or "fp16" with the ONNX backend. With "fp16", colours within a frame are half floats, too, but
+                not the history.
             device: with executor="gpu", the device of the caller's textures; None opens one.
 
         Raises:

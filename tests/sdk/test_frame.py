@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from noise import noise
+from shared_models import shared_model
 from supersampler import ArgumentError, Frame, FrameError, Shot, Upscaler
 
 H, W = 18, 32
@@ -64,6 +65,22 @@ def test_a_bad_gbuffer_is_named(field: str, shapes: dict[str, Any], message: str
     buffers: Any = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
     with pytest.raises(FrameError, match=message):
         noise(1, **{field: buffers})
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (np.zeros((H, W, 3), np.int32), r"is \(18, 32, 3\) int32; want"),
+        (np.zeros((H + 1, W, 3), np.float32), r"is \(19, 32, 3\) float32; want"),
+        ([0.0], "is list; want a numpy array"),
+    ],
+)
+def test_a_gbuffer_that_was_exchanged_is_checked_again(changed: Any, message: str) -> None:
+    frame = noise(1, gbuffer={"normal": np.zeros((H, W, 3), np.float32)})
+    buffers: Any = frame.gbuffer
+    buffers["normal"] = changed
+    with pytest.raises(FrameError, match=rf"gbuffer\['normal'\] {message}"):
+        Upscaler(shared_model("taau"), scale=2.0).step(frame)
 
 
 def test_sizes_are_width_first_and_arrays_height_first() -> None:

@@ -55,6 +55,8 @@ def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -
     assert frame.ids is not None
     (w, h), (width, height), f = frame.size, display, np.float32
     ids = frame.ids.astype(np.uint32)
+    motions = np.where(np.isfinite(frame.motion), frame.motion, f(0))
+    depth = np.where((frame.depth >= 0) & np.isfinite(frame.depth), frame.depth, f(-1))  # never the closest
     out = np.empty((height, width, ids.shape[2]), np.uint32)
     distances = np.empty((height, width), f)
     rx, ry = f(width) / f(w), f(height) / f(h)
@@ -69,20 +71,20 @@ def defined(frame: Frame, display: tuple[int, int], history: IdHistory | None) -
         for x in range(width):
             sx, across = nearest(x, rx, frame.jitter[0], w)
             found, distance = ids[sy, sx], max(across, down)
-            own = np.asarray(frame.motion[sy, sx], f) * (rx, ry)
+            own = motions[sy, sx] * (rx, ry)
             rows, columns = range(max(sy - 1, 0), min(sy + 2, h)), range(max(sx - 1, 0), min(sx + 2, w))
             around = [*product(rows, columns)]
             kept: list[tuple[np.float32, np.float32, int, int]] = []
             for j, i in around if history else ():
                 assert history is not None
-                motion = np.asarray(frame.motion[j, i], f) * (rx, ry)
+                motion = motions[j, i] * (rx, ry)
                 ax, ay = f(x) + motion[0], f(y) + motion[1]
                 nx, ny = np.floor(ax + f(0.5)), np.floor(ay + f(0.5))
                 if 0 <= nx < width and 0 <= ny < height:
                     at = int(ny), int(nx)
                     if (history.ids[at] == ids[j, i]).all():
                         apart = history.distance[at] + max(abs(ax - nx), abs(ay - ny))
-                        kept.append((-frame.depth[j, i], apart + abs(motion - own).max(), j, i))
+                        kept.append((-depth[j, i], apart + abs(motion - own).max(), j, i))
             if kept and any((ids[at] != ids[sy, sx]).any() for at in around):
                 _, apart, j, i = min(kept)
                 if apart < distance:
@@ -98,6 +100,9 @@ def test_ids_are_as_defined_on_every_backend(executor: ExecutorName) -> None:
     for index in range(6):
         render = (33, 25) if index == 4 else RENDER
         frame = frame_at(index, render=render, reset=index == 3)
+        for column, value in enumerate((np.nan, np.inf, 1e5, -1.0)):  # 1e5 pixels of motion are followed
+            frame.motion[1::3, column::7, 0] = value
+            frame.depth[::3, column::6] = value
         history = defined(frame, DISPLAY, None if index == 3 else history)
         got = ids_of(upscaler, frame)
         assert got.dtype == np.int32

@@ -25,12 +25,17 @@ struct Vector {
     float x, y;
 };
 
-// Motion of a sample in display pixels; 0 where it is NaN or infinite.
+static float usable_motion(float motion) {
+    return fabsf(motion) <= FINITE_MOTION ? clamp(motion, -MAX_MOTION, MAX_MOTION) : 0.0f;
+}
+
+static float usable_depth(float depth) { return depth >= 0.0f && depth <= MAX_DEPTH ? depth : UNKNOWN_DEPTH; }
+
+// Motion of a sample in display pixels.
 static Vector motion_of(const ss_ids& v, ptrdiff_t sample) {
-    const float x = v.motion[2 * sample], y = v.motion[2 * sample + 1];
-    if (!(fabsf(x) <= MAX_SIDE && fabsf(y) <= MAX_SIDE)) return {0.0f, 0.0f};
-    return {x * (static_cast<float>(v.display_width) / static_cast<float>(v.width)),
-            y * (static_cast<float>(v.display_height) / static_cast<float>(v.height))};
+    return {usable_motion(v.motion[2 * sample]) * (static_cast<float>(v.display_width) / static_cast<float>(v.width)),
+            usable_motion(v.motion[2 * sample + 1]) *
+                (static_cast<float>(v.display_height) / static_cast<float>(v.height))};
 }
 
 static float larger_side(float x, float y) { return max(fabsf(x), fabsf(y)); }
@@ -56,7 +61,7 @@ static const uint32_t* surviving_ids(const ss_ids& v, int x, int y, int sample_x
             if (!same_ids(ids, v.previous + before * v.channels, v.channels)) continue;
             const float apart = v.previous_distance[before] + larger_side(at_x - near_x, at_y - near_y) +
                                 larger_side(motion.x - nearest.x, motion.y - nearest.y);
-            const float depth = v.depth[sample] > 0.0f ? v.depth[sample] : 0.0f;
+            const float depth = usable_depth(v.depth[sample]);
             if (found && (depth < closest || (depth == closest && apart >= *distance))) continue;
             found = ids, closest = depth, *distance = apart;
         }

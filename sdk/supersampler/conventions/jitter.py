@@ -86,7 +86,8 @@ def jitter_phase_count(scale: float) -> int:
     FSR's documentation says ceil(8 scale^2), its code truncates; this follows the code.
 
     Args:
-        scale: display size / render size, > 0.
+        scale: display size / render size, > 0; if width and height differ in it, the square root of the
+            product of both.
 
     Raises:
         ArgumentError: `scale` is not a finite number > 0.
@@ -99,7 +100,7 @@ def halton_jitter(index: int, scale: float) -> tuple[float, float]:
 
     Args:
         index: number of the frame, >= 0; the sequence repeats after `jitter_phase_count(scale)` frames.
-        scale: display size / render size, > 0.
+        scale: see `jitter_phase_count`.
 
     Raises:
         ArgumentError: `index` is negative, or `scale` is not a finite number > 0.
