@@ -15,13 +15,13 @@ from typer.testing import Result
 from exr_parts import write_parts
 from noisy_frames import decibels, noisy, truth
 from supersampler import Conventions
-from supersampler.cli import denoise_run
+from supersampler.cli import denoise_run, frame_run
 from supersampler.denoising.sequence import PerFrame
 from supersampler.frame import Float32
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, ShotWriter, open_source
 from supersampler.io.shot.numbered import FrameRange
-from upscale_runs import interrupt_at, pixels, run, said, succeeded
+from upscale_runs import images, interrupt_at, pixels, run, said, succeeded
 
 COUNT = 12
 
@@ -71,15 +71,20 @@ def test_a_range_of_frames_is_equal_to_those_of_the_whole_run(tmp_path: Path) ->
     assert_same(tmp_path / "part", tmp_path / "whole", range(9, 12))
 
 
-def test_a_stopped_run_continues_to_the_same_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("options", [(), ("--frames", "3-13")])
+def test_a_stopped_run_continues_to_the_same_images(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(frame_run, "EXPOSURE_FRAMES", 2)  # the exposure of a TIFF follows all frames
+    options = ("--format", "exr", "--format", "tif", *options)
     shot = write_noisy(tmp_path / "shot", 14)
-    succeeded(denoise(shot, tmp_path / "whole"))
+    succeeded(denoise(shot, tmp_path / "whole", *options))
     with monkeypatch.context() as patch:
-        interrupt_at(11, patch)
-        assert denoise(shot, tmp_path / "out").exit_code == 130
-    assert not (tmp_path / "out/0011.exr").exists()
-    succeeded(denoise(shot, tmp_path / "out"))
-    assert_same(tmp_path / "out", tmp_path / "whole", range(14))
+        interrupt_at(9, patch)
+        assert denoise(shot, tmp_path / "out", *options).exit_code == 130
+    assert not (tmp_path / "out/exr/0012.exr").exists()
+    succeeded(denoise(shot, tmp_path / "out", *options))
+    assert images(tmp_path / "out") == images(tmp_path / "whole")
 
 
 @pytest.mark.parametrize(("cut", "again"), [(0, 2), (6, 6), (7, None)])

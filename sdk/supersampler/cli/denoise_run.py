@@ -181,7 +181,9 @@ class DenoiseRun(FrameRun):
                 yield frame
 
         try:
-            exposure, before = self._exposure_at(needed), time.perf_counter()
+            shows = self.compare or {*self.images.formats} != {"exr"}
+            exposure = self._exposure_at(needed, plan.index(0)) if shows else None
+            before = time.perf_counter()
             for index, denoised in enumerate(self._denoiser.run(read(), skip=needed - plan.start), needed):
                 if index >= plan.stop:  # later frames are neighbours only
                     return

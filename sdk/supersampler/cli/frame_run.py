@@ -356,14 +356,18 @@ class FrameRun:
         forward = self.activity if writes else "replaying"
         self._progress.advance("stepping backward" if direction == "backward" else forward)
 
-    def _exposure_at(self, index: int) -> float | None:
-        """Return the exposure of a frame in a run of the whole shot; None if a cut begins at the frame."""
+    def _exposure_at(self, index: int, begins: int) -> float | None:
+        """Return the exposure of a frame in a run of the whole shot; None if a cut begins at the frame.
+
+        Frames before the one with the index `begins`, where a run that was not stopped starts, count as far
+        as EXPOSURE_FRAMES: so a resumed run has the same exposure.
+        """
         cut = self.shot.last_cut(index)
         if cut == index:
             return None
         if (stated := usable_exposure(self.shot.exposure(index))) is not None:
             return stated
-        meter, exposure, start = ExposureMeter(), 0.0, max(cut, index - EXPOSURE_FRAMES)
+        meter, exposure, start = ExposureMeter(), 0.0, max(cut, begins - EXPOSURE_FRAMES)
         for item in self.shot.frames(start, index + 1, gbuffers=(), references=False):
             exposure = meter.read_frame(item.frame)
         return exposure

@@ -285,7 +285,7 @@ class UpscaleRun(FrameRun):
 
     def _frames(self, gbuffers: Collection[str], *, references: bool) -> Iterator[ShotFrame]:
         plan = self._plan
-        exposure = self._exposure_at(plan.start)
+        exposure = self._exposure_at(plan.start, plan.start)
         frames = self.shot.frames(plan.start, plan.end, gbuffers=gbuffers, references=references)
         for item in frames:
             if item.index == plan.start and exposure is not None:
