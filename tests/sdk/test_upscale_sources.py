@@ -159,6 +159,18 @@ def test_a_role_is_that_of_the_configuration(tmp_path: Path, config: str, stated
     assert read_header(tmp_path / "out/exr/f.0001.exr").metadata.get("colorInteropID") == stated
 
 
+def test_a_configuration_that_was_edited_is_noticed(tmp_path: Path) -> None:
+    config = tmp_path / "show.ocio"
+    config.write_text(SHOW)
+    renders = write_renders(tmp_path / "in", {1: "f.0001"})
+    command = "--format", "png", "--ocio", config, "--color-space", "light", *OURS
+    upscale(renders, tmp_path / "out", *command)
+    assert "complete already" in upscale(renders, tmp_path / "out", *command).stderr
+    config.write_text(SHOW + "# a comment")
+    message = refusal("upscale", renders, "-o", tmp_path / "out", *BILINEAR, *command)
+    assert "display transform was" in message
+
+
 def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_path: Path) -> None:
     renders = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in (1, 2, 3)})
     spec, values = spec_of(width=20), frame_channels()[:, :20]

@@ -4,6 +4,7 @@
 >>> write_png("0001.png", to_uint8(transform.show(image, exposure)))
 """
 
+import hashlib
 import os
 import re
 from collections.abc import Collection
@@ -19,7 +20,7 @@ from supersampler.conventions.encodings import srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import Array, Float32
 from supersampler.io.display import MAX_HALF, checked_image, display_transform
-from supersampler.io.files import check_is_file, utf8_path
+from supersampler.io.files import check_is_file, os_errors_as_shot_error, utf8_path
 
 REC709 = "lin_rec709"
 """Linear light with the primaries of Rec. 709 and sRGB."""
@@ -139,8 +140,16 @@ class DisplayTransform:
         return srgb_encoded((light * np.float32(factor)).clip(0.0, 1.0)).clip(0.0, 1.0)
 
     def to_json(self) -> dict[str, object]:
-        """Return the fields as JSON."""
-        return asdict(self)
+        """Return the fields as JSON, and the SHA-256 of a file of the OpenColorIO configuration.
+
+        Raises:
+            ShotError: the file cannot be read.
+        """
+        if self.ocio is None or self.ocio.config.startswith(_BUILT_IN_PREFIX):
+            return asdict(self)
+        path = self.ocio.config
+        with os_errors_as_shot_error(path), Path(path).open("rb") as file:
+            return {**asdict(self), "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
 DEFAULT_TRANSFORM = DisplayTransform()
