@@ -85,7 +85,7 @@ class RenderRequest:
             guides that denoising over time needs. "frame", "off": whether Cycles denoises small frames that
             are upscaled. None is "temporal" in Cycles, and "frame" with a scale.
         engine: render engine.
-        camera, scene: names in the file.
+        camera, scene, view_layer: names in the file.
         keep_blur: whether motion blur and depth of field stay on; only with temporal denoising.
         part: fraction of the scene's width and height to render, if `display_size` is None.
         most: for a trial: number of frames in the middle of the scene's range, if `frames` is None. Trials
@@ -105,6 +105,7 @@ class RenderRequest:
     engine: Engine | None = None
     camera: str | None = None
     scene: str | None = None
+    view_layer: str | None = None
     keep_blur: bool = False
     part: float = 1.0
     most: int | None = None
