@@ -23,6 +23,7 @@ from upscale_runs import (
     run,
     upscale,
     write_renders,
+    write_shot,
 )
 
 NAMES = ("R", "G", "B", "depth.Z", "motion.X", "motion.Y")
@@ -230,6 +231,14 @@ def test_a_run_is_not_continued_with_another_jitter_or_other_channels(tmp_path: 
     assert files(out) == before
     upscale(shot, out, "--overwrite")
     assert "All 3 frames are complete already" in upscale(shot, out).stderr
+
+
+def test_a_run_is_not_continued_with_other_names_of_aovs(tmp_path: Path) -> None:
+    shot, out = write_shot(tmp_path / "shot", 2, aovs=np.ones((*SIZE[::-1], 2), np.float32)), tmp_path / "out"
+    upscale(shot, out)
+    stated = json.loads((shot / "shot.json").read_text())
+    (shot / "shot.json").write_text(json.dumps({**stated, "aov_names": ["A", "dust"]}))
+    assert "its frames had other channels" in refusal("upscale", shot, "-o", out, *BILINEAR)
 
 
 def test_a_frame_that_was_rendered_again_after_its_image_is_named(tmp_path: Path) -> None:

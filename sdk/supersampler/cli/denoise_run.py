@@ -212,7 +212,7 @@ class DenoiseRun(FrameRun):
         }
 
     def _layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
-        image, reference, transform = stepped.result.image, stepped.reference, self.images.transform
+        image, reference, transform = stepped.result.image, stepped.reference, self._transform(stepped.frame)
         return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
 
     def _copied(self, index: int) -> Mapping[str, Channel]:

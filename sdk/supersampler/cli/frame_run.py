@@ -30,6 +30,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, Legend, compare_page, versions_text
 from supersampler.io.display import ExposureMeter, usable_exposure
+from supersampler.io.display_transforms import DisplayTransform
 from supersampler.io.files import FolderLock, check_apart
 from supersampler.io.images import Bytes, Channel, Metadata, pixel_aspect, result_metadata
 from supersampler.io.shot import Shot
@@ -344,8 +345,9 @@ class FrameRun:
                 if position >= self._first:
                     self._results.list_files(position)
                 if position >= self._first or self.images.video:
+                    images = replace(self.images, transform=self._transform(stepped.frame))
                     values = stepped.index, stepped.aov_names, stepped.result, stepped.seconds
-                    queue.put(partial(self._write, position, exposure, *values))
+                    queue.put(partial(self._write, position, images, exposure, *values))
                 if page is not None and position >= len(plan.numbers) - COMPARE_FRAMES:
                     page.add(self.shot.first_number + stepped.index, *self._layers(stepped, exposure))
 
@@ -395,9 +397,14 @@ class FrameRun:
         path = self._results.begin_file(self._results.record.video)
         return video_writer(path, self._image_size, rate, aspect)
 
+    def _transform(self, frame: Frame) -> DisplayTransform:
+        """Return the display transform of a frame's images."""
+        return self.images.transform.at_pre_exposure(frame.pre_exposure)
+
     def _write(
         self,
         position: int,
+        images: ImageOptions,
         exposure: float,
         index: int,
         aov_names: Sequence[str] | None,
@@ -410,7 +417,7 @@ class FrameRun:
             image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
             metadata=self._metadata(index), copied=self._copied(index),
         )  # fmt: skip
-        images = self.images if position >= self._first else replace(self.images, formats=("mp4",))
+        images = images if position >= self._first else replace(images, formats=("mp4",))
         return Written(position, number, images.write(self.output, number, output), seconds)
 
     def _finish(self, film: Callable[[Bytes], None] | None, written: Written) -> None:

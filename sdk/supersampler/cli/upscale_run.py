@@ -218,7 +218,7 @@ class UpscaleRun(FrameRun):
         }
 
     def _layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
-        frame, reference, transform = stepped.frame, stepped.reference, self.images.transform
+        frame, reference, transform = stepped.frame, stepped.reference, self._transform(stepped.frame)
         bicubic = None
         if self._bicubic is not None and frame.color is not None:
             bicubic = self._bicubic.step(frame)

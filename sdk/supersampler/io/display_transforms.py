@@ -5,10 +5,11 @@
 """
 
 import hashlib
+import math
 import os
 import re
 from collections.abc import Collection
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -138,6 +139,15 @@ class DisplayTransform:
         if self.tone_curve:
             return display_transform(light, factor)
         return srgb_encoded((light * np.float32(factor)).clip(0.0, 1.0)).clip(0.0, 1.0)
+
+    def at_pre_exposure(self, pre_exposure: float) -> "DisplayTransform":
+        """Return the transform of images that are multiplied by a pre-exposure: fixed stops are of the light.
+
+        An exposure that is an argument of `show` is that of the image.
+        """
+        if self.stops is None or pre_exposure == 1.0:
+            return self
+        return replace(self, stops=self.stops - math.log2(pre_exposure))
 
     def to_json(self) -> dict[str, object]:
         """Return the fields as JSON, and the SHA-256 of a file of the OpenColorIO configuration.
