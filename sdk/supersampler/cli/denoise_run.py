@@ -182,7 +182,8 @@ class DenoiseRun(FrameRun):
 
         try:
             shows = self.compare or {*self.images.formats} != {"exr"}
-            exposure = self._exposure_at(needed, plan.index(0)) if shows else None
+            measures = shows and self.images.transform.stops is None
+            exposure = self._exposure_at(needed, plan.index(0)) if measures else None
             before = time.perf_counter()
             for index, denoised in enumerate(self._denoiser.run(read(), skip=needed - plan.start), needed):
                 if index >= plan.stop:  # later frames are neighbours only
