@@ -143,9 +143,10 @@ class DisplayTransform:
     def at_pre_exposure(self, pre_exposure: float) -> "DisplayTransform":
         """Return the transform of images that are multiplied by a pre-exposure: fixed stops are of the light.
 
-        An exposure that is an argument of `show` is that of the image.
+        An exposure that is an argument of `show` is that of the image. sRGB alone keeps the encoding of the
+        frames, and with it their pre-exposure.
         """
-        if self.stops is None or pre_exposure == 1.0:
+        if self.stops is None or pre_exposure == 1.0 or not self.tone_curve:
             return self
         return replace(self, stops=self.stops - math.log2(pre_exposure))
 
