@@ -160,6 +160,19 @@ def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
 
 
+def test_a_frame_that_was_missing_for_a_while_leaves_no_trace(tmp_path: Path) -> None:
+    frames, out = write_frames(tmp_path / "frames", range(10)), tmp_path / "out"
+    options = "--conventions", "supersampler"
+    succeeded(denoise(frames, out, *options))
+    whole = images(out)
+    (frames / "0006.exr").rename(tmp_path / "0006.exr")
+    assert "frame 6 between" in succeeded(denoise(frames, out, *options)).stderr
+    assert images(out) != whole
+    (tmp_path / "0006.exr").rename(frames / "0006.exr")
+    succeeded(denoise(frames, out, *options))
+    assert images(out) == whole
+
+
 def test_a_sequence_with_thousands_of_gaps_is_split_into_its_parts(tmp_path: Path) -> None:
     first = write_frames(tmp_path / "frames", [0]) / "0000.exr"
     for number in range(2, 4000, 2):

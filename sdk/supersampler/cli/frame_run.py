@@ -303,7 +303,7 @@ class FrameRun:
         numbers = self._plan.numbers
         if self._results.has_outdated:
             again = f"Images from frame {numbers.first + self._first} on are computed again"
-            yield f"{again}: they depend on new frames."
+            yield f"{again}: they depend on new frames, or another run has replaced them."
         for position in range(self._first):
             changed = self.shot.changed_at(self._plan.index(position))
             if any(written < changed for written in self._results.written_at(position)):
