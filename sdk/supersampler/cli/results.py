@@ -354,6 +354,7 @@ class Results:
     def __init__(self, folder: Path, options: ImageOptions) -> None:
         self.folder, self.options = folder, options
         self.record, self._others, self.has_outdated = RunRecord({}), list[RunRecord](), False
+        self._end = 0  # number after the last frame
 
     def begin(
         self,
@@ -410,9 +411,8 @@ class Results:
         self._save(kept_files, settings)
         subfolders = {str(Path(pattern).parent) for pattern in listed} - {"."}
         remove_partial_files(self.folder, lambda name: self._is_own_name(name, listed), subfolders)
-        first = self.count_complete(frame_count)
-        self._mark_replaced(first, frame_count)
-        return first
+        self._end = record.numbers.first + frame_count
+        return self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
         """Return the number of complete frames, counted from the first; only listed files count."""
@@ -438,6 +438,7 @@ class Results:
         Raises:
             ShotError: the disk refused, or another program's file has one of the names.
         """
+        self._mark_replaced(self.record.numbers.first + position)
         listed = dict(self.record.files)
         for pattern in self.options.patterns:
             for new in range(listed.get(pattern, 0), position + 1):
@@ -480,19 +481,19 @@ class Results:
         content = {**record.settings, "files": dict(record.files)}
         write_text(self.folder / record.file_name, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
 
-    def _mark_replaced(self, first: int, frame_count: int) -> None:
-        """State in the records of other runs which of their images this run will replace.
+    def _mark_replaced(self, number: int) -> None:
+        """State in the records of other runs which of their images this run replaces, from a frame on.
 
-        `first` is the position of the first one that it writes. A resumed run computes replaced images again,
-        as they may depend on other frames.
+        A resumed run computes replaced images again, as they may depend on other frames.
         """
-        begin, end = (self.record.numbers.first + position for position in (first, frame_count))
-        for other in self._others:
-            numbers = other.numbers
+        for index, other in enumerate(self._others):
+            first = other.numbers.first
             count = max((other.files.get(pattern, 0) for pattern in self.options.patterns), default=0)
-            position = max(0, begin - numbers.first)
-            if position < min(count, end - numbers.first, other.settings.get(REPLACED, count)):
-                self._write(RunRecord({**other.settings, REPLACED: position}, other.files))
+            position = max(0, number - first)
+            if position < min(count, self._end - first, other.settings.get(REPLACED, count)):
+                now = read_run_record(self.folder, other.file_name) or other  # another run may have written it
+                self._others[index] = RunRecord({**now.settings, REPLACED: position}, now.files)
+                self._write(self._others[index])
 
     def _is_own_name(self, name: str, listed: Collection[str]) -> bool:
         """Return whether this run writes files of this name, rather than another run in the folder."""
