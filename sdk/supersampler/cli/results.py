@@ -491,7 +491,7 @@ class Results:
             count = max((other.files.get(pattern, 0) for pattern in self.options.patterns), default=0)
             position = max(0, number - first)
             if position < min(count, self._end - first, other.settings.get(REPLACED, count)):
-                now = read_run_record(self.folder, other.file_name) or other  # another run may have written it
+                now = read_run_record(self.folder, other.file_name) or other  # it may have changed
                 self._others[index] = RunRecord({**now.settings, REPLACED: position}, now.files)
                 self._write(self._others[index])
 
