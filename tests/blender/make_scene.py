@@ -22,6 +22,7 @@ DEFAULTS: dict[str, Any] = {
     "lens": [35.0, 35.0],  # mm, likewise
     "markers": [],  # [frame, camera]; another camera is there besides, "Other"
     "still": False,  # nothing moves, not even the camera
+    "falls": False,  # whether a cube falls by a simulation that is not baked
     "properties": {},
     "compositor": None,  # name of the view layer whose inverted image and depth the nodes read
     "script": "",  # Python that Blender is to run when it opens the file
@@ -62,6 +63,10 @@ def build(options: dict[str, Any]) -> None:
         add_markers(scene, options["markers"])
     if not options["still"]:
         move(bpy.data.objects["Cube.003"], "location", [(1.0, -2.0, 0.3), (2.0, -1.5, 0.5)])
+    if options["falls"]:
+        bpy.context.view_layer.objects.active = bpy.data.objects["Cube"]
+        bpy.ops.rigidbody.object_add()
+        scene.rigidbody_world.point_cache.frame_start = FIRST
     if options["compositor"]:
         add_compositor(scene, options["compositor"])
     if options["script"]:

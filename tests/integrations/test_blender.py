@@ -22,7 +22,7 @@ import supersampler
 from blender_files import HERE
 from blender_motion import camera_motion_of
 from supersampler.io.display import BT709
-from supersampler.io.images import read_exr, read_header
+from supersampler.io.images import Channel, read_exr, read_header
 from supersampler.io.shot import Shot, import_blender, open_source
 from supersampler.io.shot.blender import RenderRecord, read_render_record
 from supersampler.validation import detect_conventions
@@ -258,6 +258,7 @@ def test_a_video_shows_the_frames_as_blender_shows_them_at_the_rate_of_the_scene
         ({"camera": False}, (), "has no active camera: add one"),
         ({}, ("--camera", "Other"), "no camera is named 'Other'; the scene has Camera"),
         ({}, ("--scene", "Other"), "no scene is named 'Other'; the file has Scene"),
+        ({}, ("--view-layer", "Other"), "no view layer is named 'Other'; scene 'Scene' has ViewLayer"),
         ({"camera_type": "ORTHO"}, ("--engine", "workbench"), "no motion of orthographic cameras"),
         ({"camera_type": "PANO"}, (), "camera 'Camera' is panoramic, and cannot be jittered or followed"),
     ],
@@ -269,6 +270,34 @@ def test_an_unusable_scene_is_one_line(
     assert done.exit_code == 1
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_a_simulation_that_is_not_baked_goes_on_where_a_run_stopped(tmp_path: Path) -> None:
+    blend, out = make_scene(tmp_path, falls=True), tmp_path / "out"
+    command = "blender", blend, "-o", out, "--blender", PROGRAM, "--samples", 1
+    succeeded(run(*command))
+    last = out / "render" / "0010.exr"
+    want = read_exr(last)
+    for path in (last, out / "0010.exr"):
+        path.unlink()
+    assert "frames 5 to 8 are simulated" in succeeded(run(*command)).stderr
+    assert_rendered(last, want)
+    succeeded(run(*command, "--overwrite", "--frames", "8-10"))
+    assert_rendered(last, want)
+
+
+def assert_rendered(path: Path, want: dict[str, Channel]) -> None:
+    for name, channel in read_exr(path).items():
+        np.testing.assert_array_equal(channel, want[name])
+
+
+def test_the_view_layer_that_is_named_is_rendered(tmp_path: Path) -> None:
+    done = render(tmp_path, "--samples", 1, "--method", "bilinear", compositor="Other", size=[32, 24])
+    assert "view layer 'ViewLayer' is rendered, not Other; --view-layer" in done.stderr
+    options = "--samples", 1, "--method", "bilinear", "--overwrite", "--view-layer", "Other"
+    assert "is rendered, not" not in render(tmp_path, *options, compositor="Other", size=[32, 24]).stderr
+    names = read_header(tmp_path / "out" / "render" / "0006.exr").types
+    assert all(name.startswith("Other.") for name in names)
 
 
 def test_python_in_the_file_is_not_run_and_the_command_says_so(tmp_path: Path) -> None:

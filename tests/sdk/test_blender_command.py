@@ -105,6 +105,15 @@ def test_a_scene_that_the_script_denoises_is_denoised_over_time_and_continues(tm
     assert images(tmp_path) == images(part) == images(whole)
 
 
+def test_a_scene_that_has_changed_is_not_continued_and_another_blender_is_noted(tmp_path: Path) -> None:
+    one_line(blender(tmp_path, error_at=7))
+    other = blender(tmp_path, scene={"engine": "BLENDER_EEVEE"})  # by a linked file: scene.blend is the same
+    assert "frames of another render are there: engine was CYCLES, is now BLENDER_EEVEE" in one_line(other)
+    done = succeeded(blender(tmp_path, scene={"blender": "5.3.0"}))
+    assert "Blender 4.5.15 LTS has rendered the frames before, now it is 5.3.0" in done.stderr
+    assert rendered(tmp_path) == [7, 8]
+
+
 COMPOSITED = ["0005.png", "0006.png", "0007.png", "0008.png"]
 
 

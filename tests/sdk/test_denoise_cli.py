@@ -15,13 +15,13 @@ from typer.testing import Result
 from exr_parts import write_parts
 from noisy_frames import decibels, noisy, truth
 from supersampler import Conventions
-from supersampler.cli import denoise_run
+from supersampler.cli import denoise_run, frame_run
 from supersampler.denoising.sequence import PerFrame
 from supersampler.frame import Float32
 from supersampler.io.images import read_exr, read_header, write_exr
 from supersampler.io.shot import Shot, ShotWriter, open_source
 from supersampler.io.shot.numbered import FrameRange
-from upscale_runs import interrupt_at, pixels, run, said, succeeded
+from upscale_runs import images, interrupt_at, pixels, run, said, succeeded
 
 COUNT = 12
 
@@ -71,15 +71,20 @@ def test_a_range_of_frames_is_equal_to_those_of_the_whole_run(tmp_path: Path) ->
     assert_same(tmp_path / "part", tmp_path / "whole", range(9, 12))
 
 
-def test_a_stopped_run_continues_to_the_same_images(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("options", [(), ("--frames", "3-13")])
+def test_a_stopped_run_continues_to_the_same_images(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(frame_run, "EXPOSURE_FRAMES", 2)  # the exposure of a TIFF follows all frames
+    options = ("--format", "exr", "--format", "tif", *options)
     shot = write_noisy(tmp_path / "shot", 14)
-    succeeded(denoise(shot, tmp_path / "whole"))
+    succeeded(denoise(shot, tmp_path / "whole", *options))
     with monkeypatch.context() as patch:
-        interrupt_at(11, patch)
-        assert denoise(shot, tmp_path / "out").exit_code == 130
-    assert not (tmp_path / "out/0011.exr").exists()
-    succeeded(denoise(shot, tmp_path / "out"))
-    assert_same(tmp_path / "out", tmp_path / "whole", range(14))
+        interrupt_at(9, patch)
+        assert denoise(shot, tmp_path / "out", *options).exit_code == 130
+    assert not (tmp_path / "out/exr/0012.exr").exists()
+    succeeded(denoise(shot, tmp_path / "out", *options))
+    assert images(tmp_path / "out") == images(tmp_path / "whole")
 
 
 @pytest.mark.parametrize(("cut", "again"), [(0, 2), (6, 6), (7, None)])
@@ -153,6 +158,19 @@ def test_a_missing_frame_is_a_cut(tmp_path: Path) -> None:
     beyond = denoise(tmp_path / "frames", tmp_path / "none", *options, "--frames", "3-12")
     assert "has no frame from 12 to 12. Its frames are 0 to 11." in beyond.stderr
     assert not (tmp_path / "none").exists()
+
+
+def test_a_frame_that_was_missing_for_a_while_leaves_no_trace(tmp_path: Path) -> None:
+    frames, out = write_frames(tmp_path / "frames", range(10)), tmp_path / "out"
+    options = "--conventions", "supersampler"
+    succeeded(denoise(frames, out, *options))
+    whole = images(out)
+    (frames / "0006.exr").rename(tmp_path / "0006.exr")
+    assert "frame 6 between" in succeeded(denoise(frames, out, *options)).stderr
+    assert images(out) != whole
+    (tmp_path / "0006.exr").rename(frames / "0006.exr")
+    succeeded(denoise(frames, out, *options))
+    assert images(out) == whole
 
 
 def test_a_sequence_with_thousands_of_gaps_is_split_into_its_parts(tmp_path: Path) -> None:

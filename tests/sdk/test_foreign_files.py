@@ -162,6 +162,17 @@ def test_png_and_tiff_keep_their_values(tmp_path: Path, kind: str, suffix: str) 
     assert (shot.stored_as, shot.info.file_names) == ((suffix[:3], kind), "c.####")
 
 
+def test_an_image_that_is_stored_bottom_up_is_refused(tmp_path: Path) -> None:
+    write_frames(tmp_path, "uint8", "tif")
+    spec = spec_of(("R", "G", "B"), "uint8")
+    spec.attribute("Orientation", 4)
+    write_parts(tmp_path / "color" / "c.0001.tif", (spec, np.zeros((*VALUES.shape[:2], 3), np.uint8)))
+    with pytest.raises(
+        ShotError, match=r"c\.0001\.tif: states that its rows are turned .* \(orientation 4\)"
+    ):
+        import_channels(tmp_path, {**MAP, **color_map("tif")}, conventions=SRGB)
+
+
 def test_integers_without_srgb_are_refused(tmp_path: Path) -> None:
     write_frames(tmp_path, "uint8", "png")
     message = r"conventions is without srgb=True, and c\.0001\.png holds uint8; want srgb=True for integers"

@@ -1,6 +1,7 @@
 """Tests of the files that `upscale` writes: EXR, PNG, TIFF and video, and how they show colours."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,20 @@ from supersampler.io import video
 from supersampler.io.display import BT709, to_uint8
 from supersampler.io.display_transforms import display_transform_from
 from supersampler.io.images import write_exr
-from upscale_runs import OURS, images, interrupt_at, pixels, refusal, run, upscale, write_renders, write_shot
+from supersampler.io.shot import ShotWriter
+from upscale_runs import (
+    DISPLAY_SIZE,
+    OURS,
+    images,
+    interrupt_at,
+    moving,
+    pixels,
+    refusal,
+    run,
+    upscale,
+    write_renders,
+    write_shot,
+)
 
 av = pytest.importorskip("av")
 
@@ -190,6 +204,18 @@ def test_display_options_are_shown(
     assert np.abs(png - want).max() <= 1  # the EXR has half floats
     assert np.abs(png - shown(every / "png" / "0002.png")).mean() > 3
     assert luma_difference(decoded(tmp_path / "video.mp4")[2], png) < 2
+
+
+@pytest.mark.parametrize("options", [("--exposure", "-1.5"), ("--view", VIEW), ()])
+def test_pre_exposure_is_not_shown(tmp_path: Path, options: tuple[str, ...]) -> None:
+    for name, factors in (("plain", [1.0, 1.0]), ("pre", [0.25, 4.0])):
+        with ShotWriter(tmp_path / name, name="shot", display_size=DISPLAY_SIZE, frame_rate=24.0) as writer:
+            for index, factor in enumerate(factors):
+                frame = moving(index, exposure=0.5)
+                color = np.asarray(frame.color) * np.float32(factor)
+                writer.write(replace(frame, color=color, pre_exposure=factor))
+        upscale(tmp_path / name, tmp_path / f"{name} out", "--format", "png", *options)
+    assert images(tmp_path / "pre out") == images(tmp_path / "plain out")
 
 
 def test_options_without_effect_are_named(shot: Path, tmp_path: Path) -> None:

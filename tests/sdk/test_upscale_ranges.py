@@ -111,15 +111,27 @@ def test_two_ranges_at_once_into_one_folder_are_the_whole(shot: Path, tmp_path: 
 
 def test_ranges_of_one_folder_overlap_only_with_equal_settings(shot: Path, tmp_path: Path) -> None:
     upscale(shot, tmp_path, "--frames", "2-5", "--preroll", "1")
-    before = files(tmp_path)
+    before, images_before = files(tmp_path), images(tmp_path)
     for options in (("--method", "taau"), ("--method", "bilinear", "--scale", "1", "--overwrite")):
         message = refusal("upscale", shot, "-o", tmp_path, "--frames", "5-6", "--preroll", "1", *options)
         assert "images of another run are there" in message
         assert files(tmp_path) == before
     upscale(shot, tmp_path, "--frames", "5-6", "--preroll", "1")
     assert [*images(tmp_path)] == [f"{number:04d}.exr" for number in range(2, 7)]
-    assert {name: files(tmp_path)[name] for name in before} == before
+    assert {name: images(tmp_path)[name] for name in before if name.endswith("exr")} == images_before
     upscale(shot, tmp_path, "--frames", "8", "--preroll", "1", method="taau")  # elsewhere, all may differ
+
+
+def test_images_that_another_range_has_replaced_are_computed_again(shot: Path, tmp_path: Path) -> None:
+    ranges = [("--frames", numbers, "--preroll", "1") for numbers in ("2-7", "5-8")]
+    for name, options in zip("ab", ranges, strict=True):
+        upscale(shot, tmp_path / name, *options, method="taau")
+    assert images(tmp_path / "a")["0005.exr"] != images(tmp_path / "b")["0005.exr"]
+    out = tmp_path / "out"
+    for name, options in zip("abab", ranges * 2, strict=True):
+        upscale(shot, out, *options, method="taau")
+        assert images(out) | images(tmp_path / name) == images(out)
+        assert "complete already" in upscale(shot, out, *options, method="taau").stderr
 
 
 def test_overwriting_a_range_removes_no_file_of_another(shot: Path, tmp_path: Path) -> None:

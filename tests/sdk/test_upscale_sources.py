@@ -23,6 +23,7 @@ from upscale_runs import (
     run,
     upscale,
     write_renders,
+    write_shot,
 )
 
 NAMES = ("R", "G", "B", "depth.Z", "motion.X", "motion.Y")
@@ -159,6 +160,18 @@ def test_a_role_is_that_of_the_configuration(tmp_path: Path, config: str, stated
     assert read_header(tmp_path / "out/exr/f.0001.exr").metadata.get("colorInteropID") == stated
 
 
+def test_a_configuration_that_was_edited_is_noticed(tmp_path: Path) -> None:
+    config = tmp_path / "show.ocio"
+    config.write_text(SHOW)
+    renders = write_renders(tmp_path / "in", {1: "f.0001"})
+    command = "--format", "png", "--ocio", config, "--color-space", "light", *OURS
+    upscale(renders, tmp_path / "out", *command)
+    assert "complete already" in upscale(renders, tmp_path / "out", *command).stderr
+    config.write_text(SHOW + "# a comment")
+    message = refusal("upscale", renders, "-o", tmp_path / "out", *BILINEAR, *command)
+    assert "display transform was" in message
+
+
 def test_a_frame_of_another_size_is_named_and_the_frames_before_it_are_kept(tmp_path: Path) -> None:
     renders = write_renders(tmp_path / "in", {n: f"f.{n:04d}" for n in (1, 2, 3)})
     spec, values = spec_of(width=20), frame_channels()[:, :20]
@@ -218,6 +231,14 @@ def test_a_run_is_not_continued_with_another_jitter_or_other_channels(tmp_path: 
     assert files(out) == before
     upscale(shot, out, "--overwrite")
     assert "All 3 frames are complete already" in upscale(shot, out).stderr
+
+
+def test_a_run_is_not_continued_with_other_names_of_aovs(tmp_path: Path) -> None:
+    shot, out = write_shot(tmp_path / "shot", 2, aovs=np.ones((*SIZE[::-1], 2), np.float32)), tmp_path / "out"
+    upscale(shot, out)
+    stated = json.loads((shot / "shot.json").read_text())
+    (shot / "shot.json").write_text(json.dumps({**stated, "aov_names": ["A", "dust"]}))
+    assert "its frames had other channels" in refusal("upscale", shot, "-o", out, *BILINEAR)
 
 
 def test_a_frame_that_was_rendered_again_after_its_image_is_named(tmp_path: Path) -> None:

@@ -59,6 +59,9 @@ def blender(
     ] = None,
     camera: Annotated[str | None, typer.Option(help="Name of a camera.", show_default="the scene's")] = None,
     scene: Annotated[str | None, typer.Option(help="Name of a scene.", show_default="the active one")] = None,
+    view_layer: Annotated[
+        str | None, typer.Option(help="Name of a view layer.", show_default="the first that is on")
+    ] = None,
     method: Annotated[
         str | None,
         typer.Option(help="Upscale: a shipped model by name.", show_default="classifier to upscale"),
@@ -140,6 +143,7 @@ def blender(
         engine=engine,
         camera=camera,
         scene=scene,
+        view_layer=view_layer,
         keep_blur=keep_blur,
         program=blender,
         composite=composite and not advise,

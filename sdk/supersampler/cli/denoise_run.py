@@ -181,7 +181,10 @@ class DenoiseRun(FrameRun):
                 yield frame
 
         try:
-            exposure, before = self._exposure_at(needed), time.perf_counter()
+            shows = self.compare or {*self.images.formats} != {"exr"}
+            measures = shows and self.images.transform.stops is None
+            exposure = self._exposure_at(needed, plan.index(0)) if measures else None
+            before = time.perf_counter()
             for index, denoised in enumerate(self._denoiser.run(read(), skip=needed - plan.start), needed):
                 if index >= plan.stop:  # later frames are neighbours only
                     return
@@ -210,7 +213,7 @@ class DenoiseRun(FrameRun):
         }
 
     def _layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
-        image, reference, transform = stepped.result.image, stepped.reference, self.images.transform
+        image, reference, transform = stepped.result.image, stepped.reference, self._transform(stepped.frame)
         return compare_layers(stepped.frame, image, reference, exposure, transform=transform)
 
     def _copied(self, index: int) -> Mapping[str, Channel]:

@@ -30,6 +30,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, Legend, compare_page, versions_text
 from supersampler.io.display import ExposureMeter, usable_exposure
+from supersampler.io.display_transforms import DisplayTransform
 from supersampler.io.files import FolderLock, check_apart
 from supersampler.io.images import Bytes, Channel, Metadata, pixel_aspect, result_metadata
 from supersampler.io.shot import Shot
@@ -302,7 +303,7 @@ class FrameRun:
         numbers = self._plan.numbers
         if self._results.has_outdated:
             again = f"Images from frame {numbers.first + self._first} on are computed again"
-            yield f"{again}: they depend on new frames."
+            yield f"{again}: they depend on new frames, or another run has replaced them."
         for position in range(self._first):
             changed = self.shot.changed_at(self._plan.index(position))
             if any(written < changed for written in self._results.written_at(position)):
@@ -344,8 +345,9 @@ class FrameRun:
                 if position >= self._first:
                     self._results.list_files(position)
                 if position >= self._first or self.images.video:
+                    images = replace(self.images, transform=self._transform(stepped.frame))
                     values = stepped.index, stepped.aov_names, stepped.result, stepped.seconds
-                    queue.put(partial(self._write, position, exposure, *values))
+                    queue.put(partial(self._write, position, images, exposure, *values))
                 if page is not None and position >= len(plan.numbers) - COMPARE_FRAMES:
                     page.add(self.shot.first_number + stepped.index, *self._layers(stepped, exposure))
 
@@ -356,14 +358,18 @@ class FrameRun:
         forward = self.activity if writes else "replaying"
         self._progress.advance("stepping backward" if direction == "backward" else forward)
 
-    def _exposure_at(self, index: int) -> float | None:
-        """Return the exposure of a frame in a run of the whole shot; None if a cut begins at the frame."""
+    def _exposure_at(self, index: int, begins: int) -> float | None:
+        """Return the exposure of a frame in a run of the whole shot; None if a cut begins at the frame.
+
+        Frames before the one with the index `begins`, where a run that was not stopped starts, count as far
+        as EXPOSURE_FRAMES: so a resumed run has the same exposure.
+        """
         cut = self.shot.last_cut(index)
         if cut == index:
             return None
         if (stated := usable_exposure(self.shot.exposure(index))) is not None:
             return stated
-        meter, exposure, start = ExposureMeter(), 0.0, max(cut, index - EXPOSURE_FRAMES)
+        meter, exposure, start = ExposureMeter(), 0.0, max(cut, begins - EXPOSURE_FRAMES)
         for item in self.shot.frames(start, index + 1, gbuffers=(), references=False):
             exposure = meter.read_frame(item.frame)
         return exposure
@@ -391,9 +397,14 @@ class FrameRun:
         path = self._results.begin_file(self._results.record.video)
         return video_writer(path, self._image_size, rate, aspect)
 
+    def _transform(self, frame: Frame) -> DisplayTransform:
+        """Return the display transform of a frame's images."""
+        return self.images.transform.at_pre_exposure(frame.pre_exposure)
+
     def _write(
         self,
         position: int,
+        images: ImageOptions,
         exposure: float,
         index: int,
         aov_names: Sequence[str] | None,
@@ -406,7 +417,7 @@ class FrameRun:
             image=result.image, exposure=exposure, aovs=result.aovs, aov_names=aov_names,
             metadata=self._metadata(index), copied=self._copied(index),
         )  # fmt: skip
-        images = self.images if position >= self._first else replace(self.images, formats=("mp4",))
+        images = images if position >= self._first else replace(images, formats=("mp4",))
         return Written(position, number, images.write(self.output, number, output), seconds)
 
     def _finish(self, film: Callable[[Bytes], None] | None, written: Written) -> None:

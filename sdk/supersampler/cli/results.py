@@ -47,6 +47,8 @@ AT_REST = "at rest"
 """Setting: see `Upscaler`."""
 READ = "frames read"
 """Setting: `FramesRead` as JSON."""
+REPLACED = "replaced from"
+"""Setting: position of the first image that another run in the folder has replaced; missing if none has."""
 DEMO: Mapping[str, str] = {"command": "demo"}
 """SOURCE of a run of `supersampler demo`. Another demo replaces its files."""
 FORMATS = ("exr", "png", "tif")
@@ -352,6 +354,7 @@ class Results:
     def __init__(self, folder: Path, options: ImageOptions) -> None:
         self.folder, self.options = folder, options
         self.record, self._others, self.has_outdated = RunRecord({}), list[RunRecord](), False
+        self._end = 0  # number after the last frame
 
     def begin(
         self,
@@ -391,6 +394,7 @@ class Results:
             if not overwrite:
                 self._check_same(earlier, settings, (READ,), OTHER_RUN)
                 valid = min(valid, kept(_frames_read(self.folder / record.file_name, earlier)))
+                valid = min(valid, earlier.settings.get(REPLACED, valid))
         for other in self._others:
             if other.numbers.overlaps(record.numbers):
                 self._check_same(other, settings, (FIRST, FRAMES, PREROLL, READ), _OTHER_RANGE)
@@ -407,6 +411,7 @@ class Results:
         self._save(kept_files, settings)
         subfolders = {str(Path(pattern).parent) for pattern in listed} - {"."}
         remove_partial_files(self.folder, lambda name: self._is_own_name(name, listed), subfolders)
+        self._end = record.numbers.first + frame_count
         return self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
@@ -433,6 +438,7 @@ class Results:
         Raises:
             ShotError: the disk refused, or another program's file has one of the names.
         """
+        self._mark_replaced(self.record.numbers.first + position)
         listed = dict(self.record.files)
         for pattern in self.options.patterns:
             for new in range(listed.get(pattern, 0), position + 1):
@@ -468,10 +474,26 @@ class Results:
 
     def _save(self, files: Mapping[str, int], settings: Mapping[str, object] | None = None) -> None:
         """Write the record with these files; `settings` None keeps its settings."""
-        record = RunRecord(self.record.settings if settings is None else settings, files)
-        content = {**record.settings, "files": dict(files)}
+        self.record = RunRecord(self.record.settings if settings is None else settings, files)
+        self._write(self.record)
+
+    def _write(self, record: RunRecord) -> None:
+        content = {**record.settings, "files": dict(record.files)}
         write_text(self.folder / record.file_name, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
-        self.record = record
+
+    def _mark_replaced(self, number: int) -> None:
+        """State in the records of other runs which of their images this run replaces, from a frame on.
+
+        A resumed run computes replaced images again, as they may depend on other frames.
+        """
+        for index, other in enumerate(self._others):
+            first = other.numbers.first
+            count = max((other.files.get(pattern, 0) for pattern in self.options.patterns), default=0)
+            position = max(0, number - first)
+            if position < min(count, self._end - first, other.settings.get(REPLACED, count)):
+                now = read_run_record(self.folder, other.file_name) or other  # it may have changed
+                self._others[index] = RunRecord({**now.settings, REPLACED: position}, now.files)
+                self._write(self._others[index])
 
     def _is_own_name(self, name: str, listed: Collection[str]) -> bool:
         """Return whether this run writes files of this name, rather than another run in the folder."""
@@ -563,6 +585,8 @@ def _check_numbers(path: Path, record: RunRecord) -> None:
         FrameRange.parse(frames if isinstance(frames, str) else "", FRAMES)
     except ArgumentError as error:
         raise ShotError(path, f"says {error}", _START_OVER) from error
+    if type(replaced := record.settings.get(REPLACED, 0)) is not int or replaced < 0:
+        raise ShotError(path, f"says {REPLACED!r}: {replaced!r}, which no run writes", _START_OVER)
     if record.file_name != path.name:
         raise ShotError(
             path, f"is named for other frames than it lists; want {record.file_name}", _START_OVER

@@ -218,7 +218,7 @@ class UpscaleRun(FrameRun):
         }
 
     def _layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
-        frame, reference, transform = stepped.frame, stepped.reference, self.images.transform
+        frame, reference, transform = stepped.frame, stepped.reference, self._transform(stepped.frame)
         bicubic = None
         if self._bicubic is not None and frame.color is not None:
             bicubic = self._bicubic.step(frame)
@@ -285,7 +285,7 @@ class UpscaleRun(FrameRun):
 
     def _frames(self, gbuffers: Collection[str], *, references: bool) -> Iterator[ShotFrame]:
         plan = self._plan
-        exposure = self._exposure_at(plan.start)
+        exposure = self._exposure_at(plan.start, plan.start)
         frames = self.shot.frames(plan.start, plan.end, gbuffers=gbuffers, references=references)
         for item in frames:
             if item.index == plan.start and exposure is not None:

@@ -4,10 +4,12 @@
 >>> write_png("0001.png", to_uint8(transform.show(image, exposure)))
 """
 
+import hashlib
+import math
 import os
 import re
 from collections.abc import Collection
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -19,7 +21,7 @@ from supersampler.conventions.encodings import srgb_encoded
 from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import Array, Float32
 from supersampler.io.display import MAX_HALF, checked_image, display_transform
-from supersampler.io.files import check_is_file, utf8_path
+from supersampler.io.files import check_is_file, os_errors_as_shot_error, utf8_path
 
 REC709 = "lin_rec709"
 """Linear light with the primaries of Rec. 709 and sRGB."""
@@ -138,9 +140,27 @@ class DisplayTransform:
             return display_transform(light, factor)
         return srgb_encoded((light * np.float32(factor)).clip(0.0, 1.0)).clip(0.0, 1.0)
 
+    def at_pre_exposure(self, pre_exposure: float) -> "DisplayTransform":
+        """Return the transform of images that are multiplied by a pre-exposure: fixed stops are of the light.
+
+        An exposure that is an argument of `show` is that of the image. sRGB alone keeps the encoding of the
+        frames, and with it their pre-exposure.
+        """
+        if self.stops is None or pre_exposure == 1.0 or not self.tone_curve:
+            return self
+        return replace(self, stops=self.stops - math.log2(pre_exposure))
+
     def to_json(self) -> dict[str, object]:
-        """Return the fields as JSON."""
-        return asdict(self)
+        """Return the fields as JSON, and the SHA-256 of a file of the OpenColorIO configuration.
+
+        Raises:
+            ShotError: the file cannot be read.
+        """
+        if self.ocio is None or self.ocio.config.startswith(_BUILT_IN_PREFIX):
+            return asdict(self)
+        path = self.ocio.config
+        with os_errors_as_shot_error(path), Path(path).open("rb") as file:
+            return {**asdict(self), "sha256": hashlib.file_digest(file, "sha256").hexdigest()}
 
 
 DEFAULT_TRANSFORM = DisplayTransform()

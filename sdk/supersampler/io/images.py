@@ -136,6 +136,9 @@ def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator
             if source is None:
                 raise _unreadable(path, last_reason(geterror) or NO_REASON)
             try:
+                if (rows := source.spec().get_int_attribute("Orientation", 1)) != 1:
+                    problem = f"states that its rows are turned or mirrored (orientation {rows})"
+                    raise ShotError(path, problem, "Write it with row 0 on top, orientation 1.")
                 yield source, kind
             finally:
                 source.close()

@@ -62,6 +62,7 @@ _FRAMES = re.compile(r"\d{4,}\.exr|render\.json")
 _SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy, so it cannot be imported here
 SETTINGS = "SUPERSAMPLER_RENDER"  # environment variable of the scripts
 _SCALE = 2.0  # default scale of frames that are upscaled, as `render_frames.SCALE`
+_OTHER_RENDER = "Choose another folder, or --overwrite to start over."
 LAST_LINES = 20  # of Blender's output, which are searched for its error
 _LINE_BYTES = 1 << 20  # maximum bytes per read
 _POLL = 0.5  # seconds between checks whether the process has ended
@@ -85,7 +86,7 @@ class RenderRequest:
             guides that denoising over time needs. "frame", "off": whether Cycles denoises small frames that
             are upscaled. None is "temporal" in Cycles, and "frame" with a scale.
         engine: render engine.
-        camera, scene: names in the file.
+        camera, scene, view_layer: names in the file.
         keep_blur: whether motion blur and depth of field stay on; only with temporal denoising.
         part: fraction of the scene's width and height to render, if `display_size` is None.
         most: for a trial: number of frames in the middle of the scene's range, if `frames` is None. Trials
@@ -105,6 +106,7 @@ class RenderRequest:
     engine: Engine | None = None
     camera: str | None = None
     scene: str | None = None
+    view_layer: str | None = None
     keep_blur: bool = False
     part: float = 1.0
     most: int | None = None
@@ -255,7 +257,9 @@ class _RenderFolder:
         return self.record.scene is not None and self._count() <= len(self.record.frames)
 
     def describe(self, scene: RenderedScene) -> None:
-        """Store the description of the scene."""
+        """Store the description of the scene; ShotError if frames of it exist that it does not describe."""
+        if self.record.scene is not None and self.record.frames:
+            self._check_scene(self.record.scene, scene)
         first = scene.numbers[0] if self.request.frames is None else self.request.frames.first
         jitter = ((0.0, 0.0),) if scene.denoise == "temporal" else self.record.jitter
         self.record = msgspec.structs.replace(self.record, scene=scene, first=first, jitter=jitter)
@@ -299,20 +303,30 @@ class _RenderFolder:
         check_ours(path, self._own.__contains__, f"listed by {RENDER_FILE}")
 
     def _check_same(self, earlier: RenderRecord) -> None:
-        hint = "Choose another folder, or --overwrite to start over."
         changed = [key for key, value in self.record.settings.items() if earlier.settings.get(key) != value]
         if changed:
             was, now = earlier.settings.get(changed[0]), self.record.settings[changed[0]]
             what = (
                 "the file has changed" if changed[0] == "blend" else f"{changed[0]} was {was}, is now {now}"
             )
-            raise ShotError(self.path, f"frames of another render are there: {what}", hint)
+            raise ShotError(self.path, f"frames of another render are there: {what}", _OTHER_RENDER)
         requested = (
             self.request.frames.first if self.request.frames else earlier.scene and earlier.scene.numbers[0]
         )
         if requested not in (None, earlier.first):
             problem = f"frames from {earlier.first} on are there; this render begins with {requested}"
-            raise ShotError(self.path, problem, hint)
+            raise ShotError(self.path, problem, _OTHER_RENDER)
+
+    def _check_scene(self, earlier: RenderedScene, scene: RenderedScene) -> None:
+        """Raise ShotError if the scene has changed, as by a linked file; note another version of Blender."""
+        for name, was in msgspec.structs.asdict(earlier).items():
+            now = getattr(scene, name)
+            if now == was or name in ("numbers", "ocio"):
+                continue
+            if name != "blender":
+                problem = f"frames of another render are there: {name} was {was}, is now {now}"
+                raise ShotError(self.path, problem, _OTHER_RENDER)
+            self.note(f"Blender {printable(was)} has rendered the frames before, now it is {printable(now)}")
 
 
 class Answer(msgspec.Struct, forbid_unknown_fields=True):

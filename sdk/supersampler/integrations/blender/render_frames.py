@@ -68,7 +68,7 @@ def main(settings: dict[str, Any]) -> None:
         at = ", ".join(map(str, switches))
         report(note=f"markers switch cameras at frame {at}: the history is dropped there")
     denoise = chosen_denoising(scene, settings["denoise"], settings["scale"])
-    layer = chosen_layer(scene)
+    layer = chosen_layer(scene, settings["view_layer"])
     if settings["composite"]:
         compositor_of(scene, layer.name)
     set_engine(scene, layer, settings["samples"], denoise)
@@ -87,7 +87,9 @@ def main(settings: dict[str, Any]) -> None:
     report(scene=facts(scene, name, layer.name, own, display_size, denoise) | {"has_strokes": has_strokes})
     jitter = [(0.0, 0.0)] if denoise == "temporal" else settings["jitter"]
     shift, moved = CameraShift(scene, is_jittered=denoise != "temporal"), MovedObjects(scene)
-    for index in range(max(0, settings["complete"] - 1), last + 1 - first):
+    begins = max(0, settings["complete"] - 1)
+    simulate(scene, first + begins)
+    for index in range(begins, last + 1 - first):
         number = first + index
         own_shift = shift.go_to(number, jitter[index % len(jitter)])
         moved.warn()
@@ -195,16 +197,46 @@ def chosen_denoising(scene: Any, denoise: str | None, scale: float | None) -> st
     return "off"
 
 
-def chosen_layer(scene: Any) -> Any:
-    """Return the first view layer that is on; turn the others off."""
-    layers = [layer for layer in scene.view_layers if layer.use]
+def chosen_layer(scene: Any, name: str | None) -> Any:
+    """Return the view layer of that name, by default the first one that is on; turn the others off."""
+    layers = [each for each in scene.view_layers if (each.use if name is None else each.name == name)]
+    if not layers and name is not None:
+        what = f"no view layer is named {name!r}; scene {scene.name!r} has {named(scene.view_layers)}"
+        raise BlenderSceneError(what)
     if not layers:
         raise BlenderSceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
-    for other in layers[1:]:
-        other.use = False
     if layers[1:]:
-        report(note=f"view layer {layers[0].name!r} is rendered, not {named(layers[1:])}")
+        what = f"view layer {layers[0].name!r} is rendered, not {named(layers[1:])}"
+        report(note=f"{what}; --view-layer renders another one")
+    for each in scene.view_layers:
+        each.use = each == layers[0]
     return layers[0]
+
+
+SIMULATIONS = ("CLOTH", "DYNAMIC_PAINT", "FLUID", "PARTICLE_SYSTEM", "SOFT_BODY")
+"""Types of modifiers whose result depends on earlier frames."""
+
+
+def simulates(scene: Any) -> bool:
+    """Return whether an object depends on earlier frames; also if its simulation is baked."""
+    modifiers = [modifier for item in bpy.data.objects for modifier in item.modifiers]
+    return scene.rigidbody_world is not None or any(
+        modifier.type in SIMULATIONS
+        or (
+            modifier.type == "NODES"
+            and any(node.type == "SIMULATION_INPUT" for node in all_nodes(modifier.node_group))
+        )
+        for modifier in modifiers
+    )
+
+
+def simulate(scene: Any, number: int) -> None:
+    """Go through the scene's frames before a number: simulations that are not baked run only in order."""
+    first = min(scene.frame_start, number)
+    if first < number and simulates(scene):
+        report(note=f"frames {first} to {number - 1} are simulated, not rendered")
+        for each in range(first, number):
+            scene.frame_set(each)
 
 
 def set_engine(scene: Any, layer: Any, samples: int | None, denoise: str) -> None:

@@ -346,7 +346,7 @@ class Shot:
         entries = self._entries[:count]
         facts: dict[str, Any] = {
             "files": [(entry.file, entry.display_file, entry.render_size, entry.shaded) for entry in entries],
-            "channels": self._channel_map,
+            "channels": self._channel_map or list(self.info.aov_names) or None,
             "jitter": [entry.jitter for entry in entries],
             "cuts": [entry.reset for entry in entries],
             "exposure": [(entry.exposure, entry.pre_exposure) for entry in entries],
