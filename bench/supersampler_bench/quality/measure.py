@@ -114,9 +114,9 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
     kept = []
     for method in methods:
         reason = ""
-        if method not in OUTSIDE:
-            size = display if method.endswith(NATIVE) else shot.render_size
-            spec = parse_spec(method.removesuffix(NATIVE), two_passes=True)
+        if (alone := method.removesuffix(NATIVE)) not in OUTSIDE:
+            size = shot.render_size if method == alone else display
+            spec = parse_spec(alone, two_passes=True)
             reason = incompatibility(spec.model, size, display, available)
         if reason:
             on_left_out(f"{shot.name}: {reason}")
@@ -143,7 +143,14 @@ def stepper_of(method: str, shot: Shot) -> Stepper:
         native = _native(shot)
         stepper = stepper_of(method.removesuffix(NATIVE), native)
         frames = native.frames(gbuffers=stepper.gbuffers)
-        return Stepper(method, lambda _: stepper.step(next(frames)))
+
+        def step_native(item: ShotFrame) -> StepResult:
+            frame = next(frames)
+            result = stepper.step(frame)
+            factor = np.float32(item.frame.pre_exposure / frame.frame.pre_exposure)
+            return replace(result, image=result.image * factor)
+
+        return Stepper(method, step_native)
     upscaler = upscaler_of(method, reference_size(shot), two_passes=True)
     outputs = ["class_map"] * ("class_map" in upscaler.model.info.maps) + ["aovs"] * bool(_aov_indices(shot))
     gbuffers = upscaler.model.info.gbuffers
@@ -166,7 +173,10 @@ def _native(shot: Shot) -> Shot:
     if not path.exists():
         hint = "`supersampler bench shots` renders the test shots at display size, too."
         raise ShotError(shot.path, f"has no frames of display size: there is no {path.name}", hint)
-    return Shot.open(path)
+    native = Shot.open(path)
+    if len(native) != len(shot):
+        raise ShotError(path, f"has {len(native)} frames, {shot.path.name} has {len(shot)}", "Finish both.")
+    return native
 
 
 def both_ways_images(frames: Iterable[Frame], runs: BothWays) -> Iterator[StepResult]:

@@ -18,7 +18,7 @@ from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
 from supersampler_bench.record import BenchRecord, table
 from supersampler_bench.specs import compatible, with_default_gbuffers
-from supersampler_model.data.shots import render_size
+from supersampler_model.data.rendered import render_size
 
 WARM_UP = 4  # steps of each setting
 REFERENCE = "taa"  # on the CPU backend; `Timed.multiple` is relative to it

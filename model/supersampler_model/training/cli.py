@@ -92,8 +92,10 @@ def train(
             text = f"{dataset.folder}: only {done} of {total} training frames are rendered, and are read."
             _CONSOLE.print(text, soft_wrap=True)
     if not any(dataset.entries("train") for dataset in datasets):
-        got, want = "not given, nor is --shot", "a training set or a shot to learn from"
-        raise ArgumentError("--data", got=got, want=want)
+        got = "not given, nor is --shot"
+        if data:
+            got = f"{', '.join(map(str, data))}, without training sequences"
+        raise ArgumentError("--data", got=got, want="a training set or a shot to learn from")
     if init == "shipped" and not _LEARNED[name].weights:
         raise ArgumentError("--init", got=repr(init), want=f"a file, as no weights ship for {name}")
     start = shipped_weights(name) if init == "shipped" else init and Path(init)
