@@ -345,6 +345,15 @@ def test_a_run_stopped_in_its_last_validation_ends_with_weights(dataset: Dataset
     assert run(*command).output == "", "nothing is left to do"
 
 
+def test_sequences_of_ratios_that_the_method_lacks_are_counted(dataset: Dataset, tmp_path: Path) -> None:
+    coarse = shot(tmp_path / "coarse", sizes=[(16, 12)])
+    command = ["train", "classifier-small", "--data", dataset.folder, "--shot", coarse.path, "-o", tmp_path]
+    command += ["--steps", 1, "--size", 17, "--batch", 1, "--frames", 1]
+    said = run(*command).stderr
+    assert "train-shots: 1 of 1 sequences are not read: classifier-small takes ratios from 1 to 3." in said
+    assert said.count("are not read") == 1
+
+
 def test_a_set_without_training_sequences_is_named(tmp_path: Path) -> None:
     dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "validation")
     result = run("train", "classifier-small", "--data", tmp_path / "set", "-o", tmp_path / "run")
