@@ -5,7 +5,7 @@ The metrics are in metrics.py, strred.py, masks.py and corners.py. Each frame ha
 ("warm").
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -156,8 +156,8 @@ def stepper_of(method: str, shot: Shot) -> Stepper:
     gbuffers = upscaler.model.info.gbuffers
     if parse_spec(method, two_passes=True).passes == 2:
         runs = BothWays(upscaler, outputs=tuple(outputs))
-        images = both_ways_images(frames_of(shot, runs.buffers), runs)
-        return Stepper(method, lambda _: next(images), gbuffers)
+        images = runs.run(frames_of(shot, runs.buffers))
+        return Stepper(method, lambda _: next(images).result, gbuffers)
 
     def step(item: ShotFrame) -> StepResult:
         result = upscaler.step(item.frame, outputs=outputs)
@@ -177,11 +177,6 @@ def _native(shot: Shot) -> Shot:
     if len(native) != len(shot):
         raise ShotError(path, f"has {len(native)} frames, {shot.path.name} has {len(shot)}", "Finish both.")
     return native
-
-
-def both_ways_images(frames: Iterable[Frame], runs: BothWays) -> Iterator[StepResult]:
-    """Yield the outputs of frames in two passes."""
-    return (result for _, result in runs.run(frames))
 
 
 def upscaler_of(
