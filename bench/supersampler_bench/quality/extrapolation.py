@@ -229,7 +229,8 @@ def _ways(
                 yield replace(item.frame, color=None) if unshaded else item.frame
 
         images = runs.run(frames())
-        return measure.Stepper(f"{upscaler}, {model or 'shaded'} x2", lambda _: next(images).result, runs.buffers)
+        name = f"{upscaler}, {model or 'shaded'} x2"
+        return measure.Stepper(name, lambda _: next(images).result, runs.buffers)
 
     shaded = measure.upscaler_of(upscaler, display)
     yield way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers)
