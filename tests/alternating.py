@@ -1,7 +1,8 @@
 """Steps of an engine that shades only some frames, for the tests of extrapolation."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import torch
 
@@ -14,7 +15,8 @@ Shaded = Callable[[int], Frame]
 """Every frame of a scene, with its colour."""
 
 
-class Frames(NamedTuple):
+@dataclass(frozen=True)
+class Frames:
     """Frames of a scene by their numbers, with colour; called with further fields that replace those."""
 
     scene: Any

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supersampler import ArgumentError
+from supersampler import ArgumentError, Upscaler
 from supersampler.upscaler import PRESETS
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, QualityRecord
 from supersampler_bench.quality.scores import MethodRow, ShotRow
@@ -153,7 +153,7 @@ def test_settings_with_scores_are_timed_plotted_and_come_back_from_their_record(
 def test_settings_are_timed_with_the_at_rest_that_they_were_scored_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    upscaler = Mock(side_effect=latency.Upscaler)
+    upscaler = Mock(side_effect=Upscaler)
     monkeypatch.setattr(latency, "Upscaler", upscaler)
     measure_pareto([quality("taau:off", count=2)], (48, 27), threads=1, steps=1)
     assert {call.kwargs["at_rest"] for call in upscaler.call_args_list} == {"converge", "off"}
