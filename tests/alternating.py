@@ -1,12 +1,13 @@
 """Steps of an engine that shades only some frames, for the tests of extrapolation."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
+from typing import Any
 
 import torch
 
-from supersampler import Frame, Upscaler
-from supersampler.frame import Float32
+from supersampler import Frame, Upscaler, halton_jitter
+from supersampler.frame import Float32, Size
 from supersampler_model.methods.base import Method
 from torch_inputs import step_by_name, tensors_of
 
@@ -14,14 +15,26 @@ Shaded = Callable[[int], Frame]
 """Every frame of a scene, with its colour."""
 
 
-def alternate(upscaler: Upscaler, shaded: Shaded, pattern: str, start: int = 0) -> list[Float32]:
-    """Step through frames: "s" is shaded, "u" is not."""
-    return [
-        upscaler.step(shaded(index))
-        if kind == "s"
-        else upscaler.extrapolate(replace(shaded(index), color=None))
-        for index, kind in enumerate(pattern, start)
-    ]
+@dataclass(frozen=True)
+class Frames:
+    """Frames of a scene by their numbers, with colour; called with further fields that replace those."""
+
+    scene: Any
+    size: Size
+
+    def __call__(self, index: int, size: Size | None = None, **fields: Any) -> Frame:
+        frame: Frame = self.scene.frame(index, size or self.size, halton_jitter(index, 2.0), **fields)
+        return frame
+
+    def unshaded(self, index: int, **fields: Any) -> Frame:
+        return self(index, color=None, **fields)
+
+    def run(self, upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
+        """Step through frames: "s" is shaded, "u" is not."""
+        return [
+            upscaler.step(self(index)) if kind == "s" else upscaler.extrapolate(self.unshaded(index))
+            for index, kind in enumerate(pattern, start)
+        ]
 
 
 def extrapolated_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[Float32 | None]:

@@ -34,8 +34,8 @@ def is_running(pid: int) -> bool:
     return state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
-def wait_until(what: Callable[[], object], seconds: float = SECONDS) -> None:
-    until = time.monotonic() + seconds
+def wait_until(what: Callable[[], object]) -> None:
+    until = time.monotonic() + SECONDS
     while not what():
         assert time.monotonic() < until
         time.sleep(0.05)

@@ -26,19 +26,19 @@ def built_or_skip(out: Path) -> Path:
     return out / "upscale"
 
 
-def stubbed_or_skip(out: Path, example: Path = EXAMPLE) -> Path:
+def stubbed_or_skip(out: Path) -> Path:
     """Return the program on the stub, with sanitizers; skip the test where a compiler or cJSON is missing."""
     _skip_without("cc")
-    return _compiled("cc", SANITIZERS, [*example.glob("*.c"), STUB / "wgpu_stub.c"], out / "upscale", example)
+    return _compiled("cc", SANITIZERS, [*EXAMPLE.glob("*.c"), STUB / "wgpu_stub.c"], out / "upscale")
 
 
-def fuzzer_or_skip(out: Path, example: Path = EXAMPLE) -> Path:
+def fuzzer_or_skip(out: Path) -> Path:
     """Return the fuzz target; skip the test where clang, its libFuzzer or cJSON is missing."""
     _skip_without("clang")
-    host = [file for file in example.glob("*.c") if file.name != "main.c"]
+    host = [file for file in EXAMPLE.glob("*.c") if file.name != "main.c"]
     sanitizers = f"fuzzer,{SANITIZERS}"
     hooks = ["-include", str(STUB / "hooks.h")]
-    return _compiled("clang", sanitizers, [*host, *STUB.glob("*.c")], out / "fuzz", example, hooks)
+    return _compiled("clang", sanitizers, [*host, *STUB.glob("*.c")], out / "fuzz", hooks)
 
 
 def _skip_without(*programs: str) -> None:
@@ -58,7 +58,6 @@ def _compiled(
     sanitizers: str,
     sources: Sequence[Path],
     out: Path,
-    example: Path,
     more: Sequence[str] = (),
 ) -> Path:
     instrumented = ["-g", "-O1", f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all"]
@@ -71,7 +70,7 @@ def _compiled(
     if found.returncode != 0:
         pytest.skip(f"{compiler} has no -fsanitize={sanitizers}: {found.stderr.strip()[-200:]}")
     warnings = ["-std=gnu99", "-Wall", "-Wextra", "-Werror"]
-    include = [f"-I{example}", "-isystem", str(_wgpu().parent)]
+    include = [f"-I{EXAMPLE}", "-isystem", str(_wgpu().parent)]
     _run(compiler, *warnings, *instrumented, *more, *include, *sources, "-lcjson", "-lm", "-o", out)
     return out
 

@@ -16,10 +16,10 @@ from supersampler_model.methods.guided_flow import GuidedFlow
 SMALL = GuidedFlowConfig(network=FlowNetworkConfig((8, 8, 8)), warp=GuidedWarpConfig(strides=(1,)))
 
 
-def random_flow(config: GuidedFlowConfig = SMALL) -> GuidedFlow:
+def random_flow() -> GuidedFlow:
     """The method with weights that move light by pixels."""
     torch.manual_seed(3)
-    method = GuidedFlow(config)
+    method = GuidedFlow(SMALL)
     for name, parameter in method.net.named_parameters():
         if name.endswith("flow.weight"):
             torch.nn.init.normal_(parameter, std=0.5)

@@ -19,8 +19,8 @@ VELOCITY = np.array([1.7, -0.8])  # display pixels a frame
 FRAMES = 10
 
 
-def gbuffer_data(folder: Path, ratio: int = 2, *, gbuffers: bool = True) -> storage.Dataset:
-    """Write a sequence to train on and one to validate on, at ratio 1 and rendered again at another."""
+def gbuffer_data(folder: Path, *, gbuffers: bool = True) -> storage.Dataset:
+    """Write a sequence to train on and one to validate on, at ratio 1 and rendered again at 2."""
     entries = tuple(
         storage.SequenceEntry(
             spec=SequenceSpec(family="fences", seed=1, frames=FRAMES), ratio=1.0, split=split
@@ -31,11 +31,11 @@ def gbuffer_data(folder: Path, ratio: int = 2, *, gbuffers: bool = True) -> stor
         display_size=DISPLAY, samples=1, gbuffers=gbuffers, seed=0, sequences=entries
     )  # fmt: skip
     made = storage.create_dataset(folder, description)
-    again = made.at(ratio)
+    again = made.at(2)
     for entry, other in zip(entries, again.entries(), strict=True):
         for index in range(FRAMES):
             storage.write_training_frame(made.path(entry, index), frame(index, gbuffers=gbuffers))
-            storage.write_rerendered(again.rerendered_path(other, index), rendered(index, ratio))
+            storage.write_rerendered(again.rerendered_path(other, index), rendered(index, 2))
     return made
 
 

@@ -52,16 +52,15 @@ def distance(one: Float32, other: Float32, exposure: float | None = None) -> flo
     return float(np.abs(shown[0] - shown[1]).mean())
 
 
-def assert_alike(method: str, frames: Sequence[Frame], display: Size = DISPLAY, other: Any = "cpu") -> None:
-    """Step the GPU backend and another one through the same frames; compare each image."""
-    ours, theirs = make(method, display=display), make(method, other, display)
-    tolerance = INT8 if other == "onnx" and method.startswith("classifier") else TOLERANCES[method]
+def assert_alike(method: str, frames: Sequence[Frame], display: Size = DISPLAY) -> None:
+    """Step the GPU and the CPU backend through the same frames; compare each image."""
+    ours, theirs = make(method, display=display), make(method, "cpu", display)
     for index, frame in enumerate(frames):
         image = ours.step(frame)
         assert np.isfinite(image).all(), f"frame {index}"
         assert image.min() >= 0.0, f"frame {index}"
         off = distance(image, theirs.step(frame), frame.exposure)
-        assert off <= tolerance, f"frame {index}"
+        assert off <= TOLERANCES[method], f"frame {index}"
 
 
 def with_aovs(frame: Frame, index: int, channels: int = 3) -> Frame:

@@ -42,11 +42,11 @@ def samples(scene: AnalyticScene, index: int, size: Size, count: int = 8) -> Ite
         yield Sample(surface.color, surface.depth, surface.normal, surface.normal_mapped)
 
 
-def label_inputs(scene: AnalyticScene, index: int, size: Size, count: int = 8) -> LabelInputs:
-    """Return the inputs of the label rules, at exposure 1, from a count x count grid per pixel."""
+def label_inputs(scene: AnalyticScene, index: int, size: Size) -> LabelInputs:
+    """Return the inputs of the label rules, at exposure 1, from an 8x8 grid per pixel."""
     centers = scene.surface(index, *places(size))
     return LabelInputs(
-        pixels=statistics_of(samples(scene, index, size, count)),
+        pixels=statistics_of(samples(scene, index, size, 8)),
         motion=(centers.motion * np.array(size) / EXTENT).astype(np.float32),
         depth_before=centers.depth_before.astype(np.float32),
         cut=scene.cut(index),

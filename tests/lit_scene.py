@@ -85,9 +85,9 @@ class LitScene:
         }
         return Frame(**{**fields, **over})
 
-    def uncovered(self, index: int, size: Size = (64, 36)) -> NDArray[np.bool_]:
-        """(h, w), True where the disc hid the background a frame ago and no longer does."""
-        x, y = places(size)
+    def uncovered(self, index: int) -> NDArray[np.bool_]:
+        """(36, 64), True where the disc hid the background a frame ago and no longer does."""
+        x, y = places((64, 36))
         now, motion = self.surface(index, x, y)["disc"], self.surface(index, x, y)["motion"]
         before = self.surface(index - 1, x + motion[..., 0], y + motion[..., 1])["disc"]
         return np.asarray((now == 0.0) & (before > 0.0))

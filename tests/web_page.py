@@ -88,7 +88,7 @@ def psnr(image: Float32, truth: Float32) -> float:
     return decibels(float(np.mean(difference[BORDER:-BORDER, BORDER:-BORDER] ** 2)))
 
 
-def screenshot(page: "Page", folder: Path, selector: str = "#stage") -> Float32:
-    page.locator(selector).screenshot(path=folder / "shown.png")
+def screenshot(page: "Page", folder: Path) -> Float32:
+    page.locator("#stage").screenshot(path=folder / "shown.png")
     planes = read_image(folder / "shown.png")
     return np.stack([planes[channel] for channel in "RGB"], axis=-1)

@@ -221,7 +221,7 @@ def _hash_of_frames(frames: Sequence[Frame]) -> str:
 
 
 def differences(before: HashesRecord, after: HashesRecord, *, partly: bool = False) -> Iterator[str]:
-    """Yield a line for each run whose images or history differ. With `partly`, `after` may lack runs."""
+    """Yield a line for each run that differs or is in one record only; `partly`: `after` may lack runs."""
     new = {result.name: result for result in after.hashed}
     changed = [name for name, digest in before.inputs.items() if after.inputs.get(name, digest) != digest]
     yield from (f"{name}: the input frames differ, so images are not compared" for name in changed)
@@ -232,6 +232,8 @@ def differences(before: HashesRecord, after: HashesRecord, *, partly: bool = Fal
             yield from _difference(old, new[old.name])
         elif not partly:
             yield f"{old.name}: missing"
+    known = {old.name for old in before.hashed}
+    yield from (f"{name}: not in the record" for name in new if name not in known)
 
 
 def _difference(old: Hashed, new: Hashed) -> Iterator[str]:

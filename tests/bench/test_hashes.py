@@ -58,6 +58,8 @@ def test_images_histories_runs_and_input_frames_that_differ_are_named(record: ha
     assert "at rest: the input frames differ" in inputs
     assert missing == "taa, cpu fp32, 32x18 to 48x27: missing"
     assert list(hashes.differences(record, replace(record, hashed=[onnx, still]), partly=True)) == []
+    [added] = hashes.differences(replace(record, hashed=[onnx, still]), record, partly=True)
+    assert added == "taa, cpu fp32, 32x18 to 48x27: not in the record"
 
 
 @pytest.mark.parametrize("method", ["taau", "classifier"])

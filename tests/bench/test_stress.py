@@ -11,6 +11,7 @@ import upscale_runs
 from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.history import State
+from supersampler.methods.model_file import shipped_model
 from supersampler_bench.cli.options import split_list
 from supersampler_bench.record import read_record
 from supersampler_bench.stress.compare import VisibleDifference, contraction, recovery
@@ -291,6 +292,11 @@ def test_shaded_frames_have_all_jitter_phases_if_every_second_frame_is_unshaded(
         assert len(set(shaded)) == PERIOD
         assert unshaded == shaded
         assert len(shaded) % PERIOD == 0  # a loop ends with a period of the jitter
+
+
+def test_a_folder_of_a_model_may_recover_as_slowly_as_the_model_that_ships() -> None:
+    by_name, by_folder = subjects(["taau", str(shipped_model("taau"))], ["cpu"])
+    assert by_folder.recovery == by_name.recovery
 
 
 def test_recovery_ends_with_the_last_visible_difference() -> None:

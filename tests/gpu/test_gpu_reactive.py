@@ -14,14 +14,15 @@ from supersampler.io.display import display_transform
 SIZES: list[tuple[Size, Size]] = [((17, 9), (33, 18)), ((21, 13), (21, 13)), ((3, 9), (5, 17))]
 
 
-def masked(index: int, size: Size, factor: float = 1.7) -> Frame:
+def masked(index: int, size: Size) -> Frame:
     """Noise with a mask, and another pre-exposure in each frame; a sample in some is missing."""
     random, frame = np.random.default_rng(index), noise(index, size, exposure=1.5)
-    color = np.asarray(frame.color) * np.float32(factor**index)
+    factor = 1.7**index
+    color = np.asarray(frame.color) * np.float32(factor)
     if index % 3 == 2:
         color[random.random(color.shape[:2]) < 0.1] = np.nan
     mask = random.random(color.shape[:2], np.float32).round(1)
-    return replace(frame, color=color, pre_exposure=factor**index, reactive=mask)
+    return replace(frame, color=color, pre_exposure=factor, reactive=mask)
 
 
 @pytest.mark.parametrize(("render", "display"), SIZES)

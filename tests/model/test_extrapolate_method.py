@@ -51,8 +51,8 @@ def step(method: Method, inputs: Mapping[str, Tensor], history: State) -> tuple[
     return image, history
 
 
-def first(method: Method, render: Sizes = RENDER, display: Sizes = DISPLAY) -> State:
-    return method.first_history(ops.Size(*display), ops.Size(*render))
+def first(method: Method, render: Sizes = RENDER) -> State:
+    return method.first_history(ops.Size(*DISPLAY), ops.Size(*render))
 
 
 def test_before_training_shaded_frames_are_those_of_classifier_bit_for_bit(

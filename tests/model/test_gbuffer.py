@@ -156,8 +156,8 @@ def test_dissimilarity_is_one_less_the_similarity_that_the_bench_measures() -> N
     assert float(dissimilarity(planes[0], planes[0]).abs().max()) < 1e-5
 
 
-def image(value: float, channels: int = 3, side: int = SIDE) -> Tensor:
-    return torch.full((1, channels, side, side), value)
+def image(value: float, channels: int = 3) -> Tensor:
+    return torch.full((1, channels, SIDE, SIDE), value)
 
 
 def with_block(size: int) -> Tensor:

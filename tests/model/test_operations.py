@@ -202,9 +202,9 @@ def test_a_tone_curve_keeps_to_one_and_comes_back(space: ToneSpace) -> None:
     torch.testing.assert_close(ops.TONES[space].inverse(toned), color, rtol=1e-2, atol=1e-4)
 
 
-def by_torch(image: Float32, display: ops.Size, exposure: float = 1.0) -> Float32:
+def by_torch(image: Float32, display: ops.Size) -> Float32:
     planes = torch.from_numpy(image).permute(2, 0, 1)[None]
-    return ops.downsample(planes, display, torch.tensor([exposure]))[0].permute(1, 2, 0).numpy()
+    return ops.downsample(planes, display, torch.ones(1))[0].permute(1, 2, 0).numpy()
 
 
 @pytest.mark.parametrize("display", DISPLAY_SIZES)

@@ -62,9 +62,9 @@ def test_the_render_size_may_change_while_frames_are_read() -> None:
     assert_fine([Plane(checker, (2.0, 1.0)).frame(i, s, halton_jitter(i, 2.0)) for i, s in enumerate(sizes)])
 
 
-def jittered(place: Callable[[int], int], count: int = 32) -> list[Frame]:
+def jittered(place: Callable[[int], int]) -> list[Frame]:
     """Return frames of noise whose jitter is that of index `place(i)`; every second one is unshaded."""
-    frames = [noise(i, (24, 16), jitter=halton_jitter(place(i), 2.0), reset=i == 0) for i in range(2 * count)]
+    frames = [noise(i, (24, 16), jitter=halton_jitter(place(i), 2.0), reset=i == 0) for i in range(64)]
     return [replace(frame, color=None) if i % 2 else frame for i, frame in enumerate(frames)]
 
 

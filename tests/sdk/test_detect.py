@@ -225,11 +225,11 @@ def test_jitter_may_be_an_array_or_a_list(frames: list[Frame]) -> None:
         assert_found(detect_conventions(raws), conventions)
 
 
-def seen(depth: Any = None, jitter: tuple[float, float] = (0.0, 0.0)) -> FrameProbe:
+def seen(depth: Any = None) -> FrameProbe:
     """Return a frame of 80 x 60 pixels without texture."""
     depth = np.full((60, 80), 0.1) if depth is None else depth
     light, motion = np.ones((60, 80), np.float32), np.zeros((60, 80, 2), np.float32)
-    return FrameProbe(light, depth.astype(np.float32), motion, jitter, False)
+    return FrameProbe(light, depth.astype(np.float32), motion, (0.0, 0.0), False)
 
 
 def depth_of(*depths: Any, stated: Conventions | None = None) -> Verdict:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from alternating import alternate, extrapolated_by_torch
+from alternating import Frames, extrapolated_by_torch
 from apart import run_apart
 from flow_method import Shadow
 from lit_scene import LitScene
@@ -18,7 +18,6 @@ from noise import noise
 from shared_models import shared_model
 from supersampler import (
     ArgumentError,
-    Frame,
     FrameError,
     Model,
     ModelError,
@@ -49,6 +48,8 @@ from upscale_runs import said, succeeded
 
 SIZE, DISPLAY = (64, 36), (128, 72)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
+shaded = Frames(SCENE, SIZE)
+unshaded, run = shaded.unshaded, shaded.run
 
 
 @pytest.fixture(scope="module")
@@ -59,18 +60,6 @@ def taau() -> Model:
 def make(model: Model, **options: Any) -> Upscaler:
     settings = {"display_size": DISPLAY, "extrapolation": "guided-warp", "validate": "off"}
     return Upscaler(model, **{**settings, **options})
-
-
-def shaded(index: int, **overrides: Any) -> Frame:
-    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **overrides)
-
-
-def unshaded(index: int, **overrides: Any) -> Frame:
-    return shaded(index, color=None, **overrides)
-
-
-def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
-    return alternate(upscaler, shaded, pattern, start)
 
 
 @pytest.mark.parametrize("pattern", ["susu", "suusuuus", "ssuuu"])
@@ -96,7 +85,7 @@ def test_an_extrapolated_frame_is_nearly_what_a_shaded_one_would_be(taau: Model)
 def test_the_render_size_may_change_between_frames(taau: Model) -> None:
     upscaler = make(taau)
     for index, size in enumerate([(64, 36), (48, 27), (80, 45)]):
-        frame = SCENE.frame(index, size, halton_jitter(index, 2.0), color=None) if index else shaded(0)
+        frame = shaded(index, size, color=None) if index else shaded(0)
         image = upscaler.extrapolate(frame) if index else upscaler.step(frame)
         assert image.shape == (72, 128, 3)
         assert np.abs(image - SCENE.truth(index, DISPLAY)).mean() < 0.2
@@ -247,8 +236,7 @@ def test_upscalers_share_the_graph_of_an_extrapolation(taau: Model, monkeypatch:
 STILL_BUT_A_DISC = LitScene(radius=7.0, disc_velocity=(0.5, 0.0))
 
 
-def at_rest(index: int) -> Frame:
-    return STILL_BUT_A_DISC.frame(index, SIZE, halton_jitter(index, 2.0))
+at_rest = Frames(STILL_BUT_A_DISC, SIZE)
 
 
 def mean_of(upscaler: Upscaler) -> Float32:
@@ -260,10 +248,10 @@ def mean_of(upscaler: Upscaler) -> Float32:
 @pytest.mark.parametrize("method", ["taau", "classifier-small"])
 def test_unshaded_frames_add_nothing_to_the_mean_at_rest(method: str, executor: ExecutorName) -> None:
     upscaler = make(shared_model(method, executor))
-    alternate(upscaler, at_rest, "s" * 24)
+    at_rest.run(upscaler, "s" * 24)
     for index, kind in enumerate("uusu", 24):
         before = mean_of(upscaler)
-        alternate(upscaler, at_rest, kind, index)
+        at_rest.run(upscaler, kind, index)
         after = mean_of(upscaler)
         kept = after[3] > 0.0
         assert kept.mean() > 0.6
@@ -296,10 +284,7 @@ def test_where_each_jitter_comes_twice_still_frames_converge(executor: ExecutorN
 
 SIZES = (SIZE, (48, 27), (80, 45), SIZE, (33, 19), SIZE)
 SHADOW = Shadow(2.0, velocity=(1.3, -0.6))
-
-
-def lit(index: int, size: tuple[int, int] = SIZE, **overrides: Any) -> Frame:
-    return SHADOW.frame(index, size, halton_jitter(index, 2.0), **overrides)
+lit = Frames(SHADOW, SIZE)
 
 
 @pytest.mark.parametrize("pattern", ["susuus", "ssuuus", "suusuu"])
@@ -320,7 +305,7 @@ def test_frames_are_extrapolated_as_by_torch(pattern: str, sizes: tuple[tuple[in
 
 def test_light_that_moves_is_extrapolated_better_than_by_guided_warp() -> None:
     flow, plain = (
-        alternate(make(shared_model("bilinear"), extrapolation=name), lit, "susu")[-1]
+        lit.run(make(shared_model("bilinear"), extrapolation=name), "susu")[-1]
         for name in ("guided-flow", "guided-warp")
     )
     truth = Upscaler("bilinear", display_size=DISPLAY).step(lit(3))
@@ -329,7 +314,7 @@ def test_light_that_moves_is_extrapolated_better_than_by_guided_warp() -> None:
 
 def test_an_upscaler_steps_on_colors_extrapolated_from_two_shaded_frames(taau: Model) -> None:
     one, other = (make(taau, extrapolation=find_model("guided-flow")) for _ in range(2))
-    image = alternate(one, lit, "susu")[3]
+    image = lit.run(one, "susu")[3]
     other.step(lit(2))  # the same frames, of which the earlier ones are not known
     assert np.abs(image - other.extrapolate(lit(3, color=None))).mean() > 1e-3
 

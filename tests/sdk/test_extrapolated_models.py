@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from alternating import alternate
+from alternating import Frames
 from joint_folder import joint_folder
 from lit_scene import LitScene
 from shared_models import shared_model
-from supersampler import Frame, FrameError, Model, ModelError, Upscaler, halton_jitter
-from supersampler.frame import Float32
+from supersampler import FrameError, Model, ModelError, Upscaler
 from supersampler.methods.model_file import extrapolation_names, model_names
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
@@ -21,6 +20,8 @@ from upscale_runs import said
 
 SIZE, DISPLAY = (40, 23), (81, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
+shaded = Frames(SCENE, SIZE)
+run = shaded.run
 
 
 @pytest.fixture(scope="module")
@@ -41,14 +42,6 @@ def classifier() -> Model:
 def make(model: Model, **options: Any) -> Upscaler:
     settings = {"display_size": DISPLAY, "extrapolation": "guided-warp", "validate": "off"}
     return Upscaler(model, **{**settings, **options})
-
-
-def shaded(index: int, **overrides: Any) -> Frame:
-    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **overrides)
-
-
-def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
-    return alternate(upscaler, shaded, pattern, start)
 
 
 @pytest.mark.parametrize("pattern", ["sususu", "suusuu", "ssuuusus"])

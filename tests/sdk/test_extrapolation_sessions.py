@@ -9,17 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from alternating import alternate
+from alternating import Frames
 from flow_method import Shadow
 from joint_folder import joint_folder
 from shared_models import shared_model
-from supersampler import ArgumentError, Frame, FrameError, Upscaler, halton_jitter
+from supersampler import ArgumentError, Frame, FrameError, Upscaler
 from supersampler.frame import Float32
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
 
 SIZE, DISPLAY = (64, 36), (128, 72)
 SCENE = Shadow(2.0, velocity=(1.3, -0.6))
+shaded = Frames(SCENE, SIZE)
+unshaded, run = shaded.unshaded, shaded.run
 MADE = ["guided-warp", "guided-flow", "a graph of its own"]
 """The extrapolation model; or the model has a graph of its own for the colours of guided-warp."""
 
@@ -39,18 +41,6 @@ def make(request: pytest.FixtureRequest, joint: Path) -> Make:
     return lambda **options: Upscaler(
         model, display_size=DISPLAY, extrapolation=name, validate="off", **options
     )
-
-
-def shaded(index: int, size: tuple[int, int] = SIZE, **overrides: Any) -> Frame:
-    return SCENE.frame(index, size, halton_jitter(index, 2.0), **overrides)
-
-
-def unshaded(index: int, **overrides: Any) -> Frame:
-    return shaded(index, color=None, **overrides)
-
-
-def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
-    return alternate(upscaler, shaded, pattern, start)
 
 
 def assert_same(one: Upscaler, other: Upscaler, pattern: str, start: int) -> None:

@@ -143,8 +143,8 @@ def write_frames(folder: Path, kind: str, suffix: str) -> np.ndarray:
     return values if kind == "float" else values.astype(np.float32) / np.float32(np.iinfo(kind).max)
 
 
-def color_map(suffix: str, channels: str = "RGB") -> dict[str, list[str]]:
-    return {"color": [f"color/*.{suffix}:{axis}" for axis in channels]}
+def color_map(suffix: str) -> dict[str, list[str]]:
+    return {"color": [f"color/*.{suffix}:{axis}" for axis in "RGB"]}
 
 
 @pytest.mark.parametrize(

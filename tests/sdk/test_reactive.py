@@ -37,10 +37,10 @@ def stepped(upscaler: Upscaler, index: int, reactive: Float32 | None = None) -> 
     return result
 
 
-def begun(method: str, executor: str, frames: int = 4) -> Upscaler:
-    """An Upscaler after some frames without a mask."""
+def begun(method: str, executor: str) -> Upscaler:
+    """An Upscaler after four frames without a mask."""
     upscaler = make(method, executor)
-    for index in range(frames):
+    for index in range(4):
         upscaler.step(frame_for(upscaler, index, exposure=1.0))
     return upscaler
 

@@ -228,8 +228,9 @@ def _ways(
                 unshaded = model is not None and alternation.leaves_unshaded(item)
                 yield replace(item.frame, color=None) if unshaded else item.frame
 
-        images = measure.both_ways_images(frames(), runs)
-        return measure.Stepper(f"{upscaler}, {model or 'shaded'} x2", lambda _: next(images), runs.buffers)
+        images = runs.run(frames())
+        name = f"{upscaler}, {model or 'shaded'} x2"
+        return measure.Stepper(name, lambda _: next(images).result, runs.buffers)
 
     shaded = measure.upscaler_of(upscaler, display)
     yield way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers)

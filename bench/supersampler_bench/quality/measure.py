@@ -5,7 +5,7 @@ The metrics are in metrics.py, strred.py, masks.py and corners.py. Each frame ha
 ("warm").
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -114,9 +114,9 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
     kept = []
     for method in methods:
         reason = ""
-        if method not in OUTSIDE:
-            size = display if method.endswith(NATIVE) else shot.render_size
-            spec = parse_spec(method.removesuffix(NATIVE), two_passes=True)
+        if (alone := method.removesuffix(NATIVE)) not in OUTSIDE:
+            size = shot.render_size if method == alone else display
+            spec = parse_spec(alone, two_passes=True)
             reason = incompatibility(spec.model, size, display, available)
         if reason:
             on_left_out(f"{shot.name}: {reason}")
@@ -143,14 +143,21 @@ def stepper_of(method: str, shot: Shot) -> Stepper:
         native = _native(shot)
         stepper = stepper_of(method.removesuffix(NATIVE), native)
         frames = native.frames(gbuffers=stepper.gbuffers)
-        return Stepper(method, lambda _: stepper.step(next(frames)))
+
+        def step_native(item: ShotFrame) -> StepResult:
+            frame = next(frames)
+            result = stepper.step(frame)
+            factor = np.float32(item.frame.pre_exposure / frame.frame.pre_exposure)
+            return replace(result, image=result.image * factor)
+
+        return Stepper(method, step_native)
     upscaler = upscaler_of(method, reference_size(shot), two_passes=True)
     outputs = ["class_map"] * ("class_map" in upscaler.model.info.maps) + ["aovs"] * bool(_aov_indices(shot))
     gbuffers = upscaler.model.info.gbuffers
     if parse_spec(method, two_passes=True).passes == 2:
         runs = BothWays(upscaler, outputs=tuple(outputs))
-        images = both_ways_images(frames_of(shot, runs.buffers), runs)
-        return Stepper(method, lambda _: next(images), gbuffers)
+        images = runs.run(frames_of(shot, runs.buffers))
+        return Stepper(method, lambda _: next(images).result, gbuffers)
 
     def step(item: ShotFrame) -> StepResult:
         result = upscaler.step(item.frame, outputs=outputs)
@@ -166,12 +173,10 @@ def _native(shot: Shot) -> Shot:
     if not path.exists():
         hint = "`supersampler bench shots` renders the test shots at display size, too."
         raise ShotError(shot.path, f"has no frames of display size: there is no {path.name}", hint)
-    return Shot.open(path)
-
-
-def both_ways_images(frames: Iterable[Frame], runs: BothWays) -> Iterator[StepResult]:
-    """Yield the outputs of frames in two passes."""
-    return (result for _, result in runs.run(frames))
+    native = Shot.open(path)
+    if len(native) != len(shot):
+        raise ShotError(path, f"has {len(native)} frames, {shot.path.name} has {len(shot)}", "Finish both.")
+    return native
 
 
 def upscaler_of(

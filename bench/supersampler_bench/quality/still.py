@@ -16,9 +16,9 @@ from supersampler_bench.quality.metrics import Bool, psnr
 from supersampler_bench.record import BenchRecord, figure, table
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendering import held_sequence, rendered_frame
+from supersampler_model.data.rendered import render_size
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.analytic import AnalyticScene, still_scene, still_scene_with_mover
-from supersampler_model.data.shots import render_size
 
 PERIODS = (1, 2, 4)
 """Jitter periods after which images are scored; a scene ends after the last."""

@@ -59,7 +59,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             begin=begin,
             exact=None if is_exact else replace(begin, executor="onnx", precision="fp32"),
             own=replace(begin, at_rest="off"),
-            recovery=SLOW.get(spec.model, RECOVERY),
+            recovery=SLOW.get(model.info.method, RECOVERY),
             every=2 if extrapolation else 1,
             ratios=model.info.ratios,
             sequences=partial(_sequence, model, spec.at_rest) if spec.passes == 2 else None,

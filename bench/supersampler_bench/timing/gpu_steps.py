@@ -16,7 +16,7 @@ from supersampler_bench.specs import compatible
 from supersampler_bench.timing.gpu_stopwatch import EachDispatch, Stopwatch
 from supersampler_bench.timing.latency import plaza_frames, quantiles, take_turns
 from supersampler_bench.timing.traffic import pass_costs
-from supersampler_model.data.shots import render_size
+from supersampler_model.data.rendered import render_size
 
 if TYPE_CHECKING:
     import wgpu

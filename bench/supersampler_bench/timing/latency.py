@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from supersampler import Frame, Model, Shot, Upscaler
-from supersampler.arguments import ExecutorName, Precision
+from supersampler.arguments import AtRest, ExecutorName, Precision
 from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError, DeviceError
 from supersampler.frame import Float32, Size
 from supersampler_bench.record import BenchRecord, table
 from supersampler_bench.specs import compatible, with_default_gbuffers
-from supersampler_model.data.shots import render_size
+from supersampler_model.data.rendered import render_size
 
 WARM_UP = 4  # steps of each setting
 REFERENCE = "taa"  # on the CPU backend; `Timed.multiple` is relative to it
@@ -34,6 +34,7 @@ class Setting:
     executor: ExecutorName
     threads: int
     precision: Precision = "auto"
+    at_rest: AtRest = "converge"
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,9 @@ class _LatencyRunner:
             precision=setting.precision,
         )
         frames = [with_default_gbuffers(frame, model.info.gbuffers, setting.display) for frame in frames]
-        self._upscaler = Upscaler(model, display_size=setting.display, validate="off")
+        self._upscaler = Upscaler(
+            model, display_size=setting.display, at_rest=setting.at_rest, validate="off"
+        )
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
         self._frames = itertools.cycle([replace(frame, reset=False) for frame in frames])
         self.wall: list[float] = []

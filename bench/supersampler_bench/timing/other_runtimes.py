@@ -12,7 +12,7 @@ from supersampler.backends.onnx.runtime import NAMES, ort
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Size
 from supersampler_bench.timing.latency import WARM_UP, Setting, measure_settings, plaza_frames, quantiles
-from supersampler_model.data.shots import render_size
+from supersampler_model.data.rendered import render_size
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def measure_pareto(
             on_left_out(f"{model} is left out: {error}")
     for ratio, scores in scored.items():
         setting_of = {
-            spec: Setting(spec.model, display, spec.executor, threads, spec.precision)
+            spec: Setting(spec.model, display, spec.executor, threads, spec.precision, spec.at_rest)
             for spec in scores
             if spec.model not in missing
         }

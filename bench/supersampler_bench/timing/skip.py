@@ -16,8 +16,8 @@ from supersampler.io.display import display_transform
 from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.record import BenchRecord, table
 from supersampler_bench.shots.rendering import held_sequence, rendered_frame, rendered_sequence
+from supersampler_model.data.rendered import render_size
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.shots import render_size
 
 SKIPS = (False, True)
 MOVES: tuple[Literal["nothing", "objects", "camera"], ...] = ("nothing", "objects", "camera")

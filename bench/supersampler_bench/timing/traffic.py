@@ -26,7 +26,7 @@ from supersampler.methods.executors import gpu_program
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.record import BenchRecord, sizes_text, table
 from supersampler_bench.specs import compatible
-from supersampler_model.data.shots import render_size
+from supersampler_model.data.rendered import render_size
 
 PIXEL_BYTES = {"frame_color": 8, "frame_depth": 4, "frame_motion": 4, "image": 8}
 """Bytes per pixel of an engine's textures: rgba16float, r32float, rg16float, rgba16float."""

@@ -13,7 +13,7 @@ from supersampler import ArgumentError, Frame, Model, Shot, Upscaler
 from supersampler.cli.arguments import size_text
 from supersampler.frame import Float32, Size
 from supersampler_bench.record import BenchRecord, table
-from supersampler_model.data.shots import render_size
+from supersampler_model.data.rendered import render_size
 
 WARM_UP = 10  # rounds that are not timed
 PERIOD = 8  # frames of the shipped shot that each view repeats

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
+from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps
 from supersampler_model.data.labels import LabelInputs, PixelStatistics, label
 
@@ -14,6 +15,11 @@ UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
 """G-buffers in [0, 1]; they are stored with eight bits, as in engines."""
 Float16: TypeAlias = NDArray[np.float16]
 Float32: TypeAlias = NDArray[np.float32]
+
+
+def render_size(display_size: Size, ratio: float) -> Size:
+    """Return (width, height) of the frames at a ratio."""
+    return round(display_size[0] / ratio), round(display_size[1] / ratio)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

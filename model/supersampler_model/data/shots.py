@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import ArgumentError, Conventions, RawFrame, halton_jitter
-from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps, ShotWriter
 from supersampler_model.data.labels import thin
-from supersampler_model.data.rendered import AOVS, UNIT_BUFFERS, Rendered, labels_of
+from supersampler_model.data.rendered import AOVS, UNIT_BUFFERS, Rendered, labels_of, render_size
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence
 
@@ -44,11 +43,6 @@ class ShotForm:
 def variant_name(ratio: float) -> str:
     """Return the name of the variant of a ratio, and of its JSON file: 1.5x, 2x."""
     return f"{ratio:g}x"
-
-
-def render_size(display_size: Size, ratio: float) -> Size:
-    """Return (width, height) of the frames at a ratio."""
-    return round(display_size[0] / ratio), round(display_size[1] / ratio)
 
 
 def render_frame(sequence: Sequence, renderer: Renderer, index: int, ratio: float) -> Rendered:

@@ -1,5 +1,6 @@
 """Base class of rendered sequences, and the spec that generates one."""
 
+import re
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
@@ -29,6 +30,8 @@ class SequenceSpec:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "files", tuple((name, digest) for name, digest in self.files))  # from JSON
+        if not re.fullmatch(r"\w+", self.family):  # it names a folder
+            raise SceneError("spec.family", got=repr(self.family), want="letters, digits and underscores")
         check_number("spec.seed", self.seed, 0, np.inf)
         check_number("spec.frames", self.frames, 1, np.inf)
         check_number("spec.frame_rate", self.frame_rate, 0.0, np.inf, open_below=True)

@@ -92,8 +92,10 @@ def train(
             text = f"{dataset.folder}: only {done} of {total} training frames are rendered, and are read."
             _CONSOLE.print(text, soft_wrap=True)
     if not any(dataset.entries("train") for dataset in datasets):
-        got, want = "not given, nor is --shot", "a training set or a shot to learn from"
-        raise ArgumentError("--data", got=got, want=want)
+        got = "not given, nor is --shot"
+        if data:
+            got = f"{', '.join(map(str, data))}, without training sequences"
+        raise ArgumentError("--data", got=got, want="a training set or a shot to learn from")
     if init == "shipped" and not _LEARNED[name].weights:
         raise ArgumentError("--init", got=repr(init), want=f"a file, as no weights ship for {name}")
     start = shipped_weights(name) if init == "shipped" else init and Path(init)
@@ -112,6 +114,7 @@ def train(
             f"{trainer.frames} now: crops, and thus weights, are not those of an uninterrupted run.",
             soft_wrap=True,
         )
+    _warn_of_other_ratios(trainer)
     entries = validation_entries(trainer.datasets, task.ratios)
     if not trainer.done:
         trainer.save()  # the folder is then this run's, and the disk takes a checkpoint
@@ -199,6 +202,17 @@ def _check_free(output: Path) -> None:
     if not (output / CHECKPOINT).exists():  # the checkpoint is written first, and checked when it is read
         for name in (WEIGHTS, *LOG_FILES):
             check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
+
+
+def _warn_of_other_ratios(trainer: Trainer) -> None:
+    """Say how many sequences of each set are left out because the method does not support their ratio."""
+    low, high = trainer.task.ratios
+    for dataset in trainer.datasets:
+        entries = [*dataset.entries("train"), *dataset.entries("validation")]
+        if others := sum(not entry.within((low, high)) for entry in entries):
+            what = f"{others} of {len(entries)} sequences are not read"
+            why = f"{trainer.method.name} takes ratios from {low:g} to {high:g}"
+            _CONSOLE.print(f"{dataset.folder}: {what}: {why}.", soft_wrap=True)
 
 
 def _warn_without_scores(trainer: Trainer, baseline: Validated | None) -> None:

@@ -48,9 +48,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def unshaded(text: str, resets: set[int], count: int = 9) -> str:
+def unshaded(text: str, resets: set[int]) -> str:
     alternation, said = Alternation(text), ""
-    for index in range(count):
+    for index in range(9):
         item = ShotFrame(index=index, frame=SCENE.frame(index, SIZE, reset=index in resets), **ITEM)
         said += "u" if alternation.leaves_unshaded(item) else "s"
         assert alternation.leaves_unshaded(item) == (said[-1] == "u")  # each way asks

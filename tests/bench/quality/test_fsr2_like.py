@@ -39,8 +39,8 @@ def images(
         yield index, upscaler.step(scene.frame(index, render, halton_jitter(index, display[0] / render[0])))
 
 
-def last(scene: AnalyticScene, count: int, render: Size = RENDER, display: Size = DISPLAY) -> Float32:
-    return list(images(scene, count, render, display))[-1][1]
+def last(scene: AnalyticScene, count: int) -> Float32:
+    return list(images(scene, count, RENDER, DISPLAY))[-1][1]
 
 
 def psnr(image: Float32, truth: Float32) -> float:

@@ -62,13 +62,16 @@ class Painter:
         return np.asarray(self.paint(self.number), np.float32)
 
 
-def write_variants(folder: Path) -> Shot:
-    """Write a shot at ratios 2 and 1, and return the first."""
+def write_variants(folder: Path, *, native_count: int = 6, native_pre_exposure: float = 1.0) -> Shot:
+    """Write a shot of six frames at ratios 2 and 1, and return the first."""
     for name, size in (("2x", RENDER), ("1x", DISPLAY)):
         settings: dict[str, Any] = {"display_size": DISPLAY, "frame_rate": 30, "variant": name}
         with ShotWriter(folder, name="disc", **settings) as writer:
-            for index in range(6):
+            for index in range(6 if name == "2x" else native_count):
                 frame = SCENE.frame(index, size, (0.2, -0.1))
+                if name == "1x":
+                    color = np.asarray(frame.color) * np.float32(native_pre_exposure)
+                    frame = replace(frame, color=color, pre_exposure=native_pre_exposure)
                 writer.write(frame, reference=truth(index), shared=name == "1x")
     return Shot.open(folder / "2x.json")
 
@@ -307,7 +310,8 @@ def test_the_first_image_of_a_shot_has_no_history_whether_or_not_it_is_marked_as
 
 def test_a_native_method_steps_the_frames_of_display_size(tmp_path: Path) -> None:
     shot = write_variants(tmp_path / "shot")
-    assert quality.runnable(shot, ["taa", "taa:native"], pytest.fail) == ["taa", "taa:native"]
+    names = ["taa", "taa:native", "easu:native"]
+    assert quality.runnable(shot, names, pytest.fail) == names
     small, native = measure_quality(shot, ["taa", "taa:native"])
     [alone] = measure_quality(Shot.open(tmp_path / "shot" / "1x.json"), ["taa"])
     assert native.method == "taa:native"
@@ -316,10 +320,19 @@ def test_a_native_method_steps_the_frames_of_display_size(tmp_path: Path) -> Non
     assert found["psnr"] > of_small["psnr"] + 1.0
 
 
-def test_a_native_method_needs_frames_of_display_size(tmp_path: Path) -> None:
-    shot = write_shot(tmp_path, references=[1])
+def test_frames_of_display_size_may_have_another_pre_exposure(tmp_path: Path) -> None:
+    [plain] = measure_quality(write_variants(tmp_path / "plain"), ["taa:native"])
+    exposed = write_variants(tmp_path / "exposed", native_pre_exposure=2.0)
+    [scores] = measure_quality(exposed, ["taa:native"])
+    assert scores.summary(warm=False) == pytest.approx(plain.summary(warm=False), nan_ok=True)
+
+
+def test_a_native_method_needs_each_frame_at_display_size(tmp_path: Path) -> None:
+    shot = write_shot(tmp_path / "none", references=[1])
     with pytest.raises(ShotError, match=r"no frames of display size: there is no 1x\.json"):
         measure_quality(shot, ["taa:native"])
+    with pytest.raises(ShotError, match=r"1x\.json: has 4 frames, 2x\.json has 6"):
+        measure_quality(write_variants(tmp_path / "some", native_count=4), ["taa:native"])
 
 
 def test_two_passes_have_a_row_of_their_own(tmp_path: Path) -> None:

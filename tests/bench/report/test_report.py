@@ -117,6 +117,7 @@ def test_a_record_is_due_if_its_models_or_its_command_have_changed(root: Path) -
     first, second = recipes(root)
     assert (first.problem, second.problem) == ("", "was never measured")
     assert Recipe("first", f"{COST} --steps 3", first.record).problem == "was measured by another command"
+    assert Recipe("first", COST, recorded(f"{COST} --quick")).problem == "was measured by another command"
     changed = recorded(COST, model_digests={"taau": "other"})
     assert Recipe("first", COST, changed).problem.endswith("another version of taau.")
     with pytest.raises(ArgumentError, match="third"):

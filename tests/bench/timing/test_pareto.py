@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supersampler import ArgumentError
+from supersampler import ArgumentError, Upscaler
 from supersampler.upscaler import PRESETS
 from supersampler_bench.quality.score_table import CLIP_COLUMNS, QualityRecord
 from supersampler_bench.quality.scores import MethodRow, ShotRow
 from supersampler_bench.record import SHIPPED_PARETO, read_record
 from supersampler_bench.report.figures import draw_pareto
 from supersampler_bench.specs import Spec, parse_spec
-from supersampler_bench.timing import pareto
+from supersampler_bench.timing import latency, pareto
 from supersampler_bench.timing.pareto import (
     ParetoPoint,
     ParetoRecord,
@@ -148,6 +148,15 @@ def test_settings_with_scores_are_timed_plotted_and_come_back_from_their_record(
     assert "mean scores of the test shots" in table
     assert "scores of a." in replace(record, shots=["a"]).table()
     assert "| fast | taau |" in record.presets_table()
+
+
+def test_settings_are_timed_with_the_at_rest_that_they_were_scored_with(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    upscaler = Mock(side_effect=Upscaler)
+    monkeypatch.setattr(latency, "Upscaler", upscaler)
+    measure_pareto([quality("taau:off", count=2)], (48, 27), threads=1, steps=1)
+    assert {call.kwargs["at_rest"] for call in upscaler.call_args_list} == {"converge", "off"}
 
 
 def test_a_missing_model_folder_is_left_out_with_the_reason() -> None:

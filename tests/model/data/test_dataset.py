@@ -206,6 +206,33 @@ def test_damaged_files_are_named(tmp_path: Path, small_renderer: Renderer) -> No
         open_dataset(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"ratio": 0.5}, r"ratio is 0\.5; want a finite number >= 1"),
+        ({"spec": {"family": "../away", "seed": 1, "frames": FRAMES}}, r"spec\.family is '\.\./away'"),
+    ],
+)
+def test_a_description_of_impossible_sequences_is_refused(
+    changes: dict[str, Any], match: str, tmp_path: Path
+) -> None:
+    path = create_dataset(tmp_path, description()).folder / "dataset.json"
+    stored = json.loads(path.read_text())
+    stored["sequences"][0] |= changes
+    path.write_text(json.dumps(stored))
+    with pytest.raises(DatasetError, match=match):
+        open_dataset(tmp_path)
+
+
+def test_frames_of_other_sizes_than_described_are_refused(tmp_path: Path, small_renderer: Renderer) -> None:
+    dataset, entry = rendered(tmp_path, small_renderer)
+    with pytest.raises(DatasetError, match=r"is \(48, 27\) to \(96, 54\); dataset\.json says \(32, 18\) to"):
+        dataset.read(replace(entry, ratio=3.0), 0)
+    larger = Dataset(tmp_path, replace(dataset.description, display_size=(192, 108)))
+    with pytest.raises(DatasetError, match=r"says \(96, 54\) to \(192, 108\)"):
+        larger.read(entry, 0)
+
+
 def test_info_counts_sequences_frames_and_classes(tmp_path: Path, small_renderer: Renderer) -> None:
     rendered(tmp_path, small_renderer)
     said = rows(tmp_path)

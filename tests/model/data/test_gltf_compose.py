@@ -67,10 +67,9 @@ def test_spots_lie_neither_inside_nor_under_objects(tmp_path: Path, table: bool)
     assert ground.clear(np.array([-4.0, 0, 4]), np.array([4.0, 0, 4]))
 
 
-def floor(width: float, depth: float, x: float = 0.0, y: float = 0.0, *, up: bool = True) -> Floats:
+def floor(width: float, depth: float, *, up: bool = True) -> Floats:
     """Two triangles (2, 3, 3) that face up or down."""
     corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]) * (width / 2, 0, depth / 2)
-    corners += np.array([x, y, 0])
     return corners[[[0, 1, 2], [0, 2, 3]] if up else [[0, 2, 1], [0, 3, 2]]]
 
 

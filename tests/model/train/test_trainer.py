@@ -27,6 +27,7 @@ from supersampler.frame import Size
 from supersampler.io.display import decibels, display_transform
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_model import ops
+from supersampler_model.data.dataset import overview
 from supersampler_model.data.dataset.storage import (
     Dataset,
     TrainingFrame,
@@ -344,6 +345,22 @@ def test_a_run_stopped_in_its_last_validation_ends_with_weights(dataset: Dataset
     assert run(*command).output == "", "nothing is left to do"
 
 
+def test_sequences_of_ratios_that_the_method_lacks_are_counted(dataset: Dataset, tmp_path: Path) -> None:
+    coarse = shot(tmp_path / "coarse", sizes=[(16, 12)])
+    command = ["train", "classifier-small", "--data", dataset.folder, "--shot", coarse.path, "-o", tmp_path]
+    command += ["--steps", 1, "--size", 17, "--batch", 1, "--frames", 1]
+    said = run(*command).stderr
+    assert "train-shots: 1 of 1 sequences are not read: classifier-small takes ratios from 1 to 3." in said
+    assert said.count("are not read") == 1
+
+
+def test_a_set_without_training_sequences_is_named(tmp_path: Path) -> None:
+    dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "validation")
+    result = run("train", "classifier-small", "--data", tmp_path / "set", "-o", tmp_path / "run")
+    assert result.exit_code == 2
+    assert "set, without training sequences; want a training set or a shot" in result.output
+
+
 @pytest.mark.parametrize("text", ["step;loss\n1;0,5\n", "loss\n0.5\n", "step,loss\n1,low\n", "\0\xff"])
 def test_a_log_that_another_program_has_rewritten_is_named(tmp_path: Path, text: str) -> None:
     (tmp_path / "log.csv").write_text(text, encoding="latin-1")
@@ -416,6 +433,13 @@ def test_references_become_truth_and_missing_ones_are_marked(tmp_path: Path) -> 
     assert np.isnan(odd.reference).all()
     assert (even.ghost == UNKNOWN).all()
     assert entry.ratio == 2.0
+
+
+def test_info_states_neither_classes_nor_samples_of_shots_that_do_not(tmp_path: Path) -> None:
+    dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "train")
+    said = overview.rows(tmp_path / "set")
+    assert said["display size"] == "64x48"
+    assert said["classes"].startswith("train: not known")
 
 
 def test_copies_of_frames_have_no_pre_exposure(tmp_path: Path) -> None:

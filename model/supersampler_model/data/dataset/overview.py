@@ -17,6 +17,7 @@ from supersampler.io.images import write_png
 from supersampler.io.shot import ClassMaps
 from supersampler_model.data.dataset.storage import Dataset, SequenceEntry, Split, open_dataset
 from supersampler_model.data.labels import Alias, Ghost
+from supersampler_model.data.specs import SHOT
 
 Image = NDArray[np.uint8]
 
@@ -57,9 +58,10 @@ def rows(folder: Path) -> dict[str, str]:
     width, height = dataset.description.display_size
     ratios = Counter(entry.ratio for entry in dataset.entries())
     families = Counter(entry.spec.family for entry in dataset.entries())
+    samples = "" if SHOT in families else f", {dataset.description.samples} samples a pixel"
     return {
         "training set": str(folder),
-        "display size": f"{width}x{height}, {dataset.description.samples} samples a pixel",
+        "display size": f"{width}x{height}{samples}",
         "sequences": "\n".join(_counts(dataset)),
         "ratios": ", ".join(f"{ratio:g} in {count}" for ratio, count in sorted(ratios.items())),
         "families": ", ".join(f"{family} {count}" for family, count in sorted(families.items())),
@@ -88,17 +90,20 @@ def _classes(dataset: Dataset) -> Iterator[str]:
 
 
 def _percentages(dataset: Dataset, entries: list[SequenceEntry]) -> str:
-    return ", ".join(f"{name} {fraction:.2%}" for name, fraction in frequencies(dataset, entries).items())
+    found = frequencies(dataset, entries)
+    if np.isnan([*found.values()]).any():
+        return "not known"
+    return ", ".join(f"{name} {fraction:.2%}" for name, fraction in found.items())
 
 
 def frequencies(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:
-    """Return the fraction of each class over the pixels of some sequences; NaN without frames.
+    """Return the fraction of each class over the pixels of known classes; NaN without such pixels.
 
     First frames after cuts are skipped: all of their pixels are disoccluded.
     """
     counts, pixels = dict.fromkeys(("visibility", "shading", "geometry", "texture"), 0), 0
     for frame in (frame for entry in entries for frame in dataset.frames(entry) if not frame.reset):
-        pixels += frame.ghost.size
+        pixels += int((frame.ghost <= max(Ghost)).sum())
         masks = (classes == value for classes in (frame.ghost, frame.alias) for value in (1, 2))
         for name, mask in zip(counts, masks, strict=True):
             counts[name] += int(mask.sum())

@@ -16,11 +16,11 @@ from supersampler_model.data.dataset import storage
 from supersampler_model.data.dataset.storage import Dataset, Description, SequenceEntry, Split, open_dataset
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.processes import OnFrame, run_parts
-from supersampler_model.data.rendered import labels_of
+from supersampler_model.data.rendered import labels_of, render_size
 from supersampler_model.data.renderer.renderer import Renderer, samples_side
 from supersampler_model.data.scenes.gltf.compose import read_folder
 from supersampler_model.data.sequences import APART_FAMILIES, TEST_FAMILIES, TRAIN_FAMILIES, make_sequence
-from supersampler_model.data.shots import render_frame, render_size
+from supersampler_model.data.shots import render_frame
 from supersampler_model.data.specs import SequenceSpec
 
 RATIOS = {1.0: 0.1, 1.5: 0.2, 2.0: 0.4, 3.0: 0.2, 4.0: 0.1}

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from supersampler import Frame, ShotError
 from supersampler.io.files import is_there, write_text
-from supersampler.io.json_files import check_version, read_typed
+from supersampler.io.json_files import FileSize, check_version, read_typed
 from supersampler.io.safetensors import open_safetensors, write_safetensors
-from supersampler_model.data.errors import DatasetError
-from supersampler_model.data.rendered import UNIT_BUFFERS
-from supersampler_model.data.specs import SequenceSpec
+from supersampler_model.data.errors import DatasetError, check_number
+from supersampler_model.data.rendered import UNIT_BUFFERS, render_size
+from supersampler_model.data.specs import SHOT, SequenceSpec
 
 _TYPES = {
     "color": np.float16, "depth": np.float32, "motion": np.float16, "reference": np.float16,
@@ -181,6 +181,9 @@ class SequenceEntry:
     ratio: float  # display size over render size
     split: Split
 
+    def __post_init__(self) -> None:
+        check_number("ratio", self.ratio, 1.0, np.inf)
+
     @property
     def folder(self) -> str:
         """Folder of the frames, relative to the data set."""
@@ -195,7 +198,7 @@ class SequenceEntry:
 class Description:
     """Content of a data set; on one driver, two runs with the same description render the same images."""
 
-    display_size: tuple[int, int]  # (width, height) of references and labels
+    display_size: FileSize  # (width, height) of references and labels
     samples: int  # per pixel of the reference
     gbuffers: bool  # whether display-size G-buffers are kept
     seed: int  # of the random plan
@@ -242,15 +245,25 @@ class Dataset:
         Raises:
             DatasetError: the frame is missing or damaged.
         """
-        frame = read_training_frame(self.path(entry, index))
-        if self.own is None:
-            return frame
-        path = self.rerendered_path(entry, index)
-        with _damage_named(path):
-            fields, gbuffer = _read(path, _RENDER)
-            frame = replace(frame, **Rerendered(**fields, gbuffer=gbuffer)._asdict())
-            _check(frame)
+        path = self.path(entry, index)
+        frame = read_training_frame(path)
+        if self.own is not None:
+            path = self.rerendered_path(entry, index)
+            with _damage_named(path):
+                fields, gbuffer = _read(path, _RENDER)
+                frame = replace(frame, **Rerendered(**fields, gbuffer=gbuffer)._asdict())
+                _check(frame)
+        self._check_sizes(path, frame, entry)
         return frame
+
+    def _check_sizes(self, path: Path, frame: TrainingFrame, entry: SequenceEntry) -> None:
+        """Raise a DatasetError if sizes differ from the description; frames of shots may have any ratio."""
+        display, render = frame.ghost.shape[::-1], frame.depth.shape[::-1]
+        stated = self.description.display_size
+        rendered = render if entry.spec.family == SHOT else render_size(stated, entry.ratio)
+        if (render, display) != (rendered, stated):
+            problem = f"is {render} to {display}; {FILE_NAME} says {rendered} to {stated}"
+            raise DatasetError(path, problem, "Restore the frame, or its description.")
 
     def frames(self, entry: SequenceEntry) -> Iterator[TrainingFrame]:
         """Yield the existing frames of a sequence, in order."""
