@@ -9,6 +9,7 @@
  */
 
 import {
+  INPUTS,
   UpscalerError,
   aovsOf,
   basesOf,
@@ -27,6 +28,17 @@ export { haltonJitter } from "./jitter.js";
 export { UpscalerError };
 
 const MAX_GROUPS = 8; // bind groups that a pass keeps: frames and histories alternate
+const FRAME = [...INPUTS, "aovs"];
+const OPTIONS = [
+  "jitter",
+  "renderSize",
+  "exposure",
+  "preExposure",
+  "addsSamples",
+  "reset",
+  "aovs",
+  "timestamps",
+];
 const EXPOSURES = [2 ** -24, 2 ** 24];
 const BUFFER = { MAP_WRITE: 2, COPY_SRC: 4, COPY_DST: 8, UNIFORM: 64, STORAGE: 128 }; // GPUBufferUsage
 const TEXTURE = { COPY_SRC: 1, TEXTURE_BINDING: 4, STORAGE_BINDING: 8, RENDER_ATTACHMENT: 16 }; // GPUTextureUsage
@@ -107,21 +119,11 @@ export class Upscaler {
    * @param {GPUComputePassTimestampWrites} [options.timestamps] of the compute pass.
    * @throws {UpscalerError} an argument is not as described; the history is unchanged.
    */
-  encode(
-    encoder,
-    frame,
-    output,
-    {
-      jitter,
-      renderSize,
-      exposure = null,
-      preExposure = 1,
-      addsSamples = 1,
-      reset = false,
-      aovs = [],
-      timestamps,
-    } = {},
-  ) {
+  encode(encoder, frame, output, options = {}) {
+    checkNames("frame", frame, FRAME);
+    checkNames("options", options, OPTIONS);
+    const { jitter, renderSize, exposure = null, preExposure = 1, addsSamples = 1 } = options;
+    const { reset = false, aovs = [], timestamps } = options;
     this._checkUsable();
     if (!encoder?.beginComputePass) throw new UpscalerError("encoder", shown(encoder), "a GPUCommandEncoder");
     const offset = checkedJitter(jitter);
@@ -382,6 +384,14 @@ function checkedDisplay(device, info, displaySize) {
   const sizes = { ...basesOf(least, least, display), signatures: least, previous_signatures: least };
   checkMemory(device, info, sizes, "displaySize", "display");
   return display;
+}
+
+/** Throw where an object has a name that means nothing here: a misspelled one would be ignored. */
+function checkNames(place, given, known) {
+  const stranger = Object.keys(given ?? {}).find((name) => !known.includes(name));
+  if (stranger === undefined) return;
+  const names = known.filter((name) => !/^aovs\d/.test(name)).join(", ");
+  throw new UpscalerError(`${place}.${stranger}`, "a name that is not known", `one of ${names}`);
 }
 
 function checkedJitter(jitter) {

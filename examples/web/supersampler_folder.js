@@ -13,7 +13,7 @@ const EXPORT = "Export the folder again.";
 const GBUFFERS = ["base_color", "normal", "display_base_color", "display_normal", "display_depth"];
 const AOVS = Array.from({ length: 64 }, (_, i) => `aovs${i}`); // of four channels each
 /** Names of the textures of a frame. */
-const INPUTS = ["color", "depth", "motion", "reactive", ...GBUFFERS.map((name) => `gbuffer_${name}`), ...AOVS];
+export const INPUTS = ["color", "depth", "motion", "reactive", ...GBUFFERS.map((name) => `gbuffer_${name}`), ...AOVS];
 /** Fields of params, with their numbers of values. */
 const PARAMS = {
   render: 2,

@@ -321,6 +321,22 @@ def test_the_node_follows_new_sizes_and_drops_the_history_at_a_cut(page: "Page",
     assert psnr(again, three_image(page, "reference(32)")) > 20.0
 
 
+@pytest.mark.parametrize(
+    "change", ["upscaled.depthNode.passNode.setResolutionScale(0.7)", "resize(320, 180)"]
+)
+def test_the_first_image_at_another_render_size_is_upscaled(page: "Page", three: str, change: str) -> None:
+    three_page(page, three)
+    if change.startswith("resize"):
+        page.evaluate("threeDemo.resize(256, 144)")
+    for _ in range(8):
+        page.evaluate("threeDemo.step()")
+    page.evaluate(f"threeDemo.{change} && 0")
+    image = three_image(page, "step()")
+    shown = "threeDemo.upscaled.getTextureNode().value"
+    assert page.evaluate(f"{shown}.isStorageTexture"), "not the pass as it is"
+    assert psnr(image, three_image(page, "reference(32)")) > 22.0
+
+
 def with_node(page: "Page", beauty: str = "beautyNode", camera: str = "camera", output: str = "node") -> None:
     """Upscale the scene by a new node; show an expression of it."""
     page.evaluate(
@@ -378,6 +394,23 @@ def test_a_pass_samples_textures_as_before_once_the_node_is_disposed(page: "Page
     assert psnr(images[-1], three_image(page, "reference(32)")) > 20.0
     assert page.evaluate("threeDemo.upscaled._uniforms.detail.value") == 0.5
     assert page.evaluate(f"{node} === threeDemo.upscaled._sharpTextures")
+
+
+def test_a_displacement_map_displaces(page: "Page", three: str) -> None:
+    three_page(page, three)
+    page.evaluate(
+        """async () => {
+            const three = await import("three/webgpu");
+            const displacementMap = new three.DataTexture(new Uint8Array(4).fill(255), 1, 1);
+            displacementMap.needsUpdate = true;
+            const material = new three.MeshStandardNodeMaterial({ displacementMap, displacementScale: 0.3 });
+            const ball = new three.Mesh(new three.SphereGeometry(0.3), material);
+            ball.position.set(0, 1.2, 1);
+            threeDemo.scene.add(ball);
+        }"""
+    )
+    images = [three_image(page, "step()") for _ in range(8)]
+    assert psnr(images[-1], three_image(page, "reference(32)")) > 20.0
 
 
 @pytest.mark.parametrize("near", [0, -50])

@@ -239,6 +239,14 @@ found["a missing image"] = await refuses(
   encode({ ...images, motion: undefined }, image()),
   "frame.motion is undefined",
 );
+found["a misspelled image"] = await refuses(
+  encode({ ...images, reactve: wrong }, image()),
+  "frame.reactve is a name that is not known; want one of color, depth, motion, reactive",
+);
+found["a misspelled option"] = await refuses(
+  encode(images, image(), { preexposure: 2 }),
+  "options.preexposure is a name that is not known; want one of jitter",
+);
 found["a format without floats"] = await refuses(
   encode({ ...images, color: wrong }, image()),
   "frame.color is rgba8uint 20x12",

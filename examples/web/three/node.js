@@ -33,8 +33,8 @@ const VELOCITY = "Draw it: pass(scene, camera).setMRT(mrt({ output, velocity }))
  * @param {import("three/webgpu").Node} detail render size / display size @returns {import("three/webgpu").ContextNode} for `contextNode` of the pass
  */
 export const sharpTextures = (detail) => context({
-  getTextureGradient: (node) => {
-    if (node.value.isCubeTexture || node.value.is3DTexture) return null;
+  getTextureGradient: (node, { shaderStage }) => {
+    if (shaderStage !== "fragment" || node.value.isCubeTexture || node.value.is3DTexture) return null; // a displacement has no gradients
     const uv = node.getDefaultUV();
     return [dFdx(uv), dFdy(uv)].map((gradient) => gradient.mul(detail));
   },
@@ -186,7 +186,7 @@ export class SupersamplerNode extends Node {
       pass.setSize(...display); // as it does itself, but later
       if (this.beautyNode.autoResize) this.beautyNode.setResolutionScale(pass.getResolutionScale());
     }
-    const { width, height } = this.depthNode.value;
+    const { width, height } = pass ? pass.renderTarget : this.depthNode.value; // a depth texture follows when it is rendered
     if (!this._upscaler || !Math.min(...display, width, height)) return;
     this._renderSize = [width, height];
     this._uniforms.detail.value = width / display[0];

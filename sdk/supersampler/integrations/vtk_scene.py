@@ -6,7 +6,14 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from vtkmodules.vtkRenderingCore import vtkActor, vtkFollower, vtkProp3D, vtkVolume
+from vtkmodules.vtkRenderingCore import (
+    vtkActor,
+    vtkFollower,
+    vtkProp3D,
+    vtkPropAssembly,
+    vtkPropCollection,
+    vtkVolume,
+)
 
 from supersampler.conventions import camera_motion
 from supersampler.conventions.encodings import to_reversed_infinite
@@ -25,6 +32,7 @@ _GENERATED = ("vtkCubeAxesActor", "vtkAxisActor", "vtkPolarAxesActor")  # actors
 _MIN_VOLUME = 1e-9  # of a transformed cube, relative to its edges; below it, the matrix is flat
 _UPRIGHT = ("vtkTextActor", "vtkScalarBarActor", "vtkCornerAnnotation", "vtkLegendBoxActor")
 _SURFACE_TEXTURES = ("albedoTex", "materialTex", "normalTex", "emissiveTex", "anisotropyTex", "coatNormalTex")
+_LOOKS = ("Property", "BackfaceProperty", "ShaderProperty", "TextProperty", "PropertyKeys")  # of a prop
 _COMPOSING = (
     "Layer", "Pass", "PreserveColorBuffer", "PreserveDepthBuffer", "UseFXAA", "UseShadows", "UseSSAO"
 )  # fmt: skip
@@ -205,7 +213,7 @@ def is_upscaled(prop: Any) -> bool:
 
 def is_on_top(prop: Any) -> bool:
     """Return whether a prop is rendered on top of each image, as text, charts and widgets are."""
-    return not isinstance(prop, vtkProp3D)
+    return not isinstance(prop, (vtkProp3D, vtkPropAssembly))
 
 
 def has_oblique_lines(prop: Any) -> bool:
@@ -282,9 +290,7 @@ def _state(prop: Any) -> tuple[Any, ...]:
         return (0,)
     state: list[Any] = [1] if _has_motion(prop) else [1, prop.GetRedrawMTime()]
     state += [_value(prop, name) for name in ("ForceOpaque", "ForceTranslucent")]
-    parts = [
-        _value(prop, name) for name in ("Property", "BackfaceProperty", "ShaderProperty", "TextProperty")
-    ]
+    parts = [_value(prop, name) for name in _LOOKS]
     textures = [_value(prop, "Texture")]
     if isinstance(prop, vtkActor):
         textures += [prop.GetProperty().GetTexture(name) for name in _SURFACE_TEXTURES]
@@ -292,10 +298,23 @@ def _state(prop: Any) -> tuple[Any, ...]:
         parts += [mapper, *(mapper.GetClippingPlanes() or ()), *_data(mapper)]
         inner = _value(mapper, "PolyDataMapper")  # of a `vtkDataSetMapper`, made when it is first in view
         parts += [] if inner is None else [inner.GetInput()]
-    for part in _value(prop, "Parts") or ():  # of an assembly
+    for part in _parts(prop):
         matrix = _value(part, "Matrix")
         state += [part, None if matrix is None else _array(matrix).tobytes(), _state(part)]
     return (*state, *map(_modified, parts), *map(_texture, textures))
+
+
+def _parts(prop: Any) -> Iterator[Any]:
+    """Yield the props of an assembly, the volumes of a multi-volume, or the level of detail that is shown."""
+    yield from _value(prop, "Parts") or ()
+    if prop.IsA("vtkMultiVolume") and (mapper := prop.GetMapper()) is not None:
+        ports = range(mapper.GetNumberOfInputPorts())
+        yield from (prop.GetVolume(port) for port in ports if mapper.GetNumberOfInputConnections(port))
+    if prop.IsA("vtkLODProp3D"):
+        shown = vtkPropCollection()
+        prop.GetActors(shown)
+        prop.GetVolumes(shown)
+        yield from shown
 
 
 def _modified(vtk_object: Any) -> tuple[Any, int]:
@@ -303,10 +322,10 @@ def _modified(vtk_object: Any) -> tuple[Any, int]:
 
 
 def _texture(texture: Any) -> tuple[Any, ...]:
-    """Return the modification times of a texture and of its images."""
+    """Return the modification times of a texture, its transform and its images."""
     if texture is None:
         return (None,)
-    return (*_modified(texture), *map(_modified, _inputs(texture)))
+    return (*_modified(texture), *map(_modified, (texture.GetTransform(), *_inputs(texture))))
 
 
 def _inputs(algorithm: Any, first_port: int = 0) -> Iterator[Any]:
