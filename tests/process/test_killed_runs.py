@@ -67,7 +67,7 @@ def test_a_run_killed_at_any_moment_continues_to_the_same_files(tmp_path: Path, 
                 assert data == want[name]
         if code == -9:
             continue
-        assert (code, found) == (0, want)
+        assert (code, [name for name in {**want, **found} if found.get(name) != want.get(name)]) == (0, [])
         if kills >= ALL // len(RUNS):
             break
         output = tmp_path / str(kills) / "out"

@@ -123,6 +123,16 @@ def test_images_beside_a_video_are_kept_after_a_stop(shot: Path, every: Path, tm
     assert_same_images(tmp_path / "video.mp4", every / "video.mp4")
 
 
+def test_a_run_killed_after_its_video_ends_as_one_that_was_not(shot: Path, tmp_path: Path) -> None:
+    upscale(shot, tmp_path, *formats("png", "mp4"))
+    record = tmp_path / "upscale.json"
+    ended = record.read_text()
+    record.write_text(ended.replace(f'"video.mp4": {COUNT}', '"video.mp4": 1'))
+    said = upscale(shot, tmp_path, *formats("png", "mp4")).stderr
+    assert f"All {COUNT} frames are complete already" in said
+    assert record.read_text() == ended
+
+
 def test_a_video_can_be_requested_later(shot: Path, every: Path, tmp_path: Path) -> None:
     upscale(shot, tmp_path)
     before = images(tmp_path)

@@ -254,6 +254,8 @@ class FrameRun:
             self.console.print(note, soft_wrap=True)
         page = self.compare and not (first == count and results.is_newest(results.record.page))
         video = self.images.video and not (first == count and results.is_newest(results.record.video))
+        if self.images.video and not video:
+            results.end_file(results.record.video, count)  # a run that was killed may not have come to this
         if first == count and not (page or video or all_frames):
             self.console.print(f"All {count} frames are complete already.")
             with RunProgress(self.console, 0, json=self.json) as progress:

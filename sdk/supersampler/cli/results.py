@@ -458,7 +458,8 @@ class Results:
 
     def end_file(self, name: str, frame_count: int) -> None:
         """State how many frames the video has."""
-        self._save({**self.record.files, name: frame_count})
+        if self.record.files.get(name) != frame_count:
+            self._save({**self.record.files, name: frame_count})
 
     def end_without_files(self) -> None:
         """Remove the record if the run lists no file, so that a run with other settings may follow."""
