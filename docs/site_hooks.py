@@ -28,16 +28,17 @@ SOURCES = (  # `supersampler` must be first
 )
 OUTSIDE = re.compile(r"\]\((?P<up>(?:\.\./)+)(?P<path>[\w./-]+)(?P<anchor>#[\w-]*)?\)")
 """A Markdown link to a path above the page's folder."""
+CONTRIBUTING = "contributing.md"
+"""Page of CONTRIBUTING.md."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages, CONTRIBUTING.md, and the linked files outside docs/."""
     files.append(File.generated(config, "reference/api.md", content=api_page()))
     files.append(File.generated(config, "reference/cli.md", content=cli_page()))
-    files.append(File.generated(config, "reference/c-header.md", content=header_page()))
     contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     contributing = re.sub(r"\]\((?!https?:|#)", "](../", contributing).replace("](../docs/", "](")
-    files.append(File.generated(config, "contributing.md", content=contributing))
+    files.append(File.generated(config, CONTRIBUTING, content=contributing))
     for path in sorted({path for page in files.documentation_pages() for path in outside_links(page)}):
         files.append(File.generated(config, f"repository/{path}", abs_src_path=str(ROOT / path)))
     return files
@@ -50,7 +51,8 @@ def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     def replaced(link: re.Match[str]) -> str:
         if link["up"].count("../") <= depth:
             return link[0]
-        return f"]({'../' * depth}repository/{link['path']}{link['anchor'] or ''})"
+        target = CONTRIBUTING if link["path"] == "CONTRIBUTING.md" else f"repository/{link['path']}"
+        return f"]({'../' * depth}{target}{link['anchor'] or ''})"
 
     return OUTSIDE.sub(replaced, markdown)
 
@@ -107,12 +109,6 @@ def api_page() -> str:
         for name in names:
             lines += [f"::: {package}.{name}", "    options: {heading_level: 3}", ""]
     return "\n".join(lines)
-
-
-def header_page() -> str:
-    """Return the header of the CPU library."""
-    header = (ROOT / "sdk/native/include/supersampler.h").read_text(encoding="utf-8")
-    return f"# supersampler.h\n\nThe header of the CPU library, in C99.\n\n```c\n{header}```\n"
 
 
 def cli_page() -> str:
