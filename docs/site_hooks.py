@@ -39,7 +39,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     contributing = re.sub(r"\]\((?!https?:|#)", "](../", contributing).replace("](../docs/", "](")
     files.append(File.generated(config, CONTRIBUTING, content=contributing))
-    for path in sorted({path for page in files.documentation_pages() for path in outside_links(page)}):
+    linked = {path for page in files.documentation_pages() for path in outside_links(page)}
+    for path in sorted(linked - {"CONTRIBUTING.md"}):
         files.append(File.generated(config, f"repository/{path}", abs_src_path=str(ROOT / path)))
     return files
 
