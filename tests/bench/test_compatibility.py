@@ -11,7 +11,7 @@ from noise import noise
 from supersampler import ArgumentError, Shot, Upscaler
 from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import ShotWriter
-from supersampler.methods.gbuffers import GBUFFERS, names_of
+from supersampler.methods.gbuffers import GBUFFERS, gbuffer_arrays
 from supersampler.validation import FrameChecker
 from supersampler_bench.quality.measure import measure_quality, runnable
 from supersampler_bench.quality.metrics import psnr
@@ -30,7 +30,7 @@ def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_default_buffers_are_valid_for_any_frame() -> None:
     frame = with_default_gbuffers(noise(1, (96, 54)), GBUFFERS, (192, 108))
-    assert names_of(frame) == [*GBUFFERS]
+    assert [*gbuffer_arrays(frame)] == [*GBUFFERS]
     FrameChecker("strict").check(frame, (192, 108), GBUFFERS)
     bad = replace(noise(1), depth=np.full(RENDER[::-1], np.nan, np.float32))
     assert all(
@@ -44,7 +44,7 @@ def test_only_missing_buffers_that_are_requested_get_defaults() -> None:
     assert with_default_gbuffers(frame, WANTED, DISPLAY) is frame
     assert with_default_gbuffers(frame, (), DISPLAY) is frame
     part = with_default_gbuffers(lit(1, drop=WANTED[0]), WANTED, DISPLAY)
-    assert set(names_of(part)) == set(WANTED)
+    assert set(gbuffer_arrays(part)) == set(WANTED)
     np.testing.assert_array_equal(GBUFFERS[WANTED[1]].find(part), GBUFFERS[WANTED[1]].find(frame))
 
 

@@ -20,7 +20,7 @@ from supersampler import ArgumentError, ShotError, Upscaler
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.shot import Shot, ShotFrame
-from supersampler.methods.gbuffers import lacking, listed, names_of
+from supersampler.methods.gbuffers import gbuffer_arrays, lacking, listed
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.methods.model_info import ModelInfo
 from supersampler.sequence.both_ways import BothWays
@@ -185,7 +185,7 @@ def measure_extrapolation(
         ShotError: no frame has a reference, or G-buffers are missing.
         ArgumentError: no upscaler is left, or an alternation is invalid.
     """
-    display, available = measure.reference_size(shot), names_of(shot.read_raw(0))
+    display, available = measure.reference_size(shot), gbuffer_arrays(shot.read_raw(0))
     for model in models:
         if missing := lacking(_info(model).gbuffers, available):
             hint = f"{model} reads them. The shots of `bench shots` have all."

@@ -16,7 +16,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.display import auto_exposure, display_transform, missing_pixels, usable_exposure
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
-from supersampler.methods.gbuffers import names_of
+from supersampler.methods.gbuffers import gbuffer_arrays
 from supersampler.sequence.both_ways import BothWays, frames_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench.fsr1 import EASU, EASU_RCAS, Fsr1
@@ -110,7 +110,7 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
     Raises:
         ArgumentError: no method is left.
     """
-    display, available = reference_size(shot), names_of(shot.read_raw(0))
+    display, available = reference_size(shot), gbuffer_arrays(shot.read_raw(0))
     kept = []
     for method in methods:
         reason = ""

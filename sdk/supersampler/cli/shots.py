@@ -106,13 +106,13 @@ def check(
       supersampler check shots/kitchen
       supersampler check "out/beauty.####.exr" --conventions unreal --jitter jitter.json
     """  # noqa: D301  # \b: click keeps the line breaks
-    from supersampler.methods.gbuffers import listed, names_of
+    from supersampler.methods.gbuffers import gbuffer_arrays, listed
     from supersampler.validation import detect_conventions
 
     opened = open_with(shot, locals())
     detection = detect_conventions(opened, frames=frames)
     echo(f"{opened.name}: {min(frames, len(opened))} of {len(opened)} frames")
-    echo(f"G-buffers: {listed(names_of(opened.read_raw(0)))}")
+    echo(f"G-buffers: {listed(gbuffer_arrays(opened.read_raw(0)))}")
     for line in (*source_notes(opened), *detection.summary().splitlines()):
         echo(line)
     if detection.conventions != detection.stated:
@@ -232,7 +232,7 @@ def _model_rows(model: "ModelInfo") -> dict[str, str]:
 
 
 def _shot_rows(shot: "Shot") -> dict[str, str]:
-    from supersampler.methods.gbuffers import listed, names_of
+    from supersampler.methods.gbuffers import gbuffer_arrays, listed
 
     frame = shot.read(0).frame
     return {
@@ -243,7 +243,7 @@ def _shot_rows(shot: "Shot") -> dict[str, str]:
         "display size": size_text(shot.display_size),
         "references": f"{len(shot.reference_indices)} frames",
         "conventions": repr(shot.conventions),
-        "G-buffers": listed(names_of(frame)),
+        "G-buffers": listed(gbuffer_arrays(frame)),
         "AOVs": "none" if frame.aovs is None else f"{frame.aovs.shape[2]} channels",
         "licence": shot.info.license or "not stated",
         "attribution": "\n".join(shot.info.attribution) or "none",

@@ -66,7 +66,7 @@ def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, metho
     `names` are the inputs of the method. See `sampled` for buffers that may be missing.
     """
     names = tuple(names)
-    required = lacking(names, names_of(frame))
+    required = lacking(names, gbuffer_arrays(frame))
     for name in names:
         place = GBUFFERS[name]
         array, want = place.find(frame), place.shape(frame.size, display_size)
@@ -116,15 +116,17 @@ def sampled(frame: Frame, names: Collection[str], display_size: Size) -> Frame:
     return replace(frame, gbuffer=found)
 
 
-def names_of(frame: Frame | RawFrame) -> list[str]:
-    """Return the tensor names of the G-buffers that a frame has."""
-    return [name for name, place in GBUFFERS.items() if place.find(frame) is not None]
+def gbuffer_arrays(frame: Frame | RawFrame) -> dict[str, Array]:
+    """Return the G-buffers that a frame has, by tensor name."""
+    if not (frame.gbuffer or frame.gbuffer_display):  # most frames have none
+        return {}
+    return {name: array for name, place in GBUFFERS.items() if (array := place.find(frame)) is not None}
 
 
 def only_gbuffers(frame: Frame, names: Collection[str]) -> Frame:
     """Return the frame with only these G-buffers."""
-    arrays = arrays_by_name(frame)
-    gbuffer, gbuffer_display = grouped({name: arrays[name] for name in names_of(frame) if name in names})
+    kept = {name: array for name, array in gbuffer_arrays(frame).items() if name in names}
+    gbuffer, gbuffer_display = grouped(kept)
     return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
 
 
@@ -139,7 +141,7 @@ def grouped(buffers: Mapping[str, Array]) -> tuple[Mapping[str, Array] | None, M
 def arrays_by_name(frame: Frame) -> dict[str, Array]:
     """Return all arrays of a frame by tensor name."""
     found = {name: array for name in IMAGES if (array := getattr(frame, name)) is not None}
-    return found | {name: array for name, each in GBUFFERS.items() if (array := each.find(frame)) is not None}
+    return found | gbuffer_arrays(frame)
 
 
 def values_of(source: object) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import ORT_TYPES, image_of, pixels_of, planes_of
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.gbuffers import GBUFFERS, check_image_names, frame_of, names_of
+from supersampler.methods.gbuffers import GBUFFERS, check_image_names, frame_of, gbuffer_arrays
 from supersampler.methods.model_info import TensorInfo
 
 _IMAGES = ("color", "depth", "motion")
@@ -165,7 +165,7 @@ def frame_of_tensors(tensors: Mapping[str, Tensor], inputs: Collection[str], **v
 def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:
     """Return copies of a frame's images as tensors on a device; see `Model.device`."""
     masks = [] if frame.reactive is None else ["reactive"]
-    images = {name: planes_of(image_of(frame, name)) for name in (*_IMAGES, *masks, *names_of(frame))}
+    images = {name: planes_of(image_of(frame, name)) for name in (*_IMAGES, *masks, *gbuffer_arrays(frame))}
     return {name: ort.OrtValue.ortvalue_from_numpy(planes, device, 0) for name, planes in images.items()}
 
 
