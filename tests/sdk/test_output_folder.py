@@ -3,10 +3,7 @@
 import json
 import os
 import re
-import struct
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +12,6 @@ import pytest
 from noise import noise
 from supersampler import ShotError
 from supersampler.cli.results import read_run_record
-from supersampler.io import files
 from supersampler.io.files import FolderLock, check_apart, check_inside, is_regular, remove_partial_files
 from supersampler.io.images import write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot
@@ -69,36 +65,6 @@ def test_runs_write_into_one_folder_at_once_only_if_they_have_ranges(
             assert "out: another run writes to it. Wait for it" in refused(shot, tmp_path / "out", *options)
             assert content(tmp_path / "out") == before
     upscale(shot, tmp_path / "out")
-
-
-def locked_as_on_windows(held: int, _: int, count: int) -> None:
-    """Lock bytes of a file from its position on, as `msvcrt.locking` does, by locks of Linux."""
-    import fcntl
-
-    lock = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, os.lseek(held, 0, os.SEEK_CUR), count, 0)
-    try:
-        fcntl.fcntl(held, fcntl.F_OFD_SETLK, lock)
-    except BlockingIOError as error:
-        raise PermissionError from error
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux locks bytes for a file descriptor")
-@pytest.mark.parametrize("is_windows", [False, True])
-def test_only_shared_locks_are_held_together(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_windows: bool
-) -> None:
-    if is_windows:
-        monkeypatch.setattr(files, "fcntl", None)
-        monkeypatch.setattr(files, "msvcrt", SimpleNamespace(locking=locked_as_on_windows, LK_NBLCK=2))
-    for _ in range(2):
-        with FolderLock(tmp_path, is_shared=True), FolderLock(tmp_path, is_shared=True):
-            assert [path.name for path in tmp_path.iterdir()] == [".supersampler.lock"] * is_windows
-            with pytest.raises(ShotError, match="another run writes to it"):
-                FolderLock(tmp_path).take()
-        with FolderLock(tmp_path):
-            for is_shared in (False, True):
-                with pytest.raises(ShotError, match="another run writes to it"):
-                    FolderLock(tmp_path, is_shared=is_shared).take()
 
 
 def test_overwrite_removes_what_the_record_lists_and_nothing_else(shot: Path, tmp_path: Path) -> None:

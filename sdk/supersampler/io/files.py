@@ -8,22 +8,19 @@ only names that they chose, or that their own record lists and that they could h
 import os
 import re
 import secrets
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import FileIO
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Final, Self
 
 from supersampler.arguments import MAX_SIDE
 from supersampler.errors import ShotError, printable
 
-fcntl: Any = None
-msvcrt: Any = None
-if sys.platform == "win32":
-    import msvcrt
-else:
+try:
     import fcntl
+except ImportError:  # on Windows
+    fcntl = None  # type: ignore[assignment]
 
 IMAGE_PIXELS: Final = 1 << 27
 """Maximum width times height: 16384 x 8192."""
@@ -49,8 +46,6 @@ def image_size_problem(width: int, height: int) -> str | None:
 NO_ROOM = "Is the disk full or write-protected?"
 NOT_FOUND = "Is the path right, is the drive connected?"
 _LOG_BYTES = 1 << 24
-_LOCK_FILE, _LOCK_BYTES = ".supersampler.lock", 256
-"""File that a run locks on Windows, and its bytes: as many shared locks may be held."""
 _PARTIAL = ".partial"
 _PARTIAL_NAME = re.compile(rf"\.(.+)\.[0-9a-f]{{8}}{re.escape(_PARTIAL)}((?:\.[^.]+)?)")
 
@@ -113,9 +108,8 @@ def rename_partial(partial: Path, path: Path) -> None:
 class FolderLock:
     """Lock of a folder that a run writes to, for a block; it ends with the process.
 
-    `is_shared` locks may be held together, by runs that write different files. Nothing is locked until the
-    folder exists, and on network drives without locks. On Windows, where folders cannot be locked, a file in
-    the folder is.
+    `is_shared` locks may be held together, by runs that write different files. Nothing is locked on Windows,
+    where the file system has no such locks, and until the folder exists.
 
     Raises:
         ShotError: another run holds the folder.
@@ -123,7 +117,6 @@ class FolderLock:
 
     def __init__(self, folder: Path, *, is_shared: bool = False) -> None:
         self._folder, self._is_shared = folder, is_shared
-        self._place = folder / _LOCK_FILE if fcntl is None else folder
         self._held: int | None = None
 
     def __enter__(self) -> Self:
@@ -134,39 +127,21 @@ class FolderLock:
         if self._held is not None:
             os.close(self._held)
             self._held = None
-            if self._place != self._folder:
-                with suppress(OSError):  # another run holds it, too
-                    self._place.unlink()
 
     def take(self) -> None:
         """Lock the folder, if it exists by now."""
-        if self._held is not None or not is_folder(self._folder):
+        if fcntl is None or self._held is not None or not is_folder(self._folder):
             return
         with os_errors_as_shot_error(self._folder):
-            how = os.O_RDONLY if self._place == self._folder else os.O_RDWR | os.O_CREAT
-            self._held = os.open(self._place, how)
+            self._held = os.open(self._folder, os.O_RDONLY)
         try:
-            self._lock(self._held)
+            fcntl.flock(self._held, fcntl.LOCK_NB | (fcntl.LOCK_SH if self._is_shared else fcntl.LOCK_EX))
         except BlockingIOError:
-            os.close(self._held)
-            self._held = None
+            self.__exit__()
             hint = "Wait for it, stop it, or choose another folder."
             raise ShotError(self._folder, "another run writes to it", hint) from None
         except OSError:  # of a network drive
             return
-
-    def _lock(self, held: int) -> None:
-        if fcntl is not None:
-            fcntl.flock(held, fcntl.LOCK_NB | (fcntl.LOCK_SH if self._is_shared else fcntl.LOCK_EX))
-            return
-        # Windows locks bytes, each for one process: a shared lock is one byte, any other lock is all bytes
-        spans = [(byte, 1) for byte in range(_LOCK_BYTES)] if self._is_shared else [(0, _LOCK_BYTES)]
-        for first, count in spans:
-            os.lseek(held, first, os.SEEK_SET)
-            with suppress(PermissionError):
-                msvcrt.locking(held, msvcrt.LK_NBLCK, count)
-                return
-        raise BlockingIOError
 
 
 class LogFile:
