@@ -31,7 +31,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def environment() -> dict[str, str]:
-    """That of programs which use Dawn's adapter: SUPERSAMPLER_DAWN_ICD names its driver, or is empty."""
+    """Return environment variables of programs that render with Dawn's driver."""
     driver = os.environ["SUPERSAMPLER_DAWN_ICD"]
     return {"PYTHONPATH": os.pathsep.join(sys.path), **({"VK_ICD_FILENAMES": driver} if driver else {})}
 

@@ -138,19 +138,11 @@ def frames_of(
 def _next_of(parts: Iterator[PackedCrops | SupersamplerError]) -> PackedCrops | SupersamplerError:
     try:
         return next(parts)
-    except (ConnectionError, EOFError) as error:  # it ended while it passed a buffer on
-        raise _worker_ended(str(error)) from error
-    except RuntimeError as error:
-        if not str(error).startswith("DataLoader worker"):
+    except (ConnectionError, EOFError, RuntimeError) as error:  # the first two while it passes a buffer on
+        if isinstance(error, RuntimeError) and not str(error).startswith("DataLoader worker"):
             raise
-        raise _worker_ended(str(error)) from error
-
-
-def _worker_ended(reason: str) -> DataError:
-    return DataError(
-        f"A worker process that cuts training crops has ended: {reason.rstrip('. ')}. "
-        "Was there not enough memory? Run again to resume."
-    )
+        what = f"A worker process that cuts training crops has ended: {str(error).rstrip('. ')}."
+        raise DataError(f"{what} Was there not enough memory? Run again to resume.") from error
 
 
 def _as_is(crops: Any) -> Any:

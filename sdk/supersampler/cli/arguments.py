@@ -67,7 +67,7 @@ ViewLayerOption = Annotated[
     ),
 ]
 FollowLinksOption = Annotated[
-    bool,
+    bool | None,
     typer.Option(
         "--follow-links", help="Also read frames that are links to files outside of the folder of SHOT."
     ),
@@ -168,14 +168,13 @@ def open_with(
         layout, given["channel_map"] = "channels", _json_object(str(channels), "--channels")
     for name, parse in (("conventions", _conventions), ("cuts", _indices)):
         given[name] = None if given[name] is None else parse(given[name])
-    arguments = {name: value for name, value in given.items() if value is not None and value is not False}
+    arguments = {name: value for name, value in given.items() if value is not None}
     return open_source(source, layout=layout, frames=frames, guides=guides, **arguments)
 
 
 def source_of(options: dict[str, Any]) -> dict[str, str]:
     """Return the given SOURCE_OPTIONS as text, for the settings of a run."""
-    given = {key: options[key] for key in SOURCE_OPTIONS}
-    return {key: str(value) for key, value in given.items() if value is not None and value is not False}
+    return {key: str(options[key]) for key in SOURCE_OPTIONS if options[key] is not None}
 
 
 def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:

@@ -66,7 +66,7 @@ def denoise(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
-    follow_links: arguments.FollowLinksOption = False,
+    follow_links: arguments.FollowLinksOption = None,
     threads: arguments.ThreadsOption = 0,
     overwrite: arguments.OverwriteOption = False,
     json: arguments.JsonOption = False,

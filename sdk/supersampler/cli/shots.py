@@ -29,7 +29,7 @@ def info(
     layer: arguments.ViewLayerOption = None,
     channels: arguments.ChannelsOption = None,
     conventions: arguments.ConventionsOption = None,
-    follow_links: arguments.FollowLinksOption = False,
+    follow_links: arguments.FollowLinksOption = None,
 ) -> None:
     """Print a method's inputs and outputs, or a shot's properties; without argument, all names and the GPU.
 
@@ -91,7 +91,7 @@ def check(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
-    follow_links: arguments.FollowLinksOption = False,
+    follow_links: arguments.FollowLinksOption = None,
     frames: Annotated[int, typer.Option(min=2, help="Number of frames to read from the middle.")] = 6,
 ) -> None:
     """Detect the conventions of SHOT: motion, jitter and depth.
@@ -140,7 +140,7 @@ def import_shot(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
-    follow_links: arguments.FollowLinksOption = False,
+    follow_links: arguments.FollowLinksOption = None,
 ) -> None:
     """Copy frames of other programs into a shot of this package's format.
 

@@ -78,7 +78,7 @@ def upscale(
     cuts: arguments.CutsOption = None,
     reference: arguments.ReferenceOption = None,
     color_space: arguments.ColorSpaceOption = None,
-    follow_links: arguments.FollowLinksOption = False,
+    follow_links: arguments.FollowLinksOption = None,
     providers: Annotated[
         str,
         typer.Option(
