@@ -222,7 +222,8 @@ def test_pre_exposure_is_not_shown(tmp_path: Path, options: tuple[str, ...]) -> 
         with ShotWriter(tmp_path / name, name="shot", display_size=DISPLAY_SIZE, frame_rate=24.0) as writer:
             for index, factor in enumerate(factors):
                 frame = moving(index, exposure=0.5)
-                writer.write(replace(frame, color=frame.color * factor, pre_exposure=factor))  # type: ignore[operator]
+                color = np.asarray(frame.color) * np.float32(factor)
+                writer.write(replace(frame, color=color, pre_exposure=factor))
         upscale(tmp_path / name, tmp_path / f"{name} out", "--format", "png", *options)
     assert images(tmp_path / "pre out") == images(tmp_path / "plain out")
 
