@@ -308,7 +308,7 @@ def _check_reactive(mask: Array) -> None:
 
 
 def _check_gbuffers(group: str, buffers: Mapping[str, Array] | None, size: Size | None) -> None:
-    """Raise FrameError unless all are arrays of this (width, height); None: of one size."""
+    """Raise FrameError unless all G-buffers are arrays of one size: `size`, (width, height), if given."""
     for key, array in checked_buffers(group, buffers or {}).items():
         name, channels = f"{group}[{key!r}]", _GROUPS[group][key]
         if not isinstance(array, np.ndarray):

@@ -255,7 +255,7 @@ class FrameRun:
         page = self.compare and not (first == count and results.is_newest(results.record.page))
         video = self.images.video and not (first == count and results.is_newest(results.record.video))
         if self.images.video and not video:
-            results.end_file(results.record.video, count)  # a run that was killed may not have come to this
+            results.end_file(results.record.video, count)  # a run killed after its video has not stored it
         if first == count and not (page or video or all_frames):
             self.console.print(f"All {count} frames are complete already.")
             with RunProgress(self.console, 0, json=self.json) as progress:
@@ -363,8 +363,8 @@ class FrameRun:
     def _exposure_at(self, index: int, begins: int) -> float | None:
         """Return the exposure of a frame in a run of the whole shot; None if a cut begins at the frame.
 
-        Frames before the one with the index `begins`, where a run that was not stopped starts, count as far
-        as EXPOSURE_FRAMES: so a resumed run has the same exposure.
+        It is measured from EXPOSURE_FRAMES before `begins` on, the index at which an uninterrupted run
+        starts, so that a resumed run has the same exposure.
         """
         cut = self.shot.last_cut(index)
         if cut == index:

@@ -483,7 +483,7 @@ class Results:
         write_text(self.folder / record.file_name, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
 
     def _mark_replaced(self, number: int) -> None:
-        """State in the records of other runs which of their images this run replaces, from a frame on.
+        """Note in the records of other runs that this run replaces their images from a frame number on.
 
         A resumed run computes replaced images again, as they may depend on other frames.
         """

@@ -141,10 +141,10 @@ class DisplayTransform:
         return srgb_encoded((light * np.float32(factor)).clip(0.0, 1.0)).clip(0.0, 1.0)
 
     def at_pre_exposure(self, pre_exposure: float) -> "DisplayTransform":
-        """Return the transform of images that are multiplied by a pre-exposure: fixed stops are of the light.
+        """Return the transform for images that are multiplied by a pre-exposure.
 
-        An exposure that is an argument of `show` is that of the image. sRGB alone keeps the encoding of the
-        frames, and with it their pre-exposure.
+        A fixed exposure then applies to the light without pre-exposure; the `exposure` of `show` applies to
+        the image as it is. sRGB alone keeps the encoding of the frames, and with it their pre-exposure.
         """
         if self.stops is None or pre_exposure == 1.0 or not self.tone_curve:
             return self

@@ -257,7 +257,7 @@ class _RenderFolder:
         return self.record.scene is not None and self._count() <= len(self.record.frames)
 
     def describe(self, scene: RenderedScene) -> None:
-        """Store the description of the scene; ShotError if frames of it exist that it does not describe."""
+        """Store the description of the scene; ShotError if the frames that exist show another scene."""
         if self.record.scene is not None and self.record.frames:
             self._check_scene(self.record.scene, scene)
         first = scene.numbers[0] if self.request.frames is None else self.request.frames.first

@@ -218,7 +218,7 @@ SIMULATIONS = ("CLOTH", "DYNAMIC_PAINT", "FLUID", "PARTICLE_SYSTEM", "SOFT_BODY"
 
 
 def simulates(scene: Any) -> bool:
-    """Return whether an object depends on earlier frames; also if its simulation is baked."""
+    """Return whether the file has a simulation, baked or not."""
     modifiers = [modifier for item in bpy.data.objects for modifier in item.modifiers]
     return scene.rigidbody_world is not None or any(
         modifier.type in SIMULATIONS
@@ -231,7 +231,7 @@ def simulates(scene: Any) -> bool:
 
 
 def simulate(scene: Any, number: int) -> None:
-    """Go through the scene's frames before a number: simulations that are not baked run only in order."""
+    """Step through the frames before a number: simulations that are not baked must run in order."""
     first = min(scene.frame_start, number)
     if first < number and simulates(scene):
         report(note=f"frames {first} to {number - 1} are simulated, not rendered")

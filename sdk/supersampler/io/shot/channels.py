@@ -50,7 +50,7 @@ class Packing:
     high: float
 
     def encoded(self, number: float) -> list[float]:
-        """Return the values of a number's channels; bytes hold no number outside of the range."""
+        """Return what the channels store for a number; bytes clamp it to the range."""
         fraction = (number - self.low) / (self.high - self.low)
         if self.bytes_each == 0:
             return [fraction]
