@@ -118,6 +118,8 @@ def frames_of(
         prefetch_factor=AHEAD if workers else None,
     )
     parts: Any = iter(loader)
+    if workers:
+        _stop_watching(parts)
     turns = max(workers, 1)  # from each worker in turn
     end: Callable[[], None] = parts._shutdown_workers if workers else lambda: None
     atexit.register(end)  # by itself, torch leaves them to a SIGTERM at exit, which they ignore
@@ -143,6 +145,15 @@ def _next_of(parts: Iterator[PackedCrops | SupersamplerError]) -> PackedCrops | 
             raise
         what = f"A worker process that cuts training crops has ended: {str(error).rstrip('. ')}."
         raise DataError(f"{what} Was there not enough memory? Run again to resume.") from error
+
+
+def _stop_watching(parts: Any) -> None:
+    """Stop torch from raising the end of a worker in a signal handler, and so at any line of a trainer.
+
+    The wait for a frame of that worker notices it, too, within five seconds.
+    """
+    torch._C._remove_worker_pids(id(parts))
+    parts._worker_pids_set = False
 
 
 def _as_is(crops: Any) -> Any:

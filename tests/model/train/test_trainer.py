@@ -4,6 +4,7 @@ import csv
 import dataclasses
 import errno
 import multiprocessing
+import multiprocessing.connection
 import os
 import re
 import shutil
@@ -128,6 +129,7 @@ def test_the_end_of_a_worker_is_one_line(dataset: Dataset, tmp_path: Path) -> No
     run.run(until=1)
     for worker in multiprocessing.active_children():
         worker.kill()
+        multiprocessing.connection.wait([worker.sentinel])  # nothing is raised before its next frame is due
     with pytest.raises(DataError, match=r"worker process .* ended.* Run again to resume") as caught:
         run.run(until=500)
     assert "\n" not in str(caught.value)
