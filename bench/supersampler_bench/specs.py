@@ -77,7 +77,7 @@ MATTE = {
 def incompatibility(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
     """Return why a method does not run on some frames; "" if it does.
 
-    `gbuffers` are the names of the G-buffers that the frames have; None: frames get those that they lack.
+    `gbuffers` are the names of the frames' G-buffers; with None, missing ones get default values.
     """
     info = read_model_info(find_model(model))
     if info.extrapolates:

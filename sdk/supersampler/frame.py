@@ -195,6 +195,13 @@ def checked_pre_exposure(pre_exposure: float) -> float:
     return number
 
 
+def checked_values(
+    jitter: Sequence[float], exposure: float | None, pre_exposure: float
+) -> tuple[tuple[float, float], float | None, float]:
+    """Return jitter, exposure and pre-exposure of a frame as plain numbers; FrameError if one is invalid."""
+    return checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
+
+
 def checked_reset(reset: object) -> bool:
     """Return a frame's reset flag; raise FrameError unless it is True or False."""
     flag = as_flag(reset)

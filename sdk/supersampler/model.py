@@ -8,45 +8,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, cast, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.arguments import (
-    AtRest,
-    ExecutorName,
-    Precision,
-    check_out,
-    checked_choice,
-    checked_flag,
-    checked_names,
-    checked_path,
-    checked_size,
-    checked_threads,
-    ieee_arithmetic,
-)
+from supersampler import arguments
+from supersampler.arguments import AtRest, ExecutorName, Precision
 from supersampler.backends.base import Executor, StepReport, StepRequest
 from supersampler.backends.cpu.executor import CpuExecutor
 from supersampler.backends.cpu.ids import IdHistory, IdRequest, resample_ids
 from supersampler.backends.cpu.library import aligned
+from supersampler.backends.onnx import tensors as onnx_tensors
 from supersampler.backends.onnx.executor import AovBlender, OnnxExecutor
 from supersampler.backends.onnx.runtime import CPU, resolve_providers
 from supersampler.backends.onnx.session import pixels_of, vector_inputs
-from supersampler.backends.onnx.tensors import (
-    Tensor,
-    checked_tensors,
-    graph_inputs,
-    ort_value_of,
-    render_size_of,
-    shares_memory,
-)
+from supersampler.backends.onnx.tensors import Tensor
 from supersampler.conventions.jitter import check_ratio
 from supersampler.errors import ArgumentError, FrameError, shown
-from supersampler.frame import (
-    Float32,
-    Frame,
-    Size,
-    checked_exposure,
-    checked_frame,
-    checked_jitter,
-    checked_pre_exposure,
-)
+from supersampler.frame import Float32, Frame, Size, checked_frame, checked_values
 from supersampler.history import History, StepResult
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
 from supersampler.methods.at_rest import ADDED, check_history, converged_fraction
@@ -154,10 +129,11 @@ class Model:
             DeviceError: there is no GPU, or it does not compile the shaders.
             ArgumentError: an argument is unknown, or the model does not support the combination.
         """
-        threads = checked_threads(threads)
-        executor = checked_choice("executor", executor, get_args(ExecutorName))
-        precision = checked_choice("precision", precision, get_args(Precision))
-        info, names = read_upscaling_info(checked_path("model", name_or_path)), resolve_providers(providers)
+        threads = arguments.checked_threads(threads)
+        executor = arguments.checked_choice("executor", executor, get_args(ExecutorName))
+        precision = arguments.checked_choice("precision", precision, get_args(Precision))
+        info = read_upscaling_info(arguments.checked_path("model", name_or_path))
+        names = resolve_providers(providers)
         chosen = choose_executor(info, names, threads, executor, precision, device=device)
         if info.extrapolated is None or not isinstance(chosen, OnnxExecutor):
             return cls(info, chosen, threads)
@@ -204,8 +180,8 @@ class Model:
             FrameError: the method does not support this ratio.
             ArgumentError: a size is not a valid image size.
         """
-        render_size = checked_size("render_size", render_size)
-        display_size = checked_size("display_size", display_size)
+        render_size = arguments.checked_size("render_size", render_size)
+        display_size = arguments.checked_size("display_size", display_size)
         check_ratio(self.info.ratios, render_size, display_size)
         history, working = self._executor.required_bytes(display_size, render_size)
         multiply_adds = round(self.info.multiply_adds * display_size[0] * display_size[1])
@@ -217,11 +193,11 @@ class Model:
         Raises:
             ArgumentError: a size is not a valid image size.
         """
-        display = checked_size("display_size", display_size)
-        render = checked_size("render_size", render_size)
+        display = arguments.checked_size("display_size", display_size)
+        render = arguments.checked_size("render_size", render_size)
         return History(display, render, self._executor.zeros(display, render), kind=self._kind)
 
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def run(
         self,
         frame: Frame,
@@ -268,8 +244,9 @@ class Model:
                 channels than the previous frame.
             ArgumentError: see `run`; or the model lacks an output.
         """
-        at_rest, skip = checked_choice("at_rest", at_rest, get_args(AtRest)), checked_flag("skip", skip)
-        outputs = checked_names("outputs", outputs)
+        at_rest = arguments.checked_choice("at_rest", at_rest, get_args(AtRest))
+        skip = arguments.checked_flag("skip", skip)
+        outputs = arguments.checked_names("outputs", outputs)
         self._check_histories(history, history_out)
         self.check(checked_frame(frame), history.display_size, outputs, history, out)
         step = ModelStep(frame, history, outputs, out, history_out, ADDED[at_rest], skip)
@@ -295,7 +272,7 @@ class Model:
         check_ratio(self.info.ratios, frame.size, display_size)
         check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
         for name in outputs:
-            checked_choice("outputs", name, ("aovs", "ids", *self.info.maps))
+            arguments.checked_choice("outputs", name, ("aovs", "ids", *self.info.maps))
         if "aovs" in outputs:
             channels = None if frame.aovs is None else frame.aovs.shape[2]
             _check_channels("aovs", channels, self._aov_channels(previous))
@@ -303,7 +280,7 @@ class Model:
             before = None if previous is None or previous.ids is None else previous.ids.ids.shape[2]
             _check_channels("ids", None if frame.ids is None else frame.ids.shape[2], before)
         if out is not None:
-            check_out(out, (*display_size[::-1], 3), arrays_by_name(frame).values())
+            arguments.check_out(out, (*display_size[::-1], 3), arrays_by_name(frame).values())
 
     def run_checked(
         self, steps: Sequence[ModelStep]
@@ -404,15 +381,17 @@ class Model:
             want = "'onnx', which takes tensors"
             raise ArgumentError("executor", got=repr(self._executor.name), want=want)
         self._check_histories(history, history_out)
-        jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
-        pre_exposure, display = checked_pre_exposure(pre_exposure), history.display_size
+        jitter, exposure, pre_exposure = checked_values(jitter, exposure, pre_exposure)
+        display = history.display_size
         vectors = vector_inputs(jitter, exposure, display, pre_exposure, adds_samples=adds_samples)
-        given = graph_inputs(self.info.inputs, checked_tensors(tensors), vectors, self.device)
-        render_size = render_size_of(given["color"])
+        given = onnx_tensors.graph_inputs(
+            self.info.inputs, onnx_tensors.checked_tensors(tensors), vectors, self.device
+        )
+        render_size = onnx_tensors.render_size_of(given["color"])
         check_ratio(self.info.ratios, render_size, display)
         next_history = self._next_history(history_out, display, render_size)
-        target = None if out is None else ort_value_of(out, "out", ArgumentError)
-        if target is not None and any(shares_memory(target, value) for value in given.values()):
+        target = None if out is None else onnx_tensors.ort_value_of(out, "out", ArgumentError)
+        if target is not None and any(onnx_tensors.shares_memory(target, value) for value in given.values()):
             raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
         image = self._executor.step_tensors(given, display, history.buffers, next_history.buffers, target)
         return (image if out is None else out), next_history
@@ -478,8 +457,8 @@ class Model:
         Raises:
             ArgumentError: an array has a wrong name, type, shape or range, or does not fit into memory.
         """
-        display = checked_size("state.display_size", display_size)
-        render = checked_size("state.render_size", render_size)
+        display = arguments.checked_size("state.display_size", display_size)
+        render = arguments.checked_size("state.render_size", render_size)
         specs = {
             t.name: ArraySpec(t.type, t.shape_for(render=render, display=display), values_of(t.name))
             for t in self.info.history

@@ -13,35 +13,13 @@ from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias, get_args, ove
 import numpy as np
 from numpy.lib.array_utils import byte_bounds
 
-from supersampler.arguments import (
-    AtRest,
-    ExecutorName,
-    Precision,
-    PresetName,
-    Validate,
-    as_index,
-    checked_choice,
-    checked_flag,
-    checked_names,
-    checked_path,
-    checked_scale,
-    checked_size,
-    ieee_arithmetic,
-)
+from supersampler import arguments
+from supersampler.arguments import AtRest, ExecutorName, Precision, PresetName, Validate
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
 from supersampler.conventions.jitter import display_size_of
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.extrapolation import Extrapolator, ShadedHistory, extrapolator_beside
-from supersampler.frame import (
-    Float32,
-    Frame,
-    Size,
-    checked_exposure,
-    checked_frame,
-    checked_jitter,
-    checked_pre_exposure,
-    checked_reset,
-)
+from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset, checked_values
 from supersampler.history import STATE_VERSION, History, State, Stats, StepResult
 from supersampler.methods.at_rest import ADDED
 from supersampler.methods.gbuffers import GBUFFERS, arrays_by_name, black
@@ -160,19 +138,21 @@ class Upscaler:
         if (display_size is None) == (scale is None):
             got = "neither" if scale is None else "both"
             raise ArgumentError("display_size or scale", got=got, want="one of the two")
-        display_size = None if display_size is None else checked_size("display_size", display_size)
-        self._scale = 1.0 if scale is None else checked_scale(scale)
-        self._render_size = None if render_size is None else checked_size("render_size", render_size)
+        display_size = None if display_size is None else arguments.checked_size("display_size", display_size)
+        self._scale = 1.0 if scale is None else arguments.checked_scale(scale)
+        self._render_size = (
+            None if render_size is None else arguments.checked_size("render_size", render_size)
+        )
         if display_size is None and self._render_size is not None:
             display_size = display_size_of(self._render_size, self._scale)
-        record = None if record is None else checked_path("record", record)
-        self.at_rest = checked_choice("at_rest", at_rest, get_args(AtRest))
-        self.skip = checked_flag("skip", skip)
+        record = None if record is None else arguments.checked_path("record", record)
+        self.at_rest = arguments.checked_choice("at_rest", at_rest, get_args(AtRest))
+        self.skip = arguments.checked_flag("skip", skip)
         model, precision = preset_model(preset, model, precision)
         if isinstance(model, Model):
             words = {"providers": providers, "executor": executor, "precision": precision}
             given = [name for name, word in words.items() if not (isinstance(word, str) and word == "auto")]
-            given += ["threads"] * (as_index(threads) != 0)
+            given += ["threads"] * (arguments.as_index(threads) != 0)
             if given:
                 raise ArgumentError(" and ".join(given), got="set with a Model", want="set in Model.load")
             self.model = model
@@ -180,7 +160,7 @@ class Upscaler:
             self.model = Model.load(
                 model, providers=providers, threads=threads, executor=executor, precision=precision
             )
-        validate = checked_choice("validate", validate, get_args(Validate))
+        validate = arguments.checked_choice("validate", validate, get_args(Validate))
         self._new_checker = partial(FrameChecker, validate, converges=self.model.info.converges)
         self._camera = CameraState(display_size, self._new_checker())
         self._extrapolator: Extrapolator | None = None
@@ -223,7 +203,10 @@ class Upscaler:
             FrameError: the method does not support this ratio.
             ModelError, ProviderError, ArgumentError: see `Model.load`.
         """
-        sizes = checked_size("render_size", render_size), checked_size("display_size", display_size)
+        sizes = (
+            arguments.checked_size("render_size", render_size),
+            arguments.checked_size("display_size", display_size),
+        )
         loaded = Model.load(
             model, providers=providers, threads=threads, executor=executor, precision=precision
         )
@@ -253,7 +236,7 @@ class Upscaler:
     @overload
     def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]) -> _Out: ...
 
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def step(self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()) -> _Out:
         """Upscale the next frame.
 
@@ -300,7 +283,7 @@ class Upscaler:
     ) -> list[StepResult]: ...
 
     @staticmethod
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def step_many(
         upscalers: "Sequence[Upscaler]",
         frames: Sequence[Frame],
@@ -337,7 +320,7 @@ class Upscaler:
         """
         started = time.perf_counter()
         upscalers, frames = _checked_views(upscalers, frames, out)
-        steps, following, names = [], [], checked_names("outputs", outputs)
+        steps, following, names = [], [], arguments.checked_names("outputs", outputs)
         for view, (upscaler, frame) in enumerate(zip(upscalers, frames, strict=True)):
             try:
                 upscaler._checked_call(frame, names)
@@ -374,7 +357,7 @@ class Upscaler:
     @overload
     def extrapolate(self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]) -> _Out: ...
 
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def extrapolate(self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()) -> _Out:
         """Upscale the next frame, which was not shaded: the last shaded frame provides the colour.
 
@@ -404,7 +387,7 @@ class Upscaler:
             results.append(self._upscale(model, frame, shaded_frame, shaded, out, outputs, took))
         return results[0] if outputs else results[0].image
 
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def step_computed(self, frame: Frame, color: Float32, *, outputs: Collection[str] = ()) -> _Out:
         """Upscale the next frame, which was not shaded, with a colour that the caller has computed.
 
@@ -432,7 +415,7 @@ class Upscaler:
         result = self._upscale(model, frame, shaded_frame, None, None, outputs)
         return result if outputs else result.image
 
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def step_tensors(
         self,
         tensors: Mapping[str, Tensor],
@@ -471,7 +454,7 @@ class Upscaler:
         """
         self._check_open()
         tensors, reset = checked_tensors(tensors), checked_reset(reset)
-        pre_exposure = checked_pre_exposure(pre_exposure)
+        jitter, exposure, pre_exposure = checked_values(jitter, exposure, pre_exposure)
         recorded: AbstractContextManager[list[Tensor]] = nullcontext([])
         if self._recorder is not None:
             recorded = self._recorder.step_tensors(
@@ -489,7 +472,7 @@ class Upscaler:
             results.append(image)
         return image
 
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def step_textures(
         self,
         images: Mapping[str, "_DeviceImage"],
@@ -574,16 +557,7 @@ class Upscaler:
         The next call continues from this frame: submit frames in order, each once. Call `reset` if an encoder
         is not submitted. See `step_textures` for arguments, result and errors.
         """
-        # other backends do not need it
-        from supersampler.backends.gpu.frame import (
-            DeviceFrame,
-            check_apart,
-            check_encoder,
-            checked_aovs,
-            checked_images,
-            checked_target,
-            is_texture,
-        )
+        from supersampler.backends.gpu import frame as gpu_frame  # other backends do not need it
 
         self._check_open()
         started, gpu = time.perf_counter(), self.model.gpu
@@ -593,24 +567,24 @@ class Upscaler:
             raise ArgumentError(
                 "step_textures", got="called while recording", want="one of the two", hint=hint
             )
-        check_encoder(encoder, gpu.device)
+        gpu_frame.check_encoder(encoder, gpu.device)
         names = [tensor.name for tensor in self.model.info.inputs]
-        size = None if render_size is None else checked_size("render_size", render_size)
+        size = None if render_size is None else arguments.checked_size("render_size", render_size)
         read = [*names, "depth"] if aovs else names  # motion is dilated by depth
         may_be_larger = size is not None
-        given, size = checked_images(images, read, size, self.display_size_for, gpu.device)
+        given, size = gpu_frame.checked_images(images, read, size, self.display_size_for, gpu.device)
         reset = checked_reset(reset)
-        values = checked_jitter(jitter), checked_exposure(exposure), checked_pre_exposure(pre_exposure)
+        values = checked_values(jitter, exposure, pre_exposure)
         display = self.display_size_for(size)
-        blended = checked_aovs(
+        blended = gpu_frame.checked_aovs(
             aovs, aovs_out, size, display, gpu.device,
-            in_textures=is_texture(given["color"]), may_be_larger=may_be_larger,
+            in_textures=gpu_frame.is_texture(given["color"]), may_be_larger=may_be_larger,
         )  # fmt: skip
-        image = gpu.new_image(display) if out is None else checked_target(out, display, gpu.device)
-        check_apart([image, *aovs_out], [*given.values(), *aovs])
+        image = gpu.new_image(display) if out is None else gpu_frame.checked_target(out, display, gpu.device)
+        gpu_frame.check_apart([image, *aovs_out], [*given.values(), *aovs])
         history = self._history(size, reset=reset)
         next_history = self.model.encode(
-            encoder, DeviceFrame(given, size, *values, blended), history, image, self._camera.spare,
+            encoder, gpu_frame.DeviceFrame(given, size, *values, blended), history, image, self._camera.spare,
             adds_samples=ADDED[self.at_rest], skip=self.skip,
         )  # fmt: skip
         self._advance(history, next_history, time.perf_counter() - started, self._new_checker())
@@ -623,7 +597,7 @@ class Upscaler:
             self._recorder.reset()
         self._camera = self._camera._replace(history=None, shaded=None, checker=self._new_checker())
 
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def warm_up(self, render_size: Size | None = None) -> None:
         """Step on a black frame, so that the first `step` is fast; the history is unchanged.
 
@@ -631,7 +605,9 @@ class Upscaler:
             ArgumentError: `render_size` is missing here and in the constructor.
         """
         self._check_open()
-        size = checked_size("render_size", self._render_size if render_size is None else render_size)
+        size = arguments.checked_size(
+            "render_size", self._render_size if render_size is None else render_size
+        )
         display_size = self.display_size_for(size)
         frame = black(self.gbuffers, size, display_size)
         if self._extrapolator is not None:
@@ -778,7 +754,7 @@ class Upscaler:
         """Check the arguments that a recording stores; return the names of the outputs."""
         self._check_open()
         checked_frame(frame)
-        return checked_names("outputs", outputs)
+        return arguments.checked_names("outputs", outputs)
 
     def _check_open(self) -> None:
         if self._closed:
@@ -799,14 +775,14 @@ class Upscaler:
             ArgumentError: it does not fit this Upscaler.
         """
         version = getattr(state, "version", None)
-        if as_index(version) != STATE_VERSION:
+        if arguments.as_index(version) != STATE_VERSION:
             hint = "Load it with the version of supersampler that saved it, or start without a state."
             raise ArgumentError("state", got=f"of version {version!r}", want=f"{STATE_VERSION}", hint=hint)
         method = self.model.info.method
         if state.method != method:
             raise ArgumentError("state", got=f"of {state.method!r}", want=f"of {method!r}")
         display, render = (
-            None if size is None else checked_size(f"state.{name}", size)
+            None if size is None else arguments.checked_size(f"state.{name}", size)
             for name, size in (("display_size", state.display_size), ("render_size", state.render_size))
         )
         if None not in (self.display_size, display) and self.display_size != display:
@@ -869,10 +845,10 @@ def preset_model(
     Raises:
         ArgumentError: a value is unknown, or a preset is given together with a value that it sets.
     """
-    precision = checked_choice("precision", precision, get_args(Precision))
+    precision = arguments.checked_choice("precision", precision, get_args(Precision))
     if preset is None:
         return "classifier" if model is None else model, precision
-    checked_choice("preset", preset, get_args(PresetName))
+    arguments.checked_choice("preset", preset, get_args(PresetName))
     if model is not None or precision != "auto":
         got = f"{preset!r} with a model or a precision"
         raise ArgumentError("preset", got=got, want="either a preset, or a model and a precision")

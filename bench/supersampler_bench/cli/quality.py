@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from supersampler import ArgumentError
-from supersampler.cli.arguments import SOURCE_OPTIONS, ConventionsOption, open_with, parse_size
+from supersampler.cli.arguments import ConventionsOption, SourceOptions, open_with, parse_size
 from supersampler.cli.terminal import Terminal, echo
 from supersampler_bench.cli import options
 from supersampler_bench.record import read_record, write_json
@@ -147,9 +147,9 @@ def denoise(
     from supersampler_bench.quality.denoise_record import DenoiseRecord
     from supersampler_bench.quality.denoise_references import find_references
 
-    given = {**dict.fromkeys(SOURCE_OPTIONS), "layout": "auto", "conventions": conventions}
+    source = SourceOptions(conventions=conventions)
     folders = [folder.absolute() for folder in renders]  # "." has neither a name nor a parent
-    shots = [open_with(str(folder), given, guides="denoising") for folder in folders]
+    shots = [open_with(str(folder), source, guides="denoising") for folder in folders]
     files = [find_references(folder, scene_and_samples(folder)[0], reference) for folder in folders]
     total = sum(len(span_of(*pair)) for pair in zip(shots, files, strict=True))
     rows = []

@@ -178,7 +178,7 @@ class Metered:
         return image
 
     def singles(self, frames: Sequence[Frame]) -> list[Frame]:
-        """Return the frames, which have been denoised, each denoised by itself."""
+        """Return the frames with the colour and guides that the denoiser made of each frame alone."""
         done = []
         for frame, (clean, (albedo, normal)) in zip(frames, self._singles, strict=True):
             color = clean * np.float32(frame.pre_exposure)

@@ -55,7 +55,7 @@ class RenderRow:
     size: Size
     frames: list[int]  # numbers of the denoised frames
     reference_frames: list[int]  # numbers of the scored frames
-    reference_files: int  # minimum number of files that a reference is the mean of
+    reference_files: int  # of the reference that averages the fewest files
     reference_is_denoised: bool  # whether the references were denoised, each by itself
     scored: float  # fraction of the pixels that was scored
     per_frame: str  # "oidn"; "none" if the frames came denoised

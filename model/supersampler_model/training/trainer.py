@@ -80,7 +80,7 @@ class Trainer:
     Attributes:
         initial: provenance of the weights that the run has started with, {} for random ones.
         frames: number of training frames that are rendered.
-        frames_before: the same when the checkpoint was written.
+        frames_before: number of rendered training frames when the checkpoint was written.
         attributions: attributions that the data requires; by default those of the start of the run.
 
     Args:

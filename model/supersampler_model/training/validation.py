@@ -38,7 +38,7 @@ class SequenceRunner:
 
     @torch.no_grad()
     def step(self, frame: TrainingFrame) -> Tensor | None:
-        """Return the image of the next frame, (1, 3, H, W) linear RGB; None: it has none."""
+        """Return the image of the next frame, (1, 3, H, W) linear RGB, or None if the method makes none."""
         if frame.reset or not self.history:
             self.history = self._method.first_history(self._display, ops.Size(*frame.depth.shape[::-1]))
         return self._image(frame)

@@ -1,8 +1,11 @@
 """Command-line options that several commands share, and parsers of their values."""
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from enum import StrEnum
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,20 +16,11 @@ from supersampler.errors import ArgumentError, ShotError, did_you_mean
 from supersampler.frame import Size
 
 if TYPE_CHECKING:
-    from supersampler.io.display_transforms import DisplayTransform
+    from supersampler.cli.results import ImageOptions
     from supersampler.io.shot import Shot
 
 Layout = Literal["auto", "blender", "channels", "arm"]
-
 Compare = Annotated[bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")]
-
-LayoutOption = Annotated[Layout, typer.Option(help="Layout of the files; auto detects it.")]
-JitterOption = Annotated[
-    Path | None,
-    typer.Option(
-        help="JSON file: [[x, y], ...], one pair per frame.", show_default="jitter.json beside the frames"
-    ),
-]
 ChannelsOption = Annotated[
     Path | None,
     typer.Option(
@@ -42,24 +36,6 @@ ConventionsOption = Annotated[
         "frames use this package's units and signs (docs/conventions.md)."
     ),
 ]
-FrameRateOption = Annotated[
-    float | None, typer.Option(help="Frames per second.", show_default="from the files, or 24")
-]
-CutsOption = Annotated[
-    str | None, typer.Option(help="Indices of the first frames after cuts, from 0: 48,120.")
-]
-ReferenceOption = Annotated[
-    str | None,
-    typer.Option(metavar="PATTERN", help="Reference images in the folder of the frames: reference/*.exr."),
-]
-ColorSpaceOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="Colour space of the frames, such as ACEScg; no pixel is converted.",
-        show_default="from the files, or lin_rec709",
-    ),
-]
 ViewLayerOption = Annotated[
     str | None,
     typer.Option(
@@ -72,35 +48,6 @@ FollowLinksOption = Annotated[
         "--follow-links", help="Also read frames that are links to files outside of the folder of SHOT."
     ),
 ]
-SOURCE_OPTIONS = (
-    "layout", "layer", "jitter", "channels", "conventions", "frame_rate", "cuts", "reference", "color_space",
-    "follow_links",
-)  # fmt: skip
-"""Parameters of the options above; see `open_with`."""
-
-Ocio = Annotated[
-    str | None,
-    typer.Option(
-        "--ocio",
-        metavar="CONFIG",
-        help="OpenColorIO configuration for png, tif, mp4: a file, ocio://default, or "
-        "ocio://studio-config-latest (ACES 2).",
-        show_default="with --display, --view or --look: $OCIO, or the studio config",
-    ),
-]
-Display = Annotated[str | None, typer.Option(help="Display of the configuration.", show_default="its first")]
-View = Annotated[str | None, typer.Option(help="View of that display.", show_default="the display's first")]
-Look = Annotated[str | None, typer.Option(help="Look of the configuration.", show_default="the view's")]
-Exposure = Annotated[
-    float | None,
-    typer.Option(
-        metavar="STOPS",
-        help="Exposure of png, tif, mp4.",
-        show_default="the frame's, or measured; 0 with --ocio",
-    ),
-]
-DISPLAY_OPTIONS = ("ocio", "display", "view", "look", "exposure")
-"""Parameters of the options above; see `display_transform_of`."""
 
 # Enums, as typer does not support lists of a Literal.
 ImageFormat = StrEnum("ImageFormat", ["exr", "png", "tif"])
@@ -121,41 +68,181 @@ FramesOption = Annotated[
     str | None,
     typer.Option(metavar="FIRST-LAST", help="Numbers of the frames to write: 10-50.", show_default="all"),
 ]
-FormatOption = Annotated[
-    list[Format] | None,
-    typer.Option(
-        help="exr: linear half floats. png, tif, mp4: as displayed. Repeat it for several.",
-        show_default="exr; sRGB frames keep theirs",
-    ),
-]
-NameOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME.####", help="Names of the results; #### is the number.", show_default="as the frames"
-    ),
-]
-CompressionOption = Annotated[
-    Literal["zip", "dwaa", "piz", "none"], typer.Option(help="EXR compression; dwaa is lossy.")
-]
 ThreadsOption = Annotated[int, typer.Option(min=0, help="CPU threads; 0 uses every core.")]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace the results of an earlier run.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print a line of JSON per frame to stdout.")]
 
 
+@dataclass(frozen=True, kw_only=True)
+class SourceOptions:
+    """Options that say how to read SHOT; see `open_with`."""
+
+    layout: Annotated[Layout, typer.Option(help="Layout of the files; auto detects it.")] = "auto"
+    layer: ViewLayerOption = None
+    jitter: Annotated[
+        Path | None,
+        typer.Option(
+            help="JSON file: [[x, y], ...], one pair per frame.",
+            show_default="jitter.json beside the frames",
+        ),
+    ] = None
+    channels: ChannelsOption = None
+    conventions: ConventionsOption = None
+    frame_rate: Annotated[
+        float | None, typer.Option(help="Frames per second.", show_default="from the files, or 24")
+    ] = None
+    cuts: Annotated[
+        str | None, typer.Option(help="Indices of the first frames after cuts, from 0: 48,120.")
+    ] = None
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PATTERN", help="Reference images in the folder of the frames: reference/*.exr."
+        ),
+    ] = None
+    color_space: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Colour space of the frames, such as ACEScg; no pixel is converted.",
+            show_default="from the files, or lin_rec709",
+        ),
+    ] = None
+    follow_links: FollowLinksOption = None
+
+    def to_json(self) -> dict[str, str]:
+        """Return the given options as text, for the settings of a run."""
+        return {name: str(value) for name, value in asdict(self).items() if value is not None}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileOptions:
+    """Options that say which files to write for each frame."""
+
+    format: Annotated[
+        list[Format] | None,
+        typer.Option(
+            help="exr: linear half floats. png, tif, mp4: as displayed. Repeat it for several.",
+            show_default="exr; sRGB frames keep theirs",
+        ),
+    ] = None
+    name: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME.####",
+            help="Names of the results; #### is the number.",
+            show_default="as the frames",
+        ),
+    ] = None
+    compression: Annotated[
+        Literal["zip", "dwaa", "piz", "none"], typer.Option(help="EXR compression; dwaa is lossy.")
+    ] = "zip"
+    ocio: Annotated[
+        str | None,
+        typer.Option(
+            "--ocio",
+            metavar="CONFIG",
+            help="OpenColorIO configuration for png, tif, mp4: a file, ocio://default, or "
+            "ocio://studio-config-latest (ACES 2).",
+            show_default="with --display, --view or --look: $OCIO, or the studio config",
+        ),
+    ] = None
+    display: Annotated[
+        str | None, typer.Option(help="Display of the configuration.", show_default="its first")
+    ] = None
+    view: Annotated[
+        str | None, typer.Option(help="View of that display.", show_default="the display's first")
+    ] = None
+    look: Annotated[
+        str | None, typer.Option(help="Look of the configuration.", show_default="the view's")
+    ] = None
+    exposure: Annotated[
+        float | None,
+        typer.Option(
+            metavar="STOPS",
+            help="Exposure of png, tif, mp4.",
+            show_default="the frame's, or measured; 0 with --ocio",
+        ),
+    ] = None
+    compare: Compare = False
+
+    def images(self, shot: "Shot") -> "ImageOptions":
+        """Return the options of a shot's images; by default, sRGB-encoded frames keep their format and bits.
+
+        Raises:
+            ArgumentError: the name is invalid; or see `display_transform_from`.
+            ShotError: the OpenColorIO configuration cannot be read.
+        """
+        from supersampler.cli.results import ImageOptions, name_pattern
+        from supersampler.io.display_transforms import REC709, display_transform_from
+        from supersampler.io.images import space_of_role
+
+        stored, srgb, space = shot.stored_as, shot.conventions.srgb, shot.info.known_color_space
+        same = srgb and stored.format in ("png", "tif")
+        transform = display_transform_from(
+            color_space=REC709 if space is None else space, srgb=srgb, ocio=self.ocio, display=self.display,
+            view=self.view, look=self.look, exposure=self.exposure,
+        )  # fmt: skip
+        if space is not None and transform.ocio is not None:
+            space = space_of_role(transform.ocio.config, space)
+        return ImageOptions(
+            formats=[str(item) for item in self.format or [stored.format if same else "exr"]],
+            name=shot.info.file_names if self.name is None else name_pattern(self.name),
+            transform=transform,
+            compression=self.compression,
+            bits=16 if same and stored.type == "uint16" else 8,
+            color_space=space,
+        )
+
+    def unused(self, formats: Collection[str], *, passes: int, **others: object) -> list[str]:
+        """Return lines to print about given options that have no effect.
+
+        `formats` are those of the results, `others` the options maps and scratch, if the command has them.
+        """
+        shows = self.compare or {*formats} != {"exr"}
+        display = ("ocio", "display", "view", "look", "exposure")
+        needed = {} if shows else dict.fromkeys(display, "another --format")
+        needed |= {} if self.compare else {"maps": "--compare"}
+        needed |= {} if passes == 2 else {"scratch": "--passes 2"}
+        given = {**asdict(self), **others}
+        unused = [name for name in needed if given.get(name) not in (None, False)]
+        return [f"--{name} has no effect without {needed[name]}." for name in unused]
+
+
+def with_option_groups(command: Callable[..., None]) -> Callable[..., None]:
+    """Decorator: a parameter of a dataclass type, such as SourceOptions, becomes an option for each field."""
+    parameters: list[Parameter] = []
+    groups: dict[str, Any] = {}
+    for parameter in signature(command, eval_str=True).parameters.values():
+        kind = parameter.annotation
+        if is_dataclass(kind):
+            groups[parameter.name] = kind
+            parameters += [
+                Parameter(each.name, Parameter.KEYWORD_ONLY, default=each.default, annotation=each.type)
+                for each in fields(kind)
+            ]
+        else:
+            parameters.append(parameter.replace(kind=Parameter.KEYWORD_ONLY))
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        for name, kind in groups.items():
+            given[name] = kind(**{each.name: given.pop(each.name) for each in fields(kind)})
+        command(**given)
+
+    run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in parameters}
+    return run
+
+
 def open_with(
     source: str,
-    options: dict[str, Any],
+    options: SourceOptions,
     frames: tuple[int, int] | None = None,
     *,
     guides: Literal["surface", "denoising"] = "surface",
 ) -> "Shot":
-    """Open a shot, a folder, a pattern or a file.
-
-    Args:
-        source: its path.
-        options: values of the parameters SOURCE_OPTIONS; others are ignored.
-        frames: see `open_source`.
-        guides: see `import_blender`; other layouts ignore it.
+    """Open a shot, a folder, a pattern or a file; for `frames` and `guides` see `open_source`.
 
     Raises:
         ArgumentError: an option is wrong, or the layout does not use it.
@@ -163,18 +250,14 @@ def open_with(
     """
     from supersampler.io.shot.sources import open_source
 
-    layout, given = options["layout"], {name: options[name] for name in SOURCE_OPTIONS[1:]}
-    if (channels := given.pop("channels")) is not None:
+    given = asdict(options)
+    layout, channels = given.pop("layout"), given.pop("channels")
+    if channels is not None:
         layout, given["channel_map"] = "channels", _json_object(str(channels), "--channels")
     for name, parse in (("conventions", _conventions), ("cuts", _indices)):
         given[name] = None if given[name] is None else parse(given[name])
     arguments = {name: value for name, value in given.items() if value is not None}
     return open_source(source, layout=layout, frames=frames, guides=guides, **arguments)
-
-
-def source_of(options: dict[str, Any]) -> dict[str, str]:
-    """Return the given SOURCE_OPTIONS as text, for the settings of a run."""
-    return {key: str(options[key]) for key in SOURCE_OPTIONS if options[key] is not None}
 
 
 def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
@@ -195,32 +278,6 @@ def source_notes(shot: "Shot", copied: Collection[str] = ()) -> list[str]:
     if shot.info.known_color_space is None:
         notes.append("The files' headers have unknown primaries. State the colour space: --color-space NAME.")
     return notes
-
-
-def unused_options(options: dict[str, Any], formats: Collection[str]) -> list[str]:
-    """Return lines to print about given options that other options make useless.
-
-    `formats` are those of the results.
-    """
-    compare = options["compare"]
-    needed = {} if compare or {*formats} != {"exr"} else dict.fromkeys(DISPLAY_OPTIONS, "another --format")
-    needed |= {} if compare else {"maps": "--compare"}
-    needed |= {} if options["passes"] == 2 else {"scratch": "--passes 2"}
-    given = [name for name in needed if options.get(name) not in (None, False)]
-    return [f"--{name} has no effect without {needed[name]}." for name in given]
-
-
-def display_transform_of(color_space: str, *, srgb: bool, options: dict[str, Any]) -> "DisplayTransform":
-    """Return the display transform of DISPLAY_OPTIONS; other `options` are ignored.
-
-    Raises:
-        ArgumentError: see `display_transform_from`.
-        ShotError: the configuration cannot be read.
-    """
-    from supersampler.io.display_transforms import display_transform_from
-
-    given = {name: options[name] for name in DISPLAY_OPTIONS}
-    return display_transform_from(color_space=color_space, srgb=srgb, **given)
 
 
 def parse_size(text: str, option: str = "size") -> Size:

@@ -6,16 +6,18 @@ from typing import Annotated, Literal
 import typer
 
 from supersampler.cli import arguments
-from supersampler.cli.arguments import open_with, source_notes, source_of, unused_options
+from supersampler.cli.arguments import open_with, source_notes, with_option_groups
 from supersampler.cli.terminal import Terminal, echo
 
 _RUN_OPTIONS = (
-    "output", "compare", "per_frame", "passes", "lookahead", "samples", "threads", "overwrite", "json",
+    "output", "per_frame", "passes", "lookahead", "samples", "threads", "overwrite", "json",
 )  # fmt: skip
 """Parameters that are passed to `DenoiseRun` unchanged."""
 
 
+@with_option_groups
 def denoise(
+    *,
     shot: Annotated[
         str,
         typer.Argument(
@@ -48,25 +50,8 @@ def denoise(
         ),
     ] = None,
     frames: arguments.FramesOption = None,
-    format: arguments.FormatOption = None,  # noqa: A002  # the option's name
-    name: arguments.NameOption = None,
-    compression: arguments.CompressionOption = "zip",
-    ocio: arguments.Ocio = None,
-    display: arguments.Display = None,
-    view: arguments.View = None,
-    look: arguments.Look = None,
-    exposure: arguments.Exposure = None,
-    compare: arguments.Compare = False,
-    layout: arguments.LayoutOption = "auto",
-    layer: arguments.ViewLayerOption = None,
-    jitter: arguments.JitterOption = None,
-    channels: arguments.ChannelsOption = None,
-    conventions: arguments.ConventionsOption = None,
-    frame_rate: arguments.FrameRateOption = None,
-    cuts: arguments.CutsOption = None,
-    reference: arguments.ReferenceOption = None,
-    color_space: arguments.ColorSpaceOption = None,
-    follow_links: arguments.FollowLinksOption = None,
+    files: arguments.FileOptions,
+    source: arguments.SourceOptions,
     threads: arguments.ThreadsOption = 0,
     overwrite: arguments.OverwriteOption = False,
     json: arguments.JsonOption = False,
@@ -85,29 +70,28 @@ def denoise(
       supersampler denoise renders -o out --per-frame none --compare
     """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.cli.denoise_run import DenoiseRun, copied_ids, parts_of
-    from supersampler.cli.upscale import image_options
     from supersampler.io.shot.numbered import FrameRange
 
     given = dict(locals())
     numbers = None if frames is None else FrameRange.parse(frames, "--frames")
     console = Terminal(stderr=True)
-    open_frames = partial(open_with, shot, given, guides="denoising")
+    open_frames = partial(open_with, shot, source, guides="denoising")
     for part, opened, note in parts_of(numbers, open_frames, passes):
-        images = image_options(opened, given)
+        images = files.images(opened)
         copied = copied_ids(opened) if "exr" in images.formats else []
-        notes = [note, *source_notes(opened, copied), *unused_options(given, images.formats)]
-        if (used := images.compression_with(copied)) != compression:
+        notes = [note, *source_notes(opened, copied), *files.unused(images.formats, passes=passes)]
+        if (used := images.compression_with(copied)) != files.compression:
             notes.append(
-                f"The compression of EXR files is {used}: {compression} would change the copied ids."
+                f"The compression of EXR files is {used}: {files.compression} would change the copied ids."
             )
         for line in filter(None, notes):
             console.print(line, soft_wrap=True)
         run = DenoiseRun(
-            shot=opened, source=source_of(given), images=images, numbers=part,
-            console=console, **{key: given[key] for key in _RUN_OPTIONS},
+            shot=opened, source=source.to_json(), images=images, numbers=part,
+            compare=files.compare, console=console, **{key: given[key] for key in _RUN_OPTIONS},
         )  # fmt: skip
         results = run.write()
         if images.video and not json:
             echo(f"Video: {output / results.record.video}")
-        if compare and not json:
+        if files.compare and not json:
             echo(f"Open in a browser: {output / results.record.page}")

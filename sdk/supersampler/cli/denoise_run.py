@@ -9,7 +9,7 @@ from typing import Literal
 from supersampler import __version__
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_run import EXPOSURE_FRAMES, FrameRun, SteppedFrame
-from supersampler.cli.results import PREROLL, Results
+from supersampler.cli.results import PREROLL, Results, settings_of
 from supersampler.cli.terminal import rate_text
 from supersampler.denoising import sequence
 from supersampler.denoising.oidn import has_oidn
@@ -139,7 +139,7 @@ class DenoiseRun(FrameRun):
             "frames after": after,
             "samples": samples,
             PREROLL: REACH if self.numbers is not None else None,
-            **self.shot_settings(),
+            **settings_of(self.shot, self.numbers, self.source, self.images),
         }
         with TemporalDenoiser(
             per_frame=self.denoiser, lookahead=after, samples=samples, threads=self.threads

@@ -9,21 +9,8 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import typer
-from msgspec.structs import asdict
 
-from supersampler.cli.arguments import size_text
-from supersampler.cli.results import (
-    FIRST,
-    FRAMES,
-    OTHER_RUN,
-    READ,
-    SOURCE,
-    FramesRead,
-    ImageOptions,
-    OutputImage,
-    OutputQueue,
-    Results,
-)
+from supersampler.cli.results import OTHER_RUN, FramesRead, ImageOptions, OutputImage, OutputQueue, Results
 from supersampler.cli.terminal import RunProgress, Terminal, frame_warnings
 from supersampler.errors import FrameError, ShotError, SupersamplerError
 from supersampler.frame import Float32, Frame, Size
@@ -174,21 +161,6 @@ class FrameRun:
     def _layers(self, stepped: SteppedFrame, exposure: float) -> tuple[Mapping[str, Bytes], dict[str, float]]:
         """Return the layers and numbers of a frame for the page, at an exposure."""
         raise NotImplementedError
-
-    def shot_settings(self) -> dict[str, object]:
-        """Return the settings that the images of every method depend on: the frames and the file formats."""
-        count = len(self.shot)
-        return {
-            "shot": str(self.shot.path.resolve()),
-            "names": self.shot.info.file_names,
-            "frame rate": self.shot.frame_rate,
-            **({FIRST: self.shot.first_number} if self.numbers is None else {FRAMES: str(self.numbers)}),
-            "render size": size_text(self.shot.render_size),
-            "conventions": self.shot.conventions.to_json(),
-            **self.images.to_json(),
-            SOURCE: dict(self.source),
-            READ: asdict(FramesRead(self.shot.first_number, count, self.shot.hashes(count))),
-        }
 
     def plan_frames(self, preroll: int, passes: int = 1) -> FramePlan:
         """Return the plan of the run; ShotError if the shot lacks one of the frames.

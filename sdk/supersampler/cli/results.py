@@ -20,6 +20,7 @@ from typing import Annotated, Any, Generic, Self, TypeVar
 import msgspec
 import numpy as np
 
+from supersampler.cli.arguments import size_text
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32
 from supersampler.io import images
@@ -35,6 +36,7 @@ from supersampler.io.files import (
 )
 from supersampler.io.images import Bytes, Channel, Metadata
 from supersampler.io.json_files import read_json
+from supersampler.io.shot import Shot
 from supersampler.io.shot.format import COLOR, LARGEST_NUMBER, NAME, aov_channels, is_frame_range
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.video import check_video_encoder
@@ -254,6 +256,27 @@ class FramesRead(msgspec.Struct, frozen=True):
     first: int
     count: Annotated[int, msgspec.Meta(ge=1)]
     hashes: dict[str, str]
+
+
+def settings_of(
+    shot: Shot, numbers: FrameRange | None, source: Mapping[str, str], images: ImageOptions
+) -> dict[str, object]:
+    """Return the settings that the images of every method depend on: the frames and the file formats.
+
+    `numbers` are those of the frames to write, or None; `source` are the options that opened the shot.
+    """
+    read = FramesRead(shot.first_number, len(shot), shot.hashes(len(shot)))
+    return {
+        "shot": str(shot.path.resolve()),
+        "names": shot.info.file_names,
+        "frame rate": shot.frame_rate,
+        **({FIRST: shot.first_number} if numbers is None else {FRAMES: str(numbers)}),
+        "render size": size_text(shot.render_size),
+        "conventions": shot.conventions.to_json(),
+        **images.to_json(),
+        SOURCE: dict(source),
+        READ: msgspec.structs.asdict(read),
+    }
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supersampler.cli import arguments
-from supersampler.cli.arguments import open_with, size_text, source_notes
+from supersampler.cli.arguments import SourceOptions, open_with, size_text, source_notes, with_option_groups
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ShotError, SupersamplerError, did_you_mean
 
@@ -66,11 +66,10 @@ def info(
         rows = import_module("supersampler_model.data.dataset.overview").rows(Path(name))
     else:
         try:
-            given = {
-                "layout": "auto", "layer": layer, "channels": channels, "conventions": conventions,
-                "follow_links": follow_links,
-            }  # fmt: skip
-            rows = _shot_rows(open_with(name, {**dict.fromkeys(arguments.SOURCE_OPTIONS), **given}))
+            source = SourceOptions(
+                layer=layer, channels=channels, conventions=conventions, follow_links=follow_links
+            )
+            rows = _shot_rows(open_with(name, source))
         except ShotError as error:
             hint = did_you_mean(name, methods())
             raise ShotError(error.path, error.problem, hint or error.hint) from None
@@ -80,18 +79,11 @@ def info(
             echo(f"{label if number == 0 else '':{width}}  {line}".rstrip())
 
 
+@with_option_groups
 def check(
+    *,
     shot: Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")],
-    layout: arguments.LayoutOption = "auto",
-    layer: arguments.ViewLayerOption = None,
-    jitter: arguments.JitterOption = None,
-    channels: arguments.ChannelsOption = None,
-    conventions: arguments.ConventionsOption = None,
-    frame_rate: arguments.FrameRateOption = None,
-    cuts: arguments.CutsOption = None,
-    reference: arguments.ReferenceOption = None,
-    color_space: arguments.ColorSpaceOption = None,
-    follow_links: arguments.FollowLinksOption = None,
+    source: SourceOptions,
     frames: Annotated[int, typer.Option(min=2, help="Number of frames to read from the middle.")] = 6,
 ) -> None:
     """Detect the conventions of SHOT: motion, jitter and depth.
@@ -109,7 +101,7 @@ def check(
     from supersampler.methods.gbuffers import gbuffer_arrays, listed
     from supersampler.validation import detect_conventions
 
-    opened = open_with(shot, locals())
+    opened = open_with(shot, source)
     detection = detect_conventions(opened, frames=frames)
     echo(f"{opened.name}: {min(frames, len(opened))} of {len(opened)} frames")
     echo(f"G-buffers: {listed(gbuffer_arrays(opened.read_raw(0)))}")
@@ -123,6 +115,7 @@ def check(
         raise typer.Exit(1)
 
 
+@with_option_groups
 def import_shot(
     source: Annotated[
         str,
@@ -131,16 +124,7 @@ def import_shot(
         ),
     ],
     output: arguments.OutputOption,
-    layout: arguments.LayoutOption = "auto",
-    layer: arguments.ViewLayerOption = None,
-    jitter: arguments.JitterOption = None,
-    channels: arguments.ChannelsOption = None,
-    conventions: arguments.ConventionsOption = None,
-    frame_rate: arguments.FrameRateOption = None,
-    cuts: arguments.CutsOption = None,
-    reference: arguments.ReferenceOption = None,
-    color_space: arguments.ColorSpaceOption = None,
-    follow_links: arguments.FollowLinksOption = None,
+    options: SourceOptions,
 ) -> None:
     """Copy frames of other programs into a shot of this package's format.
 
@@ -158,7 +142,7 @@ def import_shot(
     """  # noqa: D301  # \b: click keeps the line breaks
     from supersampler.io.shot import copy_shot
 
-    shot = open_with(source, locals())
+    shot = open_with(source, options)
     with Terminal(stderr=True).status(f"copying {len(shot)} frames"):
         written = copy_shot(shot, output, resume=True)
     echo(f"{len(written)} frames of {size_text(written.render_size)} in {output}")

@@ -2,28 +2,26 @@
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from supersampler.arguments import AtRest, Precision, PresetName, Validate
 from supersampler.cli import arguments
-from supersampler.cli.arguments import display_transform_of, open_with, source_notes
+from supersampler.cli.arguments import open_with, source_notes, with_option_groups
 from supersampler.cli.terminal import Terminal, echo
 from supersampler.errors import ArgumentError
 
-if TYPE_CHECKING:
-    from supersampler.cli.results import ImageOptions
-    from supersampler.io.shot import Shot
-
 _RUN_OPTIONS = (
-    "output", "preroll", "scale", "compare", "maps", "threads", "precision", "at_rest", "preset", "passes",
-    "scratch", "validate", "record", "overwrite", "json",
+    "output", "preroll", "scale", "maps", "threads", "precision", "at_rest", "preset", "passes", "scratch",
+    "validate", "record", "overwrite", "json",
 )  # fmt: skip
 """Parameters that are passed to `UpscaleRun` unchanged."""
 
 
+@with_option_groups
 def upscale(
+    *,
     shot: Annotated[
         str,
         typer.Argument(
@@ -54,31 +52,14 @@ def upscale(
             show_default="with --frames: one jitter period, at least 32",
         ),
     ] = None,
-    format: arguments.FormatOption = None,  # noqa: A002  # the option's name
-    name: arguments.NameOption = None,
-    compression: arguments.CompressionOption = "zip",
-    ocio: arguments.Ocio = None,
-    display: arguments.Display = None,
-    view: arguments.View = None,
-    look: arguments.Look = None,
-    exposure: arguments.Exposure = None,
-    compare: arguments.Compare = False,
+    files: arguments.FileOptions,
     maps: Annotated[
         bool,
         typer.Option(
             "--maps", help="With --compare: also class map, history weight, sample count, frozen pixels."
         ),
     ] = False,
-    layout: arguments.LayoutOption = "auto",
-    layer: arguments.ViewLayerOption = None,
-    jitter: arguments.JitterOption = None,
-    channels: arguments.ChannelsOption = None,
-    conventions: arguments.ConventionsOption = None,
-    frame_rate: arguments.FrameRateOption = None,
-    cuts: arguments.CutsOption = None,
-    reference: arguments.ReferenceOption = None,
-    color_space: arguments.ColorSpaceOption = None,
-    follow_links: arguments.FollowLinksOption = None,
+    source: arguments.SourceOptions,
     providers: Annotated[
         str,
         typer.Option(
@@ -161,18 +142,19 @@ def upscale(
     size = None if display_size is None else arguments.parse_size(display_size, "--display-size")
     console, note = Terminal(stderr=True), ""
     if numbers is None:
-        opened = open_with(shot, given)
+        opened = open_with(shot, source)
     else:
-        opened, note = open_for(numbers, preroll, partial(open_with, shot, given), passes)
-    written = image_options(opened, given)
-    unused = arguments.unused_options(given, written.formats)
+        opened, note = open_for(numbers, preroll, partial(open_with, shot, source), passes)
+    written = files.images(opened)
+    unused = files.unused(written.formats, passes=passes, maps=maps, scratch=scratch)
     for line in (*filter(None, [note]), *source_notes(opened), *unused):
         console.print(line, soft_wrap=True)
     run = UpscaleRun(
         shot=opened,
-        source=arguments.source_of(given),
+        source=source.to_json(),
         images=written,
         numbers=numbers,
+        compare=files.compare,
         model=model or method,
         display_size=size,
         providers=arguments.parse_providers(providers),
@@ -188,26 +170,5 @@ def upscale(
         echo(f"Replay: supersampler replay {record}")
     if written.video:
         echo(f"Video: {output / results.record.video}")
-    if compare:
+    if files.compare:
         echo(f"Open in a browser: {output / results.record.page}")
-
-
-def image_options(shot: "Shot", options: dict[str, Any]) -> "ImageOptions":
-    """Return the options of a shot's images; by default, sRGB-encoded frames keep their format and bits."""
-    from supersampler.cli.results import ImageOptions, name_pattern
-    from supersampler.io.display_transforms import REC709
-    from supersampler.io.images import space_of_role
-
-    stored, srgb, space = shot.stored_as, shot.conventions.srgb, shot.info.known_color_space
-    same = srgb and stored.format in ("png", "tif")
-    transform = display_transform_of(REC709 if space is None else space, srgb=srgb, options=options)
-    if space is not None and transform.ocio is not None:
-        space = space_of_role(transform.ocio.config, space)
-    return ImageOptions(
-        formats=[str(item) for item in options["format"] or [stored.format if same else "exr"]],
-        name=shot.info.file_names if options["name"] is None else name_pattern(options["name"]),
-        transform=transform,
-        compression=options["compression"],
-        bits=16 if same and stored.type == "uint16" else 8,
-        color_space=space,
-    )

@@ -14,7 +14,7 @@ from supersampler.arguments import AtRest, Precision, PresetName
 from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_run import EXPOSURE_FRAMES, FrameRun, SteppedFrame
-from supersampler.cli.results import AT_REST, PREROLL, Results
+from supersampler.cli.results import AT_REST, PREROLL, Results, settings_of
 from supersampler.cli.terminal import rate_text
 from supersampler.conventions import jitter_phase_count
 from supersampler.errors import ShotError
@@ -180,7 +180,7 @@ class UpscaleRun(FrameRun):
             "providers": list(model.providers),
             "executor": model.executor,
             "precision": model.precision,
-            **self.shot_settings(),
+            **settings_of(self.shot, self.numbers, self.source, self.images),
             PREROLL: self._preroll_frames() if self._has_preroll else None,
             AT_REST: upscaler.at_rest,
             "passes": None if self.passes == 1 else self.passes,

@@ -10,13 +10,7 @@ from typing import Literal, NamedTuple, Self, get_args
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from supersampler.arguments import (
-    as_number,
-    checked_choice,
-    checked_lookahead,
-    checked_threads,
-    ieee_arithmetic,
-)
+from supersampler import arguments
 from supersampler.denoising import temporal
 from supersampler.denoising.oidn import FrameDenoiser, Guides, Oidn
 from supersampler.denoising.spec import ACCUMULATED, AGREEMENT, DEFAULT_SAMPLES, REACH
@@ -90,7 +84,7 @@ class TemporalDenoiser:
         samples: float = DEFAULT_SAMPLES,
         threads: int = 0,
     ) -> None:
-        threads = checked_threads(threads)
+        threads = arguments.checked_threads(threads)
         self._stack, self._lookahead, self._samples = ExitStack(), lookahead, samples
         self._denoiser = None if isinstance(per_frame, str) else per_frame
         if per_frame == "oidn":
@@ -137,7 +131,7 @@ class TemporalDenoiser:
             last = self._prepared(frame, None if frame.reset else last)
             yield last
 
-    @ieee_arithmetic
+    @arguments.ieee_arithmetic
     def _prepared(self, frame: Frame, last: _Item | None) -> _Item:
         if frame.color is None:
             raise FrameError("color", got=None, want="the colour of every frame: (h, w, 3)")
@@ -315,7 +309,7 @@ def denoise_sequence(
         ModuleNotFoundError: pyoidn is not installed.
     """
     after = frames_after(passes, lookahead)
-    checked_choice("per_frame", per_frame, get_args(PerFrame))
+    arguments.checked_choice("per_frame", per_frame, get_args(PerFrame))
     frames = checked_frames(frames)
     if isinstance(frames, Shot):
         samples = frames.samples if samples is None else samples
@@ -334,13 +328,13 @@ def _images(denoiser: TemporalDenoiser, frames: Shot | Iterable[Frame]) -> Itera
 
 def frames_after(passes: int, lookahead: int | None) -> int:
     """Return the number of following frames that are read; ArgumentError if one of the two is not usable."""
-    checked = checked_lookahead(passes, lookahead, REACH)
+    checked = arguments.checked_lookahead(passes, lookahead, REACH)
     return REACH if checked is None else checked
 
 
 def checked_samples(samples: float | None) -> float:
     """Return samples per pixel, DEFAULT_SAMPLES for None; ArgumentError if it is not positive."""
-    number = as_number(DEFAULT_SAMPLES if samples is None else samples)
+    number = arguments.as_number(DEFAULT_SAMPLES if samples is None else samples)
     if number is None or not 0.0 < number < inf:
         raise ArgumentError("samples", got=shown(samples), want="a number above 0, or None")
     return number

@@ -13,17 +13,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+import OpenImageIO as oiio
 from numpy.typing import NDArray
-from OpenImageIO import (
-    ColorConfig,
-    ImageInput,
-    ImageOutput,
-    ImageSpec,
-    TypeDesc,
-    TypeVector2i,
-    TypeVector3i,
-    geterror,
-)
 
 from supersampler.arguments import as_number
 from supersampler.errors import ArgumentError, ShotError, shown
@@ -113,7 +104,7 @@ def last_reason(last_error: Callable[[], str]) -> str:
 
 
 @contextmanager
-def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tuple[ImageInput, str]]:
+def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator[tuple[oiio.ImageInput, str]]:
     """Open a file, and yield it with its format; errors of the decoder become ShotErrors.
 
     The first bytes are checked first, because OpenImageIO would try all of its decoders.
@@ -130,11 +121,11 @@ def open_image(path: Path | str, formats: Collection[str] = FORMATS) -> Iterator
                 hint = f"Write it as {listed}; its name does not decide." if any(begins) else _DAMAGED
                 problem = f"is not an {listed} image (it begins with {begins!r})" if begins else "is empty"
                 raise ShotError(path, problem, hint)
-            as_stored = ImageSpec()
+            as_stored = oiio.ImageSpec()
             as_stored.attribute("oiio:UnassociatedAlpha", 1)
-            source = ImageInput.open(files.utf8_path(path), as_stored)
+            source = oiio.ImageInput.open(files.utf8_path(path), as_stored)
             if source is None:
-                raise _unreadable(path, last_reason(geterror) or NO_REASON)
+                raise _unreadable(path, last_reason(oiio.geterror) or NO_REASON)
             try:
                 if (rows := source.spec().get_int_attribute("Orientation", 1)) != 1:
                     problem = f"states that its rows are turned or mirrored (orientation {rows})"
@@ -163,7 +154,7 @@ def luminance_chroma_error(path: Path | str) -> ShotError:
     return ShotError(path, "holds luminance and chroma (Y, RY, BY)", hint)
 
 
-def _part_names(source: ImageInput, path: Path | str, kind: str) -> list[list[str]]:
+def _part_names(source: oiio.ImageInput, path: Path | str, kind: str) -> list[list[str]]:
     """Return the channel names of each part; in a multi-part EXR file they begin with the part's name.
 
     The first view at the end of a part's name is omitted, as Nuke names the parts of a view "main"
@@ -200,7 +191,7 @@ def _is_in_layer(channel: str, layer: str) -> bool:
 
 
 def _read_part(
-    source: ImageInput,
+    source: oiio.ImageInput,
     part: int,
     names: list[str],
     wanted: frozenset[str],
@@ -239,7 +230,7 @@ def _read_part(
     return {name: _in_display(plane, spec, (outside or {}).get(name, 0.0)) for name, plane in planes.items()}
 
 
-def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> Channel:
+def _plane(source: oiio.ImageInput, part: int, index: int, pixels: NDArray[Any]) -> Channel:
     """Return one channel in the type that the file stores; half values are exact in float32."""
     kind = str(source.spec().channelformat(index))
     if kind == "uint":  # conversion to float would divide by 2^32
@@ -249,7 +240,7 @@ def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> C
     return pixels.astype(np.float16, copy=False) if kind == "half" else pixels
 
 
-def _in_display(plane: Channel, spec: ImageSpec, outside: float) -> Channel:
+def _in_display(plane: Channel, spec: oiio.ImageSpec, outside: float) -> Channel:
     """Return the pixels of the display window, with `outside` outside of the data window."""
     left, top = spec.x - spec.full_x, spec.y - spec.full_y  # corner of the data window
     width, height = spec.full_width, spec.full_height
@@ -368,7 +359,7 @@ def read_header(path: Path | str) -> ImageHeader:
         return ImageHeader(kind, types, _metadata(spec), cryptomatte, others, _color_space(spec), False)
 
 
-def _other_views(spec: ImageSpec, views: Mapping[str, str]) -> list[str]:
+def _other_views(spec: oiio.ImageSpec, views: Mapping[str, str]) -> list[str]:
     """Return the channels of the views after the first, given the first part and each channel's view."""
     stated = spec.getattribute("multiView")
     in_order = stated if isinstance(stated, tuple) else dict.fromkeys(filter(None, views.values()))
@@ -376,7 +367,7 @@ def _other_views(spec: ImageSpec, views: Mapping[str, str]) -> list[str]:
     return [name for name, view in views.items() if not others.isdisjoint([view, *name.split(".")[:-1]])]
 
 
-def _cryptomatte(spec: ImageSpec) -> dict[str, str]:
+def _cryptomatte(spec: oiio.ImageSpec) -> dict[str, str]:
     entries = {str(entry.name): entry.value for entry in spec.extra_attribs}
     return {
         name: value
@@ -385,7 +376,7 @@ def _cryptomatte(spec: ImageSpec) -> dict[str, str]:
     }
 
 
-def _metadata(spec: ImageSpec) -> Metadata:
+def _metadata(spec: oiio.ImageSpec) -> Metadata:
     found: Metadata = {}
     for entry in spec.extra_attribs:
         value, name = entry.value, str(entry.name)
@@ -410,7 +401,7 @@ def rate_of(entry: str | int | float | TypedValues | None) -> float | None:
     return None
 
 
-def _color_space(spec: ImageSpec) -> str:
+def _color_space(spec: oiio.ImageSpec) -> str:
     stated = spec.get_string_attribute(_INTEROP_ID)
     primaries = spec.getattribute("chromaticities")
     if stated in _INTEROP_IDS:
@@ -430,7 +421,9 @@ def scene_linear_space(config: str) -> str:
     """
     if not (config.startswith("ocio://") or files.is_file(Path(config))):
         return REC709
-    return _INTEROP_IDS.get(ColorConfig(config).get_color_interop_id("scene_linear"), UNKNOWN_COLOR_SPACE)
+    return _INTEROP_IDS.get(
+        oiio.ColorConfig(config).get_color_interop_id("scene_linear"), UNKNOWN_COLOR_SPACE
+    )
 
 
 def space_of_role(config: str, name: str) -> str | None:
@@ -438,7 +431,7 @@ def space_of_role(config: str, name: str) -> str | None:
 
     A role means another space in another configuration. Other names are returned as they are.
     """
-    opened = ColorConfig(config)
+    opened = oiio.ColorConfig(config)
     return _INTEROP_IDS.get(opened.get_color_interop_id(name)) if name in opened.getRoles() else name
 
 
@@ -481,7 +474,7 @@ def pixel_aspect(metadata: Metadata) -> float:
     return float(value) if isinstance(value, int | float) and 0.01 <= value <= 100.0 else 1.0
 
 
-_INTEGER_VECTORS = {"vector2i": TypeVector2i, "vector3i": TypeVector3i}
+_INTEGER_VECTORS = {"vector2i": oiio.TypeVector2i, "vector3i": oiio.TypeVector3i}
 _PAETH = 128  # libpng's PNG_FILTER_PAETH; trying all filters for each row costs more than it saves
 Bytes: TypeAlias = NDArray[np.uint8]
 Levels: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
@@ -519,7 +512,7 @@ def write_exr(
     kinds = ["half" if array.dtype == np.float16 else "float" for array in arrays]
     spec = _spec(arrays[0].shape, list(named), kinds[0])
     if len(set(kinds)) > 1:  # OpenImageIO takes types per channel only if they differ
-        spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
+        spec.channelformats = tuple(oiio.TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
     for name, value in (metadata or {}).items():
         if isinstance(value, TypedValues):
@@ -527,23 +520,23 @@ def write_exr(
         else:
             spec.attribute(name, value)
     if color_space is not None:  # as OpenImageIO (`colorInteropID`) and Nuke (primaries) read it
-        config = ColorConfig(STUDIO_CONFIG)
+        config = oiio.ColorConfig(STUDIO_CONFIG)
         if interop_id := config.get_color_interop_id(color_space):
             spec.erase_attribute(_INTEROP_ID)  # of the metadata: OpenImageIO would keep it
         spec.attribute("oiio:ColorSpace", interop_id or color_space)
         if primaries := config.get_chromaticities(color_space):
-            spec.attribute("chromaticities", TypeDesc("float[8]"), primaries)
+            spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), primaries)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack(arrays, axis=-1) if isinstance(image, Mapping) else image  # mixed types: float32
     _write(path, spec, np.ascontiguousarray(pixels))
 
 
-def _parsed_type(text: str) -> TypeDesc:
+def _parsed_type(text: str) -> oiio.TypeDesc:
     """Return a type by its name; OpenImageIO's own parser does not know vectors of integers."""
     base, _, length = text.partition("[")
     if base not in _INTEGER_VECTORS:
-        return TypeDesc(text)
-    parsed = TypeDesc(_INTEGER_VECTORS[base])
+        return oiio.TypeDesc(text)
+    parsed = oiio.TypeDesc(_INTEGER_VECTORS[base])
     parsed.arraylen = int(length.rstrip("]") or 0)
     return parsed
 
@@ -647,7 +640,7 @@ def _checked_channels(
 
 def _integer_spec(
     path: Path | str, image: Levels, *types: type[np.unsignedinteger[Any]], channels: Sequence[int] = (3,)
-) -> ImageSpec:
+) -> oiio.ImageSpec:
     if image.ndim != 3 or image.shape[2] not in channels or image.dtype not in types or 0 in image.shape:
         shapes = " or ".join(f"(h, w, {count})" for count in channels)
         want = f"{shapes} {' or '.join(each.__name__ for each in types)}"
@@ -655,19 +648,19 @@ def _integer_spec(
     return _spec(image.shape, ["R", "G", "B", "A"][: image.shape[2]], image.dtype.name)
 
 
-def _spec(shape: tuple[int, ...], names: list[str], kind: str) -> ImageSpec:
-    spec = ImageSpec(shape[1], shape[0], len(names), kind)
+def _spec(shape: tuple[int, ...], names: list[str], kind: str) -> oiio.ImageSpec:
+    spec = oiio.ImageSpec(shape[1], shape[0], len(names), kind)
     spec.channelnames = tuple(names)
     return spec
 
 
-def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
+def _write(path: Path | str, spec: oiio.ImageSpec, pixels: NDArray[Any]) -> None:
     files.utf8_path(path)  # raises with the final name, not the temporary one
     with files.replacing(path) as partial:
         name = files.utf8_path(partial)
-        target = ImageOutput.create(name)
+        target = oiio.ImageOutput.create(name)
         if target is None:
-            raise ShotError(path, f"cannot be written ({last_reason(geterror) or NO_REASON})")
+            raise ShotError(path, f"cannot be written ({last_reason(oiio.geterror) or NO_REASON})")
         done = target.open(name, spec) and target.write_image(pixels)
         message = last_reason(target.geterror)  # on a full disk the PNG writer returns True, with a message
         if not (target.close() and done) or message:

@@ -203,10 +203,10 @@ GBUFFER_DEPTH_SCALED = replace(
 OF_REPROJECTION = {
     each.kind for each in (MOTION_OFFSET, MOTION_MISREAD, JITTER_MISREAD, ROWS_BOTTOM_UP, JITTER_AMPLITUDE)
 }
-"""Kinds of mistakes that are found by following the motion, or make that impossible. One of them makes others
-seem to be there, so that only the first one is reported."""
+"""Kinds of mistakes in what reprojection reads. Each makes the others seem to be there, so only the first one
+is reported."""
 OF_SRGB = {COLOR_CLIPPED.kind, COLOR_DISPLAYED.kind}
-"""Kinds of mistakes that are none in frames whose conventions state that they are sRGB-encoded."""
+"""Kinds that are not mistakes in frames whose conventions state sRGB."""
 
 
 def depth_kind(evidence: str, kind: str) -> Mistake:

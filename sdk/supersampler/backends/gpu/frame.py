@@ -203,7 +203,7 @@ def checked_aovs(
 
     Raises:
         FrameError: an image is of another device, or has a wrong size, format or usage.
-        ArgumentError: a target has, or the numbers of images and targets differ.
+        ArgumentError: a target is wrong in the same way, or the numbers of images and targets differ.
     """
     for name, given in (("aovs", images), ("aovs_out", targets)):
         if not isinstance(given, list | tuple) or any(is_texture(one) != in_textures for one in given):

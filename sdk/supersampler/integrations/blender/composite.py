@@ -18,16 +18,7 @@ from supersampler.integrations.blender.render import (
     find_blender,
     start_script,
 )
-from supersampler.io.files import (
-    NO_ROOM,
-    LogFile,
-    check_ours,
-    os_errors_as_shot_error,
-    partial_name,
-    remove_partial_files,
-    rename_partial,
-    write_text,
-)
+from supersampler.io import files
 from supersampler.io.json_files import read_json
 
 RECORD_FILE = "composite.json"
@@ -77,9 +68,11 @@ def composite(
         "folder": str(folder.resolve()), "run": run, "token": token,
     }  # fmt: skip
     program = find_blender(request.program)
-    with os_errors_as_shot_error(folder, "written", NO_ROOM):
+    with files.os_errors_as_shot_error(folder, "written", files.NO_ROOM):
         folder.mkdir(parents=True, exist_ok=True)
-    log = LogFile(folder / "blender.log", "Output of Blender, as `supersampler blender` composited with it:")
+    log = files.LogFile(
+        folder / "blender.log", "Output of Blender, as `supersampler blender` composited with it:"
+    )
     listed, written, lines, error = _listed(folder), 0, LastLines(maxlen=LAST_LINES), ""
     child = start_script(program, _SCRIPT, {SETTINGS: json.dumps(settings)})
     try:
@@ -101,7 +94,7 @@ def composite(
                 )
     finally:
         log.close()
-        remove_partial_files(folder, _FRAMES.fullmatch)
+        files.remove_partial_files(folder, _FRAMES.fullmatch)
 
 
 def _listed(folder: Path) -> set[str]:
@@ -119,8 +112,8 @@ def _named(folder: Path, name: str, run: str, listed: set[str]) -> Path:
     path = folder / name
     if not _FRAMES.fullmatch(name):
         raise ShotError(path, "is not the name of a composited frame")
-    check_ours(path, lambda path: path.name in listed, f"listed by {RECORD_FILE}")
+    files.check_ours(path, lambda path: path.name in listed, f"listed by {RECORD_FILE}")
     listed.add(name)
-    write_text(folder / RECORD_FILE, json.dumps(sorted(listed)))
-    rename_partial(partial_name(path, run), path)
+    files.write_text(folder / RECORD_FILE, json.dumps(sorted(listed)))
+    files.rename_partial(files.partial_name(path, run), path)
     return path

@@ -26,34 +26,10 @@ from supersampler.arguments import checked_scale
 from supersampler.conventions import halton_jitter, jitter_phase_count
 from supersampler.errors import ArgumentError, ShotError, printable
 from supersampler.frame import Size
+from supersampler.io import files
 from supersampler.io.child_process import GRACE, ChildProcess, end_text
-from supersampler.io.files import (
-    NO_ROOM,
-    FolderLock,
-    LogFile,
-    check_apart,
-    check_is_file,
-    check_ours,
-    is_regular,
-    is_there,
-    os_errors_as_shot_error,
-    partial_name,
-    remove_files,
-    remove_partial_files,
-    rename_partial,
-)
 from supersampler.io.json_files import decoded
-from supersampler.io.shot.blender import (
-    RENDER_FILE,
-    Denoising,
-    RenderedCamera,
-    RenderedScene,
-    RenderRecord,
-    Rows,
-    frame_file,
-    read_render_record,
-    rendered_shot,
-)
+from supersampler.io.shot import blender
 from supersampler.io.shot.numbered import FrameRange
 from supersampler.io.shot.shot import Shot
 
@@ -102,7 +78,7 @@ class RenderRequest:
     display_size: Size | None = None
     scale: float | None = None
     samples: int | None = None
-    denoise: Denoising | None = None
+    denoise: blender.Denoising | None = None
     engine: Engine | None = None
     camera: str | None = None
     scene: str | None = None
@@ -124,7 +100,7 @@ class RenderRequest:
         if self.denoise == "temporal" and self.scale is not None:
             want = "one of the two: temporal denoising renders at full size"
             raise ArgumentError("scale", got=f"{self.scale:g}, with temporal denoising", want=want)
-        with os_errors_as_shot_error(self.blend), self.blend.open("rb") as file:
+        with files.os_errors_as_shot_error(self.blend), self.blend.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         others = "frames", "program", "composite"
         settings = {name: value for name, value in vars(self).items() if name not in others}
@@ -144,9 +120,9 @@ class Rendering(NamedTuple):
         cameras: returns the cameras and times of the complete frames.
     """
 
-    scene: RenderedScene
+    scene: blender.RenderedScene
     shot: Shot
-    cameras: Callable[[], Sequence[RenderedCamera]]
+    cameras: Callable[[], Sequence[blender.RenderedCamera]]
 
 
 @contextmanager
@@ -168,10 +144,10 @@ def rendering(
         ShotError: the .blend file cannot be rendered with these settings; or the folder has other files, or
             frames of another request.
     """
-    check_is_file(request.blend)
-    check_apart(folder, request.blend)
+    files.check_is_file(request.blend)
+    files.check_apart(folder, request.blend)
     rendered = _RenderFolder(folder, request, note)
-    with FolderLock(folder) as lock:
+    with files.FolderLock(folder) as lock:
         rendered.begin(overwrite=overwrite)
         if rendered.is_complete():
             yield rendered.rendering(lambda _: None, lambda: None)
@@ -182,7 +158,7 @@ def rendering(
         yield from _rendered(rendered, program, log)
 
 
-def _rendered(rendered: "_RenderFolder", program: str, log: LogFile) -> Iterator[Rendering]:
+def _rendered(rendered: "_RenderFolder", program: str, log: files.LogFile) -> Iterator[Rendering]:
     """Yield a scene and its frames, which Blender renders in the background."""
     request, folder = rendered.request, rendered.path
     complete = len(rendered.record.frames)
@@ -218,7 +194,7 @@ class _RenderFolder:
         scale = _SCALE if request.scale is None else request.scale
         jitter = tuple(halton_jitter(index, scale) for index in range(jitter_phase_count(scale)))
         first = 0 if request.frames is None else request.frames.first
-        self.record = RenderRecord(settings=settings, first=first, jitter=jitter)
+        self.record = blender.RenderRecord(settings=settings, first=first, jitter=jitter)
 
     def begin(self, *, overwrite: bool) -> None:
         """Keep the frames of an earlier run, or remove them; nothing else in the folder is changed.
@@ -226,37 +202,39 @@ class _RenderFolder:
         Raises:
             ShotError: the frames are of another request, or files of another program are in the way.
         """
-        earlier = read_render_record(self.path) if is_there(self.path / RENDER_FILE) else None
+        earlier = (
+            blender.read_render_record(self.path) if files.is_there(self.path / blender.RENDER_FILE) else None
+        )
         self._own = [] if earlier is None else [self.path / name for name in _files(earlier)]
         self._check_free()
         if overwrite:
-            remove_files([*self._own, self.path / RENDER_FILE])
+            files.remove_files([*self._own, self.path / blender.RENDER_FILE])
             return
         if earlier is None or not earlier.frames:
             return
         self._check_same(earlier)
-        missing = (i for i, name in enumerate(_files(earlier)) if not is_regular(self.path / name))
+        missing = (i for i, name in enumerate(_files(earlier)) if not files.is_regular(self.path / name))
         frames = earlier.frames[: next(missing, len(earlier.frames))]
         self.record = msgspec.structs.replace(earlier, frames=frames)
 
-    def prepare(self) -> LogFile:
+    def prepare(self) -> files.LogFile:
         """Create the folder, remove incomplete files of killed runs, and return the log of this run."""
-        with os_errors_as_shot_error(self.path, "written", NO_ROOM):
+        with files.os_errors_as_shot_error(self.path, "written", files.NO_ROOM):
             self.path.mkdir(parents=True, exist_ok=True)
         self.remove_incomplete()
-        log = LogFile(self.path / "blender.log", "Output of Blender, as `supersampler blender` ran it:")
+        log = files.LogFile(self.path / "blender.log", "Output of Blender, as `supersampler blender` ran it:")
         self.record.write(self.path)
         return log
 
     def remove_incomplete(self) -> None:
         """Remove incomplete files of this run and of killed runs."""
-        remove_partial_files(self.path, _FRAMES.fullmatch)
+        files.remove_partial_files(self.path, _FRAMES.fullmatch)
 
     def is_complete(self) -> bool:
         """Return whether all requested frames exist."""
         return self.record.scene is not None and self._count() <= len(self.record.frames)
 
-    def describe(self, scene: RenderedScene) -> None:
+    def describe(self, scene: blender.RenderedScene) -> None:
         """Store the description of the scene; ShotError if the frames that exist show another scene."""
         if self.record.scene is not None and self.record.frames:
             self._check_scene(self.record.scene, scene)
@@ -265,7 +243,7 @@ class _RenderFolder:
         self.record = msgspec.structs.replace(self.record, scene=scene, first=first, jitter=jitter)
         self.record.write(self.path)
 
-    def add(self, number: int, camera: RenderedCamera) -> None:
+    def add(self, number: int, camera: blender.RenderedCamera) -> None:
         """List the next frame, and give its file the final name.
 
         Raises:
@@ -274,21 +252,21 @@ class _RenderFolder:
         want = self.record.first + len(self.record.frames)
         if number != want:
             raise ShotError(self.path, f"Blender reports frame {number}; want {want}, the next one")
-        path = self.path / frame_file(number)
+        path = self.path / blender.frame_file(number)
         self._check_ours(path)
         self.record = msgspec.structs.replace(self.record, frames=(*self.record.frames, camera))
         self.record.write(self.path)
-        rename_partial(partial_name(path, self.run), path)
+        files.rename_partial(files.partial_name(path, self.run), path)
 
     def rendering(self, wait: Callable[[int], None], stop_waiting: Callable[[], None]) -> Rendering:
         """Return scene and Shot; `wait` is called with a frame's index before the frame is read."""
         assert self.record.scene is not None  # noqa: S101  # the callers wait for it
 
-        def camera_of(index: int) -> RenderedCamera:
+        def camera_of(index: int) -> blender.RenderedCamera:
             wait(index)
             return self.record.frames[index]
 
-        shot = rendered_shot(self.path, self.record, self._count(), camera_of, stop_waiting)
+        shot = blender.rendered_shot(self.path, self.record, self._count(), camera_of, stop_waiting)
         return Rendering(self.record.scene, shot, lambda: self.record.frames)
 
     def _count(self) -> int:
@@ -300,9 +278,9 @@ class _RenderFolder:
             self._check_ours(path)
 
     def _check_ours(self, path: Path) -> None:
-        check_ours(path, self._own.__contains__, f"listed by {RENDER_FILE}")
+        files.check_ours(path, self._own.__contains__, f"listed by {blender.RENDER_FILE}")
 
-    def _check_same(self, earlier: RenderRecord) -> None:
+    def _check_same(self, earlier: blender.RenderRecord) -> None:
         changed = [key for key, value in self.record.settings.items() if earlier.settings.get(key) != value]
         if changed:
             was, now = earlier.settings.get(changed[0]), self.record.settings[changed[0]]
@@ -317,7 +295,7 @@ class _RenderFolder:
             problem = f"frames from {earlier.first} on are there; this render begins with {requested}"
             raise ShotError(self.path, problem, _OTHER_RENDER)
 
-    def _check_scene(self, earlier: RenderedScene, scene: RenderedScene) -> None:
+    def _check_scene(self, earlier: blender.RenderedScene, scene: blender.RenderedScene) -> None:
         """Raise ShotError if the scene has changed, as by a linked file; note another version of Blender."""
         for name, was in msgspec.structs.asdict(earlier).items():
             now = getattr(scene, name)
@@ -334,13 +312,13 @@ class Answer(msgspec.Struct, forbid_unknown_fields=True):
 
     error: str | None = None
     note: str | None = None
-    scene: RenderedScene | None = None
+    scene: blender.RenderedScene | None = None
     frame: int | None = None
     extension: str = ""
-    camera: Rows | None = None
+    camera: blender.Rows | None = None
     shift: tuple[float, float] = (0.0, 0.0)
     seconds: float = 0.0
-    world: Rows | None = None
+    world: blender.Rows | None = None
 
 
 class BlenderRender:
@@ -358,7 +336,12 @@ class BlenderRender:
     """
 
     def __init__(
-        self, program: str, blend: Path, log: LogFile, settings: Mapping[str, object], target: _RenderFolder
+        self,
+        program: str,
+        blend: Path,
+        log: files.LogFile,
+        settings: Mapping[str, object],
+        target: _RenderFolder,
     ) -> None:
         self._blend, self._log, self._target = blend, log, target
         self._token = secrets.token_hex(16)
@@ -438,7 +421,7 @@ class BlenderRender:
                 self._target.describe(answer.scene)
                 self._has_scene = True
             elif answer.frame is not None and answer.camera is not None:
-                camera = RenderedCamera(answer.camera, answer.shift, answer.seconds, answer.world)
+                camera = blender.RenderedCamera(answer.camera, answer.shift, answer.seconds, answer.world)
                 self._target.add(answer.frame, camera)
                 self._count += 1
             elif answer.note is not None:
@@ -472,7 +455,9 @@ LastLines = deque[str]
 """Last lines of Blender's own output."""
 
 
-def answers(child: ChildProcess, token: str, log: LogFile, last: LastLines, blend: Path) -> Iterator[Answer]:
+def answers(
+    child: ChildProcess, token: str, log: files.LogFile, last: LastLines, blend: Path
+) -> Iterator[Answer]:
     """Yield a script's messages until its output ends; write other lines to the log, and append them.
 
     Raises:
@@ -528,6 +513,6 @@ def find_blender(path: str | None = None) -> str:
     return found
 
 
-def _files(record: RenderRecord) -> list[str]:
+def _files(record: blender.RenderRecord) -> list[str]:
     """Return the names of the frames that a record lists."""
-    return [frame_file(record.first + index) for index in range(len(record.frames))]
+    return [blender.frame_file(record.first + index) for index in range(len(record.frames))]

@@ -20,14 +20,7 @@ from supersampler.errors import ArgumentError, ShotError, did_you_mean, shown
 from supersampler.frame import GBUFFER_CHANNELS, MAX_AOVS, Array, Float32, Size
 from supersampler.io.images import Channel, ImageHeader, exact_rate, read_header, read_image
 from supersampler.io.json_files import FileSize, Rate, Text, check_sizes, read_typed
-from supersampler.io.shot.format import (
-    FrameEntry,
-    ShotInfo,
-    check_size,
-    read_reference,
-    sky_depth,
-    take,
-)
+from supersampler.io.shot import format as shot_format
 from supersampler.io.shot.id_channels import is_id
 from supersampler.io.shot.numbered import Jitter, Range, file_names, numbered_files, of_range, read_jitter
 from supersampler.io.shot.shot import Shot
@@ -236,7 +229,7 @@ def import_channels(
     if frame_rate is None:
         frame_rate = header.frame_rate or _FRAME_RATE
     exact_rate(frame_rate)  # raises if it is out of range
-    info = ShotInfo(
+    info = shot_format.ShotInfo(
         name=name or found.folder.resolve().name,
         render_size=(width, height),
         display_size=display_size,
@@ -324,7 +317,7 @@ class _Source:
 
     def taken(self, path: Path, channels: Mapping[str, Channel]) -> Array:
         """Return the array from the channels of a file; see `take`."""
-        stored = take(path, channels, self.channels)
+        stored = shot_format.take(path, channels, self.channels)
         return stored if self.packing is None else self.packing.decoded(stored)
 
     def outside(self, value: float) -> dict[str, float]:
@@ -352,7 +345,7 @@ class _MappedFiles:
         follow_links: bool,
     ) -> None:
         self.folder, self._conventions = folder, conventions
-        self._sky = sky_depth(conventions)
+        self._sky = shot_format.sky_depth(conventions)
         self.every_source = _parsed(channel_map, files)
         self.sources = {name: each for name, each in self.every_source.items() if name != "reference"}
         patterns = dict.fromkeys(source.pattern for source in self.sources.values())
@@ -376,9 +369,9 @@ class _MappedFiles:
         """Return the files of a frame, one for each pattern."""
         return [files[self.numbers[index]] for files in self.files.values()]
 
-    def entry(self, index: int, jitter: tuple[float, float], *, reset: bool) -> FrameEntry:
+    def entry(self, index: int, jitter: tuple[float, float], *, reset: bool) -> shot_format.FrameEntry:
         reference = self.references.get(self.numbers[index])
-        return FrameEntry(
+        return shot_format.FrameEntry(
             file=self.frame_file(index).relative_to(self.folder).as_posix(),
             jitter=jitter,
             reset=reset,
@@ -447,7 +440,7 @@ class _MappedFiles:
             if pattern == self.frame_pattern:
                 self._check_color_space(path)
             if self._conventions.motion_resolution == "render" or not set(sources) <= _MOTIONS:
-                check_size(path, channels, render_size)
+                shot_format.check_size(path, channels, render_size)
             arrays |= {name: source.taken(path, channels) for name, source in sources.items()}
         color, aovs = arrays.get("color"), arrays.get("aovs")
         if color is not None and aovs is not None and self._alpha is not None:
@@ -475,7 +468,7 @@ class _MappedFiles:
         header = read_header(path)
         is_multiplied = self._alpha is not None or self.frame_file(0).suffix.lower() == ".exr"
         has_alpha = is_multiplied and header.format != "exr" and _ALPHA in header.types
-        image = read_reference(path, display_size, (*channels, _ALPHA) if has_alpha else channels)
+        image = shot_format.read_reference(path, display_size, (*channels, _ALPHA) if has_alpha else channels)
         srgb = header.types[channels[0]] in _INTEGERS
         if has_alpha:
             image = _multiplied_by_alpha(image[..., :3], image[..., 3], header, srgb=srgb)

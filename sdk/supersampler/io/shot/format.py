@@ -340,24 +340,19 @@ def write_frame(
     Raises:
         ShotError: EXR cannot store an array's type, or the disk refused.
     """
-    render = {} if raw.color is None else _named(COLOR, raw.color)
-    render |= _named(DEPTH, raw.depth)
-    if raw.reactive is not None:
-        render |= _named(REACTIVE, raw.reactive)
-    motion = _named(MOTION, raw.motion)
-    if raw.motion.shape[:2] == raw.depth.shape:
-        render, motion = render | motion, {}
-    if raw.motion_next is not None:
-        following = _named(MOTION_NEXT, raw.motion_next)
-        if raw.motion_next.shape[:2] == raw.depth.shape:
-            render |= following
-        else:
-            motion |= following
+    render: dict[str, Channel] = {}
+    large: dict[str, Channel] = {}
+    for names, given in (
+        (COLOR, raw.color), (DEPTH, raw.depth), (REACTIVE, raw.reactive), (MOTION, raw.motion),
+        (MOTION_NEXT, raw.motion_next),
+    ):  # fmt: skip
+        if given is not None:
+            file = render if given.shape[:2] == raw.depth.shape else large
+            file |= _named(names, given)
     for name, array in (raw.gbuffer or {}).items():
         render |= _named(GBUFFER[name], array)
     if raw.aovs is not None:
         render |= _named(aov_channels(raw.aovs.shape[2]), raw.aovs)
-    large = motion
     for name, array in (raw.gbuffer_display or {}).items():
         large |= _named(_GBUFFER_DISPLAY[name], array)
     write_exr(folder / entry.file, render, compression=compression, metadata=metadata)

@@ -2,17 +2,8 @@
 
 import numpy as np
 
+from supersampler.backends.gpu import history, program
 from supersampler.backends.gpu import memory as gpu
-from supersampler.backends.gpu import program
-from supersampler.backends.gpu.history import (
-    BYTES,
-    PIXELS,
-    Codec,
-    HistoryLayout,
-    HistoryPlane,
-    Packed,
-    of_plane,
-)
 from supersampler.backends.gpu.shader import Constants
 from supersampler.frame import Float32
 from supersampler.methods.classifier.gpu_network import CHUNK, read_gpu_network
@@ -33,36 +24,36 @@ TEXELS_ACROSS = {1: 1, 2: 2, 4: 2, 16: 4}
 """Width of the rectangle of texels that holds a pixel's kept features, by the number of texels."""
 
 
-def _unpack_ranges(words: Packed) -> Float32:
+def _unpack_ranges(words: history.Packed) -> Float32:
     packed = words[..., 0]
     high = (packed >> 16 & 0x3FFF) / HIGH_STEPS + GLARE * (packed >> 30)
     return np.stack([(packed & 0xFFFF) / LOW_STEPS, high], -1).astype(np.float32)
 
 
-def _pack_ranges(pixels: Float32) -> Packed:
+def _pack_ranges(pixels: Float32) -> history.Packed:
     low, high = pixels[..., 0], pixels[..., 1]
     glare = np.clip(np.floor(high / GLARE + 0.5), 0.0, CONFIRMED)
     maximum = np.clip(high - GLARE * glare, 0.0, 1.0)
     bits = [np.clip(low, 0.0, 1.0) * LOW_STEPS + 0.5, maximum * HIGH_STEPS + 0.5, glare]
     minimum, rounded, frames = (part.astype(np.uint32) for part in bits)
-    packed: Packed = minimum | rounded << 16 | frames << 30
+    packed: history.Packed = minimum | rounded << 16 | frames << 30
     return packed
 
 
-LAYOUT = HistoryLayout(
+LAYOUT = history.HistoryLayout(
     CLASSIFIER,
     {
-        "pixels": PIXELS,
-        "ranges": HistoryPlane("state", 1, "r32uint", Codec(_unpack_ranges, _pack_ranges)),
-        "classes": HistoryPlane("classes", 2, None, BYTES),
-        "surface": HistoryPlane("depth", 2, "rg32float"),
+        "pixels": history.PIXELS,
+        "ranges": history.HistoryPlane("state", 1, "r32uint", history.Codec(_unpack_ranges, _pack_ranges)),
+        "classes": history.HistoryPlane("classes", 2, None, history.BYTES),
+        "surface": history.HistoryPlane("depth", 2, "rg32float"),
         **program.REST_PLANES,
     },
     {
-        "color": of_plane("pixels", 0, 1, 2),
+        "color": history.of_plane("pixels", 0, 1, 2),
         "state": (("pixels", 3), ("ranges", 0), ("ranges", 1)),
-        "classes": of_plane("classes", *range(CLASSES)),
-        "depth": of_plane("surface", 0, 1),
+        "classes": history.of_plane("classes", *range(CLASSES)),
+        "depth": history.of_plane("surface", 0, 1),
         **program.REST_CHANNELS,
     },
 )
