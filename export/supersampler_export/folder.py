@@ -23,16 +23,7 @@ from supersampler.methods.model_info import EXTRAPOLATED, extents
 from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of, sized
 from supersampler_export.graph import OPSET, export_graph, export_subgraph
 from supersampler_export.half import to_half
-from supersampler_export.parity import (
-    FRAMES,
-    QUANTILE,
-    TOLERANCE,
-    Parity,
-    check_half,
-    check_parity,
-    check_subgraph,
-    tolerance_of_half,
-)
+from supersampler_export.parity import check_half, check_parity, check_subgraph, recorded, tolerance_of_half
 from supersampler_export.quantize import cpu_network
 from supersampler_export.quantized_graph import quantized_network
 from supersampler_export.simplify import without_detours
@@ -90,7 +81,7 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
     described = describe(method)
     graph = _labelled(export_graph(method), described)
     files = {"step.onnx": _serialized(graph)}
-    parity = check_parity(method, files["step.onnx"])
+    parity = recorded(check_parity(method, files["step.onnx"]))
     if not method.extrapolates():  # upscalers blend AOVs
         files["aovs.onnx"] = aovs_graph()
     subgraph, network, half = method.subgraph(), cpu_network(method), to_half(method)
@@ -108,9 +99,8 @@ def _folder_files(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes
         files["network.npz"] = network
     known = files | {name: content for name, content in inner.items() if name == f"{EXTRAPOLATED}/model.json"}
     described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in known.items()}
-    sizes = [dataclasses.asdict(one) for one in parity]
-    described["parity"] = {"tolerance": TOLERANCE, "share": QUANTILE, "frames": FRAMES, "sizes": sizes}
-    files["MODEL_CARD.md"] = model_card(described, graph, parity).encode()
+    described["parity"] = parity
+    files["MODEL_CARD.md"] = model_card(described, graph).encode()
     files["model.json"] = (json.dumps(described, indent=1) + "\n").encode()
     return files
 
@@ -171,8 +161,9 @@ def describe(method: Method) -> dict[str, Any]:
     }
 
 
-def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Sequence[Parity]) -> str:
-    """Return MODEL_CARD.md."""
+def model_card(described: Mapping[str, Any], graph: onnx.ModelProto) -> str:
+    """Return MODEL_CARD.md, from the content of model.json."""
+    parity = described["parity"]
     tensors = [*described["inputs"], *described["history"], described["image"], *described["aux_outputs"]]
     operators = Counter(node.op_type for node in graph.graph.node)
     lines = [
@@ -190,12 +181,16 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         "|---|---|---|",
         *(f"| {t['name']} | {t['type']} | {', '.join(map(str, t['shape']))} |" for t in tensors),
         "",
-        f"Against torch over {FRAMES} recurrent frames of noise, on toned images in [0, 1): difference at "
-        f"{100 * QUANTILE:g} % of the values (tolerance {TOLERANCE:g}), and the median.",
+        f"Against torch over {parity['frames']} recurrent frames of noise, on toned images in [0, 1): "
+        f"difference at {100 * parity['share']:g} % of the values (tolerance {parity['tolerance']:g}), "
+        "and the median.",
         "",
         "| render | display | difference | median |",
         "|---|---|---|---|",
-        *(f"| {_x(p.render)} | {_x(p.display)} | {p.difference:.1e} | {p.median:.1e} |" for p in parity),
+        *(
+            f"| {_x(at['render'])} | {_x(at['display'])} | {at['difference']:.1e} | {at['median']:.1e} |"
+            for at in parity["sizes"]
+        ),
         "",
         f"Operators: {', '.join(f'{name} {n}' for name, n in sorted(operators.items()))}.",
         "",

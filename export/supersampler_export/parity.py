@@ -1,8 +1,9 @@
 """Parity gate: ONNX Runtime must reproduce the images of torch over several frames."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from operator import truediv
+from typing import Any
 
 import numpy as np
 import torch
@@ -78,6 +79,12 @@ def check_parity(method: Method, graph: bytes, tolerance: float = TOLERANCE) -> 
     for result in results:
         _check(result, tolerance, f"ONNX Runtime's {method.name}")
     return results
+
+
+def recorded(results: Sequence[Parity]) -> dict[str, Any]:
+    """Return the results of `check_parity` as plain data, for model.json."""
+    sizes = [asdict(result) for result in results]
+    return {"tolerance": TOLERANCE, "share": QUANTILE, "frames": FRAMES, "sizes": sizes}
 
 
 def tolerance_of_half(method: Method) -> float:
