@@ -197,10 +197,10 @@ def reprojected(motion: Float32) -> tuple[Places, Mask]:
 def plane_slope(pixels: PixelStatistics) -> Float32:
     """Return the change (H, W) of a plane's reversed depth over one pixel: |dD/dx| + |dD/dy|.
 
-    A plane's reversed depth is linear on the screen, so the result is exact for planes. The smallest of four
-    steps along each axis excludes edges (to both sides, and of the closest and of the farthest samples), as
-    an edge changes some of the four, not all. Where the steps to both sides have opposite signs, the slope is
-    0, which excludes specks.
+    A plane's reversed depth is linear on the screen, so the result is exact for planes. Along each axis the
+    slope is the smallest of four steps: to both sides, of the closest and of the farthest samples. An edge
+    changes some of the four, not all, and is thus excluded. Where the steps to both sides have opposite
+    signs, the slope is 0, which excludes specks.
     """
     slope = np.zeros(pixels.shape, np.float32)
     for axis in (0, 1):

@@ -118,9 +118,11 @@ class SupersampledWindow:
     2D props (text, scalar bars) and other renderers (axes, overlays) are rendered at full size on top.
     Colours are display values, as VTK blends and resolves them.
 
-    Frames are plain, too, where a renderer has a render pass, FXAA, SSAO, shadows, an off-axis projection or
-    a projection matrix of the program, where it preserves its colour or depth buffer, is not in layer 0 or
-    is on top of another renderer, and for stereo and tiles.
+    Frames are plain, too, for stereo and tiles, and where a renderer
+
+    - has a render pass, FXAA, SSAO, shadows, an off-axis projection or a projection matrix of the program;
+    - preserves its colour or depth buffer, is not in layer 0, or is on top of another renderer.
+
     Where upscaling is measured not to pay, frames that move are plain; a warning says so. An exception while
     a frame is upscaled leaves a plain image, too.
 

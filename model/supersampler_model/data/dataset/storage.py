@@ -208,7 +208,8 @@ class Description:
 class Dataset:
     """A training set on disk, which may be incomplete.
 
-    A set of sequences rendered a second time, at another ratio, uses the references and labels of its `own`.
+    If the sequences were rendered a second time, at another ratio, references and labels are those of `own`,
+    the set of the first rendering.
     """
 
     def __init__(self, folder: Path, description: Description, *, own: "Dataset | None" = None) -> None:

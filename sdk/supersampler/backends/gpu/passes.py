@@ -18,8 +18,8 @@ MAX_GROUPS = 4
 BindGroups = dict[Any, OrderedDict[tuple[int, ...], tuple[list[Resource], Any]]]
 """Bind groups of passes, the most recently used ones. They keep their resources alive."""
 _PIPELINES = "_supersampler_pipelines"
-"""Attribute of a device with the pipelines of all models, by code. As they refer to it, a dictionary of this
-module would keep it alive."""
+"""Attribute of a device that holds the pipelines of all models, by code. In a dictionary of this module,
+pipelines would keep their device alive."""
 
 
 class Pass:
